@@ -203,6 +203,9 @@ def test_keys_and_heads_as_a_user_types_them(
     assert status == 2
     assert "could not be written" in said
     assert not (tmp_path / "nowhere").exists()
+    status, said = run(capsys, "ledger", "witness", "http://127.0.0.1:9", "--ledger", "lab.sqlite")
+    assert status == 2
+    assert "does not answer" in said
     assert run(capsys, "ledger", "witness", tmp_path / "share", "--remove")[0] == 0
     status, said = run(capsys, "ledger", "witness", "share", "--remove")
     assert status == 2

@@ -262,7 +262,7 @@ def test_a_rotated_key_is_followed(opened: Opened, keys: Keys, tmp_path: Path) -
     (change, _) = keys.changes()
     assert genuine(change)
     assert descends(new, old, [change])
-    assert not descends(new, old, [{**change, "after": new[:-1] + "0"}])
+    assert not descends(old[::-1], old, [{**change, "after": old[::-1]}])
     assert not descends(old, new, [change])
 
 

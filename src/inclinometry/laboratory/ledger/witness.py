@@ -147,7 +147,11 @@ def send(witness: str, head: SignedHead, where: str, folder: Path) -> None:
     if witness == PRINT:
         print(f"head {compact(head.statement())}", flush=True)  # noqa: T201
     elif witness.startswith(("http://", "https://")):
-        _post(witness, head, where, folder)
+        try:
+            _post(witness, head, where, folder)
+        except OSError as error:
+            reason = getattr(error, "reason", None) or error
+            raise LedgerError(f"the witness {witness} does not answer ({reason}); check its address") from None
     elif _is_ledger(witness):
         _record(witness, head, place, folder)
     else:
