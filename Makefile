@@ -3,6 +3,8 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
+# keys and witnesses of the ledgers made here: not among those of who runs this
+export INCLINOMETRY_KEYS ?= $(CURDIR)/demo-output/keys
 
 .PHONY: demo bench-demo test test-long bench bench-fleet bench-honest docs figures metrics freeze mutants fuzz lint clean
 

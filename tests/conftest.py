@@ -8,6 +8,7 @@ the tests start and interrupt.
 
 import os
 import signal
+import tempfile
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
@@ -19,3 +20,7 @@ UNHURRIED = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow], 
 settings.register_profile("same", derandomize=True, **UNHURRIED)
 settings.register_profile("search", derandomize=False, **UNHURRIED)
 settings.load_profile("same")
+
+# keys and witnesses of the ledgers that tests make: never those of who runs them
+_KEYS = tempfile.TemporaryDirectory(prefix="inclinometry-keys-")
+os.environ["INCLINOMETRY_KEYS"] = _KEYS.name

@@ -142,7 +142,8 @@ def _standalone(figure: str) -> str:
 def terminal(folder: Path) -> Iterator[None]:
     """In a folder, at a terminal of 80 columns without colours."""
     before, environment = Path.cwd(), dict(os.environ)
-    os.environ |= {"COLUMNS": str(COLUMNS), "NO_COLOR": "1", "MPLBACKEND": "agg"}
+    keys = str(Path(folder).resolve() / "keys")  # of a laboratory of the page's own
+    os.environ |= {"COLUMNS": str(COLUMNS), "NO_COLOR": "1", "MPLBACKEND": "agg", "INCLINOMETRY_KEYS": keys}
     os.chdir(folder)
     try:
         yield

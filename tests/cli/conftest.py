@@ -27,6 +27,7 @@ class Ran(NamedTuple):
 def run(tmp_path, monkeypatch, capsys) -> Callable[..., Ran]:
     """run("calibrate", "readings.csv", ...) in an empty folder."""
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("INCLINOMETRY_KEYS", str(tmp_path.with_name(f"{tmp_path.name}-keys")))  # none yet
     # warnings and errors nobody foresaw fail a test instead of becoming a polite line
     monkeypatch.setenv("INCLINOMETRY_TRACEBACK", "1")
 

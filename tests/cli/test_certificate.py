@@ -58,6 +58,27 @@ def test_all_three_documents(files: Any) -> None:
     assert Path("c.pdf").read_bytes() == first
 
 
+def test_where_the_laboratory_has_a_key_they_are_signed(files: Any) -> None:
+    """And anybody with the public key finds them genuine; the digest is that of the record without its seal."""
+    out = ("-o", "c.pdf", "--dcc", "c.xml", "--record", "c.json")
+    plain = files("certificate", "tool.json", *GIVEN, *out)
+    assert "not signed: no laboratory's key is here" in plain.out
+    bare = Path("c.json").read_bytes()
+    assert files("ledger", "key", "--make", "--public", "laboratory.pem").status == 0
+    done = files("certificate", "tool.json", *GIVEN, *out)
+    assert "signed by the key" in done.out
+    signed = json.loads(Path("c.json").read_bytes())
+    assert signed.pop("signature")["seal"].startswith("inclinometry certificate ")
+    assert signed == json.loads(bare)
+    found = files("certificate", "verify", "c.pdf", "c.xml", "c.json", "--key", "laboratory.pem", "--json").json
+    assert [(one["genuine"], one["state"]) for one in found["files"]] == [(True, "not known")] * 3
+    files("certificate", "tool.json", *GIVEN, *out, "--unsigned")
+    assert Path("c.json").read_bytes() == bare
+    found = files("certificate", "verify", "c.pdf", "c.json", "--key", "laboratory.pem")
+    assert found.status == 1
+    assert found.out.count("NOT GENUINE: it bears no signature") == 2
+
+
 WRONG = [
     (("none.json", "-o", "c.pdf"), "none.json: there is no such file"),
     (("verify.json", "-o", "c.pdf"), 'schema "inclinometry/tool" is needed'),

@@ -75,13 +75,28 @@ def test_every_option_named_in_a_page_exists(capsys):
         "gyro": ("north", "scale", "plan", "quality", "table"),
         "rig": ("orient",),
         "shots": ("rotation", "repeat", "dual-depth"),
-        "ledger": ("init", "verify", "export", "import", "backup", "history", "users", "enter", "void"),
+        "ledger": (
+            "init",
+            "verify",
+            "export",
+            "import",
+            "backup",
+            "history",
+            "users",
+            "enter",
+            "void",
+            "key",
+            "head",
+            "status",
+            "witness",
+        ),
         "fleet": ("add", "plan", "run", "status", "verify", "why", "clean", "fit", "report", "check", "evidence"),
     }
     known += "--profile --units --each --open"  # of every command that reads a table
     known += "--nworkers"  # of Dask's own program
     for words in [
         ["allan"],
+        ["certificate", "verify"],
         ["check"],
         ["list"],
         *([group, name] for group, names in groups.items() for name in names),

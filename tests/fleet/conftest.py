@@ -94,7 +94,7 @@ def _scene(tmp_path_factory: pytest.TempPathFactory) -> Scene:
     from inclinometry.fleet.store import Store
 
     folder = tmp_path_factory.mktemp("fleet")
-    with pytest.MonkeyPatch.context() as patch, create(folder / "lab.sqlite") as ledger:
+    with pytest.MonkeyPatch.context() as patch, create(folder / "lab.sqlite", sign=False) as ledger:
         patch.setattr(certificates, "certificate_pdf", lambda *_, **__: b"%PDF")  # its look is tested elsewhere
         put_rig(ledger, RegisteredRig("stand", (0.002, 0.002, 0.002)), author="test")
         store, added = Store(str(folder / "fleet")), []

@@ -146,6 +146,8 @@ def _manners(arguments: list[str], stack: ExitStack) -> list[str]:
         page = Path(arguments[at]).resolve().as_uri()
         stack.push(lambda kind, *_: kind is None and webbrowser.open(page))
     rest = [word for word in arguments if word not in ("-q", "--quiet", "-v", "--verbose", "--open")]
+    if rest[:2] == ["certificate", "verify"]:  # a command of its own beside the one of its first word
+        rest[:2] = ["certificate verify"]
     at = next((k for k, word in enumerate(rest) if word.partition("=")[0] == "--language"), len(rest))
     # a certificate, and a user of the ledger, have a language of their own
     if at < len(rest) and rest[0] not in ("certificate", "ledger"):

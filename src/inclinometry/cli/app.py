@@ -72,9 +72,20 @@ bench | laboratory.commands.bench:bench | Open the bench in a browser. Guided ca
 ledger. Ctrl-C ends it. | --instrument simulated
 certificate | laboratory.commands.certificate:certificate | Write a calibration certificate. PDF/A, digital certificate \
 (DCC) and JSON record. | tool.json --verification verify.json --laboratory lab.toml -o certificate.pdf --dcc certificate.xml
+certificate verify | laboratory.commands.certificate:verify | Say whether a certificate is genuine, without its ledger. PDF, \
+XML, JSON or the text of the square code, by the laboratory's public key; exit status 0 genuine, 1 not, 2 bad input. \
+| certificate.pdf certificate.xml status.json --key laboratory.pem
 ledger init | laboratory.commands.ledger:init | Make an empty ledger, or bring an old one up to date. | lab.sqlite
-ledger verify | laboratory.commands.ledger:verify | Check every record against the hash chain. Exit status 0 sound, 1 \
+ledger verify | laboratory.commands.ledger:verify | Check every record, signed head and witness. Exit status 0 sound, 1 \
 changed, 2 bad input. | --ledger lab.sqlite
+ledger key | laboratory.commands.proof:key | The laboratory's key, which signs ledgers and certificates. Made, published, \
+rotated, begun anew. | --public laboratory.pem
+ledger head | laboratory.commands.proof:head | The signed head of a ledger, for others to keep. With proof that it only grew. \
+| --ledger lab.sqlite -o head.json
+ledger status | laboratory.commands.proof:status | Write how certificates stand, signed. For those who hold a certificate and \
+not the ledger. | --ledger lab.sqlite -o status.json
+ledger witness | laboratory.commands.proof:witness | Where signed heads are kept besides this computer. Or be such a place. \
+| http://witness:7100 --ledger lab.sqlite
 ledger export | laboratory.commands.ledger:export | Write everything into one file. Another computer can import it. \
 | all.zip --ledger lab.sqlite
 ledger import | laboratory.commands.ledger:import_ | Read an export into an empty ledger. The ledger is made when it is \
@@ -239,6 +250,10 @@ for _place, _line in enumerate(COMMANDS.strip().splitlines()):
         continue
     _command, _where, _about, _example = _line.split(" | ")
     _of, _, _name = _command.rpartition(" ")
+    if (
+        _of and _of not in _families and _of in app
+    ):  # a word that is a command by itself: `_run` hands the two over as one
+        _of, _name = "", _command
     if _of and _of not in _families:
         _families[_of] = _app(_of, _help(FAMILIES[_of]), group=_group, sort_key=_place)
         app.command(_families[_of])

@@ -21,7 +21,8 @@ matplotlib jinja2 markupsafe:jinja2 | report
 pyproj | earth
 h5py lasio lxml openpyxl pyarrow | formats
 nicegui fastapi:nicegui starlette:nicegui pydantic:nicegui uvicorn:nicegui multipart:python-multipart
-python_multipart:python-multipart sqlalchemy alembic argon2:argon2-cffi zxcvbn serial:pyserial typst segno | laboratory
+python_multipart:python-multipart sqlalchemy alembic argon2:argon2-cffi zxcvbn serial:pyserial typst segno
+cryptography pyhanko pyhanko_certvalidator:pyhanko asn1crypto:pyhanko signxml | laboratory
 psycopg | postgresql
 distributed dask deltalake | fleet
 """  # as imported, with the package's name where it is another; the extra `fast` (numba) is never missed, only slower

@@ -14,6 +14,7 @@ import numpy as np
 from inclinometry.calibration.result import Calibration
 from inclinometry.digest import digest_bytes
 from inclinometry.errors import FileError, InclinometryError, InputError
+from inclinometry.files.json_codec import parse
 from inclinometry.files.verification_json import stated_limits
 from inclinometry.files.writing import program
 from inclinometry.laboratory.certificate.dcc import dcc_bytes, read_dcc
@@ -26,6 +27,8 @@ from inclinometry.laboratory.certificate.record import (
     record_bytes,
     record_digest,
 )
+from inclinometry.laboratory.certificate.signing import seal, sign_files, unsigned
+from inclinometry.laboratory.certified import every
 from inclinometry.laboratory.ledger.ledger import ConflictError, Draft, Ledger, LedgerError, Record
 from inclinometry.laboratory.ledger.users import LOCAL
 from inclinometry.laboratory.registry import find_laboratory, find_logo, find_site, find_tool, standards
@@ -271,6 +274,17 @@ def status(ledger: Ledger, number: str) -> CertificateStatus:
     return _status(ledger, record)
 
 
+class Issued:
+    """The records of all certificates by number, and the events that ended them."""
+
+    def __init__(self, ledger: Ledger) -> None:
+        self.records = {str(record.keys["number"]): record for record in every(ledger, "certificate")}
+        self.ended: dict[str, Record] = {}
+        for event in every(ledger, "event", subject_kind="certificate"):
+            if event.keys["action"] in ("void", "superseded"):
+                self.ended.setdefault(str(event.keys["subject"]), event)
+
+
 def certificates(
     ledger: Ledger, *, serial: str | None = None, limit: int = 50, before: int = 0
 ) -> list[CertificateStatus]:
@@ -353,10 +367,7 @@ def _issued(
         settings, logo = find_laboratory(ledger), find_logo(ledger)
         # the logo is that laboratory's, and of no other that is named instead
         own = settings is not None and (record["laboratory"] or {}).get("name") == settings.name
-        files = {}
-        if request.pdf:
-            files["pdf"] = certificate_pdf(record, fonts=request.fonts, logo=logo[1] if logo and own else None)
-        files |= {"dcc": dcc_bytes(record), "json": record_bytes(record)}
+        files = _documents(ledger, record, request, logo[1] if logo and own else None)
         body = {
             "record": record,
             "calibration": calibration.id,
@@ -375,6 +386,17 @@ def _issued(
         except ConflictError:
             continue
     raise ConflictError(f"certificates are issued faster than numbers can be taken in {ledger.shown}; try again")
+
+
+def _documents(ledger: Ledger, record: dict[str, Any], request: _Request, logo: bytes | None) -> dict[str, bytes]:
+    """The files of a certificate; those of a ledger that is signed are signed, too."""
+    made = seal(record, ledger.keys) if ledger.signed_head() is not None else None
+    pdf = certificate_pdf(record, fonts=request.fonts, logo=logo, seal=str(made or "")) if request.pdf else None
+    dcc: bytes | None = dcc_bytes(record)
+    text = record_bytes(record)
+    if made is not None:
+        pdf, dcc, text = sign_files(record, pdf, dcc, made, ledger.keys)
+    return {name: data for name, data in (("pdf", pdf), ("dcc", dcc), ("json", text)) if data is not None}
 
 
 def _free(ledger: Ledger, number: str) -> str:
@@ -557,12 +579,20 @@ def _files(ledger: Ledger, record: Record) -> Iterator[str]:
         except LedgerError as error:
             yield f"its {name} file: {error}"
             continue
-        if name == "json" and data != record_bytes(content):
+        if name == "json" and record_bytes(_record_of(data)) != record_bytes(content):
             yield "its JSON file is not its record"
         if name == "pdf" and digest.encode() not in data:
             yield "its PDF does not bear the digest of its record"
         if name == "dcc":
             yield from _dcc(data, content, digest)
+
+
+def _record_of(data: bytes) -> dict[str, Any]:
+    """The record in a JSON file, signed or not; nothing in one that cannot be read."""
+    try:
+        return unsigned(parse(data))
+    except (InputError, AttributeError):
+        return {}
 
 
 def _dcc(data: bytes, content: dict[str, Any], digest: str) -> Iterator[str]:

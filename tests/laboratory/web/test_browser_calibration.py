@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import re
 import time
@@ -13,6 +12,8 @@ import pytest
 from lxml import etree
 from selenium.webdriver.common.keys import Keys
 
+from inclinometry.laboratory.certificate.record import record_digest
+from inclinometry.laboratory.certificate.signing import unsigned
 from inclinometry.laboratory.certificates import documents, status, verify_certificate
 from inclinometry.laboratory.ledger.ledger import Ledger
 from inclinometry.laboratory.ledger.verify import verify
@@ -160,7 +161,5 @@ def about_the_papers(papers: dict[str, Path]) -> None:
     pages = re.search(rb"/Type ?/Pages ?/Count (\d+)", paper)
     assert pages
     assert 2 <= int(pages[1]) <= 12
-    digest = hashlib.sha256(papers[".json"].read_bytes()).hexdigest()
-    assert json.loads(papers[".json"].read_text())
-    assert digest in papers[".xml"].read_text()
+    assert record_digest(unsigned(json.loads(papers[".json"].read_text()))) in papers[".xml"].read_text()
     dcc_schema().assertValid(etree.parse(papers[".xml"]))

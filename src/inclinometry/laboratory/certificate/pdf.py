@@ -25,7 +25,9 @@ if TYPE_CHECKING:
 Content = dict[str, Any]
 
 
-def certificate_pdf(record: Mapping[str, Any], *, fonts: Sequence[str | Path] = (), logo: bytes | None = None) -> bytes:
+def certificate_pdf(
+    record: Mapping[str, Any], *, fonts: Sequence[str | Path] = (), logo: bytes | None = None, seal: str = ""
+) -> bytes:
     """A certificate as PDF/A-2b: every page numbered, drawings inside, a square code with number and digest.
 
     Parameters
@@ -36,6 +38,8 @@ def certificate_pdf(record: Mapping[str, Any], *, fonts: Sequence[str | Path] = 
         Folders with further fonts.
     logo : bytes, optional
         Of the laboratory, PNG or SVG.
+    seal : str
+        What the square code says, signed; number and digest alone when not given.
 
     Returns
     -------
@@ -50,7 +54,7 @@ def certificate_pdf(record: Mapping[str, Any], *, fonts: Sequence[str | Path] = 
     import typst
 
     with speaking(record["language"]):
-        content = _view(dict(record))
+        content = _view(dict(record), seal)
     data = json.dumps(content, ensure_ascii=False)
     chosen = families(data, fonts)
     content |= {
@@ -106,7 +110,7 @@ def qr_text(number: str, digest: str) -> str:
     return f"inclinometry certificate {number} {digest}"
 
 
-def _view(record: Content) -> Content:
+def _view(record: Content, seal: str) -> Content:
     """Ready texts for the template."""
     say, number, digest = words(record["language"]), record["number"], record_digest(record)
     laboratory = record["laboratory"] or {}
@@ -155,7 +159,7 @@ def _view(record: Content) -> Content:
         "conformity_head": say("conformity"),
         "conformity": [*_conformity(record, say), *warned],
         "authorised": _authorised(laboratory, record, say),
-        "qr_says": qr_text(number, digest),
+        "qr_says": seal or qr_text(number, digest),
         "sections": [part for part in sections if part is not None],
         "end": say("end" + kind, number=number),
     }
@@ -163,7 +167,7 @@ def _view(record: Content) -> Content:
     import segno
 
     stream = io.BytesIO()
-    segno.make(qr_text(number, digest), error="m", micro=False).save(
+    segno.make(seal or qr_text(number, digest), error="m", micro=False).save(
         stream, kind="svg", border=1, xmldecl=False, svgns=True
     )
     return broken | {"qr": stream.getvalue().decode("utf-8"), "digest": digest}

@@ -69,8 +69,11 @@ def bench(
             raise InputError(f"--certificate {certificate} with --key {key} cannot be used ({reason})") from None
     where = str(default_path()) if ledger is None else ledger
     with ExitStack() as stack:
-        stack.enter_context(_endable())
-        opened = stack.enter_context(create(where))
+        stack.enter_context(ending_well())
+        # no laboratory answers for a demonstration; a key with a passphrase is asked for now, not at the first capture
+        opened = stack.enter_context(create(where, sign=False if demo else None))
+        if opened.signed_head() is not None and opened.keys.there:
+            opened.keys.signing()
         listening = stack.enter_context(_listening(host, port))
         feed, rig = stack.enter_context(_instrument(opened, SIMULATED if demo else instrument, protocol, demo))
         from inclinometry.laboratory.web.app import create_app, is_loopback, run
@@ -105,8 +108,8 @@ def _log_access() -> None:
 
 
 @contextmanager
-def _endable() -> Iterator[None]:
-    """SIGTERM ends the bench like Ctrl-C does: ledger and instrument are closed; exit status 0."""
+def ending_well() -> Iterator[None]:
+    """SIGTERM ends a server like Ctrl-C does: ledger and instrument are closed; exit status 0."""
 
     def end(*_: object) -> None:
         raise SystemExit(0)

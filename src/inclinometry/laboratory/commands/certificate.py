@@ -1,4 +1,4 @@
-"""Command: certificate."""
+"""Commands: certificate, and certificate verify for those who hold one and not the ledger."""
 
 from __future__ import annotations
 
@@ -6,11 +6,15 @@ from pathlib import Path
 from typing import Any, Literal
 
 from inclinometry.cli import output
-from inclinometry.cli.options import AlsoWritten, InputOrNone, Json, Output
+from inclinometry.cli.options import AlsoWritten, Flag, Input, InputOrNone, Json, Output
+from inclinometry.errors import FileError, InputError
+from inclinometry.files.json_codec import parse
 from inclinometry.files.writing import write_bytes
 from inclinometry.laboratory.certificate.issue import record_from_files
 from inclinometry.laboratory.certificate.record import missing_said as missing
 from inclinometry.laboratory.certificate.record import record_bytes, record_digest, words
+from inclinometry.laboratory.certificate.signing import Looked, look, look_at_seal, parse_seal, seal, sign_files
+from inclinometry.laboratory.ledger.keys import Keys, Public, read_public
 
 
 def certificate(
@@ -27,6 +31,7 @@ def certificate(
     number: str | None = None,
     language: Literal["en", "ru", "zh"] = "en",
     fonts: InputOrNone = None,
+    unsigned: Flag = False,
     json: Json = False,
 ) -> None:
     """Write a calibration certificate: PDF/A, digital certificate (DCC) and JSON record.
@@ -56,6 +61,8 @@ def certificate(
         Of the fixed texts of the PDF.
     fonts
         Folder with further fonts, where a letter is missing.
+    unsigned
+        Sign nothing, though there is a laboratory's key.
     """
     output.claim(
         {"--output": output_, "--dcc": dcc, "--record": record},
@@ -71,13 +78,18 @@ def certificate(
         number=number,
         language=language,
     )
-    files = {output_: _pdf(made, fonts, laboratory)}
+    keys = Keys()
+    sealed = seal(made, keys) if keys.there and not unsigned else None
+    pdf: bytes | None = _pdf(made, fonts, laboratory, str(sealed or ""))
+    xml = None
     if dcc is not None:
         from inclinometry.laboratory.certificate.dcc import dcc_bytes
 
-        files[dcc] = dcc_bytes(made)
-    if record is not None:
-        files[record] = record_bytes(made)
+        xml = dcc_bytes(made)
+    text: bytes = record_bytes(made)
+    if sealed is not None:
+        pdf, xml, text = sign_files(made, pdf, xml, sealed, keys)
+    files = {path: data for path, data in ((output_, pdf), (dcc, xml), (record, text)) if path is not None and data}
     for path, data in files.items():
         write_bytes(data, path)
     output.warnings([*_lacking(made), *made["warnings"]])
@@ -95,6 +107,8 @@ def certificate(
         return
     output.say(f"{made['title']} {made['number']}, conformity {statement}")
     output.say(f"record {digest}")
+    key = "not signed: no laboratory's key is here (`inclinometry ledger key --make`)" if not unsigned else "not signed"
+    output.say(key if sealed is None else f"signed by the key {sealed.key}")
     output.say(f"written to {', '.join(map(str, files))}")
 
 
@@ -104,10 +118,115 @@ def _lacking(record: dict[str, Any]) -> list[str]:
     return [f"titled calibration report, not certificate; missing: {'; '.join(said)}"] if said else []
 
 
-def _pdf(record: dict[str, Any], fonts: Path | None, laboratory: Path | None) -> bytes:
+def _pdf(record: dict[str, Any], fonts: Path | None, laboratory: Path | None, sealed: str) -> bytes:
     from inclinometry.laboratory.certificate.laboratory_toml import read_logo
     from inclinometry.laboratory.certificate.pdf import certificate_pdf
 
     logo = None if laboratory is None else read_logo(laboratory)
     with output.busy("setting the certificate"):
-        return certificate_pdf(record, fonts=() if fonts is None else (fonts,), logo=logo)
+        return certificate_pdf(record, fonts=() if fonts is None else (fonts,), logo=logo, seal=sealed)
+
+
+def verify(*files: str, key: Input, json: Json = False) -> int:
+    """Say whether a certificate is genuine, on any computer, without its ledger. Exit status 0 genuine and not ended,
+    1 not, 2 bad input.
+
+    Parameters
+    ----------
+    files
+        PDF, XML and JSON of certificates, together or each alone, the text of a square code in quotes, and statements
+        that `ledger status` wrote: with the newest of these it also says whether one is issued, void or superseded.
+    key
+        Public key of the laboratory, from the laboratory itself: the file that `ledger key --public` writes.
+    """
+    from inclinometry.laboratory.certificate.status import Status, contradiction, is_status, read_status
+
+    if not files:
+        raise InputError("name the files of a certificate: PDF, XML or JSON, or the text of its square code")
+    public = read_public(key)
+    given = [(name, _given(name)) for name in files]
+    statements = [name for name, data in given if _json(data) is not None and is_status(_json(data) or {})]
+    found: list[Status] = [read_status(name, public) for name in statements]
+    newest = max(found, key=lambda one: (one.head.size, one.head.time), default=None)
+    if newest is not None:  # keys that came after the published one
+        later = [str(one["after"]) for one in newest.changes if one["action"] == "rotated"]
+        public = Public((*public.keys, *(one for one in later if one not in public.keys)), public.certificates)
+    looked = [(name, data, _look(name, data, public)) for name, data in given if name not in statements]
+    digests: dict[str, set[str]] = {}
+    for _, _, one in looked:
+        digests.setdefault(one.number, set()).add(one.digest)
+    rows = []
+    for name, data, one in looked:
+        row = newest.rows.get(one.number) if newest is not None else None
+        problem = one.problem
+        if not problem and len(digests[one.number]) > 1:
+            problem = f"these files are of different records under the number {one.number}"
+        if not problem and row is not None:
+            whole = {"PDF": "pdf", "DCC": "dcc", "JSON": "json"}.get(one.kind)
+            problem = contradiction(row, one.digest, one.record, {whole: data} if whole else {})
+        rows.append({"file": name, "kind": one.kind, "number": one.number, "digest": one.digest, "key": one.key,
+                     "genuine": not problem, "problem": problem, "state": _state(row, newest)})  # fmt: skip
+    ok = bool(rows) and all(row["genuine"] and row["state"] in ("issued", "not known") for row in rows)
+    if json:
+        as_of = None if newest is None else newest.head.statement()
+        output.print_json({"ok": ok, "files": rows, "as_of": as_of})
+        return 0 if ok else 1
+    _say(rows, newest)
+    return 0 if ok else 1
+
+
+def _given(name: str) -> bytes:
+    """The bytes of a file, or of the text of a square code."""
+    if parse_seal(name) is not None:
+        return name.encode()
+    largest = 100_000_000
+    try:
+        with Path(name).open("rb") as stream:
+            data = stream.read(largest + 1)
+    except (OSError, ValueError) as error:
+        raise FileError(f"cannot be read ({getattr(error, 'strerror', error)}); check the name", path=name) from None
+    if len(data) > largest:
+        raise FileError(f"larger than {largest} bytes; no certificate is", path=name)
+    return data
+
+
+def _json(data: bytes) -> dict[str, Any] | None:
+    try:
+        content = parse(data) if data.lstrip()[:1] == b"{" else None
+    except (ValueError, RecursionError):
+        return None
+    return content if isinstance(content, dict) else None
+
+
+def _look(name: str, data: bytes, public: Public) -> Looked:
+    made = parse_seal(name)
+    return look(data, name, public) if made is None else look_at_seal(made, public)
+
+
+def _state(row: Any, newest: Any) -> str:
+    if newest is None:
+        return "not known"
+    return "not in the ledger" if row is None else str(row["state"])
+
+
+def _say(rows: list[dict[str, Any]], newest: Any) -> None:
+    for row in rows:
+        number = f" of certificate {row['number']}" if row["number"] else ""
+        said = f"genuine, signed by {row['key']}" if row["genuine"] else f"NOT GENUINE: {row['problem']}"
+        name = "square code" if row["kind"] == "square code" else f"{row['file']}: {row['kind']}"
+        output.say(f"{name}{number}: {said}")
+    if newest is None:
+        output.say(
+            "whether it was voided or superseded since is not known: no statement of the ledger was given "
+            "(`inclinometry ledger status`)"
+        )
+        return
+    as_of = f"as of record {newest.head.size} of {newest.head.time[:19]} UTC"
+    for number in dict.fromkeys(row["number"] for row in rows if row["number"]):
+        row = newest.rows.get(number)
+        if row is None:
+            output.say(f"certificate {number}: not among those that the statement lists, {as_of}")
+            continue
+        by = f" by {row['by']}" if row.get("by") else ""
+        why = f" ({row['reason']})" if row.get("reason") else ""
+        output.say(f"certificate {number}: {row['state']}{by}{why}, {as_of}")

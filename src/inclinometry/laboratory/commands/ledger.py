@@ -9,13 +9,14 @@ from pathlib import Path
 from typing import Literal
 
 from inclinometry.cli import output
-from inclinometry.cli.options import Flag, Json
+from inclinometry.cli.options import Flag, InputOrNone, Json
 from inclinometry.errors import InputError
 from inclinometry.laboratory.commands import LedgerAddress
 from inclinometry.laboratory.ledger import exchange
 from inclinometry.laboratory.ledger.admin import create
 from inclinometry.laboratory.ledger.chain import parse_head
 from inclinometry.laboratory.ledger.exchange import restore
+from inclinometry.laboratory.ledger.keys import fingerprint, read_public
 from inclinometry.laboratory.ledger.ledger import Ledger, default_path
 from inclinometry.laboratory.ledger.users import change_password, find_user, guard_last_administrator, put_user
 from inclinometry.laboratory.ledger.users import remove_second_factor as without_second_factor
@@ -28,8 +29,10 @@ def _where(given: str | None) -> str:
     return str(default_path()) if given is None else given
 
 
-def init(where: str | None = None, /, *, clock: str | None = None) -> None:
-    """Make an empty ledger, or bring an old one up to date.
+def init(
+    where: str | None = None, /, *, clock: str | None = None, accept: str | None = None, unsigned: Flag = False
+) -> None:
+    """Make an empty ledger, or bring an old one up to date; its heads are signed by the laboratory's key.
 
     Parameters
     ----------
@@ -39,22 +42,39 @@ def init(where: str | None = None, /, *, clock: str | None = None) -> None:
     clock
         Reason for going on where the last record's time lies in the future, since the clock was wrong then; it is
         recorded.
+    accept
+        What happened to a ledger that `ledger verify` finds fault with (a backup was put back, say): it is recorded,
+        and the ledger goes on from what it holds now.
+    unsigned
+        Sign nothing: whoever can write to the database can rewrite it without a trace.
     """
-    with create(_where(where)) as ledger:
+    with create(_where(where), sign=not unsigned) as ledger:
         if clock is not None:
             ledger.correct_clock(clock, author=_who())
+        if accept is not None:
+            ledger.accept(accept, author=_who())
         output.say(f"ledger {ledger.shown} holds {output.counted(ledger.head().seq, 'record')}")
+        signed = ledger.signed_head()
+        if signed is not None:
+            output.say(f"signed by the key {fingerprint(signed.key)} in {ledger.keys.folder}")
 
 
 def verify(
-    *, ledger: LedgerAddress = None, head: str | None = None, certificate: str | None = None, json: Json = False
+    *,
+    ledger: LedgerAddress = None,
+    head: str | None = None,
+    certificate: str | None = None,
+    key: InputOrNone = None,
+    json: Json = False,
 ) -> int:
-    """Check every record against its digest and the chain: exit status 0 sound, 1 changed, 2 bad input.
+    """Check every record, the chain, signed heads and witnesses: exit status 0 sound, 1 changed, 2 bad input.
 
     Parameters
     ----------
     head
-        NUMBER:DIGITS as an earlier check or a certificate gave it; without it a tail cut off goes unnoticed.
+        NUMBER:DIGITS as an earlier check or a certificate gave it.
+    key
+        Public key of the laboratory, where it is not the one of this computer.
     certificate
         Number of a certificate: its files, its record and its calibration are compared instead of the whole ledger.
     """
@@ -62,7 +82,8 @@ def verify(
         return _certificate(_where(ledger), certificate, head, json)
     noted = None if head is None else parse_head(head)
     with Ledger(_where(ledger), read_only=True) as opened, output.working("verifying") as progress:
-        found = verify_ledger(opened, head=noted, progress=progress)
+        public = () if key is None else read_public(key).keys
+        found = verify_ledger(opened, head=noted, public=public, progress=progress)
     if json:
         output.print_json(
             {
@@ -71,11 +92,15 @@ def verify(
                 "documents": found.documents,
                 "head": str(found.head),
                 "faults": [{"table": f.table, "row": f.row, "problem": f.problem} for f in found.faults],
+                "signed": None if found.signed is None else found.signed.statement(),
+                "notes": found.notes,
             }
         )
         return 0 if found.ok else 1
     for fault in found.faults:
         output.say(str(fault))
+    for note in found.notes:
+        output.say(note)
     if found.ok:
         records, documents = output.counted(found.records, "record"), output.counted(found.documents, "document")
         output.say(f"{records} and {documents} are sound")

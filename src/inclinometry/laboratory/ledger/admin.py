@@ -5,15 +5,25 @@ from __future__ import annotations
 import sqlite3
 from pathlib import Path
 
+from sqlalchemy import inspect
 from sqlalchemy.engine import Engine
 from sqlalchemy.exc import DBAPIError
 
 from inclinometry.laboratory.ledger.engine import LedgerError, default_path, engine, shown, translated, unprotected
+from inclinometry.laboratory.ledger.keys import Keys
 from inclinometry.laboratory.ledger.ledger import Ledger
 
 
-def create(where: str | Path) -> Ledger:
+def create(where: str | Path, *, keys: Keys | None = None, sign: bool | None = None) -> Ledger:
     """Make an empty ledger, or bring an existing one up to date, and open it.
+
+    Parameters
+    ----------
+    where : str or Path
+    keys : Keys, optional
+        The laboratory's keys, made where there are none; those of this computer when not given.
+    sign : bool, optional
+        Whether its heads are signed; when not given a new ledger's are, and an existing one's as they were.
 
     Raises
     ------
@@ -38,6 +48,7 @@ def create(where: str | Path) -> Ledger:
         with translated(shown(where)):
             if made.dialect.name == "sqlite":
                 _write_ahead(made, where)
+            fresh = not inspect(made).has_table("chain")
             _migrate(made)
             with made.connect() as connection:
                 bare = unprotected(connection)
@@ -48,7 +59,14 @@ def create(where: str | Path) -> Ledger:
             f"{shown(where)}: somebody removed the protection against changes of {', '.join(bare)}; run `inclinometry "
             "ledger verify`, and move a ledger that is sound into a new one with `ledger export` and `ledger import`"
         )
-    return Ledger(where)
+    ledger = Ledger(where, keys=keys)
+    try:
+        if sign or (sign is None and fresh):
+            ledger.begin_signing()
+    except BaseException:
+        ledger.close()
+        raise
+    return ledger
 
 
 def _write_ahead(made: Engine, where: str | Path) -> None:

@@ -61,6 +61,11 @@ def record_digest(
     return hashlib.sha256(compact(content).encode("utf-8")).hexdigest()
 
 
+def leaf(seq: int, kind: str, record: str, created: str, digest: str) -> bytes:
+    """What a record is in the tree of RFC 6962: its entry in the chain, without the link, which the tree replaces."""
+    return "\n".join([str(seq), kind, record, created, digest]).encode("utf-8")
+
+
 def next_link(previous: str, seq: int, kind: str, record: str, created: str, digest: str) -> str:
     """The link that binds a record to everything before it."""
     return hashlib.sha256("\n".join([previous, str(seq), kind, record, created, digest]).encode("utf-8")).hexdigest()

@@ -365,6 +365,22 @@ DOCUMENT: Final = Table(
 """Files that records refer to by their SHA-256: certificates, uploaded logs."""
 
 
+HEAD: Final = Table(
+    "head",
+    METADATA,
+    Column("place", _SEQ, primary_key=True, autoincrement=False),
+    Column("seq", _SEQ, nullable=False, index=True),
+    Column("ledger", Text, nullable=False),
+    Column("root", Text, nullable=False),
+    Column("link", Text, nullable=False),
+    Column("created", Text, nullable=False),
+    Column("key", Text, nullable=False),
+    Column("signature", Text, nullable=False),
+    Column("frontier", Text, nullable=True),
+)
+"""The signed heads, one for each step that recorded something; `frontier` are the peaks of the tree, now and then."""
+
+
 def _table(kind: Kind) -> Table:
     types = {str: Text, int: Integer}
     columns: list[Column[Any]] = [Column(name, types[wanted], nullable=False) for name, wanted in kind.keys.items()]
@@ -454,9 +470,11 @@ def record_of(kind: str, row: Any) -> Record:
     return Record(kind, row.id, row.seq, row.created, row.author, row.version, keys, json.loads(row.body), row.digest)
 
 
-REVISIONS: Final = ("0001", "0002")
+REVISIONS: Final = ("0001", "0002", "0003")
 """Revisions of the tables this program reads and writes; the last one is what it makes."""
-_NAMES: Final = ("chain", "document", *TABLES)
+_NAMES: Final = ("chain", "document", *TABLES, "head")
+_UNSIGNED: Final = REVISIONS[:2]
+"""Revisions without the table of signed heads."""
 _FUNCTION: Final = " BEGIN RAISE EXCEPTION 'the ledger is append-only: %', TG_TABLE_NAME; END "
 
 
@@ -475,7 +493,7 @@ def readable(connection: Connection, where: str) -> None:
     unknown = [revision for revision in found if revision not in REVISIONS]
     if unknown:
         raise LedgerError(f"{where}: the ledger was made by a newer program ({unknown[0]!r:.40}); update inclinometry")
-    lost = [name for name in _NAMES if name not in tables]
+    lost = [name for name in _NAMES if name not in tables and (name != "head" or not {*found} & {*_UNSIGNED})]
     if lost:
         raise LedgerError(f"{where}: the tables {', '.join(lost)} are missing; restore a backup")
 
@@ -485,8 +503,9 @@ def protect(connection: Connection) -> None:
 
     A migration that rebuilds a SQLite table drops its triggers silently: every migration ends with this.
     """
+    names = _present(connection)
     if connection.dialect.name == "sqlite":
-        for name, text in _sqlite_triggers().items():
+        for name, text in _sqlite_triggers(names).items():
             connection.exec_driver_sql(f'DROP TRIGGER IF EXISTS "{name}"')
             connection.exec_driver_sql(text)
         return
@@ -494,7 +513,7 @@ def protect(connection: Connection) -> None:
     connection.exec_driver_sql(
         f"CREATE OR REPLACE FUNCTION ledger_append_only() RETURNS trigger LANGUAGE plpgsql AS $${escaped}$$"
     )
-    for name in _NAMES:
+    for name in names:
         connection.exec_driver_sql(f'DROP TRIGGER IF EXISTS append_only ON "{name}"')
         connection.exec_driver_sql(
             f'CREATE TRIGGER append_only BEFORE UPDATE OR DELETE OR TRUNCATE ON "{name}" '
@@ -502,22 +521,29 @@ def protect(connection: Connection) -> None:
         )
 
 
-def _sqlite_triggers() -> dict[str, str]:
+def _present(connection: Connection) -> tuple[str, ...]:
+    """Tables of the ledger; those of an older program's have no signed heads."""
+    signed = inspect(connection).has_table("head")
+    return tuple(name for name in _NAMES if signed or name != "head")
+
+
+def _sqlite_triggers(names: Sequence[str] = _NAMES) -> dict[str, str]:
     return {
         f"{name}_{verb.lower()}": f'CREATE TRIGGER "{name}_{verb.lower()}" BEFORE {verb} ON "{name}" '
         f"BEGIN SELECT RAISE(ABORT, 'the ledger is append-only: {name}'); END"
-        for name in _NAMES
+        for name in names
         for verb in ("UPDATE", "DELETE")
     }
 
 
 def unprotected(connection: Connection) -> list[str]:
     """Tables whose triggers are missing, switched off or not those of the program."""
+    names = _present(connection)
     if connection.dialect.name == "sqlite":
         rows = connection.exec_driver_sql("SELECT name, sql FROM sqlite_master WHERE type = 'trigger'")
         found = {row.name: row.sql for row in rows}
-        wrong = {name for name, text in _sqlite_triggers().items() if found.get(name) != text}
-        return [n for n in _NAMES if wrong & {f"{n}_update", f"{n}_delete"}]
+        wrong = {name for name, text in _sqlite_triggers(names).items() if found.get(name) != text}
+        return [n for n in names if wrong & {f"{n}_update", f"{n}_delete"}]
     before_any_statement = 2 + 8 + 16 + 32  # pg_trigger.tgtype: before, delete, update, truncate; for statements
     right = connection.exec_driver_sql(
         "SELECT c.relname, p.prosrc FROM pg_trigger t JOIN pg_class c ON c.oid = t.tgrelid "
@@ -526,7 +552,7 @@ def unprotected(connection: Connection) -> list[str]:
         "AND c.relnamespace = current_schema()::regnamespace"
     )
     sound = {name for name, source in right if source == _FUNCTION}
-    return [name for name in _NAMES if name not in sound]
+    return [name for name in names if name not in sound]
 
 
 def strange(connection: Connection) -> list[str]:

@@ -36,6 +36,10 @@ from inclinometry.laboratory.ledger.engine import (
     shown,
     translated,
 )
+from inclinometry.laboratory.ledger.heads import ACCEPTED, Sealing, SignedHead, newest_head
+from inclinometry.laboratory.ledger.keys import Keys
+from inclinometry.laboratory.ledger.merkle import leaf_hash
+from inclinometry.laboratory.ledger.witness import Witnesses
 
 LARGEST_DOCUMENT: Final = 100_000_000
 
@@ -45,6 +49,8 @@ class Batch:
 
     def __init__(self, connection: Connection, head: chain.Head) -> None:
         self.head = head
+        self.leaves: list[bytes] = []
+        """Hashes in the tree of RFC 6962 of what was added."""
         self._connection = connection
         self._links: list[dict[str, Any]] = []
         self._rows: dict[str, list[dict[str, Any]]] = {}
@@ -59,6 +65,7 @@ class Batch:
         self._links.append(
             {"seq": seq, "kind": kind, "record": name, "created": created, "digest": digest, "link": link}
         )
+        self.leaves.append(leaf_hash(chain.leaf(seq, kind, name, created, digest)))
         row = {"seq": seq, "id": name, "created": created, "author": author, "version": version, **keys, "body": body}
         self._rows.setdefault(kind, []).append(row)
         self.head = chain.Head(seq, link)
@@ -116,6 +123,10 @@ class Ledger:
         Gives the time; for tests.
     read_only : bool
         Refuse to append.
+    keys : Keys, optional
+        The laboratory's keys, which sign the heads of a ledger that is signed; those of this computer when not given.
+    alone : bool
+        Tell its heads to the witness of this computer only: it is a witness itself.
 
     Raises
     ------
@@ -123,12 +134,23 @@ class Ledger:
         No such ledger, not a ledger, a ledger of a newer program.
     """
 
-    def __init__(self, where: str | Path, *, clock: Callable[[], datetime] = now, read_only: bool = False) -> None:
+    def __init__(
+        self,
+        where: str | Path,
+        *,
+        clock: Callable[[], datetime] = now,
+        read_only: bool = False,
+        keys: Keys | None = None,
+        alone: bool = False,
+    ) -> None:
         self.where = str(where)
         self.read_only = read_only
         self._clock = clock
         self.shown: Final = shown(where)
         """Where it is, without a password."""
+        self.keys: Final = Keys() if keys is None else keys
+        self._sealing = Sealing(self.keys, self.shown)
+        self._witnesses = Witnesses(self.keys.folder, self.where, alone=alone)
         self._engine = engine(where, read_only=read_only)
         try:
             with self._reading() as connection:
@@ -142,7 +164,8 @@ class Ledger:
         return self._clock()
 
     def close(self) -> None:
-        """Release the files and connections."""
+        """Release the files and connections; heads on their way to other places are sent."""
+        self._witnesses.close()
         self._engine.dispose()
 
     def __enter__(self) -> Ledger:
@@ -187,17 +210,63 @@ class Ledger:
                 if connection.execute(_query(there.kind).where(_matching(there.kind, there.keys)).limit(1)).first():
                     raise ConflictError(there.message)
             head, last = self._tail(connection)
-            batch = Batch(connection, head)
             created = self._now(last, slack)
+            name, first = self._sealing.before(connection, head)
+            batch = Batch(connection, head)
             records = [
                 batch.add(draft.kind, uuid.uuid4().hex, created, author, KINDS[draft.kind].version, draft.keys, body)
-                for draft, body in zip(drafts, bodies, strict=True)
+                for draft, body in zip([*first, *drafts], [*map(body_text, first), *bodies], strict=True)
             ]
             batch.write()
+            signed = self._sealing.after(connection, name, batch.leaves, batch.head, created) if name else None
             for draft in drafts:
                 for media_type, data in draft.documents:
                     add_document(connection, media_type, data)
-        return records
+        self._published(signed)
+        return records[len(first) :]
+
+    def begin_signing(self) -> SignedHead | None:
+        """Sign the ledger from now on, all that it holds included; None when it is signed already."""
+        with self._writing() as connection:
+            if newest_head(connection) is not None:
+                return None
+            head = self._tail(connection)[0]
+            signed = self._sealing.begin(connection, head, self._now(None, timedelta.max))
+        self._published(signed)
+        return signed
+
+    def accept(self, reason: str, *, author: str) -> Record:
+        """Answer for what a verification found, in words, as an event: the ledger goes on from what it holds now.
+
+        Raises
+        ------
+        LedgerError
+            The ledger is not signed.
+        """
+        if not reason.strip():
+            raise InputError("say what happened: a ledger is not accepted without a reason")
+        with self._writing() as connection:
+            head, last = self._tail(connection)
+            name = self._sealing.resume(connection, head)
+            if not name:
+                raise LedgerError(f"{self.shown} is not signed; there is nothing to accept")
+            created = self._now(last, timedelta(minutes=2))
+            body = body_text(Draft("event", ACCEPTED, {"reason": reason.strip(), "details": {"head": str(head)}}))
+            batch = Batch(connection, head)
+            record = batch.add("event", uuid.uuid4().hex, created, author, KINDS["event"].version, ACCEPTED, body)
+            batch.write()
+            signed = self._sealing.after(connection, name, batch.leaves, batch.head, created)
+        self._published(signed)
+        return record
+
+    def signed_head(self) -> SignedHead | None:
+        """The last signed head; None in a ledger that is not signed."""
+        with self._reading() as connection:
+            return newest_head(connection)
+
+    def _published(self, signed: SignedHead | None) -> None:
+        if signed is not None:
+            self._witnesses.publish(signed)
 
     def correct_clock(self, reason: str, *, author: str) -> Record:
         """Go on after the clock was in the future when something was recorded: as an event, with the time of now."""
@@ -222,9 +291,17 @@ class Ledger:
         if self.read_only:
             raise LedgerError(f"{self.shown} was opened for reading only; nothing was recorded")
         with self._writing() as connection:
-            if self._tail(connection)[0].seq:
+            head, _ = self._tail(connection)
+            if head.seq:
                 raise LedgerError(f"{self.shown} holds records already; import into a new ledger")
+            name, _ = self._sealing.before(connection, head)
             yield connection
+            head = self._tail(connection)[0]
+            signed = None
+            if name:
+                self._sealing.resume(connection, head)
+                signed = self._sealing.after(connection, name, (), head, self._now(None, timedelta.max))
+        self._published(signed)
 
     # -- reading -------------------------------------------------------------------------------------------------------
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import sqlite3
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, Final, cast
@@ -15,7 +15,9 @@ from sqlalchemy.engine import Connection
 from inclinometry.digest import digest_bytes
 from inclinometry.laboratory.ledger import chain
 from inclinometry.laboratory.ledger.engine import CHAIN, DOCUMENT, TABLES, row_digest, strange, unprotected
+from inclinometry.laboratory.ledger.heads import SignedHead
 from inclinometry.laboratory.ledger.ledger import Ledger
+from inclinometry.laboratory.ledger.signatures import Fault, Signatures, asked
 
 Progress = Callable[[float], None]
 MOST_FAULTS: Final = 100
@@ -23,25 +25,19 @@ MOST_FAULTS: Final = 100
 
 
 @dataclass(frozen=True)
-class Fault:
-    """One thing that is wrong: table, row (its place and id), and in words what happened to it."""
-
-    table: str
-    row: str
-    problem: str
-
-    def __str__(self) -> str:
-        return f"{self.table} {self.row}: {self.problem}"
-
-
-@dataclass(frozen=True)
 class Verdict:
-    """What a verification found: how many records and documents were read, the head, the faults."""
+    """What a verification found: how many records and documents were read, the head, the faults.
+
+    signed : the last signed head; None where the ledger is not signed.
+    notes : sentences about signatures and witnesses, what was accepted, what could not be asked.
+    """
 
     records: int
     documents: int
     head: chain.Head
     faults: tuple[Fault, ...]
+    signed: SignedHead | None = None
+    notes: tuple[str, ...] = ()
 
     @property
     def ok(self) -> bool:
@@ -49,38 +45,52 @@ class Verdict:
         return not self.faults
 
 
-def verify(ledger: Ledger, *, head: chain.Head | None = None, progress: Progress | None = None) -> Verdict:
+def verify(
+    ledger: Ledger,
+    *,
+    head: chain.Head | None = None,
+    public: Sequence[str] = (),
+    progress: Progress | None = None,
+) -> Verdict:
     """Read the whole ledger and name every row that was changed, removed, inserted or moved.
 
     Parameters
     ----------
     ledger : Ledger
     head : Head, optional
-        A head noted earlier (every certificate carries one). Without it records removed from the end leave no trace.
+        A head noted earlier (every certificate carries one).
+    public : sequence of str
+        Public keys of the laboratory, 64 hexadecimal digits, the one of now first; those of this computer when empty.
     progress : callable, optional
         Called with the share done, 0 to 1.
 
     Notes
     -----
-    It proves that nobody changed the ledger who did not also recompute every later link; the heads on certificates in
-    other hands prove it for those, too.
+    The chain proves that nobody changed the ledger who did not also recompute every later link; the signed heads, that
+    nobody did who has not the laboratory's key; the heads that witnesses keep, that nothing was cut off its end and no
+    older copy put in its place, by anybody who cannot write to all of them.
     """
+    witnesses = asked(ledger)
     with ledger.snapshot() as connection, _any_text(connection):
         faults = [Fault(name, "-", "the triggers that forbid changes are missing") for name in unprotected(connection)]
         foreign = "is none of the program's; it could change what is recorded"
         faults += [Fault("trigger", name, foreign) for name in strange(connection)]
         faults += _structure(connection)
-        walk = _Walk(head)
+        signatures = Signatures(connection, ledger, public, *witnesses)
+        walk = _Walk(head, signatures)
         last = connection.execute(select(func.count()).select_from(CHAIN)).scalar_one()
         while len(faults) < MOST_FAULTS and (found := walk.block(connection)) is not None:
             faults += found
             if progress is not None:
                 progress(min(1.0, walk.records / max(last, 1)))
         faults += walk.end()
+        found, notes = signatures.end(walk.seq)
+        faults += found
         faults += _strays(connection)
         documents = connection.execute(select(func.count()).select_from(DOCUMENT)).scalar_one()
         faults += _documents(connection)
-    return Verdict(walk.records, documents, chain.Head(walk.seq, walk.link), tuple(faults[:MOST_FAULTS]))
+    head = chain.Head(walk.seq, walk.link)
+    return Verdict(walk.records, documents, head, tuple(faults[:MOST_FAULTS]), signatures.newest, tuple(notes))
 
 
 @contextmanager
@@ -108,7 +118,8 @@ def _structure(connection: Connection) -> list[Fault]:
 class _Walk:
     """Along the chain, from the first link to the last."""
 
-    def __init__(self, head: chain.Head | None) -> None:
+    def __init__(self, head: chain.Head | None, signatures: Signatures) -> None:
+        self._signatures = signatures
         self.seq, self.link, self.records = 0, chain.GENESIS, 0
         # no place in the chain is before minus this
         self._at = -(2**63 - 1)
@@ -142,6 +153,7 @@ class _Walk:
             self._met = True
             if link.link != self._noted.link:
                 yield Fault("chain", where, "is not the head noted earlier: the ledger was rewritten")
+        self._signatures.step(link, row)
         if row is None:
             yield Fault(link.kind, where, "removed: the chain has it, the table has not")
         elif row.id != link.record:

@@ -28,17 +28,17 @@ HIDDEN = ("user",)
 
 @router.get("/head")
 def head(ledger: TheLedger, _: Reader) -> dict[str, Any]:
-    """How many records there are, and the last link of the chain: note it elsewhere."""
-    found = ledger.head()
-    return {"records": found.seq, "head": str(found)}
+    """How many records there are, the last link of the chain, and the laboratory's signature: keep it elsewhere."""
+    found, signed = ledger.head(), ledger.signed_head()
+    return {"records": found.seq, "head": str(found), "signed": None if signed is None else signed.statement()}
 
 
 @router.get("/verify")
 def check(ledger: TheLedger, _: Reader, head: Annotated[str | None, Query(max_length=100)] = None) -> dict[str, Any]:
-    """Every record against its digest and the chain; with a head noted earlier, a lost tail is noticed, too."""
+    """Every record against its digest and the chain, signed heads against the records, witnesses against both."""
     found = verify(ledger, head=None if head is None else parse_head(head))
     faults = [{"table": f.table, "row": f.row, "problem": f.problem} for f in found.faults]
-    return {"ok": found.ok, "records": found.records, "head": str(found.head), "faults": faults}
+    return {"ok": found.ok, "records": found.records, "head": str(found.head), "faults": faults, "notes": found.notes}
 
 
 @router.get("/records/{kind}")

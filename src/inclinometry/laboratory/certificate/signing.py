@@ -1,0 +1,469 @@
+"""A certificate signed: the seal of its record, the PDF (PAdES), the digital certificate (XAdES); and looked at again.
+
+The laboratory's Ed25519 key signs the seal: number and digest of the record, in the JSON file and in the square code.
+PDF and XML are signed by a document key, ECDSA P-256, which every reader of these formats knows; its X.509 certificate
+is made out by the laboratory's key, so that one public key proves all of it. A key and certificate of an authority, put
+into document.pem, take its place.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Callable, Mapping
+from datetime import UTC, datetime, timedelta
+from threading import Thread
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+from inclinometry.errors import FileError, InputError
+from inclinometry.files.json_codec import canonical, parse
+from inclinometry.laboratory.certificate.record import record_digest
+from inclinometry.laboratory.ledger.engine import LedgerError
+from inclinometry.laboratory.ledger.keys import Keys, Public, fingerprint, load_private, private_pem, public_pem, right
+
+if TYPE_CHECKING:
+    from cryptography.x509 import Certificate
+
+SIGNATURE: Final = "signature"
+"""Key of the JSON file that is not of the record: its seal, and the public key."""
+_SEAL: Final = re.compile(
+    r"inclinometry certificate (?P<number>.{1,200}?) (?P<digest>sha256:[0-9a-f]{64})"
+    r"(?: (?P<key>[0-9a-f]{32}) (?P<signature>[A-Za-z0-9+/]{86}==))?"
+)
+_FIELD: Final = "LaboratorySignature"
+_RESERVED: Final = 12_000  # bytes for the signature in a PDF: certificates of an authority fit, too
+
+
+class Seal(NamedTuple):
+    """What the square code says: number and digest of the record, fingerprint of the key, its signature."""
+
+    number: str
+    digest: str
+    key: str = ""
+    signature: str = ""
+
+    def __str__(self) -> str:
+        return " ".join(filter(None, ("inclinometry certificate", *self)))
+
+    def message(self) -> bytes:
+        """What is signed."""
+        return str(self._replace(signature="")).encode()
+
+
+def seal(record: Mapping[str, Any], keys: Keys) -> Seal:
+    """The seal of a record by the laboratory's key."""
+    key = keys.signing()
+    bare = Seal(record["number"], record_digest(record), fingerprint(key.public))
+    return bare._replace(signature=key.sign(bare.message()))
+
+
+def parse_seal(text: str) -> Seal | None:
+    """The seal of a square code's text; None for other texts.
+
+    Examples
+    --------
+    >>> parse_seal("inclinometry certificate 2026-0001 sha256:" + 64 * "0").number
+    '2026-0001'
+    """
+    found = _SEAL.fullmatch(" ".join(text.split()))
+    return None if found is None else Seal(*(found[name] or "" for name in Seal._fields))
+
+
+def sealed_by(made: Seal, public: Public) -> str:
+    """The public key that signed a seal; "" when none of these did."""
+    signed = (one for one in public.keys if fingerprint(one) == made.key and right(one, made.signature, made.message()))
+    return next(signed, "")
+
+
+# The document key and its certificates.
+
+
+class DocumentKey(NamedTuple):
+    """What signs PDF and XML: a private key of ECDSA or RSA, its X.509 certificate first, those above it behind."""
+
+    private: Any
+    certificates: tuple[Certificate, ...]
+
+
+def document_key(keys: Keys, name: str) -> DocumentKey:
+    """The document key of a laboratory of that name; made, and certified by its key, where there is none.
+
+    Raises
+    ------
+    LedgerError
+        No laboratory's key; document.pem holds no key with a certificate for it.
+    """
+    from cryptography import x509
+    from cryptography.hazmat.primitives.serialization import Encoding
+
+    path = keys.folder / "document.pem"
+    name = name[:64] or "laboratory"  # the longest common name of X.509
+    public = Public((keys.signing().public,), ())
+    if path.is_file():
+        data = path.read_bytes()
+        private = load_private(data, path)
+        try:
+            found = tuple(x509.load_pem_x509_certificates(data))
+        except ValueError:
+            found = ()
+        if not found or found[0].public_key() != private.public_key():
+            raise LedgerError(f"{path} holds no certificate for its key; put one there, or remove the file")
+        stated = found[0].subject.rfc4514_string() == _name(name).rfc4514_string()
+        if stated or not made_out_by(found[0], public):  # of an authority: as it is
+            return DocumentKey(private, found)
+    made = _new_document_key(keys, name)
+    pem = b"".join(one.public_bytes(Encoding.PEM) for one in made.certificates)
+    keys.keep("document.pem", private_pem(made.private) + pem, mode=0o600)
+    return made
+
+
+def _name(text: str) -> Any:
+    from cryptography import x509
+
+    return x509.Name([x509.NameAttribute(x509.NameOID.COMMON_NAME, text)])
+
+
+def _new_document_key(keys: Keys, name: str) -> DocumentKey:
+    from cryptography import x509
+    from cryptography.hazmat.primitives.asymmetric import ec
+
+    issuer, private = keys.signing(), ec.generate_private_key(ec.SECP256R1())
+    of_laboratory = _name(f"inclinometry laboratory {fingerprint(issuer.public)}")
+    # no end that is known (RFC 5280, 4.1.2.5): a key ends when it is rotated
+    first, last = datetime.now(UTC) - timedelta(days=1), datetime(9999, 12, 31, 23, 59, 59, tzinfo=UTC)
+
+    def certificate(subject: Any, key: Any, authority: bool) -> Certificate:
+        usage = dict.fromkeys(
+            ("key_encipherment", "data_encipherment", "key_agreement", "encipher_only", "decipher_only"), False
+        )
+        builder = (
+            x509.CertificateBuilder()
+            .subject_name(subject)
+            .issuer_name(of_laboratory)
+            .public_key(key)
+            .serial_number(x509.random_serial_number())
+            .not_valid_before(first)
+            .not_valid_after(last)
+            .add_extension(x509.BasicConstraints(ca=authority, path_length=0 if authority else None), critical=True)
+            .add_extension(
+                x509.KeyUsage(
+                    digital_signature=not authority,
+                    content_commitment=not authority,
+                    key_cert_sign=authority,
+                    crl_sign=authority,
+                    **usage,
+                ),
+                critical=True,
+            )
+            .add_extension(x509.SubjectKeyIdentifier.from_public_key(key), critical=False)
+            .add_extension(
+                x509.AuthorityKeyIdentifier.from_issuer_public_key(issuer.private.public_key()), critical=False
+            )
+        )
+        return builder.sign(issuer.private, None)
+
+    leaf = certificate(_name(name), private.public_key(), False)
+    return DocumentKey(private, (leaf, certificate(of_laboratory, issuer.private.public_key(), True)))
+
+
+def made_out_by(certificate: Certificate, public: Public) -> str:
+    """Fingerprint of the laboratory's key that made out a certificate, or of one that it published; "" for others."""
+    from cryptography.exceptions import InvalidSignature
+    from cryptography.hazmat.primitives import hashes
+    from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
+
+    if certificate in public.certificates:
+        return certificate.fingerprint(hashes.SHA256()).hex()[:32]
+    for one in public.keys:
+        try:
+            key = Ed25519PublicKey.from_public_bytes(bytes.fromhex(one))
+            key.verify(certificate.signature, certificate.tbs_certificate_bytes)
+        except InvalidSignature:
+            continue
+        return fingerprint(one)
+    return ""
+
+
+def public_bundle(keys: Keys) -> bytes:
+    """What the laboratory publishes, PEM: its key, those that were rotated into it, an authority's certificate."""
+    from cryptography import x509
+    from cryptography.hazmat.primitives.serialization import Encoding
+
+    now = keys.public()
+    known = (*([now] if now else []), *keys.former())
+    path = keys.folder / "document.pem"
+    found = x509.load_pem_x509_certificates(path.read_bytes()) if path.is_file() else []
+    of_others = [one for one in found[:1] if not made_out_by(one, Public(known, ()))]
+    return b"".join([*map(public_pem, known), *(one.public_bytes(Encoding.PEM) for one in of_others)])
+
+
+# Signing.
+
+
+def sign_json(record: Mapping[str, Any], made: Seal, public: str) -> bytes:
+    """The JSON file: the record with its seal."""
+    return canonical({**record, SIGNATURE: {"seal": str(made), "key": public}})
+
+
+def sign_pdf(data: bytes, key: DocumentKey, made: Seal, name: str) -> bytes:
+    """The PDF with a PAdES signature (B-B) that allows no change; what was there stays as it was, byte for byte."""
+
+    def signed() -> bytes:
+        from asn1crypto import keys as asn1_keys
+        from asn1crypto import x509 as asn1_x509
+        from cryptography.hazmat.primitives import serialization
+        from pyhanko.pdf_utils.incremental_writer import IncrementalPdfFileWriter
+        from pyhanko.sign import fields, signers
+        from pyhanko_certvalidator.registry import SimpleCertificateStore
+
+        der = serialization.Encoding.DER
+        plain = (serialization.PrivateFormat.PKCS8, serialization.NoEncryption())
+        chain = [asn1_x509.Certificate.load(one.public_bytes(der)) for one in key.certificates]
+        store: Any = SimpleCertificateStore()  # type: ignore[no-untyped-call]
+        store.register_multiple(chain)
+        signer = signers.SimpleSigner(
+            signing_cert=chain[0],
+            signing_key=asn1_keys.PrivateKeyInfo.load(key.private.private_bytes(der, *plain)),
+            cert_registry=store,
+        )
+        about = signers.PdfSignatureMetadata(
+            field_name=_FIELD,
+            md_algorithm="sha256",
+            subfilter=fields.SigSeedSubFilter.PADES,
+            name=name,
+            reason=str(Seal(made.number, made.digest)),
+            certify=True,
+            docmdp_permissions=fields.MDPPerm.NO_CHANGES,
+        )
+
+        class Archived(signers.PdfSigner):
+            def register_extensions(self, pdf_out: Any, **_: Any) -> None:
+                """None: they would make a PDF 2.0 of it, and PDF/A-2 is 1.7."""
+
+        class Kept(IncrementalPdfFileWriter):
+            def _update_meta(self) -> None:
+                """The metadata as they were: written anew they lose the prefixes that PDF/A asks for."""
+
+        writer = Kept(io.BytesIO(data))
+        out = Archived(about, signer=signer).sign_pdf(writer, bytes_reserved=2 * _RESERVED, output=io.BytesIO())
+        return bytes(out.getvalue())
+
+    made_pdf: bytes = _apart(signed)
+    return made_pdf
+
+
+def sign_dcc(data: bytes, key: DocumentKey) -> bytes:
+    """The digital certificate with an enveloped XAdES signature, as its schema allows at its end."""
+    from cryptography.hazmat.primitives.asymmetric.rsa import RSAPrivateKey
+    from lxml import etree
+    from signxml.algorithms import DigestAlgorithm, SignatureMethod
+    from signxml.xades.xades import XAdESSigner
+
+    rsa = isinstance(key.private, RSAPrivateKey)
+    signer = XAdESSigner(
+        signature_algorithm=SignatureMethod.RSA_SHA256 if rsa else SignatureMethod.ECDSA_SHA256,
+        digest_algorithm=DigestAlgorithm.SHA256,
+    )
+    root = signer.sign(etree.fromstring(data), key=key.private, cert=list(key.certificates))
+    return etree.tostring(root, xml_declaration=True, encoding="UTF-8")
+
+
+class Signed(NamedTuple):
+    """A certificate's files, signed."""
+
+    pdf: bytes | None
+    dcc: bytes | None
+    json: bytes
+
+
+def sign_files(record: Mapping[str, Any], pdf: bytes | None, dcc: bytes | None, made: Seal, keys: Keys) -> Signed:
+    """All files of a certificate signed; `pdf` bears the seal in its square code already."""
+    name = str((record["laboratory"] or {}).get("name", ""))
+    key = document_key(keys, name)
+    return Signed(
+        None if pdf is None else sign_pdf(pdf, key, made, name or "laboratory"),
+        None if dcc is None else sign_dcc(dcc, key),
+        sign_json(record, made, keys.signing().public),
+    )
+
+
+def unsigned(content: Mapping[str, Any]) -> dict[str, Any]:
+    """The record of a JSON file."""
+    return {name: value for name, value in content.items() if name != SIGNATURE}
+
+
+def _apart(work: Callable[[], Any]) -> Any:
+    """The result of work that brings an event loop of its own, which may not run inside that of a server."""
+    found: list[Any] = []
+    failed: list[BaseException] = []
+
+    def run() -> None:
+        try:
+            found.append(work())
+        except BaseException as error:
+            failed.append(error)
+
+    thread = Thread(target=run)
+    thread.start()
+    thread.join()
+    if failed:
+        raise failed[0]
+    return found[0]
+
+
+# Looking at a signed file, with nothing but the laboratory's public key.
+
+
+class Looked(NamedTuple):
+    """What a file proves.
+
+    kind : "PDF", "DCC", "JSON" or "square code".
+    number, digest : of the certificate it states, "" where it cannot be told.
+    problem : why it is not genuine; "" when it is.
+    key : fingerprint of the key that stands behind it.
+    record : of a JSON file.
+    """
+
+    kind: str
+    number: str
+    digest: str
+    problem: str
+    key: str = ""
+    record: dict[str, Any] | None = None
+
+
+def look(data: bytes, where: str, public: Public) -> Looked:
+    """Whether the laboratory signed a file as it is.
+
+    Raises
+    ------
+    FileError
+        Neither PDF, digital certificate nor record.
+    """
+    head = data.lstrip()[:5]
+    if data.startswith(b"%PDF"):
+        return _look_at_pdf(data, public)
+    if head.startswith(b"<"):
+        return _look_at_dcc(data, where, public)
+    if head.startswith(b"{"):
+        return _look_at_json(data, where, public)
+    text = data[:1000].decode("utf-8", errors="replace")
+    made = parse_seal(text) if len(data) < 1000 else None
+    if made is None:
+        raise FileError("neither PDF, XML nor JSON of a certificate, nor the text of its square code", path=where)
+    return look_at_seal(made, public)
+
+
+def look_at_seal(made: Seal, public: Public) -> Looked:
+    """Whether the text of a square code is one that the laboratory signed."""
+    if not made.signature:
+        return Looked("square code", made.number, made.digest, "it bears no signature: its ledger was not signed")
+    key = sealed_by(made, public)
+    problem = "" if key else _stranger(made.key, public)
+    return Looked("square code", made.number, made.digest, problem, made.key)
+
+
+def _stranger(key: str, public: Public) -> str:
+    if key in map(fingerprint, public.keys):
+        return "its signature is not that of the laboratory: it was changed or forged"
+    return f"it is signed by the key {key}, not by the laboratory's, {fingerprint(public.keys[0])}"
+
+
+def _look_at_json(data: bytes, where: str, public: Public) -> Looked:
+    try:
+        content = parse(data)
+        about = content.get(SIGNATURE, {})
+        record = unsigned(content)
+        number, digest = str(record["number"]), record_digest(record)
+        made = parse_seal(about["seal"]) if about else None
+        spelled = canonical(content)
+    except (InputError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        raise FileError("not the record of a certificate", path=where) from None
+    if made is None:
+        return Looked("JSON", number, digest, "it bears no signature", record=record)
+    same = about == {"seal": str(made), "key": about.get("key")}
+    if (made.number, made.digest) != (number, digest) or spelled != data or not same:
+        return Looked("JSON", number, digest, "it was changed after it was signed", made.key, record)
+    problem = "" if about["key"] == sealed_by(made, public) != "" else _stranger(made.key, public)
+    return Looked("JSON", number, digest, problem, made.key, record)
+
+
+def _look_at_dcc(data: bytes, where: str, public: Public) -> Looked:
+    from cryptography import x509
+    from lxml import etree
+    from signxml.exceptions import InvalidCertificate, InvalidDigest, InvalidInput, InvalidSignature
+    from signxml.verifier import SignatureConfiguration
+    from signxml.xades.xades import XAdESSignatureConfiguration, XAdESVerifier
+
+    from inclinometry.laboratory.certificate.dcc import read_dcc
+
+    said = read_dcc(data, where)
+    seen = Looked("DCC", said.number, said.digest, "")
+    root = etree.fromstring(data, etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False))
+    listed: Any = root.xpath("./*[local-name()='Signature']//*[local-name()='X509Certificate']")
+    if not listed:
+        return seen._replace(problem="it bears no signature")
+    try:
+        text = "".join((listed[0].text or "").split())
+        leaf = x509.load_pem_x509_certificate(
+            f"-----BEGIN CERTIFICATE-----\n{text}\n-----END CERTIFICATE-----\n".encode()
+        )
+    except ValueError:
+        return seen._replace(problem="its signature holds no certificate that can be read")
+    key = made_out_by(leaf, public)
+    if not key:
+        return seen._replace(problem=_by_others(leaf, public))
+    here: SignatureConfiguration = XAdESSignatureConfiguration(location="./", require_x509=True)
+    try:
+        found = XAdESVerifier().verify(data, x509_cert=leaf, expect_config=here)
+        whole = found[0].signed_xml
+        if whole is None or whole.tag != root.tag:
+            raise InvalidSignature("the signature is not over the whole document")
+    except (InvalidSignature, InvalidDigest, InvalidCertificate, InvalidInput, ValueError, TypeError, etree.LxmlError):
+        return seen._replace(problem="it was changed after it was signed", key=key)
+    return seen._replace(key=key)
+
+
+def _by_others(leaf: Certificate, public: Public) -> str:
+    who = leaf.subject.rfc4514_string()
+    return f"it is signed by {who!r:.100}, for whom the laboratory's key, {fingerprint(public.keys[0])}, did not sign"
+
+
+def _look_at_pdf(data: bytes, public: Public) -> Looked:
+    return _apart(lambda: _pdf(data, public))  # type: ignore[no-any-return]
+
+
+def _pdf(data: bytes, public: Public) -> Looked:
+    import logging
+
+    from cryptography import x509
+    from pyhanko.pdf_utils.misc import PdfError
+    from pyhanko.pdf_utils.reader import PdfFileReader
+    from pyhanko.sign.validation import validate_pdf_signature
+    from pyhanko.sign.validation.status import SignatureCoverageLevel
+    from pyhanko_certvalidator import ValidationContext
+
+    logging.getLogger("pyhanko").setLevel(logging.CRITICAL)  # what is wrong is said once, in our words
+    logging.getLogger("pyhanko_certvalidator").setLevel(logging.CRITICAL)
+    seen = Looked("PDF", "", "", "")
+    try:
+        signatures = PdfFileReader(io.BytesIO(data)).embedded_signatures
+        if not signatures:
+            return seen._replace(problem="it bears no signature")
+        one = signatures[0]
+        made = parse_seal(str(one.sig_object.get("/Reason", "")))
+        leaf = x509.load_der_x509_certificate(one.signer_cert.dump())
+        if made is None:
+            return seen._replace(problem="its signature names no certificate")
+        seen = seen._replace(number=made.number, digest=made.digest)
+        key = made_out_by(leaf, public)
+        if not key:
+            return seen._replace(problem=_by_others(leaf, public))
+        context = ValidationContext(trust_roots=[one.signer_cert], allow_fetching=False)
+        status = validate_pdf_signature(one, context)
+        whole = status.coverage == SignatureCoverageLevel.ENTIRE_FILE and len(signatures) == 1
+    except (PdfError, ValueError, KeyError, TypeError, AttributeError, IndexError, RecursionError, OSError) as error:
+        return seen._replace(problem=f"it was changed after it was signed, or is damaged ({type(error).__name__})")
+    if not (status.intact and status.valid and status.trusted and whole):
+        return seen._replace(problem="it was changed after it was signed", key=key)
+    return seen._replace(key=key)

@@ -1,0 +1,167 @@
+"""How certificates stand, as a signed statement of the ledger: for those who hold a certificate and not the ledger.
+
+Each certificate comes with its entry in the chain and the proof (RFC 6962) that it is among the records of a signed
+head, the event that voided or superseded it likewise. That there is no such event up to that head the laboratory says
+by its signature.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+from sqlalchemy import select
+
+from inclinometry.digest import digest_bytes
+from inclinometry.errors import FileError
+from inclinometry.files.json_codec import load
+from inclinometry.laboratory import certificates
+from inclinometry.laboratory.certificate.record import record_digest
+from inclinometry.laboratory.ledger import chain
+from inclinometry.laboratory.ledger.engine import CHAIN, LedgerError
+from inclinometry.laboratory.ledger.heads import SignedHead, leaves, newest_head, parse_signed
+from inclinometry.laboratory.ledger.keys import Public, descends, fingerprint, genuine
+from inclinometry.laboratory.ledger.ledger import Ledger, Record
+from inclinometry.laboratory.ledger.merkle import Tree, includes, leaf_hash
+
+SCHEMA: Final = "inclinometry/certificate-status"
+
+
+def make_status(ledger: Ledger, numbers: Sequence[str] = ()) -> dict[str, Any]:
+    """The statement, signed, of some certificates or of all.
+
+    Raises
+    ------
+    LedgerError
+        The ledger is not signed, its key is not here, there is no such certificate.
+    """
+    known = certificates.Issued(ledger)
+    unknown = [number for number in numbers if number not in known.records]
+    if unknown:
+        raise LedgerError(f"there is no certificate {unknown[0]!r:.60} in {ledger.shown}")
+    with ledger.snapshot() as connection:
+        head = newest_head(connection)
+        if head is None:
+            raise LedgerError(f"{ledger.shown} is not signed; `inclinometry ledger init` begins that")
+        tree = Tree(leaves(connection, 0, head.size))
+        if tree.root().hex() != head.root:
+            raise LedgerError(f"{ledger.shown} is not what was signed; run `inclinometry ledger verify`")
+
+        def entry(record: Record) -> dict[str, Any]:
+            row = connection.execute(select(CHAIN).where(CHAIN.c.seq == record.seq)).one()
+            said = {name: getattr(row, name) for name in ("seq", "kind", "record", "created", "digest")}
+            return {**said, "proof": [one.hex() for one in tree.inclusion(record.seq - 1)]}
+
+        rows = []
+        for number in numbers or known.records:
+            record, event = known.records[number], known.ended.get(number)
+            if max(record.seq, event.seq if event else 0) > head.size:
+                continue  # recorded while this was read
+            state = event.keys["action"] if event else "issued"
+            row = {
+                "number": number,
+                "digest": record_digest(record.body["record"]),
+                "state": state,
+                "entry": entry(record),
+            }
+            row["body"] = {name: value for name, value in record.body.items() if name != "record"}
+            row |= {"author": record.author, "serial": record.keys["serial"], "version": record.version}
+            if event is not None:
+                details = event.body.get("details", {})
+                row |= {
+                    "by": str(details.get("by", "")),
+                    "reason": str(event.body.get("reason", "")),
+                    "event": entry(event),
+                }
+            rows.append(row)
+    content = {
+        "schema": SCHEMA,
+        "version": 1,
+        "head": head.statement(),
+        "changes": ledger.keys.changes(),
+        "certificates": rows,
+        "time": datetime.now(UTC).isoformat(timespec="seconds"),
+    }
+    return ledger.keys.signing().statement(content)
+
+
+class Status(NamedTuple):
+    """A statement that was read and is genuine.
+
+    head : of the ledger at which it holds. changes : of the laboratory's keys.
+    rows : number -> how the certificate stands.
+    """
+
+    head: SignedHead
+    changes: tuple[dict[str, Any], ...]
+    rows: Mapping[str, Mapping[str, Any]]
+
+
+def is_status(content: Mapping[str, Any]) -> bool:
+    """Whether a JSON file says that it is such a statement."""
+    return content.get("schema") == SCHEMA
+
+
+def read_status(path: str | Path, public: Public) -> Status:
+    """The statement of a file, when the laboratory signed it and every proof in it holds.
+
+    Raises
+    ------
+    FileError
+        Not a statement, not genuine, a proof that does not hold.
+    """
+    content = load(path)
+    if not is_status(content) or content.get("version") != 1:
+        raise FileError(
+            "not a statement of certificates; the file that `inclinometry ledger status -o` writes", path=path
+        )
+    head = parse_signed(content.get("head"), path)
+    changes = tuple(one for one in content.get("changes", ()) if isinstance(one, dict) and genuine(one))
+    if not genuine(content) or not head.genuine():
+        raise FileError("its signature is not that of its key: changed or forged", path=path)
+    for key in (str(content["key"]), head.key):
+        if not any(descends(key, one, changes) for one in public.keys):
+            known = fingerprint(public.keys[0])
+            raise FileError(f"it is signed by the key {fingerprint(key)}, not by the laboratory's, {known}", path=path)
+    try:
+        rows = {str(row["number"]): row for row in content["certificates"]}
+        entries = {n: [row["entry"], *([] if row["state"] == "issued" else [row["event"]])] for n, row in rows.items()}
+        wrong = [n for n, found in entries.items() if not all(_included(one, head) for one in found)]
+    except (KeyError, TypeError, ValueError):
+        raise FileError(
+            "a statement with other contents than this program knows; update inclinometry", path=path
+        ) from None
+    if wrong:
+        raise FileError(f"its proof for certificate {wrong[0]:.60} does not hold", path=path)
+    return Status(head, changes, rows)
+
+
+def _included(entry: Mapping[str, Any], head: SignedHead) -> bool:
+    leaf = chain.leaf(*(entry[name] for name in ("seq", "kind", "record", "created", "digest")))
+    proof = [bytes.fromhex(one) for one in entry["proof"]]
+    return includes(leaf_hash(leaf), entry["seq"] - 1, head.size, proof, bytes.fromhex(head.root))
+
+
+def contradiction(
+    row: Mapping[str, Any], digest: str, record: Mapping[str, Any] | None, files: Mapping[str, bytes]
+) -> str:
+    """What a statement says against files of that number; "" when they are what the ledger holds.
+
+    `files` are bytes by the names of the ledger: "pdf", "dcc", "json".
+    """
+    if row["digest"] != digest:
+        return f"the ledger holds another record under this number, {row['digest']}"
+    for name, data in files.items():
+        kept = row["body"].get("documents", {}).get(name)
+        if kept is not None and kept != digest_bytes(data):
+            return f"its {name} file is not the one that the ledger holds"
+    if record is not None:
+        entry = row["entry"]
+        body = chain.compact({**row["body"], "record": record})
+        keys = {"number": row["number"], "serial": row["serial"]}
+        given = (entry["kind"], entry["record"], entry["created"], row["author"], row["version"], keys, body)
+        if chain.record_digest(*given) != entry["digest"]:
+            return "its record is not the one that the ledger holds"
+    return ""

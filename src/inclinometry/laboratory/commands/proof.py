@@ -1,0 +1,252 @@
+"""Commands: ledger key, head and witness; what proves a ledger to those who do not hold it."""
+
+from __future__ import annotations
+
+import getpass
+import os
+import sys
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from inclinometry.cli import output
+from inclinometry.cli.options import AlsoWritten, Flag, InputOrNone, Json, Output, OutputOrNone
+from inclinometry.errors import InputError
+from inclinometry.files.json_codec import canonical
+from inclinometry.files.writing import write_bytes
+from inclinometry.laboratory.commands import LedgerAddress
+from inclinometry.laboratory.ledger.engine import LedgerError, default_path, shown
+from inclinometry.laboratory.ledger.heads import grown, proof_since, read_head
+from inclinometry.laboratory.ledger.keys import Keys, fingerprint, read_public
+from inclinometry.laboratory.ledger.ledger import Ledger
+from inclinometry.laboratory.ledger.witness import PRINT, name_others, others, send
+
+
+def key(
+    *,
+    make: Flag = False,
+    public: AlsoWritten = None,
+    rotate: str | None = None,
+    lost: str | None = None,
+    passphrase: Flag = False,
+    json: Json = False,
+) -> None:
+    """The laboratory's key, which signs ledgers and certificates. Kept outside every ledger.
+
+    Parameters
+    ----------
+    make
+        Make a key where there is none; beginning a ledger does so, too.
+    public
+        Write the public key: what others need to check this laboratory's ledgers and certificates.
+    rotate
+        Why: a new key takes the place of the old one, which signs for it.
+    lost
+        How the key was lost: a new one is begun for which nothing signs, and each ledger says so from then on.
+    passphrase
+        Ask for a passphrase to encrypt the key with; an empty one leaves it plain.
+    """
+    if rotate is not None and lost is not None:
+        raise InputError("--rotate and --lost exclude each other; a key that is there is rotated")
+    keys = Keys()
+    if make:
+        keys.make()
+    if rotate is not None:
+        keys.rotate(rotate)
+    if lost is not None:
+        keys.begin_anew(lost)
+    if passphrase:
+        keys.set_passphrase(_new_passphrase())
+    found = keys.public()
+    if found is None:
+        raise InputError(f"there is no key in {keys.folder}; `inclinometry ledger key --make` makes one")
+    if public is not None:
+        from inclinometry.laboratory.certificate.signing import public_bundle
+
+        write_bytes(public_bundle(keys), public)
+    if json:
+        print_public = {"folder": str(keys.folder), "public": found, "fingerprint": fingerprint(found)}
+        output.print_json({**print_public, "changes": keys.changes(), "witnesses": others(keys.folder)})
+        return
+    output.say(f"key {fingerprint(found)} in {keys.folder}")
+    for one in keys.changes():
+        what = "took the place of" if one["action"] == "rotated" else "was begun, lost was"
+        before = fingerprint(one["before"]) if one["before"] else "one that is not known"
+        output.say(f"{one['time'][:10]}: {fingerprint(one['after'])} {what} {before} ({one['reason']})")
+    if public is not None:
+        output.say(f"public key written to {public}")
+
+
+def _new_passphrase() -> str:
+    given = os.environ.get("INCLINOMETRY_NEW_PASSPHRASE")
+    if given is not None:
+        return given
+    if not sys.stdin.isatty():
+        raise InputError(
+            "no terminal to ask on; put the passphrase into the environment as INCLINOMETRY_NEW_PASSPHRASE"
+        )
+    first = getpass.getpass("new passphrase: ")
+    if getpass.getpass("again: ") != first:
+        raise InputError("the two passphrases differ; nothing was changed")
+    return first
+
+
+def head(
+    file: InputOrNone = None,
+    /,
+    *,
+    ledger: LedgerAddress = None,
+    output_: OutputOrNone = None,
+    since: InputOrNone = None,
+    key: InputOrNone = None,
+    json: Json = False,
+) -> int:
+    """The signed head of a ledger; or check the file of one. Exit status 0 sound, 1 not.
+
+    Parameters
+    ----------
+    file
+        A signed head that was exported, to be checked without the ledger.
+    output_
+        Write the signed head, JSON, to give to others.
+    since
+        A signed head from earlier: a proof goes with the new one that the ledger only grew since then; of FILE, that
+        proof is checked.
+    key
+        Public key of the laboratory, to check FILE by.
+    """
+    if file is not None:
+        return _check(file, since, key, json)
+    where = str(default_path()) if ledger is None else ledger
+    output.claim({"--output": output_}, {"--since": since, "--ledger": None if "://" in where else Path(where)})
+    with Ledger(where, read_only=True) as opened:
+        newest = opened.signed_head()
+        if newest is None:
+            raise LedgerError(f"{opened.shown} is not signed; `inclinometry ledger init` begins that")
+        content: dict[str, Any] = {**newest.statement(), "changes": opened.keys.changes()}
+    if since is not None:
+        old, _ = read_head(since)
+        if old.ledger != newest.ledger or old.size > newest.size:
+            raise InputError(f"{since} is head {old.size} of ledger {old.ledger}, this one has {newest}")
+        content["consistency"] = {"from": old.size, "proof": proof_since(where, old.size, newest.size)}
+    if output_ is not None:
+        write_bytes(canonical(content), output_)
+    if json:
+        output.print_json(content)
+    else:
+        output.say(f"head {newest}")
+        output.say(f"signature {newest.signature}")
+    return 0
+
+
+def _check(file: Path, since: Path | None, key: Path | None, json: bool) -> int:
+    found, content = read_head(file)
+    public = None if key is None else read_public(key).keys[0]
+    old = found if since is None else read_head(since)[0]
+    problem = grown(old, found, content, public)
+    if json:
+        output.print_json({"ok": not problem, "problem": problem, "size": found.size, "ledger": found.ledger})
+        return 1 if problem else 0
+    output.say(problem or f"genuine: head {found}")
+    if not problem and since is not None:
+        output.say(f"the ledger of {found.size} records begins with the {old.size} of {old.time[:19]}")
+    if public is None:
+        output.say("no public key was given: compare the fingerprint of the key with the laboratory's")
+    return 1 if problem else 0
+
+
+def status(
+    *numbers: str,
+    ledger: LedgerAddress = None,
+    output_: Output,
+) -> None:
+    """Write how certificates stand, signed, for those who hold a certificate and not the ledger.
+
+    Parameters
+    ----------
+    numbers
+        Of certificates; all when none is given.
+    output_
+        JSON to write: the newest signed head, each certificate issued, void or superseded, proofs that they are in it.
+    """
+    from inclinometry.laboratory.certificate.status import make_status
+
+    where = str(default_path()) if ledger is None else ledger
+    output.claim({"--output": output_}, {"--ledger": None if "://" in where else Path(where)})
+    with Ledger(where, read_only=True) as opened:
+        made = make_status(opened, numbers)
+    write_bytes(canonical(made), output_)
+    states = [one["state"] for one in made["certificates"]]
+    listed = ", ".join(
+        f"{states.count(state)} {state}" for state in ("issued", "void", "superseded") if state in states
+    )
+    output.say(f"{output.counted(len(states), 'certificate')} as of record {made['head']['size']}: {listed or 'none'}")
+    output.say(f"written to {output_}")
+
+
+def witness(
+    place: str | None = None,
+    /,
+    *,
+    ledger: LedgerAddress = None,
+    remove: Flag = False,
+    serve: Path | None = None,
+    host: str = "127.0.0.1",
+    port: int = 7100,
+    key: InputOrNone = None,
+) -> None:
+    """Where signed heads are kept beside this computer; or be such a place for others. Ctrl-C ends it.
+
+    Parameters
+    ----------
+    place
+        A folder, http://host:port of a witness, another ledger, or "print": from now on every new head goes there, and
+        `ledger verify` asks it. Without it they are listed.
+    remove
+        Take the place off the list; what it keeps stays there.
+    serve
+        Folder to keep the heads of others in: be a witness over HTTP.
+    host
+        Address to listen at.
+    port
+        Port to listen at; 0 chooses a free one.
+    key
+        Keep heads of this public key only; without it the first head of each ledger says whose they are.
+    """
+    if serve is not None:
+        _serve(serve, host, port, key)
+        return
+    keys = Keys()
+    named = others(keys.folder)
+    if place is not None and remove:
+        if place not in named:
+            raise InputError(f"{place!r} is not on the list: {', '.join(named) or 'there are none'}")
+        name_others(keys.folder, [one for one in named if one != place])
+    elif place is not None:
+        absolute = place if place == PRINT or "://" in place else str(Path(place).resolve())
+        where = str(default_path()) if ledger is None else ledger
+        with Ledger(where, read_only=True) as opened:
+            newest = opened.signed_head()
+        if newest is not None:  # a place that cannot be used is not written down
+            send(absolute, newest, where, keys.folder)
+        if absolute not in named:
+            name_others(keys.folder, [*named, absolute])
+    output.say(f"{keys.folder / 'heads'} (this computer)")
+    for one in others(keys.folder):
+        output.say(shown(one))
+
+
+def _serve(folder: Path, host: str, port: int, key: Path | None) -> None:
+    from inclinometry.laboratory.commands.bench import ending_well
+    from inclinometry.laboratory.ledger.witness_server import server
+
+    public = None if key is None else read_public(key).keys[0]
+    if not 0 <= port <= 65535:
+        raise InputError(f"--port is {port}; allowed 0 to 65535")
+    try:
+        made = server(folder, host, port, public, lambda text: output.warnings([f"{datetime.now(UTC):%F %T} {text}"]))
+    except OSError as error:
+        raise InputError(f"cannot be a witness at {host} port {port} ({error.strerror or error})") from None
+    with made, ending_well():
+        output.say(f"witness at http://{host}:{made.server_address[1]} keeps heads in {folder} (Ctrl-C ends it)")
+        made.serve_forever()

@@ -1,0 +1,276 @@
+"""Signed heads: the laboratory's key says how many records there are and what they all were, at each step."""
+
+from __future__ import annotations
+
+import uuid
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from sqlalchemy import func, inspect, select
+from sqlalchemy.engine import Connection
+
+from inclinometry.errors import FileError
+from inclinometry.files.json_codec import load
+from inclinometry.laboratory.ledger import chain
+from inclinometry.laboratory.ledger.engine import CHAIN, HEAD, Draft, LedgerError
+from inclinometry.laboratory.ledger.keys import (
+    Keys,
+    SigningKey,
+    descends,
+    explained,
+    fingerprint,
+    genuine,
+    right,
+    signed_bytes,
+)
+from inclinometry.laboratory.ledger.merkle import SIZE, Frontier, Tree, consistent, leaf_hash
+
+SCHEMA: Final = "inclinometry/ledger-head"
+KEY_EVENT: Final = {"subject_kind": "ledger", "subject": "key"}
+"""Keys of the event that records how a key was rotated or lost; its action says which."""
+ACCEPTED: Final = {"subject_kind": "ledger", "subject": "head", "action": "accepted"}
+"""Keys of the event by which somebody answers for what verification found, in words, and goes on."""
+_SPARSE: Final = 256  # records between two rows that keep the peaks: so many are read again when a program starts
+
+
+@dataclass(frozen=True)
+class SignedHead:
+    """What a key says of a ledger.
+
+    ledger : the ledger's own name, 32 hexadecimal digits, given when it was begun.
+    size, root : of the tree of RFC 6962 over its records.
+    link : the last link of the hash chain, as before.
+    time : UTC. key : public key. signature : base64, over everything else.
+    """
+
+    ledger: str
+    size: int
+    root: str
+    link: str
+    time: str
+    key: str
+    signature: str
+
+    def statement(self) -> dict[str, Any]:
+        """As it is stored, sent and printed."""
+        return {"schema": SCHEMA, "version": 1, **vars(self)}
+
+    def genuine(self) -> bool:
+        """Whether the signature is that of the key."""
+        return right(self.key, self.signature, signed_bytes(self.statement()))
+
+    def __str__(self) -> str:
+        return f"{self.size} of {self.time} (ledger {self.ledger}, root {self.root}, key {fingerprint(self.key)})"
+
+
+def parse_signed(content: object, where: str | Path) -> SignedHead:
+    """A signed head from its JSON content, of right shape; its signature is not looked at.
+
+    Raises
+    ------
+    FileError
+    """
+    said = content if isinstance(content, Mapping) else {}
+    texts: dict[str, Any] = {name: said.get(name) for name in ("ledger", "root", "link", "time", "key", "signature")}
+    size = said.get("size")
+    lengths = {"ledger": 32, "root": 64, "link": 64, "key": 64}
+    digits = set("0123456789abcdef")
+    fits = all(isinstance(one, str) and len(one) <= 200 for one in texts.values()) and all(
+        len(texts[name]) == length and set(texts[name]) <= digits for name, length in lengths.items()
+    )
+    if said.get("schema") != SCHEMA or said.get("version") != 1 or type(size) is not int or size < 0 or not fits:
+        raise FileError(
+            "not the signed head of a ledger; the file that `inclinometry ledger head -o` writes", path=where
+        )
+    return SignedHead(size=size, **texts)
+
+
+def signed_by(key: SigningKey, ledger: str, head: chain.Head, root: bytes, time: str) -> SignedHead:
+    """A head signed."""
+    content = {
+        "schema": SCHEMA, "version": 1, "ledger": ledger, "size": head.seq, "root": root.hex(), "link": head.link,
+        "time": time,
+    }  # fmt: skip
+    whole = key.statement(content)
+    return SignedHead(ledger, head.seq, root.hex(), head.link, time, key.public, whole["signature"])
+
+
+def head_of(row: Any) -> SignedHead:
+    """The signed head of a row of its table."""
+    return SignedHead(row.ledger, row.seq, row.root, row.link, row.created, row.key, row.signature)
+
+
+def newest_head(connection: Connection) -> SignedHead | None:
+    """The last signed head; None in a ledger that is not signed."""
+    if not inspect(connection).has_table("head"):
+        return None
+    row = connection.execute(select(HEAD).order_by(HEAD.c.place.desc()).limit(1)).first()
+    return None if row is None else head_of(row)
+
+
+def leaves(connection: Connection, after: int, until: int) -> Iterable[bytes]:
+    """Hashes of the leaves of the records beyond `after`, up to `until`, as the chain has them."""
+    query = select(CHAIN).where((CHAIN.c.seq > after) & (CHAIN.c.seq <= until)).order_by(CHAIN.c.seq)
+    for row in connection.execute(query, execution_options={"yield_per": 500}):
+        yield leaf_hash(chain.leaf(row.seq, row.kind, row.record, row.created, row.digest))
+
+
+class Sealing:
+    """The signing of one ledger's heads: the tree as far as it is known, and the keys.
+
+    Parameters
+    ----------
+    keys : Keys
+    where : str
+        The ledger, for messages.
+    """
+
+    def __init__(self, keys: Keys, where: str) -> None:
+        self.keys = keys
+        self._where = where
+        self._tree = Frontier()
+        self._peaks_at = 0
+        self._signed = False
+
+    def begin(self, connection: Connection, head: chain.Head, time: str) -> SignedHead:
+        """The first signed head of a ledger; all records it has are covered by it."""
+        self._tree = Frontier()
+        self._tree.extend(leaves(connection, 0, head.seq))
+        return self._write(connection, uuid.uuid4().hex, head, time)
+
+    def before(self, connection: Connection, head: chain.Head) -> tuple[str, list[Draft]]:
+        """Before something is recorded: the ledger's name ("" when it is not signed), what is to be recorded first.
+
+        Raises
+        ------
+        LedgerError
+            Records that no head speaks of, a head that the laboratory's key did not sign, no key: whoever signs now
+            would answer for what somebody else has done.
+        """
+        if not self._signed:
+            self._signed = inspect(connection).has_table("head")
+        newest = None
+        if self._signed:
+            row = connection.execute(select(HEAD).order_by(HEAD.c.place.desc()).limit(1)).first()
+            newest = None if row is None else head_of(row)
+        if newest is None:
+            return "", []
+        if not self.keys.there:
+            raise LedgerError(
+                f"{self._where} is signed by the key {fingerprint(newest.key)}, which is not in {self.keys.folder}; "
+                "nothing was recorded: bring the key there, or if it is lost begin a new one with "
+                "`inclinometry ledger key --lost REASON`"
+            )
+        if (head.seq, head.link) != (newest.size, newest.link) or not newest.genuine():
+            raise self._doubt(f"its last record is {head.seq}, its last signed head {newest.size}")
+        key = self.keys.signing()
+        changes = explained(newest.key, key.public, self.keys.changes())
+        if changes is None:
+            raise LedgerError(
+                f"{self._where} is signed by the key {fingerprint(newest.key)}, the one in {self.keys.folder} is "
+                f"{fingerprint(key.public)}; nothing was recorded: bring the right key there, or state with "
+                "`inclinometry ledger init --accept REASON` that the ledger goes on with this one"
+            )
+        if (self._tree.size, self._tree.root().hex()) != (newest.size, newest.root):
+            self._load(connection, newest)
+        about = [(one["action"], one) for one in changes]
+        return newest.ledger, [Draft("event", {**KEY_EVENT, "action": done}, {"details": dict(d)}) for done, d in about]
+
+    def after(
+        self, connection: Connection, ledger: str, added: Sequence[bytes], head: chain.Head, time: str
+    ) -> SignedHead:
+        """The head signed after records were written; `added` are the hashes of their leaves."""
+        self._tree.extend(added)
+        return self._write(connection, ledger, head, time)
+
+    def resume(self, connection: Connection, head: chain.Head) -> str:
+        """The ledger's name, its tree worked out anew from whatever the chain holds; for who answers for that."""
+        newest = newest_head(connection)
+        self._tree = Frontier()
+        self._tree.extend(leaves(connection, 0, head.seq))
+        self._peaks_at = head.seq
+        return "" if newest is None else newest.ledger
+
+    def _load(self, connection: Connection, newest: SignedHead) -> None:
+        kept = select(HEAD).where(HEAD.c.frontier.is_not(None)).order_by(HEAD.c.place.desc()).limit(1)
+        row = connection.execute(kept).first()
+        tree = Frontier()
+        if row is not None:
+            text = row.frontier
+            peaks = [bytes.fromhex(text[at : at + 2 * SIZE]) for at in range(0, len(text), 2 * SIZE)]
+            tree = Frontier(row.seq, peaks)
+        self._peaks_at = tree.size
+        tree.extend(leaves(connection, tree.size, newest.size))
+        # what was read is what was signed, or nothing is built upon it
+        if tree.root().hex() != newest.root:
+            raise self._doubt(f"its records are not those that head {newest.size} was signed for")
+        self._tree = tree
+
+    def _write(self, connection: Connection, ledger: str, head: chain.Head, time: str) -> SignedHead:
+        made = signed_by(self.keys.make(), ledger, head, self._tree.root(), time)
+        peaks = None
+        if head.seq - self._peaks_at >= _SPARSE:
+            peaks, self._peaks_at = b"".join(self._tree.peaks).hex(), head.seq
+        row = vars(made).copy()
+        last = connection.execute(select(func.max(HEAD.c.place))).scalar() or 0
+        row |= {"place": last + 1, "seq": row.pop("size"), "created": row.pop("time"), "frontier": peaks}
+        connection.execute(HEAD.insert(), row)
+        return made
+
+    def _doubt(self, said: str) -> LedgerError:
+        return LedgerError(
+            f"{self._where} was changed behind its back ({said}): nothing was recorded; run `inclinometry ledger "
+            "verify`, and when it is known what happened, state it with `inclinometry ledger init --accept REASON`"
+        )
+
+
+# Heads as files: what somebody who does not hold the ledger can check.
+
+
+def read_head(path: str | Path) -> tuple[SignedHead, dict[str, Any]]:
+    """A signed head from its file, with the whole content, where a proof of consistency may be.
+
+    Raises
+    ------
+    FileError
+        Not a signed head, or one that its key did not sign.
+    """
+    content = load(path)
+    found = parse_signed(content, path)
+    if not found.genuine():
+        raise FileError("its signature is not that of its key: the head was changed or forged", path=path)
+    return found, content
+
+
+def grown(old: SignedHead, new: SignedHead, content: Mapping[str, Any], public: str | None) -> str:
+    """What is wrong between an old head and a new one with its proof; "" when the ledger only grew."""
+    if old.ledger != new.ledger:
+        return f"they are of two ledgers, {old.ledger} and {new.ledger}"
+    changes = [one for one in content.get("changes", []) if isinstance(one, dict) and genuine(one)]
+    if not descends(new.key, public or old.key, changes):
+        known = fingerprint(public or old.key)
+        return f"the new head is signed by the key {fingerprint(new.key)}, for which {known} did not sign"
+    proof = content.get("consistency", {})
+    try:
+        if old.size == new.size:
+            hashes: list[bytes] = []
+        elif proof["from"] != old.size:
+            return f"its proof is from record {proof['from']}, not from {old.size}"
+        else:
+            hashes = [bytes.fromhex(one) for one in proof["proof"]]
+    except (KeyError, TypeError, ValueError):
+        return f"it carries no proof from record {old.size} on; make one with `inclinometry ledger head --since`"
+    if consistent(old.size, new.size, bytes.fromhex(old.root), bytes.fromhex(new.root), hashes):
+        return ""
+    return f"the ledger of {new.size} records does not begin with the {old.size} signed before: cut or rewritten"
+
+
+def proof_since(where: str, first: int, second: int) -> list[str]:
+    """Hashes that prove that the first `second` records of a ledger begin with its first `first` ones."""
+    from inclinometry.laboratory.ledger.ledger import Ledger
+
+    with Ledger(where, read_only=True) as ledger, ledger.snapshot() as connection:
+        tree = Tree(leaves(connection, 0, second))
+    return [one.hex() for one in tree.consistency(first, second)]

@@ -1,0 +1,277 @@
+"""The signed heads of a ledger, those in it and those that witnesses keep, against the records as they are."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from sqlalchemy import select
+from sqlalchemy.engine import Connection
+
+from inclinometry.errors import InputError
+from inclinometry.laboratory.ledger import chain
+from inclinometry.laboratory.ledger.engine import HEAD
+from inclinometry.laboratory.ledger.heads import ACCEPTED, KEY_EVENT, SignedHead, head_of, newest_head
+from inclinometry.laboratory.ledger.keys import descends, explained, fingerprint, genuine
+from inclinometry.laboratory.ledger.ledger import Ledger
+from inclinometry.laboratory.ledger.merkle import Frontier, leaf_hash
+from inclinometry.laboratory.ledger.witness import Witnessed, begun_at, place_of, witnessed
+
+
+@dataclass(frozen=True)
+class Fault:
+    """One thing that is wrong: table, row (its place and id), and in words what happened to it."""
+
+    table: str
+    row: str
+    problem: str
+
+    def __str__(self) -> str:
+        return f"{self.table} {self.row}: {self.problem}"
+
+
+def asked(ledger: Ledger) -> tuple[str, list[Witnessed], list[str]]:
+    """The ledger last seen in this place, what the witnesses keep of the one that is there, who cannot be asked."""
+    newest = ledger.signed_head()
+    try:
+        here = begun_at(ledger.keys.folder, place_of(ledger.where))
+    except OSError as error:
+        return "", [], [f"the witness in {ledger.keys.folder} cannot be asked ({error.strerror})"]
+    name = here if newest is None else newest.ledger
+    kept, silent = witnessed(ledger.keys.folder, name) if name else ([], [])
+    return here, kept, silent
+
+
+def _public(ledger: Ledger) -> tuple[str, ...]:
+    try:
+        now = ledger.keys.public()
+        return () if now is None else (now, *ledger.keys.former())
+    except (InputError, OSError):  # the folder of another user
+        return ()
+
+
+class Signatures:
+    """Along the chain with its tree, comparing each signed head with the root of the records it speaks of.
+
+    Parameters
+    ----------
+    connection : Connection
+    ledger : Ledger
+    public : sequence of str
+        The laboratory's keys, the one of now first; those of this computer when empty.
+    here : str
+        The ledger that was last seen in this place.
+    kept : list of Witnessed
+    silent : list of str
+        Sentences about witnesses that cannot be asked.
+    """
+
+    def __init__(
+        self,
+        connection: Connection,
+        ledger: Ledger,
+        public: Sequence[str],
+        here: str,
+        kept: list[Witnessed],
+        silent: list[str],
+    ) -> None:
+        self.newest = newest_head(connection)
+        self._given, self._here = tuple(public), here
+        self._wanted = self._given or _public(ledger)
+        self._place = place_of(ledger.where)
+        self._kept, self._notes = kept, list(silent)
+        self._tree = Frontier()
+        self._link = chain.GENESIS
+        self._own_heads = self._stored(connection) if self.newest else iter(())
+        self._next = next(self._own_heads, None)
+        readable = [(one.head, one.witness, one.place) for one in kept if one.head is not None]
+        self._outside = sorted(readable, key=lambda kept: kept[0].size)
+        self._at = 0
+        # of what contradicts the records: time of the head, and the fault; somebody may have answered for it
+        self._doubts: list[tuple[str, Fault]] = []
+        self._agreed: dict[str, int] = {}
+        self._elsewhere: dict[str, int] = {}
+        self._changes: list[dict[str, Any]] = []
+        self._accepted: list[tuple[str, str, str]] = []
+        self._keys = self._successive(connection) if self.newest else []
+        self._compare(0)
+
+    @staticmethod
+    def _stored(connection: Connection) -> Iterator[SignedHead]:
+        last = (-1, -1)
+        while True:
+            beyond = (HEAD.c.seq > last[0]) | ((HEAD.c.seq == last[0]) & (HEAD.c.place > last[1]))
+            rows = connection.execute(select(HEAD).where(beyond).order_by(HEAD.c.seq, HEAD.c.place).limit(500)).all()
+            if not rows:
+                return
+            yield from map(head_of, rows)
+            last = (rows[-1].seq, rows[-1].place)
+
+    @staticmethod
+    def _successive(connection: Connection) -> list[tuple[str, int, str]]:
+        """Each key with the first head that it signed: (key, size, time)."""
+        found: list[tuple[str, int, str]] = []
+        query = select(HEAD.c.key, HEAD.c.seq, HEAD.c.created).order_by(HEAD.c.place)
+        for row in connection.execute(query, execution_options={"yield_per": 500}):
+            if not found or found[-1][0] != row.key:
+                found.append((row.key, row.seq, row.created))
+        return found
+
+    def step(self, link: Any, row: Any) -> None:
+        """One link further."""
+        try:
+            text = chain.leaf(link.seq, link.kind, link.record, link.created, link.digest)
+        except (TypeError, UnicodeEncodeError):  # bytes in a text's place, broken UTF-8: a fault of its own
+            text = b""
+        self._tree.extend([leaf_hash(text)])
+        self._link = str(link.link)
+        if link.kind == "event" and row is not None and row.subject_kind == "ledger":
+            self._event(row)
+        self._compare(link.seq)
+
+    def _event(self, row: Any) -> None:
+        try:
+            body = json.loads(row.body)
+            details, reason = body.get("details", {}), str(body.get("reason", ""))
+        except (ValueError, TypeError, AttributeError, RecursionError):
+            return
+        if row.subject == KEY_EVENT["subject"] and isinstance(details, dict) and genuine(details):
+            self._changes.append(details)
+        if (row.subject, row.action) == (ACCEPTED["subject"], ACCEPTED["action"]):
+            self._accepted.append((str(row.created), str(row.author), reason))
+
+    def _compare(self, seq: int) -> None:
+        """Every head that speaks of the records up to this one."""
+        while self._next is not None and self._next.size <= seq:
+            self._judge(self._next, "", self._place, seq)
+            self._next = next(self._own_heads, None)
+        while self._at < len(self._outside) and self._outside[self._at][0].size <= seq:
+            self._judge(*self._outside[self._at], seq)
+            self._at += 1
+
+    def _judge(self, head: SignedHead, witness: str, place: str, seq: int) -> None:
+        where = f"{head.size} ({head.time[:19]})"
+        kept = f", kept by {witness}," if witness else ""
+        if not head.genuine():
+            said = f"its signature{kept} is not that of the key {fingerprint(head.key)}: changed or forged"
+            self._doubts.append(("9999", Fault("head", where, said)))
+        elif self.newest is not None and head.ledger != self.newest.ledger:
+            self._doubts.append((head.time, Fault("head", where, f"is of another ledger ({head.ledger})")))
+        elif head.size != seq or (self._tree.root().hex(), self._link) != (head.root, head.link):
+            said = (
+                f"the records up to here are not those that were signed{kept or ' then'}: rewritten, or an older copy"
+            )
+            self._doubt(head, place, Fault("head", where, said))
+        elif witness:
+            self._agreed[witness] = max(self._agreed.get(witness, 0), head.size)
+
+    def _doubt(self, head: SignedHead, place: str, fault: Fault) -> None:
+        """A contradiction; of a head that was signed for a copy in another place it is none of this one's."""
+        if place == self._place:
+            self._doubts.append((head.time, fault))
+        else:
+            self._elsewhere[place] = max(self._elsewhere.get(place, 0), head.size)
+
+    def end(self, seq: int) -> tuple[list[Fault], list[str]]:
+        """Faults and notes when the last record, `seq`, is passed."""
+        while self._next is not None:
+            self._lost(self._next, "", self._place, seq)
+            self._next = next(self._own_heads, None)
+        for head, witness, place in self._outside[self._at :]:
+            self._lost(head, witness, place, seq)
+        faults = [
+            Fault("head", "-", f"a line that {one.witness} keeps is not readable")
+            for one in self._kept
+            if one.head is None
+        ]
+        faults += self._whole(seq)
+        said = max(self._accepted, default=("", "", ""))
+        first: dict[str, Fault] = {}
+        excused = 0
+        for time, fault in self._doubts:
+            if time <= said[0]:
+                excused += 1
+            elif fault.table == "chain":  # of records that are gone the last one says all
+                first[fault.problem] = fault
+            else:  # what follows from the first need not be said a thousand times
+                first.setdefault(fault.problem, fault)
+        faults += first.values()
+        for time, author, reason in self._accepted:
+            self._notes.append(f"accepted on {time[:19]} by {author}: {reason}")
+        if excused:
+            self._notes.append(f"{excused} signed heads from before that contradict the records")
+        for place, size in self._elsewhere.items():
+            self._notes.append(f"this is a copy: the ledger in {place} goes on to record {size} or went on otherwise")
+        faults += self._of_keys(said[0])
+        return faults, [*self._signed(), *self._notes]
+
+    def _lost(self, head: SignedHead, witness: str, place: str, seq: int) -> None:
+        by = f"kept by {witness}" if witness else "in it"
+        if not head.genuine():
+            said = f"the head {by} is forged: its key did not sign it"
+            self._doubts.append(("9999", Fault("head", str(head.size), said)))
+            return
+        lost = f"{seq + 1} to {head.size}" if head.size > seq + 1 else f"{head.size}"
+        self._doubt(head, place, Fault("chain", lost, f"removed: the ledger ends before the signed head {by}"))
+
+    def _whole(self, seq: int) -> Iterator[Fault]:
+        """Faults of a ledger whose end is not signed, or that is not the one that was here."""
+        if self.newest is None:
+            if self._here:
+                yield Fault("head", "-", "the ledger that was begun in this place is signed, and this one is not")
+            return
+        if self._here and self._here != self.newest.ledger:
+            yield Fault("head", "-", f"another ledger ({self._here}) was begun in this place than stands here now")
+        if self.newest.size < seq:
+            lost = f"{self.newest.size + 1} to {seq}" if seq > self.newest.size + 1 else f"{seq}"
+            yield Fault(
+                "chain", lost, "not signed: recorded by something else than this program with the laboratory's key"
+            )
+
+    def _of_keys(self, accepted: str) -> Iterator[Fault]:
+        """Faults of the keys: one that followed another without a word, or that is not the laboratory's."""
+        for (before, _, _), (after, size, time) in zip(self._keys, self._keys[1:], strict=False):
+            path = explained(before, after, self._changes)
+            for one in path or ():
+                old, new = fingerprint(before), fingerprint(str(one["after"]))
+                if one["action"] == "rotated" and one["key"] == one["before"]:
+                    self._notes.append(f"from record {size} on the key is {new}; {old} signed for it")
+                else:
+                    self._notes.append(
+                        f"break: from record {size} on the key is {new}, for which the one before did not sign; "
+                        f"said to be lost: {one['reason']}"
+                    )
+            if path is None and time <= accepted:
+                self._notes.append(
+                    f"break: from record {size} on the key is {fingerprint(after)}, accepted by a person"
+                )
+            elif path is None:
+                said = f"signed by {fingerprint(after)}, for which the key before did not sign"
+                yield Fault("head", f"{size} ({time[:19]})", said)
+        if self.newest is None:
+            return
+        if not self._wanted or self._known():
+            return
+        # another laboratory's ledger is looked at on a computer that has a key of its own
+        if self._given or self._here or self._kept:
+            wanted = fingerprint(self._wanted[0])
+            said = f"signed by the key {fingerprint(self.newest.key)}, not by the laboratory's, {wanted}"
+            yield Fault("head", str(self.newest.size), said)
+
+    def _known(self) -> bool:
+        """Whether the last head is signed by a key of the laboratory, or by one that such a key signed for."""
+        return self.newest is not None and any(descends(self.newest.key, one, self._changes) for one in self._wanted)
+
+    def _signed(self) -> Iterator[str]:
+        """Sentences: who signed what, which witnesses agree."""
+        if self.newest is None:
+            yield "not signed: whoever can write to it can rewrite it; `inclinometry ledger init` begins to sign"
+            return
+        whose = "the laboratory's" if self._known() else "compare it with the laboratory's"
+        yield f"signed up to record {self.newest.size} by the key {fingerprint(self.newest.key)} ({whose})"
+        for witness, size in self._agreed.items():
+            yield f"witness {witness}: agrees up to record {size}"
+        if not self._agreed:
+            yield "no witness of its heads is known here: a cut tail or an older copy would go unnoticed"

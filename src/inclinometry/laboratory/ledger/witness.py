@@ -1,0 +1,269 @@
+"""Witnesses: places outside the ledger where its signed heads are kept, so that a cut tail or an old copy is found.
+
+The first is a file beside the keys of this computer, one for each ledger. Others are named in witnesses.txt: a folder,
+a witness of ours that answers HTTP, another ledger, "print". They are served in the background, the newest head first:
+a place that does not answer holds up no capture, and the next head tells it all that the earlier ones would have.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import threading
+import urllib.error
+import urllib.request
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Final, NamedTuple
+
+from inclinometry.errors import FileError, InclinometryError, InputError
+from inclinometry.laboratory.ledger.chain import compact
+from inclinometry.laboratory.ledger.engine import LedgerError, shown
+from inclinometry.laboratory.ledger.heads import SignedHead, parse_signed
+
+PRINT: Final = "print"
+PATIENCE: Final = 5.0
+"""Seconds that a witness over HTTP may take, and that the end of a program waits for one."""
+_LONGEST: Final = 10_000_000
+
+
+def place_of(where: str | Path) -> str:
+    """A ledger's place as a witness notes it: an address without its password, or the whole path."""
+    text = str(where)
+    return shown(text) if "://" in text else str(Path(text).resolve())
+
+
+class Witnessed(NamedTuple):
+    """A head that a witness keeps: by whom, of which place, None where it is not readable as one."""
+
+    witness: str
+    place: str
+    head: SignedHead | None
+
+
+class Witnesses:
+    """The witnesses of one ledger.
+
+    Parameters
+    ----------
+    folder : Path
+        Of the keys.
+    where : str
+        The ledger.
+    alone : bool
+        Tell the file of this computer only.
+    """
+
+    def __init__(self, folder: Path, where: str, *, alone: bool = False) -> None:
+        self._folder, self._where = folder, where
+        self._others: list[str] | None = [] if alone else None
+        self._waiting: SignedHead | None = None
+        self._turn = threading.Condition()
+        self._thread: threading.Thread | None = None
+        self._ended = False
+
+    def publish(self, head: SignedHead) -> None:
+        """Tell every witness of a head; the file of this computer at once, the others in the background."""
+        try:
+            (self._folder / "heads").mkdir(parents=True, exist_ok=True, mode=0o700)
+            keep(self._folder / "heads", head, place_of(self._where))
+        except (LedgerError, OSError) as error:
+            _warn(str(error))
+        if self._others is None:
+            self._others = others(self._folder)
+        if not self._others:
+            return
+        with self._turn:
+            self._waiting = head
+            self._turn.notify()
+            if self._thread is None:
+                self._thread = threading.Thread(target=self._serve, name="witnesses", daemon=True)
+                self._thread.start()
+
+    def close(self) -> None:
+        """Wait, but not long, until the newest head is where it should be."""
+        if self._thread is None:
+            return
+        with self._turn:
+            self._ended = True
+            self._turn.notify()
+        self._thread.join(PATIENCE)
+        self._thread, self._ended = None, False
+
+    def _serve(self) -> None:
+        while True:
+            with self._turn:
+                self._turn.wait_for(lambda: self._waiting is not None or self._ended)
+                head, self._waiting = self._waiting, None
+            if head is None:
+                return
+            for one in self._others or []:
+                try:
+                    send(one, head, self._where, self._folder)
+                except (InclinometryError, OSError) as error:
+                    _warn(f"the witness {shown(one)} was not told of head {head.size}: {error}")
+
+
+def others(folder: Path) -> list[str]:
+    """The witnesses beside the file of this computer, as witnesses.txt names them."""
+    try:
+        lines = (folder / "witnesses.txt").read_text("utf-8").splitlines()
+    except FileNotFoundError:
+        return []
+    except (OSError, UnicodeDecodeError) as error:
+        raise LedgerError(f"{folder / 'witnesses.txt'} cannot be read ({error}); restore it or remove it") from None
+    return [line.strip() for line in lines if line.strip()]
+
+
+def name_others(folder: Path, places: list[str]) -> None:
+    """Write which witnesses there are beside the file of this computer."""
+    from inclinometry.files.writing import write_bytes
+
+    folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+    write_bytes("".join(f"{place}\n" for place in places).encode(), folder / "witnesses.txt")
+
+
+def keep(folder: Path, head: SignedHead, place: str) -> None:
+    """Append a head to the file of its ledger in a folder that is there: none is made where a disk is not mounted."""
+    line = compact({**head.statement(), "where": place}) + "\n"
+    try:
+        with (folder / f"{head.ledger}.jsonl").open("ab", buffering=0) as stream:  # one write: lines never mix
+            stream.write(line.encode())
+    except OSError as error:
+        raise LedgerError(
+            f"the signed head of record {head.size} could not be written to {folder} ({error.strerror}); free some "
+            "space there or check its permissions"
+        ) from None
+
+
+def _warn(sentence: str) -> None:
+    """The record is kept, and verification says what a witness lacks: nobody is held up."""
+    sys.stderr.write(f"warning: {sentence}\n")
+
+
+def send(witness: str, head: SignedHead, where: str, folder: Path) -> None:
+    """Tell one witness of a head of the ledger `where`; `folder` is that of the keys."""
+    place = place_of(where)
+    if witness == PRINT:
+        print(f"head {compact(head.statement())}", flush=True)  # noqa: T201
+    elif witness.startswith(("http://", "https://")):
+        try:
+            _post(witness, head, where, folder)
+        except OSError as error:
+            reason = getattr(error, "reason", None) or error
+            raise LedgerError(f"the witness {witness} does not answer ({reason}); check its address") from None
+    elif _is_ledger(witness):
+        _record(witness, head, place, folder)
+    else:
+        keep(Path(witness), head, place)
+
+
+def _is_ledger(witness: str) -> bool:
+    return "://" in witness or Path(witness).is_file()
+
+
+def _record(witness: str, head: SignedHead, place: str, folder: Path) -> None:
+    """A head as an event of another ledger, which signs it in its turn and tells its own witness of it."""
+    from inclinometry.laboratory.ledger.keys import Keys
+    from inclinometry.laboratory.ledger.ledger import Ledger
+
+    if place_of(witness) == place:
+        return  # a ledger is no witness of its own
+    keys = {"subject_kind": "ledger", "subject": head.ledger, "action": "head"}
+    with Ledger(witness, keys=Keys(folder), alone=True) as ledger:
+        ledger.append("event", keys, {"details": {**head.statement(), "where": place}}, author="witness")
+
+
+def _post(witness: str, head: SignedHead, where: str, folder: Path) -> None:
+    """POST a head to a witness of ours, with what proves that the ledger only grew since the one it has."""
+    from inclinometry.laboratory.ledger.heads import proof_since
+    from inclinometry.laboratory.ledger.keys import Keys
+
+    known = [one.head for one in _fetched(witness, head.ledger) if one.head is not None]
+    old = max((one.size for one in known if one.size <= head.size), default=0)
+    proof = proof_since(where, old, head.size) if 0 < old < head.size else []
+    body = {
+        "head": head.statement(),
+        "where": place_of(where),
+        "from": old,
+        "proof": proof,
+        "changes": Keys(folder).changes(),
+    }
+    request = urllib.request.Request(
+        f"{witness.rstrip('/')}/heads", compact(body).encode(), {"content-type": "application/json"}
+    )
+    try:
+        with urllib.request.urlopen(request, timeout=PATIENCE):
+            pass
+    except urllib.error.HTTPError as error:
+        raise LedgerError(f"it refuses: {error.read(1000).decode(errors='replace')}") from None
+
+
+def _fetched(witness: str, ledger: str) -> Iterator[Witnessed]:
+    try:
+        with urllib.request.urlopen(f"{witness.rstrip('/')}/heads/{ledger}", timeout=PATIENCE) as answer:
+            yield from _lines(answer.read(_LONGEST).decode(), witness)
+    except urllib.error.HTTPError as error:
+        if error.code != 404:
+            raise
+    except UnicodeDecodeError:
+        raise LedgerError(f"{witness} does not answer as a witness does") from None
+
+
+def _lines(text: str, witness: str) -> Iterator[Witnessed]:
+    for line in text.splitlines():
+        try:
+            content = json.loads(line)
+            place = str(content.get("where", "")) if isinstance(content, dict) else ""
+            yield Witnessed(witness, place, parse_signed(content, witness))
+        except (ValueError, FileError, RecursionError):
+            yield Witnessed(witness, "", None)
+
+
+def begun_at(folder: Path, place: str) -> str:
+    """The ledger that was last begun or written at a place, by the file of this computer; "" when none was."""
+    found: tuple[str, str] = ("", "")
+    for path in (folder / "heads").glob("*.jsonl"):
+        with path.open("rb") as stream:
+            first = stream.readline(_LONGEST)
+            stream.seek(max(0, path.stat().st_size - 4096))
+            tail = stream.read().splitlines()
+        for line in (first, *tail[-1:]):
+            for one in _lines(line.decode(errors="replace"), str(path)):
+                if one.head is not None and one.place == place:
+                    found = max(found, (one.head.time, one.head.ledger))
+    return found[1]
+
+
+def witnessed(folder: Path, ledger: str) -> tuple[list[Witnessed], list[str]]:
+    """All heads of a ledger that the witnesses keep, and sentences about those that could not be asked."""
+    found: list[Witnessed] = []
+    silent: list[str] = []
+    for one in [str(folder / "heads"), *others(folder)]:
+        kept: list[Witnessed] = []
+        try:
+            if one.startswith(("http://", "https://")):
+                kept = [*_fetched(one, ledger)]
+            elif one != PRINT and _is_ledger(one):
+                kept = [*_recorded(one, ledger)]
+            elif one != PRINT:
+                path = Path(one) / f"{ledger}.jsonl"
+                kept = [*_lines(path.read_text("utf-8", errors="replace"), one)] if path.is_file() else []
+            if not kept and one != PRINT and one != str(folder / "heads"):
+                silent.append(f"the witness {shown(one)} keeps no head of this ledger")
+            found += kept
+        except (OSError, InputError) as error:
+            reason = getattr(error, "reason", None) or getattr(error, "strerror", None) or error
+            silent.append(f"the witness {shown(one)} cannot be asked ({reason})")
+    return found, silent
+
+
+def _recorded(witness: str, ledger: str) -> Iterator[Witnessed]:
+    from inclinometry.laboratory.ledger.ledger import Ledger
+
+    with Ledger(witness, read_only=True) as opened:
+        after = 0
+        while rows := opened.find("event", after=after, subject_kind="ledger", subject=ledger, action="head"):
+            for row in rows:
+                yield from _lines(compact(row.body.get("details", {})), shown(witness))
+            after = rows[-1].seq

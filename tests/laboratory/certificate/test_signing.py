@@ -1,0 +1,261 @@
+"""A certificate proven by the laboratory's public key alone, file by file; one byte changed is one too many."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import subprocess
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from cryptography import x509
+from cryptography.hazmat.primitives import hashes, serialization
+from cryptography.hazmat.primitives.asymmetric import ec
+from lxml import etree
+
+from inclinometry.digest import digest_bytes
+from inclinometry.errors import FileError
+from inclinometry.laboratory.certificate.dcc import dcc_bytes, read_dcc
+from inclinometry.laboratory.certificate.pdf import certificate_pdf
+from inclinometry.laboratory.certificate.record import record_bytes, record_digest
+from inclinometry.laboratory.certificate.signing import (
+    Signed,
+    look,
+    parse_seal,
+    public_bundle,
+    seal,
+    sign_files,
+    unsigned,
+)
+from inclinometry.laboratory.ledger.keys import Keys, Public, fingerprint, read_public
+
+from .certificates import dcc_schema, record
+
+
+class Laboratory:
+    """Keys, the files of one certificate, what is published."""
+
+    def __init__(self, folder: Path) -> None:
+        self.keys = Keys(folder)
+        self.keys.make()
+        self.record = record()
+        self.seal = seal(self.record, self.keys)
+        self.plain = certificate_pdf(self.record, seal=str(self.seal))
+        self.files: Signed = sign_files(self.record, self.plain, dcc_bytes(self.record), self.seal, self.keys)
+        self.bundle = folder / "laboratory.pem"
+        self.bundle.write_bytes(public_bundle(self.keys))
+        self.public = read_public(self.bundle)
+
+
+@pytest.fixture(scope="module")
+def laboratory(tmp_path_factory: pytest.TempPathFactory) -> Laboratory:
+    return Laboratory(tmp_path_factory.mktemp("keys"))
+
+
+def problems(files: Any, public: Public) -> list[str]:
+    return [look(data, "file", public).problem for data in files]
+
+
+def test_each_file_is_genuine_by_the_public_key_alone(laboratory: Laboratory) -> None:
+    text = str(laboratory.seal).encode()
+    for data, kind in zip((*laboratory.files, text), ("PDF", "DCC", "JSON", "square code"), strict=True):
+        assert data is not None
+        found = look(data, "file", laboratory.public)
+        assert (found.kind, found.number, found.problem) == (kind, "2026-0001", "")
+        assert found.digest == record_digest(laboratory.record)
+        assert found.key == fingerprint(laboratory.public.keys[0])
+
+
+def test_the_signed_files_are_what_they_were(laboratory: Laboratory) -> None:
+    """The PDF keeps its bytes and stays PDF/A-2b and 1.7, the DCC fits PTB's schema, the record keeps its digest."""
+    pdf, dcc, text = laboratory.files
+    assert pdf is not None
+    assert dcc is not None
+    assert pdf.startswith(laboratory.plain)
+    assert len(pdf) - len(laboratory.plain) < 40_000
+    added = pdf[len(laboratory.plain) :]
+    assert re.search(rb"<pdfaid:part>2</pdfaid:part>\s*<pdfaid:conformance>B", laboratory.plain)
+    assert not re.search(rb"/Version|xmpmeta|/Producer|/ModDate|/JavaScript|/EmbeddedFile|/Encrypt", added)
+    assert record_digest(laboratory.record).encode() in pdf
+    # an annotation of a PDF/A is printed; without a size it needs no look (ISO 19005-2, 6.3.2 and 6.3.3)
+    assert re.search(rb"/Subtype /Widget.{0,60}/F 132\s/Rect \[ 0 0 0 0 \]", pdf, re.DOTALL)
+    schema = dcc_schema()
+    assert schema.validate(etree.fromstring(dcc)), schema.error_log
+    assert read_dcc(dcc).digest == record_digest(laboratory.record)
+    content = json.loads(text)
+    assert record_bytes(unsigned(content)) == record_bytes(laboratory.record)
+    assert set(content) - set(laboratory.record) == {"signature"}
+
+
+@pytest.mark.skipif(shutil.which("pdfsig") is None, reason="pdfsig is not installed")
+def test_another_program_finds_the_signature_of_the_pdf_valid(laboratory: Laboratory, tmp_path: Path) -> None:
+    """Poppler, with a library of its own; it does not know the laboratory, of course."""
+    assert laboratory.files.pdf is not None
+    (tmp_path / "a.pdf").write_bytes(laboratory.files.pdf)
+    said = subprocess.run(["pdfsig", tmp_path / "a.pdf"], capture_output=True, text=True, check=False).stdout
+    assert "Signature is Valid" in said
+    assert "Total document signed" in said
+    assert "ETSI.CAdES.detached" in said
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", ["pdf", "dcc", "json"])
+def test_no_byte_can_be_changed(laboratory: Laboratory, name: str) -> None:
+    """One bit flipped anywhere, a byte taken out or added: never genuine, unless the XML says the same (C14N)."""
+    data = getattr(laboratory.files, name)
+    random = np.random.default_rng(3)
+    for turn, place in enumerate(random.integers(0, len(data), 150)):
+        changed = bytearray(data)
+        if turn % 3 == 0:
+            del changed[place]
+        elif turn % 3 == 1:
+            changed.insert(place, 0x20)
+        else:
+            changed[place] ^= 1 << int(random.integers(0, 7))
+        try:
+            found = look(bytes(changed), "file", laboratory.public)
+        except FileError:
+            continue
+        if not found.problem and name == "dcc":
+            same = [etree.tostring(etree.fromstring(one), method="c14n") for one in (bytes(changed), data)]
+            signature = [re.sub(rb"<ds:Signature .*</ds:Signature>", b"", one, flags=re.DOTALL) for one in same]
+            assert signature[0] == signature[1], place
+        elif name == "pdf" and not found.problem:
+            # the blanks that fill up the room of the signature are not signed, nor can they be
+            start = data.index(b"/Contents <3082")
+            assert start < place < start + 30_000, place
+        else:
+            assert found.problem, place
+
+
+@pytest.mark.parametrize(
+    ("name", "old", "new"),
+    [
+        ("dcc", b"2026-05-06", b"2027-05-06"),
+        ("dcc", b"Driller", b"Drilles"),
+        ("json", b"Driller", b"Drilles"),
+        ("json", b'"number": "2026-0001"', b'"number": "2026-0002"'),
+        ("json", b"\n", b"\n "),
+        ("pdf", b"Calibration certificate", b"Calibration certificatf"),
+    ],
+)
+def test_an_edited_file_is_not_genuine(laboratory: Laboratory, name: str, old: bytes, new: bytes) -> None:
+    data: bytes = getattr(laboratory.files, name)
+    assert old in data
+    assert "changed" in look(data.replace(old, new, 1), "file", laboratory.public).problem
+
+
+def test_more_behind_a_signed_pdf_is_a_change(laboratory: Laboratory) -> None:
+    """An incremental update by another program, as an editor saves it."""
+    import io
+
+    from pyhanko.pdf_utils import generic
+    from pyhanko.pdf_utils.incremental_writer import IncrementalPdfFileWriter
+
+    assert laboratory.files.pdf is not None
+    writer = IncrementalPdfFileWriter(io.BytesIO(laboratory.files.pdf))
+    writer.root["/PageLabels"] = generic.NullObject()
+    writer.update_root()
+    out = io.BytesIO()
+    writer.write(out)
+    assert "changed" in look(out.getvalue(), "file", laboratory.public).problem
+
+
+def test_another_key_is_named(laboratory: Laboratory, tmp_path: Path) -> None:
+    """The wrong public key, and the wrong laboratory under the same name."""
+    other = Laboratory(tmp_path / "other")
+    assert all("did not sign" in one or "not by the lab" in one for one in problems(laboratory.files, other.public))
+    assert all(problems(other.files, laboratory.public))
+    (tmp_path / "x.pem").write_text("nothing")
+    with pytest.raises(FileError, match="not the public key"):
+        read_public(tmp_path / "x.pem")
+
+
+def test_parts_of_two_certificates_are_not_one(laboratory: Laboratory, tmp_path: Path) -> None:
+    """The signature of one DCC under the content of another; an unsigned file; the seal of another record."""
+    other = record(number="2026-0002")
+    assert laboratory.files.dcc is not None
+    one, two = etree.fromstring(laboratory.files.dcc), etree.fromstring(dcc_bytes(other))
+    two.append(one[-1])
+    public = laboratory.public
+    assert "changed" in look(etree.tostring(two), "file", public).problem
+    # the whole signed document hidden inside of another
+    wrapper = etree.fromstring(dcc_bytes(other))
+    wrapper.append(etree.fromstring(laboratory.files.dcc))
+    assert look(etree.tostring(wrapper), "file", public).problem
+    assert (
+        problems([certificate_pdf(other), dcc_bytes(other), record_bytes(other)], public)
+        == ["it bears no signature"] * 3
+    )
+    moved = json.loads(record_bytes(other)) | {"signature": json.loads(laboratory.files.json)["signature"]}
+    assert "changed" in look(record_bytes(moved), "file", public).problem
+    forged = laboratory.seal._replace(number="2026-0009")
+    assert "changed or forged" in look(str(forged).encode(), "file", public).problem
+    assert parse_seal("anything else") is None
+    with pytest.raises(FileError, match="neither PDF"):
+        look(b"anything else", "file", public)
+
+
+def test_a_certificate_of_before_the_key_was_rotated(tmp_path: Path) -> None:
+    """What is published afterwards proves old and new ones."""
+    laboratory = Laboratory(tmp_path / "keys")
+    laboratory.keys.rotate("every year")
+    laboratory.bundle.write_bytes(public_bundle(laboratory.keys))
+    public = read_public(laboratory.bundle)
+    assert len(public.keys) == 2
+    assert problems(laboratory.files, public) == ["", "", ""]
+    made = seal(laboratory.record, laboratory.keys)
+    new = sign_files(laboratory.record, None, dcc_bytes(laboratory.record), made, laboratory.keys)
+    assert problems(new[1:], public) == ["", ""]
+    assert all(problems(new[1:], laboratory.public))
+    laboratory.keys.begin_anew("stolen")
+    laboratory.bundle.write_bytes(public_bundle(laboratory.keys))
+    assert all(problems(new[1:], read_public(laboratory.bundle)))
+
+
+def test_a_certificate_of_an_authority(tmp_path: Path) -> None:
+    """Its key signs PDF and XML; who has it in the published file finds them genuine."""
+    laboratory = Laboratory(tmp_path / "keys")
+    private, name = ec.generate_private_key(ec.SECP384R1()), x509.Name.from_rfc4514_string("CN=Stand and Son,C=NO")
+    day = datetime(2026, 1, 1)
+    certificate = (
+        x509.CertificateBuilder()
+        .subject_name(name)
+        .issuer_name(x509.Name.from_rfc4514_string("CN=Authority"))
+        .public_key(private.public_key())
+        .serial_number(7)
+        .not_valid_before(day)
+        .not_valid_after(day.replace(year=2090))
+        .add_extension(x509.KeyUsage(True, True, False, False, False, False, False, False, False), critical=True)
+        .sign(ec.generate_private_key(ec.SECP256R1()), hashes.SHA256())
+    )
+    pem = private.private_bytes(
+        serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption()
+    )
+    (tmp_path / "keys" / "document.pem").write_bytes(pem + certificate.public_bytes(serialization.Encoding.PEM))
+    files = sign_files(
+        laboratory.record, laboratory.plain, dcc_bytes(laboratory.record), laboratory.seal, laboratory.keys
+    )
+    assert len(problems(files[:2], laboratory.public)) == 2
+    assert all(problems(files[:2], laboratory.public))
+    laboratory.bundle.write_bytes(public_bundle(laboratory.keys))
+    assert problems(files, read_public(laboratory.bundle)) == ["", "", ""]
+
+
+def test_what_looks_like_a_signature_and_is_none(laboratory: Laboratory) -> None:
+    """Empty and broken certificates, no certificate, a signature that is nowhere."""
+    assert laboratory.files.dcc is not None
+    assert laboratory.files.pdf is not None
+    root = etree.fromstring(laboratory.files.dcc)
+    for text in ("", "AAAA", "\u0431"):
+        for one in root.iter("{*}X509Certificate"):
+            one.text = text
+        assert look(etree.tostring(root), "file", laboratory.public).problem
+    pdf = laboratory.files.pdf
+    for data in (pdf[: len(pdf) // 2], pdf[:-900], b"%PDF-1.7\n", pdf.replace(b"/SigFlags 3", b"/SigFlags 0")):
+        assert look(data, "file", laboratory.public).problem
+    assert digest_bytes(pdf) != digest_bytes(laboratory.plain)
