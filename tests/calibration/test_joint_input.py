@@ -98,3 +98,9 @@ def test_a_dead_channel_is_named(readings):
     found = calibrate_joint(dataclasses.replace(readings, channels=dead))
     assert "magnetometer channel 2 reads 0 at every station: is it connected?" in found.warnings
     assert not found.tool.triads["magnetometer"].full
+
+
+def test_a_copied_channel_is_named(readings):
+    copied = {**readings.channels, "accelerometer": readings.channels["accelerometer"][:, [0, 0, 2]]}
+    found = calibrate_joint(dataclasses.replace(readings, channels=copied))
+    assert "accelerometer channels 1 and 2 read the same at every station: is one a copy?" in found.warnings

@@ -214,12 +214,20 @@ def roll_warnings(readings: BenchReadings) -> list[str]:
 
 
 def dead_channels(readings: BenchReadings) -> list[str]:
-    """Channels that said the same at every station."""
-    return [
-        f"{kind} channel {column + 1} reads {values[0, column]:g} at every station: is it connected?"
-        for kind, values in readings.channels.items()
-        for column in np.flatnonzero(np.ptp(values, axis=0) == 0.0)
-    ]
+    """Channels that said the same at every station, and those that said what another one did."""
+    sentences = []
+    for kind, values in readings.channels.items():
+        dead = np.ptp(values, axis=0) == 0.0
+        for column in np.flatnonzero(dead):
+            sentences.append(
+                f"{kind} channel {column + 1} reads {values[0, column]:g} at every station: is it connected?"
+            )
+        alike = (values[:, :, None] == values[:, None, :]).all(axis=0) & ~dead
+        for one, other in np.argwhere(np.triu(alike, 1)):
+            sentences.append(
+                f"{kind} channels {one + 1} and {other + 1} read the same at every station: is one a copy?"
+            )
+    return sentences
 
 
 def axis_warnings(state: State) -> list[str]:

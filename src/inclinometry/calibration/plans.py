@@ -42,7 +42,7 @@ class Plan(Tabular):
         Examples
         --------
         >>> twelve().repeated(2).to_dict()["azimuth_deg"][-2:]
-        array([ 0., 90.])
+        array([  0., 120.])
         """
         if count not in (0, 1, 2):
             raise InputError(f"repeats is {count}; allowed: 0, 1 or 2 positions visited once more")

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from inclinometry.arrays import Array
+from inclinometry.arrays import Array, Index
 from inclinometry.calibration.likelihood import NUISANCE, orientation
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
@@ -35,6 +35,7 @@ class _Whole(NamedTuple):
     remedy: str
     signals: Mapping[str, Array]
     settings: tuple[Array, Array, Array]
+    exchanged: tuple[int, ...] = ()  # rows
     volume: float = 0.0  # logarithm of the factor by which the signals were multiplied, summed over readings
 
 
@@ -95,7 +96,7 @@ def check_whole(readings: BenchReadings) -> list[str]:
             # what takes hundreds of fits is tried where the simpler does not explain it
             if shares[kind] < _POOR or not _spans(settings) or (best and best[0] > _CERTAIN and best[1] > 4.0):
                 break
-    if best is not None and best[0] > _CERTAIN and best[1] > 2.0:
+    if best is not None and best[0] > _CERTAIN and best[1] > 2.0 and not _one_misread(signals, settings, best[2]):
         ratio, times, one = best
         sentence = (
             f"with {one.words} the readings fit {times:.2g} times better (likelihood ratio 1e"
@@ -126,6 +127,18 @@ def _compare(signals: Mapping[str, Array], own: Mapping[str, float], one: _Whole
     return better, times
 
 
+def _one_misread(signals: Mapping[str, Array], settings: tuple[Array, Array, Array], one: _Whole) -> bool:
+    """Whether the run without one of two exchanged stations fits about as well: then that one alone is wrong."""
+
+    def worst(values: Mapping[str, Array], dials: tuple[Array, Array, Array], rest: Index) -> float:
+        azimuth, inclination, toolface = (dial[rest] for dial in dials)
+        return max(_left(k, v[rest], (azimuth, inclination, toolface)) / v.size for k, v in values.items())
+
+    rows = np.arange(len(settings[0]))
+    both = worst(one.signals, one.settings, rows)
+    return any(worst(signals, settings, np.delete(rows, row)) < 2.0 * both + 1e-6**2 for row in one.exchanged)
+
+
 def _units(signals: Mapping[str, Array], settings: tuple[Array, Array, Array]) -> Iterator[_Whole]:
     """The run with dials in another unit."""
     azimuth, inclination, toolface = settings
@@ -153,13 +166,15 @@ def _exchanges(
         order[[first, second]] = second, first
         names = f"{stations[first]} and {stations[second]}"
         rows = {kind: values[order] for kind, values in signals.items()}
-        yield _Whole(f"the readings of stations {names} exchanged", "put the rows in order", rows, settings)
+        words = f"the readings of stations {names} exchanged"
+        yield _Whole(words, "put the rows in order", rows, settings, (first, second))
         for place, name in enumerate(("azimuths", "inclinations", "toolfaces")):
             if settings[place][first] == settings[place][second]:
                 continue
             turned = [values[order] if at == place else values for at, values in enumerate(settings)]
             changed = (turned[0], turned[1], turned[2])
-            yield _Whole(f"the {name} of stations {names} exchanged", "put the rows in order", signals, changed)
+            words = f"the {name} of stations {names} exchanged"
+            yield _Whole(words, "put the rows in order", signals, changed, (first, second))
 
 
 def _gains(
@@ -181,7 +196,7 @@ def _gains(
                         "look for a change of range or wiring, and take the run again",
                         {**signals, kind: even},
                         settings,
-                        count * float(np.log(gain)),
+                        volume=count * float(np.log(gain)),
                     )
 
 
@@ -254,5 +269,7 @@ def taken_before(readings: BenchReadings, calibration: Calibration) -> bool:
         apart = (readings.channels[kind] - seen)[:, None] - residual
         away += np.sum(apart**2 / variance, axis=2)
         freedom += residual.shape[1]
-    # a second visit has so small a mean square of six numbers once in two thousand
-    return bool(np.mean((away / freedom).min(axis=1) < 0.05) >= 0.7)
+    from scipy.special import gammainc
+
+    rare = 5e-4  # chance that a second visit agrees so well
+    return bool(np.mean(gammainc(freedom / 2.0, away.min(axis=1) / 2.0) < rare) >= 0.7)

@@ -159,7 +159,7 @@ def plan_names() -> str:
     Examples
     --------
     >>> plan_names()
-    'twelve, orthogonal, half, two-face, rotations, six'
+    'twelve, orthogonal, half, two-face, rotations, six, spread'
     """
     from inclinometry.calibration.plans import PlanName
 

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from typing import Final, TypeAlias
+from typing import TYPE_CHECKING, Final, TypeAlias
 
 import numpy as np
 
 from inclinometry.arrays import Array
 from inclinometry.errors import InputError
+
+if TYPE_CHECKING:
+    from inclinometry.calibration.plans import Plan
 
 Columns: TypeAlias = "dict[str, Array | Sequence[object]]"
 
@@ -39,13 +42,23 @@ def _cell(value: object) -> str:
 
 
 def _bench() -> Columns:
-    """Readings of a tool without errors at twelve positions, noise of its converter apart."""
     from inclinometry.calibration.plans import twelve
+
+    return _readings_at(twelve(), 1)
+
+
+def _verification() -> Columns:
+    from inclinometry.calibration.plans import spread
+
+    return _readings_at(spread(), 2)
+
+
+def _readings_at(plan: Plan, seed: int) -> Columns:
+    """Readings of a tool without errors, noise of its converter apart."""
     from inclinometry.orientation import fields
 
-    plan = twelve()
     g, b = fields(plan.azimuth, plan.inclination, plan.toolface, np.radians(70.0))
-    noise = np.random.default_rng(1).normal(0.0, 1e-4, (2, *g.shape))
+    noise = np.random.default_rng(seed).normal(0.0, 1e-4, (2, *g.shape))
     angles = {
         f"{name}_deg": np.degrees(getattr(plan, name)).round(9) for name in ("azimuth", "inclination", "toolface")
     }
@@ -54,7 +67,7 @@ def _bench() -> Columns:
         **angles,
         **_triad("accel_{}_g", g + noise[0], 6),
         **_triad("mag_{}_uT", 50.0 * (b + noise[1]), 4),
-        "roll_set": list(plan.roll_set),
+        **({"roll_set": list(plan.roll_set)} if plan.roll_set else {}),
         "reference_dip_deg": [70.0] * len(g),
     }
 
@@ -153,7 +166,7 @@ _READINGS: Final = (
 TEMPLATES: Final[Mapping[str, tuple[str, Callable[[], Columns]]]] = {
     "calibrate": _READINGS,
     "compare": _READINGS,
-    "verify": _READINGS,
+    "verify": (_READINGS[0], _verification),
     "survey": _SIX,
     "quality": _SIX,
     "msa": _SIX,
