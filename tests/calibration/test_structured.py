@@ -7,6 +7,7 @@ from benchmarks.honest_bench import SCENES, Scene, drawn, errors, one
 from inclinometry.calibration import plans
 from inclinometry.calibration.joint import calibrate_joint
 from inclinometry.calibration.readings import BenchReadings
+from inclinometry.rotations import dcm
 
 USUAL = Scene((0.1, 0.1, 0.1))
 
@@ -90,3 +91,32 @@ def test_clean_runs_are_covered_and_not_accused(plan):
 def test_stands_that_are_worse_than_the_model_are_covered(name):
     rows = [one("24 positions", SCENES[name], seed) for seed in range(24)]
     assert np.mean([row["inside"] for row in rows]) > 0.88
+
+
+def test_a_response_that_no_position_shows_is_left_open_by_name():
+    """Along its axes a triad reads nothing but 0 and full scale: products vanish and a cubic part is a scale."""
+    plan, g = plans.orthogonal(), np.random.default_rng(4)
+    settings = np.stack([plan.azimuth, plan.inclination, plan.toolface], axis=1)
+    turned = settings + np.radians(0.02) * g.standard_normal(settings.shape)
+    seen = dcm(*turned.T) @ [0.0, 0.0, 1.0]
+    signals = seen + 3e-5 * g.standard_normal(seen.shape)
+    found = calibrate_joint(BenchReadings({"accelerometer": signals}, *settings.T))
+    (note,) = (text for text in found.notes if "leave open" in text)
+    assert "move inclination by up to" in note
+    assert "multiplies its axes" in note
+    assert "cubic part" in note
+
+
+def test_a_calibration_is_the_tool_of_the_end_of_the_run():
+    tool, drift = np.eye(3), np.array([2e-3, -1e-3, 1.5e-3])
+    plan, g = plans.orthogonal(), np.random.default_rng(5)
+    settings = np.stack([plan.azimuth, plan.inclination, plan.toolface], axis=1)
+    turned = settings + np.radians(0.03) * g.standard_normal(settings.shape)
+    seen = dcm(*turned.T) @ [0.0, 0.0, 1.0]
+    signals = seen @ tool + np.linspace(-1.0, 0.0, 24)[:, None] * drift + 2e-5 * g.standard_normal(seen.shape)
+    found = calibrate_joint(BenchReadings({"accelerometer": signals}, *settings.T))
+    assert "the calibration is that of the end of the run, since the tool changed during it" in found.warnings
+    triad = found.tool.triads["accelerometer"]
+    u = np.sqrt(np.diag(found.tool.covariance))[3::4]
+    assert (np.abs(triad.offset[0]) < 3.0 * u).all()
+    assert (u < 0.3e-3).all()  # a third of the half of the least of the drifts

@@ -10,9 +10,9 @@ evidence with the block's prior integrated out; what they do not exclude of the 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence, Set
+from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -48,6 +48,10 @@ _WIDER: Final = 2.0  # by which an offset that drifts must explain a run better 
 _ODDS: Final = 0.2  # that a block of the usual size is there, before the readings are seen
 
 
+_Response: TypeAlias = Callable[[Mapping[str, Array]], Array]
+"""Fields (..., 3) in tool axes by kind -> what a cause does to a triad's signals (..., m, n), of full scale."""
+
+
 @dataclass(frozen=True, eq=False)
 class Block:
     """Errors of one cause.
@@ -56,12 +60,16 @@ class Block:
     columns : (K, M, n) what errors of usual size do to the readings
     sizes : multiples of the usual size that are tried
     stays : what the readings do not exclude of it stays in the covariance
+    kind, at_use : the triad it belongs to and what it does to its signals wherever the tool is used; without, it ends
+        with the run
     """
 
     name: str
     columns: Array
     sizes: tuple[float, ...] = (1.0,)
     stays: bool = True
+    kind: str = ""
+    at_use: _Response | None = None
 
 
 class Evidence(NamedTuple):
@@ -69,13 +77,20 @@ class Evidence(NamedTuple):
 
     ratio : logarithm of the ratio of evidence with and without it, at the best of its sizes
     size : that size
-    added : (p, p) what it adds to the covariance of the fit if it is there
+    carried : (p, n) what each of its errors does to the estimate
+    spread : (n, n) mean squares of these errors if it is there
     """
 
     block: Block
     ratio: float
     size: float
-    added: Array
+    carried: Array
+    spread: Array
+
+    @property
+    def added(self) -> Array:
+        """What it adds to the covariance (p, p) of the fit if it is there."""
+        return np.asarray(self.carried @ self.spread @ self.carried.T)
 
 
 def with_repeating(fitted: Fitted) -> tuple[Model, State]:
@@ -119,13 +134,14 @@ def blocks(fitted: Fitted, free_noise: Set[str]) -> Iterator[Block]:
     left, spread, _ = np.linalg.svd(np.tri(size, size - 1, -1)[::-1], full_matrices=False)
     walk = (left * spread)[:, : min(8, size - 1)]
     time = np.linspace(-1.0, 0.0, size)[:, None]
+    fields_seen = {kind: matrix @ direction for kind, direction in state.directions.items()}
     start = 0
     for kind, signals in model.signals.items():
         at = np.arange(start, start + signals.shape[1])
         start += signals.shape[1]
         tensor = np.tensordot(model.powers, state.coefficients[kind], axes=1)[..., :3]
         full = np.linalg.norm(tensor, axis=2)  # (K, m) signal of a field along the sensor
-        seen = matrix @ state.directions[kind]
+        seen = fields_seen[kind]
         share = np.where(full > 0.0, (tensor @ seen[..., None])[..., 0] / np.where(full > 0.0, full, 1.0), 0.0)
 
         def each(what: Array, at: Index = at, full: Array = full) -> Array:
@@ -143,16 +159,9 @@ def blocks(fitted: Fitted, free_noise: Set[str]) -> Iterator[Block]:
             name = f"the noise of the {kind} is larger than stated"
             yield Block(name, own.reshape(size, count, -1), (1.0, 3.0, 10.0), stays=False)
         yield Block(f"the {kind} drifts during the run", each(_BENT * drift))
-        yield Block(_NOT_LINEAR.format(kind), each(_BENT * np.stack([share**2, share**3], axis=2)))
-        # apart, since where axes read nothing but 0 and full scale it looks like a scale and the square does not
-        yield Block(f"the response of the {kind} has a cubic part", each(_CUBIC * share[..., None] ** 3))
         yield Block(f"the offset of the {kind} wanders from station to station", each(walk), _WANDER)
-        if kind == "accelerometer":
-            products = seen * np.roll(seen, -1, axis=1)
-            yield Block("the accelerometer multiplies its axes", each(_BENT * products))
-        if kind in _BY_GRAVITY and "accelerometer" in state.directions:
-            pulled = _BY_GRAVITY[kind] * (matrix @ state.directions["accelerometer"])
-            yield Block(f"the {kind} feels gravity", each(pulled))
+        for name, response in _responses(kind, state.coefficients[kind][0, :, :3], {*state.directions}):
+            yield Block(name, each(response(fields_seen)), kind=kind, at_use=response)
         if kind == "magnetometer":
             held = np.zeros((size, count, 3))
             held[:, at] = _CRADLE * tensor @ rotation_z(model.settings[:, 2] + state.errors[:, 2])
@@ -163,6 +172,32 @@ def blocks(fitted: Fitted, free_noise: Set[str]) -> Iterator[Block]:
             sd = float(model.rig_sd[dial]) or _GRADUATION
             name = f"the {DIALS[dial]} dial errs alike each time it shows the same value"
             yield Block(name, sd * own, (1.0, 3.0), stays=False)
+
+
+def _responses(kind: str, tensor: Array, kinds: Set[str]) -> Iterator[tuple[str, _Response]]:
+    """Errors of a triad's response, on the bench as in use; `kinds` are the triads of the tool."""
+    count, strength = len(tensor), np.linalg.norm(tensor, axis=1)
+    towards = (tensor / np.where(strength > 0.0, strength, 1.0)[:, None]).T
+
+    def for_each(what: Array) -> Array:
+        return np.broadcast_to(what[..., None, :], (*what.shape[:-1], count, what.shape[-1]))
+
+    yield (
+        _NOT_LINEAR.format(kind),
+        lambda seen: _BENT * np.stack([(seen[kind] @ towards) ** 2, (seen[kind] @ towards) ** 3], axis=-1),
+    )
+    # apart, since where axes read nothing but 0 and full scale it looks like a scale and the square does not
+    yield (
+        f"the response of the {kind} has a cubic part",
+        lambda seen: _CUBIC * (seen[kind] @ towards)[..., None] ** 3,
+    )
+    if kind == "accelerometer":
+        yield (
+            "the accelerometer multiplies its axes",
+            lambda seen: for_each(_BENT * seen[kind] * np.roll(seen[kind], -1, axis=-1)),
+        )
+    if kind in _BY_GRAVITY and "accelerometer" in kinds:
+        yield f"the {kind} feels gravity", lambda seen: for_each(_BY_GRAVITY[kind] * seen["accelerometer"])
 
 
 def _by_value(fitted: Fitted, dial: int) -> Array:
@@ -197,9 +232,9 @@ def evidence(fitted: Fitted, free_noise: Set[str], skip: Set[str] = frozenset())
         ratios = 0.5 * np.sum((sizes * along) ** 2 / known - np.log(known), axis=1)
         best = int(np.argmax(ratios))
         size = block.sizes[best]
-        moved = size * (carried @ vectors) / np.sqrt(known[best])
-        shift = moved @ (size * along / np.sqrt(known[best]))
-        found.append(Evidence(block, float(ratios[best]), size, moved @ moved.T + np.outer(shift, shift)))
+        shift = size**2 * vectors @ (along / known[best])
+        spread = (size**2 * vectors / known[best]) @ vectors.T + np.outer(shift, shift)
+        found.append(Evidence(block, float(ratios[best]), size, carried, spread))
     return found
 
 
@@ -255,26 +290,53 @@ def not_excluded(looked_for: Sequence[Evidence], covariance: Array) -> Array:
 
 
 def untold(tool: Tool, directions: Mapping[str, Array], looked_for: Sequence[Evidence]) -> list[str]:
-    """Which causes the readings leave open that would move the angles by more than the calibration's uncertainty."""
-    if any(kind not in tool.triads or not tool.triads[kind].full for kind in VECTORS):
+    """Which causes the readings leave open that would move the angles by more than the calibration's uncertainty.
+
+    What a cause does to the signals of a tool in use counts with what it has done to the parameters: of a response that
+    looks like a scale at these positions, the difference.
+    """
+    full = [kind for kind in VECTORS if kind in tool.triads and tool.triads[kind].full]
+    if "accelerometer" not in full:
         return []
-    dip = float(np.arcsin(np.clip(directions["accelerometer"] @ directions["magnetometer"], -1.0, 1.0)))
+    dip = 0.0
+    if len(full) > 1:
+        dip = float(np.arcsin(np.clip(directions["accelerometer"] @ directions["magnetometer"], -1.0, 1.0)))
     turn = np.pi / 2.0 * np.arange(4) + 0.3
     azimuth, inclination, toolface = np.meshgrid(turn, np.radians([30.0, 60.0, 90.0]), turn, indexing="ij")
-    seen = dict(zip(VECTORS, fields(azimuth, inclination, toolface, dip), strict=True))
+    both = zip(VECTORS, fields(azimuth, inclination, toolface, dip), strict=True)
+    seen = {kind: field for kind, field in both if kind in full}
     heat = np.full(azimuth.shape, tool.triads["accelerometer"].reference_temperature)
-    slope = angle_sensitivity(tool, seen, heat).by_parameter[..., :2, :]  # inclination, azimuth
-    size = slope.shape[-1]
+    slope = angle_sensitivity(tool, seen, heat)
+    by_parameter, by_signal = (part[..., : len(full), :] for part in (slope.by_parameter, slope.by_signal))
+    size = by_parameter.shape[-1]
+    sensors = np.cumsum([0, *(tool.triads[kind].count for kind in slope.kinds)])
 
-    def moved(covariance: Array) -> Array:
-        return np.asarray(np.sqrt(np.einsum("aitjp,pq,aitjq->ij", slope, covariance[:size, :size], slope) / 16.0))
+    def moved(what: Array, spread: Array) -> Array:
+        """Root mean squares (angle, inclination) over azimuths and toolfaces, rad."""
+        return np.asarray(np.sqrt(np.einsum("aitjp,pq,aitjq->ji", what, spread, what) / turn.size**2))
 
-    u = moved(tool.covariance)
-    open_to = [one for one in looked_for if one.block.stays and one.ratio > _OPEN and (moved(one.added) > u).any()]
+    def effect(one: Evidence) -> Array:
+        what = by_parameter @ one.carried[:size]
+        if one.block.at_use is not None and one.block.kind in slope.kinds:
+            place = slope.kinds.index(one.block.kind)
+            strength = np.linalg.norm(tool.triads[one.block.kind].tensor[0], axis=1)
+            by_sensor = by_signal[..., sensors[place] : sensors[place + 1], None] * strength[:, None]
+            direct = by_sensor * one.block.at_use(seen)[..., None, :, :]
+            what = what + direct.reshape(*direct.shape[:-2], -1)
+        return moved(what, one.spread)
+
+    u = moved(by_parameter, tool.covariance)
+    possible = [(one.block.name, effect(one)) for one in looked_for if one.block.stays and one.ratio > _OPEN]
+    open_to = [(name, size) for name, size in possible if (size > u).any()]
     if not open_to:
         return []
-    most = np.degrees(np.max([moved(one.added) for one in open_to], axis=(0, 1)))
-    causes = "; ".join(one.block.name for one in open_to)
+    most = np.degrees(np.max([size for _, size in open_to], axis=(0, 2)))
+    causes = "; ".join(name for name, _ in open_to)
+    if len(full) == 1:
+        return [
+            f"what these positions leave open would at its usual size move inclination by up to {most[0]:.2g} deg, of "
+            f"which the uncertainty holds a part (more positions tell): {causes}"
+        ]
     return [
         f"what these positions leave open would at its usual size move inclination by up to {most[0]:.2g} deg and "
         f"azimuth by {most[1]:.2g} deg, of which the uncertainty holds a part (more positions tell): {causes}"
