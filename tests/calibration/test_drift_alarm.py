@@ -70,7 +70,8 @@ def test_conformal_threshold_holds_under_heavy_tails_where_the_normal_one_does_n
     largest = new.test().largest
     normal = threshold(gaussian_maxima(np.linalg.inv(new.covariance[0]), 60_000), 1e-2)
     assert (largest > normal).mean() > 0.025
-    assert (largest > threshold(past.test().largest, 1e-2, tail=False)).mean() < 0.016
+    # 1.5e-2, and one standard deviation of what 1500 past and 1500 new ones leave to chance
+    assert (largest > threshold(past.test().largest, 1e-2, tail=False)).mean() < 0.0187
     assert (largest > threshold(past.test().largest, 1e-3)).mean() < 0.004
 
 

@@ -53,6 +53,9 @@ def test_a_misread_dial_writes_nothing_and_names_the_option_that_states_it(run, 
     one, other = (read_calibration(name).tool.triads["magnetometer"].tensor for name in ("tool.json", "right.json"))
     # a file holds degrees to ten digits
     np.testing.assert_allclose(one, other, atol=1e-4)
+    again = ("--tool", "truth.json", "--rig-sd-deg", 0.1, "--base-tilt-deg", 2, "--seed", 7)
+    assert run("simulate", "bench", "--plan", "twelve", *again, "-o", "readings.csv").status == 0
+    change(**columns)
     judged = run("verify", "changed.csv", "--calibration", "right.json", "-o", "verify.json", "--report", "v.html")
     assert judged.status == 2
     assert f"with {option} the readings fit" in judged.err
