@@ -213,6 +213,16 @@ def verify(
     check_record(readings, BenchReadings, "verify")
     check_record(calibration, Calibration, "verify")
     refuse_own_readings(readings, calibration)
+    return _verified(readings, calibration, limits, stand, second)
+
+
+def _verified(
+    readings: BenchReadings,
+    calibration: Calibration,
+    limits: Limits | None,
+    stand: OtherStand | None = None,
+    second: str | None = None,
+) -> Verification:
     dials = np.stack(readings.dials, axis=1)
     try:
         kinds = leading_kinds(readings, calibration, second)
@@ -325,7 +335,7 @@ def planned(plan: Plan, calibration: Calibration, limits: Limits | None = None, 
     seen = {kind: tool.triads[kind].signals(matrix @ known[kind], warm) for kind in tool.triads if kind in known}
     units = {kind: tool.triads[kind].unit for kind in seen}
     many = np.full(len(plan), within(count, "count", 1, 1e9))
-    found = verify(BenchReadings(seen, *dials, units=units, temperature=warm, count=many), calibration, limits)
+    found = _verified(BenchReadings(seen, *dials, units=units, temperature=warm, count=many), calibration, limits)
     return replace(found, notes=[] if found.power is None else found.power.sentences)
 
 
@@ -606,7 +616,7 @@ def _elsewhere(
 ) -> list[str]:
     """Whether another orientation of the stand explains a failure on what was taken for the calibration's own."""
     try:
-        other = verify(readings, calibration, limits, stand=OtherStand(), second=second)
+        other = _verified(readings, calibration, limits, OtherStand(), second)
     except MisreadError as error:
         return [f"taken as another stand than that of the calibration, {error}"]
     except InclinometryError:
