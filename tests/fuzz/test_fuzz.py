@@ -63,11 +63,11 @@ def test_inputs_are_the_same_for_the_same_seed(examples):
 def test_what_does_not_end_or_eats_memory_is_found_out(tmp_path, monkeypatch):
     """The watching process sees what the watched one cannot say."""
     monkeypatch.setattr(fuzz, "SECONDS", 2.0)
-    monkeypatch.setattr(fuzz, "PATIENCE_S", 10.0)
+    monkeypatch.setattr(fuzz, "PATIENCE_S", 2.0)  # before a pipe is given up
     (tmp_path / "scratch").mkdir()
     worker = fuzz.Worker(tmp_path, tmp_path / "scratch")
     os.mkfifo(tmp_path / "site.toml")
-    # a pipe that is named inside a list of arguments of another form is opened by its reader, and waits
+    # a pipe into which nobody writes is waited for
     waits = fuzz.Input("raw.csv", b"md_m\n1\n", ("quality", "raw.csv", "--site=site.toml"))
     status, fault = worker.do(waits)
     worker.end()

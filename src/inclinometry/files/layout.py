@@ -7,6 +7,8 @@ import gzip
 import hashlib
 import json
 import re
+import struct
+import tokenize
 import zipfile
 import zlib
 from collections import Counter
@@ -245,8 +247,14 @@ def _zipped(path: Path) -> tuple[list[str], Iterable[Sequence[str]]]:
     try:
         with np.load(path, allow_pickle=False) as stored:
             return _arrays(path, {name: stored[name] for name in stored.files})
-    except (OSError, ValueError, KeyError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error) as error:
+    except _DAMAGED as error:
         raise FileError(f"not an archive of numpy's, or damaged ({error})", path=path) from None
+
+
+_DAMAGED = (
+    *(OSError, ValueError, TypeError, LookupError, EOFError, RuntimeError, SyntaxError, struct.error),
+    *(tokenize.TokenError, zipfile.BadZipFile, zlib.error),
+)  # numpy reads the header of an array as Python's own text
 
 
 def _of_numpy(path: Path) -> bool:
