@@ -239,7 +239,7 @@ def test_users_passwords_and_the_last_administrator(ledger: Ledger) -> None:
     user = put_user(ledger, "boris", role="operator", active=False, author="anna")
     assert not user.may("capture")
     assert check_password(ledger, "boris", "another long one") is None
-    with pytest.raises(InputError, match="allowed 10 to 200"):
+    with pytest.raises(InputError, match="allowed 15 to 128"):
         put_user(ledger, "c", role="operator", password="short", author="anna")
 
 

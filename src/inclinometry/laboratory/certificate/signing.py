@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 from inclinometry.errors import FileError, InputError
 from inclinometry.files.json_codec import canonical, parse
 from inclinometry.laboratory.certificate.record import record_digest
-from inclinometry.laboratory.ledger.engine import LedgerError
+from inclinometry.laboratory.ledger.chain import LedgerError
 from inclinometry.laboratory.ledger.keys import Keys, Public, fingerprint, load_private, private_pem, public_pem, right
 
 if TYPE_CHECKING:

@@ -20,7 +20,8 @@ from inclinometry.files.json_codec import load
 from inclinometry.laboratory import certificates
 from inclinometry.laboratory.certificate.record import record_digest
 from inclinometry.laboratory.ledger import chain
-from inclinometry.laboratory.ledger.engine import CHAIN, LedgerError
+from inclinometry.laboratory.ledger.chain import LedgerError
+from inclinometry.laboratory.ledger.engine import CHAIN
 from inclinometry.laboratory.ledger.heads import SignedHead, leaves, newest_head, parse_signed
 from inclinometry.laboratory.ledger.keys import Public, descends, fingerprint, genuine
 from inclinometry.laboratory.ledger.ledger import Ledger, Record

@@ -15,7 +15,8 @@ from inclinometry.errors import InputError
 from inclinometry.files.json_codec import canonical
 from inclinometry.files.writing import write_bytes
 from inclinometry.laboratory.commands import LedgerAddress
-from inclinometry.laboratory.ledger.engine import LedgerError, default_path, shown
+from inclinometry.laboratory.ledger.chain import LedgerError
+from inclinometry.laboratory.ledger.engine import default_path, shown
 from inclinometry.laboratory.ledger.heads import grown, proof_since, read_head
 from inclinometry.laboratory.ledger.keys import Keys, fingerprint, read_public
 from inclinometry.laboratory.ledger.ledger import Ledger

@@ -9,7 +9,8 @@ from sqlalchemy import inspect
 from sqlalchemy.engine import Engine
 from sqlalchemy.exc import DBAPIError
 
-from inclinometry.laboratory.ledger.engine import LedgerError, default_path, engine, shown, translated, unprotected
+from inclinometry.laboratory.ledger.chain import LedgerError
+from inclinometry.laboratory.ledger.engine import default_path, engine, shown, translated, unprotected
 from inclinometry.laboratory.ledger.keys import Keys
 from inclinometry.laboratory.ledger.ledger import Ledger
 

@@ -13,6 +13,10 @@ GENESIS: Final = "0" * 64
 """The link before the first record."""
 
 
+class LedgerError(InputError):
+    """The ledger refuses, or cannot be used: what happened and what to do."""
+
+
 class Head(NamedTuple):
     """The last link: how many records there are and what they all were. Print it, and a lost tail is noticed."""
 

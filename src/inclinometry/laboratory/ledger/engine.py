@@ -36,6 +36,7 @@ from sqlalchemy.pool import NullPool
 
 from inclinometry.errors import InputError
 from inclinometry.laboratory.ledger import chain
+from inclinometry.laboratory.ledger.chain import LedgerError
 
 if TYPE_CHECKING:
     from jsonschema import Draft202012Validator
@@ -64,10 +65,6 @@ _REMEDIES: Final = (
     ("connection failed", "check that the server runs and that the address is right"),
     ("connection is bad", "check that the server runs and that the address is right"),
 )
-
-
-class LedgerError(InputError):
-    """The ledger refuses, or cannot be used: what happened and what to do."""
 
 
 class ConflictError(LedgerError):

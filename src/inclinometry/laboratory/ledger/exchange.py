@@ -20,7 +20,8 @@ from inclinometry.digest import digest_bytes
 from inclinometry.errors import FileError, InputError
 from inclinometry.files.writing import replacing
 from inclinometry.laboratory.ledger import chain
-from inclinometry.laboratory.ledger.engine import CHAIN, DOCUMENT, KINDS, TABLES, LedgerError, check, plain, row_digest
+from inclinometry.laboratory.ledger.chain import LedgerError
+from inclinometry.laboratory.ledger.engine import CHAIN, DOCUMENT, KINDS, TABLES, check, plain, row_digest
 from inclinometry.laboratory.ledger.ledger import LARGEST_DOCUMENT, Batch, Ledger, add_document
 
 Progress = Callable[[float], None]

@@ -14,7 +14,8 @@ from sqlalchemy.engine import Connection
 from inclinometry.errors import FileError
 from inclinometry.files.json_codec import load
 from inclinometry.laboratory.ledger import chain
-from inclinometry.laboratory.ledger.engine import CHAIN, HEAD, Draft, LedgerError
+from inclinometry.laboratory.ledger.chain import LedgerError
+from inclinometry.laboratory.ledger.engine import CHAIN, HEAD, Draft
 from inclinometry.laboratory.ledger.keys import (
     Keys,
     SigningKey,

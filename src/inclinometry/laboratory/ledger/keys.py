@@ -21,8 +21,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from inclinometry.errors import FileError, InputError
-from inclinometry.laboratory.ledger.chain import compact
-from inclinometry.laboratory.ledger.engine import LedgerError
+from inclinometry.laboratory.ledger.chain import LedgerError, compact
 
 if TYPE_CHECKING:
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey

@@ -16,6 +16,7 @@ from sqlalchemy.engine import Connection
 from inclinometry.digest import digest_bytes
 from inclinometry.errors import InputError
 from inclinometry.laboratory.ledger import chain
+from inclinometry.laboratory.ledger.chain import LedgerError
 from inclinometry.laboratory.ledger.engine import (
     CHAIN,
     DOCUMENT,
@@ -24,7 +25,6 @@ from inclinometry.laboratory.ledger.engine import (
     TABLES,
     ConflictError,
     Draft,
-    LedgerError,
     Precondition,
     Record,
     check,

@@ -17,8 +17,8 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from inclinometry.errors import FileError, InclinometryError, InputError
-from inclinometry.laboratory.ledger.chain import compact
-from inclinometry.laboratory.ledger.engine import LedgerError, shown
+from inclinometry.laboratory.ledger.chain import LedgerError, compact
+from inclinometry.laboratory.ledger.engine import shown
 from inclinometry.laboratory.ledger.heads import SignedHead, parse_signed
 
 PRINT: Final = "print"
