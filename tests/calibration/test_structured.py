@@ -5,6 +5,7 @@ import pytest
 from benchmarks.honest_bench import SCENES, Scene, drawn, errors, one
 
 from inclinometry.calibration import plans
+from inclinometry.calibration.acceptance import verify
 from inclinometry.calibration.joint import calibrate_joint
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.rotations import dcm
@@ -120,3 +121,12 @@ def test_a_calibration_is_the_tool_of_the_end_of_the_run():
     u = np.sqrt(np.diag(found.tool.covariance))[3::4]
     assert (np.abs(triad.offset[0]) < 3.0 * u).all()
     assert (u < 0.3e-3).all()  # a third of the half of the least of the drifts
+
+
+def test_a_verification_in_a_magnetised_cradle_says_so():
+    found, _ = calibrated(Scene(cradle=400.0))
+    plan = plans.spread()
+    dials = np.stack([plan.azimuth, plan.inclination, plan.toolface], axis=1)
+    signals, _ = drawn(dials, Scene(cradle=400.0), np.random.default_rng(3))
+    judged = verify(BenchReadings(signals, *dials.T), found)
+    assert any("cradle of this stand is magnetised" in text for text in judged.warnings)

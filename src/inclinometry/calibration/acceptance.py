@@ -281,7 +281,13 @@ def _verified(
         notes += _strength(readings, calibration, kinds[0], seen)
     if stand is None and found.verdict == "fail":
         notes += _elsewhere(readings, calibration, limits, second, found)
-    found = replace(found, notes=[*notes, *_passed_wrongly(found, limits)])
+    warnings = list(found.warnings)
+    if stand is None and any("cradle" in sentence for sentence in calibration.warnings):
+        warnings.append(
+            "the calibration found that the cradle of this stand is magnetised: what it does to these readings is the "
+            "stand's error, not the tool's, and is not taken off; verify in another cradle"
+        )
+    found = replace(found, warnings=warnings, notes=[*notes, *_passed_wrongly(found, limits)])
     return _with_power(found, readings, calibration, limits, where)
 
 
