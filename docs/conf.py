@@ -76,13 +76,14 @@ OUTSIDE = (
     "threading.Event", "sqlalchemy.engine.base.Connection", "sqlalchemy.engine.base.Engine",
     "timedelta", "inclinometry.laboratory.registry.T", "inclinometry.motion.window_filter.Step",
     "inclinometry.files.run_file.RunHeader", "MethodName", "np.int64", "intp", "np.intp", "hashlib._Hash",
-    "Progress", "Numbered", "types.Callable", "dataclasses.Field",
+    "Certificate", "Ed25519PrivateKey", "http.server.ThreadingHTTPServer", "Progress", "Numbered", "types.Callable", "dataclasses.Field",
     "inclinometry.files.exchange.Sheet", "inclinometry.files._quantities.Quantity",
     "inclinometry.calibration._field_model.Shots", "inclinometry.calibration._field_model.Unknowns",
     "inclinometry.calibration._field_model.Estimate", "inclinometry.files.table._Body",
     "pathlib.Path", "types.Path", "datetime.date", "collections.abc.Iterable",
 )  # fmt: skip
 nitpick_ignore = [("py:class", name) for name in (*ALIASES, *OUTSIDE)]
+nitpick_ignore += [("py:exc", "tomllib.TOMLDecodeError")]
 # three rooms have Stations; inside an alias autodoc leaves the short name, which any of them would answer to
 suppress_warnings = ["ref.python"]
 nitpick_ignore_regex = [("py:class", r"numpy\._typing\..*")]

@@ -210,15 +210,15 @@ class MultiStation(Tabular):
 
     parameters : name -> Parameter, in the order of `covariance`; "reference g", "reference b" and "reference dip" are
         what has to be added to the reference.
-    covariance (p, p) : posterior covariance, averaged over the sizes of the priors that the run leaves open, with the
+    covariance : (p, p) posterior covariance, averaged over the sizes of the priors that the run leaves open, with the
         noise that the run shows. It is the estimate's mean squared error when the other priors are true.
     corrected : stations freed from the estimate, with what remains as the source "multi-station analysis".
-    before, after (n, 3) : |g|, m/s^2, |b|, nT, and dip, rad, of the stations less the (corrected) reference.
+    before, after : (n, 3) |g|, m/s^2, |b|, nT, and dip, rad, of the stations less the (corrected) reference.
     chi_square, freedom : sum of squares of the fit with noise and priors as stated, expected near `freedom` = 3 n.
-    influence (n,) : largest change of azimuth at any station, rad, if this one were left out.
-    surprise (n,) : squared error of the station against the prediction from all others, chi-square of 3 degrees.
-    noise_factors (2,) : noise variances of accelerometers and of magnetometers over the stated ones, from the run.
-    information (p, p), score (p,) : J' V^-1 J and J' V^-1 y of the stations without any prior, y their residuals taken
+    influence : (n,) largest change of azimuth at any station, rad, if this one were left out.
+    surprise : (n,) squared error of the station against the prediction from all others, chi-square of 3 degrees.
+    noise_factors : (2,) noise variances of accelerometers and of magnetometers over the stated ones, from the run.
+    information, score : (p, p) J' V^-1 J and (p,) J' V^-1 y of the stations without any prior, y their residuals taken
         back to parameters of zero, V of the noise that the run shows.
     """
 
