@@ -51,9 +51,7 @@ def test_a_few_broken_files(examples, tmp_path):
 
 @pytest.mark.long
 def test_a_thousand_broken_files(examples, tmp_path):
-    f = faults(examples, tmp_path, 12, 1000)
-    print("FAULTS", f)
-    assert f == []
+    f = faults(examples, tmp_path, 12, 1000); print("FAULTS", f); assert f == []
 
 
 def test_inputs_are_the_same_for_the_same_seed(examples):

@@ -275,6 +275,23 @@ def test_a_forged_head_is_found(opened: Opened, tmp_path: Path, by: str) -> None
         ledger.append("tool", {"serial": "NEXT"}, TOOL, author="anna")
 
 
+@pytest.mark.parametrize("seq", [5, 8])
+def test_a_head_that_is_none_is_named(tmp_path: Path, keys: Keys, seq: int) -> None:
+    """Text in the place of a number (SQLite keeps it): a fault, and nothing is recorded upon the newest."""
+    path = tmp_path / "lab.sqlite"
+    with create(path, keys=keys) as ledger:
+        for number in range(8):
+            ledger.append("tool", {"serial": f"T{number}"}, TOOL, author="anna")
+        edit(ledger, f"UPDATE head SET seq = 'abc', signature = 'x' WHERE seq = {seq}")
+        assert "cannot be read as a signed head" in said(verify(ledger))
+    with Ledger(path, keys=keys) as ledger:
+        if seq == 8:
+            with pytest.raises(LedgerError, match="run `inclinometry ledger verify`"):
+                ledger.append("tool", {"serial": "NEXT"}, TOOL, author="anna")
+        edit(ledger, "UPDATE head SET seq = 'abc'")
+        assert "cannot be read as a signed head" in said(verify(ledger))
+
+
 def test_a_rewritten_record_is_found(opened: Opened) -> None:
     """Its body, its author, and every digest and link after it, worked out anew."""
     with opened() as ledger:

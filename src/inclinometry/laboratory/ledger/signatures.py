@@ -7,12 +7,12 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from sqlalchemy import select
+from sqlalchemy import inspect, select
 from sqlalchemy.engine import Connection
 
 from inclinometry.errors import InputError
 from inclinometry.laboratory.ledger import chain
-from inclinometry.laboratory.ledger.engine import HEAD
+from inclinometry.laboratory.ledger.engine import HEAD, LedgerError
 from inclinometry.laboratory.ledger.heads import ACCEPTED, KEY_EVENT, SignedHead, head_of, newest_head
 from inclinometry.laboratory.ledger.keys import descends, explained, fingerprint, genuine
 from inclinometry.laboratory.ledger.ledger import Ledger
@@ -34,7 +34,8 @@ class Fault:
 
 def asked(ledger: Ledger) -> tuple[str, list[Witnessed], list[str]]:
     """The ledger last seen in this place, what the witnesses keep of the one that is there, who cannot be asked."""
-    newest = ledger.signed_head()
+    with ledger.snapshot() as connection:
+        newest = newest_head(connection, readable=True)
     try:
         here = begun_at(ledger.keys.folder, ledger.where)
     except OSError as error:
@@ -81,14 +82,15 @@ class Signatures:
         *,
         copy: bool = False,
     ) -> None:
-        self.newest = newest_head(connection)
+        self.newest = newest_head(connection, readable=True)
+        self._unreadable: list[Fault] = []
         self._given, self._here = tuple(public), here
         self._wanted = self._given or _public(ledger)
         self._copy = copy
         self._kept, self._notes = kept, list(silent)
         self._tree = Frontier()
         self._link = chain.GENESIS
-        self._own_heads = self._stored(connection) if self.newest else iter(())
+        self._own_heads = self._stored(connection) if inspect(connection).has_table("head") else iter(())
         self._next = next(self._own_heads, None)
         readable = [(one.head, one.witness, one.place) for one in kept if one.head is not None]
         self._elsewhere: dict[str, int] = {}
@@ -102,15 +104,19 @@ class Signatures:
         self._keys = self._successive(connection) if self.newest else []
         self._compare(0)
 
-    @staticmethod
-    def _stored(connection: Connection) -> Iterator[SignedHead]:
+    def _stored(self, connection: Connection) -> Iterator[SignedHead]:
         last = (-1, -1)
         while True:
             beyond = (HEAD.c.seq > last[0]) | ((HEAD.c.seq == last[0]) & (HEAD.c.place > last[1]))
             rows = connection.execute(select(HEAD).where(beyond).order_by(HEAD.c.seq, HEAD.c.place).limit(500)).all()
             if not rows:
                 return
-            yield from map(head_of, rows)
+            for row in rows:
+                try:
+                    yield head_of(row)
+                except LedgerError:
+                    what = "was changed: it cannot be read as a signed head"
+                    self._unreadable.append(Fault("head", f"in place {row.place}", what))
             last = (rows[-1].seq, rows[-1].place)
 
     @staticmethod
@@ -119,7 +125,8 @@ class Signatures:
         found: list[tuple[str, int, str]] = []
         query = select(HEAD.c.key, HEAD.c.seq, HEAD.c.created).order_by(HEAD.c.place)
         for row in connection.execute(query, execution_options={"yield_per": 500}):
-            if not found or found[-1][0] != row.key:
+            texts = isinstance(row.key, str) and isinstance(row.created, str)  # others are faults of their own
+            if texts and (not found or found[-1][0] != row.key):
                 found.append((row.key, row.seq, row.created))
         return found
 
@@ -183,6 +190,7 @@ class Signatures:
             for one in self._kept
             if one.head is None
         ]
+        faults += self._unreadable
         faults += self._whole(seq)
         said = max(self._accepted, default=("", "", ""))
         first: dict[str, Fault] = {}
