@@ -56,6 +56,8 @@ def test_all_three_documents(files: Any) -> None:
     again = files("certificate", "tool.json", *GIVEN, *out)
     assert done.json["number"] in again.out
     assert Path("c.pdf").read_bytes() == first
+    other = files("certificate", "tool.json", *GIVEN, "-o", "ru.pdf", "--language", "ru", "--json")
+    assert other.json["number"] != done.json["number"]  # another record
 
 
 def test_where_the_laboratory_has_a_key_they_are_signed(files: Any) -> None:

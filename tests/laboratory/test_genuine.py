@@ -100,6 +100,13 @@ def test_what_was_ended_is_said(issued: SimpleNamespace, capsys: pytest.CaptureF
     status, said = run(capsys, "certificate", "verify", issued.folder / "new.pdf", issued.status, "--key", issued.key)
     assert status == 1
     assert f"{second}: void (wrong stand)" in said
+    # two certificates are no set, though each is genuine
+    words = ["certificate", "verify", pdf, issued.folder / "new.pdf", "--key", issued.key]
+    status, said = run(capsys, *words)
+    assert status == 1
+    assert said.count("genuine, signed by") == 2
+    assert f"different certificates: {', '.join(sorted((issued.number, second)))}; verify each by itself" in said
+    assert "different certificates" in json.loads(run(capsys, *words, "--json")[1])["problem"]
     # the one of before is as it was then, and a statement that does not list it says so
     assert run(capsys, "certificate", "verify", pdf, old, "--key", issued.key)[0] == 0
     status, said = run(capsys, "certificate", "verify", issued.folder / "new.pdf", old, "--key", issued.key)
@@ -127,6 +134,7 @@ def test_what_was_changed_is_named(issued: SimpleNamespace, capsys: pytest.Captu
         (["certificate", "verify", issued.key, "--key", issued.key], "neither PDF, XML nor JSON"),
         (["certificate", "verify", tmp_path / "none.pdf", "--key", issued.key], "check the name"),
         (["certificate", "verify", "--key", issued.key], "name the files of a certificate"),
+        (["certificate", "verify", issued.status, "--key", issued.key], "statement about 1 certificate as of record"),
         (["certificate", "verify", pdf, issued.status, "--key", tmp_path / "other.pem"], "not by the laboratory's"),
     ):
         status, said = run(capsys, *words)
@@ -211,6 +219,12 @@ def test_keys_and_heads_as_a_user_types_them(
     assert status == 2
     assert "is not on the list" in said
     assert run(capsys, "ledger", "key", "--rotate", "a", "--lost", "b")[0] == 2
+    status, said = run(capsys, "ledger", "key", "--rotate", "")
+    assert status == 2
+    assert "without a reason" in said
+    status, said = run(capsys, "ledger", "witness", "share", "--ledger", "lab.sqlite", "--key", "nothere.pem")
+    assert status == 2
+    assert "--serve FOLDER" in said
     status, said = run(capsys, "ledger", "key", "--lost", "stolen")
     assert "was begun, lost was" in said
     content = json.loads((tmp_path / "new.json").read_text())

@@ -200,6 +200,16 @@ def test_parts_of_two_certificates_are_not_one(laboratory: Laboratory, tmp_path:
         look(b"anything else", "file", public)
 
 
+@pytest.mark.parametrize("put", [b"<!---->", b"<?cut?>"])
+def test_what_splits_a_value_is_refused(laboratory: Laboratory, put: bytes) -> None:
+    """XAdES signs without comments, and a reader takes the text before one for the value; also beside the root."""
+    assert laboratory.files.dcc is not None
+    data = laboratory.files.dcc
+    at = data.index(b"</si:value>") - 1 if b"</si:value>" in data else data.index(b"2026-0001") + 2
+    for changed in (data[:at] + put + data[at:], data + put):
+        assert "comments or processing instructions" in look(changed, "file", laboratory.public).problem
+
+
 def test_a_certificate_of_before_the_key_was_rotated(tmp_path: Path) -> None:
     """What is published afterwards proves old and new ones."""
     laboratory = Laboratory(tmp_path / "keys")

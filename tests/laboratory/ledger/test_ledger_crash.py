@@ -97,7 +97,7 @@ def test_a_power_cut_leaves_whole_records(tmp_path: Path) -> None:
         copy.with_name(copy.name + "-wal").write_bytes(log[:cut] + garbage)
         with Ledger(copy) as found:
             assert found.head().seq == sum(size <= cut for size in sizes)
-            assert verify(found).ok
+            assert verify(found, copy=True).ok
 
 
 def test_a_lost_write_ahead_file_is_noticed_by_a_noted_head(tmp_path: Path) -> None:
@@ -109,8 +109,8 @@ def test_a_lost_write_ahead_file_is_noticed_by_a_noted_head(tmp_path: Path) -> N
         head = ledger.append("tool", {"serial": "B"}, TOOL, author="a") and ledger.head()
         shutil.copy(path, tmp_path / "b.sqlite")
     with Ledger(tmp_path / "b.sqlite") as copy:
-        assert verify(copy).ok
-        assert "ends before the head noted" in str(verify(copy, head=head).faults)
+        assert verify(copy, copy=True).ok
+        assert "ends before the head noted" in str(verify(copy, copy=True, head=head).faults)
 
 
 @pytest.mark.long
@@ -132,7 +132,7 @@ def test_a_backup_while_others_write_is_one_state(tmp_path: Path) -> None:
                 backup(ledger, tmp_path / f"b{turn}.sqlite")
                 export(ledger, tmp_path / f"b{turn}.zip")
                 with Ledger(tmp_path / f"b{turn}.sqlite") as copy:
-                    assert verify(copy).ok
+                    assert verify(copy, copy=True).ok
                     assert copy.head().seq >= least
                     assert copy.head().seq % 3 == 1
                 with create(tmp_path / f"r{turn}.sqlite") as second:

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from inclinometry.errors import FileError, InputError
+from inclinometry.laboratory.certificate.status import make_status
 from inclinometry.laboratory.ledger import chain
 from inclinometry.laboratory.ledger.admin import create
 from inclinometry.laboratory.ledger.engine import Draft, engine
@@ -115,14 +116,20 @@ def test_a_ledger_that_nobody_touched_is_sound_signed_and_witnessed(opened: Open
     assert keys.path.stat().st_mode & 0o077 == 0
 
 
-def test_a_cut_tail_is_found(opened: Opened) -> None:
-    """Also when work goes on afterwards: the witness remembers."""
+def test_a_cut_tail_is_found(opened: Opened, keys: Keys) -> None:
+    """Nothing is recorded upon it while the witness here remembers; when it is away, it is found by it later."""
     with opened() as ledger:
         cut(ledger, 5)
         found = verify(ledger)
         assert [fault.row for fault in found.faults if "ends before the signed head" in fault.problem] == ["6 to 8"]
+        with pytest.raises(LedgerError, match=r"this computer signed record 8 of it .*ledger init --accept REASON"):
+            ledger.append("tool", {"serial": "NEW"}, TOOL, author="anna")
+        assert ledger.head().seq == 5
+        (keys.folder / "heads").rename(keys.folder / "away")
         ledger.append("tool", {"serial": "NEW"}, TOOL, author="anna")
         ledger.append_all([Draft("tool", {"serial": "NEWER"}, TOOL)] * 5, author="anna")
+        shutil.rmtree(keys.folder / "heads")
+        (keys.folder / "away").rename(keys.folder / "heads")
         assert "not those that were signed" in said(verify(ledger))
 
 
@@ -177,11 +184,59 @@ def test_an_older_copy_put_back_is_found(tmp_path: Path, keys: Keys) -> None:
     with Ledger(path, keys=keys) as ledger:
         cut(ledger, 2)
         assert not verify(ledger).ok
-    # the backup itself is sound, and says what it is
+    # the backup itself is sound when it is said to be one, and says what it is
     with Ledger(tmp_path / "old.sqlite", keys=keys) as copy:
-        found = verify(copy)
+        assert "--copy" in said(verify(copy))
+        found = verify(copy, copy=True)
         assert found.ok
         assert "this is a copy" in said(found)
+
+
+@pytest.mark.parametrize("way", ["a link in its place", "another name", "the ledger as a link", "a folder's link"])
+def test_an_older_copy_is_found_whatever_its_path(tmp_path: Path, keys: Keys, way: str) -> None:
+    """Witnesses know a ledger by its name, not by its place: nothing is recorded or certified upon an older state."""
+    (tmp_path / "now").mkdir()
+    (tmp_path / "then").mkdir()
+    (tmp_path / "lab").symlink_to(tmp_path / "now")
+    path = tmp_path / "lab" / "lab.sqlite"
+    old = tmp_path / "then" / "lab.sqlite"
+    if way == "the ledger as a link":
+        path.symlink_to(tmp_path / "data.sqlite")
+    with create(path, keys=keys) as ledger:
+        ledger.append("tool", {"serial": "A"}, TOOL, author="anna")
+        backup(ledger, old)
+        ledger.append("tool", {"serial": "B"}, TOOL, author="anna")
+    with Ledger(path, keys=keys) as ledger:
+        assert verify(ledger).ok
+    if way == "a folder's link":
+        (tmp_path / "lab").unlink()
+        (tmp_path / "lab").symlink_to(tmp_path / "then")
+    else:
+        path.unlink()
+        if way == "another name":
+            path = old
+        else:
+            path.symlink_to(old)
+    with Ledger(path, keys=keys) as ledger:
+        assert "ends before the signed head kept by" in said(verify(ledger))
+        for sign in (lambda: ledger.append("tool", {"serial": "C"}, TOOL, author="anna"), lambda: make_status(ledger)):
+            with pytest.raises(LedgerError, match="nothing was recorded or signed"):
+                sign()
+        assert ledger.head().seq == 1
+
+
+def test_another_ledger_behind_a_link_is_found(tmp_path: Path, keys: Keys) -> None:
+    """One of the same key, sound in its own place; or one that is not signed."""
+    path = tmp_path / "lab.sqlite"
+    create(path, keys=keys).close()
+    for name, sign, wanted in (("b.sqlite", True, "another ledger"), ("c.sqlite", False, "this one is not")):
+        with create(tmp_path / name, keys=keys, sign=sign) as other:
+            other.append("tool", {"serial": "A"}, TOOL, author="anna")
+            assert verify(other).ok
+        path.unlink()
+        path.symlink_to(tmp_path / name)
+        with Ledger(path, keys=keys) as ledger:
+            assert wanted in said(verify(ledger))
 
 
 def test_a_record_appended_by_sql_is_found_and_never_signed(opened: Opened) -> None:
@@ -218,6 +273,23 @@ def test_a_forged_head_is_found(opened: Opened, tmp_path: Path, by: str) -> None
         assert wanted in said(found)
     with opened() as ledger, pytest.raises(LedgerError, match="nothing was recorded"):
         ledger.append("tool", {"serial": "NEXT"}, TOOL, author="anna")
+
+
+@pytest.mark.parametrize("seq", [5, 8])
+def test_a_head_that_is_none_is_named(tmp_path: Path, keys: Keys, seq: int) -> None:
+    """Text in the place of a number (SQLite keeps it): a fault, and nothing is recorded upon the newest."""
+    path = tmp_path / "lab.sqlite"
+    with create(path, keys=keys) as ledger:
+        for number in range(8):
+            ledger.append("tool", {"serial": f"T{number}"}, TOOL, author="anna")
+        edit(ledger, f"UPDATE head SET seq = 'abc', signature = 'x' WHERE seq = {seq}")
+        assert "cannot be read as a signed head" in said(verify(ledger))
+    with Ledger(path, keys=keys) as ledger:
+        if seq == 8:
+            with pytest.raises(LedgerError, match="run `inclinometry ledger verify`"):
+                ledger.append("tool", {"serial": "NEXT"}, TOOL, author="anna")
+        edit(ledger, "UPDATE head SET seq = 'abc'")
+        assert "cannot be read as a signed head" in said(verify(ledger))
 
 
 def test_a_rewritten_record_is_found(opened: Opened) -> None:

@@ -42,7 +42,7 @@ def record_from_files(
     as_found : Path, optional
         verify.json of that calibration at the positions of `verification`.
     number : str, optional
-        Unique to this certificate; year and eight digits of the inputs' digest when not given.
+        Unique to this certificate; year and eight digits of the digest of inputs and language when not given.
     today : date, optional
         Date of issue where lab.toml has none; the clock's when not given.
 
@@ -85,7 +85,7 @@ def record_from_files(
         calibration,
         who,
         order,
-        number=_number(number, order, inputs),
+        number=_number(number, order, inputs, language),
         program=program(),
         language=language,
         standards=standards,
@@ -102,10 +102,11 @@ def _positions(verification: dict[str, Any]) -> list[tuple[float, ...]]:
     return [tuple(row[dial] for dial in dials) for row in verification["report"]["positions"]]
 
 
-def _number(given: str | None, order: Order, inputs: dict[str, str]) -> str:
+def _number(given: str | None, order: Order, inputs: dict[str, str], language: str) -> str:
     if given is None:
+        stated = [*sorted(inputs.items()), ("language", language)]  # each language is a record of its own
         year = "" if order.issued is None else f"{order.issued.year}-"
-        return year + digest_bytes(repr(sorted(inputs.items())).encode()).removeprefix("sha256:")[:8]
+        return year + digest_bytes(repr(stated).encode()).removeprefix("sha256:")[:8]
     if not (1 <= len(given) <= 60 and given.isprintable() and given == given.strip()):
         raise InputError(f"--number is {given!r:.80}; 1 to 60 printable characters are needed")
     return given

@@ -36,8 +36,10 @@ def make_status(ledger: Ledger, numbers: Sequence[str] = ()) -> dict[str, Any]:
     Raises
     ------
     LedgerError
-        The ledger is not signed, its key is not here, there is no such certificate.
+        The ledger is not signed or behind what this computer saw of it, its key is not here, there is no such
+        certificate.
     """
+    ledger.not_behind()
     known = certificates.Issued(ledger)
     unknown = [number for number in numbers if number not in known.records]
     if unknown:

@@ -56,7 +56,7 @@ def certificate(
     record
         Write the record, JSON; its SHA-256 is printed on the certificate.
     number
-        Unique number; year and a part of the inputs' digest when not given.
+        Unique number; year and a part of the digest of inputs and language when not given.
     language
         Of the fixed texts of the PDF.
     fonts
@@ -134,8 +134,9 @@ def verify(*files: str, key: Input, json: Json = False) -> int:
     Parameters
     ----------
     files
-        PDF, XML and JSON of certificates, together or each alone, the text of a square code in quotes, and statements
-        that `ledger status` wrote: with the newest of these it also says whether one is issued, void or superseded.
+        PDF, XML and JSON of one certificate, together or each alone, the text of a square code in quotes, and
+        statements that `ledger status` wrote: with the newest of these it also says whether it is issued, void or
+        superseded.
     key
         Public key of the laboratory, from the laboratory itself: the file that `ledger key --public` writes.
     """
@@ -152,6 +153,12 @@ def verify(*files: str, key: Input, json: Json = False) -> int:
         later = [str(one["after"]) for one in newest.changes if one["action"] == "rotated"]
         public = Public((*public.keys, *(one for one in later if one not in public.keys)), public.certificates)
     looked = [(name, data, _look(name, data, public)) for name, data in given if name not in statements]
+    if newest is not None and not looked:
+        about = output.counted(len(newest.rows), "certificate")
+        raise InputError(
+            f"{', '.join(statements)}: a genuine statement about {about} as of "
+            f"record {newest.head.size} of {newest.head.time[:19]} UTC; name the file of a certificate, too"
+        )
     digests: dict[str, set[str]] = {}
     for _, _, one in looked:
         digests.setdefault(one.number, set()).add(one.digest)
@@ -166,12 +173,18 @@ def verify(*files: str, key: Input, json: Json = False) -> int:
             problem = contradiction(row, one.digest, one.record, {whole: data} if whole else {})
         rows.append({"file": name, "kind": one.kind, "number": one.number, "digest": one.digest, "key": one.key,
                      "genuine": not problem, "problem": problem, "state": _state(row, newest)})  # fmt: skip
-    ok = bool(rows) and all(row["genuine"] and row["state"] in ("issued", "not known") for row in rows)
+    numbers = sorted(number for number in digests if number)
+    mixed = ""
+    if len(numbers) > 1:
+        mixed = f"these are files of different certificates: {', '.join(numbers)}; verify each by itself"
+    ok = not mixed and all(row["genuine"] and row["state"] in ("issued", "not known") for row in rows)
     if json:
         as_of = None if newest is None else newest.head.statement()
-        output.print_json({"ok": ok, "files": rows, "as_of": as_of})
+        output.print_json({"ok": ok, "problem": mixed, "files": rows, "as_of": as_of})
         return 0 if ok else 1
     _say(rows, newest)
+    if mixed:
+        output.say(mixed)
     return 0 if ok else 1
 
 

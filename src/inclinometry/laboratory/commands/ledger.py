@@ -65,6 +65,7 @@ def verify(
     head: str | None = None,
     certificate: str | None = None,
     key: InputOrNone = None,
+    copy: Flag = False,
     json: Json = False,
 ) -> int:
     """Check every record, the chain, signed heads and witnesses: exit status 0 sound, 1 changed, 2 bad input.
@@ -75,15 +76,19 @@ def verify(
         NUMBER:DIGITS as an earlier check or a certificate gave it.
     key
         Public key of the laboratory, where it is not the one of this computer.
+    copy
+        It is a copy, kept on purpose: that the ledger went on since is said, and is no fault.
     certificate
         Number of a certificate: its files, its record and its calibration are compared instead of the whole ledger.
     """
     if certificate is not None:
-        return _certificate(_where(ledger), certificate, head, json)
+        if head is not None or copy:
+            raise InputError("--head and --copy are of the whole ledger; leave them out or --certificate")
+        return _certificate(_where(ledger), certificate, json)
     noted = None if head is None else parse_head(head)
     with Ledger(_where(ledger), read_only=True) as opened, output.working("verifying") as progress:
         public = () if key is None else read_public(key).keys
-        found = verify_ledger(opened, head=noted, public=public, progress=progress)
+        found = verify_ledger(opened, head=noted, public=public, copy=copy, progress=progress)
     if json:
         output.print_json(
             {
@@ -110,12 +115,10 @@ def verify(
     return 1
 
 
-def _certificate(where: str, number: str, head: str | None, json: bool) -> int:
+def _certificate(where: str, number: str, json: bool) -> int:
     """One certificate against the ledger."""
     from inclinometry.laboratory.certificates import verify_certificate
 
-    if head is not None:
-        raise InputError("--head is of the whole ledger; leave out --head or --certificate")
     with Ledger(where, read_only=True) as opened:
         found = verify_certificate(opened, number)
     if json:

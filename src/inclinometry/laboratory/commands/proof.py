@@ -217,6 +217,8 @@ def witness(
     if serve is not None:
         _serve(serve, host, port, key)
         return
+    if key is not None:
+        raise InputError("--key says whose heads --serve keeps; give --serve FOLDER, too, or leave --key out")
     keys = Keys()
     named = others(keys.folder)
     if place is not None and remove:

@@ -99,16 +99,35 @@ def signed_by(key: SigningKey, ledger: str, head: chain.Head, root: bytes, time:
 
 
 def head_of(row: Any) -> SignedHead:
-    """The signed head of a row of its table."""
-    return SignedHead(row.ledger, row.seq, row.root, row.link, row.created, row.key, row.signature)
+    """The signed head of a row of its table.
+
+    Raises
+    ------
+    LedgerError
+        Somebody put something else than a head there.
+    """
+    said = {name: getattr(row, name) for name in ("ledger", "root", "link", "key", "signature")}
+    content = {"schema": SCHEMA, "version": 1, "size": row.seq, "time": row.created, **said}
+    try:
+        return parse_signed(content, "head")
+    except FileError:
+        raise LedgerError(
+            f"the signed head in place {row.place} was changed and cannot be read; run `inclinometry ledger verify`"
+        ) from None
 
 
-def newest_head(connection: Connection) -> SignedHead | None:
-    """The last signed head; None in a ledger that is not signed."""
+def newest_head(connection: Connection, *, readable: bool = False) -> SignedHead | None:
+    """The last signed head, or the last that can be read; None in a ledger that is not signed."""
     if not inspect(connection).has_table("head"):
         return None
-    row = connection.execute(select(HEAD).order_by(HEAD.c.place.desc()).limit(1)).first()
-    return None if row is None else head_of(row)
+    query = select(HEAD).order_by(HEAD.c.place.desc())
+    for row in connection.execute(query if readable else query.limit(1), execution_options={"yield_per": 500}):
+        try:
+            return head_of(row)
+        except LedgerError:
+            if not readable:
+                raise
+    return None
 
 
 def leaves(connection: Connection, after: int, until: int) -> Iterable[bytes]:
@@ -200,8 +219,11 @@ class Sealing:
         tree = Frontier()
         if row is not None:
             text = row.frontier
-            peaks = [bytes.fromhex(text[at : at + 2 * SIZE]) for at in range(0, len(text), 2 * SIZE)]
-            tree = Frontier(row.seq, peaks)
+            try:
+                peaks = [bytes.fromhex(text[at : at + 2 * SIZE]) for at in range(0, len(text), 2 * SIZE)]
+                tree = Frontier(row.seq, peaks)
+            except (TypeError, ValueError):
+                raise self._doubt(f"the peaks of its tree at head {row.seq!r:.40} cannot be read") from None
         self._peaks_at = tree.size
         tree.extend(leaves(connection, tree.size, newest.size))
         # what was read is what was signed, or nothing is built upon it

@@ -182,6 +182,8 @@ class Keys:
 
     def rotate(self, reason: str) -> SigningKey:
         """A new key in the place of the old one, which signs for it."""
+        if not reason.strip():
+            raise InputError("say why the key is rotated: a new one is not begun without a reason")
         return self._change("rotated", self.signing(), reason)
 
     def begin_anew(self, reason: str) -> SigningKey:

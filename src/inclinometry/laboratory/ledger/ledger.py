@@ -39,7 +39,7 @@ from inclinometry.laboratory.ledger.engine import (
 from inclinometry.laboratory.ledger.heads import ACCEPTED, Sealing, SignedHead, newest_head
 from inclinometry.laboratory.ledger.keys import Keys
 from inclinometry.laboratory.ledger.merkle import leaf_hash
-from inclinometry.laboratory.ledger.witness import Witnesses
+from inclinometry.laboratory.ledger.witness import Witnesses, ahead
 
 LARGEST_DOCUMENT: Final = 100_000_000
 
@@ -151,6 +151,8 @@ class Ledger:
         self.keys: Final = Keys() if keys is None else keys
         self._sealing = Sealing(self.keys, self.shown)
         self._witnesses = Witnesses(self.keys.folder, self.where, alone=alone)
+        self._seen = -1
+        """Record up to which the ledger was once found not to be behind what this computer saw of it."""
         self._engine = engine(where, read_only=read_only)
         try:
             with self._reading() as connection:
@@ -212,6 +214,7 @@ class Ledger:
             head, last = self._tail(connection)
             created = self._now(last, slack)
             name, first = self._sealing.before(connection, head)
+            self._not_behind(connection)
             batch = Batch(connection, head)
             records = [
                 batch.add(draft.kind, uuid.uuid4().hex, created, author, KINDS[draft.kind].version, draft.keys, body)
@@ -263,6 +266,35 @@ class Ledger:
         """The last signed head; None in a ledger that is not signed."""
         with self._reading() as connection:
             return newest_head(connection)
+
+    def not_behind(self) -> None:
+        """Refuse to sign upon a ledger that lacks records which this computer saw in it.
+
+        Raises
+        ------
+        LedgerError
+            The witness beside the keys has a head of this ledger beyond its end, and nobody answered for that.
+        """
+        with self._reading() as connection:
+            self._not_behind(connection)
+
+    def _not_behind(self, connection: Connection) -> None:
+        newest = newest_head(connection)
+        if newest is None:
+            return
+        if not 0 <= self._seen <= newest.size:
+            table = TABLES["event"]
+            times = select(func.max(table.c.created)).where(_matching("event", ACCEPTED))
+            accepted = connection.execute(times).scalar() or ""
+            lost = ahead(self.keys.folder, newest, accepted)
+            if lost is not None:
+                raise LedgerError(
+                    f"{self.shown} ends with record {newest.size}, but this computer signed record {lost.size} of it "
+                    f"on {lost.time[:19]}: an older copy, or one that stayed behind; nothing was recorded or signed: "
+                    "record in the ledger itself, or when it is known what happened, state it with `inclinometry "
+                    "ledger init --accept REASON`"
+                )
+        self._seen = newest.size
 
     def _published(self, signed: SignedHead | None) -> None:
         if signed is not None:

@@ -7,17 +7,17 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from sqlalchemy import select
+from sqlalchemy import inspect, select
 from sqlalchemy.engine import Connection
 
 from inclinometry.errors import InputError
 from inclinometry.laboratory.ledger import chain
-from inclinometry.laboratory.ledger.engine import HEAD
+from inclinometry.laboratory.ledger.engine import HEAD, LedgerError
 from inclinometry.laboratory.ledger.heads import ACCEPTED, KEY_EVENT, SignedHead, head_of, newest_head
 from inclinometry.laboratory.ledger.keys import descends, explained, fingerprint, genuine
 from inclinometry.laboratory.ledger.ledger import Ledger
 from inclinometry.laboratory.ledger.merkle import Frontier, leaf_hash
-from inclinometry.laboratory.ledger.witness import Witnessed, begun_at, place_of, witnessed
+from inclinometry.laboratory.ledger.witness import Witnessed, begun_at, witnessed
 
 
 @dataclass(frozen=True)
@@ -34,9 +34,10 @@ class Fault:
 
 def asked(ledger: Ledger) -> tuple[str, list[Witnessed], list[str]]:
     """The ledger last seen in this place, what the witnesses keep of the one that is there, who cannot be asked."""
-    newest = ledger.signed_head()
+    with ledger.snapshot() as connection:
+        newest = newest_head(connection, readable=True)
     try:
-        here = begun_at(ledger.keys.folder, place_of(ledger.where))
+        here = begun_at(ledger.keys.folder, ledger.where)
     except OSError as error:
         return "", [], [f"the witness in {ledger.keys.folder} cannot be asked ({error.strerror})"]
     name = here if newest is None else newest.ledger
@@ -66,6 +67,8 @@ class Signatures:
     kept : list of Witnessed
     silent : list of str
         Sentences about witnesses that cannot be asked.
+    copy : bool
+        A copy kept on purpose: that it ends before heads which witnesses keep is a note.
     """
 
     def __init__(
@@ -76,37 +79,44 @@ class Signatures:
         here: str,
         kept: list[Witnessed],
         silent: list[str],
+        *,
+        copy: bool = False,
     ) -> None:
-        self.newest = newest_head(connection)
+        self.newest = newest_head(connection, readable=True)
+        self._unreadable: list[Fault] = []
         self._given, self._here = tuple(public), here
         self._wanted = self._given or _public(ledger)
-        self._place = place_of(ledger.where)
+        self._copy = copy
         self._kept, self._notes = kept, list(silent)
         self._tree = Frontier()
         self._link = chain.GENESIS
-        self._own_heads = self._stored(connection) if self.newest else iter(())
+        self._own_heads = self._stored(connection) if inspect(connection).has_table("head") else iter(())
         self._next = next(self._own_heads, None)
         readable = [(one.head, one.witness, one.place) for one in kept if one.head is not None]
+        self._elsewhere: dict[str, int] = {}
         self._outside = sorted(readable, key=lambda kept: kept[0].size)
         self._at = 0
         # of what contradicts the records: time of the head, and the fault; somebody may have answered for it
         self._doubts: list[tuple[str, Fault]] = []
         self._agreed: dict[str, int] = {}
-        self._elsewhere: dict[str, int] = {}
         self._changes: list[dict[str, Any]] = []
         self._accepted: list[tuple[str, str, str]] = []
         self._keys = self._successive(connection) if self.newest else []
         self._compare(0)
 
-    @staticmethod
-    def _stored(connection: Connection) -> Iterator[SignedHead]:
+    def _stored(self, connection: Connection) -> Iterator[SignedHead]:
         last = (-1, -1)
         while True:
             beyond = (HEAD.c.seq > last[0]) | ((HEAD.c.seq == last[0]) & (HEAD.c.place > last[1]))
             rows = connection.execute(select(HEAD).where(beyond).order_by(HEAD.c.seq, HEAD.c.place).limit(500)).all()
             if not rows:
                 return
-            yield from map(head_of, rows)
+            for row in rows:
+                try:
+                    yield head_of(row)
+                except LedgerError:
+                    what = "was changed: it cannot be read as a signed head"
+                    self._unreadable.append(Fault("head", f"in place {row.place}", what))
             last = (rows[-1].seq, rows[-1].place)
 
     @staticmethod
@@ -115,7 +125,8 @@ class Signatures:
         found: list[tuple[str, int, str]] = []
         query = select(HEAD.c.key, HEAD.c.seq, HEAD.c.created).order_by(HEAD.c.place)
         for row in connection.execute(query, execution_options={"yield_per": 500}):
-            if not found or found[-1][0] != row.key:
+            texts = isinstance(row.key, str) and isinstance(row.created, str)  # others are faults of their own
+            if texts and (not found or found[-1][0] != row.key):
                 found.append((row.key, row.seq, row.created))
         return found
 
@@ -145,13 +156,13 @@ class Signatures:
     def _compare(self, seq: int) -> None:
         """Every head that speaks of the records up to this one."""
         while self._next is not None and self._next.size <= seq:
-            self._judge(self._next, "", self._place, seq)
+            self._judge(self._next, "", seq)
             self._next = next(self._own_heads, None)
         while self._at < len(self._outside) and self._outside[self._at][0].size <= seq:
-            self._judge(*self._outside[self._at], seq)
+            self._judge(*self._outside[self._at][:2], seq)
             self._at += 1
 
-    def _judge(self, head: SignedHead, witness: str, place: str, seq: int) -> None:
+    def _judge(self, head: SignedHead, witness: str, seq: int) -> None:
         where = f"{head.size} ({head.time[:19]})"
         kept = f", kept by {witness}," if witness else ""
         if not head.genuine():
@@ -163,21 +174,14 @@ class Signatures:
             said = (
                 f"the records up to here are not those that were signed{kept or ' then'}: rewritten, or an older copy"
             )
-            self._doubt(head, place, Fault("head", where, said))
+            self._doubts.append((head.time, Fault("head", where, said)))
         elif witness:
             self._agreed[witness] = max(self._agreed.get(witness, 0), head.size)
-
-    def _doubt(self, head: SignedHead, place: str, fault: Fault) -> None:
-        """A contradiction; of a head that was signed for a copy in another place it is none of this one's."""
-        if place == self._place:
-            self._doubts.append((head.time, fault))
-        else:
-            self._elsewhere[place] = max(self._elsewhere.get(place, 0), head.size)
 
     def end(self, seq: int) -> tuple[list[Fault], list[str]]:
         """Faults and notes when the last record, `seq`, is passed."""
         while self._next is not None:
-            self._lost(self._next, "", self._place, seq)
+            self._lost(self._next, "", "", seq)
             self._next = next(self._own_heads, None)
         for head, witness, place in self._outside[self._at :]:
             self._lost(head, witness, place, seq)
@@ -186,6 +190,7 @@ class Signatures:
             for one in self._kept
             if one.head is None
         ]
+        faults += self._unreadable
         faults += self._whole(seq)
         said = max(self._accepted, default=("", "", ""))
         first: dict[str, Fault] = {}
@@ -203,7 +208,7 @@ class Signatures:
         if excused:
             self._notes.append(f"{excused} signed heads from before that contradict the records")
         for place, size in self._elsewhere.items():
-            self._notes.append(f"this is a copy: the ledger in {place} goes on to record {size} or went on otherwise")
+            self._notes.append(f"this is a copy: the ledger in {place} goes on to record {size}")
         faults += self._of_keys(said[0])
         return faults, [*self._signed(), *self._notes]
 
@@ -214,7 +219,13 @@ class Signatures:
             self._doubts.append(("9999", Fault("head", str(head.size), said)))
             return
         lost = f"{seq + 1} to {head.size}" if head.size > seq + 1 else f"{head.size}"
-        self._doubt(head, place, Fault("chain", lost, f"removed: the ledger ends before the signed head {by}"))
+        if witness and self._copy:
+            self._elsewhere[place] = max(self._elsewhere.get(place, 0), head.size)
+            return
+        said = f"removed: the ledger ends before the signed head {by}"
+        if witness:
+            said += "; a copy that is kept on purpose is verified with --copy"
+        self._doubts.append((head.time, Fault("chain", lost, said)))
 
     def _whole(self, seq: int) -> Iterator[Fault]:
         """Faults of a ledger whose end is not signed, or that is not the one that was here."""

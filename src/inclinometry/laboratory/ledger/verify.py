@@ -50,6 +50,7 @@ def verify(
     *,
     head: chain.Head | None = None,
     public: Sequence[str] = (),
+    copy: bool = False,
     progress: Progress | None = None,
 ) -> Verdict:
     """Read the whole ledger and name every row that was changed, removed, inserted or moved.
@@ -61,6 +62,8 @@ def verify(
         A head noted earlier (every certificate carries one).
     public : sequence of str
         Public keys of the laboratory, 64 hexadecimal digits, the one of now first; those of this computer when empty.
+    copy : bool
+        A copy kept on purpose: that the ledger went on since is a note, no fault.
     progress : callable, optional
         Called with the share done, 0 to 1.
 
@@ -76,7 +79,7 @@ def verify(
         foreign = "is none of the program's; it could change what is recorded"
         faults += [Fault("trigger", name, foreign) for name in strange(connection)]
         faults += _structure(connection)
-        signatures = Signatures(connection, ledger, public, *witnesses)
+        signatures = Signatures(connection, ledger, public, *witnesses, copy=copy)
         walk = _Walk(head, signatures)
         last = connection.execute(select(func.count()).select_from(CHAIN)).scalar_one()
         while len(faults) < MOST_FAULTS and (found := walk.block(connection)) is not None:

@@ -28,9 +28,12 @@ _LONGEST: Final = 10_000_000
 
 
 def place_of(where: str | Path) -> str:
-    """A ledger's place as a witness notes it: an address without its password, or the whole path."""
+    """A ledger's place as a witness notes it: an address without its password, or the whole path as it is named.
+
+    Links are not followed: whoever points one at another file would choose the place himself.
+    """
     text = str(where)
-    return shown(text) if "://" in text else str(Path(text).resolve())
+    return shown(text) if "://" in text else str(Path(text).absolute())
 
 
 class Witnessed(NamedTuple):
@@ -167,7 +170,7 @@ def _record(witness: str, head: SignedHead, place: str, folder: Path) -> None:
     from inclinometry.laboratory.ledger.keys import Keys
     from inclinometry.laboratory.ledger.ledger import Ledger
 
-    if place_of(witness) == place:
+    if place_of(witness) == place or ("://" not in place and Path(witness).resolve() == Path(place).resolve()):
         return  # a ledger is no witness of its own
     keys = {"subject_kind": "ledger", "subject": head.ledger, "action": "head"}
     with Ledger(witness, keys=Keys(folder), alone=True) as ledger:
@@ -220,8 +223,14 @@ def _lines(text: str, witness: str) -> Iterator[Witnessed]:
             yield Witnessed(witness, "", None)
 
 
-def begun_at(folder: Path, place: str) -> str:
+def begun_at(folder: Path, where: str) -> str:
     """The ledger that was last begun or written at a place, by the file of this computer; "" when none was."""
+    place = place_of(where)
+    # what lies behind a link counts only where none is known by the name that was given
+    return _begun_at(folder, place) or ("" if "://" in place else _begun_at(folder, str(Path(place).resolve())))
+
+
+def _begun_at(folder: Path, place: str) -> str:
     found: tuple[str, str] = ("", "")
     for path in (folder / "heads").glob("*.jsonl"):
         with path.open("rb") as stream:
@@ -233,6 +242,32 @@ def begun_at(folder: Path, place: str) -> str:
                 if one.head is not None and one.place == place:
                     found = max(found, (one.head.time, one.head.ledger))
     return found[1]
+
+
+def ahead(folder: Path, newest: SignedHead, accepted: str) -> SignedHead | None:
+    """The head that the file of this computer keeps farthest beyond the newest of a ledger; None when it has none.
+
+    Parameters
+    ----------
+    folder : Path
+        Of the keys.
+    newest : SignedHead
+    accepted : str
+        Time until which somebody answered for what is missing; "" for none.
+    """
+    try:
+        with (folder / "heads" / f"{newest.ledger}.jsonl").open("rb") as stream:
+            stream.seek(max(0, stream.seek(0, 2) - 4096))
+            last = stream.read().splitlines()[-1:]
+            if any(one.head == newest for line in last for one in _lines(line.decode(errors="replace"), "")):
+                return None  # as always: the rest need not be read
+            stream.seek(0)
+            kept = _lines(stream.read().decode(errors="replace"), "")
+            beyond = [one.head for one in kept if one.head is not None and one.head.size > newest.size]
+    except OSError:
+        return None
+    found = [one for one in beyond if one.time > accepted and one.genuine()]
+    return max(found, key=lambda one: one.size, default=None)
 
 
 def witnessed(folder: Path, ledger: str) -> tuple[list[Witnessed], list[str]]:
