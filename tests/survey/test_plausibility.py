@@ -10,7 +10,8 @@ import pytest
 
 from inclinometry.errors import FileError, InputError
 from inclinometry.orientation import fields
-from inclinometry.survey.plausibility import CHECKS, Run, angle_doubts, doubts, place_doubts, settle
+from inclinometry.survey.consistency import angle_doubts, place_doubts
+from inclinometry.survey.plausibility import CHECKS, Run, doubts, settle
 
 from .multistation_runs import shipped
 
@@ -121,6 +122,33 @@ def test_one_reading_at_five_depths():
         g[30:35], b[30:35] = g[30], b[30]
 
     one(axes(change=pasted), "repeats", True, "the same to the last digit at 5 depths")
+
+
+def test_a_block_of_rows_pasted_at_other_depths():
+    for rows in (3, 5):
+        md, inclination, azimuth = hole()
+        inclination[50 : 50 + rows], azimuth[50 : 50 + rows] = inclination[42 : 42 + rows], azimuth[42 : 42 + rows]
+        found = doubts(table(md, inclination, azimuth))[0]
+        assert (found.name, found.refused, found.stations) == ("repeats", True, tuple(range(50, 50 + rows)))
+
+    def pasted(g, b):
+        g[50:53], b[50:53] = g[42:45], b[42:45]
+
+    assert doubts(axes(change=pasted))[0].sentence.startswith("readings of the 3 rows from 1425 to 1482 m are")
+
+
+def test_what_a_plan_repeats_is_no_copy():
+    md = np.arange(0.0, 3000.0, 30.0)
+    for depths, angles in (
+        ([0, 300, 900, 1200, 1800, 3000], [0, 0, 40, 40, 20, 20]),
+        ([0, 300, 600, 900, 1200, 1500, 3000], [0, 0, 20, 0, 0, 20, 20]),  # builds twice alike
+        ([0, 600, 1500, 1800, 2100, 2400, 3000], [0, 0, 90, 88, 92, 88, 92]),
+    ):
+        assert doubts(table(md, np.interp(md, depths, angles).round(2), np.full(len(md), 40.0))) == []
+    # a level hole read to a degree
+    r = np.random.default_rng(2)
+    level = table(md, 90.0 + r.integers(-1, 2, md.size), 45.0 + r.integers(0, 2, md.size))
+    assert not any(one.name == "repeats" for one in doubts(level))
 
 
 def test_two_stations_exchanged():

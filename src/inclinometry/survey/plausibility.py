@@ -26,7 +26,8 @@ from inclinometry.arrays import Array, Index, Mask
 from inclinometry.constants import FOOT
 from inclinometry.errors import FileError, InputError
 from inclinometry.orientation import angles, dip_angle
-from inclinometry.rotations import wrap_positive, wrap_signed
+from inclinometry.rotations import wrap_positive
+from inclinometry.survey.copies import copied_block
 from inclinometry.survey.path import directions
 
 CHECKS: Final = ("units", "columns", "axes", "depths", "repeats", "order", "station", "direction", "totals", "place")
@@ -58,6 +59,7 @@ class Run:
     md : (n,) m; inclination, azimuth : (n,) rad.
     g, b : (n, 3) m/s^2 and nT in tool axes, or None.
     totals : "g" m/s^2, "b" nT, "dip" rad -> (n,), those that are known.
+    channels : sensor -> (n, k) raw channels, as they were read; empty where the file has none.
     """
 
     md: Array
@@ -66,6 +68,15 @@ class Run:
     g: Array | None = None
     b: Array | None = None
     totals: Mapping[str, Array] = field(default_factory=dict)
+    channels: Mapping[str, Array] = field(default_factory=dict)
+
+    def numbers(self) -> Array:
+        """What was read, (n, k): channels, else six axes, else both angles."""
+        if self.channels:
+            return np.column_stack(list(self.channels.values()))
+        if self.g is None or self.b is None:
+            return np.column_stack([self.inclination, self.azimuth])
+        return np.column_stack([self.g, self.b])
 
     @classmethod
     def of_fields(cls, md: Array, g: Array, b: Array) -> Run:
@@ -151,6 +162,7 @@ def _taken(run: Run, rows: Index) -> Run:
         g=some(run.g),
         b=some(run.b),
         totals={name: values[rows] for name, values in run.totals.items()},
+        channels={name: values[rows] for name, values in run.channels.items()},
     )
 
 
@@ -198,7 +210,7 @@ def _angle(a: Array, b: Array) -> Array:
     return np.asarray(np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), np.sum(a * b, axis=-1)))
 
 
-def _power(log_ratio: float) -> str:
+def power(log_ratio: float) -> str:
     """A likelihood ratio in words."""
     return f"1e{int(min(max(log_ratio / np.log(10.0), 0.0), 99.0))}"
 
@@ -267,7 +279,7 @@ def _whole(run: Run) -> list[Doubt]:
         sentence = (
             f"no hole is bent like this: {len(broken)} of {len(run.md)} stations lie off the line of their neighbours, "
             f"by {typical:.0f} deg in the middle; with {one.words} it is {usual:.2g} deg (likelihood ratio "
-            f"{_power(ratio)}): {one.remedy}"
+            f"{power(ratio)}): {one.remedy}"
         )
         return [Doubt(one.name, sentence, True, tuple(map(int, broken)))]
     if len(broken) >= max(0.4 * len(run.md), 6):
@@ -315,7 +327,7 @@ def _units(run: Run) -> list[Doubt]:
             ratio = np.log(360.0 / circle) * (2.0 if spread > 0.5 else 1.5) + np.log(180.0 / np.pi)
             sentence = (
                 f"the largest inclination is {inclination.max():.3g} and the largest azimuth {azimuth.max():.3g}, with "
-                f"angles in radians this is a smooth hole (likelihood ratio {_power(ratio)}): name the unit in the "
+                f"angles in radians this is a smooth hole (likelihood ratio {power(ratio)}): name the unit in the "
                 "columns, as inclination_rad and azimuth_rad"
             )
             return [Doubt("units", sentence, True)]
@@ -452,12 +464,45 @@ def _depths(run: Run) -> list[Doubt]:
 
 
 def _repeats(run: Run) -> list[Doubt]:
-    """The same readings at different depths."""
-    values = (
-        np.column_stack([run.inclination, run.azimuth])
-        if run.g is None or run.b is None
-        else np.column_stack([run.g, run.b])
+    """The same readings at different depths: at neighbouring ones, or a block of rows at other depths."""
+    return _pasted(run) or _copied(run)
+
+
+def _copied(run: Run) -> list[Doubt]:
+    """Rows that equal earlier ones, in the same order."""
+    axes = run.g is not None and run.b is not None
+    values = run.numbers()
+    block = copied_block(values, 2 if axes else 3)
+    if block is None or block.chance > 1e-2 or (axes and len(np.unique(values, axis=0)) < 0.5 * len(values)):
+        return []
+    here, there = slice(block.first, block.first + block.rows), slice(block.copy, block.copy + block.rows)
+    if not axes:
+        across = _scatter(np.degrees(np.unwrap(run.azimuth)), run.md) * np.sin(np.median(run.inclination))
+        if max(_scatter(np.degrees(run.inclination), run.md), across) < 0.02:
+            return []  # a plan may build twice alike
+        if max(_bent(run.md[rows], run.inclination[here], run.azimuth[here]) for rows in (here, there)) == 0.0:
+            return []
+    what = "readings" if axes else "inclinations and azimuths"
+    sentence = (
+        f"{what} of the {block.rows} rows from {run.md[block.copy]:.12g} "
+        f"to {run.md[there.stop - 1]:.12g} m are to the last digit those from {run.md[block.first]:.12g} to "
+        f"{run.md[here.stop - 1]:.12g} m, by chance {max(block.chance, 1e-99):.0e}: they were pasted, remove the rows "
+        "that were not measured"
     )
+    return [Doubt("repeats", sentence, block.rows >= 3 and block.chance < 1e-5, tuple(range(there.start, there.stop)))]
+
+
+def _bent(md: Array, inclination: Array, azimuth: Array) -> float:
+    """Largest distance of angles from a line in depth, rad, 0 below what rounding makes: as a plan has them."""
+    along = np.stack([inclination, np.unwrap(azimuth)], axis=1)
+    share = ((md - md[0]) / (md[-1] - md[0]))[:, None]
+    off = float(np.abs(along - (along[0] + share * (along[-1] - along[0]))).max())
+    return off if off > np.radians(0.02) else 0.0
+
+
+def _pasted(run: Run) -> list[Doubt]:
+    """One reading at neighbouring depths."""
+    values = run.numbers()
     same = (values[1:] == values[:-1]).all(axis=1)
     if not same.any() or same.all():
         return []  # a run of one attitude throughout is an example, or a tool at rest
@@ -540,7 +585,7 @@ def _order(run: Run, t: Array, smooth: _Smoothness) -> list[Doubt]:
     sentence = (
         f"stations {first + 1} and {second + 1} at {run.md[first]:.12g} and {run.md[second]:.12g} m lie up to "
         f"{size:.1f} deg off the line of their neighbours and fit when they are exchanged (likelihood ratio "
-        f"{_power(ratio)}): put their rows in order"
+        f"{power(ratio)}): put their rows in order"
     )
     return [Doubt("order", sentence, True, (first, second))]
 
@@ -567,10 +612,10 @@ def _single(run: Run, t: Array, smooth: _Smoothness) -> list[Doubt]:
         )
         if words:
             sentence = (
-                f"{where}; {words} would fit (likelihood ratio {_power(fits + ratio)}): correct it or leave it out"
+                f"{where}; {words} would fit (likelihood ratio {power(fits + ratio)}): correct it or leave it out"
             )
         else:
-            sentence = f"{where} (likelihood ratio {_power(ratio)}): perhaps a wrong digit or not at rest, leave it out"
+            sentence = f"{where} (likelihood ratio {power(ratio)}): perhaps a wrong digit or not at rest, leave it out"
         sharp = size / float(np.diff(beside).min()) * 30.0
         refused = bool(sharp > np.radians(40.0) and size > np.radians(12.0))
         found.append((size, Doubt("station", sentence, refused, (int(k),))))
@@ -659,7 +704,7 @@ def _parts(run: Run, t: Array, smooth: _Smoothness) -> list[Doubt]:
         sentence = (
             f"the hole turns by {np.degrees(dogleg[k]):.0f} deg from {run.md[k]:.12g} to {run.md[k + 1]:.12g} m; with "
             f"the azimuths of {len(rows)} stations between {first:.12g} and {last:.12g} m {words} "
-            f"it goes on straight (likelihood ratio {_power(ratio)}): put these azimuths right"
+            f"it goes on straight (likelihood ratio {power(ratio)}): put these azimuths right"
         )
         return [Doubt("direction", sentence, True, tuple(map(int, rows)))]
     if dogleg[k] > np.radians(60.0 / 30.0) * course[k] + np.radians(5.0) and _without_both(run.md, t, k):
@@ -775,123 +820,3 @@ def _axis(run: Run, k: int) -> str:
             if best is None or least.fun < best[0]:
                 best = float(least.fun), f"{name}{'xyz'[axis]} {own + float(least.x):.6g} {unit} instead of {own:.6g}"
     return best[1] if best is not None and best[0] < 12.0 else ""
-
-
-# Place, and angles beside axes.
-
-
-def place_doubts(seen: Mapping[str, float], places: Mapping[str, Mapping[str, float]]) -> list[Doubt]:
-    """Whether the fields of a run are those of the place stated, or of one with a sign or two numbers exchanged.
-
-    Parameters
-    ----------
-    seen : mapping
-        "g" m/s^2, "b" nT, "dip" rad: medians over the run.
-    places : mapping
-        Words for a place -> the same of its model; "" for the place as stated.
-
-    Examples
-    --------
-    >>> seen = {"b": 50_100.0, "dip": np.radians(66.1)}
-    >>> here, there = ({"b": b, "dip": np.radians(dip)} for b, dip in ((55_000.0, 70.0), (50_000.0, 66.0)))
-    >>> place_doubts(seen, {"": here, "the longitude of the other sign": there})[0].sentence[:60]
-    'the run shows a magnetic field of 50100 nT with a dip of 66.'
-    """
-    # what the reference, interference of the assembly and the sensors may do together
-    sigma = {"g": 0.008, "b": 350.0, "dip": np.radians(0.35)}
-    names = [name for name in sigma if name in seen and name in places[""]]
-    misfit = {
-        words: float(sum(((seen[n] - there[n]) / sigma[n]) ** 2 for n in names)) for words, there in places.items()
-    }
-    best = min(misfit, key=lambda words: misfit[words])
-    if best == "" or misfit[""] < 40.0 or misfit[best] > min(12.0, 0.1 * misfit[""]):
-        return []
-    here = places[""]
-    sentence = (
-        f"the run shows a magnetic field of {seen['b']:.0f} nT with a dip of {np.degrees(seen['dip']):.1f} deg, the "
-        f"site has {here['b']:.0f} nT and {np.degrees(here['dip']):.1f} deg; with {best} it would be "
-        f"{places[best]['b']:.0f} nT and {np.degrees(places[best]['dip']):.1f} deg (likelihood ratio "
-        f"{_power(0.5 * (misfit[''] - misfit[best]))}): put the site's latitude_deg and longitude_deg right"
-    )
-    return [Doubt("place", sentence, True)]
-
-
-def angle_doubts(
-    run: Run, inclination: Array, azimuth: Array | None, north: str | None, declination: float | None = None
-) -> list[Doubt]:
-    """Whether angles that stand beside six axes are those of the axes.
-
-    Parameters
-    ----------
-    run : Run
-        With g and b.
-    inclination, azimuth : (n,) rad
-        As the file has them; NaN where it is silent.
-    north : {"magnetic", "true", "grid"}, optional
-        What the azimuths are said to count from.
-    declination : float, optional
-        rad, of the site.
-    """
-    rows = np.isfinite(inclination) & (run.inclination > np.radians(3.0)) & (run.inclination < np.radians(177.0))
-    if azimuth is not None:
-        rows &= np.isfinite(azimuth)
-    if rows.sum() < 4:
-        return []
-
-    def off(stated: Array, seen: Array, *, turned: bool = False) -> float:
-        away = wrap_signed(stated[rows] - seen[rows])
-        if turned:
-            away = wrap_signed(away - np.angle(np.mean(np.exp(1j * away))))
-        return float(np.sqrt(np.mean(away**2)))
-
-    enough = np.radians(5.0)
-    if off(inclination, run.inclination) > enough:
-        ways = {
-            "inclination counted from the horizontal": off(np.pi / 2.0 - inclination, run.inclination),
-            "inclination counted from the other end": off(np.pi - inclination, run.inclination),
-            "inclination in grads": off(0.9 * inclination, run.inclination),
-            "inclination in radians": off(np.degrees(inclination), run.inclination),
-        }
-        if azimuth is not None:
-            ways["the columns of inclination and azimuth exchanged"] = off(azimuth, run.inclination)
-        return [_beside("inclination", off(inclination, run.inclination), ways)]
-    if azimuth is None:
-        return []
-    constant = north != "magnetic"
-    given = off(azimuth, run.azimuth, turned=constant)
-    mean = float(np.angle(np.mean(np.exp(1j * (azimuth - run.azimuth)[rows]))))
-    if given > enough or abs(mean) > np.radians(60.0):
-        ways = {
-            "azimuth half a turn off": off(azimuth + np.pi, run.azimuth, turned=constant),
-            "azimuth mirrored (360 minus it)": off(-azimuth, run.azimuth, turned=constant),
-            "azimuth in grads": off(0.9 * azimuth, run.azimuth, turned=constant),
-            "azimuth in radians": off(np.degrees(azimuth), run.azimuth, turned=constant),
-        }
-        return [_beside("azimuth", max(given, abs(mean)), ways)]
-    if (
-        north in ("true", "grid")
-        and declination is not None
-        and abs(declination) > np.radians(1.5)
-        and abs(mean) < 0.1 * abs(declination)
-    ):
-        sentence = (
-            f"azimuths said to count from {north} north are the magnetic ones of the six axes, though the declination "
-            f"is {np.degrees(declination):+.2f} deg: state --azimuth-reference=magnetic"
-        )
-        return [Doubt("direction", sentence, False)]
-    return []
-
-
-def _beside(what: str, given: float, ways: Mapping[str, float]) -> Doubt:
-    words = min(ways, key=lambda one: ways[one])
-    if ways[words] > 0.3 * given:
-        sentence = (
-            f"{what} is off by {np.degrees(given):.0f} deg (root mean square) from that of the six axes beside it, and "
-            "no unit or sign that was tried explains it: check axes and columns"
-        )
-        return Doubt("columns", sentence, False)
-    sentence = (
-        f"{what} is off by {np.degrees(given):.0f} deg (root mean square) from that of the six axes beside it; with "
-        f"{words} it is {np.degrees(ways[words]):.2g} deg: put the column right"
-    )
-    return Doubt("columns", sentence, False)

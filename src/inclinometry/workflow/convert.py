@@ -19,7 +19,8 @@ from inclinometry.files.cave import HELD
 from inclinometry.files.exchange import SurveyFile
 from inclinometry.files.survey_csv import OutColumn, columns_of
 from inclinometry.files.writing import replacing
-from inclinometry.survey.plausibility import Doubt, Run, angle_doubts, doubts, settle
+from inclinometry.survey.consistency import angle_doubts
+from inclinometry.survey.plausibility import Doubt, Run, doubts, settle
 
 
 class Format(NamedTuple):

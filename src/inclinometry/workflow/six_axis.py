@@ -26,6 +26,7 @@ from inclinometry.files.tool_json import read_calibration
 from inclinometry.orientation import fields
 from inclinometry.rotations import wrap_signed
 from inclinometry.sensors import Tool
+from inclinometry.survey.consistency import angle_doubts, place_doubts
 from inclinometry.survey.flags import Check, worst
 from inclinometry.survey.from_stations import survey_from_stations
 from inclinometry.survey.from_tool import stations_from_tool, stations_plain
@@ -36,7 +37,7 @@ from inclinometry.survey.multistation_priors import (
     published_priors,
     reference_of_site,
 )
-from inclinometry.survey.plausibility import OVERRULED, Doubt, Run, angle_doubts, doubts, place_doubts, settle
+from inclinometry.survey.plausibility import OVERRULED, Doubt, Run, doubts, settle
 from inclinometry.survey.quality import FieldLimits, FieldQuality, judge_fields, with_sensors
 from inclinometry.survey.quality_wiring import wiring_check
 from inclinometry.survey.reduce import SensorCorrection, Survey, apply_correction, correction_of
