@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 
 from inclinometry.errors import FileError, InputError
 from inclinometry.orientation import fields
+from inclinometry.sensors import Triad
 from inclinometry.survey.consistency import angle_doubts, place_doubts
 from inclinometry.survey.plausibility import CHECKS, Run, doubts, settle
 
@@ -177,6 +179,60 @@ def test_axes_of_both_triads_exchanged(order, channel):
 @pytest.mark.parametrize("signs", [(1.0, 1.0, -1.0), (-1.0, -1.0, -1.0)])
 def test_axes_of_both_triads_reversed(signs):
     one(axes(signs=signs), "axes", True, "climbs", "reversed")
+
+
+def calibrated(change=lambda channels: channels):
+    """The run of a tool whose channels differ in gain and offset."""
+    run, r = axes(), np.random.default_rng(5)
+    tools = {}
+    for kind, strength, size in (("accelerometer", 9.80665, 1600.0), ("magnetometer", 5e4, 1500.0)):
+        tensor = np.diag(size * (1.0 + 0.03 * r.normal(size=3))) + 10.0 * r.normal(size=(3, 3))
+        tools[kind] = Triad(kind, tensor, 30.0 * r.normal(size=3), field_strength=strength)
+    given = {"accelerometer": run.g, "magnetometer": run.b}
+    channels = {kind: tool.signals(given[kind] / tool.field_strength) for kind, tool in tools.items()}
+
+    def fields_of(channels):
+        g, b = (tool.field_strength * tool.field(channels[kind]) for kind, tool in tools.items())
+        return g, b
+
+    channels = change(channels)
+    seen = Run.of_fields(run.md, *fields_of(channels))
+    return replace(seen, channels=channels, fields=fields_of)
+
+
+def reordered(order, kinds=("accelerometer", "magnetometer")):
+    return lambda channels: {k: v[:, order] if k in kinds else v for k, v in channels.items()}
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (reordered([0, 2, 1]), "channels y and z of both triads exchanged"),
+        (reordered([1, 0, 2]), "channels x and y of both triads exchanged"),
+        (reordered([1, 2, 0]), "the channels of both triads cycled"),
+        (reordered([0, 2, 1], ("magnetometer",)), "channels y and z of the magnetometer exchanged"),
+        (lambda c: dict(zip(c, reversed(c.values()), strict=True)), "accelerometer and magnetometer exchanged"),
+        (lambda c: {**c, "accelerometer": c["accelerometer"] * [1, -1, 1]}, "channel y of the accelerometer reversed"),
+        (lambda c: {**c, "magnetometer": 1e3 * c["magnetometer"]}, "20000 to 70000 nT anywhere"),
+        (lambda c: {**c, "accelerometer": 1.1 * c["accelerometer"]}, "off 9.81 m/s2"),
+    ],
+)
+def test_channels_of_a_calibrated_tool(change, words):
+    one(calibrated(change), "axes", True, words)
+
+
+def test_a_calibrated_run_as_it_should_be_passes():
+    assert doubts(calibrated()) == []
+
+
+def test_two_raw_rows_given_twice_are_warned_of():
+    def twice(channels):
+        for values in channels.values():
+            values[60:62] = values[57:59]
+        return channels
+
+    found = one(calibrated(twice), "repeats", False, "the 2 rows from 1710 to 1738.5 m")
+    assert found.stations == (60, 61)
 
 
 @pytest.mark.parametrize(("kind", "size", "axis"), [("b", 3000.0, 2), ("g", 0.4, 0)])

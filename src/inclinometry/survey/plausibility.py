@@ -28,6 +28,7 @@ from inclinometry.errors import FileError, InputError
 from inclinometry.orientation import angles, dip_angle
 from inclinometry.rotations import wrap_positive
 from inclinometry.survey.copies import copied_block
+from inclinometry.survey.exchanged_channels import Fields, explained, strange
 from inclinometry.survey.path import directions
 
 CHECKS: Final = ("units", "columns", "axes", "depths", "repeats", "order", "station", "direction", "totals", "place")
@@ -60,6 +61,8 @@ class Run:
     g, b : (n, 3) m/s^2 and nT in tool axes, or None.
     totals : "g" m/s^2, "b" nT, "dip" rad -> (n,), those that are known.
     channels : sensor -> (n, k) raw channels, as they were read; empty where the file has none.
+    fields : the calibration, channels -> g and b; None without one.
+    strength_known : whether it knows the strength of its magnetic field.
     """
 
     md: Array
@@ -69,6 +72,8 @@ class Run:
     b: Array | None = None
     totals: Mapping[str, Array] = field(default_factory=dict)
     channels: Mapping[str, Array] = field(default_factory=dict)
+    fields: Fields | None = None
+    strength_known: bool = True
 
     def numbers(self) -> Array:
         """What was read, (n, k): channels, else six axes, else both angles."""
@@ -118,7 +123,7 @@ def doubts(run: Run) -> list[Doubt]:
     kept = run if whole.all() else _taken(run, rows)
     found = [*_depths(kept), *_repeats(kept)]
     depths_right = not any(one.name == "depths" and one.refused for one in found)
-    rough = _whole(kept) if depths_right else []
+    rough = _channels(kept) or (_whole(kept) if depths_right else [])
     found += rough or ([*_units(kept), *_ends(kept)] if depths_right else [])
     if depths_right and not any(one.name in ("columns", "axes", "units") for one in found):
         found += _local(kept)
@@ -163,6 +168,7 @@ def _taken(run: Run, rows: Index) -> Run:
         b=some(run.b),
         totals={name: values[rows] for name, values in run.totals.items()},
         channels={name: values[rows] for name, values in run.channels.items()},
+        fields=None,  # its temperatures are those of all rows
     )
 
 
@@ -291,6 +297,33 @@ def _whole(run: Run) -> list[Doubt]:
         # of six axes the dip tells whether one triad is wired otherwise; beside a dip that holds they may be no hole's
         if run.g is None or float(np.std(run.totals["dip"])) < np.radians(3.0):
             return [Doubt("columns", sentence, run.g is None, tuple(map(int, broken)))]
+    return []
+
+
+def _channels(run: Run) -> list[Doubt]:
+    """Channels of a calibrated tool in another order, which the fields show that the calibration makes of them."""
+    if run.fields is None or run.g is None or run.b is None or len(run.md) < 4:
+        return []
+
+    def roughness(g: Array, b: Array) -> float:
+        found = angles(g, b)
+        residual = _smoothness(run.md, directions(found.inclination, found.azimuth)).residual
+        return float(np.mean(residual[1:-1] > _JUMP))
+
+    words = explained(run.channels, run.fields, roughness)
+    if words:
+        sentence = (
+            "after the calibration the fields are not those of one place and one hole, which with "
+            f"{words} they are: put the names of the columns right"
+        )
+        return [Doubt("axes", sentence, True)]
+    seen = strange(run.g, run.b, known=run.strength_known)
+    if seen:
+        sentence = (
+            f"after the calibration {seen}: channels exchanged or reversed, in another unit, or the calibration of "
+            "another tool? check the columns and --calibration"
+        )
+        return [Doubt("axes", sentence, True)]
     return []
 
 
