@@ -171,6 +171,19 @@ def test_one_digit():
     assert doubts(table(md, inclination, azimuth))[0].refused
 
 
+def test_the_first_and_the_last_station():
+    md, inclination, azimuth = hole()
+    azimuth[-1] = (azimuth[-1] - 25.0) % 360.0
+    assert one(table(md, inclination, azimuth), "station", False, f"station {len(md)} at").stations == (len(md) - 1,)
+    md, inclination, azimuth = hole()
+    inclination[0] += 60.0
+    assert one(table(md, inclination, azimuth), "station", False, "station 1 at 0 m, at an end").stations == (0,)
+    # a tie-on at the surface, then stations from a shoe on
+    deep = md > 1000.0
+    tied = table(*(np.insert(values[deep], 0, 0.0) for values in (md, hole()[1], hole()[2])))
+    assert doubts(tied) == []
+
+
 @pytest.mark.parametrize(("order", "channel"), [((0, 2, 1), "y"), ((2, 1, 0), "x"), ((1, 2, 0), "y"), ((2, 0, 1), "x")])
 def test_axes_of_both_triads_exchanged(order, channel):
     one(axes(order), "axes", True, f"channel {channel} of both triads along the hole")

@@ -584,7 +584,35 @@ def _local(run: Run) -> list[Doubt]:
     """Stations that do not lie between their neighbours, and jumps from which on another convention holds."""
     t = directions(run.inclination, run.azimuth)
     smooth = _smoothness(run.md, t)
-    return _order(run, t, smooth) or [*_parts(run, t, smooth), *_single(run, t, smooth)][:3]
+    found = _order(run, t, smooth) or [*_parts(run, t, smooth), *_single(run, t, smooth)][:3]
+    return found or _outermost(run, t)
+
+
+def _outermost(run: Run, t: Array) -> list[Doubt]:
+    """A first or last station that lies far off the arc of its two neighbours, continued."""
+    md, size = run.md, len(run.md)
+    if size < 8:
+        return []
+    found = []
+    for order in (np.arange(size)[::-1], np.arange(size)):
+        a, b = np.abs(np.diff(md[order]))[:-1], np.abs(np.diff(md[order]))[1:]
+        u = t[order]
+        # where the arc through two stations leads at the third
+        off = _angle(u[2:], u[1:-1] + (b / a)[:, None] * (u[1:-1] - u[:-2]))
+        even = b <= 2.0 * a
+        if not even[-1] or even[:-1].sum() < 5:
+            continue
+        others = float(off[:-1][even[:-1]].max())
+        allowed = max(np.radians(14.0), 2.5 * others, np.radians(20.0) / 30.0 * float(b[-1]))
+        if off[-1] > allowed:
+            k = int(order[-1])
+            sentence = (
+                f"station {k + 1} at {md[k]:.12g} m, at an end of the run, lies {np.degrees(off[-1]):.0f} deg off where the hole beside it "
+                f"points, the others lie within {np.degrees(others):.2g} deg: perhaps a wrong digit or not at rest, "
+                "check it"
+            )
+            found.append(Doubt("station", sentence, False, (k,)))
+    return found
 
 
 def _without(md: Array, t: Array, k: int) -> float:
