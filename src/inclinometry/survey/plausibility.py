@@ -607,9 +607,9 @@ def _outermost(run: Run, t: Array) -> list[Doubt]:
         if off[-1] > allowed:
             k = int(order[-1])
             sentence = (
-                f"station {k + 1} at {md[k]:.12g} m, at an end of the run, lies {np.degrees(off[-1]):.0f} deg off where the hole beside it "
-                f"points, the others lie within {np.degrees(others):.2g} deg: perhaps a wrong digit or not at rest, "
-                "check it"
+                f"station {k + 1} at {md[k]:.12g} m, at an end of the run, lies {np.degrees(off[-1]):.0f} deg off where "
+                f"the hole beside it points, the others lie within {np.degrees(others):.2g} deg: perhaps a wrong digit "
+                "or not at rest, check it"
             )
             found.append(Doubt("station", sentence, False, (k,)))
     return found
