@@ -603,13 +603,13 @@ def _outermost(run: Run, t: Array) -> list[Doubt]:
         if not even[-1] or even[:-1].sum() < 5:
             continue
         others = float(off[:-1][even[:-1]].max())
-        allowed = max(np.radians(14.0), 2.5 * others, np.radians(20.0) / 30.0 * float(b[-1]))
+        allowed = max(np.radians(10.0), 2.5 * others, np.radians(12.0) / 30.0 * float(b[-1]))
         if off[-1] > allowed:
             k = int(order[-1])
             sentence = (
-                f"station {k + 1} at {md[k]:.12g} m, at an end of the run, lies {np.degrees(off[-1]):.0f} deg off where "
-                f"the hole beside it points, the others lie within {np.degrees(others):.2g} deg: perhaps a wrong digit "
-                "or not at rest, check it"
+                f"station {k + 1} at {md[k]:.12g} m, at an end of the run, lies {np.degrees(off[-1]):.0f} deg off "
+                f"where the hole beside it points, the others lie within {np.degrees(others):.2g} deg: perhaps a wrong "
+                "digit or not at rest, check it"
             )
             found.append(Doubt("station", sentence, False, (k,)))
     return found
