@@ -89,6 +89,29 @@ def test_convert_and_check(run):
     assert "plausibility (depths): the depth leaps" in run("check", "survey.csv").out.replace("\n", " ")
 
 
+def test_what_was_overruled_stands_in_the_file(run):
+    well(lambda columns: columns.update(inclination_deg=180.0 - columns["inclination_deg"]))
+    option = ("--trust-file", "columns")
+    assert run("position", "survey.csv", "-o", "p.csv", *option).status == 0
+    assert Path("p.csv").read_text().startswith("# overruled by --trust-file columns: the hole climbs")
+    assert run("convert", "survey.csv", "c.csv", "--check", *option).status == 0
+    assert Path("c.csv").read_text().startswith("# overruled by --trust-file columns: the hole climbs")
+    done = run("position", "c.csv", *option, "--json")  # readers skip the line
+    assert done.status == 0
+    assert done.json["stations"] == 71
+    refused(run("position", "c.csv"), "the hole climbs")
+    assert "plausibility (columns): the hole climbs" in run("check", "c.csv").out.replace("\n", " ")
+
+
+def test_check_agrees_with_position(run):
+    well()
+    assert "position: can take it as it is" in run("check", "survey.csv").out
+    well(lambda columns: columns.update(inclination_deg=180.0 - columns["inclination_deg"]))
+    seen = run("check", "survey.csv").out.replace("\n", " ")
+    assert "position: can take it as it is" not in seen
+    assert "position: refused as it is (columns); --trust-file columns takes it" in seen
+
+
 def test_a_place_with_a_longitude_of_the_wrong_sign(run):
     from inclinometry.earth.magnetic import wmm2025
 

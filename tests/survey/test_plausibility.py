@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,9 @@ import pytest
 
 from inclinometry.errors import FileError, InputError
 from inclinometry.orientation import fields
-from inclinometry.survey.plausibility import CHECKS, Run, angle_doubts, doubts, place_doubts, settle
+from inclinometry.sensors import Triad
+from inclinometry.survey.consistency import angle_doubts, place_doubts
+from inclinometry.survey.plausibility import CHECKS, Run, doubts, settle
 
 from .multistation_runs import shipped
 
@@ -123,6 +126,33 @@ def test_one_reading_at_five_depths():
     one(axes(change=pasted), "repeats", True, "the same to the last digit at 5 depths")
 
 
+def test_a_block_of_rows_pasted_at_other_depths():
+    for rows in (3, 5):
+        md, inclination, azimuth = hole()
+        inclination[50 : 50 + rows], azimuth[50 : 50 + rows] = inclination[42 : 42 + rows], azimuth[42 : 42 + rows]
+        found = doubts(table(md, inclination, azimuth))[0]
+        assert (found.name, found.refused, found.stations) == ("repeats", True, tuple(range(50, 50 + rows)))
+
+    def pasted(g, b):
+        g[50:53], b[50:53] = g[42:45], b[42:45]
+
+    assert doubts(axes(change=pasted))[0].sentence.startswith("readings of the 3 rows from 1425 to 1482 m are")
+
+
+def test_what_a_plan_repeats_is_no_copy():
+    md = np.arange(0.0, 3000.0, 30.0)
+    for depths, angles in (
+        ([0, 300, 900, 1200, 1800, 3000], [0, 0, 40, 40, 20, 20]),
+        ([0, 300, 600, 900, 1200, 1500, 3000], [0, 0, 20, 0, 0, 20, 20]),  # builds twice alike
+        ([0, 600, 1500, 1800, 2100, 2400, 3000], [0, 0, 90, 88, 92, 88, 92]),
+    ):
+        assert doubts(table(md, np.interp(md, depths, angles).round(2), np.full(len(md), 40.0))) == []
+    # a level hole read to a degree
+    r = np.random.default_rng(2)
+    level = table(md, 90.0 + r.integers(-1, 2, md.size), 45.0 + r.integers(0, 2, md.size))
+    assert not any(one.name == "repeats" for one in doubts(level))
+
+
 def test_two_stations_exchanged():
     md, inclination, azimuth = hole()
     rows = np.arange(len(md))
@@ -141,6 +171,19 @@ def test_one_digit():
     assert doubts(table(md, inclination, azimuth))[0].refused
 
 
+def test_the_first_and_the_last_station():
+    md, inclination, azimuth = hole()
+    azimuth[-1] = (azimuth[-1] - 25.0) % 360.0
+    assert one(table(md, inclination, azimuth), "station", False, f"station {len(md)} at").stations == (len(md) - 1,)
+    md, inclination, azimuth = hole()
+    inclination[0] += 60.0
+    assert one(table(md, inclination, azimuth), "station", False, "station 1 at 0 m, at an end").stations == (0,)
+    # a tie-on at the surface, then stations from a shoe on
+    deep = md > 1000.0
+    tied = table(*(np.insert(values[deep], 0, 0.0) for values in (md, hole()[1], hole()[2])))
+    assert doubts(tied) == []
+
+
 @pytest.mark.parametrize(("order", "channel"), [((0, 2, 1), "y"), ((2, 1, 0), "x"), ((1, 2, 0), "y"), ((2, 0, 1), "x")])
 def test_axes_of_both_triads_exchanged(order, channel):
     one(axes(order), "axes", True, f"channel {channel} of both triads along the hole")
@@ -149,6 +192,60 @@ def test_axes_of_both_triads_exchanged(order, channel):
 @pytest.mark.parametrize("signs", [(1.0, 1.0, -1.0), (-1.0, -1.0, -1.0)])
 def test_axes_of_both_triads_reversed(signs):
     one(axes(signs=signs), "axes", True, "climbs", "reversed")
+
+
+def calibrated(change=lambda channels: channels):
+    """The run of a tool whose channels differ in gain and offset."""
+    run, r = axes(), np.random.default_rng(5)
+    tools = {}
+    for kind, strength, size in (("accelerometer", 9.80665, 1600.0), ("magnetometer", 5e4, 1500.0)):
+        tensor = np.diag(size * (1.0 + 0.03 * r.normal(size=3))) + 10.0 * r.normal(size=(3, 3))
+        tools[kind] = Triad(kind, tensor, 30.0 * r.normal(size=3), field_strength=strength)
+    given = {"accelerometer": run.g, "magnetometer": run.b}
+    channels = {kind: tool.signals(given[kind] / tool.field_strength) for kind, tool in tools.items()}
+
+    def fields_of(channels):
+        g, b = (tool.field_strength * tool.field(channels[kind]) for kind, tool in tools.items())
+        return g, b
+
+    channels = change(channels)
+    seen = Run.of_fields(run.md, *fields_of(channels))
+    return replace(seen, channels=channels, fields=fields_of)
+
+
+def reordered(order, kinds=("accelerometer", "magnetometer")):
+    return lambda channels: {k: v[:, order] if k in kinds else v for k, v in channels.items()}
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (reordered([0, 2, 1]), "channels y and z of both triads exchanged"),
+        (reordered([1, 0, 2]), "channels x and y of both triads exchanged"),
+        (reordered([1, 2, 0]), "the channels of both triads cycled"),
+        (reordered([0, 2, 1], ("magnetometer",)), "channels y and z of the magnetometer exchanged"),
+        (lambda c: dict(zip(c, reversed(c.values()), strict=True)), "accelerometer and magnetometer exchanged"),
+        (lambda c: {**c, "accelerometer": c["accelerometer"] * [1, -1, 1]}, "channel y of the accelerometer reversed"),
+        (lambda c: {**c, "magnetometer": 1e3 * c["magnetometer"]}, "20000 to 70000 nT anywhere"),
+        (lambda c: {**c, "accelerometer": 1.1 * c["accelerometer"]}, "off 9.81 m/s2"),
+    ],
+)
+def test_channels_of_a_calibrated_tool(change, words):
+    one(calibrated(change), "axes", True, words)
+
+
+def test_a_calibrated_run_as_it_should_be_passes():
+    assert doubts(calibrated()) == []
+
+
+def test_two_raw_rows_given_twice_are_warned_of():
+    def twice(channels):
+        for values in channels.values():
+            values[60:62] = values[57:59]
+        return channels
+
+    found = one(calibrated(twice), "repeats", False, "the 2 rows from 1710 to 1738.5 m")
+    assert found.stations == (60, 61)
 
 
 @pytest.mark.parametrize(("kind", "size", "axis"), [("b", 3000.0, 2), ("g", 0.4, 0)])

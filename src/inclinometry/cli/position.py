@@ -156,6 +156,7 @@ def _write(found: WellPosition, target: Path | None, report: Path | None, source
     """All files, the report composed before the first is written."""
     from inclinometry.files.position_csv import write_position_csv, write_sources_csv
     from inclinometry.files.writing import write_text
+    from inclinometry.survey.plausibility import OVERRULED
 
     page = None
     if report is not None:
@@ -173,7 +174,8 @@ def _write(found: WellPosition, target: Path | None, report: Path | None, source
             inputs=found.inputs,
         )
     if target is not None:
-        write_position_csv(target, found.path, found.uncertainty, found.survey.north)
+        overruled = [sentence for sentence in found.warnings if sentence.startswith(OVERRULED)]
+        write_position_csv(target, found.path, found.uncertainty, found.survey.north, overruled)
     if sources is not None and found.uncertainty is not None:
         write_sources_csv(sources, found.uncertainty)
     if page is not None:

@@ -180,16 +180,22 @@ def _covariance_columns(covariance: Array) -> dict[str, Array]:
     return {name: covariance[:, i, j] + 0.0 for name, (i, j) in zip(COVARIANCES, _PAIRS, strict=True)}
 
 
-def write_position_csv(target: str | Path, path: WellPath, uncertainty: PositionUncertainty | None, north: str) -> None:
+def write_position_csv(
+    target: str | Path,
+    path: WellPath,
+    uncertainty: PositionUncertainty | None,
+    north: str,
+    comments: Sequence[str] = (),
+) -> None:
     """Write positions of the stations; parameters as in `position_columns`.
 
-    Columns: `POSITION`. Without an uncertainty its cells are empty.
+    Columns: `POSITION`. Without an uncertainty its cells are empty. Comments stand above the names, after `#`.
     """
     columns = position_columns(path, uncertainty, north)
     cells: list[Sequence[str]] = [
         [values] * len(path) if isinstance(values, str) else writing.column(values) for values in columns.values()
     ]
-    writing.write_columns(list(columns), cells, target)
+    writing.write_columns(list(columns), cells, target, comments)
 
 
 def write_sources_csv(target: str | Path, uncertainty: PositionUncertainty) -> None:

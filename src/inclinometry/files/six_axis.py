@@ -181,10 +181,11 @@ def write_excel_csv(file: SurveyFile, path: str | Path) -> None:
     writing.write_bytes(text.getvalue().encode("utf-8-sig"), path)
 
 
-def write_csv(file: SurveyFile, path: str | Path) -> None:
+def write_csv(file: SurveyFile, path: str | Path, *, comment: str | None = None) -> None:
     """Write a survey as CSV; one with inclinations has all columns of the survey file (`survey_csv`) first.
 
-    The header texts of `file` are not written: CSV has no place for them.
+    The header texts of `file` are not written: CSV has no place for them. Lines of `comment` stand above the names,
+    after `#`, which readers skip.
 
     Raises
     ------
@@ -200,7 +201,7 @@ def write_csv(file: SurveyFile, path: str | Path) -> None:
     'md_m,tvd_m\\n0,0\\n30,29.5\\n'
     """
     names, columns = _cells(file)
-    writing.write_columns(names, columns, path)
+    writing.write_columns(names, columns, path, comment.splitlines() if comment else ())
 
 
 def _cells(file: SurveyFile) -> tuple[list[str], list[Sequence[str]]]:

@@ -122,11 +122,13 @@ def column(values: Array) -> list[str]:
     return list(map(number, values.tolist()))
 
 
-def write_columns(names: Sequence[str], columns: Sequence[Iterable[str]], path: str | Path) -> None:
+def write_columns(
+    names: Sequence[str], columns: Sequence[Iterable[str]], path: str | Path, comments: Sequence[str] = ()
+) -> None:
     """Write a table of text columns of one length as comma-separated UTF-8, whole or not at all.
 
     Everything is quoted when a first cell begins with `#`, which would be a comment unquoted. A line break inside a
-    cell is an InputError, as the reader takes one line for one row.
+    cell is an InputError, as the reader takes one line for one row. Comments are lines of their own above the names.
     """
     cells = [list(column) for column in columns]
     if any("\n" in cell or "\r" in cell for column in cells for cell in column):
@@ -135,6 +137,7 @@ def write_columns(names: Sequence[str], columns: Sequence[Iterable[str]], path: 
     with replacing(path) as stream:
         text = io.TextIOWrapper(stream, encoding="utf-8", newline="", write_through=False)
         try:
+            text.writelines(f"# {' '.join(comment.split())}\n" for comment in comments)
             writer = csv.writer(text, lineterminator="\n", quoting=csv.QUOTE_ALL if ambiguous else csv.QUOTE_MINIMAL)
             writer.writerow(names)
             writer.writerows(zip(*cells, strict=True))

@@ -26,7 +26,9 @@ from inclinometry.arrays import Array, Index, Mask
 from inclinometry.constants import FOOT
 from inclinometry.errors import FileError, InputError
 from inclinometry.orientation import angles, dip_angle
-from inclinometry.rotations import wrap_positive, wrap_signed
+from inclinometry.rotations import wrap_positive
+from inclinometry.survey.copies import copied_block
+from inclinometry.survey.exchanged_channels import Fields, explained, strange
 from inclinometry.survey.path import directions
 
 CHECKS: Final = ("units", "columns", "axes", "depths", "repeats", "order", "station", "direction", "totals", "place")
@@ -58,6 +60,9 @@ class Run:
     md : (n,) m; inclination, azimuth : (n,) rad.
     g, b : (n, 3) m/s^2 and nT in tool axes, or None.
     totals : "g" m/s^2, "b" nT, "dip" rad -> (n,), those that are known.
+    channels : sensor -> (n, k) raw channels, as they were read; empty where the file has none.
+    fields : the calibration, channels -> g and b; None without one.
+    strength_known : whether it knows the strength of its magnetic field.
     """
 
     md: Array
@@ -66,6 +71,17 @@ class Run:
     g: Array | None = None
     b: Array | None = None
     totals: Mapping[str, Array] = field(default_factory=dict)
+    channels: Mapping[str, Array] = field(default_factory=dict)
+    fields: Fields | None = None
+    strength_known: bool = True
+
+    def numbers(self) -> Array:
+        """What was read, (n, k): channels, else six axes, else both angles."""
+        if self.channels:
+            return np.column_stack(list(self.channels.values()))
+        if self.g is None or self.b is None:
+            return np.column_stack([self.inclination, self.azimuth])
+        return np.column_stack([self.g, self.b])
 
     @classmethod
     def of_fields(cls, md: Array, g: Array, b: Array) -> Run:
@@ -107,7 +123,7 @@ def doubts(run: Run) -> list[Doubt]:
     kept = run if whole.all() else _taken(run, rows)
     found = [*_depths(kept), *_repeats(kept)]
     depths_right = not any(one.name == "depths" and one.refused for one in found)
-    rough = _whole(kept) if depths_right else []
+    rough = _channels(kept) or (_whole(kept) if depths_right else [])
     found += rough or ([*_units(kept), *_ends(kept)] if depths_right else [])
     if depths_right and not any(one.name in ("columns", "axes", "units") for one in found):
         found += _local(kept)
@@ -151,6 +167,8 @@ def _taken(run: Run, rows: Index) -> Run:
         g=some(run.g),
         b=some(run.b),
         totals={name: values[rows] for name, values in run.totals.items()},
+        channels={name: values[rows] for name, values in run.channels.items()},
+        fields=None,  # its temperatures are those of all rows
     )
 
 
@@ -198,7 +216,7 @@ def _angle(a: Array, b: Array) -> Array:
     return np.asarray(np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), np.sum(a * b, axis=-1)))
 
 
-def _power(log_ratio: float) -> str:
+def power(log_ratio: float) -> str:
     """A likelihood ratio in words."""
     return f"1e{int(min(max(log_ratio / np.log(10.0), 0.0), 99.0))}"
 
@@ -267,7 +285,7 @@ def _whole(run: Run) -> list[Doubt]:
         sentence = (
             f"no hole is bent like this: {len(broken)} of {len(run.md)} stations lie off the line of their neighbours, "
             f"by {typical:.0f} deg in the middle; with {one.words} it is {usual:.2g} deg (likelihood ratio "
-            f"{_power(ratio)}): {one.remedy}"
+            f"{power(ratio)}): {one.remedy}"
         )
         return [Doubt(one.name, sentence, True, tuple(map(int, broken)))]
     if len(broken) >= max(0.4 * len(run.md), 6):
@@ -279,6 +297,33 @@ def _whole(run: Run) -> list[Doubt]:
         # of six axes the dip tells whether one triad is wired otherwise; beside a dip that holds they may be no hole's
         if run.g is None or float(np.std(run.totals["dip"])) < np.radians(3.0):
             return [Doubt("columns", sentence, run.g is None, tuple(map(int, broken)))]
+    return []
+
+
+def _channels(run: Run) -> list[Doubt]:
+    """Channels of a calibrated tool in another order, which the fields show that the calibration makes of them."""
+    if run.fields is None or run.g is None or run.b is None or len(run.md) < 4:
+        return []
+
+    def roughness(g: Array, b: Array) -> float:
+        found = angles(g, b)
+        residual = _smoothness(run.md, directions(found.inclination, found.azimuth)).residual
+        return float(np.mean(residual[1:-1] > _JUMP))
+
+    words = explained(run.channels, run.fields, roughness)
+    if words:
+        sentence = (
+            "after the calibration the fields are not those of one place and one hole, which with "
+            f"{words} they are: put the names of the columns right"
+        )
+        return [Doubt("axes", sentence, True)]
+    seen = strange(run.g, run.b, known=run.strength_known)
+    if seen:
+        sentence = (
+            f"after the calibration {seen}: channels exchanged or reversed, in another unit, or the calibration of "
+            "another tool? check the columns and --calibration"
+        )
+        return [Doubt("axes", sentence, True)]
     return []
 
 
@@ -315,7 +360,7 @@ def _units(run: Run) -> list[Doubt]:
             ratio = np.log(360.0 / circle) * (2.0 if spread > 0.5 else 1.5) + np.log(180.0 / np.pi)
             sentence = (
                 f"the largest inclination is {inclination.max():.3g} and the largest azimuth {azimuth.max():.3g}, with "
-                f"angles in radians this is a smooth hole (likelihood ratio {_power(ratio)}): name the unit in the "
+                f"angles in radians this is a smooth hole (likelihood ratio {power(ratio)}): name the unit in the "
                 "columns, as inclination_rad and azimuth_rad"
             )
             return [Doubt("units", sentence, True)]
@@ -452,12 +497,45 @@ def _depths(run: Run) -> list[Doubt]:
 
 
 def _repeats(run: Run) -> list[Doubt]:
-    """The same readings at different depths."""
-    values = (
-        np.column_stack([run.inclination, run.azimuth])
-        if run.g is None or run.b is None
-        else np.column_stack([run.g, run.b])
+    """The same readings at different depths: at neighbouring ones, or a block of rows at other depths."""
+    return _pasted(run) or _copied(run)
+
+
+def _copied(run: Run) -> list[Doubt]:
+    """Rows that equal earlier ones, in the same order."""
+    axes = run.g is not None and run.b is not None
+    values = run.numbers()
+    block = copied_block(values, 2 if axes else 3)
+    if block is None or block.chance > 1e-2 or (axes and len(np.unique(values, axis=0)) < 0.5 * len(values)):
+        return []
+    here, there = slice(block.first, block.first + block.rows), slice(block.copy, block.copy + block.rows)
+    if not axes:
+        across = _scatter(np.degrees(np.unwrap(run.azimuth)), run.md) * np.sin(np.median(run.inclination))
+        if max(_scatter(np.degrees(run.inclination), run.md), across) < 0.02:
+            return []  # a plan may build twice alike
+        if max(_bent(run.md[rows], run.inclination[here], run.azimuth[here]) for rows in (here, there)) == 0.0:
+            return []
+    what = "readings" if axes else "inclinations and azimuths"
+    sentence = (
+        f"{what} of the {block.rows} rows from {run.md[block.copy]:.12g} "
+        f"to {run.md[there.stop - 1]:.12g} m are to the last digit those from {run.md[block.first]:.12g} to "
+        f"{run.md[here.stop - 1]:.12g} m, by chance {max(block.chance, 1e-99):.0e}: they were pasted, remove the rows "
+        "that were not measured"
     )
+    return [Doubt("repeats", sentence, block.rows >= 3 and block.chance < 1e-5, tuple(range(there.start, there.stop)))]
+
+
+def _bent(md: Array, inclination: Array, azimuth: Array) -> float:
+    """Largest distance of angles from a line in depth, rad, 0 below what rounding makes: as a plan has them."""
+    along = np.stack([inclination, np.unwrap(azimuth)], axis=1)
+    share = ((md - md[0]) / (md[-1] - md[0]))[:, None]
+    off = float(np.abs(along - (along[0] + share * (along[-1] - along[0]))).max())
+    return off if off > np.radians(0.02) else 0.0
+
+
+def _pasted(run: Run) -> list[Doubt]:
+    """One reading at neighbouring depths."""
+    values = run.numbers()
     same = (values[1:] == values[:-1]).all(axis=1)
     if not same.any() or same.all():
         return []  # a run of one attitude throughout is an example, or a tool at rest
@@ -506,7 +584,35 @@ def _local(run: Run) -> list[Doubt]:
     """Stations that do not lie between their neighbours, and jumps from which on another convention holds."""
     t = directions(run.inclination, run.azimuth)
     smooth = _smoothness(run.md, t)
-    return _order(run, t, smooth) or [*_parts(run, t, smooth), *_single(run, t, smooth)][:3]
+    found = _order(run, t, smooth) or [*_parts(run, t, smooth), *_single(run, t, smooth)][:3]
+    return found or _outermost(run, t)
+
+
+def _outermost(run: Run, t: Array) -> list[Doubt]:
+    """A first or last station that lies far off the arc of its two neighbours, continued."""
+    md, size = run.md, len(run.md)
+    if size < 8:
+        return []
+    found = []
+    for order in (np.arange(size)[::-1], np.arange(size)):
+        a, b = np.abs(np.diff(md[order]))[:-1], np.abs(np.diff(md[order]))[1:]
+        u = t[order]
+        # where the arc through two stations leads at the third
+        off = _angle(u[2:], u[1:-1] + (b / a)[:, None] * (u[1:-1] - u[:-2]))
+        even = b <= 2.0 * a
+        if not even[-1] or even[:-1].sum() < 5:
+            continue
+        others = float(off[:-1][even[:-1]].max())
+        allowed = max(np.radians(10.0), 2.5 * others, np.radians(12.0) / 30.0 * float(b[-1]))
+        if off[-1] > allowed:
+            k = int(order[-1])
+            sentence = (
+                f"station {k + 1} at {md[k]:.12g} m, at an end of the run, lies {np.degrees(off[-1]):.0f} deg off "
+                f"where the hole beside it points, the others lie within {np.degrees(others):.2g} deg: perhaps a wrong "
+                "digit or not at rest, check it"
+            )
+            found.append(Doubt("station", sentence, False, (k,)))
+    return found
 
 
 def _without(md: Array, t: Array, k: int) -> float:
@@ -540,7 +646,7 @@ def _order(run: Run, t: Array, smooth: _Smoothness) -> list[Doubt]:
     sentence = (
         f"stations {first + 1} and {second + 1} at {run.md[first]:.12g} and {run.md[second]:.12g} m lie up to "
         f"{size:.1f} deg off the line of their neighbours and fit when they are exchanged (likelihood ratio "
-        f"{_power(ratio)}): put their rows in order"
+        f"{power(ratio)}): put their rows in order"
     )
     return [Doubt("order", sentence, True, (first, second))]
 
@@ -567,10 +673,10 @@ def _single(run: Run, t: Array, smooth: _Smoothness) -> list[Doubt]:
         )
         if words:
             sentence = (
-                f"{where}; {words} would fit (likelihood ratio {_power(fits + ratio)}): correct it or leave it out"
+                f"{where}; {words} would fit (likelihood ratio {power(fits + ratio)}): correct it or leave it out"
             )
         else:
-            sentence = f"{where} (likelihood ratio {_power(ratio)}): perhaps a wrong digit or not at rest, leave it out"
+            sentence = f"{where} (likelihood ratio {power(ratio)}): perhaps a wrong digit or not at rest, leave it out"
         sharp = size / float(np.diff(beside).min()) * 30.0
         refused = bool(sharp > np.radians(40.0) and size > np.radians(12.0))
         found.append((size, Doubt("station", sentence, refused, (int(k),))))
@@ -659,7 +765,7 @@ def _parts(run: Run, t: Array, smooth: _Smoothness) -> list[Doubt]:
         sentence = (
             f"the hole turns by {np.degrees(dogleg[k]):.0f} deg from {run.md[k]:.12g} to {run.md[k + 1]:.12g} m; with "
             f"the azimuths of {len(rows)} stations between {first:.12g} and {last:.12g} m {words} "
-            f"it goes on straight (likelihood ratio {_power(ratio)}): put these azimuths right"
+            f"it goes on straight (likelihood ratio {power(ratio)}): put these azimuths right"
         )
         return [Doubt("direction", sentence, True, tuple(map(int, rows)))]
     if dogleg[k] > np.radians(60.0 / 30.0) * course[k] + np.radians(5.0) and _without_both(run.md, t, k):
@@ -775,123 +881,3 @@ def _axis(run: Run, k: int) -> str:
             if best is None or least.fun < best[0]:
                 best = float(least.fun), f"{name}{'xyz'[axis]} {own + float(least.x):.6g} {unit} instead of {own:.6g}"
     return best[1] if best is not None and best[0] < 12.0 else ""
-
-
-# Place, and angles beside axes.
-
-
-def place_doubts(seen: Mapping[str, float], places: Mapping[str, Mapping[str, float]]) -> list[Doubt]:
-    """Whether the fields of a run are those of the place stated, or of one with a sign or two numbers exchanged.
-
-    Parameters
-    ----------
-    seen : mapping
-        "g" m/s^2, "b" nT, "dip" rad: medians over the run.
-    places : mapping
-        Words for a place -> the same of its model; "" for the place as stated.
-
-    Examples
-    --------
-    >>> seen = {"b": 50_100.0, "dip": np.radians(66.1)}
-    >>> here, there = ({"b": b, "dip": np.radians(dip)} for b, dip in ((55_000.0, 70.0), (50_000.0, 66.0)))
-    >>> place_doubts(seen, {"": here, "the longitude of the other sign": there})[0].sentence[:60]
-    'the run shows a magnetic field of 50100 nT with a dip of 66.'
-    """
-    # what the reference, interference of the assembly and the sensors may do together
-    sigma = {"g": 0.008, "b": 350.0, "dip": np.radians(0.35)}
-    names = [name for name in sigma if name in seen and name in places[""]]
-    misfit = {
-        words: float(sum(((seen[n] - there[n]) / sigma[n]) ** 2 for n in names)) for words, there in places.items()
-    }
-    best = min(misfit, key=lambda words: misfit[words])
-    if best == "" or misfit[""] < 40.0 or misfit[best] > min(12.0, 0.1 * misfit[""]):
-        return []
-    here = places[""]
-    sentence = (
-        f"the run shows a magnetic field of {seen['b']:.0f} nT with a dip of {np.degrees(seen['dip']):.1f} deg, the "
-        f"site has {here['b']:.0f} nT and {np.degrees(here['dip']):.1f} deg; with {best} it would be "
-        f"{places[best]['b']:.0f} nT and {np.degrees(places[best]['dip']):.1f} deg (likelihood ratio "
-        f"{_power(0.5 * (misfit[''] - misfit[best]))}): put the site's latitude_deg and longitude_deg right"
-    )
-    return [Doubt("place", sentence, True)]
-
-
-def angle_doubts(
-    run: Run, inclination: Array, azimuth: Array | None, north: str | None, declination: float | None = None
-) -> list[Doubt]:
-    """Whether angles that stand beside six axes are those of the axes.
-
-    Parameters
-    ----------
-    run : Run
-        With g and b.
-    inclination, azimuth : (n,) rad
-        As the file has them; NaN where it is silent.
-    north : {"magnetic", "true", "grid"}, optional
-        What the azimuths are said to count from.
-    declination : float, optional
-        rad, of the site.
-    """
-    rows = np.isfinite(inclination) & (run.inclination > np.radians(3.0)) & (run.inclination < np.radians(177.0))
-    if azimuth is not None:
-        rows &= np.isfinite(azimuth)
-    if rows.sum() < 4:
-        return []
-
-    def off(stated: Array, seen: Array, *, turned: bool = False) -> float:
-        away = wrap_signed(stated[rows] - seen[rows])
-        if turned:
-            away = wrap_signed(away - np.angle(np.mean(np.exp(1j * away))))
-        return float(np.sqrt(np.mean(away**2)))
-
-    enough = np.radians(5.0)
-    if off(inclination, run.inclination) > enough:
-        ways = {
-            "inclination counted from the horizontal": off(np.pi / 2.0 - inclination, run.inclination),
-            "inclination counted from the other end": off(np.pi - inclination, run.inclination),
-            "inclination in grads": off(0.9 * inclination, run.inclination),
-            "inclination in radians": off(np.degrees(inclination), run.inclination),
-        }
-        if azimuth is not None:
-            ways["the columns of inclination and azimuth exchanged"] = off(azimuth, run.inclination)
-        return [_beside("inclination", off(inclination, run.inclination), ways)]
-    if azimuth is None:
-        return []
-    constant = north != "magnetic"
-    given = off(azimuth, run.azimuth, turned=constant)
-    mean = float(np.angle(np.mean(np.exp(1j * (azimuth - run.azimuth)[rows]))))
-    if given > enough or abs(mean) > np.radians(60.0):
-        ways = {
-            "azimuth half a turn off": off(azimuth + np.pi, run.azimuth, turned=constant),
-            "azimuth mirrored (360 minus it)": off(-azimuth, run.azimuth, turned=constant),
-            "azimuth in grads": off(0.9 * azimuth, run.azimuth, turned=constant),
-            "azimuth in radians": off(np.degrees(azimuth), run.azimuth, turned=constant),
-        }
-        return [_beside("azimuth", max(given, abs(mean)), ways)]
-    if (
-        north in ("true", "grid")
-        and declination is not None
-        and abs(declination) > np.radians(1.5)
-        and abs(mean) < 0.1 * abs(declination)
-    ):
-        sentence = (
-            f"azimuths said to count from {north} north are the magnetic ones of the six axes, though the declination "
-            f"is {np.degrees(declination):+.2f} deg: state --azimuth-reference=magnetic"
-        )
-        return [Doubt("direction", sentence, False)]
-    return []
-
-
-def _beside(what: str, given: float, ways: Mapping[str, float]) -> Doubt:
-    words = min(ways, key=lambda one: ways[one])
-    if ways[words] > 0.3 * given:
-        sentence = (
-            f"{what} is off by {np.degrees(given):.0f} deg (root mean square) from that of the six axes beside it, and "
-            "no unit or sign that was tried explains it: check axes and columns"
-        )
-        return Doubt("columns", sentence, False)
-    sentence = (
-        f"{what} is off by {np.degrees(given):.0f} deg (root mean square) from that of the six axes beside it; with "
-        f"{words} it is {np.degrees(ways[words]):.2g} deg: put the column right"
-    )
-    return Doubt("columns", sentence, False)

@@ -144,6 +144,12 @@ def _implausible(head: Path, uses: dict[str, str]) -> list[str]:
             found = doubts(Run(well.md, well.inclination, well.azimuth))
         else:
             found = survey_doubts(read_csv(head))
+        refused = [one.name for one in found if one.refused]
+        for command in (_SIX_AXES, "position") if refused else ():
+            trusted = " ".join(f"--trust-file {name}" for name in dict.fromkeys(refused))
+            uses[command] = (
+                uses[command] or f"refused as it is ({', '.join(dict.fromkeys(refused))}); {trusted} takes it"
+            )
         return [f"plausibility ({one.name}): {one.sentence}" for one in found]
     return []
 

@@ -19,7 +19,8 @@ from inclinometry.files.cave import HELD
 from inclinometry.files.exchange import SurveyFile
 from inclinometry.files.survey_csv import OutColumn, columns_of
 from inclinometry.files.writing import replacing
-from inclinometry.survey.plausibility import Doubt, Run, angle_doubts, doubts, settle
+from inclinometry.survey.consistency import angle_doubts
+from inclinometry.survey.plausibility import OVERRULED, Doubt, Run, doubts, settle
 
 
 class Format(NamedTuple):
@@ -167,7 +168,9 @@ def convert(
     reader: Options = {"convention": convention, "azimuth_reference": azimuth_reference, "sheet": sheet}
     survey = read_survey_file(source, start, {**reader, "depth_unit": depth_unit, **_known(FORMATS[start].read, items)})
     doubted = settle(survey_doubts(survey), trusted, source) if check else []
-    return Conversion(survey, start, end, _write(survey, Path(target), end, items), tuple(doubted))
+    overruled = "\n".join(sentence for sentence in doubted if sentence.startswith(OVERRULED))
+    written = _write(survey, Path(target), end, {**items, "comment": overruled} if overruled else items)
+    return Conversion(survey, start, end, written, tuple(doubted))
 
 
 def survey_doubts(survey: SurveyFile) -> list[Doubt]:

@@ -11,7 +11,7 @@ import numpy as np
 
 from inclinometry.arrays import Array, Mask
 from inclinometry.calibration.result import Calibration, same_units
-from inclinometry.constants import VECTORS
+from inclinometry.constants import STANDARD_GRAVITY, VECTORS
 from inclinometry.digest import digest_file
 from inclinometry.earth.magnetic import complete_site
 from inclinometry.earth.site import Site, convert_azimuth
@@ -19,13 +19,14 @@ from inclinometry.errors import FileError, InclinometryError, InputError
 from inclinometry.files.columns import channel
 from inclinometry.files.exchange import SurveyFile
 from inclinometry.files.site_toml import read_site
-from inclinometry.files.survey_csv import read_raw_survey
+from inclinometry.files.survey_csv import RawSurvey, read_raw_survey
 from inclinometry.files.table import Progress, read_table
 from inclinometry.files.tool_code_json import load_tool_code
 from inclinometry.files.tool_json import read_calibration
 from inclinometry.orientation import fields
 from inclinometry.rotations import wrap_signed
 from inclinometry.sensors import Tool
+from inclinometry.survey.consistency import angle_doubts, place_doubts
 from inclinometry.survey.flags import Check, worst
 from inclinometry.survey.from_stations import survey_from_stations
 from inclinometry.survey.from_tool import stations_from_tool, stations_plain
@@ -36,7 +37,7 @@ from inclinometry.survey.multistation_priors import (
     published_priors,
     reference_of_site,
 )
-from inclinometry.survey.plausibility import OVERRULED, Doubt, Run, angle_doubts, doubts, place_doubts, settle
+from inclinometry.survey.plausibility import OVERRULED, Doubt, Run, doubts, settle
 from inclinometry.survey.quality import FieldLimits, FieldQuality, judge_fields, with_sensors
 from inclinometry.survey.quality_wiring import wiring_check
 from inclinometry.survey.reduce import SensorCorrection, Survey, apply_correction, correction_of
@@ -88,8 +89,8 @@ def plain_stations(
 
 def tool_stations(
     path: str | Path, record: Calibration, site: Site, form: str | None, progress: Progress | None
-) -> tuple[Stations, str, tuple[str, ...]]:
-    """Stations of a calibrated tool from its raw channels, or from a survey made with it."""
+) -> tuple[Stations, RawSurvey | SurveyFile]:
+    """Stations of a calibrated tool from its raw channels, or from a survey made with it, and the file as read."""
     if format_of(path, form) != "csv" or not _has_channels(path):
         # stations of a survey by the signals the tool must have given there
         found = _survey_file(path, form, None)
@@ -110,13 +111,30 @@ def tool_stations(
             found.md, channels, record.tool, temperature=temperature, g=site.gravity, b=site.b
         )
         line = REBUILT
-        return replace(stations, history=(line, *stations.history[1:])), found.digest, found.notes
+        return replace(stations, history=(line, *stations.history[1:])), found
     raw = read_raw_survey(path, progress=progress)
     same_units(raw.units, record)
     stations = stations_from_tool(
         raw.md, raw.channels, record.tool, temperature=raw.temperature, g=site.gravity, b=site.b
     )
-    return stations, raw.digest, raw.notes
+    return stations, raw
+
+
+def calibrated_run(raw: RawSurvey, tool: Tool) -> Run:
+    """The run of a tool with two full triads, with what its channels would be in another order."""
+    triads = {kind: tool.triads[kind] for kind in VECTORS}
+
+    def fields_of(channels: Mapping[str, Array]) -> tuple[Array, Array]:
+        g, b = (
+            (triad.field_strength or usual) * triad.field(channels[kind], raw.temperature)
+            for (kind, triad), usual in zip(triads.items(), (STANDARD_GRAVITY, 50_000.0), strict=True)
+        )
+        return g, b
+
+    channels = {kind: raw.channels[kind] for kind in VECTORS}
+    known = triads["magnetometer"].field_strength is not None
+    run = Run.of_fields(raw.md, *fields_of(channels))
+    return replace(run, channels=channels, fields=fields_of, strength_known=known)
 
 
 def _survey_file(path: str | Path, form: str | None, convention: str | None) -> SurveyFile:
@@ -308,24 +326,30 @@ def read_six_axis(
         raise InputError("--convention is of no use with --calibration, which knows the axes; leave it out")
     record, old = at_the_run(read_calibration(calibration), calibration, place, age)
     said = [*said, *old]
-    stations, digest, notes = tool_stations(raw, record, place, form, progress)
-    warned = [*run_warnings(stations, place, trusted, raw), *warned]
+    stations, source = tool_stations(raw, record, place, form, progress)
+    channels = calibrated_run(source, record.tool) if isinstance(source, RawSurvey) else None
+    warned = [*run_warnings(stations, place, trusted, raw, run=channels), *warned]
     inputs |= {f"calibration {name}": value for name, value in record.inputs.items()}
-    inputs |= {"raw": digest, "tool": digest_file(calibration)}
+    inputs |= {"raw": source.digest, "tool": digest_file(calibration)}
     inherited = [f"calibration: {sentence}" for sentence in record.warnings]
-    return SixAxis(stations, place, record.tool, record.dip, (*said, *notes), (*inherited, *warned), inputs)
+    return SixAxis(stations, place, record.tool, record.dip, (*said, *source.notes), (*inherited, *warned), inputs)
 
 
 def run_warnings(
-    stations: Stations, site: Site, trusted: Sequence[str] | None, path: str | Path, beside: SurveyFile | None = None
+    stations: Stations,
+    site: Site,
+    trusted: Sequence[str] | None,
+    path: str | Path,
+    beside: SurveyFile | None = None,
+    run: Run | None = None,
 ) -> list[str]:
     """What speaks against the run as a whole, and against its place; FileError where it cannot be true.
 
-    The angles of a file that holds six axes too (`beside`) are held against theirs.
+    `run` has the raw channels too. The angles of a file that holds six axes too (`beside`) are held against theirs.
     """
     if trusted is None:
         return []
-    run = Run.of_fields(stations.md, stations.g, stations.b)
+    run = run or Run.of_fields(stations.md, stations.g, stations.b)
     found = doubts(run)
     if beside is not None and beside.inclination is not None:
         found += angle_doubts(run, beside.inclination, beside.azimuth, beside.azimuth_reference, site.declination)

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from inclinometry.calibration.result import Calibration, same_units
-from inclinometry.constants import STANDARD_GRAVITY, VECTORS
+from inclinometry.constants import VECTORS
 from inclinometry.digest import digest_file
 from inclinometry.earth.site import Site
 from inclinometry.errors import InputError
@@ -28,6 +28,7 @@ from inclinometry.workflow.field import completed
 from inclinometry.workflow.six_axis import (
     JudgedStations,
     SixAxisSurvey,
+    calibrated_run,
     declination_warnings,
     has_reference,
     judge,
@@ -154,11 +155,7 @@ def _run(raw: RawSurvey, found: Survey, record: Calibration, second: str | None)
     triads = {kind: record.tool.triads[kind] for kind in VECTORS if kind in record.tool.triads and kind in raw.channels}
     if second == "gyro" or len(triads) < 2 or not all(triad.full for triad in triads.values()):
         return Run(found.md, found.inclination, found.azimuth)
-    g, b = (
-        (triad.field_strength or usual) * triad.field(raw.channels[kind], raw.temperature)
-        for (kind, triad), usual in zip(triads.items(), (STANDARD_GRAVITY, 50_000.0), strict=True)
-    )
-    return Run.of_fields(found.md, g, b)
+    return calibrated_run(raw, record.tool)
 
 
 def _marked(found: Survey, warned: Sequence[str]) -> Survey:
