@@ -12,7 +12,8 @@ from sqlalchemy.engine import Connection
 
 from inclinometry.errors import InputError
 from inclinometry.laboratory.ledger import chain
-from inclinometry.laboratory.ledger.engine import HEAD, LedgerError
+from inclinometry.laboratory.ledger.chain import LedgerError
+from inclinometry.laboratory.ledger.engine import HEAD
 from inclinometry.laboratory.ledger.heads import ACCEPTED, KEY_EVENT, SignedHead, head_of, newest_head
 from inclinometry.laboratory.ledger.keys import descends, explained, fingerprint, genuine
 from inclinometry.laboratory.ledger.ledger import Ledger
