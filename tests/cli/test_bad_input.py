@@ -252,3 +252,4 @@ def test_survey_with_swapped_magnetometer_axes_raises_the_dip_flag(run, bench):
     done = run("survey", "bad.csv", "--calibration", "tool.json", "-o", "survey.csv")
     assert done.status == 0
     assert "flagged dip" in " ".join(done.err.split())
+    assert "channels x and y of the magnetometer exchanged" in " ".join(done.err.split())

@@ -316,7 +316,8 @@ def _channels(run: Run) -> list[Doubt]:
             "after the calibration the fields are not those of one place and one hole, which with "
             f"{words} they are: put the names of the columns right"
         )
-        return [Doubt("axes", sentence, True)]
+        # of the magnetometer alone inclinations hold, and the dip flags the stations
+        return [Doubt("axes", sentence, "of the magnetometer" not in words)]
     seen = strange(run.g, run.b, known=run.strength_known)
     if seen:
         sentence = (
