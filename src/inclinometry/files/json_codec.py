@@ -102,7 +102,7 @@ def _distinct(pairs: list[tuple[str, Any]]) -> Json:
     found: Json = {}
     for key, value in pairs:
         if key in found:
-            raise ValueError(f"key {key!r} appears twice in one object; remove one")
+            raise ValueError(f"key {key!r:.80} appears twice in one object; remove one")
         found[key] = value
     return found
 

@@ -301,7 +301,7 @@ def _profile(content: dict[str, Any]) -> Profile:
         if key not in _TYPES:
             near = closest(key, list(_TYPES))
             raise InputError(
-                f"key {key!r} is not known; {f'did you mean {near}?' if near else ''} allowed: {', '.join(_TYPES)}"
+                f"key {key!r:.80} is not known; {f'did you mean {near}?' if near else ''} allowed: {', '.join(_TYPES)}"
             )
         wanted = _TYPES[key]
         if not isinstance(value, wanted) or (isinstance(value, bool) and wanted is not bool):

@@ -23,7 +23,7 @@ class Settings:
                 hint = advice(key, known)
                 near = closest(key, known)
                 hint = hint or (f"did you mean {near}?" if near else f"allowed: {', '.join(known)}")
-                raise FileError(f"key {key!r} is not known; {hint}", path=path)
+                raise FileError(f"key {key!r:.80} is not known; {hint}", path=path)
 
     def number(self, key: str, low: float, high: float) -> float | None:
         """A finite number in [low, high], or None when the key is not there."""
