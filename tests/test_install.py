@@ -108,6 +108,7 @@ def blocked(lines, folder):
         [sys.executable, "-c", BLOCKED],
         input="\n".join(lines),
         cwd=folder,
+        env={**os.environ, "INCLINOMETRY_KEYS": str(folder.with_name("no-keys"))},
         capture_output=True,
         text=True,
         timeout=300,
@@ -155,6 +156,7 @@ class Installed:
         venv.create(home, with_pip=True)
         self.scripts = home / ("Scripts" if os.name == "nt" else "bin")
         self.environment = {k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "INCLINOMETRY_TRACEBACK")}
+        self.environment["INCLINOMETRY_KEYS"] = str(folder / "no-keys")
         self.wheels = folder / "wheels"
         self.pip("wheel", "--no-deps", "-w", str(self.wheels), str(ROOT))
 
