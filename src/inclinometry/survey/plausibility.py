@@ -317,7 +317,8 @@ def _channels(run: Run) -> list[Doubt]:
             f"{words} they are: put the names of the columns right"
         )
         # of the magnetometer alone inclinations hold, and the dip flags the stations
-        return [Doubt("axes", sentence, "of the magnetometer" not in words)]
+        refused = "of the magnetometer" not in words
+        return [Doubt("axes", sentence, refused)]
     seen = strange(run.g, run.b, known=run.strength_known)
     if seen:
         sentence = (
