@@ -23,7 +23,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from inclinometry.arrays import Array, Index, Mask
-from inclinometry.constants import FOOT
+from inclinometry.constants import FOOT, VECTORS
 from inclinometry.errors import FileError, InputError
 from inclinometry.orientation import angles, dip_angle
 from inclinometry.rotations import wrap_positive
@@ -317,7 +317,7 @@ def _channels(run: Run) -> list[Doubt]:
             f"{words} they are: put the names of the columns right"
         )
         # of the magnetometer alone inclinations hold, and the dip flags the stations
-        refused = "of the magnetometer" not in words
+        refused = VECTORS[1] not in words or VECTORS[0] in words
         return [Doubt("axes", sentence, refused)]
     seen = strange(run.g, run.b, known=run.strength_known)
     if seen:
