@@ -42,8 +42,8 @@ _NOT_LINEAR: Final = "the {} is not linear"
 _GRADUATION: Final = 1e-3
 """Usual error of a graduation of a dial that was stated to be exact, rad."""
 
-_OPEN: Final = -1.0  # the same, below which the readings speak against a block
 _CHOSEN: Final = 3.0  # logarithm of the ratio of evidence above which a block is fitted
+_OPEN: Final = -1.0  # the same, below which the readings speak against a block
 _WIDER: Final = 2.0  # by which an offset that drifts must explain a run better than one that wanders
 _ODDS: Final = 0.2  # that a block of the usual size is there, before the readings are seen
 
@@ -129,8 +129,8 @@ def blocks(fitted: Fitted, free_noise: Set[str]) -> Iterator[Block]:
     model, state = fitted.model, fitted.state
     size, count = fitted.at.residual.shape
     matrix = orientation(model.settings + state.errors, state.nuisance)[0]
-    # the tool is that of the end of the run: drift and walk are counted from there
-    # a random walk by its largest components (Karhunen and Loeve); what is left of it is like noise
+    # drift and walk are counted from the end of the run, when the tool leaves the stand; the walk by its largest
+    # components (Karhunen and Loeve), since what is left of it is like noise
     left, spread, _ = np.linalg.svd(np.tri(size, size - 1, -1)[::-1], full_matrices=False)
     walk = (left * spread)[:, : min(8, size - 1)]
     time = np.linspace(-1.0, 0.0, size)[:, None]
