@@ -412,8 +412,8 @@ def _encoding(data: bytes, chance: random.Random) -> bytes:
         lambda: data.replace(b",", chance.choice((b";", b"\t", b" ", b"|"))),
         lambda: data.replace(b".", b","),
         lambda: data.replace(b"e", b"\xe9"),
-        lambda: gzip.compress(data),
-        lambda: gzip.compress(data)[:-9],
+        lambda: gzip.compress(data, mtime=0),
+        lambda: gzip.compress(data, mtime=0)[:-9],
         lambda: data + b"\x00" * 100,
         lambda: b"",
     ))()  # fmt: skip
