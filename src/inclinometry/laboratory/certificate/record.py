@@ -10,7 +10,6 @@ import json
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
@@ -20,19 +19,18 @@ import numpy as np
 
 from inclinometry.arrays import Array
 from inclinometry.calibration.expected import (
-    ALL_ANGLES,
-    certified_factor,
-    expanded,
     expected_gravity_sd,
     expected_uncertainty,
 )
 from inclinometry.calibration.result import Calibration
-from inclinometry.constants import COVERAGE_FACTOR, GRAVITY_SPREAD, INCLINATIONS, SHORT_INCLINATIONS
+from inclinometry.constants import COVERAGE_FACTOR, GRAVITY_SPREAD
 from inclinometry.digest import digest_bytes
 from inclinometry.errors import InputError
 from inclinometry.files import json_codec
 from inclinometry.files.json_codec import canonical
+from inclinometry.laboratory.certificate.budget import coverage_probability, uncertainty_budget, uncertainty_table
 from inclinometry.laboratory.certificate.laboratory_toml import Laboratory, Order, Standard
+from inclinometry.laboratory.certificate.requirements import missing
 from inclinometry.report.calibration import log_scale
 from inclinometry.report.calibration_tables import Row, classical_rows, differences, parameter_rows, sensor_names
 from inclinometry.report.figure import BAD, INK, MARKERS, SERIES, new_figure, style, styled
@@ -41,7 +39,6 @@ from inclinometry.report.language import translated
 from inclinometry.report.words import plain, rounded, significant
 from inclinometry.rotations import wrap_signed
 from inclinometry.sensors import Tool
-from inclinometry.stability import ASSUMED, aged
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -352,8 +349,8 @@ def certificate_record(
             "humidity_percent": order.humidity_percent,
         },
         "results": {
-            "uncertainty": _uncertainty(calibration, order.interval_months),
-            "budget": _budget(calibration),
+            "uncertainty": uncertainty_table(calibration, order.interval_months),
+            "budget": uncertainty_budget(calibration),
             "parameters": _parameters(tool),
             "classical": _classical(tool),
             "covariance": {"parameters": list(tool.parameter_names), "matrix": tool.covariance},
@@ -376,48 +373,6 @@ def certificate_record(
     }
     clean: Record = json.loads(canonical(printable(_plain(record))))
     return checked(clean, f"certificate {number}")
-
-
-def missing(laboratory: Laboratory | None, order: Order, standards: Sequence[Standard]) -> list[str]:
-    """What a document lacks to be titled a certificate (ISO/IEC 17025:2017, 7.8.2.1 and 7.8.4.1), by key."""
-    lab = laboratory or Laboratory("-")
-    day = order.performed_to or order.performed_from or order.issued
-    stated = {
-        "laboratory": bool(laboratory is not None and laboratory.address and laboratory.country),
-        "customer": bool(order.customer),
-        "item": bool(order.serial),
-        "performed": order.performed_from is not None,
-        "traceability": bool(lab.traceability or order.rig_traceability),
-        "environment": bool(order.environment or order.temperature_degC),
-        "condition": bool(order.condition),
-        "procedure": bool(lab.procedure),
-        "standards": bool(standards) and all(one.certificate and one.due for one in standards),
-        "standards_due": day is None or not any(one.overdue(day) for one in standards),
-        "signatory": bool(lab.authoriser),
-    }
-    return [key for key, there in stated.items() if not there]
-
-
-def missing_said(key: str, record: Mapping[str, Any], say: Words) -> str:
-    """What is missing, and where it is stated."""
-    return say(f"missing_{key}", names=", ".join(overdue(record))) if key == "standards_due" else say(f"missing_{key}")
-
-
-def overdue(record: Mapping[str, Any]) -> list[str]:
-    """Reference standards whose own calibration had run out when they were used, each with its day."""
-    day = record["dates"]["performed_to"] or record["dates"]["issued"]
-    return [f"{one['name']} ({one['due']})" for one in record["standards"] if one["due"] and one["due"] < day]
-
-
-def coverage_probability(k: float) -> float:
-    """Of an expanded uncertainty with factor k, normal distribution.
-
-    Examples
-    --------
-    >>> round(coverage_probability(2.0), 4)
-    0.9545
-    """
-    return math.erf(k / math.sqrt(2.0))
 
 
 def _item(tool: Tool, order: Order) -> Record:
@@ -473,75 +428,6 @@ def _method(calibration: Calibration, order: Order) -> Record:
         "rig_place": order.rig_place,
         "rig_sd_deg": dict(zip(("azimuth", "inclination", "toolface"), rig.tolist(), strict=True)),
     }
-
-
-def _uncertainty(calibration: Calibration, months: int | None) -> Record | None:
-    """Expanded uncertainty over inclination, worst azimuth and toolface; None where none is known.
-
-    After the agreed interval of `months` too, where there is one.
-    """
-    found = expected_uncertainty(calibration, INCLINATIONS)
-    if not found.angles:
-        return None
-    second = found.azimuth_from
-    k, freedom = certified_factor(calibration), calibration.degrees_of_freedom
-    table: Record = {
-        "coverage_factor": k,
-        "coverage_probability": round(coverage_probability(COVERAGE_FACTOR), 4),
-        "degrees_of_freedom": freedom if math.isfinite(freedom) else None,
-        "azimuth_from": second,
-        "dip_deg": None if second is None else float(np.degrees(found.dip)),
-        "dip_assumed": second is not None and found.dip_from == "assumed",
-        "temperature_degC": found.temperature,
-        "inclination_deg": np.degrees(INCLINATIONS).round(9).tolist(),
-    }
-    one, alone = (np.degrees(expanded(u, k)) for u in (found.of_one_reading, found.from_calibration))
-    columns = {f"U_{name}_deg": ALL_ANGLES.index(name) for name in found.angles}
-    table |= {key: one[:, place].tolist() for key, place in columns.items()}
-    table["from_calibration"] = {key: alone[:, place].tolist() for key, place in columns.items()}
-    if months is not None:
-        # what the sensors may have moved by when the next calibration is due
-        later = replace(calibration, tool=aged(calibration.tool, months / 12.0))
-        end = np.degrees(expanded(expected_uncertainty(later, INCLINATIONS).of_one_reading, k))
-        table["end_of_interval"] = {key: end[:, place].tolist() for key, place in columns.items()}
-        table["end_of_interval_source"] = ASSUMED.source
-    return table
-
-
-def _budget(calibration: Calibration) -> Record | None:
-    """Standard uncertainty of one reading by cause where the whole is largest; None where none is known.
-
-    Calibration and noise triad by triad; what the correlation of the triads' parameters adds (a root with the sign of
-    the variance); of two accelerometers the strength of gravity.
-    """
-    tool, inclination = calibration.tool, SHORT_INCLINATIONS
-    whole = expected_uncertainty(calibration, inclination)
-    if not whole.angles:
-        return None
-    causes: dict[tuple[str, str | None], Array] = {
-        (name, None): part for name, part in whole.components.items() if name not in ("calibration", "sensor noise")
-    }
-    left = whole.components["calibration"]
-    for kind in tool.triads:
-        block = np.zeros_like(tool.covariance)
-        block[tool.slices[kind], tool.slices[kind]] = tool.covariance[tool.slices[kind], tool.slices[kind]]
-        quiet = {other: noise if other == kind else 0.0 * noise for other, noise in tool.noise.items()}
-        own = replace(calibration, tool=replace(tool, covariance=block, noise=quiet))
-        parts = expected_uncertainty(own, inclination).components
-        left = left - parts["calibration"]
-        causes |= {("calibration", kind): parts["calibration"], ("noise", kind): parts["sensor noise"]}
-    causes["correlation", None] = left
-    rows = []
-    for (cause, of), part in causes.items():
-        found = {}
-        for place in (ALL_ANGLES.index(name) for name in whole.angles):
-            flat = whole.variance[..., place].reshape(len(inclination), -1)
-            value = part[..., place].reshape(len(inclination), -1)[np.arange(len(flat)), flat.argmax(axis=1)]
-            found[ALL_ANGLES[place]] = np.degrees(np.sign(value) * np.sqrt(np.abs(value))).tolist()
-        if any(abs(u) > 1e-9 for us in found.values() for u in us):
-            named = cause if cause in ("calibration", "noise", "correlation") else "gravity"
-            rows.append({"cause": named, "kind": of, "u_deg": found})
-    return {"inclination_deg": np.degrees(inclination).round(9).tolist(), "components": rows}
 
 
 def _row(row: Row) -> Record:

@@ -18,7 +18,7 @@ from inclinometry.laboratory.ledger.heads import ACCEPTED, KEY_EVENT, SignedHead
 from inclinometry.laboratory.ledger.keys import descends, explained, fingerprint, genuine
 from inclinometry.laboratory.ledger.ledger import Ledger
 from inclinometry.laboratory.ledger.merkle import Frontier, leaf_hash
-from inclinometry.laboratory.ledger.witness import Witnessed, begun_at, witnessed
+from inclinometry.laboratory.ledger.witness import Testimony, begun_at, lost_sentence, witnessed
 
 
 @dataclass(frozen=True)
@@ -33,17 +33,16 @@ class Fault:
         return f"{self.table} {self.row}: {self.problem}"
 
 
-def asked(ledger: Ledger) -> tuple[str, list[Witnessed], list[str]]:
-    """The ledger last seen in this place, what the witnesses keep of the one that is there, who cannot be asked."""
+def asked(ledger: Ledger) -> tuple[str, Testimony]:
+    """The ledger last seen in this place, and what the witnesses say of the one that is there."""
     with ledger.snapshot() as connection:
         newest = newest_head(connection, readable=True)
     try:
         here = begun_at(ledger.keys.folder, ledger.where)
     except OSError as error:
-        return "", [], [f"the witness in {ledger.keys.folder} cannot be asked ({error.strerror})"]
+        return "", Testimony([], [f"the witness in {ledger.keys.folder} cannot be asked ({error.strerror})"], [])
     name = here if newest is None else newest.ledger
-    kept, silent = witnessed(ledger.keys.folder, name) if name else ([], [])
-    return here, kept, silent
+    return here, witnessed(ledger.keys.folder, name, ledger.where) if name else Testimony([], [], [])
 
 
 def _public(ledger: Ledger) -> tuple[str, ...]:
@@ -65,9 +64,8 @@ class Signatures:
         The laboratory's keys, the one of now first; those of this computer when empty.
     here : str
         The ledger that was last seen in this place.
-    kept : list of Witnessed
-    silent : list of str
-        Sentences about witnesses that cannot be asked.
+    testimony : Testimony
+        Of the witnesses.
     copy : bool
         A copy kept on purpose: that it ends before heads which witnesses keep is a note.
     """
@@ -78,8 +76,7 @@ class Signatures:
         ledger: Ledger,
         public: Sequence[str],
         here: str,
-        kept: list[Witnessed],
-        silent: list[str],
+        testimony: Testimony,
         *,
         copy: bool = False,
     ) -> None:
@@ -88,12 +85,16 @@ class Signatures:
         self._given, self._here = tuple(public), here
         self._wanted = self._given or _public(ledger)
         self._copy = copy
-        self._kept, self._notes = kept, list(silent)
+        self._kept, self._notes = testimony.kept, list(testimony.silent)
+        # only who signs tells a witness: on another computer none is expected
+        own = self.newest is not None and self.newest.key in _public(ledger) and ledger.keys.there
+        name, folder = self.newest.ledger if self.newest else "", ledger.keys.folder
+        self._lost_witnesses = [lost_sentence(folder, one, name) for one in testimony.lost] if own else []
         self._tree = Frontier()
         self._link = chain.GENESIS
         self._own_heads = self._stored(connection) if inspect(connection).has_table("head") else iter(())
         self._next = next(self._own_heads, None)
-        readable = [(one.head, one.witness, one.place) for one in kept if one.head is not None]
+        readable = [(one.head, one.witness, one.place) for one in self._kept if one.head is not None]
         self._elsewhere: dict[str, int] = {}
         self._outside = sorted(readable, key=lambda kept: kept[0].size)
         self._at = 0
@@ -192,6 +193,7 @@ class Signatures:
             if one.head is None
         ]
         faults += self._unreadable
+        faults += [Fault("witness", "-", sentence) for sentence in self._lost_witnesses]
         faults += self._whole(seq)
         said = max(self._accepted, default=("", "", ""))
         first: dict[str, Fault] = {}
