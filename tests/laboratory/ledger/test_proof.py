@@ -294,6 +294,17 @@ def test_a_head_that_is_none_is_named(tmp_path: Path, keys: Keys, seq: int) -> N
         assert "cannot be read as a signed head" in said(verify(ledger))
 
 
+@pytest.mark.parametrize(
+    ("change", "named"),
+    [("key = 'no key'", "cannot be read as a signed head"), ("frontier = 'ab'", "the peaks of the tree")],
+)
+def test_a_field_of_a_head_that_was_changed(opened: Opened, change: str, named: str) -> None:
+    """Its key is none any more; or peaks stand beside it that are not those of its tree."""
+    with opened() as ledger:
+        edit(ledger, f"UPDATE head SET {change} WHERE seq = 5")
+        assert named in said(verify(ledger))
+
+
 def test_a_rewritten_record_is_found(opened: Opened) -> None:
     """Its body, its author, and every digest and link after it, worked out anew."""
     with opened() as ledger:

@@ -64,8 +64,9 @@ def uncertainty_table(calibration: Calibration, months: int | None) -> Record | 
 def uncertainty_budget(calibration: Calibration) -> Record | None:
     """Standard uncertainty of one reading by cause where the whole is largest; None where none is known.
 
-    Calibration and noise triad by triad; what the correlation of the triads' parameters adds (a root with the sign of
-    the variance); of two accelerometers the strength of gravity.
+    The calibration by what it was made with, where it knows: each dial, the noise of its readings, what was assumed of
+    the stand; otherwise triad by triad, with what the correlation of their parameters adds (a root with the sign of the
+    variance). The noise of the reading triad by triad; of two accelerometers the strength of gravity.
     """
     tool, inclination = calibration.tool, SHORT_INCLINATIONS
     whole = expected_uncertainty(calibration, inclination)
@@ -75,15 +76,20 @@ def uncertainty_budget(calibration: Calibration) -> Record | None:
         (name, None): part for name, part in whole.components.items() if name not in ("calibration", "sensor noise")
     }
     left = whole.components["calibration"]
+    for name, share in calibration.shares.items():
+        causes["calibration", name] = share[:, None, None, [0, 1, 2, 2]] * left
     for kind in tool.triads:
         block = np.zeros_like(tool.covariance)
         block[tool.slices[kind], tool.slices[kind]] = tool.covariance[tool.slices[kind], tool.slices[kind]]
         quiet = {other: noise if other == kind else 0.0 * noise for other, noise in tool.noise.items()}
         own = replace(calibration, tool=replace(tool, covariance=block, noise=quiet))
         parts = expected_uncertainty(own, inclination).components
-        left = left - parts["calibration"]
-        causes |= {("calibration", kind): parts["calibration"], ("noise", kind): parts["sensor noise"]}
-    causes["correlation", None] = left
+        causes["noise", kind] = parts["sensor noise"]
+        if not calibration.shares:
+            left = left - parts["calibration"]
+            causes["calibration", kind] = parts["calibration"]
+    if not calibration.shares:
+        causes["correlation", None] = left
     rows = []
     for (cause, of), part in causes.items():
         found = {}

@@ -23,7 +23,7 @@ from inclinometry.calibration.expected import (
     expected_uncertainty,
 )
 from inclinometry.calibration.result import Calibration
-from inclinometry.constants import COVERAGE_FACTOR, GRAVITY_SPREAD
+from inclinometry.constants import COVERAGE_FACTOR, GRAVITY_SPREAD, KINDS
 from inclinometry.digest import digest_bytes
 from inclinometry.errors import InputError
 from inclinometry.files import json_codec
@@ -585,7 +585,9 @@ def budget_section(record: Content, say: Words) -> Content | None:
     for one in found["components"]:
         u = np.array([one["u_deg"][name][step] for name in names for step in steps])
         square += np.sign(u) * u**2
-        label = say(f"b_{one['cause']}", kind=say(one["kind"]) if one["kind"] else "")
+        kind = one["kind"] or ""
+        named = say(kind) if kind in KINDS else translated(kind)
+        label = say(f"b_{one['cause']}", kind=named)
         signed = (f"-{significant(-value)}" if value < 0.0 else _degrees(value, say) for value in u)
         rows.append([label, *("–" if abs(value) < 1e-5 else said for value, said in zip(u, signed, strict=True))])
     whole, k = np.sqrt(np.maximum(square, 0.0)), _factor(record)

@@ -69,6 +69,11 @@ def certificate(
         {"tool.json": tool, "--verification": verification, "--laboratory": laboratory, "--previous": previous}
         | {"--as-found": as_found},
     )
+    if fonts is not None and not any(
+        path.suffix.lower() in (".ttf", ".otf", ".ttc", ".otc") for path in (fonts.rglob("*") if fonts.is_dir() else ())
+    ):
+        what = "there is no such folder" if not fonts.is_dir() else "no font is in this folder"
+        raise FileError(f"--fonts: {what}; name one with files .ttf, .otf, .ttc or .otc", path=fonts)
     made = record_from_files(
         tool,
         verification=verification,

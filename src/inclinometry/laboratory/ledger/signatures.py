@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -106,7 +107,7 @@ class Signatures:
         self._keys = self._successive(connection) if self.newest else []
         self._compare(0)
 
-    def _stored(self, connection: Connection) -> Iterator[SignedHead]:
+    def _stored(self, connection: Connection) -> Iterator[tuple[SignedHead, str | None]]:
         last = (-1, -1)
         while True:
             beyond = (HEAD.c.seq > last[0]) | ((HEAD.c.seq == last[0]) & (HEAD.c.place > last[1]))
@@ -115,7 +116,7 @@ class Signatures:
                 return
             for row in rows:
                 try:
-                    yield head_of(row)
+                    yield head_of(row), row.frontier
                 except LedgerError:
                     what = "was changed: it cannot be read as a signed head"
                     self._unreadable.append(Fault("head", f"in place {row.place}", what))
@@ -127,8 +128,9 @@ class Signatures:
         found: list[tuple[str, int, str]] = []
         query = select(HEAD.c.key, HEAD.c.seq, HEAD.c.created).order_by(HEAD.c.place)
         for row in connection.execute(query, execution_options={"yield_per": 500}):
-            texts = isinstance(row.key, str) and isinstance(row.created, str)  # others are faults of their own
-            if texts and (not found or found[-1][0] != row.key):
+            # others are faults of their own
+            whole = isinstance(row.key, str) and re.fullmatch("[0-9a-f]{64}", row.key) and isinstance(row.created, str)
+            if whole and (not found or found[-1][0] != row.key):
                 found.append((row.key, row.seq, row.created))
         return found
 
@@ -157,8 +159,13 @@ class Signatures:
 
     def _compare(self, seq: int) -> None:
         """Every head that speaks of the records up to this one."""
-        while self._next is not None and self._next.size <= seq:
-            self._judge(self._next, "", seq)
+        while self._next is not None and self._next[0].size <= seq:
+            head, peaks = self._next
+            self._judge(head, "", seq)
+            if head.size == seq and peaks not in (None, b"".join(self._tree.peaks).hex()):
+                # nothing is signed upon them unless they lead to the signed root; changed all the same
+                said = "the peaks of the tree that are kept beside it were changed"
+                self._doubts.append((head.time, Fault("head", f"{head.size} ({head.time[:19]})", said)))
             self._next = next(self._own_heads, None)
         while self._at < len(self._outside) and self._outside[self._at][0].size <= seq:
             self._judge(*self._outside[self._at][:2], seq)
@@ -183,7 +190,7 @@ class Signatures:
     def end(self, seq: int) -> tuple[list[Fault], list[str]]:
         """Faults and notes when the last record, `seq`, is passed."""
         while self._next is not None:
-            self._lost(self._next, "", "", seq)
+            self._lost(self._next[0], "", "", seq)
             self._next = next(self._own_heads, None)
         for head, witness, place in self._outside[self._at :]:
             self._lost(head, witness, place, seq)
