@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,6 +18,9 @@ from inclinometry.constants import DIALS, SHORT_INCLINATIONS, VECTORS
 from inclinometry.orientation import fields
 from inclinometry.sensors import angle_sensitivity
 from inclinometry.uncertainty import Budget
+
+UNDETECTED: Final = "errors that the readings cannot exclude"
+"""The cause of what was looked for in the readings and could be there without showing."""
 
 
 def parameter_causes(fitted: Fitted, readings: BenchReadings) -> tuple[dict[str, Array], Array]:

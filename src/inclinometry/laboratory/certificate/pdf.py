@@ -130,8 +130,8 @@ def _view(record: Content, seal: str) -> Content:
     # the last one is of drawings that keep together, so that no page has but a few lines
     sections = [
         tables.results_section(record, say),
-        tables.uncertainty_section(record, say),
         tables.budget_section(record, say),
+        tables.uncertainty_section(record, say),
         tables.verification_section(record, say),
         tables.section(say("remarks"), list=remarks) if remarks else None,
         tables.parameter_section(record, say),

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from inclinometry.arrays import Array
+from inclinometry.calibration.causes import UNDETECTED
 from inclinometry.calibration.expected import (
     expected_gravity_sd,
     expected_uncertainty,
@@ -261,7 +262,7 @@ def families(text: str, folders: Sequence[str | Path] = ()) -> tuple[str, ...]:
     if found is None:
         raise InputError(
             "this certificate has Chinese letters and no font on this computer shows them; install one "
-            f"({', '.join(CHINESE[:3])}, ...) or choose another language"
+            f"({', '.join(CHINESE[:3])}, ...), name a folder that has one by --fonts, or choose another language"
         )
     return (serif, rest, found)
 
@@ -543,7 +544,7 @@ def uncertainty_section(record: Content, say: Words) -> Content:
     found = record["results"]["uncertainty"]
     title = say("uncertainty")
     if found is None:
-        return section(title, [say("no_uncertainty")], new_page=True)
+        return section(title, [say("no_uncertainty")])
     names = [name for name in LETTERS if f"U_{name}_deg" in found]
     k, probability = found["coverage_factor"], 100.0 * found["coverage_probability"]
     texts = [say("letters"), say("uncertainty_note", k=f"{k:g}", p=f"{probability:.0f}")]
@@ -570,7 +571,7 @@ def uncertainty_section(record: Content, say: Words) -> Content:
     picture = figure(paper_svg(uncertainty_figure(found)), say("curve_u"))
     caption = f"U, k = {k:g}"
     texts = [*texts, say("gum")]
-    return section(title, texts, tables=[table(caption, head, rows)], figures=[picture], new_page=True)
+    return section(title, texts, tables=[table(caption, head, rows)], figures=[picture])
 
 
 def budget_section(record: Content, say: Words) -> Content | None:
@@ -580,20 +581,25 @@ def budget_section(record: Content, say: Words) -> Content | None:
         return None
     names = [name for name in LETTERS if name in found["components"][0]["u_deg"]]
     steps = range(len(found["inclination_deg"]))
-    head = [say("cause"), *(f"{LETTERS[n]} {x:g}°" for n in names for x in found["inclination_deg"])]
-    rows, square = [], np.zeros(len(names) * len(steps))
-    for one in found["components"]:
-        u = np.array([one["u_deg"][name][step] for name in names for step in steps])
-        square += np.sign(u) * u**2
+    head = [say("cause"), *(f"{x:g}°" for _ in names for x in found["inclination_deg"])]
+    parts = [np.array([one["u_deg"][n][step] for n in names for step in steps]) for one in found["components"]]
+    whole, k = np.sqrt(np.maximum(sum(np.sign(u) * u**2 for u in parts), 0.0)), _factor(record)
+    # one decimal more than the sum has: what does not show there does not count
+    places = [1 + len(significant(float(u)).partition(".")[2]) for u in whole]
+    rows = []
+    for one, part in zip(found["components"], parts, strict=True):
         kind = one["kind"] or ""
-        named = say(kind) if kind in KINDS else translated(kind)
+        named = say(kind) if kind in KINDS else say("b_undetectable") if kind == UNDETECTED else translated(kind)
         label = say(f"b_{one['cause']}", kind=named)
-        signed = (f"-{significant(-value)}" if value < 0.0 else _degrees(value, say) for value in u)
-        rows.append([label, *("–" if abs(value) < 1e-5 else said for value, said in zip(u, signed, strict=True))])
-    whole, k = np.sqrt(np.maximum(square, 0.0)), _factor(record)
+        shown = zip(part, places, strict=True)
+        rows.append([label, *("–" if abs(u) < 0.5 * 10.0**-place else f"{u:.{place}f}" for u, place in shown)])
     rows.append([say("b_u"), *(_degrees(float(value), say) for value in whole)])
     rows.append([say("b_expanded", k=f"{k:g}"), *(_degrees(float(k * value), say) for value in whole)])
-    return section(say("budget"), [say("budget_note")], tables=[table("u, °", head, rows, size=7.0)])
+    by_cause = any(one["cause"] == "calibration" and one["kind"] not in KINDS for one in found["components"])
+    note = say("budget_by_cause" if by_cause else "budget_note")
+    made = table("", head, rows, size=6.6)
+    made |= {"columns": ["auto"] * len(head), "groups": [[say(name), len(steps)] for name in names]}
+    return section(say("budget"), [note], tables=[made])
 
 
 def results_section(record: Content, say: Words) -> Content:
@@ -616,11 +622,16 @@ def results_section(record: Content, say: Words) -> Content:
     head = [say("position"), *(say(key) if key else "U" for _ in names for key in one), say("result")]
     made = table("", head, rows, size=6.6)
     made |= {"columns": ["auto"] * len(head), "groups": [[say(name), len(one)] for name in names]}
-    texts = [say("results_note", k=f"{k:.3g}", p=f"{100.0 * coverage_probability(k):.4g}")]
+    texts = [say("results_note", k=f"{k:.3g}", p=_percent(k))]
     if before is not None:
         verdict = say("found_pass" if before["verdict"] == "pass" else "found_fail")
         texts.append(say("found_note", previous=before["previous"] or say("not_stated"), verdict=verdict))
     return section(say("results_at" if before is None else "results_found"), texts, tables=[made], texts_last=True)
+
+
+def _percent(k: float) -> str:
+    """Coverage probability of k in percent; what is not certain is never called so."""
+    return f"{min(round(100.0 * coverage_probability(k), 2), 99.99):g}"
 
 
 def _shown(one: Content) -> bool:
@@ -752,8 +763,7 @@ def verification_section(record: Content, say: Words) -> Content | None:
         return None
     report = found["report"]
     k, positions = report["coverage_factor"], report["positions"]
-    probability = 100.0 * coverage_probability(k)
-    texts = [say("verification_note", k=f"{k:.3g}", p=f"{probability:.4g}")]
+    texts = [say("verification_note", k=f"{k:.3g}", p=_percent(k))]
     rows = []
     for name in LETTERS:
         judged = _judged(positions, name)
