@@ -218,3 +218,28 @@ due = 2020-01-31
     Path("settings.toml").write_text(about.replace("logo.svg", "none.svg"), encoding="utf-8")
     wrong = files("ledger", "laboratory", "settings.toml", "--ledger", "lab.sqlite")
     assert (wrong.status, "none.svg" in wrong.err) == (2, True)
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ('name = "Lab\\u0007"', "name has the character U+0007 in place 4"),
+        ('name = "Lab\\nTwo"', "name has the character U+000A in place 4"),
+        ('name = "Lab"\n[order]\ncustomer = "a\\u202eb"', "customer has the character U+202E in place 2"),
+    ],
+)
+def test_what_no_page_shows_is_refused(files: Any, line: str, said: str) -> None:
+    """A control character, a line end in a name, a mark that turns the direction."""
+    Path("bad.toml").write_text(line + "\n", encoding="utf-8")
+    done = files("certificate", "tool.json", "--laboratory", "bad.toml", "-o", "c.pdf")
+    assert (done.status, Path("c.pdf").exists()) == (2, False)
+    assert f"bad.toml: {said}" in done.err
+
+
+def test_a_folder_without_fonts_is_refused(files: Any) -> None:
+    """One that is not there, and one in which there is none."""
+    Path("empty").mkdir()
+    for folder, said in (("nowhere", "there is no such folder"), ("empty", "no font is in this folder")):
+        done = files("certificate", "tool.json", "--fonts", folder, "-o", "c.pdf")
+        assert (done.status, Path("c.pdf").exists()) == (2, False)
+        assert said in done.err

@@ -147,3 +147,24 @@ def test_a_certificate_that_is_not_there(run, lab):
     assert found.status == 2
     assert "no certificate" in found.err
     assert run("ledger", "verify", "--certificate", "1", "--head", "x", "--ledger", lab).status == 2
+
+
+def test_a_witness_that_is_gone_is_named(run, lab, tmp_path, monkeypatch):
+    """By `ledger witness` and `ledger verify`, with exit status 1; to give it the head of now mends it."""
+    monkeypatch.setenv("INCLINOMETRY_KEYS", str(tmp_path / "keys"))
+    monkeypatch.setenv("INCLINOMETRY_PASSWORD", PASSWORD)
+    assert run("ledger", "init", "own.sqlite").status == 0
+    (tmp_path / "share").mkdir()
+    assert run("ledger", "witness", "share", "--ledger", "own.sqlite").status == 0
+    (kept,) = (tmp_path / "share").iterdir()
+    kept.unlink()
+    for command in (("witness",), ("verify",)):
+        done = run("ledger", *command, "--ledger", "own.sqlite")
+        assert done.status == 1
+        assert f"{kept} is missing; restore it" in done.out + done.err
+    assert run("ledger", "witness", "share", "--ledger", "own.sqlite").status == 0
+    assert run("ledger", "verify", "--ledger", "own.sqlite").status == 0
+    (tmp_path / "keys" / "heads" / kept.name).unlink()
+    assert run("ledger", "verify", "--ledger", "own.sqlite").status == 1
+    assert run("ledger", "init", "own.sqlite", "--accept", "the keys came without it").status == 0
+    assert run("ledger", "verify", "--ledger", "own.sqlite").status == 0

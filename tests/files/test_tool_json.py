@@ -120,6 +120,26 @@ def test_the_version_1_file_is_read_for_ever():
     assert same(calibration, make(), rtol=1e-12)
 
 
+def test_the_shares_of_the_causes_are_kept(tmp_path):
+    """In version 2; an angle that the tool does not give has none."""
+    shares = {"azimuth dial": np.full((5, 3), 0.25), "sensor noise": np.full((5, 3), 0.75)}
+    shares["sensor noise"][:, 1] = np.nan
+    calibration = replace(make(), shares=shares)
+    write_calibration(calibration, tmp_path / "tool.json")
+    content = json.loads((tmp_path / "tool.json").read_text("utf-8"))
+    assert content["version"] == 2
+    jsonschema.validate(content, json_codec.schema("tool-2"))
+    found = read_calibration(tmp_path / "tool.json").shares
+    for name, share in shares.items():
+        np.testing.assert_array_equal(found[name], share)
+
+
+def test_the_version_2_file_is_read_for_ever():
+    calibration = read_calibration(VERSION_1.with_name("tool-2.json"))
+    assert calibration.tool.name == "SN 1"
+    assert calibration.shares["toolface dial"].shape == (5, 3)
+
+
 def test_nan_is_refused_with_its_place(tmp_path):
     calibration = make()
     leverage = calibration.residuals.leverage.copy()
@@ -159,8 +179,8 @@ def put(*keys_and_value):
     ("change", "wanted"),
     [
         (put("schema", "other"), "$.schema is 'other'; a file with schema \"inclinometry/tool\" is needed"),
-        (put("version", 2), "$.version is 2, written by a newer release; this one reads version 1: update"),
-        (put("version", "1"), '$.version is "1"; it must be 1'),
+        (put("version", 3), "$.version is 3, written by a newer release; this one reads version 2: update"),
+        (put("version", "1"), '$.version is "1"; it must be 2'),
         (put("convention", "z-up"), '$.convention is "z-up"; it must be "native"'),
         (put("triads", {}), "$.triads is {}; it must be one or more of accelerometer, magnetometer, gyro"),
         (
@@ -264,7 +284,7 @@ def test_truth(tmp_path):
         write_truth(tool, {1: 2, "a": 3}, path)
 
 
-@pytest.mark.parametrize("name", ["tool-1", "truth-1"])
+@pytest.mark.parametrize("name", ["tool-1", "tool-2", "truth-1"])
 def test_the_shipped_schemas_are_valid(name):
     jsonschema.Draft202012Validator.check_schema(json_codec.schema(name))
 
@@ -280,8 +300,9 @@ def test_the_schemas_stand_alone(tmp_path):
             jsonschema.validate(content, json_codec.schema(f"{name}-1"))
 
 
-def test_what_the_schemas_share_is_the_same():
-    tool, truth = json_codec.schema("tool-1")["$defs"], json_codec.schema("truth-1")["$defs"]
+@pytest.mark.parametrize("version", ["tool-1", "tool-2"])
+def test_what_the_schemas_share_is_the_same(version):
+    tool, truth = json_codec.schema(version)["$defs"], json_codec.schema("truth-1")["$defs"]
     assert {name: tool[name] for name in truth} == truth
 
 

@@ -52,6 +52,18 @@ def test_the_session_keeps_calibration_and_limits(laboratory: Ledger, calibratio
     assert limits_of(load_session(laboratory, bare.id)) is None
 
 
+def test_what_was_foreseen_stands_on_the_protocol(laboratory: Ledger, bench: SimpleNamespace, calibration: str) -> None:
+    """What the positions will find, and both risks, are kept before the first reading."""
+    worth = foreseen(laboratory, calibration, "spread-12").power
+    assert worth is not None
+    made = begin_verification(laboratory, calibration, "spread-12", author="anna")
+    kept = load_session(laboratory, made.id)
+    assert kept.settings["settings"]["foreseen"] == worth.sentences
+    bench.take(laboratory, made, bench.sensors(realistic_tool(7), 5))
+    said = finish_verification(laboratory, made.id, calibration, author="anna").body["report"]["reasons"]
+    assert [f"before the first reading: {sentence}" for sentence in worth.sentences] == said[-len(worth.sentences) :]
+
+
 @pytest.mark.long
 def test_what_was_agreed_is_held_to(laboratory: Ledger, bench: SimpleNamespace, calibration: str) -> None:
     """Neither no limits, nor others, nor another calibration, once there are results."""

@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Final
+
 import numpy as np
 from numpy.typing import ArrayLike
 
 from inclinometry.arrays import Array, within
-from inclinometry.calibration.expected import ALL_ANGLES
+from inclinometry.calibration.expected import ALL_ANGLES, expected_uncertainty
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
 from inclinometry.calibration.rollset import second_harmonics
 from inclinometry.calibration.variance import Fitted
-from inclinometry.constants import DIALS, VECTORS
+from inclinometry.constants import DIALS, SHORT_INCLINATIONS, VECTORS
 from inclinometry.orientation import fields
 from inclinometry.sensors import angle_sensitivity
 from inclinometry.uncertainty import Budget
+
+UNDETECTED: Final = "errors that the readings cannot exclude"
+"""The cause of what was looked for in the readings and could be there without showing."""
 
 
 def parameter_causes(fitted: Fitted, readings: BenchReadings) -> tuple[dict[str, Array], Array]:
@@ -54,6 +60,29 @@ def parameter_causes(fitted: Fitted, readings: BenchReadings) -> tuple[dict[str,
     found["what is assumed of the stand"] = brought(stand)
     response = inverse @ weighted.reshape(-1, weighted.shape[2]).T
     return {name: covariance for name, covariance in found.items() if covariance.any()}, response
+
+
+def calibration_shares(calibration: Calibration) -> dict[str, Array]:
+    """`Calibration.shares`, from its causes; nothing where it does not know them or states no uncertainty.
+
+    Notes
+    -----
+    The causes are those of the fit's own variances. What is not known of these makes the stated covariance larger, all
+    causes alike: a share is of the sum of the causes.
+    """
+    whole = expected_uncertainty(calibration, SHORT_INCLINATIONS)
+    if not calibration.causes or not whole.angles:
+        return {}
+    tool, size = calibration.tool, len(SHORT_INCLINATIONS)
+    worst = whole.variance[..., :3].reshape(size, -1, 3).argmax(axis=1)  # of each inclination and angle
+    brought = {}
+    for name, covariance in calibration.causes.items():
+        own = replace(calibration, tool=replace(tool, covariance=covariance))
+        variance = expected_uncertainty(own, SHORT_INCLINATIONS).components["calibration"][..., :3]
+        brought[name] = np.take_along_axis(variance.reshape(size, -1, 3), worst[:, None], axis=1)[:, 0]
+    every = np.asarray(sum(brought.values()))
+    every = np.where(every > 0.0, every, np.nan)
+    return {name: part / every for name, part in brought.items()}
 
 
 def error_budget(

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from inclinometry.arrays import Array, finite, within
 from inclinometry.calibration import direct
-from inclinometry.calibration.causes import parameter_causes
+from inclinometry.calibration.causes import UNDETECTED, calibration_shares, parameter_causes
 from inclinometry.calibration.conventions import check_axes, check_dials, check_noise
 from inclinometry.calibration.identifiability import null_space
 from inclinometry.calibration.lack_of_fit import lack_of_fit
@@ -220,11 +220,12 @@ def calibrate_joint(
         return found
     causes, response = parameter_causes(best, used)
     size = len(response)
-    causes["errors that the readings cannot exclude"] = left[:size, :size]
+    causes[UNDETECTED] = left[:size, :size]
+    found = replace(found, causes=causes)
     return replace(
         found,
         outliers=named,
-        causes=causes,
+        shares=calibration_shares(found),
         response=response,
         bent=bent(best),
         warnings=(*found.warnings, *(() if named else lack_of_fit(best, found.residuals, looked_for))),

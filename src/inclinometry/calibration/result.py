@@ -147,6 +147,9 @@ class Calibration(Tabular):
         response (p, K M), how the parameters follow each reading, station by station; `bent`: kind ->
         (m, 2), quadratic and cubic part of each sensor's response where the readings show them, of full scale. None of
         the three is kept in tool.json.
+    shares : of a joint fit, cause -> (n, 3) share that it has in the variance from the calibration alone of
+        inclination, azimuth, toolface, at `constants.SHORT_INCLINATIONS` and the azimuth and toolface where one reading
+        is least certain; NaN for an angle that the tool does not give.
     """
 
     tool: Tool
@@ -163,6 +166,7 @@ class Calibration(Tabular):
     causes: Mapping[str, Array] = field(default_factory=dict)
     response: Array = field(default_factory=lambda: np.zeros((0, 0)))
     bent: Mapping[str, Array] = field(default_factory=dict)
+    shares: Mapping[str, Array] = field(default_factory=dict)
 
     @property
     def dip(self) -> float | None:

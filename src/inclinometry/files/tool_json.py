@@ -10,7 +10,7 @@ import numpy as np
 
 from inclinometry.arrays import Array, frozen
 from inclinometry.calibration.result import Calibration, Residuals, Rig
-from inclinometry.constants import FIELD_UNITS
+from inclinometry.constants import FIELD_UNITS, SHORT_INCLINATIONS
 from inclinometry.errors import FileError, InputError
 from inclinometry.files import json_codec
 from inclinometry.files.json_codec import Json, shown
@@ -102,7 +102,8 @@ def covariance(entry: Mapping[str, Any], path: str | Path, where: str) -> Array:
     return frozen(matrix)
 
 
-VERSION = 1
+VERSION = {"inclinometry/tool": 2, "inclinometry/truth": 1}
+"""The newest of each; a calibration without shares is written as version 1, which has no place for them."""
 CONVENTION = "native"
 
 
@@ -133,7 +134,7 @@ def calibration_content(calibration: Calibration, created: str | None = None) ->
     names = list(calibration.parameter_names)
     content: dict[str, Any] = {
         "schema": "inclinometry/tool",
-        "version": VERSION,
+        "version": 2 if calibration.shares else 1,
         "tool": tool.name,
         "created": created,
         "method": calibration.method,
@@ -166,6 +167,14 @@ def calibration_content(calibration: Calibration, created: str | None = None) ->
     }
     if np.isfinite(rig.freedom).any():
         content["rig"]["degrees_of_freedom"] = [float(nu) if np.isfinite(nu) else None for nu in rig.freedom]
+    if calibration.shares:
+        content["calibration_shares"] = {
+            "inclination_deg": np.degrees(SHORT_INCLINATIONS).round(9),
+            "causes": {
+                name: [[v if np.isfinite(v) else None for v in row] for row in np.asarray(share).tolist()]
+                for name, share in calibration.shares.items()
+            },
+        }
     inside = _block(names, np.asarray(calibration.covariance), tool.parameter_names)
     if inside is None or not np.array_equal(inside, tool.covariance):
         # a method whose joint covariance does not contain the tool's own
@@ -212,7 +221,7 @@ def write_truth(tool: Tool, extras: Mapping[str, Any], path: str | Path) -> None
     """
     content = {
         "schema": "inclinometry/truth",
-        "version": VERSION,
+        "version": VERSION["inclinometry/truth"],
         "tool": tool.name,
         "convention": CONVENTION,
         "triads": _triads_content(tool),
@@ -263,6 +272,11 @@ def calibration_from(content: dict[str, Any], where: str | Path) -> Calibration:
             tuple(content["warnings"]),
             # files of before have none
             notes=tuple(content.get("notes", ())),
+            shares={
+                name: _array([[np.nan if v is None else v for v in row] for row in rows])
+                for name, rows in content.get("calibration_shares", {}).get("causes", {}).items()
+                if len(rows) == len(SHORT_INCLINATIONS)
+            },
         )
     except (ValueError, OverflowError) as error:
         raise _refused(error, where) from None
@@ -293,7 +307,8 @@ def _load(path: str | Path, kinds: tuple[str, ...]) -> dict[str, Any]:
 
 def _checked(content: dict[str, Any], kinds: tuple[str, ...], path: str | Path) -> dict[str, Any]:
     """The content, when it is of one of these kinds and fits its schema."""
-    found = json_codec.of_kind(content, path, *kinds, version=VERSION)
+    newest = VERSION.get(str(content.get("schema")), 1)
+    found = json_codec.of_kind(content, path, *kinds, version=newest)
     check_arrays(found, path)
     return found
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, date, datetime
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
@@ -29,6 +29,7 @@ from inclinometry.laboratory.certificate.record import (
 )
 from inclinometry.laboratory.certificate.signing import seal, sign_files, unsigned
 from inclinometry.laboratory.certified import every
+from inclinometry.laboratory.ledger.engine import MEDIA
 from inclinometry.laboratory.ledger.ledger import ConflictError, Draft, Ledger, LedgerError, Record
 from inclinometry.laboratory.ledger.users import LOCAL
 from inclinometry.laboratory.registry import find_laboratory, find_logo, find_site, find_tool, standards
@@ -125,9 +126,6 @@ def _pair(about: Mapping[str, Any], key: str) -> tuple[float, float] | None:
     if not numbers or any(isinstance(x, bool) or not isinstance(x, int | float) for x in numbers):
         return None
     return float(min(numbers)), float(max(numbers))
-
-
-MEDIA: Final = {"pdf": "application/pdf", "dcc": "application/xml", "json": "application/json"}
 
 
 @dataclass(frozen=True)

@@ -229,7 +229,11 @@ def report(found: Verification, seen: Session) -> dict[str, Any]:
     """Position by position, and how much of the protocol was taken."""
     taken = sum(seen.has(place.number) for place in seen.positions)
     plan = {"name": seen.plan, "taken": taken, "positions": len(seen.positions)}
-    return {"protocol": plan, **judged_positions(found)}
+    made = judged_positions(found)
+    before = [
+        f"before the first reading: {said}" for said in dict(seen.settings.get("settings", {})).get("foreseen", [])
+    ]
+    return {"protocol": plan, **made, "reasons": [*made["reasons"], *before]}
 
 
 # Opening a verification on the stand, with the limits it will be judged by.
@@ -258,8 +262,13 @@ def begin_verification(
     """
     record, made, rig, plan = _planned(ledger, calibration, protocol_name)
     settings: dict[str, Any] = {"calibration": calibration, "limits": "" if limits is None else limits.name}
-    if limits is not None:
-        settings["settings"] = {"limits": limits_content(limits)}
+    kept: dict[str, Any] = {} if limits is None else {"limits": limits_content(limits)}
+    # what is said before the first reading is kept, and stands on the protocol beside what was found
+    worth = foreseen(ledger, calibration, protocol_name, limits).power
+    if worth is not None:
+        kept["foreseen"] = worth.sentences
+    if kept:
+        settings["settings"] = kept
     if made.body.get("site"):
         settings["site"] = made.body["site"]
     return open_session(

@@ -16,7 +16,8 @@ import pytest
 import scipy.stats
 from lxml import etree
 
-from inclinometry.calibration.expected import expected_uncertainty
+from inclinometry.calibration.expected import expected_uncertainty, tool_temperature
+from inclinometry.constants import STEPS
 from inclinometry.errors import FileError, InputError
 from inclinometry.laboratory.certificate.dcc import dcc_bytes
 from inclinometry.laboratory.certificate.laboratory_toml import Standard
@@ -30,6 +31,8 @@ from inclinometry.laboratory.certificate.record import (
     record_digest,
     words,
 )
+from inclinometry.orientation import fields
+from inclinometry.sensors import angle_sensitivity
 from inclinometry.stability import aged
 
 from ...report.conftest import calibrated
@@ -363,18 +366,46 @@ def test_results_are_what_was_verified(seen: list[dict[str, str]]) -> None:
     assert "did not keep the limits" in seen[0]["sections"][0]["texts"][1]  # type: ignore[index]
 
 
-def test_the_budget_adds_up_to_the_table_of_uncertainties() -> None:
-    """The squares of its causes are the square of U / k, at each inclination, for each angle."""
-    content = record()["results"]
+@pytest.mark.parametrize("known", [True, False])
+def test_the_budget_adds_up_to_the_table_of_uncertainties(known: bool) -> None:
+    """The squares of its causes are the square of U / k, at each inclination, for each angle; by triad in old files."""
+    made = calibration() if known else replace(calibration(), shares={})
+    content = certificate_record(made, LABORATORY, ORDER, number="1", program="inclinometry 0")["results"]
     table, budget = content["uncertainty"], content["budget"]
     kinds = {(one["cause"], one["kind"]) for one in budget["components"]}
-    assert {("calibration", "accelerometer"), ("noise", "magnetometer")} <= kinds
+    dials = {("calibration", f"{dial} dial") for dial in ("azimuth", "inclination", "toolface")}
+    assert (dials if known else {("calibration", "accelerometer")}) | {("noise", "magnetometer")} <= kinds
     for step, inclination in enumerate(budget["inclination_deg"]):
         place = table["inclination_deg"].index(inclination)
         for name in ("inclination", "azimuth", "toolface"):
             u = np.array([one["u_deg"][name][step] for one in budget["components"]])
             whole = table["coverage_factor"] * np.sqrt(np.sum(np.sign(u) * u**2))
             assert whole == pytest.approx(table[f"U_{name}_deg"][place], rel=1e-9)
+
+
+def test_the_dials_parts_of_the_budget_are_what_their_errors_do() -> None:
+    """Each dial's part once more, attitude by attitude, from the covariance that it brings to the parameters."""
+    found = calibration()
+    tool, dip = found.tool, expected_uncertainty(found).dip
+    budget = record()["results"]["budget"]
+    parts = {one["kind"]: one["u_deg"] for one in budget["components"] if one["cause"] == "calibration"}
+    assert set(parts) == set(found.causes)
+    turns = np.radians(np.arange(0.0, 360.0, 360.0 / STEPS))
+    noise = np.concatenate([tool.noise[kind] for kind in tool.triads]) ** 2
+    for step, inclination in enumerate(np.radians(budget["inclination_deg"])):
+        azimuth, toolface = np.meshgrid(turns, turns, indexing="ij")
+        g, b = fields(azimuth, np.full(azimuth.shape, inclination), toolface, dip)
+        heat = np.full(azimuth.shape, tool_temperature(tool))
+        slope = angle_sensitivity(tool, {"accelerometer": g, "magnetometer": b}, heat)
+        for place, name in enumerate(("inclination", "azimuth", "toolface")):
+            rows = slope.by_parameter[..., place, :].reshape(-1, len(tool.covariance))
+            own = np.sum(rows @ tool.covariance * rows, axis=1)
+            read = np.sum(slope.by_signal[..., place, :].reshape(len(rows), -1) ** 2 * noise, axis=1)
+            worst = int(np.argmax(own + read))
+            every = {cause: rows[worst] @ covariance @ rows[worst] for cause, covariance in found.causes.items()}
+            for cause, variance in every.items():
+                u = np.degrees(np.sqrt(own[worst] * variance / sum(every.values())))
+                assert parts[cause][name][step] == pytest.approx(u, rel=1e-6)
 
 
 @poppler

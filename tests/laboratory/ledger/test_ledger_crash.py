@@ -45,6 +45,7 @@ def test_what_was_acknowledged_survives_being_killed(place: Callable[[], str]) -
     found = crash("kills", place(), 10, 3)
     assert found["lost"] == 0
     assert found["sound"]
+    assert found["acknowledged"] >= found["kills"]
     assert found["acknowledged"] <= found["recorded"] <= found["acknowledged"] + found["kills"]
 
 

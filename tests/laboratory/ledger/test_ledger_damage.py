@@ -29,8 +29,8 @@ def path(tmp_path: Path) -> Path:
     where = tmp_path / "a.sqlite"
     with create(where) as ledger:
         drafts = [Draft("tool", {"serial": f"T{n}"}, TOOL) for n in range(40)]
-        ledger.append_all([*drafts, Draft("tool", {"serial": "D"}, TOOL, [("text/plain", b"bytes")])], author="a")
-        digest = "sha256:277089d91c0bdf4f2e6862ba7e4a07605119431f5d13f726dd352b06f1b206a9"
+        ledger.append_all([*drafts, Draft("tool", {"serial": "D"}, TOOL, [("application/pdf", b"%PDF-")])], author="a")
+        digest = "sha256:38523c087796e5d5dd1cf9bad1fb026781a838dd9dd2cf8af58b9f6502a46778"
         body = {"record": {}, "calibration": "c", "documents": {"pdf": digest}, "head": "0"}
         ledger.append("certificate", {"number": "1", "serial": "D"}, body, author="a")
     return where
@@ -73,6 +73,7 @@ def faults(path: Path, head: chain.Head | None = None) -> list[str]:
         ("INSERT INTO rig SELECT seq, id, created, author, version, 'r', body FROM tool WHERE seq = 5", "rig 5 "),
         ("UPDATE document SET data = x'00'", "document sha256:"),
         ("DELETE FROM document", "document sha256:"),
+        ("UPDATE document SET media_type = 'text/html'", "document sha256:"),
         ("CREATE TRIGGER evil AFTER INSERT ON tool BEGIN DELETE FROM tool; END", "trigger evil"),
     ],
 )

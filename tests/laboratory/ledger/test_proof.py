@@ -122,7 +122,9 @@ def test_a_cut_tail_is_found(opened: Opened, keys: Keys) -> None:
         cut(ledger, 5)
         found = verify(ledger)
         assert [fault.row for fault in found.faults if "ends before the signed head" in fault.problem] == ["6 to 8"]
-        with pytest.raises(LedgerError, match=r"this computer signed record 8 of it .*ledger init --accept REASON"):
+        with pytest.raises(
+            LedgerError, match=r"signed record 8 of this ledger .* in this place: .*ledger init .* --accept REASON"
+        ):
             ledger.append("tool", {"serial": "NEW"}, TOOL, author="anna")
         assert ledger.head().seq == 5
         (keys.folder / "heads").rename(keys.folder / "away")
@@ -290,6 +292,17 @@ def test_a_head_that_is_none_is_named(tmp_path: Path, keys: Keys, seq: int) -> N
                 ledger.append("tool", {"serial": "NEXT"}, TOOL, author="anna")
         edit(ledger, "UPDATE head SET seq = 'abc'")
         assert "cannot be read as a signed head" in said(verify(ledger))
+
+
+@pytest.mark.parametrize(
+    ("change", "named"),
+    [("key = 'no key'", "cannot be read as a signed head"), ("frontier = 'ab'", "the peaks of the tree")],
+)
+def test_a_field_of_a_head_that_was_changed(opened: Opened, change: str, named: str) -> None:
+    """Its key is none any more; or peaks stand beside it that are not those of its tree."""
+    with opened() as ledger:
+        edit(ledger, f"UPDATE head SET {change} WHERE seq = 5")
+        assert named in said(verify(ledger))
 
 
 def test_a_rewritten_record_is_found(opened: Opened) -> None:
@@ -483,7 +496,7 @@ def test_witnesses_in_other_places(
     with opened() as ledger:
         newest = ledger.signed_head()
         assert newest is not None
-        places = {one.witness for one in witnessed(keys.folder, newest.ledger)[0]}
+        places = {one.witness for one in witnessed(keys.folder, newest.ledger, ledger.where).kept}
         assert places == {str(keys.folder / "heads"), str(tmp_path / "share"), address}
         assert f"witness {address}: agrees up to record 10" in said(verify(ledger))
         shutil.rmtree(keys.folder / "heads")
@@ -491,8 +504,10 @@ def test_witnesses_in_other_places(
         found = verify(ledger)
         assert f"kept by {address}" in said(found)
         assert f"kept by {tmp_path / 'share'}" in said(found)
-        # the witness over HTTP refuses the heads of a ledger that was cut
-        ledger.append("tool", {"serial": "X"}, TOOL, author="anna")
+        # nothing is recorded while another place remembers more; the one over HTTP refuses the heads of a cut ledger
+        with pytest.raises(LedgerError, match="signed record 10 of this ledger"):
+            ledger.append("tool", {"serial": "X"}, TOOL, author="anna")
+        ledger.accept("the disk failed", author="anna")
     assert refused
     with opened() as ledger:
         ledger.append("tool", {"serial": "X"}, TOOL, author="anna")
@@ -500,6 +515,85 @@ def test_witnesses_in_other_places(
     name_others(keys.folder, ["http://127.0.0.1:9"])
     with opened() as ledger:
         assert "cannot be asked" in said(verify(ledger))
+
+
+def test_a_witness_that_is_gone_is_a_fault(opened: Opened, keys: Keys, tmp_path: Path) -> None:
+    """The file of this computer, a folder: named with the remedy; who has no key here is expected to have none."""
+    (tmp_path / "share").mkdir()
+    with opened() as ledger:
+        name_others(keys.folder, [str(tmp_path / "share")])
+        (file,) = (keys.folder / "heads").iterdir()
+        found = [str(fault) for fault in verify(ledger).faults]
+        assert len(found) == 1
+        assert f"{tmp_path / 'share' / file.name} is missing; restore it, give it the head of now with" in found[0]
+        name_others(keys.folder, [])
+        file.unlink()
+        found = [str(fault) for fault in verify(ledger).faults]
+        assert len(found) == 1
+        assert f"{file} is missing; restore it from a copy, or state why it is gone" in found[0]
+        reader = Keys(tmp_path / "reader")
+        reader.folder.mkdir()
+        shutil.copy(keys.folder / "public.pem", reader.folder)
+        with Ledger(ledger.where, keys=reader, read_only=True) as read:
+            assert verify(read).ok
+        ledger.accept("the folder of the keys was put back without it", author="anna")
+        assert verify(ledger).ok
+
+
+def test_a_copy_that_was_recorded_in_stops_the_original(tmp_path: Path, keys: Keys) -> None:
+    """In one sentence: which record, when, where, and both ways on."""
+    path, trial = tmp_path / "lab.sqlite", tmp_path / "trial.sqlite"
+    with create(path, keys=keys) as ledger:
+        ledger.append("tool", {"serial": "A"}, TOOL, author="anna")
+        backup(ledger, trial)
+    with Ledger(trial, keys=keys) as copy:
+        copy.append("tool", {"serial": "B"}, TOOL, author="anna")
+    with Ledger(path, keys=keys) as ledger:
+        ways = (
+            rf"signed record 2 of this ledger on .* UTC in {trial}: one is a copy of the other.*Record in {trial}; or.*"
+        )
+        with pytest.raises(LedgerError, match=rf"{ways}`inclinometry ledger init {path} --accept REASON`"):
+            ledger.append("tool", {"serial": "C"}, TOOL, author="anna")
+        ledger.accept("records were tried out in a copy", author="anna")
+        ledger.append("tool", {"serial": "C"}, TOOL, author="anna")
+        assert verify(ledger).ok
+
+
+@pytest.mark.parametrize("kept", ["folder", "http"])
+def test_recording_asks_the_other_witnesses(
+    tmp_path: Path, keys: Keys, http: tuple[str, Path, list[str]], kept: str
+) -> None:
+    """Whoever cuts the ledger and the witness of this computer to the same record is stopped by another place."""
+    (tmp_path / "share").mkdir()
+    path, other = tmp_path / "lab.sqlite", str(tmp_path / "share") if kept == "folder" else http[0]
+    name_others(keys.folder, [other, "http://127.0.0.1:9", "print"])
+    with create(path, keys=keys) as ledger:
+        for serial in "ABC":
+            ledger.append("tool", {"serial": serial}, TOOL, author="anna")
+    with Ledger(path, keys=keys) as ledger:
+        cut(ledger, 2)
+        (file,) = (keys.folder / "heads").iterdir()
+        file.write_bytes(b"".join(file.read_bytes().splitlines(keepends=True)[:-1]))
+    with Ledger(path, keys=keys) as ledger:
+        with pytest.raises(LedgerError, match="ends with record 2, but the laboratory's key signed record 3"):
+            ledger.append("tool", {"serial": "D"}, TOOL, author="anna")
+        assert ledger.head().seq == 2
+
+
+def test_a_ledger_moves_to_another_computer(tmp_path: Path, keys: Keys) -> None:
+    """A backup, or an export that is imported, and the folder of the keys: recording goes on, all is sound."""
+    path = tmp_path / "lab.sqlite"
+    with create(path, keys=keys) as ledger:
+        for serial in "ABC":
+            ledger.append("tool", {"serial": serial}, TOOL, author="anna")
+        backup(ledger, tmp_path / "lab-copy.sqlite")
+    (tmp_path / "new").mkdir()
+    shutil.copytree(keys.folder, tmp_path / "new" / "keys")
+    shutil.copy(tmp_path / "lab-copy.sqlite", tmp_path / "new" / "lab.sqlite")
+    with Ledger(tmp_path / "new" / "lab.sqlite", keys=Keys(tmp_path / "new" / "keys")) as moved:
+        assert verify(moved).ok
+        moved.append("tool", {"serial": "D"}, TOOL, author="anna")
+        assert verify(moved).ok
 
 
 def test_another_ledger_as_a_witness(tmp_path: Path, keys: Keys) -> None:

@@ -14,7 +14,8 @@ from lxml import etree
 from inclinometry.arrays import Array
 from inclinometry.constants import COVERAGE_FACTOR
 from inclinometry.errors import FileError, InputError
-from inclinometry.laboratory.certificate.record import missing_said, record_digest, words
+from inclinometry.laboratory.certificate.record import record_digest, words
+from inclinometry.laboratory.certificate.requirements import missing_said
 
 # Units as the D-SI writes them.
 

@@ -60,6 +60,8 @@ class Laboratory:
     def __post_init__(self) -> None:
         if not self.name.strip():
             raise InputError("the laboratory has no name; a certificate names it")
+        for key, text in self.__dict__.items():
+            _shown_whole(key, text)
         code = self.country
         if code and not (len(code) == 2 and code.isascii() and code.isalpha() and code.isupper()):
             raise InputError(f"country is {code!r:.40}; two capital letters are needed, as DE (ISO 3166-1)")
@@ -102,6 +104,20 @@ class Order:
             raise InputError(f"received, performed_from, performed_to, issued are {said}: none may be before the last")
         if self.interval_months is not None and not 1 <= self.interval_months <= 120:
             raise InputError(f"interval_months is {self.interval_months}; allowed 1 to 120, or none")
+
+
+_LINES = ("address", "place", "customer_address", "traceability", "rig_traceability", "condition", "environment")
+"""Texts that may have several lines."""
+
+
+def _shown_whole(key: str, text: str) -> None:
+    """InputError for what no page shows: control characters, marks that turn the direction of writing."""
+    hidden = next((c for c in text if not (c.isprintable() or (c == "\n" and key in _LINES))), None)
+    if hidden is not None:
+        where = text.index(hidden) + 1
+        raise InputError(
+            f"{key} has the character U+{ord(hidden):04X} in place {where}, which no page shows; take it out"
+        )
 
 
 _LABORATORY = tuple(Laboratory.__dataclass_fields__)
@@ -209,7 +225,13 @@ def _date(settings: toml_keys.Settings, key: str) -> datetime.date:
 
 def laboratory_from(about: dict[str, Any]) -> Laboratory:
     """The laboratory in a mapping of texts, as a site of the ledger holds it; keys it does not know are left out."""
-    return Laboratory(**{"name": ""} | {key: str(about[key]) for key in _LABORATORY if about.get(key)})
+    texts = {key: str(about[key]) for key in _LABORATORY if about.get(key)}
+    # records of before may hold what is refused now: it is left out
+    lines = {
+        key: [*text.splitlines()] if key in _LINES else [" ".join(text.splitlines())] for key, text in texts.items()
+    }
+    shown = {key: "\n".join("".join(c for c in line if c.isprintable()) for line in lines[key]) for key in lines}
+    return Laboratory(**{"name": ""} | shown)
 
 
 def _texts(settings: toml_keys.Settings, keys: tuple[str, ...]) -> dict[str, str]:
@@ -219,7 +241,11 @@ def _texts(settings: toml_keys.Settings, keys: tuple[str, ...]) -> dict[str, str
         if text is not None:
             if len(text) > LONGEST:
                 raise FileError(f"{key} has {len(text)} characters; allowed {LONGEST}", path=settings.path)
-            found[key] = text.strip()
+            found[key] = text.strip().replace("\r\n", "\n")
+            try:
+                _shown_whole(key, found[key])
+            except InputError as error:
+                raise FileError(str(error), path=settings.path) from None
     return found
 
 

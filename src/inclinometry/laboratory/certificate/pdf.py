@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 from inclinometry.errors import InputError
 from inclinometry.laboratory.certificate import record as tables
 from inclinometry.laboratory.certificate.record import LETTERS, NARROW, Words, families, record_digest, words
+from inclinometry.laboratory.certificate.requirements import missing_said, overdue
 from inclinometry.report.language import speaking, translated
 from inclinometry.report.words import plain, significant
 
@@ -129,8 +130,8 @@ def _view(record: Content, seal: str) -> Content:
     # the last one is of drawings that keep together, so that no page has but a few lines
     sections = [
         tables.results_section(record, say),
-        tables.uncertainty_section(record, say),
         tables.budget_section(record, say),
+        tables.uncertainty_section(record, say),
         tables.verification_section(record, say),
         tables.section(say("remarks"), list=remarks) if remarks else None,
         tables.parameter_section(record, say),
@@ -153,7 +154,7 @@ def _view(record: Content, seal: str) -> Content:
         "laboratory": laboratory.get("name", say("laboratory") + ": " + say("not_stated")),
         "letterhead": _letterhead(laboratory, say),
         "is_report": say("is_report"),
-        "missing": [tables.missing_said(key, record, say) for key in missing],
+        "missing": [missing_said(key, record, say) for key in missing],
         "facts": _facts(record, say),
         "conformity_colour": colours["doubted" if statement == "pass" and warned else statement],
         "conformity_head": say("conformity"),
@@ -181,7 +182,7 @@ def _letterhead(laboratory: Mapping[str, str], say: Words) -> list[str]:
 
 
 def _standards(record: Content, say: Words) -> str:
-    late = tables.overdue(record) if record.get("standards") else []
+    late = overdue(record) if record.get("standards") else []
     said = []
     for one in record.get("standards", ()):
         text = say(

@@ -10,7 +10,6 @@ import json
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
@@ -19,20 +18,20 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from inclinometry.arrays import Array
+from inclinometry.calibration.causes import UNDETECTED
 from inclinometry.calibration.expected import (
-    ALL_ANGLES,
-    certified_factor,
-    expanded,
     expected_gravity_sd,
     expected_uncertainty,
 )
 from inclinometry.calibration.result import Calibration
-from inclinometry.constants import COVERAGE_FACTOR, GRAVITY_SPREAD, INCLINATIONS, SHORT_INCLINATIONS
+from inclinometry.constants import COVERAGE_FACTOR, GRAVITY_SPREAD, KINDS
 from inclinometry.digest import digest_bytes
 from inclinometry.errors import InputError
 from inclinometry.files import json_codec
 from inclinometry.files.json_codec import canonical
+from inclinometry.laboratory.certificate.budget import coverage_probability, uncertainty_budget, uncertainty_table
 from inclinometry.laboratory.certificate.laboratory_toml import Laboratory, Order, Standard
+from inclinometry.laboratory.certificate.requirements import missing
 from inclinometry.report.calibration import log_scale
 from inclinometry.report.calibration_tables import Row, classical_rows, differences, parameter_rows, sensor_names
 from inclinometry.report.figure import BAD, INK, MARKERS, SERIES, new_figure, style, styled
@@ -41,7 +40,6 @@ from inclinometry.report.language import translated
 from inclinometry.report.words import plain, rounded, significant
 from inclinometry.rotations import wrap_signed
 from inclinometry.sensors import Tool
-from inclinometry.stability import ASSUMED, aged
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -264,7 +262,7 @@ def families(text: str, folders: Sequence[str | Path] = ()) -> tuple[str, ...]:
     if found is None:
         raise InputError(
             "this certificate has Chinese letters and no font on this computer shows them; install one "
-            f"({', '.join(CHINESE[:3])}, ...) or choose another language"
+            f"({', '.join(CHINESE[:3])}, ...), name a folder that has one by --fonts, or choose another language"
         )
     return (serif, rest, found)
 
@@ -352,8 +350,8 @@ def certificate_record(
             "humidity_percent": order.humidity_percent,
         },
         "results": {
-            "uncertainty": _uncertainty(calibration, order.interval_months),
-            "budget": _budget(calibration),
+            "uncertainty": uncertainty_table(calibration, order.interval_months),
+            "budget": uncertainty_budget(calibration),
             "parameters": _parameters(tool),
             "classical": _classical(tool),
             "covariance": {"parameters": list(tool.parameter_names), "matrix": tool.covariance},
@@ -376,48 +374,6 @@ def certificate_record(
     }
     clean: Record = json.loads(canonical(printable(_plain(record))))
     return checked(clean, f"certificate {number}")
-
-
-def missing(laboratory: Laboratory | None, order: Order, standards: Sequence[Standard]) -> list[str]:
-    """What a document lacks to be titled a certificate (ISO/IEC 17025:2017, 7.8.2.1 and 7.8.4.1), by key."""
-    lab = laboratory or Laboratory("-")
-    day = order.performed_to or order.performed_from or order.issued
-    stated = {
-        "laboratory": bool(laboratory is not None and laboratory.address and laboratory.country),
-        "customer": bool(order.customer),
-        "item": bool(order.serial),
-        "performed": order.performed_from is not None,
-        "traceability": bool(lab.traceability or order.rig_traceability),
-        "environment": bool(order.environment or order.temperature_degC),
-        "condition": bool(order.condition),
-        "procedure": bool(lab.procedure),
-        "standards": bool(standards) and all(one.certificate and one.due for one in standards),
-        "standards_due": day is None or not any(one.overdue(day) for one in standards),
-        "signatory": bool(lab.authoriser),
-    }
-    return [key for key, there in stated.items() if not there]
-
-
-def missing_said(key: str, record: Mapping[str, Any], say: Words) -> str:
-    """What is missing, and where it is stated."""
-    return say(f"missing_{key}", names=", ".join(overdue(record))) if key == "standards_due" else say(f"missing_{key}")
-
-
-def overdue(record: Mapping[str, Any]) -> list[str]:
-    """Reference standards whose own calibration had run out when they were used, each with its day."""
-    day = record["dates"]["performed_to"] or record["dates"]["issued"]
-    return [f"{one['name']} ({one['due']})" for one in record["standards"] if one["due"] and one["due"] < day]
-
-
-def coverage_probability(k: float) -> float:
-    """Of an expanded uncertainty with factor k, normal distribution.
-
-    Examples
-    --------
-    >>> round(coverage_probability(2.0), 4)
-    0.9545
-    """
-    return math.erf(k / math.sqrt(2.0))
 
 
 def _item(tool: Tool, order: Order) -> Record:
@@ -473,75 +429,6 @@ def _method(calibration: Calibration, order: Order) -> Record:
         "rig_place": order.rig_place,
         "rig_sd_deg": dict(zip(("azimuth", "inclination", "toolface"), rig.tolist(), strict=True)),
     }
-
-
-def _uncertainty(calibration: Calibration, months: int | None) -> Record | None:
-    """Expanded uncertainty over inclination, worst azimuth and toolface; None where none is known.
-
-    After the agreed interval of `months` too, where there is one.
-    """
-    found = expected_uncertainty(calibration, INCLINATIONS)
-    if not found.angles:
-        return None
-    second = found.azimuth_from
-    k, freedom = certified_factor(calibration), calibration.degrees_of_freedom
-    table: Record = {
-        "coverage_factor": k,
-        "coverage_probability": round(coverage_probability(COVERAGE_FACTOR), 4),
-        "degrees_of_freedom": freedom if math.isfinite(freedom) else None,
-        "azimuth_from": second,
-        "dip_deg": None if second is None else float(np.degrees(found.dip)),
-        "dip_assumed": second is not None and found.dip_from == "assumed",
-        "temperature_degC": found.temperature,
-        "inclination_deg": np.degrees(INCLINATIONS).round(9).tolist(),
-    }
-    one, alone = (np.degrees(expanded(u, k)) for u in (found.of_one_reading, found.from_calibration))
-    columns = {f"U_{name}_deg": ALL_ANGLES.index(name) for name in found.angles}
-    table |= {key: one[:, place].tolist() for key, place in columns.items()}
-    table["from_calibration"] = {key: alone[:, place].tolist() for key, place in columns.items()}
-    if months is not None:
-        # what the sensors may have moved by when the next calibration is due
-        later = replace(calibration, tool=aged(calibration.tool, months / 12.0))
-        end = np.degrees(expanded(expected_uncertainty(later, INCLINATIONS).of_one_reading, k))
-        table["end_of_interval"] = {key: end[:, place].tolist() for key, place in columns.items()}
-        table["end_of_interval_source"] = ASSUMED.source
-    return table
-
-
-def _budget(calibration: Calibration) -> Record | None:
-    """Standard uncertainty of one reading by cause where the whole is largest; None where none is known.
-
-    Calibration and noise triad by triad; what the correlation of the triads' parameters adds (a root with the sign of
-    the variance); of two accelerometers the strength of gravity.
-    """
-    tool, inclination = calibration.tool, SHORT_INCLINATIONS
-    whole = expected_uncertainty(calibration, inclination)
-    if not whole.angles:
-        return None
-    causes: dict[tuple[str, str | None], Array] = {
-        (name, None): part for name, part in whole.components.items() if name not in ("calibration", "sensor noise")
-    }
-    left = whole.components["calibration"]
-    for kind in tool.triads:
-        block = np.zeros_like(tool.covariance)
-        block[tool.slices[kind], tool.slices[kind]] = tool.covariance[tool.slices[kind], tool.slices[kind]]
-        quiet = {other: noise if other == kind else 0.0 * noise for other, noise in tool.noise.items()}
-        own = replace(calibration, tool=replace(tool, covariance=block, noise=quiet))
-        parts = expected_uncertainty(own, inclination).components
-        left = left - parts["calibration"]
-        causes |= {("calibration", kind): parts["calibration"], ("noise", kind): parts["sensor noise"]}
-    causes["correlation", None] = left
-    rows = []
-    for (cause, of), part in causes.items():
-        found = {}
-        for place in (ALL_ANGLES.index(name) for name in whole.angles):
-            flat = whole.variance[..., place].reshape(len(inclination), -1)
-            value = part[..., place].reshape(len(inclination), -1)[np.arange(len(flat)), flat.argmax(axis=1)]
-            found[ALL_ANGLES[place]] = np.degrees(np.sign(value) * np.sqrt(np.abs(value))).tolist()
-        if any(abs(u) > 1e-9 for us in found.values() for u in us):
-            named = cause if cause in ("calibration", "noise", "correlation") else "gravity"
-            rows.append({"cause": named, "kind": of, "u_deg": found})
-    return {"inclination_deg": np.degrees(inclination).round(9).tolist(), "components": rows}
 
 
 def _row(row: Row) -> Record:
@@ -657,7 +544,7 @@ def uncertainty_section(record: Content, say: Words) -> Content:
     found = record["results"]["uncertainty"]
     title = say("uncertainty")
     if found is None:
-        return section(title, [say("no_uncertainty")], new_page=True)
+        return section(title, [say("no_uncertainty")])
     names = [name for name in LETTERS if f"U_{name}_deg" in found]
     k, probability = found["coverage_factor"], 100.0 * found["coverage_probability"]
     texts = [say("letters"), say("uncertainty_note", k=f"{k:g}", p=f"{probability:.0f}")]
@@ -684,7 +571,7 @@ def uncertainty_section(record: Content, say: Words) -> Content:
     picture = figure(paper_svg(uncertainty_figure(found)), say("curve_u"))
     caption = f"U, k = {k:g}"
     texts = [*texts, say("gum")]
-    return section(title, texts, tables=[table(caption, head, rows)], figures=[picture], new_page=True)
+    return section(title, texts, tables=[table(caption, head, rows)], figures=[picture])
 
 
 def budget_section(record: Content, say: Words) -> Content | None:
@@ -694,18 +581,25 @@ def budget_section(record: Content, say: Words) -> Content | None:
         return None
     names = [name for name in LETTERS if name in found["components"][0]["u_deg"]]
     steps = range(len(found["inclination_deg"]))
-    head = [say("cause"), *(f"{LETTERS[n]} {x:g}°" for n in names for x in found["inclination_deg"])]
-    rows, square = [], np.zeros(len(names) * len(steps))
-    for one in found["components"]:
-        u = np.array([one["u_deg"][name][step] for name in names for step in steps])
-        square += np.sign(u) * u**2
-        label = say(f"b_{one['cause']}", kind=say(one["kind"]) if one["kind"] else "")
-        signed = (f"-{significant(-value)}" if value < 0.0 else _degrees(value, say) for value in u)
-        rows.append([label, *("–" if abs(value) < 1e-5 else said for value, said in zip(u, signed, strict=True))])
-    whole, k = np.sqrt(np.maximum(square, 0.0)), _factor(record)
+    head = [say("cause"), *(f"{x:g}°" for _ in names for x in found["inclination_deg"])]
+    parts = [np.array([one["u_deg"][n][step] for n in names for step in steps]) for one in found["components"]]
+    whole, k = np.sqrt(np.maximum(sum(np.sign(u) * u**2 for u in parts), 0.0)), _factor(record)
+    # one decimal more than the sum has: what does not show there does not count
+    places = [1 + len(significant(float(u)).partition(".")[2]) for u in whole]
+    rows = []
+    for one, part in zip(found["components"], parts, strict=True):
+        kind = one["kind"] or ""
+        named = say(kind) if kind in KINDS else say("b_undetectable") if kind == UNDETECTED else translated(kind)
+        label = say(f"b_{one['cause']}", kind=named)
+        shown = zip(part, places, strict=True)
+        rows.append([label, *("–" if abs(u) < 0.5 * 10.0**-place else f"{u:.{place}f}" for u, place in shown)])
     rows.append([say("b_u"), *(_degrees(float(value), say) for value in whole)])
     rows.append([say("b_expanded", k=f"{k:g}"), *(_degrees(float(k * value), say) for value in whole)])
-    return section(say("budget"), [say("budget_note")], tables=[table("u, °", head, rows, size=7.0)])
+    by_cause = any(one["cause"] == "calibration" and one["kind"] not in KINDS for one in found["components"])
+    note = say("budget_by_cause" if by_cause else "budget_note")
+    made = table("", head, rows, size=6.6)
+    made |= {"columns": ["auto"] * len(head), "groups": [[say(name), len(steps)] for name in names]}
+    return section(say("budget"), [note], tables=[made])
 
 
 def results_section(record: Content, say: Words) -> Content:
@@ -728,11 +622,16 @@ def results_section(record: Content, say: Words) -> Content:
     head = [say("position"), *(say(key) if key else "U" for _ in names for key in one), say("result")]
     made = table("", head, rows, size=6.6)
     made |= {"columns": ["auto"] * len(head), "groups": [[say(name), len(one)] for name in names]}
-    texts = [say("results_note", k=f"{k:.3g}", p=f"{100.0 * coverage_probability(k):.4g}")]
+    texts = [say("results_note", k=f"{k:.3g}", p=_percent(k))]
     if before is not None:
         verdict = say("found_pass" if before["verdict"] == "pass" else "found_fail")
         texts.append(say("found_note", previous=before["previous"] or say("not_stated"), verdict=verdict))
     return section(say("results_at" if before is None else "results_found"), texts, tables=[made], texts_last=True)
+
+
+def _percent(k: float) -> str:
+    """Coverage probability of k in percent; what is not certain is never called so."""
+    return f"{min(round(100.0 * coverage_probability(k), 2), 99.99):g}"
 
 
 def _shown(one: Content) -> bool:
@@ -864,8 +763,7 @@ def verification_section(record: Content, say: Words) -> Content | None:
         return None
     report = found["report"]
     k, positions = report["coverage_factor"], report["positions"]
-    probability = 100.0 * coverage_probability(k)
-    texts = [say("verification_note", k=f"{k:.3g}", p=f"{probability:.4g}")]
+    texts = [say("verification_note", k=f"{k:.3g}", p=_percent(k))]
     rows = []
     for name in LETTERS:
         judged = _judged(positions, name)

@@ -11,8 +11,8 @@ from inclinometry.errors import FileError, InputError
 from inclinometry.files.json_codec import parse
 from inclinometry.files.writing import write_bytes
 from inclinometry.laboratory.certificate.issue import record_from_files
-from inclinometry.laboratory.certificate.record import missing_said as missing
 from inclinometry.laboratory.certificate.record import record_bytes, record_digest, words
+from inclinometry.laboratory.certificate.requirements import missing_said
 from inclinometry.laboratory.certificate.signing import Looked, look, look_at_seal, parse_seal, seal, sign_files
 from inclinometry.laboratory.ledger.keys import Keys, Public, read_public
 
@@ -69,6 +69,11 @@ def certificate(
         {"tool.json": tool, "--verification": verification, "--laboratory": laboratory, "--previous": previous}
         | {"--as-found": as_found},
     )
+    if fonts is not None and not any(
+        path.suffix.lower() in (".ttf", ".otf", ".ttc", ".otc") for path in (fonts.rglob("*") if fonts.is_dir() else ())
+    ):
+        what = "there is no such folder" if not fonts.is_dir() else "no font is in this folder"
+        raise FileError(f"--fonts: {what}; name one with files .ttf, .otf, .ttc or .otc", path=fonts)
     made = record_from_files(
         tool,
         verification=verification,
@@ -114,7 +119,7 @@ def certificate(
 
 def _lacking(record: dict[str, Any]) -> list[str]:
     """What the document lacks to be titled a certificate, and where it is stated."""
-    said = [missing(key, record, words("en")) for key in record["missing"]]
+    said = [missing_said(key, record, words("en")) for key in record["missing"]]
     return [f"titled calibration report, not certificate; missing: {'; '.join(said)}"] if said else []
 
 

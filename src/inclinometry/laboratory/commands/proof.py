@@ -20,7 +20,7 @@ from inclinometry.laboratory.ledger.engine import default_path, shown
 from inclinometry.laboratory.ledger.heads import grown, proof_since, read_head
 from inclinometry.laboratory.ledger.keys import Keys, fingerprint, read_public
 from inclinometry.laboratory.ledger.ledger import Ledger
-from inclinometry.laboratory.ledger.witness import PRINT, name_others, others, send
+from inclinometry.laboratory.ledger.witness import PRINT, lost_sentence, name_others, others, send, witnessed
 
 
 def key(
@@ -45,7 +45,8 @@ def key(
     lost
         How the key was lost: a new one is begun for which nothing signs, and each ledger says so from then on.
     passphrase
-        Ask for a passphrase to encrypt the key with; an empty one leaves it plain.
+        Ask for a passphrase to encrypt the key with; an empty one leaves it plain. A script puts it into the
+        environment as INCLINOMETRY_NEW_PASSPHRASE, and the present one as INCLINOMETRY_KEY_PASSPHRASE.
     """
     if rotate is not None and lost is not None:
         raise InputError("--rotate and --lost exclude each other; a key that is there is rotated")
@@ -195,8 +196,9 @@ def witness(
     host: str = "127.0.0.1",
     port: int = 7100,
     key: InputOrNone = None,
-) -> None:
-    """Where signed heads are kept beside this computer; or be such a place for others. Ctrl-C ends it.
+) -> int:
+    """Where signed heads are kept beside this computer; or be such a place for others. Ctrl-C ends it. Exit status 1:
+    one of them keeps nothing of the ledger.
 
     Parameters
     ----------
@@ -216,7 +218,7 @@ def witness(
     """
     if serve is not None:
         _serve(serve, host, port, key)
-        return
+        return 0
     if key is not None:
         raise InputError("--key says whose heads --serve keeps; give --serve FOLDER, too, or leave --key out")
     keys = Keys()
@@ -237,6 +239,16 @@ def witness(
     output.say(f"{keys.folder / 'heads'} (this computer)")
     for one in others(keys.folder):
         output.say(shown(one))
+    where = str(default_path()) if ledger is None else ledger
+    if ledger is None and not default_path().is_file():
+        return 0
+    with Ledger(where, read_only=True) as opened:
+        newest = opened.signed_head()
+    if newest is None or newest.key != keys.public() or not keys.there:
+        return 0
+    found = witnessed(keys.folder, newest.ledger, where)
+    output.warnings([*found.silent, *(lost_sentence(keys.folder, one, newest.ledger) for one in found.lost)])
+    return 1 if found.lost else 0
 
 
 def _serve(folder: Path, host: str, port: int, key: Path | None) -> None:

@@ -341,6 +341,9 @@ def _shown(value: object) -> str:
 _SEQ: Final = BigInteger().with_variant(Integer(), "sqlite")
 METADATA: Final = MetaData()
 
+MEDIA: Final = {"pdf": "application/pdf", "dcc": "application/xml", "json": "application/json"}
+"""Media types of the documents of a certificate."""
+
 CHAIN: Final = Table(
     "chain",
     METADATA,

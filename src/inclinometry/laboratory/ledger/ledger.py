@@ -39,7 +39,7 @@ from inclinometry.laboratory.ledger.engine import (
 from inclinometry.laboratory.ledger.heads import ACCEPTED, Sealing, SignedHead, newest_head
 from inclinometry.laboratory.ledger.keys import Keys
 from inclinometry.laboratory.ledger.merkle import leaf_hash
-from inclinometry.laboratory.ledger.witness import Witnesses, ahead
+from inclinometry.laboratory.ledger.witness import Witnessed, Witnesses, ahead, ahead_elsewhere, place_of
 
 LARGEST_DOCUMENT: Final = 100_000_000
 
@@ -150,6 +150,7 @@ class Ledger:
         """Where it is, without a password."""
         self.keys: Final = Keys() if keys is None else keys
         self._sealing = Sealing(self.keys, self.shown)
+        self._alone = alone
         self._witnesses = Witnesses(self.keys.folder, self.where, alone=alone)
         self._seen = -1
         """Record up to which the ledger was once found not to be behind what this computer saw of it."""
@@ -207,6 +208,7 @@ class Ledger:
         if not plain(author):
             raise InputError(f"author is {author!r:.60}; it must be a text of 1 to 200 printable characters")
         bodies = [body_text(draft) for draft in drafts]
+        self._not_behind_others()
         with self._writing() as connection:
             for there in unless:
                 if connection.execute(_query(there.kind).where(_matching(there.kind, there.keys)).limit(1)).first():
@@ -275,25 +277,54 @@ class Ledger:
         LedgerError
             The witness beside the keys has a head of this ledger beyond its end, and nobody answered for that.
         """
+        self._not_behind_others()
         with self._reading() as connection:
             self._not_behind(connection)
+
+    def _not_behind_others(self) -> None:
+        """Ask, once while it is open and before anything is locked, those other witnesses that answer at once."""
+        if self._alone or self._seen >= 0:
+            return
+        with self._reading() as connection:
+            newest = newest_head(connection)
+            accepted = self._accepted(connection)
+        lost = None if newest is None else ahead_elsewhere(self.keys.folder, self.where, newest, accepted)
+        if newest is not None and lost is not None:
+            raise LedgerError(self._behind(newest, lost))
+
+    def _accepted(self, connection: Connection) -> str:
+        """Time when somebody last answered for what a verification found; "" for never."""
+        times = select(func.max(TABLES["event"].c.created)).where(_matching("event", ACCEPTED))
+        return str(connection.execute(times).scalar() or "")
+
+    def _behind(self, newest: SignedHead, lost: Witnessed) -> str:
+        """What happened to a ledger of which a witness remembers more than it holds, and what to do."""
+        if lost.head is None:
+            raise TypeError("a head that is not readable is beyond nothing")
+        fact = (
+            f"{self.shown} ends with record {newest.size}, but the laboratory's key signed record {lost.head.size} of "
+            f"this ledger on {lost.head.time[:19]} UTC"
+        )
+        if lost.place and lost.place != place_of(self.where):
+            remedy = (
+                f" in {lost.place}: one is a copy of the other, and only one can go on; nothing was recorded or signed."
+                f" Record in {lost.place}; or, to go on here without what was recorded there"
+            )
+        else:
+            remedy = (
+                " in this place: an older state was put back, or its end was cut; nothing was recorded or signed. Put "
+                "the newest one back; or, when it is known what happened"
+            )
+        return f"{fact}{remedy}, state it with `inclinometry ledger init {self.shown} --accept REASON`"
 
     def _not_behind(self, connection: Connection) -> None:
         newest = newest_head(connection)
         if newest is None:
             return
         if not 0 <= self._seen <= newest.size:
-            table = TABLES["event"]
-            times = select(func.max(table.c.created)).where(_matching("event", ACCEPTED))
-            accepted = connection.execute(times).scalar() or ""
-            lost = ahead(self.keys.folder, newest, accepted)
+            lost = ahead(self.keys.folder, newest, self._accepted(connection))
             if lost is not None:
-                raise LedgerError(
-                    f"{self.shown} ends with record {newest.size}, but this computer signed record {lost.size} of it "
-                    f"on {lost.time[:19]}: an older copy, or one that stayed behind; nothing was recorded or signed: "
-                    "record in the ledger itself, or when it is known what happened, state it with `inclinometry "
-                    "ledger init --accept REASON`"
-                )
+                raise LedgerError(self._behind(newest, lost))
         self._seen = newest.size
 
     def _published(self, signed: SignedHead | None) -> None:

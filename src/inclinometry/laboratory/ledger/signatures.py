@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -18,7 +19,7 @@ from inclinometry.laboratory.ledger.heads import ACCEPTED, KEY_EVENT, SignedHead
 from inclinometry.laboratory.ledger.keys import descends, explained, fingerprint, genuine
 from inclinometry.laboratory.ledger.ledger import Ledger
 from inclinometry.laboratory.ledger.merkle import Frontier, leaf_hash
-from inclinometry.laboratory.ledger.witness import Witnessed, begun_at, witnessed
+from inclinometry.laboratory.ledger.witness import Testimony, begun_at, lost_sentence, witnessed
 
 
 @dataclass(frozen=True)
@@ -33,17 +34,16 @@ class Fault:
         return f"{self.table} {self.row}: {self.problem}"
 
 
-def asked(ledger: Ledger) -> tuple[str, list[Witnessed], list[str]]:
-    """The ledger last seen in this place, what the witnesses keep of the one that is there, who cannot be asked."""
+def asked(ledger: Ledger) -> tuple[str, Testimony]:
+    """The ledger last seen in this place, and what the witnesses say of the one that is there."""
     with ledger.snapshot() as connection:
         newest = newest_head(connection, readable=True)
     try:
         here = begun_at(ledger.keys.folder, ledger.where)
     except OSError as error:
-        return "", [], [f"the witness in {ledger.keys.folder} cannot be asked ({error.strerror})"]
+        return "", Testimony([], [f"the witness in {ledger.keys.folder} cannot be asked ({error.strerror})"], [])
     name = here if newest is None else newest.ledger
-    kept, silent = witnessed(ledger.keys.folder, name) if name else ([], [])
-    return here, kept, silent
+    return here, witnessed(ledger.keys.folder, name, ledger.where) if name else Testimony([], [], [])
 
 
 def _public(ledger: Ledger) -> tuple[str, ...]:
@@ -65,9 +65,8 @@ class Signatures:
         The laboratory's keys, the one of now first; those of this computer when empty.
     here : str
         The ledger that was last seen in this place.
-    kept : list of Witnessed
-    silent : list of str
-        Sentences about witnesses that cannot be asked.
+    testimony : Testimony
+        Of the witnesses.
     copy : bool
         A copy kept on purpose: that it ends before heads which witnesses keep is a note.
     """
@@ -78,8 +77,7 @@ class Signatures:
         ledger: Ledger,
         public: Sequence[str],
         here: str,
-        kept: list[Witnessed],
-        silent: list[str],
+        testimony: Testimony,
         *,
         copy: bool = False,
     ) -> None:
@@ -88,12 +86,16 @@ class Signatures:
         self._given, self._here = tuple(public), here
         self._wanted = self._given or _public(ledger)
         self._copy = copy
-        self._kept, self._notes = kept, list(silent)
+        self._kept, self._notes = testimony.kept, list(testimony.silent)
+        # only who signs tells a witness: on another computer none is expected
+        own = self.newest is not None and self.newest.key in _public(ledger) and ledger.keys.there
+        name, folder = self.newest.ledger if self.newest else "", ledger.keys.folder
+        self._lost_witnesses = [lost_sentence(folder, one, name) for one in testimony.lost] if own else []
         self._tree = Frontier()
         self._link = chain.GENESIS
         self._own_heads = self._stored(connection) if inspect(connection).has_table("head") else iter(())
         self._next = next(self._own_heads, None)
-        readable = [(one.head, one.witness, one.place) for one in kept if one.head is not None]
+        readable = [(one.head, one.witness, one.place) for one in self._kept if one.head is not None]
         self._elsewhere: dict[str, int] = {}
         self._outside = sorted(readable, key=lambda kept: kept[0].size)
         self._at = 0
@@ -105,7 +107,7 @@ class Signatures:
         self._keys = self._successive(connection) if self.newest else []
         self._compare(0)
 
-    def _stored(self, connection: Connection) -> Iterator[SignedHead]:
+    def _stored(self, connection: Connection) -> Iterator[tuple[SignedHead, str | None]]:
         last = (-1, -1)
         while True:
             beyond = (HEAD.c.seq > last[0]) | ((HEAD.c.seq == last[0]) & (HEAD.c.place > last[1]))
@@ -114,7 +116,7 @@ class Signatures:
                 return
             for row in rows:
                 try:
-                    yield head_of(row)
+                    yield head_of(row), row.frontier
                 except LedgerError:
                     what = "was changed: it cannot be read as a signed head"
                     self._unreadable.append(Fault("head", f"in place {row.place}", what))
@@ -126,8 +128,9 @@ class Signatures:
         found: list[tuple[str, int, str]] = []
         query = select(HEAD.c.key, HEAD.c.seq, HEAD.c.created).order_by(HEAD.c.place)
         for row in connection.execute(query, execution_options={"yield_per": 500}):
-            texts = isinstance(row.key, str) and isinstance(row.created, str)  # others are faults of their own
-            if texts and (not found or found[-1][0] != row.key):
+            # others are faults of their own
+            whole = isinstance(row.key, str) and re.fullmatch("[0-9a-f]{64}", row.key) and isinstance(row.created, str)
+            if whole and (not found or found[-1][0] != row.key):
                 found.append((row.key, row.seq, row.created))
         return found
 
@@ -156,8 +159,13 @@ class Signatures:
 
     def _compare(self, seq: int) -> None:
         """Every head that speaks of the records up to this one."""
-        while self._next is not None and self._next.size <= seq:
-            self._judge(self._next, "", seq)
+        while self._next is not None and self._next[0].size <= seq:
+            head, peaks = self._next
+            self._judge(head, "", seq)
+            if head.size == seq and peaks not in (None, b"".join(self._tree.peaks).hex()):
+                # nothing is signed upon them unless they lead to the signed root; changed all the same
+                said = "the peaks of the tree that are kept beside it were changed"
+                self._doubts.append((head.time, Fault("head", f"{head.size} ({head.time[:19]})", said)))
             self._next = next(self._own_heads, None)
         while self._at < len(self._outside) and self._outside[self._at][0].size <= seq:
             self._judge(*self._outside[self._at][:2], seq)
@@ -182,7 +190,7 @@ class Signatures:
     def end(self, seq: int) -> tuple[list[Fault], list[str]]:
         """Faults and notes when the last record, `seq`, is passed."""
         while self._next is not None:
-            self._lost(self._next, "", "", seq)
+            self._lost(self._next[0], "", "", seq)
             self._next = next(self._own_heads, None)
         for head, witness, place in self._outside[self._at :]:
             self._lost(head, witness, place, seq)
@@ -192,6 +200,7 @@ class Signatures:
             if one.head is None
         ]
         faults += self._unreadable
+        faults += [Fault("witness", "-", sentence) for sentence in self._lost_witnesses]
         faults += self._whole(seq)
         said = max(self._accepted, default=("", "", ""))
         first: dict[str, Fault] = {}

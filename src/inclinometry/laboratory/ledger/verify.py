@@ -14,7 +14,7 @@ from sqlalchemy.engine import Connection
 
 from inclinometry.digest import digest_bytes
 from inclinometry.laboratory.ledger import chain
-from inclinometry.laboratory.ledger.engine import CHAIN, DOCUMENT, TABLES, row_digest, strange, unprotected
+from inclinometry.laboratory.ledger.engine import CHAIN, DOCUMENT, MEDIA, TABLES, row_digest, strange, unprotected
 from inclinometry.laboratory.ledger.heads import SignedHead
 from inclinometry.laboratory.ledger.ledger import Ledger
 from inclinometry.laboratory.ledger.signatures import Fault, Signatures, asked
@@ -187,23 +187,46 @@ def _strays(connection: Connection) -> Iterator[Fault]:
 
 
 def _documents(connection: Connection) -> Iterator[Fault]:
-    """Files whose bytes changed, and files that certificates refer to and that are gone."""
-    have = set()
-    for row in connection.execution_options(yield_per=1).execute(select(DOCUMENT.c.digest, DOCUMENT.c.data)):
-        have.add(row.digest)
+    """Files whose bytes or media type changed, and files that records refer to and that are gone."""
+    have: dict[str, tuple[str, bytes]] = {}
+    for row in connection.execution_options(yield_per=1).execute(select(DOCUMENT)):
+        have[row.digest] = row.media_type, bytes(row.data[:5])
         if digest_bytes(row.data) != row.digest:
             yield Fault("document", row.digest, "its bytes were changed")
-    table = TABLES["certificate"]
+    for by, digest, media_type in _referred(connection):
+        if digest not in have:
+            yield Fault("document", digest, f"removed: {by} refers to it")
+            continue
+        found, data = have[digest]
+        # the bytes are bound by their digest, what they are by the record that refers to them
+        if media_type not in (None, found) and data.startswith(_BEGINS.get(str(media_type), b"")):
+            said = f"its media type was changed: it is {found!r:.60}, {by} says {media_type}"
+            yield Fault("document", digest, said)
+
+
+_BEGINS: Final = {"application/pdf": b"%PDF-", "application/xml": b"<", "application/json": b"{"}
+"""How documents of a certificate begin; ledgers of before may hold others, of which nothing was said."""
+
+
+def _referred(connection: Connection) -> Iterator[tuple[str, str, str | None]]:
+    """Record, digest and media type of each document that a record refers to; none where it cannot be read."""
+    table, event = TABLES["certificate"], TABLES["event"]
     for row in connection.execution_options(yield_per=500).execute(select(table.c.number, table.c.body)):
-        for digest in referred(row.body):
-            if digest not in have:
-                yield Fault("document", digest, f"removed: certificate {row.number} refers to it")
+        documents = _body(row.body).get("documents")
+        for name, digest in documents.items() if isinstance(documents, dict) else ():
+            yield f"certificate {row.number}", str(digest), MEDIA.get(name)
+    logos = select(event.c.body).where(event.c.subject_kind == "laboratory")
+    for row in connection.execution_options(yield_per=500).execute(logos):
+        details = _body(row.body).get("details")
+        logo = details.get("logo") if isinstance(details, dict) else None
+        if isinstance(logo, dict):
+            yield "the laboratory's logo", str(logo.get("digest")), str(logo.get("media_type"))
 
 
-def referred(body: str) -> list[str]:
-    """Digests of the documents that the stored body of a certificate refers to; none where it cannot be read."""
+def _body(text: str) -> dict[str, Any]:
+    """The stored body of a record; empty where it was changed into something else, which is a fault of its own."""
     try:
-        documents = json.loads(body).get("documents", {})
-    except (ValueError, AttributeError):
-        return []
-    return [str(digest) for digest in documents.values()] if isinstance(documents, dict) else []
+        content = json.loads(text)
+    except (ValueError, TypeError, RecursionError):
+        return {}
+    return content if isinstance(content, dict) else {}

@@ -10,9 +10,11 @@ from __future__ import annotations
 import json
 import sys
 import threading
+import time
 import urllib.error
 import urllib.request
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -165,13 +167,19 @@ def _is_ledger(witness: str) -> bool:
     return "://" in witness or Path(witness).is_file()
 
 
+def _itself(witness: str, place: str) -> bool:
+    """Whether a witness is the very ledger: none is a witness of its own."""
+    same = place_of(witness) == place
+    return same or ("://" not in witness + place and Path(witness).resolve() == Path(place).resolve())
+
+
 def _record(witness: str, head: SignedHead, place: str, folder: Path) -> None:
     """A head as an event of another ledger, which signs it in its turn and tells its own witness of it."""
     from inclinometry.laboratory.ledger.keys import Keys
     from inclinometry.laboratory.ledger.ledger import Ledger
 
-    if place_of(witness) == place or ("://" not in place and Path(witness).resolve() == Path(place).resolve()):
-        return  # a ledger is no witness of its own
+    if _itself(witness, place):
+        return
     keys = {"subject_kind": "ledger", "subject": head.ledger, "action": "head"}
     with Ledger(witness, keys=Keys(folder), alone=True) as ledger:
         ledger.append("event", keys, {"details": {**head.statement(), "where": place}}, author="witness")
@@ -244,7 +252,7 @@ def _begun_at(folder: Path, place: str) -> str:
     return found[1]
 
 
-def ahead(folder: Path, newest: SignedHead, accepted: str) -> SignedHead | None:
+def ahead(folder: Path, newest: SignedHead, accepted: str) -> Witnessed | None:
     """The head that the file of this computer keeps farthest beyond the newest of a ledger; None when it has none.
 
     Parameters
@@ -262,35 +270,93 @@ def ahead(folder: Path, newest: SignedHead, accepted: str) -> SignedHead | None:
             if any(one.head == newest for line in last for one in _lines(line.decode(errors="replace"), "")):
                 return None  # as always: the rest need not be read
             stream.seek(0)
-            kept = _lines(stream.read().decode(errors="replace"), "")
-            beyond = [one.head for one in kept if one.head is not None and one.head.size > newest.size]
+            kept = [*_lines(stream.read().decode(errors="replace"), str(folder / "heads"))]
     except OSError:
         return None
-    found = [one for one in beyond if one.time > accepted and one.genuine()]
-    return max(found, key=lambda one: one.size, default=None)
+    return _farthest(kept, newest, accepted)
 
 
-def witnessed(folder: Path, ledger: str) -> tuple[list[Witnessed], list[str]]:
-    """All heads of a ledger that the witnesses keep, and sentences about those that could not be asked."""
-    found: list[Witnessed] = []
-    silent: list[str] = []
-    for one in [str(folder / "heads"), *others(folder)]:
-        kept: list[Witnessed] = []
+def ahead_elsewhere(folder: Path, where: str, newest: SignedHead, accepted: str) -> Witnessed | None:
+    """The same of the other witnesses, as far as they answer within a moment: nobody waits for the rest."""
+    moment = 1.5
+    kept: list[Witnessed] = []
+
+    def ask(one: str) -> None:
+        with suppress(InclinometryError, OSError):
+            kept.extend(_asked(one, newest.ledger))
+
+    asked = [threading.Thread(target=ask, args=(one,), daemon=True) for one in _asking(folder, where)]
+    for thread in asked:
+        thread.start()
+    end = time.monotonic() + moment
+    for thread in asked:
+        thread.join(max(0.0, end - time.monotonic()))
+    return _farthest([*kept], newest, accepted)
+
+
+def _farthest(kept: list[Witnessed], newest: SignedHead, accepted: str) -> Witnessed | None:
+    beyond = [(one.head.size, one) for one in kept if one.head is not None and one.head.size > newest.size]
+    found = [(size, one) for size, one in beyond if one.head and one.head.time > accepted and one.head.genuine()]
+    return max(found, key=lambda pair: pair[0], default=(0, None))[1]
+
+
+class Testimony(NamedTuple):
+    """What the witnesses of a ledger say.
+
+    kept : the heads they keep.
+    silent : sentences about those that do not answer.
+    lost : those that keep no head of it, or are gone; see `lost_sentence`.
+    """
+
+    kept: list[Witnessed]
+    silent: list[str]
+    lost: list[str]
+
+
+def witnessed(folder: Path, ledger: str, where: str) -> Testimony:
+    """What the witnesses say of a ledger, which is at `where`; `folder` is that of the keys."""
+    found = Testimony([], [], [])
+    for one in [str(folder / "heads"), *_asking(folder, where)]:
         try:
-            if one.startswith(("http://", "https://")):
-                kept = [*_fetched(one, ledger)]
-            elif one != PRINT and _is_ledger(one):
-                kept = [*_recorded(one, ledger)]
-            elif one != PRINT:
-                path = Path(one) / f"{ledger}.jsonl"
-                kept = [*_lines(path.read_text("utf-8", errors="replace"), one)] if path.is_file() else []
-            if not kept and one != PRINT and one != str(folder / "heads"):
-                silent.append(f"the witness {shown(one)} keeps no head of this ledger")
-            found += kept
+            kept = _asked(one, ledger)
+            if not kept:
+                found.lost.append(one)
+            found.kept.extend(kept)
         except (OSError, InputError) as error:
             reason = getattr(error, "reason", None) or getattr(error, "strerror", None) or error
-            silent.append(f"the witness {shown(one)} cannot be asked ({reason})")
-    return found, silent
+            found.silent.append(f"the witness {shown(one)} cannot be asked ({reason})")
+    return found
+
+
+def _asking(folder: Path, where: str) -> list[str]:
+    """The witnesses beside the file of this computer that can be asked of the ledger at `where`."""
+    return [one for one in others(folder) if one != PRINT and not _itself(one, place_of(where))]
+
+
+def _asked(witness: str, ledger: str) -> list[Witnessed]:
+    """The heads of a ledger that one witness keeps."""
+    if witness.startswith(("http://", "https://")):
+        return [*_fetched(witness, ledger)]
+    if _is_ledger(witness):
+        return [*_recorded(witness, ledger)]
+    path = Path(witness) / f"{ledger}.jsonl"
+    return [*_lines(path.read_text("utf-8", errors="replace"), witness)] if path.is_file() else []
+
+
+def lost_sentence(folder: Path, witness: str, ledger: str) -> str:
+    """What is gone of a witness that keeps nothing of a ledger, and the remedy."""
+    if witness.startswith(("http://", "https://")) or _is_ledger(witness):
+        what = f"{shown(witness)} keeps no head of this ledger"
+    else:
+        what = f"{Path(witness) / f'{ledger}.jsonl'} is missing"
+    if witness == str(folder / "heads"):
+        return (
+            f"{what}; restore it from a copy, or state why it is gone with `inclinometry ledger init --accept REASON`"
+        )
+    remedy = (
+        f"give it the head of now with `inclinometry ledger witness {shown(witness)}`, or take it off with --remove"
+    )
+    return f"{what}; restore it, {remedy}"
 
 
 def _recorded(witness: str, ledger: str) -> Iterator[Witnessed]:

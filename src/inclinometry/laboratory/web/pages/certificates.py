@@ -18,9 +18,9 @@ from inclinometry.laboratory.certificate.laboratory_toml import (
     Standard,
     laboratory_from,
 )
-from inclinometry.laboratory.certificate.record import missing, words
+from inclinometry.laboratory.certificate.record import words
+from inclinometry.laboratory.certificate.requirements import missing
 from inclinometry.laboratory.certificates import (
-    MEDIA,
     CertificateStatus,
     certificates,
     digest_of,
@@ -29,6 +29,7 @@ from inclinometry.laboratory.certificates import (
     supersede,
     void,
 )
+from inclinometry.laboratory.ledger.engine import MEDIA
 from inclinometry.laboratory.ledger.ledger import Ledger, LedgerError, Record
 from inclinometry.laboratory.ledger.users import LOCAL, User
 from inclinometry.laboratory.registry import (

@@ -97,6 +97,8 @@ def _check(visitor: Visitor) -> None:
                         ui.label(visitor.say("ledger.sound", number=found.records)).classes("good")
                     for fault in found.faults[:faults]:
                         ui.label(str(fault)).classes("bad number")
+                    for note in found.notes:
+                        ui.label(visitor.sentence(note)).classes("dim number")
                     if len(found.faults) > faults:
                         ui.label(visitor.say("home.more_due", number=len(found.faults) - faults)).classes("bad")
 
