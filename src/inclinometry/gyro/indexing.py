@@ -747,6 +747,7 @@ def _averaged(batches: list[Batch], given: Array | None, table: Table, names: Se
         left_out=tuple(left_out),
         notes=notes,
         warnings=tuple(warnings),
+        noise_freedom=np.inf if noise.dof is None else noise.dof,
     )
 
 

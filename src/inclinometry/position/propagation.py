@@ -17,7 +17,7 @@ from inclinometry.position.tool_code import PROPAGATIONS, Evaluator, Levers, Too
 from inclinometry.position.well import WellSurvey, hole_sigmas, horizontal_ellipse
 from inclinometry.survey.path import directions
 from inclinometry.tabular import Column, Tabular, check_record, degrees, draw
-from inclinometry.uncertainty import AngleErrors, ellipsoid_factor
+from inclinometry.uncertainty import AngleErrors, ellipsoid_factor, pooled_freedom
 
 
 @dataclass(frozen=True, eq=False)
@@ -292,17 +292,10 @@ class PositionUncertainty(Tabular):
     def degrees_of_freedom(self) -> Array:
         """Effective ones (n,) of each station's covariance, by the share that estimated variances have in its trace.
 
-        Sources of one number of degrees of freedom hang on the same estimate (a calibration and the noise of its tool)
-        and count as one in the formula of Welch and Satterthwaite.
+        See `inclinometry.uncertainty.pooled_freedom`.
         """
-        estimated: dict[float, Array] = {}
-        for one in self.sources.values():
-            if np.isfinite(one.degrees_of_freedom):
-                own = np.trace(one.covariance, axis1=1, axis2=2)
-                estimated[one.degrees_of_freedom] = estimated.get(one.degrees_of_freedom, 0.0 * own) + own
-        total = np.trace(self.covariance, axis1=1, axis2=2)
-        spent = sum((own**2 / nu for nu, own in estimated.items()), np.zeros(len(self)))
-        return np.asarray(np.divide(total**2, spent, out=np.full(len(self), np.inf), where=spent > 0.0))
+        traces = [(np.trace(s.covariance, axis1=1, axis2=2), s.degrees_of_freedom) for s in self.sources.values()]
+        return np.broadcast_to(pooled_freedom(traces), len(self))
 
     def widened(self, probability: float) -> Array:
         """Covariance (n, 3, 3) whose normal ellipses of that probability are those of the degrees of freedom there are.
