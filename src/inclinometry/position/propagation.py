@@ -15,7 +15,7 @@ from inclinometry.earth.site import convert_azimuth
 from inclinometry.errors import InputError
 from inclinometry.position.tool_code import PROPAGATIONS, Evaluator, Levers, ToolCode, Weights, levers
 from inclinometry.position.well import WellSurvey, hole_sigmas, horizontal_ellipse
-from inclinometry.survey.path import directions
+from inclinometry.survey.path import SurveyRun, directions
 from inclinometry.tabular import Column, Tabular, check_record, degrees, draw
 from inclinometry.uncertainty import AngleErrors, ellipsoid_factor, pooled_freedom
 
@@ -116,17 +116,9 @@ class MatrixSource:
 # A run whose angles err by named causes, as a gyro's, as sources of error of a position.
 
 
-class AngleRun(Protocol):
+class AngleRun(SurveyRun, Protocol):
     """Stations with what may be wrong with their angles: a `survey.reduce.Survey`, or one read from errors.json."""
 
-    @property
-    def md(self) -> Array: ...
-    @property
-    def inclination(self) -> Array: ...
-    @property
-    def azimuth(self) -> Array: ...
-    @property
-    def azimuth_reference(self) -> str: ...
     @property
     def errors(self) -> Mapping[str, AngleErrors]: ...
 
