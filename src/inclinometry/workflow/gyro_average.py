@@ -297,7 +297,7 @@ def _two_passes(
         off = (found.bias if offset is None else found.bias - offset[..., places])[:, ~along[places]]
         # noise of a station's own, which its neighbour does not share, is no bias
         own = 0.5 * float(np.mean(np.diff(off, axis=0) ** 2)) if len(off) > 1 else 0.0
-        return float(np.sqrt(max(np.mean(off**2) - own, own / len(off))))
+        return float(np.sqrt(max(float(np.mean(off**2)) - own, own / len(off))))
 
     if along.any() and bias is None:
         known[along] = bias_across(average(~along, known), ~along)
