@@ -55,7 +55,7 @@ bench-fleet: $(STAMP)
 
 # stated uncertainty where the model breaks, by simulators of their own: an hour
 bench-honest: $(STAMP)
-	for part in bench motion drilling survey certificate; do $(BIN)/python -m benchmarks.honest_$$part || exit 1; done
+	for part in bench motion drilling survey certificate gyro; do $(BIN)/python -m benchmarks.honest_$$part || exit 1; done
 
 lint: $(STAMP)
 	$(BIN)/ruff check .

@@ -12,7 +12,7 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from benchmarks import honest_certificate
+from benchmarks import honest_certificate, honest_gyro
 from tests.position.conftest import SITES, read, six, stations
 from tests.position.test_iscwsa import CASES, CODES, COLUMNS, PUBLISHED
 from tests.position.test_spe90408 import MISSED, NAMES
@@ -284,6 +284,27 @@ def honest(tools: int = HONEST) -> dict[str, str]:
     return {"honest_certificate": table(head, cells), "honest_chance": f"{100.0 * np.sqrt(0.05 * 0.95 / tools):.1f} %"}
 
 
+def honest_runs(runs: int = 60) -> dict[str, str]:
+    """Share of true ends of gyro runs within their own ellipses."""
+    head = [
+        "gyros since the calibration",
+        "positions",
+        "runs",
+        "NEES in plan",
+        "of azimuths",
+        "inside the ellipse",
+        "rms",
+    ]
+    cells = [
+        [
+            row["scene"], str(row["positions"]), str(runs), f"{row['nees']:.2f}", f"{row['nees_azimuth']:.2f}",
+            f"{100.0 * row['inside']:.0f} %", f"{row['azimuth_deg']:.3f}",
+        ]
+        for row in honest_gyro.run(runs)
+    ]  # fmt: skip
+    return {"honest_gyro": table(head, cells)}
+
+
 def _sd(covariance: Array) -> str:
     return f"{np.sqrt(covariance[2, 2]):.3f}"
 
@@ -291,7 +312,7 @@ def _sd(covariance: Array) -> str:
 def everything() -> dict[str, str]:
     """All of them."""
     found: dict[str, str] = {}
-    for part in (mwd, workbooks, layers, gyro, certificate, honest):
+    for part in (mwd, workbooks, layers, gyro, certificate, honest, honest_runs):
         found |= part()
     return found
 

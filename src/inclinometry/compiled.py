@@ -125,6 +125,29 @@ def _quiet(function: Callable[..., object]) -> Callable[..., object]:
 
 
 @inlined
+def coefficients(c: Any) -> Any:
+    """The COEFFICIENTS, read before a loop: for all the compiler knows, an output could overlap them."""
+    return (
+        c[0], c[1], c[2], c[3], c[4], c[5], c[6], c[7], c[8], c[9], c[10], c[11], c[12], c[13], c[14], c[15], c[16],
+        c[17], c[18], c[19], c[20], c[21], c[22], c[23],
+    )  # fmt: skip
+
+
+@inlined
+def calibrated(ux: Any, uy: Any, uz: Any, vx: Any, vy: Any, vz: Any, k: Any) -> Any:
+    """Gravity and magnetic field of a sample, in units of the calibration's."""
+    ux, uy, uz, vx, vy, vz = ux - k[18], uy - k[19], uz - k[20], vx - k[21], vy - k[22], vz - k[23]
+    return (
+        k[0] * ux + k[1] * uy + k[2] * uz,
+        k[3] * ux + k[4] * uy + k[5] * uz,
+        k[6] * ux + k[7] * uy + k[8] * uz,
+        k[9] * vx + k[10] * vy + k[11] * vz,
+        k[12] * vx + k[13] * vy + k[14] * vz,
+        k[15] * vx + k[16] * vy + k[17] * vz,
+    )
+
+
+@inlined
 def _first_quadrant(y: float, x: float) -> tuple[float, float]:
     """(k, a) with atan2(y, x) = k pi/4 + a for y, x >= 0 up to half the largest double; NaN for 0, 0."""
     near = y * COT_EIGHTH < x
@@ -202,21 +225,10 @@ def from_channels(
     toolface: Array,
 ) -> None:
     """Angles of n samples kept channel by channel; `c` holds the COEFFICIENTS."""
-    # read before the loop: for all the compiler knows, an output could overlap them
-    g00, g01, g02, g10, g11, g12, g20, g21, g22 = c[0], c[1], c[2], c[3], c[4], c[5], c[6], c[7], c[8]
-    b00, b01, b02, b10, b11, b12, b20, b21, b22 = c[9], c[10], c[11], c[12], c[13], c[14], c[15], c[16], c[17]
-    ux0, uy0, uz0, vx0, vy0, vz0 = c[18], c[19], c[20], c[21], c[22], c[23]
+    k = coefficients(c)
     for i in range(inclination.size):
-        dux, duy, duz = ux[i] - ux0, uy[i] - uy0, uz[i] - uz0
-        dvx, dvy, dvz = vx[i] - vx0, vy[i] - vy0, vz[i] - vz0
-        inclination[i], azimuth[i], toolface[i] = _attitude(
-            g00 * dux + g01 * duy + g02 * duz,
-            g10 * dux + g11 * duy + g12 * duz,
-            g20 * dux + g21 * duy + g22 * duz,
-            b00 * dvx + b01 * dvy + b02 * dvz,
-            b10 * dvx + b11 * dvy + b12 * dvz,
-            b20 * dvx + b21 * dvy + b22 * dvz,
-        )
+        gx, gy, gz, bx, by, bz = calibrated(ux[i], uy[i], uz[i], vx[i], vy[i], vz[i], k)
+        inclination[i], azimuth[i], toolface[i] = _attitude(gx, gy, gz, bx, by, bz)
 
 
 @compiled(types.void(MATRIX, VECTOR, VECTOR_OUT, VECTOR_OUT, VECTOR_OUT))

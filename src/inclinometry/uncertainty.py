@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import NamedTuple
@@ -11,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from inclinometry.arrays import Array, finite, frozen, within
+from inclinometry.constants import COVERAGE_FACTOR
 from inclinometry.errors import InputError
 
 
@@ -81,6 +83,23 @@ def ellipsoid_factor(probability: float, dimension: int, degrees_of_freedom: Arr
     bounded = np.where(np.isinf(nu), 10.0, nu)
     student = np.sqrt(dimension * (bounded - 2.0) / bounded * fdtri(dimension, bounded, _probability(probability)))
     return np.asarray(np.where(np.isinf(nu), normal, np.maximum(student, normal)))[()]
+
+
+def expanded_factor(degrees_of_freedom: ArrayLike = np.inf) -> Array:
+    """k of an expanded uncertainty: for the probability of k = 2 of a normal distribution, 95.45 %, two decimals up.
+
+    Parameters
+    ----------
+    degrees_of_freedom : (...) array_like
+        From which u is known; u is already the mean over what is not known of it, see `ellipsoid_factor`.
+
+    Examples
+    --------
+    >>> expanded_factor([6.0, 12.0, np.inf])
+    array([2.06, 2.04, 2.  ])
+    """
+    k = ellipsoid_factor(math.erf(COVERAGE_FACTOR / math.sqrt(2.0)), 1, degrees_of_freedom)
+    return np.asarray(np.ceil(100.0 * k - 1e-6) / 100.0)[()]
 
 
 def chi_square_limit(probability: float, degrees_of_freedom: ArrayLike) -> Array:
@@ -155,6 +174,33 @@ def welch_satterthwaite(uncertainties: ArrayLike, degrees_of_freedom: ArrayLike)
     denominator = np.sum(variance**2 / nu, axis=-1)
     total = np.sum(variance, axis=-1) ** 2
     return np.where(denominator == 0.0, np.inf, total / np.where(denominator == 0.0, 1.0, denominator))
+
+
+def pooled_freedom(parts: Iterable[tuple[Array, float]]) -> Array:
+    """Effective degrees of freedom (...) of a sum of variances, each with its own degrees of freedom.
+
+    Those of one finite number hang on the same estimate (a calibration and the noise of its tool) and count as one in
+    the formula of Welch and Satterthwaite, which wants them independent (JCGM 100:2008, G.4).
+
+    Parameters
+    ----------
+    parts : pairs of variances (...) and degrees of freedom, which may be infinite
+
+    Examples
+    --------
+    >>> float(pooled_freedom([(np.array(3.0), 12.0), (np.array(1.0), 12.0), (np.array(4.0), np.inf)]))
+    48.0
+    """
+    total: Array = np.zeros(())
+    estimated: dict[float, Array] = {}
+    for variance, nu in parts:
+        total = total + variance
+        if np.isfinite(nu):
+            estimated[nu] = estimated.get(nu, 0.0) + variance
+    whole = np.where(total > 0.0, total, 1.0)
+    # shares first: squares of small variances would underflow
+    spent = np.sum([np.square(own / whole) / nu for nu, own in estimated.items()], axis=0) + 0.0 * whole
+    return np.asarray(np.divide(1.0, spent, out=np.full(whole.shape, np.inf), where=spent > 0.0))
 
 
 def _probability(value: float) -> float:

@@ -12,6 +12,8 @@ from inclinometry.uncertainty import (
     chi_square_tail,
     coverage_factor,
     ellipsoid_factor,
+    expanded_factor,
+    pooled_freedom,
     welch_satterthwaite,
 )
 
@@ -50,6 +52,26 @@ def test_welch_satterthwaite() -> None:
     assert float(welch_satterthwaite([3e-90, 4e-90], [5, 5])) == pytest.approx(625.0 / (81 + 256) * 5)
     assert np.isnan(welch_satterthwaite([np.nan, 1.0], [5, 5]))
     assert welch_satterthwaite([0.0, 0.0], [5, 5]) == np.inf
+
+
+def test_one_estimate_counts_once() -> None:
+    parts = [np.array([4.0, 1.0]), np.array([5.0, 0.0]), np.array([0.0, 9.0])]
+    apart = pooled_freedom(zip(parts, (6.0, 8.0, np.inf), strict=True))
+    np.testing.assert_allclose(apart, welch_satterthwaite(np.sqrt(np.stack(parts, axis=-1)), [6.0, 8.0, np.inf]))
+    together = pooled_freedom(zip(parts, (6.0, 6.0, np.inf), strict=True))
+    np.testing.assert_allclose(together, [6.0, 600.0])
+    assert pooled_freedom([(np.zeros(2), 3.0)]).tolist() == [np.inf, np.inf]
+    assert pooled_freedom([(np.array(1e-200), 3.0)]) == pytest.approx(3.0)
+
+
+def test_expanded_factor_covers_what_two_sigmas_do() -> None:
+    # u^2 is the mean over the posterior of the variance: nu / (nu - 2) times the estimate
+    rng, nu = np.random.default_rng(3), 6.0
+    u = np.sqrt(rng.chisquare(nu, 200_000) / nu * nu / (nu - 2.0))
+    off = np.abs(rng.standard_normal(200_000))
+    # 1.3e-4 is its standard deviation; k is rounded up by at most 0.01, which is 0.1 %
+    assert 0.9545 - 0.0013 < np.mean(off < expanded_factor(nu) * u) < 0.9545 + 0.003
+    assert np.mean(off < 2.0 * u) < 0.9545 - 0.003
 
 
 def test_bounds_of_the_effective_freedom() -> None:

@@ -82,3 +82,18 @@ def test_a_mean_of_stations_averages_the_random_part_alone():
     assert 0.7 < spread / kept < 1.3
     independent = np.sqrt(np.mean(found.u_azimuth**2) / len(MD))
     assert spread > 5.0 * independent
+
+
+def test_k_follows_the_freedom_of_what_was_estimated_and_its_share():
+    found = reduce_survey(MD, seen(), tool())
+    assert found.coverage_factor == 2.0
+    few = replace(found, freedom={"calibration": 6.0, "sensor noise": 6.0})
+    assert few.coverage_factor == 2.06  # Student's 95.45 % with matched variance: 2.517 sqrt(4 / 6), rounded up
+    np.testing.assert_allclose(few.expanded("azimuth"), 2.06 * found.u("azimuth"), rtol=1e-12)
+    # beside a declination ten times as uncertain the azimuth's is known, the inclination's as little as before
+    beside = np.zeros((len(MD), 4))
+    beside[:, 1] = 100.0 * sum(found.components.values())[:, 1]
+    wide = replace(few, components={**found.components, "declination": beside})
+    assert wide.coverage_factor == 2.06
+    only = replace(wide, components={name: part[:, 1:2].repeat(4, axis=1) for name, part in wide.components.items()})
+    assert only.coverage_factor == 2.0 or only.coverage_factor == 2.01  # rounded up

@@ -6,7 +6,6 @@ angles; "of one reading" adds the noise of one reading of each sensor.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
@@ -22,7 +21,7 @@ from inclinometry.errors import InputError
 from inclinometry.orientation import dip_angle, fields
 from inclinometry.sensors import Tool, angle_sensitivity
 from inclinometry.tabular import Column, Tabular, check_record, degrees, draw, in_degrees
-from inclinometry.uncertainty import UNKNOWN, ellipsoid_factor
+from inclinometry.uncertainty import UNKNOWN, expanded_factor
 
 ALL_ANGLES: Final = ("inclination", "azimuth", "toolface", "magnetic_toolface")
 FROM_CALIBRATION: Final = "from the calibration alone"
@@ -111,11 +110,9 @@ def certified_factor(calibration: Calibration) -> float:
     -----
     Student's quantile for the calibration's own degrees of freedom. Noise of a reading and calibration hang on the same
     estimated variances, so that of both together are theirs (JCGM 100:2008, G.4, wants them independent). u is already
-    the mean over those variances, see `inclinometry.uncertainty.ellipsoid_factor`.
+    the mean over those variances, see `inclinometry.uncertainty.expanded_factor`.
     """
-    probability = math.erf(COVERAGE_FACTOR / math.sqrt(2.0))
-    k = float(ellipsoid_factor(probability, 1, calibration.degrees_of_freedom))
-    return math.ceil(100.0 * k - 1e-6) / 100.0
+    return float(expanded_factor(calibration.degrees_of_freedom))
 
 
 def expected_uncertainty(

@@ -159,6 +159,7 @@ def _summary(done: SixAxisSurvey, path: Path | None) -> dict[str, object]:
             name: np.degrees(np.nanmedian(u)) if np.isfinite(u).any() else None
             for name, u in zip(ANGLES, (found.u_inclination, found.u_azimuth, found.u_toolface), strict=True)
         },
+        "coverage_factor": found.coverage_factor,
         "flagged": sum(bool(row) for row in found.flags),
         "quality": None if done.judged is None else done.judged.verdict,
         "history": found.history,

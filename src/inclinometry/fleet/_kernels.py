@@ -6,7 +6,18 @@ from typing import Any
 
 import numpy as np
 
-from inclinometry.compiled import COMPILED, COT_EIGHTH, MATRIX_OUT, VECTOR, compiled, inlined, math, types
+from inclinometry.compiled import (
+    COMPILED,
+    COT_EIGHTH,
+    MATRIX_OUT,
+    VECTOR,
+    calibrated,
+    coefficients,
+    compiled,
+    inlined,
+    math,
+    types,
+)
 
 _INTS = types.Array(types.int32, 1, "C", readonly=True)
 _FLOATS = types.Array(types.float32, 1, "C", readonly=True)
@@ -56,18 +67,9 @@ def _directions(
     sine: Any, cosine: Any, level: Any, down: Any, tool_sine: Any, tool_cosine: Any,
 ) -> None:  # fmt: skip
     """What the angles are the arctangents of, worked out in double precision; see `compiled._attitude`."""
-    g00, g01, g02, g10, g11, g12, g20, g21, g22 = c[0], c[1], c[2], c[3], c[4], c[5], c[6], c[7], c[8]
-    b00, b01, b02, b10, b11, b12, b20, b21, b22 = c[9], c[10], c[11], c[12], c[13], c[14], c[15], c[16], c[17]
-    ux0, uy0, uz0, vx0, vy0, vz0 = c[18], c[19], c[20], c[21], c[22], c[23]
+    k = coefficients(c)
     for i in range(sine.size):
-        dux, duy, duz = ux[i] - ux0, uy[i] - uy0, uz[i] - uz0
-        dvx, dvy, dvz = vx[i] - vx0, vy[i] - vy0, vz[i] - vz0
-        gx = g00 * dux + g01 * duy + g02 * duz
-        gy = g10 * dux + g11 * duy + g12 * duz
-        gz = g20 * dux + g21 * duy + g22 * duz
-        bx = b00 * dvx + b01 * dvy + b02 * dvz
-        by = b10 * dvx + b11 * dvy + b12 * dvz
-        bz = b20 * dvx + b21 * dvy + b22 * dvz
+        gx, gy, gz, bx, by, bz = calibrated(ux[i], uy[i], uz[i], vx[i], vy[i], vz[i], k)
         square = gx * gx + gy * gy
         # exactly vertical the whole turn is called toolface
         vertical = square == 0.0
@@ -117,23 +119,14 @@ def _sums(
     ux: Any, uy: Any, uz: Any, vx: Any, vy: Any, vz: Any, inc: Any, azi: Any, tf: Any, a: Any, b: Any, t: Any, c: Any
 ) -> Any:
     """Of samples that count: their number, sums and squares of the angles from a, b, t, deg, and |g|^2, |b|^2, g.b."""
-    g00, g01, g02, g10, g11, g12, g20, g21, g22 = c[0], c[1], c[2], c[3], c[4], c[5], c[6], c[7], c[8]
-    b00, b01, b02, b10, b11, b12, b20, b21, b22 = c[9], c[10], c[11], c[12], c[13], c[14], c[15], c[16], c[17]
-    ux0, uy0, uz0, vx0, vy0, vz0 = c[18], c[19], c[20], c[21], c[22], c[23]
+    k = coefficients(c)
     valid = sa = sb = st = qa = qb = qt = gg = bb = gb = 0.0
     for i in range(inc.size):
         counts = inc[i] == inc[i]
         da, db, dt = float(inc[i] - a), float(azi[i] - b), float(tf[i] - t)
         db = db - 360.0 if db > 180.0 else (db + 360.0 if db < -180.0 else db)
         dt = dt - 360.0 if dt > 180.0 else (dt + 360.0 if dt < -180.0 else dt)
-        dux, duy, duz = ux[i] - ux0, uy[i] - uy0, uz[i] - uz0
-        dvx, dvy, dvz = vx[i] - vx0, vy[i] - vy0, vz[i] - vz0
-        gx = g00 * dux + g01 * duy + g02 * duz
-        gy = g10 * dux + g11 * duy + g12 * duz
-        gz = g20 * dux + g21 * duy + g22 * duz
-        bx = b00 * dvx + b01 * dvy + b02 * dvz
-        by = b10 * dvx + b11 * dvy + b12 * dvz
-        bz = b20 * dvx + b21 * dvy + b22 * dvz
+        gx, gy, gz, bx, by, bz = calibrated(ux[i], uy[i], uz[i], vx[i], vy[i], vz[i], k)
         valid += 1.0 if counts else 0.0
         sa += da if counts else 0.0
         sb += db if counts else 0.0

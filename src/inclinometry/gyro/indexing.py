@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from inclinometry.arrays import Array, Index, Mask, finite, frozen, within
 from inclinometry.errors import InputError
+from inclinometry.gyro.bias_walk import bias_walk, walk_covariance
 from inclinometry.gyro.result import IndexAverage
 from inclinometry.rotations import wrap_signed
 from inclinometry.uncertainty import chi_square_tail
@@ -143,11 +144,19 @@ class Batch:
     damping: float
     used: Mask = field(default_factory=lambda: np.ones((0, 0), dtype=np.bool_))  # (S, P)
 
+    def matrix(self, part: slice | Mask = slice(None)) -> Array:
+        """Design (S, P, m, q) of the stations."""
+        tensor = np.broadcast_to(self.tensor, (*self.values.shape, 3))[part]
+        return design(self.index[part], self.time[part], tensor, self.columns, self.damping)
+
+    def whitened(self, noise: Array) -> Array:
+        """Design over the standard deviations of the readings; zero for what is left out."""
+        return np.asarray(self.matrix() * (self.used[..., None] / (self.relative * noise))[..., None])
+
     def solve(self, noise: Array, keep: Mask | None = None) -> Solved:
         """Fit with the channels' noise (m,); of the stations `keep` where given."""
         part = slice(None) if keep is None else keep
-        tensor = np.broadcast_to(self.tensor, (*self.values.shape, 3))[part]
-        matrix = design(self.index[part], self.time[part], tensor, self.columns, self.damping)
+        matrix = self.matrix(part)
         weight = self.used[part][..., None] / (self.relative[part] * noise)
         return solve(matrix, self.values[part], weight, self.columns)
 
@@ -602,6 +611,7 @@ def average_index(
     offset_sd: ArrayLike | None = None,
     sweep: float = 0.0,
     drift: bool | None = None,
+    walk: float | None = None,
     tolerance: float = np.pi / 180.0,
 ) -> IndexAverage:
     """Field in tool axes at index 0 of every station, freed from bias and, where the scheme can, from linear drift.
@@ -634,6 +644,9 @@ def average_index(
         Angle turned while one reading is averaged, rad; the average shrinks by sin(sweep/2)/(sweep/2), which is undone.
     drift : bool, optional
         Fit a drift or not; as the scheme says when absent.
+    walk : float, optional
+        Variance of the step that the bias takes from reading to reading, in units of the noise's; where absent it is
+        found from the readings if the noise is stated (`inclinometry.gyro.bias_walk.bias_walk`), else in the noise.
     tolerance : float
         rad, by which a position may be off the scheme's (the angle read is used, not the scheme's); positions closer
         than that coincide.
@@ -694,10 +707,12 @@ def average_index(
             f"station {table.labels[batch.stations[lost[0]]]}: {batch.values.shape[-1]} channel(s) at index {shown} "
             f"deg do not determine both components of the field across the tool beside the bias; {remedy}"
         )
-    return _averaged(batches, given, table, names)
+    return _averaged(batches, given, table, names, walk)
 
 
-def _averaged(batches: list[Batch], given: Array | None, table: Table, names: Sequence[str]) -> IndexAverage:
+def _averaged(
+    batches: list[Batch], given: Array | None, table: Table, names: Sequence[str], walk: float | None
+) -> IndexAverage:
     """Noise, spikes, final fit."""
     stations, (total, channels) = len(table.labels), table.signals.shape
     every = np.ones(stations, dtype=np.bool_)
@@ -706,9 +721,11 @@ def _averaged(batches: list[Batch], given: Array | None, table: Table, names: Se
     batches = [batch for batch, _ in found]
     if given is None:
         noise = pooled_noise(batches, every, names)
+    if walk is None:
+        walk = 0.0 if given is None else _walk_of(found, noise, stations)
     out = _Sums(stations, channels)
     for batch, unsure in found:
-        out.take(batch, batch.solve(noise.sd), noise, unsure)
+        out.take(batch, batch.solve(noise.sd), noise, unsure, walk)
     left_out = [
         (int(table.labels[batch.stations[s]]), int(batch.rows[s, p]))
         for batch in batches
@@ -747,7 +764,28 @@ def _averaged(batches: list[Batch], given: Array | None, table: Table, names: Se
         left_out=tuple(left_out),
         notes=notes,
         warnings=tuple(warnings),
+        noise_freedom=np.inf if noise.dof is None else noise.dof,
     )
+
+
+def _noisy(fit: Solved, noise: Noise, unsure: Mask, stations: int) -> Mask:
+    """Stations (S,) that disagree within themselves by more than the noise."""
+    likely = noise.tail(fit.chi_square, np.maximum(fit.dof, 1e-9)) * stations
+    return np.asarray(unsure | ((fit.dof > 0.0) & (likely < LEVEL)))
+
+
+def _walk_of(found: Sequence[tuple[Batch, Mask]], noise: Noise, stations: int) -> float:
+    """Walk of the bias as `bias_walk` finds it, of stations that lack no reading and are not noisy."""
+    parts = []
+    for batch, unsure in found:
+        whole = batch.used.all(axis=1) & ~_noisy(batch.solve(noise.sd), noise, unsure, stations)
+        size, channels = batch.values.shape[1:]
+        spread = np.broadcast_to(batch.relative * noise.sd, batch.values.shape)[whole]
+        parts.append((
+            np.repeat(batch.stations[whole], size), batch.index[whole].ravel(),
+            batch.values[whole].reshape(-1, channels), spread.reshape(-1, channels),
+        ))  # fmt: skip
+    return max((bias_walk(*part) for part in parts if len(part[0])), default=0.0)
 
 
 class _Sums:
@@ -760,15 +798,22 @@ class _Sums:
         self.chi_square, self.dof = np.zeros(stations), np.zeros(stations)
         self.spike, self.noisy = np.zeros(stations, dtype=np.bool_), np.zeros(stations, dtype=np.bool_)
 
-    def take(self, batch: Batch, fit: Solved, noise: Noise, unsure: Mask) -> None:
-        """Store one batch; the covariance of noisy stations is inflated to what their residuals say."""
+    def take(self, batch: Batch, fit: Solved, noise: Noise, unsure: Mask, walk: float) -> None:
+        """Store one batch; the covariance of noisy stations is inflated to what their residuals say.
+
+        That of the others grows by the walk of the bias, which the residuals of the noisy ones hold already.
+        """
         at, columns = batch.stations, batch.columns
         free = np.maximum(fit.dof, 1e-9)
-        noisy = unsure | ((fit.dof > 0.0) & (noise.tail(fit.chi_square, free) * len(self.field) < LEVEL))
+        noisy = _noisy(fit, noise, unsure, len(self.field))
         inflation = np.where(noisy & (fit.dof > 0.0), np.maximum(1.0, fit.chi_square / free), 1.0)
+        covariance = fit.covariance * (noise.widening * inflation)[:, None, None]
+        if walk:
+            by_reading = np.einsum("sqr,spmr->sqpm", fit.covariance, batch.whitened(noise.sd))
+            covariance += np.where(noisy, 0.0, 1.0)[:, None, None] * walk_covariance(by_reading, walk)
         seen = slice(0, columns.field)
         self.field[at, seen] = fit.estimate[:, seen]
-        self.covariance[at, seen, seen] = fit.covariance[:, seen, seen] * (noise.widening * inflation)[:, None, None]
+        self.covariance[at, seen, seen] = covariance[:, seen, seen]
         self.bias[np.ix_(at, columns.biased)] = fit.estimate[:, columns.bias_slots()]
         if columns.drift:
             self.drift[at] = fit.estimate[:, columns.bias_slots().stop :] / batch.second[:, None]

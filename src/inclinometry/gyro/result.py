@@ -128,6 +128,7 @@ class IndexAverage:
     bias, drift : (n, m) of each channel, per reading unit and per second; drift 0 where it was not fitted.
     chi_square, dof : (n,) weighted squared residuals and their degrees of freedom.
     noise : (m,) standard deviation of one reading that the covariance rests on.
+    noise_freedom : degrees of freedom of the residuals it was estimated from; infinite where it was given.
     flags : per station, names of `FLAGS`.
     left_out : (station, row) of readings not used.
     notes : what was estimated; warnings : what may be wrong.
@@ -144,6 +145,7 @@ class IndexAverage:
     left_out: Sequence[tuple[int, int]] = ()
     notes: Sequence[str] = ()
     warnings: Sequence[str] = ()
+    noise_freedom: float = np.inf
 
     def __len__(self) -> int:
         return len(self.field)

@@ -15,9 +15,9 @@ from inclinometry.earth.site import convert_azimuth
 from inclinometry.errors import InputError
 from inclinometry.position.tool_code import PROPAGATIONS, Evaluator, Levers, ToolCode, Weights, levers
 from inclinometry.position.well import WellSurvey, hole_sigmas, horizontal_ellipse
-from inclinometry.survey.path import directions
+from inclinometry.survey.path import SurveyRun, directions
 from inclinometry.tabular import Column, Tabular, check_record, degrees, draw
-from inclinometry.uncertainty import AngleErrors, ellipsoid_factor
+from inclinometry.uncertainty import AngleErrors, ellipsoid_factor, pooled_freedom
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,17 +116,9 @@ class MatrixSource:
 # A run whose angles err by named causes, as a gyro's, as sources of error of a position.
 
 
-class AngleRun(Protocol):
+class AngleRun(SurveyRun, Protocol):
     """Stations with what may be wrong with their angles: a `survey.reduce.Survey`, or one read from errors.json."""
 
-    @property
-    def md(self) -> Array: ...
-    @property
-    def inclination(self) -> Array: ...
-    @property
-    def azimuth(self) -> Array: ...
-    @property
-    def azimuth_reference(self) -> str: ...
     @property
     def errors(self) -> Mapping[str, AngleErrors]: ...
 
@@ -292,17 +284,10 @@ class PositionUncertainty(Tabular):
     def degrees_of_freedom(self) -> Array:
         """Effective ones (n,) of each station's covariance, by the share that estimated variances have in its trace.
 
-        Sources of one number of degrees of freedom hang on the same estimate (a calibration and the noise of its tool)
-        and count as one in the formula of Welch and Satterthwaite.
+        See `inclinometry.uncertainty.pooled_freedom`.
         """
-        estimated: dict[float, Array] = {}
-        for one in self.sources.values():
-            if np.isfinite(one.degrees_of_freedom):
-                own = np.trace(one.covariance, axis1=1, axis2=2)
-                estimated[one.degrees_of_freedom] = estimated.get(one.degrees_of_freedom, 0.0 * own) + own
-        total = np.trace(self.covariance, axis1=1, axis2=2)
-        spent = sum((own**2 / nu for nu, own in estimated.items()), np.zeros(len(self)))
-        return np.asarray(np.divide(total**2, spent, out=np.full(len(self), np.inf), where=spent > 0.0))
+        traces = [(np.trace(s.covariance, axis1=1, axis2=2), s.degrees_of_freedom) for s in self.sources.values()]
+        return np.broadcast_to(pooled_freedom(traces), len(self))
 
     def widened(self, probability: float) -> Array:
         """Covariance (n, 3, 3) whose normal ellipses of that probability are those of the degrees of freedom there are.

@@ -489,9 +489,9 @@ def gyro_report(
         Section("Flags", tables=[flag_table(survey, FLAGS)]) if flagged else None,
         Section("Stations", tables=[cut(_stations(survey, north, heat))]),
     ]
-    size = len(survey)
+    size, k = len(survey), survey.coverage_factor
     span = f"{size} station{'s' * (size != 1)} from {survey.md[0]:g} to {survey.md[-1]:g} m"
-    expanded = {name: COVERAGE_FACTOR * np.degrees(survey.u(name)) for name in ANGLES[:2]}
+    expanded = {name: np.degrees(survey.expanded(name)) for name in ANGLES[:2]}
     # a number as small as this is not what accelerometers are good for, but what nobody stated of them
     stated = bool(np.nanmax(expanded["inclination"], initial=0.0) > LEAST_INCLINATION)
     parts = listed([worst_and_median(name, u) for name, u in expanded.items() if stated or name != "inclination"])
@@ -521,7 +521,7 @@ def gyro_report(
         conventions=GYRO_CONVENTIONS,
         state=state,
         badge=badge,
-        verdict=f"{span}: {parts} at the worst of them (expanded, k = {COVERAGE_FACTOR:g}, about 95 %).{condition}",
+        verdict=f"{span}: {parts} at the worst of them (expanded, k = {k:g}, about 95 %).{condition}",
         notes=[
             f"Azimuth counts from {survey.azimuth_reference} north. Included in the uncertainty: {named}. "
             f"Not included: {missing}."
@@ -660,11 +660,11 @@ def _measure(value: float, unit: str) -> str:
 
 def _stations(survey: Survey, north: North, heat: Array | None) -> Table:
     angles = [(np.degrees(getattr(survey, n)), np.degrees(survey.u(n))) for n in ANGLES]
-    rows = []
+    rows, k = [], survey.coverage_factor
     for n in range(len(survey)):
         cells = [f"{survey.md[n]:.2f}"]
         for value, u in angles:
-            cells += [rounded(float(value[n]), float(u[n])), significant(COVERAGE_FACTOR * float(u[n]))]
+            cells += [rounded(float(value[n]), float(u[n])), significant(k * float(u[n]))]
         u_scale = float(north.u_scale[n])
         cells += [rounded(float(north.scale[n]), u_scale), significant(u_scale)]
         cells += [north.root[n], rounded(float(north.k[n]), 0.02)]
@@ -675,7 +675,7 @@ def _stations(survey: Survey, north: North, heat: Array | None) -> Table:
         head += [name, "U"]
     head += ["scale", "u", "root", "K", *([] if heat is None else ["T, °C"]), "flags"]
     caption = (
-        f"Stations; angles and U (k = {COVERAGE_FACTOR:g}) in deg, azimuth from {survey.azimuth_reference} north, "
+        f"Stations; angles and U (k = {k:g}) in deg, azimuth from {survey.azimuth_reference} north, "
         "scale with its standard uncertainty u"
     )
     return Table(caption, head, rows)

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from inclinometry.arrays import Array
-from inclinometry.constants import ANGLES, COVERAGE_FACTOR
+from inclinometry.constants import ANGLES
 from inclinometry.earth.site import Site
 from inclinometry.report import survey_figures as draw
 from inclinometry.report.norths import chain_of_norths, compass
@@ -125,23 +125,23 @@ def _sentence(survey: Survey) -> str:
     if not size:
         return "No station was surveyed."
     span = f"{size} station{'s' * (size != 1)} from {survey.md[0]:g} to {survey.md[-1]:g} m"
-    expanded = {name: COVERAGE_FACTOR * np.degrees(survey.u(name)) for name in _known(survey)}
+    expanded = {name: np.degrees(survey.expanded(name)) for name in _known(survey)}
     if not any(u.any() for u in expanded.values()):
         return f"{span}; the calibration states no uncertainty."
     parts = listed([worst_and_median(name, u) for name, u in expanded.items()])
-    return f"{span}: {parts} at the worst of them (expanded, k = {COVERAGE_FACTOR:g}, about 95 %)."
+    return f"{span}: {parts} at the worst of them (expanded, k = {survey.coverage_factor:g}, about 95 %)."
 
 
 def summary_table(survey: Survey, names: Sequence[str]) -> Table:
     """Least, median and largest expanded uncertainty of angles."""
     body = []
     for name in names:
-        expanded = COVERAGE_FACTOR * np.degrees(survey.u(name))
+        expanded = np.degrees(survey.expanded(name))
         worst = int(np.argmax(expanded))
         cells = [significant(float(v)) for v in (expanded.min(), np.median(expanded), expanded[worst])]
         body.append(TableRow([name, *cells, plain(survey.md[worst], 2)]))
     head = ["angle", "least U, deg", "median U, deg", "largest U, deg", "at md, m"]
-    return Table(f"Expanded uncertainty (k = {COVERAGE_FACTOR:g})", head, body)
+    return Table(f"Expanded uncertainty (k = {survey.coverage_factor:g})", head, body)
 
 
 def _magnitude_figures(survey: Survey, site: Site | None) -> list[Picture]:
@@ -196,19 +196,19 @@ def _table(survey: Survey) -> Table:
         )
         if np.isfinite(values).any()
     ]
-    rows = []
+    rows, factor = [], survey.coverage_factor
     for k in range(len(survey)):
         cells = [f"{survey.md[k]:.2f}"]
         for value, u in degrees.values():
             spread = float(u[k])
-            cells += [rounded(float(value[k]), spread), significant(COVERAGE_FACTOR * spread)]
+            cells += [rounded(float(value[k]), spread), significant(factor * spread)]
         cells += [f"{values[k]:.{places}f}" for _, values, places in totals]
         rows.append(TableRow([*cells, ", ".join(survey.flags[k])], "warn" if survey.flags[k] else ""))
     head = ["md, m"]
     for name in degrees:
         head += [name, "U"]
     return Table(
-        f"Stations; angles, U (k = {COVERAGE_FACTOR:g}) and dip in deg", [*head, *(t[0] for t in totals), "flags"], rows
+        f"Stations; angles, U (k = {factor:g}) and dip in deg", [*head, *(t[0] for t in totals), "flags"], rows
     )
 
 

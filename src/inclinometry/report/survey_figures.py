@@ -36,14 +36,14 @@ def angle_figure(survey: Survey, name: str) -> Figure:
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
     rows = thinned(len(survey))
     md, value = survey.md[rows], np.degrees(getattr(survey, name)[rows])
-    u = np.degrees(survey.u(name)[rows])
-    course(upper, md, value if name == "inclination" else unbroken(value), COVERAGE_FACTOR * u)
+    u, k = np.degrees(survey.u(name)[rows]), survey.coverage_factor
+    course(upper, md, value if name == "inclination" else unbroken(value), k * u)
     upper.set_ylabel(f"{name}, deg")
     md = survey.md[rows]
     if not (u > 0.0).any():
         lower.text(0.5, 0.5, "no uncertainty known", transform=lower.transAxes, ha="center", va="center")
     else:
-        lower.plot(md, COVERAGE_FACTOR * u, color=INK, label="U, all")
+        lower.plot(md, k * u, color=INK, label="U, all")
         low, least = float(u[u > 0.0].min()), 1e-3 * float(u.max())  # a smaller component is not drawn
         column = {"inclination": 0, "azimuth": 1, "toolface": 2}
         for n, (component, parts) in enumerate(survey.components.items()):
@@ -54,12 +54,12 @@ def angle_figure(survey: Survey, name: str) -> Figure:
                 low = min(low, float(np.nanmin(part)))
                 lower.plot(
                     md,
-                    COVERAGE_FACTOR * part,
+                    k * part,
                     color=SERIES[(n + 1) % len(SERIES)],
                     linestyle=DASHES[(n + 1) % len(DASHES)],
                     label=component,
                 )
-        log_scale(lower, COVERAGE_FACTOR * low, COVERAGE_FACTOR * float(u.max()))
+        log_scale(lower, k * low, k * float(u.max()))
         lower.set_ylabel("U, deg")
         # two long names side by side are as much as the width bears
         wide = 3 if len(survey.components) < 4 else 2

@@ -20,6 +20,9 @@ from inclinometry.survey.stations import Stations
 NOISE = "sensor noise"
 """Name of the component that is each station's own."""
 
+ESTIMATED = ("calibration", NOISE)
+"""Components whose size a calibration knows from its own readings."""
+
 
 def survey_from_stations(
     stations: Stations,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,22 +15,10 @@ from inclinometry.errors import InputError
 from inclinometry.gyro.result import FLAGS, North
 from inclinometry.rotations import wrap_positive, wrap_signed
 from inclinometry.survey.flags import ROUNDING, Check, summary, worst
+from inclinometry.survey.path import SurveyRun
 from inclinometry.survey.reduce import Survey
 from inclinometry.tabular import Column, Tabular, in_degrees
 from inclinometry.uncertainty import AngleErrors
-
-
-class Stations(Protocol):
-    """What is compared: a `survey.reduce.Survey` has it too."""
-
-    @property
-    def md(self) -> Array: ...
-    @property
-    def inclination(self) -> Array: ...
-    @property
-    def azimuth(self) -> Array: ...
-    @property
-    def azimuth_reference(self) -> str: ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,12 +98,13 @@ class Comparison(Tabular):
         return {"md_m": self.md, **in_degrees(self, "inclination", "azimuth"), "verdict": list(self.verdicts)}
 
 
-def compare_runs(in_run: Stations, out_run: Stations, limits: RepeatLimits) -> Comparison:
+def compare_runs(in_run: SurveyRun, out_run: SurveyRun, limits: RepeatLimits) -> Comparison:
     """Compare two runs of one hole by depth.
 
     Parameters
     ----------
-    in_run, out_run : Stations
+    in_run, out_run : SurveyRun
+        A `survey.reduce.Survey` or a `Run`.
         From the same north. The out-run is interpolated linearly to the in-run's depths, azimuth along the shorter
         arc, only inside its range and not over more than `limits.interval`.
     limits : RepeatLimits
@@ -205,7 +194,7 @@ def compare_runs(in_run: Stations, out_run: Stations, limits: RepeatLimits) -> C
     return Comparison(md, rows, inclination, azimuth, between, verdicts, statistics, checks, limits, tuple(notes))
 
 
-def _checked(run: Stations, name: str) -> None:
+def _checked(run: SurveyRun, name: str) -> None:
     """InputError where a run cannot be compared."""
     md = finite(run.md, f"md of the {name}", (None,))
     back = np.flatnonzero(np.diff(md) <= 0.0)
@@ -219,7 +208,7 @@ def _checked(run: Stations, name: str) -> None:
             raise InputError(f"{what} of the {name} has shape {np.shape(values)} or is infinite; md has {md.shape}")
 
 
-def _interpolated(md: Array, run: Stations, interval: float) -> tuple[Array, Array, Mask, Mask]:
+def _interpolated(md: Array, run: SurveyRun, interval: float) -> tuple[Array, Array, Mask, Mask]:
     """Inclination and azimuth of the out-run at other depths, whether they are covered, and whether interpolated.
 
     Not covered outside its range and over gaps longer than `interval`.

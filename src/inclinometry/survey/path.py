@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import factorial
-from typing import Any, Final, NamedTuple, TypeAlias
+from typing import Any, Final, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -84,6 +84,19 @@ def _quotient(u: Even, v: Even) -> Even:
 
 REVERSAL: Final = 2e-6
 """How near half a turn a dogleg may come, rad: the plane of its arc is then known to a ten-billionth."""
+
+
+class SurveyRun(Protocol):
+    """Stations of one run by depth (n,), m, and angles (n,), rad: a `survey.reduce.Survey` is one."""
+
+    @property
+    def md(self) -> Array: ...
+    @property
+    def inclination(self) -> Array: ...
+    @property
+    def azimuth(self) -> Array: ...
+    @property
+    def azimuth_reference(self) -> str: ...
 
 
 @dataclass(frozen=True, eq=False, repr=False)

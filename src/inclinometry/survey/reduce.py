@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from inclinometry.arrays import Array, Mask, finite, frozen, within
-from inclinometry.constants import ANGLES, EARTH_RATE, GRAVITY_SPREAD
+from inclinometry.constants import ANGLES, COVERAGE_FACTOR, EARTH_RATE, GRAVITY_SPREAD
 from inclinometry.earth.gravity import relative_gravity
 from inclinometry.earth.site import Site, convert_azimuth
 from inclinometry.errors import InputError
@@ -31,7 +31,7 @@ from inclinometry.survey.multistation import REPLACED, SOURCE, Model, MultiStati
 from inclinometry.survey.multistation_priors import FieldReference, Priors
 from inclinometry.survey.stations import Source, Stations
 from inclinometry.tabular import Column, Tabular, check_record, draw, in_degrees
-from inclinometry.uncertainty import UNKNOWN, AngleErrors, angle_sd
+from inclinometry.uncertainty import UNKNOWN, AngleErrors, angle_sd, expanded_factor, pooled_freedom
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -223,6 +223,7 @@ class Survey(Tabular):
         calibration, references), and by what is each station's own (noise); both together are the components. A mean
         of stations averages the second away, never the first.
     errors : cause -> what it does to the angles of all stations together, for positions; of a gyro run
+    freedom : component -> degrees of freedom from which its size was estimated; infinite for those not named
     """
 
     md: Array
@@ -246,6 +247,7 @@ class Survey(Tabular):
     errors: Mapping[str, AngleErrors] = field(default_factory=dict)
     common: Array = field(default_factory=lambda: np.zeros((0, 2, 2)))
     random: Array = field(default_factory=lambda: np.zeros((0, 2, 2)))
+    freedom: Mapping[str, float] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         steps = sorted(set(np.linspace(0, len(self) - 1, min(10, len(self))).astype(int).tolist()))
@@ -265,6 +267,22 @@ class Survey(Tabular):
         """
         column = ("inclination", "azimuth", "toolface", "magnetic_toolface").index(name)
         return angle_sd(self.components, column)
+
+    @property
+    def coverage_factor(self) -> float:
+        """k of the expanded uncertainties: the largest that a station's angle asks for, 2 where nothing was estimated.
+
+        Student's quantile for the effective degrees of freedom (Welch and Satterthwaite) of what was estimated from few
+        readings, as a calibration in twelve positions, beside what is known otherwise; see
+        `inclinometry.uncertainty.expanded_factor`.
+        """
+        known = {name: np.where(np.isfinite(part), part, 0.0) for name, part in self.components.items()}
+        freedom = pooled_freedom((part, self.freedom.get(name, np.inf)) for name, part in known.items())
+        return float(np.max(expanded_factor(freedom), initial=COVERAGE_FACTOR))
+
+    def expanded(self, name: str) -> Array:
+        """Expanded uncertainty (n,) of an angle, rad: `coverage_factor` times `u`."""
+        return self.coverage_factor * self.u(name)
 
     @property
     def u_inclination(self) -> Array:

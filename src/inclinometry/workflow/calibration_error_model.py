@@ -23,7 +23,7 @@ from inclinometry.position.propagation import MatrixSource, propagate
 from inclinometry.position.tool_code import ToolCode
 from inclinometry.position.well import WellSurvey, horizontal_ellipse
 from inclinometry.sensors import Tool
-from inclinometry.survey.from_stations import NOISE
+from inclinometry.survey.from_stations import ESTIMATED
 from inclinometry.survey.from_tool import stations_from_tool
 from inclinometry.survey.reduce import SensorCorrection, apply_correction
 
@@ -108,9 +108,7 @@ def calibration_error_model(
             warnings.append(f"{count} {span} without raw channels: the errors of their sensors are not in the ellipses")
     # of both the size hangs on variances that the calibration has estimated
     freedom = calibration.degrees_of_freedom
-    sources = tuple(
-        replace(one, degrees_of_freedom=freedom) if one.name in ("calibration", NOISE) else one for one in sources
-    )
+    sources = tuple(replace(one, degrees_of_freedom=freedom) if one.name in ESTIMATED else one for one in sources)
     known = beside is not None and bool(_declination_terms(beside))
     reference = () if known else reference_sources(well)
     if beside is None:

@@ -228,7 +228,13 @@ def north_run(
         readings.md, north, site=site, g_total=total, flags=flags, tool=name, inputs=digests, notes=notes,
         errors=errors,
     )  # fmt: skip
-    survey = replace(survey, notes=(*averages.gravity.notes, *averages.rate.notes))
+    # the calibration's errors go with the noise of the sensors they are of
+    own = np.inf if calibration is None else calibration.degrees_of_freedom
+    freedom = {
+        "accelerometer": min(averages.gravity.noise_freedom, own),
+        "gyro": min(averages.rate.noise_freedom, own),
+    }
+    survey = replace(survey, notes=(*averages.gravity.notes, *averages.rate.notes), freedom=freedom)
     joined = tuple((*a, *b) for a, b in zip(north.flags, flags, strict=True))
     north = replace(north, flags=joined)
     rates = north.scale[:, None] * averages.rate.field

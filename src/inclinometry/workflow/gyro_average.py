@@ -13,10 +13,12 @@ from inclinometry.constants import EARTH_RATE, STANDARD_GRAVITY
 from inclinometry.errors import FileError, InputError
 from inclinometry.files.columns import KIND_PREFIX
 from inclinometry.files.gyro_csv import GyroReadings
+from inclinometry.gyro.bias_walk import bias_walk
 from inclinometry.gyro.indexing import SCHEMES, average_index
 from inclinometry.gyro.result import IndexAverage
 from inclinometry.rotations import rotation_z
 from inclinometry.sensors import Triad
+from inclinometry.uncertainty import coverage_factor
 from inclinometry.workflow.gyro_uncertainty import field_by_calibration, reading_variance
 
 TO_SI: Final = {
@@ -199,6 +201,9 @@ def _average(
     keep[[row for _, row in found.left_out]] = False
     # factor on noise and priors alike, by which no reading is an outlier and the solution is the same
     lenient = 1e3
+    # errors of the calibration turn with the index as the field does; a bias that walks does not
+    plainly = np.array([not names for names in found.flags])[readings.station]
+    walk = bias_walk(readings.station[plainly], readings.index[plainly], signals[plainly], plain[plainly])
     # the same weights as with the noise alone, and nothing to be called an outlier once more
     again = average_index(
         readings.station[keep],
@@ -212,6 +217,7 @@ def _average(
         offset_sd=lenient * known,
         sweep=sweep,
         drift=SCHEMES[scheme].drift,
+        walk=walk,
     )
     found = replace(found, field=again.field * strength, covariance=again.covariance * (strength / lenient) ** 2)
     return found, _along(known, tensor, strength, len(readings))
@@ -288,14 +294,18 @@ def _two_passes(
     everything = np.ones(len(mean), dtype=bool)
 
     def bias_across(found: IndexAverage, places: Mask) -> float:
-        off = found.bias if offset is None else found.bias - offset[..., places]
-        return float(np.sqrt(np.mean(off[:, ~along[places]] ** 2)))
+        off = (found.bias if offset is None else found.bias - offset[..., places])[:, ~along[places]]
+        # noise of a station's own, which its neighbour does not share, is no bias
+        own = 0.5 * float(np.mean(np.diff(off, axis=0) ** 2)) if len(off) > 1 else 0.0
+        return float(np.sqrt(max(float(np.mean(off**2)) - own, own / len(off))))
 
     if along.any() and bias is None:
         known[along] = bias_across(average(~along, known), ~along)
+        # so few biases may all be small by chance: as wide as Student's distribution over the normal one at 95 %
+        wide = float(coverage_factor(0.95, np.count_nonzero(~along)) / coverage_factor(0.95))
         # axes that are skewed see along the tool too, and that was taken for bias as long as it had no place of its own
         for _ in range(2):
-            size = bias_across(average(everything, known), everything)
+            size = wide * bias_across(average(everything, known), everything)
             known[along] = size
         notes = (_axial_note(kind, size * strength / np.linalg.norm(mean, axis=1).max()),)
     elif bias is not None:
@@ -319,8 +329,8 @@ def _axial_note(kind: str, size: float) -> str:
     taken = f"{size:.2g} m/s2" if kind == "accelerometer" else f"{np.degrees(size) * 3600.0:.2g} deg/h"
     stated = "" if kind == "accelerometer" else ": state it with --z-bias-sd-deg-h"
     return (
-        f"the bias of the {kind} along the tool cannot be turned away; taken as {taken} (standard uncertainty), as "
-        f"large as those across{stated}"
+        f"the bias of the {kind} along the tool cannot be turned away; taken as {taken} (standard uncertainty), from "
+        f"those across, widened as they are few{stated}"
     )
 
 

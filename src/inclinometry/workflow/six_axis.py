@@ -28,7 +28,7 @@ from inclinometry.rotations import wrap_signed
 from inclinometry.sensors import Tool
 from inclinometry.survey.consistency import angle_doubts, place_doubts
 from inclinometry.survey.flags import Check, worst
-from inclinometry.survey.from_stations import survey_from_stations
+from inclinometry.survey.from_stations import ESTIMATED, survey_from_stations
 from inclinometry.survey.from_tool import stations_from_tool, stations_plain
 from inclinometry.survey.multistation import MultiStation, multistation
 from inclinometry.survey.multistation_priors import (
@@ -242,6 +242,7 @@ class SixAxis:
     site : Site, completed; tool : Tool, or None without a calibration; dip : rad at the calibration stand, or None.
     notes : what was taken for granted; warnings : what may be wrong.
     inputs : name -> digest.
+    freedom : component -> degrees of freedom of the calibration that its size is known from.
     """
 
     stations: Stations
@@ -251,6 +252,7 @@ class SixAxis:
     notes: Sequence[str] = ()
     warnings: Sequence[str] = ()
     inputs: Mapping[str, str] = field(default_factory=dict)
+    freedom: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def reference(self) -> FieldReference | None:
@@ -332,7 +334,9 @@ def read_six_axis(
     inputs |= {f"calibration {name}": value for name, value in record.inputs.items()}
     inputs |= {"raw": source.digest, "tool": digest_file(calibration)}
     inherited = [f"calibration: {sentence}" for sentence in record.warnings]
-    return SixAxis(stations, place, record.tool, record.dip, (*said, *source.notes), (*inherited, *warned), inputs)
+    freedom = dict.fromkeys(ESTIMATED, record.degrees_of_freedom)
+    warned = [*inherited, *warned]
+    return SixAxis(stations, place, record.tool, record.dip, (*said, *source.notes), warned, inputs, freedom)
 
 
 def run_warnings(
@@ -515,7 +519,7 @@ def survey_six_axis(run: SixAxis, correct: str | None = None, bha: str | Path | 
         if isinstance(check, Check) and check.verdict != "pass":
             said.append(f"{name}: {check.reason}; {check.action}")
     told = [*run.warnings, *_of_order(correct), *warned, *said, *_of_checks(judged, survey)]
-    survey = replace(survey, warnings=(*told, *survey.warnings))
+    survey = replace(survey, warnings=(*told, *survey.warnings), freedom=run.freedom)
     return SixAxisSurvey(survey, run.site, judged, before, results, run.notes)
 
 

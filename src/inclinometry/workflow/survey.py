@@ -19,6 +19,7 @@ from inclinometry.files.table import Progress
 from inclinometry.files.tool_json import read_calibration
 from inclinometry.files.writing import column, write_columns
 from inclinometry.orientation import SWITCH
+from inclinometry.survey.from_stations import ESTIMATED
 from inclinometry.survey.from_tool import stations_from_tool
 from inclinometry.survey.plausibility import OVERRULED, Run, doubts, settle
 from inclinometry.survey.reduce import Survey, parts_of, reduce_survey
@@ -78,7 +79,8 @@ def survey_raw(
         gravity_sd=gravity_sd,
     )
     inherited = [f"calibration: {sentence}" for sentence in calibration.warnings]
-    return replace(found, warnings=(*raw.notes, *inherited, *found.warnings))
+    freedom = dict.fromkeys(ESTIMATED, calibration.degrees_of_freedom)
+    return replace(found, warnings=(*raw.notes, *inherited, *found.warnings), freedom=freedom)
 
 
 def survey_file(
