@@ -261,7 +261,7 @@ def _of_numpy(path: Path) -> bool:
     try:
         with zipfile.ZipFile(path) as archive:
             return any(name.endswith(".npy") for name in archive.namelist())
-    except (OSError, zipfile.BadZipFile):
+    except (OSError, RuntimeError, zipfile.BadZipFile):  # RuntimeError: a version of zip unknown
         return path.suffix.lower() == ".npz"
 
 
