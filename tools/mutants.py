@@ -77,10 +77,11 @@ ARITHMETIC = {
 
 
 class Mutant(NamedTuple):
-    """One change: file below the package, place in its bytes, what stands there, what is put there."""
+    """One change: file below the package, line, its text, place in the bytes, what stands there, what is put there."""
 
     path: str
     line: int
+    text: str
     start: int
     end: int
     before: str
@@ -89,6 +90,11 @@ class Mutant(NamedTuple):
 
     def __str__(self) -> str:
         return f"{self.path}:{self.line}: {self.before} -> {self.after}"
+
+    @property
+    def key(self) -> str:
+        """What a reason is stored under: it holds while the line stands as it is."""
+        return f"{self.path}: {self.text}: {self.before} -> {self.after}"
 
 
 def changes(node: ast.AST) -> Iterator[ast.AST]:
@@ -128,6 +134,8 @@ def _code(node: ast.AST) -> Iterator[ast.AST]:
         for child in field if isinstance(field, list) else [field]:
             if not isinstance(child, ast.AST) or isinstance(child, ast.JoinedStr | ast.Raise):
                 continue
+            if isinstance(child, ast.keyword) and child.arg == "strict":
+                continue  # zip's check of what is equally long
             if isinstance(child, ast.If) and ast.unparse(child.test) == "TYPE_CHECKING":
                 continue
             if isinstance(child, ast.Expr) and _is_text(child.value):
@@ -144,7 +152,7 @@ def mutants(room: str) -> list[Mutant]:
             if "migrations" in path.parts:
                 continue
             data = path.read_bytes()
-            starts = [0]
+            texts, starts = data.decode().splitlines(), [0]
             for line in data.splitlines(keepends=True):
                 starts.append(starts[-1] + len(line))
             for node in _code(ast.parse(data)):
@@ -155,7 +163,8 @@ def mutants(room: str) -> list[Mutant]:
                     after = after if isinstance(node, ast.Return | ast.Constant) else f"({after})"
                     before = " ".join(data[start:end].decode().split())
                     name = path.relative_to(PACKAGE).as_posix()
-                    found.append(Mutant(name, node.lineno, start, end, before, after, room))
+                    text = texts[node.lineno - 1].strip()
+                    found.append(Mutant(name, node.lineno, text, start, end, before, after, room))
     return found
 
 
@@ -332,9 +341,9 @@ def main() -> int:
         for mutant in passed:
             if not killed(mutant, copy, seen[mutant.room], everything=True):
                 survivors.append(mutant)
-                reason = REASONS.get(f"{mutant.path}: {mutant.before} -> {mutant.after}", "")
+                reason = REASONS.get(mutant.key, "")
                 print(f"survived: {mutant}" + (f"  ({reason})" if reason else ""), flush=True)
-    excused = [m for m in survivors if f"{m.path}: {m.before} -> {m.after}" in REASONS]
+    excused = [m for m in survivors if m.key in REASONS]
     for room in seen:
         of_room = [mutant for mutant in sample if mutant.room == room]
         alive = [mutant for mutant in survivors if mutant.room == room]

@@ -171,6 +171,28 @@ def test_one_digit():
     assert doubts(table(md, inclination, azimuth))[0].refused
 
 
+@pytest.mark.parametrize(
+    ("words", "inclination_deg", "azimuth_deg"),
+    [
+        ("azimuth 121 (half a turn)", 60.0, 301.0),
+        ("azimuth 121 (mirrored)", 60.0, 239.0),
+        ("azimuth 121 (another quadrant)", 60.0, 59.0),
+        ("inclination 60 (from the other end)", 120.0, 121.0),
+        ("inclination 60 (from the horizontal)", 30.0, 121.0),
+        ("inclination 60 and azimuth 121 (exchanged)", 121.0, 60.0),
+    ],
+)
+def test_the_reading_that_would_fit_is_named(words, inclination_deg, azimuth_deg):
+    """A straight hole at inclination 60, azimuth 121; one station was written down wrongly."""
+    md = np.arange(0.0, 900.0, 30.0)
+    r = np.random.default_rng(1)
+    inclination, azimuth = 60.0 + 0.03 * r.normal(size=30), 121.0 + 0.03 * r.normal(size=30)
+    inclination[15], azimuth[15] = inclination_deg, azimuth_deg
+    found = next(doubt for doubt in doubts(table(md, inclination, azimuth)) if doubt.name == "station")
+    assert found.stations == (15,)
+    assert words in found.sentence
+
+
 def test_the_first_and_the_last_station():
     md, inclination, azimuth = hole()
     azimuth[-1] = (azimuth[-1] - 25.0) % 360.0

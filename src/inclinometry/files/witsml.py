@@ -122,7 +122,9 @@ def load(path: Path) -> tuple[Any, bytes]:
         root: Any = etree.fromstring(data, parser)
     except etree.XMLSyntaxError as error:
         line = error.lineno or 1
-        raise FileError(f"not well-formed XML: {error.msg:.200}; is the file truncated?", path=path, line=line) from None
+        raise FileError(
+            f"not well-formed XML: {error.msg:.200}; is the file truncated?", path=path, line=line
+        ) from None
     if root.getroottree().docinfo.internalDTD is not None:
         raise FileError("a document type is declared; remove it, WITSML has none", path=path, line=1)
     wanted = f"{{{_namespace()}}}trajectorys"
