@@ -3,7 +3,8 @@
     python tools/mutants.py [ROOM ...] [--count 400] [--seed 1] [--list]
 
 First the tests of each room are run once without a change, and it is noted which of them run which line. A change is
-held against the tests that run its line, quick ones first; what they let pass, at the end against the whole room.
+held against the tests that run its line, quick ones first; what they let pass, at the end against all of the room, the
+long ones too.
 
 A change is one of: a comparison (< for <=, == for !=, in for not in), an operator of arithmetic, "and" for "or", a
 "not" left out, a number or a truth value, a return that gives None. The sample is drawn from all changes of the rooms
@@ -42,6 +43,7 @@ PACKAGE = HOME / "src" / "inclinometry"
 REASONS = json.loads((HOME / "tools" / "mutants.json").read_text("utf-8"))
 LEAST_KILLED = 0.9
 PATIENCE, PATIENCE_S = 5.0, 30.0  # so many times as long as without a change, and these seconds more
+LONGEST_S = 3600.0  # all tests of a room, the long ones too
 BYTES = 12 << 30
 LOADED = (numpy, scipy.linalg, scipy.optimize, scipy.stats)
 """Imported once, here, for all the processes that run tests."""
@@ -224,7 +226,9 @@ class Watch:
             self.failed.append(report.nodeid)
 
 
-def run(copy: Path, cache: Path, tests: list[str], watch: Watch, patience_s: float) -> int | None:
+def run(
+    copy: Path, cache: Path, tests: list[str], watch: Watch, patience_s: float, *, long: bool = False
+) -> int | None:
     """Run tests with the package in `copy` in a process of their own: exit status of pytest, None: did not end."""
     child = os.fork()
     if not child:
@@ -238,7 +242,7 @@ def run(copy: Path, cache: Path, tests: list[str], watch: Watch, patience_s: flo
             nothing = os.open(os.devnull, os.O_RDWR)
             for stream in (0, 1, 2):
                 os.dup2(nothing, stream)
-            status = watched(copy, tests, watch)
+            status = watched(copy, tests if long else ["-m", "not long", *tests], watch)
         finally:
             os._exit(status)
     until = time.monotonic() + patience_s
@@ -255,7 +259,7 @@ def run(copy: Path, cache: Path, tests: list[str], watch: Watch, patience_s: flo
 
 def watched(copy: Path, tests: list[str], watch: Watch) -> int:
     """Run tests in this process; with coverage all of them and a record in `copy`, else to the first failure."""
-    given = ["-q", "--no-header", "--tb=no", "-p", "no:xdist", "-m", "not long", *tests]
+    given = ["-q", "--no-header", "--tb=no", "-p", "no:xdist", *tests]
     cover = watch._cover
     if cover is None:
         return int(pytest.main(["-x", *given], plugins=[watch]))
@@ -288,13 +292,16 @@ def killed(mutant: Mutant, copy: Path, seen: Seen, *, everything: bool) -> bool:
     path = copy / "inclinometry" / mutant.path
     data, times = path.read_bytes(), path.stat()
     compiled = b"inclinometry.compiled import" in data
-    chosen = set(seen.seconds) if everything or compiled else seen.running(mutant.path, mutant.line)
-    if not chosen:
+    chosen = set(seen.seconds) if compiled else seen.running(mutant.path, mutant.line)
+    if not chosen and not everything:
         return False
     path.write_bytes(data[: mutant.start] + mutant.after.encode() + data[mutant.end :])
     cache = Path(tempfile.mkdtemp(dir=copy)) if compiled else copy / "numba"  # callers take loops from their own cache
     try:
         compile(path.read_bytes(), str(path), "exec")
+        if everything:
+            watch = Watch(seen.seconds)
+            return run(copy, cache, list(ROOMS[mutant.room][1]), watch, LONGEST_S, long=True) not in (0, 5)
         files = sorted({name.partition("::")[0] for name in chosen})
         patience_s = PATIENCE * sum(seen.seconds[name] for name in chosen) + PATIENCE_S * (1 + 3 * compiled)
         return run(copy, cache, files, Watch(seen.seconds, chosen), patience_s) not in (0, 5)
