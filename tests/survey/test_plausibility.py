@@ -139,6 +139,14 @@ def test_a_block_of_rows_pasted_at_other_depths():
     assert doubts(axes(change=pasted))[0].sentence.startswith("readings of the 3 rows from 1425 to 1482 m are")
 
 
+def test_sections_written_as_straight_builds_are_no_copy():
+    """Six rows built by one degree each, twice, in a hole that was measured."""
+    md, inclination, azimuth = hole(30.0)
+    for first in (30, 50):
+        inclination[first : first + 6], azimuth[first : first + 6] = 30.0 + np.arange(6.0), 90.0
+    assert "repeats" not in [one.name for one in doubts(table(md, inclination, azimuth))]
+
+
 def test_what_a_plan_repeats_is_no_copy():
     md = np.arange(0.0, 3000.0, 30.0)
     for depths, angles in (
