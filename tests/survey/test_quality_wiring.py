@@ -83,5 +83,5 @@ def test_words():
 
 @pytest.mark.parametrize("degrees", [-91.0, 91.0])
 def test_a_dip_is_no_more_than_vertical(degrees):
-    with pytest.raises(InputError, match="dip"):
+    with pytest.raises(InputError, match=r"allowed -1\.5708 to 1\.5708"):
         wiring_check(run(), np.radians(degrees))
