@@ -2,6 +2,10 @@
 
     python tools/mutants.py [ROOM ...] [--count 400] [--seed 1] [--list]
 
+First the tests of each room are run once without a change, and it is noted which of them run which line. A change is
+held against the tests that run its line, quick ones first; what they let pass, at the end against all of the room, the
+long ones too.
+
 A change is one of: a comparison (< for <=, == for !=, in for not in), an operator of arithmetic, "and" for "or", a
 "not" left out, a number or a truth value, a return that gives None. The sample is drawn from all changes of the rooms
 named, the same for the same seed. A copy of the package is changed, never the package. A survivor is printed with its
@@ -13,31 +17,44 @@ from __future__ import annotations
 
 import argparse
 import ast
+import contextlib
 import json
 import os
 import random
+import resource
 import shutil
-import subprocess
+import signal
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from pathlib import Path
 from typing import NamedTuple
+
+import coverage
+import numpy
+import pytest
+import scipy.linalg
+import scipy.optimize
+import scipy.stats
 
 HOME = Path(__file__).parents[1]
 PACKAGE = HOME / "src" / "inclinometry"
 REASONS = json.loads((HOME / "tools" / "mutants.json").read_text("utf-8"))
 LEAST_KILLED = 0.9
-PATIENCE_S = 300.0
+PATIENCE, PATIENCE_S = 5.0, 30.0  # so many times as long as without a change, and these seconds more
+LONGEST_S = 3600.0  # all tests of a room, the long ones too
+BYTES = 12 << 30
+LOADED = (numpy, scipy.linalg, scipy.optimize, scipy.stats)
+"""Imported once, here, for all the processes that run tests."""
 
 ROOMS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
-    "calibration": (("calibration",), ("tests/calibration",)),
-    "gyro": (("gyro",), ("tests/gyro",)),
+    "calibration": (("calibration",), ("tests/calibration", "tests/test_results.py")),
+    "gyro": (("gyro",), ("tests/gyro", "tests/test_results.py")),
     "closed_form": (("gyro/closed_form.py",), ("tests/gyro/test_closed_form.py", "tests/gyro")),
-    "survey": (("survey",), ("tests/survey",)),
-    "position": (("position",), ("tests/position",)),
-    "files": (("files",), ("tests/files",)),
+    "survey": (("survey",), ("tests/survey", "tests/test_results.py")),
+    "position": (("position",), ("tests/position", "tests/test_results.py")),
+    "files": (("files",), ("tests/files", "tests/position/test_tool_code_json.py")),
     "ledger": (("laboratory/ledger",), ("tests/laboratory/ledger", "tests/cli/test_ledger.py")),
     "guard": (
         ("laboratory/web/guard.py",),
@@ -62,10 +79,11 @@ ARITHMETIC = {
 
 
 class Mutant(NamedTuple):
-    """One change: file below the package, place in its bytes, what stands there, what is put there."""
+    """One change: file below the package, line, its text, place in the bytes, what stands there, what is put there."""
 
     path: str
     line: int
+    text: str
     start: int
     end: int
     before: str
@@ -74,6 +92,11 @@ class Mutant(NamedTuple):
 
     def __str__(self) -> str:
         return f"{self.path}:{self.line}: {self.before} -> {self.after}"
+
+    @property
+    def key(self) -> str:
+        """What a reason is stored under: it holds while the line stands as it is."""
+        return f"{self.path}: {self.text}: {self.before} -> {self.after}"
 
 
 def changes(node: ast.AST) -> Iterator[ast.AST]:
@@ -113,6 +136,8 @@ def _code(node: ast.AST) -> Iterator[ast.AST]:
         for child in field if isinstance(field, list) else [field]:
             if not isinstance(child, ast.AST) or isinstance(child, ast.JoinedStr | ast.Raise):
                 continue
+            if isinstance(child, ast.keyword) and child.arg == "strict":
+                continue  # zip's check of what is equally long
             if isinstance(child, ast.If) and ast.unparse(child.test) == "TYPE_CHECKING":
                 continue
             if isinstance(child, ast.Expr) and _is_text(child.value):
@@ -129,7 +154,7 @@ def mutants(room: str) -> list[Mutant]:
             if "migrations" in path.parts:
                 continue
             data = path.read_bytes()
-            starts = [0]
+            texts, starts = data.decode().splitlines(), [0]
             for line in data.splitlines(keepends=True):
                 starts.append(starts[-1] + len(line))
             for node in _code(ast.parse(data)):
@@ -140,38 +165,153 @@ def mutants(room: str) -> list[Mutant]:
                     after = after if isinstance(node, ast.Return | ast.Constant) else f"({after})"
                     before = " ".join(data[start:end].decode().split())
                     name = path.relative_to(PACKAGE).as_posix()
-                    found.append(Mutant(name, node.lineno, start, end, before, after, room))
+                    text = texts[node.lineno - 1].strip()
+                    found.append(Mutant(name, node.lineno, text, start, end, before, after, room))
     return found
 
 
-def killed(mutant: Mutant, copy: Path) -> str:
-    """ "" when the tests of the room still pass with the change in a copy of the package, else how they ended."""
+class Seen(NamedTuple):
+    """The tests of a room without a change: seconds of each; file -> line -> tests that run it; what failed."""
+
+    seconds: dict[str, float]
+    lines: dict[str, dict[str, list[str]]]
+    failed: list[str]
+
+    def running(self, path: str, line: int) -> set[str]:
+        """Tests that run a line, which may be a later one of a statement; those of its file when an import runs it."""
+        lines = self.lines.get(path, {})
+        first = max((int(known) for known in lines if int(known) <= line), default=0)
+        names = set(lines.get(str(first), ()))
+        if "" in names:
+            names.update(*lines.values())
+        return names - {""}
+
+
+class Watch:
+    """Plugin of pytest: only the `chosen` tests, quick ones first; notes seconds and failures, with `cover` lines."""
+
+    def __init__(
+        self,
+        seconds: dict[str, float] | None = None,
+        chosen: set[str] | None = None,
+        cover: coverage.Coverage | None = None,
+    ) -> None:
+        self._seconds, self._chosen, self._cover = seconds or {}, chosen, cover
+        self.took: dict[str, float] = {}
+        self.failed: list[str] = []
+
+    def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
+        """Choose and sort."""
+        if self._chosen is not None:
+            items[:] = [one for one in items if one.nodeid in self._chosen]
+        if self._seconds:
+            items.sort(key=lambda one: self._seconds.get(one.nodeid, 0.0))
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_runtest_protocol(self, item: pytest.Item) -> Generator[None, object, object]:
+        """Time and lines of one test, with what is made for it."""
+        if self._cover is not None:
+            self._cover.switch_context(item.nodeid)
+        began = time.monotonic()
+        try:
+            return (yield)
+        finally:
+            self.took[item.nodeid] = time.monotonic() - began
+            if self._cover is not None:
+                self._cover.switch_context("")
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        """Note a failure."""
+        if report.failed:
+            self.failed.append(report.nodeid)
+
+
+def run(
+    copy: Path, cache: Path, tests: list[str], watch: Watch, patience_s: float, *, long: bool = False
+) -> int | None:
+    """Run tests with the package in `copy` in a process of their own: exit status of pytest, None: did not end."""
+    child = os.fork()
+    if not child:
+        status = 70
+        try:
+            os.setsid()
+            os.chdir(HOME)
+            os.environ |= {"PYTHONPATH": str(copy), "OPENBLAS_NUM_THREADS": "1", "NUMBA_CACHE_DIR": str(cache)}
+            sys.path[:0] = [str(copy), str(HOME)]
+            resource.setrlimit(resource.RLIMIT_AS, (BYTES, BYTES))
+            nothing = os.open(os.devnull, os.O_RDWR)
+            for stream in (0, 1, 2):
+                os.dup2(nothing, stream)
+            status = watched(copy, tests if long else ["-m", "not long", *tests], watch)
+        finally:
+            os._exit(status)
+    until = time.monotonic() + patience_s
+    while time.monotonic() < until:
+        ended, status = os.waitpid(child, os.WNOHANG)
+        if ended:
+            return os.waitstatus_to_exitcode(status)
+        time.sleep(0.02)
+    with contextlib.suppress(ProcessLookupError):
+        os.killpg(child, signal.SIGKILL)
+    os.waitpid(child, 0)
+    return None
+
+
+def watched(copy: Path, tests: list[str], watch: Watch) -> int:
+    """Run tests in this process; with coverage all of them and a record in `copy`, else to the first failure."""
+    given = ["-q", "--no-header", "--tb=no", "-p", "no:xdist", *tests]
+    cover = watch._cover
+    if cover is None:
+        return int(pytest.main(["-x", *given], plugins=[watch]))
+    cover.start()
+    status = pytest.main(given, plugins=[watch])
+    cover.stop()
+    lines: dict[str, dict[int, list[str]]] = {}
+    stored = cover.get_data()
+    for file in stored.measured_files():
+        name = Path(file).relative_to(copy / "inclinometry").as_posix()
+        lines[name] = {line: sorted(set(names)) for line, names in stored.contexts_by_lineno(file).items()}
+    (copy / "seen.json").write_text(json.dumps([watch.took, lines, watch.failed]), "utf-8")
+    return int(status)
+
+
+def see(room: str, copy: Path) -> Seen:
+    """Run the tests of a room without a change."""
+    cover = coverage.Coverage(data_file=None, config_file=False, source=[str(copy / "inclinometry")])
+    record = copy / "seen.json"
+    record.unlink(missing_ok=True)
+    status = run(copy, copy / "numba", list(ROOMS[room][1]), Watch(cover=cover), 3600.0)
+    seen = Seen(*json.loads(record.read_text("utf-8"))) if record.exists() else Seen({}, {}, [])
+    if status != 0:
+        raise SystemExit(f"the tests of {room} fail without a change: {', '.join(seen.failed) or f'status {status}'}")
+    return seen
+
+
+def killed(mutant: Mutant, copy: Path, seen: Seen, *, everything: bool) -> bool:
+    """Whether a test notices the change: one of those that run its line, or, with `everything`, one of the room."""
     path = copy / "inclinometry" / mutant.path
-    data = path.read_bytes()
+    data, times = path.read_bytes(), path.stat()
+    compiled = b"inclinometry.compiled import" in data
+    chosen = set(seen.seconds) if compiled else seen.running(mutant.path, mutant.line)
+    if not chosen and not everything:
+        return False
     path.write_bytes(data[: mutant.start] + mutant.after.encode() + data[mutant.end :])
-    around = {
-        **os.environ,
-        "PYTHONPATH": str(copy),
-        "OPENBLAS_NUM_THREADS": "1",
-        "NUMBA_CACHE_DIR": str(copy / "numba"),
-    }
+    cache = Path(tempfile.mkdtemp(dir=copy)) if compiled else copy / "numba"  # callers take loops from their own cache
     try:
         compile(path.read_bytes(), str(path), "exec")
-        for tests in ROOMS[mutant.room][1]:
-            command = [sys.executable, "-m", "pytest", "-x", "-q", "--no-header", "-m", "not long", tests]
-            try:
-                done = subprocess.run(
-                    command, cwd=HOME, env=around, capture_output=True, timeout=PATIENCE_S, check=False
-                )
-            except subprocess.TimeoutExpired:
-                return "never ends"
-            if done.returncode not in (0, 5):
-                return "noticed"
-        return ""
+        if everything:
+            watch = Watch(seen.seconds)
+            return run(copy, cache, list(ROOMS[mutant.room][1]), watch, LONGEST_S, long=True) not in (0, 5)
+        files = sorted({name.partition("::")[0] for name in chosen})
+        patience_s = PATIENCE * sum(seen.seconds[name] for name in chosen) + PATIENCE_S * (1 + 3 * compiled)
+        return run(copy, cache, files, Watch(seen.seconds, chosen), patience_s) not in (0, 5)
     except SyntaxError:
-        return "no program"
+        return True
     finally:
         path.write_bytes(data)
+        os.utime(path, ns=(times.st_atime_ns, times.st_mtime_ns))
+        if compiled:
+            shutil.rmtree(cache)
 
 
 def main() -> int:
@@ -188,20 +328,34 @@ def main() -> int:
     if given.list:
         print(*sample, sep="\n")
         return 0
-    survivors, began = [], time.monotonic()
+    began = time.monotonic()
     with tempfile.TemporaryDirectory() as folder:
         copy = Path(folder)
         left_out = shutil.ignore_patterns("__pycache__", "*.nbi", "*.nbc", "manual")
         shutil.copytree(PACKAGE, copy / "inclinometry", ignore=left_out)
+        seen = {}
+        for room in dict.fromkeys(mutant.room for mutant in sample):
+            seen[room] = see(room, copy)
+            print(f"{room}: {len(seen[room].seconds)} tests, {time.monotonic() - began:.0f} s", flush=True)
+        passed = []
         for number, mutant in enumerate(sample, 1):
-            how = killed(mutant, copy)
-            if not how:
-                survivors.append(mutant)
-                reason = REASONS.get(f"{mutant.path}: {mutant.before} -> {mutant.after}", "")
-                print(f"survived: {mutant}" + (f"  ({reason})" if reason else ""), flush=True)
-            elif number % 20 == 0:
+            if not killed(mutant, copy, seen[mutant.room], everything=False):
+                passed.append(mutant)
+                print(f"not by the tests that run it: {mutant}", flush=True)
+            if number % 20 == 0:
                 print(f"{number} of {len(sample)}, {time.monotonic() - began:.0f} s", flush=True)
-    excused = [m for m in survivors if f"{m.path}: {m.before} -> {m.after}" in REASONS]
+        survivors = []
+        for mutant in passed:
+            if not killed(mutant, copy, seen[mutant.room], everything=True):
+                survivors.append(mutant)
+                reason = REASONS.get(mutant.key, "")
+                print(f"survived: {mutant}" + (f"  ({reason})" if reason else ""), flush=True)
+    excused = [m for m in survivors if m.key in REASONS]
+    for room in seen:
+        of_room = [mutant for mutant in sample if mutant.room == room]
+        alive = [mutant for mutant in survivors if mutant.room == room]
+        known = sum(mutant in excused for mutant in alive)
+        print(f"{room}: killed {len(of_room) - len(alive)} of {len(of_room)}, {known} make no difference")
     dead = len(sample) - len(survivors)
     print(f"killed {dead} of {len(sample)}; {len(excused)} survivors make no difference")
     counted = len(sample) - len(excused)

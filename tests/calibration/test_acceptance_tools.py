@@ -10,7 +10,7 @@ from inclinometry.calibration.acceptance import Limits, OtherStand, verify
 from inclinometry.calibration.joint import calibrate_joint, fit_once
 from inclinometry.calibration.plans import Plan
 from inclinometry.errors import InputError
-from inclinometry.rotations import rotation_exp
+from inclinometry.rotations import dcm, rotation_exp
 from inclinometry.sensors import Tool, Triad
 from inclinometry.simulate.bench import Rig
 from inclinometry.simulate.tool import random_tool, realistic_tool
@@ -207,6 +207,27 @@ class TestWhatIsSaid:
         assert any("counts rms" in note for note in found.notes)
         other = random_tool(4, sensors={"accelerometer": 1}, bits=12)
         assert verify(bench(positions(1), other, rig, seed=7, **more)[0], calibration).verdict == "fail"
+
+    @pytest.mark.parametrize("factor", [0.8, 1.3])
+    def test_one_sensor_that_reads_more_than_its_field_is_judged_too(self, bench, factor):
+        """No angle has a cosine beyond one: it is taken to point along the field."""
+        calibration, tool, rig, more = made(bench, {"accelerometer": 1}, 3)
+        readings = bench(positions(1, 40), tool, rig, seed=7, **more)[0]
+        loud = {kind: factor * signals for kind, signals in readings.channels.items()}
+        found = verify(dataclasses.replace(readings, channels=loud), calibration)
+        assert np.isfinite(found.errors[:, 0]).all()
+        assert found.verdict == "fail"
+
+    def test_one_sensor_tells_an_angle_the_worse_the_nearer_to_its_field(self, bench):
+        """The signal goes with the cosine of the angle: the angle's uncertainty with one over its sine."""
+        calibration, tool, rig, more = made(bench, {"accelerometer": 1}, 3)
+        plan = positions(1, 400, lowest=0.0)
+        found = verify(bench(plan, tool, rig, seed=7, **more)[0], calibration)
+        axis = tool.triads["accelerometer"].tensor[0, 0] / np.linalg.norm(tool.triads["accelerometer"].tensor[0, 0])
+        cosine = dcm(plan.azimuth, plan.inclination, plan.toolface)[:, :, 2] @ axis
+        near = np.abs(cosine) > 0.97
+        assert near.sum() > 3
+        assert found.u[near, 0].min() > 2.0 * np.median(found.u[np.abs(cosine) < 0.5, 0])
 
     def test_two_accelerometers_are_not_judged_where_they_tell_nothing(self, bench):
         """Sensors across the axis: near 90 deg gravity lies in their plane and the third component has no sign."""

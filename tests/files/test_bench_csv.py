@@ -13,7 +13,7 @@ from hypothesis.extra.numpy import arrays
 from inclinometry.calibration import plans
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.errors import FileError, InputError
-from inclinometry.files.bench_csv import read_bench, saturation_notes, write_bench
+from inclinometry.files.bench_csv import field_basis, improbably_equal, read_bench, saturation_notes, write_bench
 from inclinometry.files.log_csv import read_log
 from inclinometry.files.survey_csv import read_raw_survey
 from inclinometry.files.table import read_table
@@ -382,6 +382,13 @@ def test_a_hundred_thousand_stations_take_memory_in_proportion():
     tracemalloc.stop()
     assert peak < 200e6
     assert notes[0].startswith("x reads exactly -30000 in ")
+
+
+def test_readings_that_are_equal_everywhere_do_not_say_that_some_are_improbably_so():
+    """There is no scatter to judge them by: six stations, the first three at one attitude."""
+    cosines = dcm(np.array([0.0, 0.0, 0.0, 1.0, 2.0, 3.0]), np.full(6, 0.5), np.zeros(6)).reshape(6, 9)
+    at, equal = np.arange(6) < 3, np.full((6, 3), 100.0)
+    assert not improbably_equal(equal, 0, at, field_basis(equal, cosines))
 
 
 def test_saturation_without_angles(tmp_path):

@@ -21,6 +21,10 @@ WRITTEN = {
         "Datum;Uhrzeit;accel_x_g;accel_y_g;accel_z_g\n28.02.2026;23:59:59,5;0,5;0;1\n01.03.2026;0:00:01,0;0;0;1\n",
         1.5,
     ),
+    "years of two digits": (
+        f"Year,Month,Day,Hour,Minute,Second,{CHANNELS}\n24,2,29,23,59,59.25,0,0,1\n24,3,1,0,0,0.5,0,0,1\n",
+        1.25,
+    ),
     "half days": (f"Date,Time,{CHANNELS}\n05/01/2026,11:59:59 AM,0,0,1\n05/01/2026,12:00:01 PM,0,0,1\n", 2.0),
     "months first": (f"Date,Time,{CHANNELS}\n05/30/2026,12:00,0,0,1\n05/31/2026,12:00,0,0,1\n", 86400.0),
     "the clock past midnight": (f"Time,{CHANNELS}\n23:59:59.5,0,0,1\n00:00:00.5,0,0,1\n", 1.0),

@@ -1,5 +1,7 @@
 """Axial correction: against the published sensitivities, a brute search, differences and draws."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -91,6 +93,26 @@ def test_the_minimum_is_the_one_a_fine_search_finds(dip_deg):
         minima = z[1:-1][(cost[1:-1] < cost[:-2]) & (cost[1:-1] <= cost[2:])]
         nearest = minima[np.argmin(np.abs(minima - b[2]))]
         assert b[2] - found.interference[row] == pytest.approx(nearest, abs=5.0)  # the grid
+
+
+@pytest.mark.parametrize("dip_deg", [0.0, 70.0])
+def test_the_minimum_nearest_to_any_axial_field_is_taken(dip_deg):
+    """A wrong one is thousands of nT away; the search goes in steps of 100 nT, and a shallow minimum lies between."""
+    run, site = everywhere(800, seed=5), reference(dip=np.radians(dip_deg))
+    run = replace(run, b=np.column_stack([run.b[:, :2], np.random.default_rng(5).uniform(-6e4, 6e4, len(run.b))]))
+    found = run.b[:, 2] - axial_correction(run, site).interference
+    z = np.arange(-75e3, 75e3, 100.0)
+    d = run.g / np.linalg.norm(run.g, axis=1, keepdims=True)
+    v = np.sum(run.b[:, :2] * d[:, :2], axis=1)[:, None] + z * d[:, 2:]
+    h = np.sqrt(np.maximum(np.sum(run.b[:, :2] ** 2, axis=1)[:, None] + z**2 - v**2, 0.0))
+    cost = (h - B * np.cos(site.dip)) ** 2 + (v - B * np.sin(site.dip)) ** 2
+    low = (cost[:, 1:-1] < cost[:, :-2]) & (cost[:, 1:-1] <= cost[:, 2:])
+    away = np.where(low, np.abs(z[1:-1] - run.b[:, 2:]), np.inf)
+    nearest = z[1:-1][np.argmin(away, axis=1)]
+    beside = np.sort(away, axis=1)
+    clear = beside[:, 1] - beside[:, 0] > 400.0
+    assert np.mean(clear) > 0.95
+    np.testing.assert_allclose(found[clear], nearest[clear], atol=100.0)
 
 
 def test_derivatives_by_the_channels_are_those_of_differences():

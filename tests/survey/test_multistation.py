@@ -211,6 +211,12 @@ def test_reference_of_a_site():
     assert found.g == pytest.approx(9.8189, abs=2e-3)
 
 
+@pytest.mark.parametrize("degrees", [-91.0, 91.0])
+def test_a_dip_is_no_more_than_vertical(degrees):
+    with pytest.raises(InputError, match="reference dip"):
+        replace(REFERENCE, dip=np.radians(degrees))
+
+
 def test_published_priors_are_those_of_the_table():
     sigmas = dict(zip(published_priors().names, np.sqrt(published_priors().covariance.diagonal()), strict=True))
     assert [sigmas[n] for n in ("ABX", "ASX", "MBX", "MSX", "MXY")] == pytest.approx(

@@ -60,8 +60,9 @@ def wrapped(change):
     return change
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("name", INTERVALS)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=() if name == "ordinary" else pytest.mark.long) for name in INTERVALS]
+)
 @pytest.mark.parametrize(
     ("project", "jacobian", "md"),
     [

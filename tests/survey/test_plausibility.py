@@ -139,6 +139,14 @@ def test_a_block_of_rows_pasted_at_other_depths():
     assert doubts(axes(change=pasted))[0].sentence.startswith("readings of the 3 rows from 1425 to 1482 m are")
 
 
+def test_sections_written_as_straight_builds_are_no_copy():
+    """Six rows built by one degree each, twice, in a hole that was measured."""
+    md, inclination, azimuth = hole(30.0)
+    for first in (30, 50):
+        inclination[first : first + 6], azimuth[first : first + 6] = 30.0 + np.arange(6.0), 90.0
+    assert "repeats" not in [one.name for one in doubts(table(md, inclination, azimuth))]
+
+
 def test_what_a_plan_repeats_is_no_copy():
     md = np.arange(0.0, 3000.0, 30.0)
     for depths, angles in (
@@ -169,6 +177,28 @@ def test_one_digit():
     azimuth[60] = (azimuth[60] + 100.0) % 360.0
     assert doubts(table(md, inclination, azimuth))[0].stations == (60,)
     assert doubts(table(md, inclination, azimuth))[0].refused
+
+
+@pytest.mark.parametrize(
+    ("words", "inclination_deg", "azimuth_deg"),
+    [
+        ("azimuth 121 (half a turn)", 60.0, 301.0),
+        ("azimuth 121 (mirrored)", 60.0, 239.0),
+        ("azimuth 121 (another quadrant)", 60.0, 59.0),
+        ("inclination 60 (from the other end)", 120.0, 121.0),
+        ("inclination 60 (from the horizontal)", 30.0, 121.0),
+        ("inclination 60 and azimuth 121 (exchanged)", 121.0, 60.0),
+    ],
+)
+def test_the_reading_that_would_fit_is_named(words, inclination_deg, azimuth_deg):
+    """A straight hole at inclination 60, azimuth 121; one station was written down wrongly."""
+    md = np.arange(0.0, 900.0, 30.0)
+    r = np.random.default_rng(1)
+    inclination, azimuth = 60.0 + 0.03 * r.normal(size=30), 121.0 + 0.03 * r.normal(size=30)
+    inclination[15], azimuth[15] = inclination_deg, azimuth_deg
+    found = next(doubt for doubt in doubts(table(md, inclination, azimuth)) if doubt.name == "station")
+    assert found.stations == (15,)
+    assert words in found.sentence
 
 
 def test_the_first_and_the_last_station():

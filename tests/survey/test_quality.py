@@ -119,6 +119,12 @@ def test_what_fails_says_why_and_what_next(scale, dip_off, failing, word):
     assert "beyond" in found.reasons[0]
 
 
+def test_dip_is_said_in_degrees():
+    found = judge_fields(with_sensors(stations([30.0], [40.0], dip=DIP - np.radians(3.0)), MWD), SITE)
+    assert "dip -3.000 deg, beyond" in found.reasons[0]
+    assert "-3.000 deg" in names(found)["dip"].reason
+
+
 def test_one_bad_station_among_many_is_an_event():
     run = stations(30.0, np.linspace(20.0, 60.0, 10))
     b = np.array(run.b)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from inclinometry.errors import InputError
 from inclinometry.orientation import dip_angle, fields
 from inclinometry.survey.quality_wiring import describe, wiring_check
 from inclinometry.survey.stations import Stations
@@ -78,3 +79,9 @@ def test_words():
     assert describe(("+x", "+y", "+z")) == "as it is"
     assert describe(("+y", "+z", "+x")) == "channels y, z, x taken for x, y, z"
     assert describe(("-y", "+x", "+z")) == "x and y swapped and y reversed"
+
+
+@pytest.mark.parametrize("degrees", [-91.0, 91.0])
+def test_a_dip_is_no_more_than_vertical(degrees):
+    with pytest.raises(InputError, match=r"allowed -1\.5708 to 1\.5708"):
+        wiring_check(run(), np.radians(degrees))

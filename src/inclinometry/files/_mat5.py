@@ -12,7 +12,7 @@ _TEXTS = frozenset({16, 17, 18})
 _MATRIX, _PACKED = 14, 15
 _CLASSES = range(1, 16)  # cell, structure, object, characters, sparse, numbers
 _NUMERIC = range(5, 16)
-_SPARSE = 5
+_SPARSE, _COMPLEX = 5, 0x800
 _HEADER, _DEEPEST, _MOST = 128, 20, 1 << 30
 
 
@@ -54,13 +54,16 @@ def _check_matrix(data: bytes, start: int, end: int, order: str, depth: int) -> 
     kinds = [kind for kind, _, _ in parts]
     if kinds[:3] != [6, 5, 1] or parts[0][2] != 8 or parts[1][2] % 4 or parts[1][2] < 8:
         raise ValueError("a matrix without flags, dimensions and name")
-    of = struct.unpack_from(f"{order}I", data, parts[0][1])[0] & 0xFF
+    flags = struct.unpack_from(f"{order}I", data, parts[0][1])[0]
+    of, imaginary = flags & 0xFF, bool(flags & _COMPLEX)
     rows = struct.unpack_from(f"{order}{parts[1][2] // 4}i", data, parts[1][1])
     # every value takes a byte at least, but those a sparse matrix leaves out
     if of not in _CLASSES or min(rows) < 0 or (of != _SPARSE and math.prod(rows) > len(data)):
         raise ValueError(f"a matrix of class {of}, dimensions {rows}")
-    if of in _NUMERIC and not (len(kinds) > 3 and _NUMBERS.issuperset(kinds[3:])):
-        raise ValueError("a matrix of numbers without numbers")
+    if of in _NUMERIC:
+        needed = 4 + imaginary + 2 * (of == _SPARSE)  # a sparse matrix has the places of its numbers before them
+        if len(kinds) < needed or not _NUMBERS.issuperset(kinds[3:]):
+            raise ValueError("a matrix of numbers without numbers")
     for kind, at, size in parts[3:]:
         if kind == _MATRIX:
             _check_matrix(data, at, at + size, order, depth + 1)

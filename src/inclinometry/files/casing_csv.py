@@ -134,7 +134,8 @@ def _runs(table: Table, found: Sequence[Face]) -> None:
         raise table.error("one axis has run 180 and the other has not; add the run, or remove the other's")
     units = {one.unit for one in found}
     if len(units) > 1:
-        raise table.error(f"the runs are in {' and '.join(repr(u) for u in sorted(units))}; give them in one unit")
+        several = " and ".join(f"{unit!r:.40}" for unit in sorted(units)[:5])
+        raise table.error(f"the runs are in {several}; give them in one unit")
 
 
 def _order(table: Table, depth: Array) -> Index:

@@ -134,5 +134,5 @@ def read_corrections(path: str | Path) -> SensorCorrection:
 def _gain(places: Sequence[tuple[int, int, float]]) -> Array:
     gain = np.zeros((6, 6))
     for i, j, value in places:
-        gain[i, j] = value
+        gain[int(i), int(j)] = value  # 1.0 is a whole number of JSON
     return gain

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import gzip
 import hashlib
@@ -261,7 +262,7 @@ def _of_numpy(path: Path) -> bool:
     try:
         with zipfile.ZipFile(path) as archive:
             return any(name.endswith(".npy") for name in archive.namelist())
-    except (OSError, zipfile.BadZipFile):
+    except (OSError, RuntimeError, zipfile.BadZipFile):  # RuntimeError: a version of zip unknown
         return path.suffix.lower() == ".npz"
 
 
@@ -422,7 +423,7 @@ def find_layout(lines: list[str]) -> tuple[Profile, str]:
 
 
 def _roughly(line: str, mark: str) -> list[str]:
-    return line.split() if mark == " " else _cut(line, mark)
+    return line.split() if mark == " " else cut(line, mark)
 
 
 def _units_row(cells: list[str]) -> bool:
@@ -460,11 +461,15 @@ def _pointless(value: float) -> str:
     return f"{whole}{decimals}e-{len(decimals)}" if decimals and "e" not in decimals else repr(value)
 
 
-def _cut(line: str, mark: str) -> list[str]:
+def cut(line: str, mark: str) -> list[str]:
     """Cells of a line."""
     if mark == " ":
         return line.split()
-    return next(csv.reader([line], delimiter=mark, skipinitialspace=True)) if '"' in line else line.split(mark)
+    if '"' in line:
+        # a carriage return inside a line, or a quotation mark that opens a cell without end: as it stands
+        with contextlib.suppress(csv.Error):
+            return next(csv.reader([line], delimiter=mark, skipinitialspace=True))
+    return line.split(mark)
 
 
 def laid_out(blocks: Iterator[Block], profile: Profile, path: Path) -> Iterator[Block]:
@@ -490,7 +495,7 @@ def laid_out(blocks: Iterator[Block], profile: Profile, path: Path) -> Iterator[
                 continue
             mark = mark or next((mark for mark in ("\t", ";", ",") if mark in line), " ")
             between = "\t" if mark == " " else mark
-            cells = _cut(line, mark)
+            cells = cut(line, mark)
             if kept is None:
                 while cells and not cells[-1].strip():
                     cells.pop()

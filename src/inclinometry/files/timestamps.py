@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from datetime import datetime
@@ -12,7 +11,7 @@ from typing import Final
 
 from inclinometry.errors import FileError
 from inclinometry.files._quantities import seconds_of
-from inclinometry.files.layout import joined
+from inclinometry.files.layout import cut, joined
 from inclinometry.files.table import Block
 
 Seconds = Callable[[Sequence[str]], float]
@@ -67,7 +66,7 @@ def timed(blocks: Iterator[Block], path: Path) -> Iterator[Block]:
         return
     names, first = (held[k].lines[row] for k, row in rows[:2])
     mark = next((mark for mark in "\t;," if mark in "".join(names.split('"')[::2])), ",")
-    header, cells = _cells(names, mark), _cells(first, mark)
+    header, cells = cut(names, mark), cut(first, mark)
     found = _found(header, cells)
     if found is None:
         yield from chain(held, blocks)
@@ -83,7 +82,7 @@ def timed(blocks: Iterator[Block], path: Path) -> Iterator[Block]:
                 out[row] = joined(["time_s", *(header[k] for k in kept)], mark)
             if (number, row) < before or not line.strip() or line.lstrip()[0] == "#":
                 continue
-            cells = _cells(line, mark)
+            cells = cut(line, mark)
             if len(cells) <= last:
                 continue  # too short: the reader of the table says so
             try:
@@ -93,10 +92,6 @@ def timed(blocks: Iterator[Block], path: Path) -> Iterator[Block]:
             # an exponent in the place of a point: it goes with decimal points and commas alike
             out[row] = joined([f"{round(time * 1e6)}e-6", *(cells[k] for k in kept if k < len(cells))], mark)
         yield Block(block.first, out, block.plain)
-
-
-def _cells(line: str, mark: str) -> list[str]:
-    return next(csv.reader([line], delimiter=mark, skipinitialspace=True)) if '"' in line else line.split(mark)
 
 
 def _problem(header: Sequence[str], cells: Sequence[str], places: Sequence[int], error: Exception) -> str:

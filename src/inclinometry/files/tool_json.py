@@ -37,9 +37,14 @@ def check_arrays(content: Json, path: str | Path) -> None:
             if len(values) != count:
                 problem = f"{place} has {len(values)} entries; it must have {count}, one a row of {where}.tensor"
                 raise FileError(problem, path=path)
+    kept = content.get("residuals", {})
     for name in ("values", "standardised"):
-        for kind, rows in content.get("residuals", {}).get(name, {}).items():
-            _check_rows(rows, f"$.residuals.{name}.{kind}", path)
+        for kind, rows in kept.get(name, {}).items():
+            where = f"$.residuals.{name}.{kind}"
+            _check_rows(rows, where, path)
+            if len(rows) != len(kept["station"]):
+                problem = f"{where} has {len(rows)} rows; it must have {len(kept['station'])}, one a station"
+                raise FileError(problem, path=path)
 
 
 def _check_size(value: Any, where: str, path: str | Path) -> None:

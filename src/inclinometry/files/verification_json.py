@@ -111,7 +111,7 @@ def read_verification(path: str | Path, calibration: Calibration) -> dict[str, A
     ------
     FileError
         Another kind of file, a newer version, content the schema refuses, a verification of another tool or of another
-        calibration.
+        calibration, an angle that is judged without a number.
     """
     content = json_codec.of_kind(json_codec.load(path), path, SCHEMA, version=VERSION)
     if content["tool"] != calibration.tool.name:
@@ -121,4 +121,11 @@ def read_verification(path: str | Path, calibration: Calibration) -> dict[str, A
         )
     if content["calibration"] not in _digests(calibration):
         raise FileError("this verification was made with another calibration of the tool; verify again", path=path)
+    for row in content["report"]["positions"]:
+        for name in ANGLES:
+            one = row[name]
+            judged = one["decision"] != "not judged" and one["limit_deg"] is not None
+            if judged and None in (one["error_deg"], one["U_deg"]):
+                problem = f"{name} of position {row['position']!r:.40} is judged ({one['decision']}) without error or U"
+                raise FileError(f"{problem}; verify again", path=path)
     return content

@@ -97,7 +97,7 @@ def _factor(kind: str, uom: str | None) -> float:
     if uom is None:
         raise InputError(f"has no uom; add one of {', '.join(known)}")
     if uom not in known:
-        raise InputError(f"has uom {uom!r}; allowed: {', '.join(known)}")
+        raise InputError(f"has uom {uom!r:.60}; allowed: {', '.join(known)}")
     return float(known[uom])
 
 
@@ -122,16 +122,18 @@ def load(path: Path) -> tuple[Any, bytes]:
         root: Any = etree.fromstring(data, parser)
     except etree.XMLSyntaxError as error:
         line = error.lineno or 1
-        raise FileError(f"not well-formed XML: {error.msg}; is the file truncated?", path=path, line=line) from None
+        raise FileError(
+            f"not well-formed XML: {error.msg:.200}; is the file truncated?", path=path, line=line
+        ) from None
     if root.getroottree().docinfo.internalDTD is not None:
         raise FileError("a document type is declared; remove it, WITSML has none", path=path, line=1)
     wanted = f"{{{_namespace()}}}trajectorys"
     if root.tag != wanted:
-        problem = f"the root is {root.tag!r}; {wanted!r} (WITSML {_version()}) is needed"
+        problem = f"the root is {root.tag!r:.100}; {wanted!r} (WITSML {_version()}) is needed"
         raise FileError(problem, path=path, line=root.sourceline)
     if root.get("version") != _version():
         found = root.get("version")
-        problem = f"version is {found!r}; {_version()!r} is needed: export it so"
+        problem = f"version is {found!r:.60}; {_version()!r} is needed: export it so"
         raise FileError(problem, path=path, line=root.sourceline)
     return root, data
 
@@ -339,8 +341,8 @@ def read_witsml(
     ]
     fits = [child for child, name in zip(found, names, strict=True) if trajectory is None or trajectory in name]
     if len(fits) != 1:
-        there = ", ".join(f"{uid!r} ({name})" for uid, name in names[:20]) or "none"
-        problem = f"trajectory {trajectory!r} fits {len(fits)}; give the uid of one. There are: {there}"
+        there = ", ".join(f"{uid!r:.60} ({name:.60})" for uid, name in names[:20]) or "none"
+        problem = f"trajectory {trajectory!r:.60} fits {len(fits)}; give the uid of one. There are: {there}"
         raise FileError(problem, path=where, line=root.sourceline)
     chosen = fits[0]
     # texts of the trajectory, the north of its azimuths, and the values it states for all stations
@@ -356,7 +358,7 @@ def read_witsml(
         if name == "aziRef":
             known = (*NORTHS, "unknown")
             if text_of(child) not in known:
-                problem = f"aziRef is {text_of(child)!r}; allowed: {', '.join(known)}"
+                problem = f"aziRef is {text_of(child)!r:.60}; allowed: {', '.join(known)}"
                 raise FileError(problem, path=where, line=child.sourceline)
             north = NORTHS.get(text_of(child))
         if name in of_all:
@@ -419,7 +421,7 @@ def _depth_units(path: Path, chosen: Any, stations: list[_Station]) -> None:
     first = stations[0]
     for count, station in enumerate(stations, 1):
         if station.md_uom != first.md_uom:
-            problem = f"md of station {count} is in {station.md_uom!r}, of the first in {first.md_uom!r}"
+            problem = f"md of station {count} is in {station.md_uom!r:.60}, of the first in {first.md_uom!r:.60}"
             raise FileError(f"{problem}; use one unit in a trajectory", path=path, line=station.md_line)
     unit = _factor("length", first.md_uom)
     kept = [station.values["md"] for station in stations if station.texts.get("statusTrajStation") != "rejected"]

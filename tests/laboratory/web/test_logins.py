@@ -437,3 +437,7 @@ def test_who_logged_in_and_who_failed_is_logged_without_secrets(logins, caplog):
     assert "\n" not in second  # one line, whatever the name
     assert second.endswith("from 10.0.0.2 refused: name or password")
     assert not any(word in caplog.text for word in (token, PASSWORD, "a secret guess"))
+
+
+def test_who_sits_at_the_computer_may_do_everything():
+    assert all(LOCAL.may(what) for what in ("read", "capture", "issue", "administer"))

@@ -635,7 +635,7 @@ def _percent(k: float) -> str:
 
 
 def _shown(one: Content) -> bool:
-    return one["U_deg"] is not None and one["U_deg"] <= UNDEFINED_DEG
+    return None not in (one["error_deg"], one["U_deg"]) and bool(one["U_deg"] <= UNDEFINED_DEG)
 
 
 def _result(one: Content, old: Content | None, reference: float, turn: float) -> list[str]:
