@@ -475,6 +475,7 @@ def _draft(profile: Profile, columns: tuple[ColumnLook, ...]) -> str:
         lines.append("units_row = true")
     if profile.rate_hz:
         lines.append(f"rate_hz = {profile.rate_hz:g}")
+    lines += [f"null = {profile.null:g}"] if profile.null is not None else []
     lines += [f"units = [{', '.join(map(text, profile.units))}]"] if profile.units else []
     lines += ["", "[axes]"] if profile.axes else []
     lines += [f"{kind} = [{', '.join(map(text, axes))}]" for kind, axes in profile.axes.items()]
