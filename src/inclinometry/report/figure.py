@@ -297,8 +297,8 @@ def _series(figure: Figure) -> Iterator[_Series]:
                 yield _Series(name, axes, x, y, half if half is not None and len(half) == len(x) else None)
         if axes in _CELLS:
             _, matrix = _CELLS[axes]
-            row, column = np.indices(matrix.shape)
-            yield _Series("", axes, 1.0 * column.ravel(), 1.0 * row.ravel(), matrix.ravel())
+            row, column = (np.asarray(place, dtype=np.float64).ravel() for place in np.indices(matrix.shape))
+            yield _Series("", axes, column, row, matrix.ravel())
         for found in axes.collections:
             values = found.get_array()
             if isinstance(found, PathCollection):
