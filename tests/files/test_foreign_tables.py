@@ -443,3 +443,19 @@ def test_a_report_in_pdf_is_refused_with_what_to_do(tmp_path):
     path.write_bytes(b"%PDF-1.7\n%\xe2\xe3\xcf\xd3\n1 0 obj\n")
     with pytest.raises(FileError, match="export its table as CSV or Excel"):
         read_well(path)
+
+
+@pytest.mark.parametrize(
+    "head",
+    [
+        "# 2024.06.01 created by TopoDroid v 6.2\n# cave\n# from to tape compass clino (declination 4.5)\n",
+        "From,To,Distance,Azimuth,Inclination\n",
+        "*begin cave\n*data normal from to tape compass clino\n",
+    ],
+)
+def test_the_legs_of_a_cave_are_named(tmp_path, head):
+    path = tmp_path / "legs.csv"
+    path.write_text(head + "0@cave,1@cave,5.20,45.0,-10.0,\n1@cave,2@cave,7.33,50.2,-35.5,L\n")
+    with pytest.raises(FileError, match="legs of a cave") as stop:
+        read_well(path)
+    assert stop.value.line == head.count("\n")

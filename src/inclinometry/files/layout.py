@@ -36,6 +36,10 @@ MOST_VALUES: Final = 100_000_000
 NUMBER: Final = re.compile(r"[+-]?(\d+[.,]?\d*|[.,]\d+)([eE][+-]?\d+)?")
 RULE: Final = re.compile(r"[\s+|]*([-=]{2,}[\s+|]*)+")
 """A line drawn below the names."""
+LEGS: Final = re.compile(
+    r"\W*(data normal )?from\W+to\W+(tape|length|distance)\W+(compass|azimuth|bearing)\W+(clino|inclination)\b.*", re.I
+)
+"""Above the legs of a cave: names, in a comment or not."""
 LOOKED: Final = 400
 """Lines by which a layout is found."""
 MOST_UNPACKED: Final = 1 << 30
@@ -417,6 +421,15 @@ def named_lines(lines: list[str]) -> list[str]:
     return lines
 
 
+def refuse_legs(lines: list[str], path: Path, first: int = 1) -> None:
+    """FileError for the shots of a cave from station to station, which are no stations along a hole."""
+    for row, line in enumerate(lines[:LOOKED]):
+        if LEGS.fullmatch(line.strip()):
+            problem = "legs of a cave (from, to, tape, compass, clino), which Survex, Therion and Compass take"
+            remedy = "a cave instrument is calibrated by its calibration shots, with --profile topodroid or sap6"
+            raise FileError(f"{problem}; {remedy}", path=path, line=first + row)
+
+
 def find_layout(lines: list[str]) -> tuple[Profile, str]:
     """How the lines are cut into cells, and where the names and the rows begin."""
     lines = named_lines(lines)
@@ -483,6 +496,7 @@ def with_found_layout(blocks: Iterator[Block], given: Profile, path: Path) -> It
     first = next(blocks, None)
     if first is None:
         return
+    refuse_legs(first.lines, path, first.first)
     first = first._replace(lines=named_lines(first.lines))
     both = chain([first], blocks)
     found, _ = find_layout(first.lines[:LOOKED])
