@@ -264,3 +264,25 @@ def test_a_site_that_does_not_say_what_the_tool_saw(certified):
     done = certified("survey.csv")
     assert (done.status, done.out) == (2, "")
     assert "site.toml: the site has no dip" in done.err
+
+
+def test_a_listing_with_positions_of_its_own_is_held_against_the_path(run):
+    listing = (
+        "MD (ft),INC (deg),AZI_GRID (deg),TVD (ft),NS (ft),EW (ft),DLS (deg/100ft)\n"
+        "1000,0,0,990,100,50,0\n1100,3,45,1089.95,101.85,51.85,3\n1200,6,45,1189.63,107.40,57.40,3\n"
+    )
+    Path("a.csv").write_text(listing)
+    done = run("position", "a.csv")
+    assert done.status == 0
+    assert "agree with the path by minimum curvature within 0.00 m" in done.out
+    # ten feet to the north; said once, and nothing is taken from it
+    Path("b.csv").write_text(listing.replace("107.40", "117.40"))
+    other = run("position", "b.csv")
+    assert "are 3.05 m from the path by minimum curvature at md 365.76 m (line 4), and" in other.err
+    assert other.out.split("positions\n")[1] == done.out.split("positions\n")[1]
+    Path("c.csv").write_text(listing + "1300,,,,,,\n1400,6,45,,,,\n")
+    assert "left out: 1, the first in line 5" in run("position", "c.csv").out
+
+
+def test_null_needs_a_number(run):
+    assert "--null is 'none'; a number is needed" in run("position", "a.csv", "--null", "none").err

@@ -136,6 +136,7 @@ def turning_string():
         assert np.all(uncertainty < 0.5)
 
 
+@pytest.mark.long
 def test_the_blocks_run_as_they_stand_and_give_the_truth(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     count = 0

@@ -321,3 +321,141 @@ def test_levels_of_a_readout(tmp_path):
     (tmp_path / "a.gkn").write_text(f"GK 604M\n#READINGS:40\nFLEVEL,    A+,     A-,     B+,     B-\n{rows}")
     with reading_with(None, "m"):
         assert read_casing(tmp_path / "a.gkn", unit="digi-25000").reading.depth[0] == 0.5
+
+
+def test_the_names_of_euroc_stand_in_a_comment(tmp_path):
+    """EuRoC's imu0/data.csv: nanoseconds of the day, names behind a #, units with powers in their brackets."""
+    names = ["timestamp [ns]", *(f"w_RS_S_{a} [rad s^-1]" for a in XYZ), *(f"a_RS_S_{a} [m s^-2]" for a in XYZ)]
+    stamps = [f"{1403636579758555392 + int(1e9 * t)}" for t in TIME]
+    path = tmp_path / "data.csv"
+    path.write_text("#" + text(names, [stamps, *np.radians(W).T, *(STANDARD_GRAVITY * G).T]))
+    run = read_log(path)
+    # 1.4e18 ns are known to 256 ns
+    assert np.diff(run.time) == pytest.approx(0.01, abs=1e-6)
+    assert run.channels["gyro"] == pytest.approx(np.radians(W), abs=1e-9)
+    assert run.units["accelerometer"] == "m/s^2"
+    # a comment of as many words above numbers with their own names stays a comment
+    path.write_text("# one,two\nmd_m,inclination_deg\n0,1\n10,2\n")
+    with pytest.raises(FileError, match="azimuth_deg"):
+        read_well(path)
+
+
+def test_shimmer_s_device_and_units_row(tmp_path):
+    """Consensys: sep= in quotes, device and CAL around each name, a row of units; local_flux is none."""
+    names = ["Timestamp_Unix", *(f"Accel_LN_{a}" for a in "XYZ"), *(f"Gyro_{a}" for a in "XYZ"), "Mag_X", "Battery"]
+    names = [f"Shimmer_40AC_{name}_CAL" for name in names]
+    units = ["ms", *["m/(s^2)*"] * 3, *["deg/s*"] * 3, "local_flux*", "mV"]
+    columns = [[f"{1595926610034 + 1000 * t:.3f}" for t in TIME], *(STANDARD_GRAVITY * G).T, *W.T, TIME, TIME + 3900]
+    path = tmp_path / "shimmer.csv"
+    path.write_text(text(names, columns, "\t", '"sep=\t"\n', units))
+    run = read_log(path)
+    assert np.diff(run.time) == pytest.approx(0.01, abs=1e-6)
+    assert run.channels["accelerometer"] == pytest.approx(STANDARD_GRAVITY * G, abs=1e-9)
+    assert run.units["gyro"] == "deg/s"
+    assert set(run.channels) == {"accelerometer", "gyro"}
+
+
+def test_json_of_one_object_a_line(tmp_path):
+    path = tmp_path / "a.jsonl"
+    rows = [{"MD (m)": m, "INC (deg)": i, "AZIM_TN (deg)": a} for m, i, a in zip(MD, INC, AZI, strict=True)]
+    path.write_text("\n".join(map(json.dumps, rows)) + "\n")
+    well = read_well(path)
+    assert (np.degrees(well.inclination) == pytest.approx(INC), well.azimuth_reference) == (True, "true")
+    for line, problem in (("[1, 2]", "an object is needed on every line"), ('{"MD (m)": ', "not JSON, or damaged")):
+        path.write_text(json.dumps(rows[0]) + "\n" + line + "\n")
+        with pytest.raises(FileError, match=problem) as stop:
+            read_well(path)
+        assert stop.value.line == 2
+
+
+@pytest.mark.parametrize(
+    ("name", "north"),
+    [
+        *(("AZIM_TN", "true"), ("AZI_TRUE", "true"), ("Azimuth True North", "true"), ("AZIM_GN", "grid")),
+        *(("AziGN", "grid"), ("AZI_GRID", "grid"), ("AZIM_MN", "magnetic"), ("AZI MAG", "magnetic")),
+    ],
+)
+def test_the_north_in_the_name_of_the_azimuth(tmp_path, name, north):
+    path = tmp_path / "a.csv"
+    path.write_text(text(["MD", "INC", name], [MD, INC, AZI]))
+    with reading_with(None, "m,deg"):
+        assert read_well(path).azimuth_reference == north
+        other = with_constants(azimuth_reference="grid" if north == "true" else "true")
+        by_name = f"the azimuths count from {north} north by the name"
+        with reading_with(other), pytest.raises(FileError, match=by_name):
+            read_well(path)
+
+
+def test_degrees_minutes_and_seconds(tmp_path):
+    path = tmp_path / "a.csv"
+    rows = ["0,0°,0°00'", "30,10°30',120°15'30\"", "60,12.5,-1°30′36″"]
+    path.write_text("\n".join(["MD (m),INC (deg),Azimuth true (deg)", *rows]) + "\n", encoding="utf-8")
+    well = read_well(path)
+    assert np.degrees(well.inclination) == pytest.approx([0.0, 10.5, 12.5])
+    assert np.degrees(well.azimuth) == pytest.approx([0.0, 120.0 + 15.5 / 60.0, -1.51])
+    for cell, remedy in (("10 30 15", "write 10.504167 or 10°30'15\""), ("-0:30", "write -0.5 or -0°30'")):
+        path.write_text(f"MD (m),INC (deg),Azimuth true (deg)\n0,0,0\n30,1,{cell}\n", encoding="utf-8")
+        with pytest.raises(FileError, match="may be degrees and minutes") as stop:
+            read_well(path)
+        assert (stop.value.line, remedy in str(stop.value)) == (3, True)
+    # minutes end at 60, and a length has none
+    for row in ("30,10°75',20", "30°30',10,20"):
+        path.write_text(f"MD (m),INC (deg),Azimuth true (deg)\n0,0,0\n{row}\n", encoding="utf-8")
+        with pytest.raises(FileError, match="is not a number"):
+            read_well(path)
+
+
+def test_a_number_that_stands_for_nothing(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("MD (m),INC (deg),AZI_TRUE (deg)\n0,0,0\n30,-999.25,-999.25\n60,3,20\n")
+    with pytest.raises(FileError, match=r"state --null -999\.25") as stop:
+        read_well(path)
+    assert stop.value.line == 3
+    with reading_with(None, null=-999.25):
+        well = read_well(path)
+    assert (well.md.tolist(), well.left_out, well.lines.tolist()) == ([0.0, 60.0], (3,), [2, 4])
+    # half a station is none, and no gap either
+    path.write_text("MD (m),INC (deg),AZI_TRUE (deg)\n0,0,0\n30,-999.25,20\n60,3,20\n")
+    with reading_with(None, null=-999.25), pytest.raises(FileError, match="inclination_deg is empty"):
+        read_well(path)
+    # one channel may pass through that value, two at once do not; what may not be empty is not
+    path.write_text("time_s,mag_x_nT,mag_y_nT,mag_z_nT\n0,-999.25,1,2\n1,3,4,5\n")
+    assert read_log(path).channels["magnetometer"][0, 0] == -999.25
+    path.write_text("time_s,mag_x_nT,mag_y_nT,mag_z_nT\n0,-999.25,-999.25,2\n1,3,4,5\n")
+    with pytest.raises(FileError, match="there is nothing"):
+        read_log(path)
+    with reading_with(None, null=-999.25), pytest.raises(FileError, match="declared to be empty; fill it in"):
+        read_log(path)
+
+
+def test_the_null_of_las_leaves_depths_out(tmp_path):
+    path = tmp_path / "a.las"
+    head = "~V\nVERS. 2.0 :\nWRAP. NO :\n~W\nSTRT.M 0 :\nSTOP.M 60 :\nSTEP.M 0 :\nNULL. -999.25 :\n~C\n"
+    path.write_text(f"{head}DEPT.M :\nINCL.DEG :\nAZIT.DEG :\n~A\n0 0 0\n30 -999.25 -999.25\n60 1.5 120\n")
+    with pytest.raises(FileError, match="azimuth_deg"):
+        read_well(path)
+    path.write_text(path.read_text().replace("AZIT", "AZITRUE"))
+    assert read_well(path).md.tolist() == [0.0, 60.0]
+
+
+def test_a_report_in_pdf_is_refused_with_what_to_do(tmp_path):
+    path = tmp_path / "report.pdf"
+    path.write_bytes(b"%PDF-1.7\n%\xe2\xe3\xcf\xd3\n1 0 obj\n")
+    with pytest.raises(FileError, match="export its table as CSV or Excel"):
+        read_well(path)
+
+
+@pytest.mark.parametrize(
+    "head",
+    [
+        "# 2024.06.01 created by TopoDroid v 6.2\n# cave\n# from to tape compass clino (declination 4.5)\n",
+        "From,To,Distance,Azimuth,Inclination\n",
+        "*begin cave\n*data normal from to tape compass clino\n",
+    ],
+)
+def test_the_legs_of_a_cave_are_named(tmp_path, head):
+    path = tmp_path / "legs.csv"
+    path.write_text(head + "0@cave,1@cave,5.20,45.0,-10.0,\n1@cave,2@cave,7.33,50.2,-35.5,L\n")
+    with pytest.raises(FileError, match="legs of a cave") as stop:
+        read_well(path)
+    assert stop.value.line == head.count("\n")

@@ -47,7 +47,7 @@ def faults(examples, folder, seed, count):
 
 
 def test_a_few_broken_files(examples, tmp_path):
-    assert faults(examples, tmp_path, 11, 60) == []
+    assert faults(examples, tmp_path, 11, 25) == []
 
 
 @pytest.mark.long

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -22,12 +23,19 @@ DIP = float(np.radians(70.0))
 SD = float(np.radians(0.1))
 
 
-@pytest.fixture
-def laboratory(tmp_path: Path) -> Iterator[Ledger]:
+@contextmanager
+def founded(folder: Path) -> Iterator[Ledger]:
     """A ledger with one tool and one rig."""
-    with create(tmp_path / "ledger.sqlite") as ledger:
+    with create(folder / "ledger.sqlite") as ledger:
         put_tool(ledger, RegisteredTool("IN-7", "steering tool", interval_months=12), author="anna")
         put_rig(ledger, RegisteredRig("stand 1", (SD, SD, SD)), author="anna")
+        yield ledger
+
+
+@pytest.fixture
+def laboratory(tmp_path: Path) -> Iterator[Ledger]:
+    """A ledger of the test's own, with one tool and one rig."""
+    with founded(tmp_path) as ledger:
         yield ledger
 
 
@@ -69,7 +77,7 @@ def calibrated(ledger: Ledger, plan: Plan, seed: int = 1) -> Session:
     return take(ledger, session, sensors(realistic_tool(7), seed))
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def bench() -> SimpleNamespace:
-    """The stand: `sensors`, `take`, `calibrated`, its dip and standard deviation."""
-    return SimpleNamespace(sensors=sensors, take=take, calibrated=calibrated, dip=DIP, sd=SD)
+    """The stand: `sensors`, `take`, `calibrated`, `founded`, its dip and standard deviation."""
+    return SimpleNamespace(sensors=sensors, take=take, calibrated=calibrated, founded=founded, dip=DIP, sd=SD)

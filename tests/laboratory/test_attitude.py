@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,7 +10,6 @@ import pytest
 
 from inclinometry.calibration import plans
 from inclinometry.laboratory.attitude import attitude_in_stand, earlier_calibration
-from inclinometry.laboratory.ledger.ledger import Ledger
 from inclinometry.laboratory.registry import RegisteredRig, put_rig
 from inclinometry.laboratory.results import calibration_of, finish_calibration
 from inclinometry.laboratory.session import open_session
@@ -18,12 +18,13 @@ from inclinometry.sensors import Tool
 from inclinometry.simulate.tool import realistic_tool
 
 
-@pytest.fixture
-def made(laboratory: Ledger, bench: SimpleNamespace) -> SimpleNamespace:
+@pytest.fixture(scope="module")
+def made(bench: SimpleNamespace, tmp_path_factory: pytest.TempPathFactory) -> Iterator[SimpleNamespace]:
     """The tool of the stand, calibrated on it."""
-    session = bench.calibrated(laboratory, plans.orthogonal())
-    record = finish_calibration(laboratory, session.id, author="anna")
-    return SimpleNamespace(record=record, session=session, calibration=calibration_of(record), ledger=laboratory)
+    with bench.founded(tmp_path_factory.mktemp("made")) as ledger:
+        session = bench.calibrated(ledger, plans.orthogonal())
+        record = finish_calibration(ledger, session.id, author="anna")
+        yield SimpleNamespace(record=record, session=session, calibration=calibration_of(record), ledger=ledger)
 
 
 @pytest.mark.parametrize("dial_deg", [(120.0, 90.0, 240.0), (300.0, 35.0, 10.0), (45.0, 120.0, 100.0)])

@@ -68,7 +68,8 @@ def _run(arguments: list[str]) -> int:
             if stated:
                 from inclinometry.files.profile import reading_with
 
-                used = stack.enter_context(reading_with(stated.get("--profile"), stated.get("--units")))
+                null = _number(stated.get("--null"))
+                used = stack.enter_context(reading_with(stated.get("--profile"), stated.get("--units"), null))
             # a page of help as it is written: no smileys for words between colons, no markup in brackets
             console = Console(emoji=False, markup=False, highlight=False)
             status = app(
@@ -187,8 +188,11 @@ def _verbose(stack: ExitStack) -> None:
     stack.callback(lambda: _say(f"  altogether {perf_counter() - start:.2f} s"))
 
 
+_OF_TABLES = {"--profile": "a profile", "--units": "units such as ft,deg", "--null": "a number such as -999.25"}
+
+
 def _of_tables(arguments: list[str]) -> tuple[list[str], dict[str, str]]:
-    """The arguments without --profile and --units, which are of every command that reads a table, and these two."""
+    """The arguments without --profile, --units and --null, which are of every command that reads a table, and these."""
     from inclinometry.errors import InputError
 
     rest: list[str] = []
@@ -196,15 +200,24 @@ def _of_tables(arguments: list[str]) -> tuple[list[str], dict[str, str]]:
     words = iter(arguments)
     for word in words:
         name, equals, value = word.partition("=")
-        if name not in ("--profile", "--units") or "--help" in arguments:
+        if name not in _OF_TABLES or "--help" in arguments:
             rest.append(word)
             continue
         if name in stated:
             raise InputError(f"{name} is given twice; give it once")
         stated[name] = value if equals else next(words, "")
         if not stated[name]:
-            raise InputError(f"{name} needs a value: {'a profile' if name == '--profile' else 'units such as ft,deg'}")
+            raise InputError(f"{name} needs a value: {_OF_TABLES[name]}")
     return rest, stated
+
+
+def _number(text: str | None) -> float | None:
+    from inclinometry.errors import InputError
+
+    try:
+        return None if text is None else float(text)
+    except ValueError:
+        raise InputError(f"--null is {text!r}; a number is needed, such as -999.25") from None
 
 
 def _from_stdin(arguments: list[str], stack: ExitStack) -> list[str]:

@@ -226,9 +226,10 @@ app = _app(
     help_epilogue="Angles are in degrees, depths in metres. `inclinometry demo` shows the whole way on real data.\n\n"
     "Every table may be text with any separator, .gz, .xlsx, .parquet, .las, .h5, .npz, .mat or .json; - reads "
     "standard input. --profile NAME|FILE says what its columns are, --units ft,deg,mg,gauss what they are in where "
-    "their names do not; `inclinometry check FILE` says what was understood. --each 'runs/*.csv' in the place of a "
-    "file does them all, -o out/{stem}.json; most commands take several files or a folder as they stand. -q says "
-    "nothing but warnings and errors, -v what was understood of each file and how long it took, --open shows the "
+    "their names do not, --null -999.25 which number stands for an empty cell; `inclinometry check FILE` says what was "
+    "understood. --each 'runs/*.csv' in the place of a file does them all, -o out/{stem}.json; most commands take "
+    "several files or a folder as they stand. -q says nothing but warnings and errors, -v what was understood of each "
+    "file and how long it took, --open shows the "
     "report. --template prints a correct example of the table a command reads.\n\n"
     "Exit status: 0 done, 1 a verification failed, 2 bad input (nothing written), 3 an error of this program, "
     "130 interrupted.",

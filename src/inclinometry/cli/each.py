@@ -80,7 +80,7 @@ def _behind_options(words: list[str], start: int) -> int | None:
     from inclinometry.cli.app import app
 
     # options of every table, which no command knows
-    general = ("--profile", "--units", "--language")
+    general = ("--profile", "--units", "--null", "--language")
     own = [w for w, before in zip(words, ["", *words], strict=False) if w not in general and before not in general]
     try:
         bound = app.parse_known_args(own)[1]

@@ -100,7 +100,7 @@ def _units(dimension: str) -> Mapping[str, Unit]:
 def _unit(text: str, dimension: str) -> Unit | None:
     known = _units(dimension)
     plain = text.strip().replace("²", "2").replace("º", "°")
-    return known.get(f"={plain}") or known.get(re.sub(r"[\s_/^*.]+", "", plain).lower())
+    return known.get(f"={plain}") or known.get(re.sub(r"[\s_/^*.()]+", "", plain).lower())
 
 
 @lru_cache(maxsize=1)
@@ -123,6 +123,16 @@ def _texts() -> Mapping[str, str]:
 
 def _squashed(name: str) -> str:
     return _BETWEEN.sub("", name).lower()
+
+
+@lru_cache(maxsize=1)
+def _wrapping() -> re.Pattern[str]:
+    return re.compile(rf"(?:{'|'.join(_data()['wrapped']['patterns'])})(?=$|\s*[(\[])", re.IGNORECASE)
+
+
+def _unwrapped(name: str) -> str:
+    """The name without what a program writes around it, as Shimmer its device and CAL."""
+    return _wrapping().sub(lambda found: found[1], name, count=1)
 
 
 def meaning(name: str, stated: str | None = None, beside: Collection[str] = ()) -> Meaning | None:
@@ -154,6 +164,7 @@ def meaning(name: str, stated: str | None = None, beside: Collection[str] = ()) 
     """
     if name.startswith(EXTRA) or name in ("flags", "toolface_type", *PARTS):
         return None
+    name = _unwrapped(name)
     if _squashed(name) in _texts():
         return Meaning(_texts()[_squashed(name)], None)
     # candidates and the unit as written; None where no beginning of the name is known.
@@ -198,6 +209,17 @@ def meaning(name: str, stated: str | None = None, beside: Collection[str] = ()) 
             f"rename it to {EXTRA}{_BETWEEN.sub('_', name)})"
         )
     return Meaning(*fits[0][:1], fits[0][2], fits[0][1])
+
+
+def columns_called(name: str) -> tuple[str, ...]:
+    """The package's columns that go by a name without its unit.
+
+    Examples
+    --------
+    >>> columns_called("INC"), columns_called("INC (deg)")
+    (('inclination_deg',), ())
+    """
+    return tuple(quantities()[key].column for key, _ in _names().get(_squashed(name), ()))
 
 
 def _one_unit(name: str, written: str | None, stated: str | None) -> str | None:
@@ -268,6 +290,7 @@ def factor_of(name: str, names: Collection[str], own: str, stated: Collection[st
     Traceback (most recent call last):
     inclinometry.errors.InputError: column 'X' has no unit; write x_m or the like, or state --units m
     """
+    name = _unwrapped(name)
     bracketed = _BRACKETED.fullmatch(name)
     words = [word for word in _BETWEEN.split(name.strip()) if word]
     splits = [(bracketed["name"], bracketed["unit"])] if bracketed else [
@@ -297,7 +320,7 @@ def seconds_of(name: str, stated: Collection[str] = ()) -> float | None:
     >>> seconds_of("Time (ms)"), seconds_of("TimeUS"), seconds_of("t"), seconds_of("t", ["s"])
     (0.001, 1e-06, None, 1.0)
     """
-    spelled = _data()["time"]["spelled"].get(_squashed(name))
+    spelled = _data()["time"]["spelled"].get(_squashed(_unwrapped(name)))
     if spelled is not None:
         return unit_factor(spelled, "s")[0]
     try:

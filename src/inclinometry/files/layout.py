@@ -37,6 +37,10 @@ MOST_VALUES: Final = 100_000_000
 NUMBER: Final = re.compile(r"[+-]?(\d+[.,]?\d*|[.,]\d+)([eE][+-]?\d+)?")
 RULE: Final = re.compile(r"[\s+|]*([-=]{2,}[\s+|]*)+")
 """A line drawn below the names."""
+LEGS: Final = re.compile(
+    r"\W*(data normal )?from\W+to\W+(tape|length|distance)\W+(compass|azimuth|bearing)\W+(clino|inclination)\b.*", re.I
+)
+"""Above the legs of a cave: names, in a comment or not."""
 LOOKED: Final = 400
 """Lines by which a layout is found."""
 MOST_UNPACKED: Final = 1 << 30
@@ -211,10 +215,14 @@ def _json(path: Path) -> tuple[list[str], Iterable[Sequence[str]]]:
     """An object of arrays, or an array of objects; null is an empty cell."""
     if path.stat().st_size > 500_000_000:
         raise FileError("a JSON file of more than 500 MB is not read; save the table as CSV or Parquet", path=path)
+    text = path.read_bytes()
     try:
-        content = json.loads(path.read_bytes())
+        content = json.loads(text)
     except (ValueError, RecursionError) as error:
-        raise FileError(f"not JSON, or damaged ({error})", path=path) from None
+        # one object a line, as loggers write them
+        if not str(error).startswith("Extra data"):
+            raise FileError(f"not JSON, or damaged ({error})", path=path) from None
+        content = [_json_line(line, path, k) for k, line in enumerate(text.splitlines(), 1) if line.strip()]
     if isinstance(content, list) and content and all(isinstance(row, dict) for row in content):
         names = list(dict.fromkeys(name for row in content for name in row))
         content = {name: [row.get(name) for row in content] for name in names}
@@ -237,6 +245,16 @@ def _json(path: Path) -> tuple[list[str], Iterable[Sequence[str]]]:
         there = ~np.isnan(np.concatenate(numbers, axis=1)).all(axis=1)
         found = {name: v[there] if v.ndim and len(v) == len(there) else v for name, v in found.items()}
     return _arrays(path, found)
+
+
+def _json_line(line: bytes, path: Path, number: int) -> dict[str, Any]:
+    try:
+        row = json.loads(line)
+    except (ValueError, RecursionError) as error:
+        raise FileError(f"not JSON, or damaged ({error})", path=path, line=number) from None
+    if not isinstance(row, dict):
+        raise FileError("an object is needed on every line: {name: value, ...}", path=path, line=number)
+    return row
 
 
 def _zipped(path: Path) -> tuple[list[str], Iterable[Sequence[str]]]:
@@ -385,8 +403,37 @@ def _survey(file: SurveyFile) -> tuple[list[str], Iterable[Sequence[str]]]:
     return [column.name for column in columns], zip(*map(column_texts, columns), strict=True)
 
 
+def named_lines(lines: list[str]) -> list[str]:
+    """The lines, the names without the # before them where a comment right above rows of numbers is their names.
+
+    Only a comment with as many cells, of which none is a number, above the first row of numbers is that.
+    """
+    place = next((k for k, line in enumerate(lines[:LOOKED]) if line.strip() and line.lstrip()[0] != "#"), 0)
+    above = lines[place - 1].lstrip() if place else ""
+    if above[:1] != "#":
+        return lines
+    names = above.lstrip("# ")
+    for mark in ("\t", ";", ",", " "):
+        row, cells = _roughly(lines[place].strip(), mark), _roughly(names.strip(), mark)
+        if len(row) != len(cells) or len(row) < 2 or not all(NUMBER.fullmatch(cell.strip()) for cell in row):
+            continue
+        if all(cell.strip() and not NUMBER.fullmatch(cell.strip()) for cell in cells):
+            return [*lines[: place - 1], names, *lines[place:]]
+    return lines
+
+
+def refuse_legs(lines: list[str], path: Path, first: int = 1) -> None:
+    """FileError for the shots of a cave from station to station, which are no stations along a hole."""
+    for row, line in enumerate(lines[:LOOKED]):
+        if LEGS.fullmatch(line.strip()):
+            problem = "legs of a cave (from, to, tape, compass, clino), which Survex, Therion and Compass take"
+            remedy = "a cave instrument is calibrated by its calibration shots, with --profile topodroid or sap6"
+            raise FileError(f"{problem}; {remedy}", path=path, line=first + row)
+
+
 def find_layout(lines: list[str]) -> tuple[Profile, str]:
     """How the lines are cut into cells, and where the names and the rows begin."""
+    lines = named_lines(lines)
     if not lines:
         return PLAIN, "a table of its own format"
     filled = [
@@ -426,8 +473,13 @@ def _roughly(line: str, mark: str) -> list[str]:
     return line.split() if mark == " " else cut(line, mark)
 
 
+def _bare(unit: str) -> str:
+    """A unit without its brackets: m/(s^2) is m/s^2."""
+    return re.sub(r"[\[\]()]", "", unit).strip()
+
+
 def _units_row(cells: list[str]) -> bool:
-    written = [cell.strip().strip("[]()") for cell in cells if cell.strip()]
+    written = [_bare(cell) for cell in cells if cell.strip()]
     known = sum(dimension_of(cell) is not None for cell in written)
     return 0 < len(written) <= 2 * known
 
@@ -445,6 +497,8 @@ def with_found_layout(blocks: Iterator[Block], given: Profile, path: Path) -> It
     first = next(blocks, None)
     if first is None:
         return
+    refuse_legs(first.lines, path, first.first)
+    first = first._replace(lines=named_lines(first.lines))
     both = chain([first], blocks)
     found, _ = find_layout(first.lines[:LOOKED])
     if found.header and found.lays_out:
@@ -533,7 +587,7 @@ def _with_units(names: list[str], cells: list[str], profile: Profile, path: Path
     """Names with the units below them; a column the profile names keeps its name, if the unit agrees."""
     found = []
     for name, cell in zip(names, cells + [""] * len(names), strict=False):
-        unit = cell.strip().strip("[]()")
+        unit = _bare(cell)
         if name not in profile.columns:
             found.append(_with_unit(name, unit))
             continue

@@ -34,6 +34,7 @@ deviation, the reference says which north they and the positions count from."""
 SOURCES: Final = ("md_m", "source", "propagation", *COVARIANCES)
 """The contract of the file of sources."""
 
+_LISTED: Final = ("north_m", "east_m", "tvd_m")
 _PAIRS: Final = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 
 
@@ -47,6 +48,8 @@ class WellStations:
     toolface : (n,) rad, NaN where the file is silent; None without a column.
     temperature : (n,) degC, or None.
     lines, path, digest : as in `table.Table`.
+    listed : (n, 3) north, east and true vertical depth that the file states itself, m, NaN where it is silent.
+    left_out : lines of the rows without inclination and azimuth, which are no stations.
     """
 
     md: Array
@@ -58,6 +61,8 @@ class WellStations:
     lines: NDArray[np.int64]
     path: Path
     digest: str
+    listed: Array | None = None
+    left_out: tuple[int, ...] = ()
 
     def __len__(self) -> int:
         return len(self.md)
@@ -65,6 +70,8 @@ class WellStations:
 
 def read_well(path: str | Path, *, progress: Progress | None = None) -> WellStations:
     """Read `md_m` (or `md_ft`), `inclination_deg`, `azimuth_deg`, `azimuth_reference`; a survey file has them all.
+
+    Rows that have neither inclination nor azimuth are left out: logs say so of depths that were not surveyed.
 
     Raises
     ------
@@ -85,8 +92,14 @@ def read_well(path: str | Path, *, progress: Progress | None = None) -> WellStat
     """
     others = [name for name in SURVEY if name not in ("md_m", "flags", "azimuth_reference")]
     used = ("md_m", "md_ft", "inclination_deg", "azimuth_deg", "toolface_deg", "temperature_degC")
-    table = read_table(path, progress, numeric=numbers_among((*SURVEY, *used)), gaps=[*others, "temperature_degC"])
-    table.unknown((*SURVEY, *used, *STATION, *PARTS, "toolface_type"))
+    names, gaps = (*SURVEY, *used, *_LISTED), [*others, "temperature_degC", *_LISTED]
+    table = read_table(path, progress, numeric=numbers_among(names), gaps=gaps)
+    table.unknown((*names, *STATION, *PARTS, "toolface_type"))
+    table.require(("inclination_deg", "azimuth_deg"))
+    empty = np.isnan(table.number("inclination_deg")) & np.isnan(table.number("azimuth_deg"))
+    left_out: tuple[int, ...] = ()
+    if empty.any() and not empty.all():
+        table, left_out = table.rows(~empty), tuple(table.lines[empty].tolist())
     if "md_m" in table and "md_ft" in table:
         raise table.error("both 'md_m' and 'md_ft' give the depth; remove one")
     name = "md_ft" if "md_ft" in table else "md_m"
@@ -129,8 +142,20 @@ def read_well(path: str | Path, *, progress: Progress | None = None) -> WellStat
         raise table.error(f"{problem} ({span}); no arc can be chosen for half a turn: correct one of the two", row)
     toolface = frozen(np.radians(table.number("toolface_deg"))) if "toolface_deg" in table else None
     temperature = frozen(table.number("temperature_degC")) if "temperature_degC" in table else None
+    silent = np.full(len(md), np.nan)
+    listed = [table.number(name) if name in table else silent for name in _LISTED]
     return WellStations(
-        md, inclination, azimuth, reference, toolface, temperature, table.lines, table.path, table.digest
+        md,
+        inclination,
+        azimuth,
+        reference,
+        toolface,
+        temperature,
+        table.lines,
+        table.path,
+        table.digest,
+        frozen(np.stack(listed, axis=1)) if any(name in table for name in _LISTED) else None,
+        left_out,
     )
 
 

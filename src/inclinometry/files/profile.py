@@ -44,6 +44,7 @@ class Profile:
     rate_hz : rows a second, where the file has no time.
     constants : columns the file lacks -> their one value.
     blank : name or number in the file -> what a cell says where it says nothing ("0" of a set, "-9999").
+    null : the number that says in every column that there is nothing, as -999.25.
     roll_sets : name of a set -> its first and last row, from 1; of files that end with the last one.
     """
 
@@ -60,11 +61,14 @@ class Profile:
     constants: Mapping[str, float | str] = field(default_factory=dict)
     blank: Mapping[str, str] = field(default_factory=dict)
     roll_sets: Mapping[str, tuple[int, int]] = field(default_factory=dict)
+    null: float | None = None
 
     @property
     def lays_out(self) -> bool:
         """Whether more than the names of the columns differs from a plain table."""
-        plain = Profile(self.title, columns=self.columns, given=self.given, units=self.units, axes=self.axes)
+        plain = Profile(
+            self.title, columns=self.columns, given=self.given, units=self.units, axes=self.axes, null=self.null
+        )
         return self != replace(plain, roll_sets=self.roll_sets) or "" in self.columns.values()
 
     @property
@@ -200,8 +204,12 @@ def current() -> Profile:
 
 
 @contextmanager
-def reading_with(profile: Profile | str | Path | None, units: str | None = None) -> Iterator[list[str]]:
+def reading_with(
+    profile: Profile | str | Path | None, units: str | None = None, null: float | None = None
+) -> Iterator[list[str]]:
     """Tables opened within are read with this profile; yields a list that is empty until one has been.
+
+    A number that is declared `null` stands for an empty cell.
 
     Examples
     --------
@@ -224,6 +232,8 @@ def reading_with(profile: Profile | str | Path | None, units: str | None = None)
                     "uT, gauss, degC"
                 )
         found = replace(found, units=(*words, *found.units))
+    if null is not None:
+        found = replace(found, null=null)
     # within another one, that one was of use as well
     outer = _USED.get()
     used: list[str] = [] if outer is None else outer
@@ -293,6 +303,7 @@ def read_profile(name: str | Path) -> Profile:
 _TYPES: Final[Mapping[str, type | tuple[type, ...]]] = {
     "title": str, "separator": str, "skip": int, "header": bool, "units_row": bool, "columns": dict, "units": list,
     "axes": dict, "convention": str, "rate_hz": (int, float), "constants": dict, "roll_sets": dict,
+    "null": (int, float),
 }  # fmt: skip
 
 
@@ -333,6 +344,7 @@ def _profile(content: dict[str, Any]) -> Profile:
         constants=_constants(content.get("constants", {})),
         blank=blank,
         roll_sets=_roll_sets(content.get("roll_sets", {})),
+        null=None if "null" not in content else float(content["null"]),
     )
 
 

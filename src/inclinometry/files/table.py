@@ -9,7 +9,7 @@ import re
 import zlib
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import chain
+from itertools import chain, compress
 from logging import getLogger
 from pathlib import Path
 from types import MappingProxyType
@@ -18,10 +18,11 @@ from typing import Any, Final, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from inclinometry.arrays import Array
+from inclinometry.arrays import Array, Mask, frozen
 from inclinometry.calibration.readings import LARGEST
 from inclinometry.constants import KINDS
 from inclinometry.errors import FileError, InputError
+from inclinometry.files._quantities import columns_called
 from inclinometry.files.columns import (
     ANGLES,
     KIND_PREFIX,
@@ -33,7 +34,7 @@ from inclinometry.files.columns import (
     closest,
     is_number,
 )
-from inclinometry.files.profile import PLAIN, Profile, Reading, current
+from inclinometry.files.profile import PLAIN, Profile, Reading, current, stated_unit
 from inclinometry.rotations import wrap_positive
 
 # Numbers as people write them: one strict rule for points, commas, blanks and text.
@@ -43,6 +44,10 @@ _WITH_COMMA = re.compile(r"[+-]?(\d+,\d*|,\d+)([eE][+-]?\d+)?", re.ASCII)
 # 12,345 may be twelve thousand or twelve and a bit; 0,345 or 1,5 can only be a decimal comma
 _PERHAPS_THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}", re.ASCII)
 # 1,234.5 is one thousand and a bit: nothing else has a point behind
+_DEGREES_MINUTES = re.compile(
+    r"([+-]?)(\d+)\s*[°º]\s*(?:([0-5]?\d(?:[.,]\d+)?)\s*['′’])?\s*(?:([0-5]?\d(?:[.,]\d+)?)\s*(?:\"|''|″|”))?", re.ASCII
+)
+_PERHAPS_MINUTES = re.compile(r"([+-]?\d+)[ :]+([0-5]?\d)(?:[ :]+([0-5]?\d(?:\.\d+)?))?", re.ASCII)
 _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+\.\d*", re.ASCII)
 
 
@@ -55,11 +60,16 @@ class NumberReader:
         self._point: tuple[int, str, str] | None = None
         self._proved = False
 
-    def convert(self, cells: Sequence[str], name: str, lines: Sequence[int], *, gaps: bool, plain: bool) -> Array:
-        """Float64 of one column's cells; an empty cell is NaN where `gaps` are allowed, else FileError."""
+    def convert(
+        self, cells: Sequence[str], name: str, lines: Sequence[int], *, gaps: bool, plain: bool, degrees: bool = False
+    ) -> Array:
+        """Float64 of one column's cells; an empty cell is NaN where `gaps` are allowed, else FileError.
+
+        A column of `degrees` may be written in degrees, minutes and seconds, 10°30'15".
+        """
         values = self._fast(cells) if plain else None
         if values is None:
-            values = self._careful(cells, name, lines, gaps)
+            values = self._careful(cells, name, lines, gaps, degrees)
         elif self._point is None and "." in "".join(cells):
             row = next(i for i, cell in enumerate(cells) if "." in cell)
             self._point = (int(lines[row]), name, cells[row].strip())
@@ -103,7 +113,7 @@ class NumberReader:
         except ValueError:
             return None
 
-    def _careful(self, cells: Sequence[str], name: str, lines: Sequence[int], gaps: bool) -> Array:
+    def _careful(self, cells: Sequence[str], name: str, lines: Sequence[int], gaps: bool, degrees: bool) -> Array:
         values = np.full(len(cells), np.nan)
         for row, cell in enumerate(cells):
             text = cell.strip()
@@ -119,21 +129,39 @@ class NumberReader:
                 values[row] = float(text.replace(",", "."))
                 self._comma = self._comma or (int(lines[row]), name, text)
                 self._proved = self._proved or not _PERHAPS_THOUSANDS.fullmatch(text)
+            elif degrees and (parts := _DEGREES_MINUTES.fullmatch(text)):
+                values[row] = _in_degrees(*parts.groups())
             elif text or not gaps:
-                raise self._refuse(text, name, int(lines[row]))
+                raise self._refuse(text, name, int(lines[row]), degrees)
         return values
 
-    def _refuse(self, text: str, name: str, line: int) -> FileError:
+    def _refuse(self, text: str, name: str, line: int, degrees: bool = False) -> FileError:
         shown = text if len(text) <= 40 else text[:37] + "..."
         if not text:
             problem = f"column {name!r} is empty; fill it in or remove the row"
         elif text.lower().lstrip("+-") in ("nan", "inf", "infinity") or _NUMBER.fullmatch(text):
             problem = f"column {name!r} is {shown}; every value must be finite: correct it or remove the row"
+        elif degrees and (parts := _PERHAPS_MINUTES.fullmatch(text)):
+            whole, minutes, seconds = parts.groups()
+            value = _in_degrees(whole[: whole[0] in "+-"], whole.lstrip("+-"), minutes, seconds)
+            marked = f"{whole}°{minutes}'" + (f'{seconds}"' if seconds else "")
+            problem = f"{shown!r} in column {name!r} may be degrees and minutes; write {value:.8g} or {marked}"
         elif "," in text and not set(text) - set("+-0123456789.,"):
             problem = f"{shown!r} in column {name!r} has a thousands separator; write digits and one decimal point"
         else:
             problem = f"{shown!r} in column {name!r} is not a number; correct it or remove the row"
         return FileError(problem, path=self._path, line=line)
+
+
+def _in_degrees(sign: str, degrees: str, minutes: str | None, seconds: str | None) -> float:
+    """Degrees from whole degrees, minutes and seconds, the latter perhaps with a decimal comma."""
+    parts = (float((part or "0").replace(",", ".")) for part in (degrees, minutes, seconds))
+    value = sum(part / per for part, per in zip(parts, (1.0, 60.0, 3600.0), strict=True))
+    return -value if sign == "-" else value
+
+
+NULLS: Final = (-999.25, -9999.25, -99999.25, -999999.25)
+"""What many programs write where there is nothing."""
 
 
 # From the bytes of a text file to blocks of lines: encoding, line ends, digest, progress; bounded memory.
@@ -144,7 +172,7 @@ MOST_COLUMNS = 1000
 Progress = Callable[[int], None]
 
 _MAGIC = {
-    b"%PDF": "a PDF document; a table is needed",
+    b"%PDF": "a PDF document, which is no table; export its table as CSV or Excel where it was made",
     b"\xd0\xcf\x11\xe0": "a workbook of Excel before 2007 (.xls); save it as .xlsx or CSV",
 }
 
@@ -351,12 +379,23 @@ class Table:
         column = self.columns[name]
         return column if isinstance(column, tuple) else tuple(map(repr, column.tolist()))
 
+    def rows(self, kept: Mask) -> Table:
+        """The same table with these rows alone."""
+        columns: dict[str, Column] = {}
+        for name, cells in self.columns.items():
+            text = isinstance(cells, tuple)
+            columns[name] = tuple(compress(cells, kept)) if text else frozen(np.asarray(cells)[kept])
+        return replace(self, columns=MappingProxyType(columns), lines=self.lines[kept])
+
     def require(self, names: Iterable[str]) -> None:
         """FileError for the first of `names` that is missing, with the likely remedy."""
         for name in names:
             if name not in self.columns:
                 hints = [(found, advice(found, [name])) for found in self.header]
                 hint = next((f" ({found!r}: {text})" for found, text in hints if text), "")
+                bare = next((found for found in self.header if name in columns_called(found)), None)
+                if not hint and bare is not None:
+                    hint = f" ({bare!r} has no unit: state --units, or write {name})"
                 if not hint and (near := closest(name, [n for n in self.header if n not in KNOWN and not channel(n)])):
                     hint = f" (is it {near!r}? then rename it)"
                 shown = ", ".join(self.header[:20]) + (", ..." if len(self.header) > 20 else "")
@@ -494,6 +533,14 @@ class _Body:
         self._check_names([reading.name for reading in self.readings])
         self.names = tuple(reading.name for reading in self.readings)
         self.kinds = [(name, numeric(name), name in gaps) for name in self.names]
+        self.null = profile.null
+        self.degrees = {
+            reading.name
+            for reading in self.readings
+            if reading.factor == 1.0
+            and channel(reading.name) is None
+            and (reading.name.endswith("_deg") or stated_unit(reading.name) == "deg")
+        }
         self.numbers = NumberReader(path)
         self.parts: dict[str, list[Array]] = {name: [] for name, number, _ in self.kinds if number}
         self.texts: dict[str, list[str]] = {name: [] for name, number, _ in self.kinds if not number}
@@ -565,7 +612,9 @@ class _Body:
         self.lines.append(lines)
         for (name, number, gaps), cells in zip(self.kinds, zip(*rows, strict=True), strict=True):
             if number:
-                values = self.numbers.convert(cells, name, lines.tolist(), gaps=gaps, plain=block.plain)
+                values = self.numbers.convert(
+                    cells, name, lines.tolist(), gaps=gaps, plain=block.plain, degrees=name in self.degrees
+                )
                 self.parts[name].append(values)
             else:
                 self.texts[name] += [cell.strip() for cell in cells]
@@ -593,16 +642,18 @@ class _Body:
             raise FileError("there are column names but no rows of values", path=self.path, line=self.line)
         self.numbers.finish()
         columns: dict[str, Column] = {}
+        lines = np.concatenate(self.lines)
+        numbers = {name: np.concatenate(parts) for name, parts in self.parts.items()}
+        self._take_nulls(numbers, lines)
         for (name, number, _), (_, factor, offset, _) in zip(self.kinds, self.readings, strict=True):
             if not number:
                 columns[name] = tuple(self.texts[name])
                 continue
-            values = np.concatenate(self.parts[name])
+            values = numbers[name]
             columns[name] = values if (factor, offset) == (1.0, 0.0) else values * factor + offset
         for column in columns.values():
             if not isinstance(column, tuple):
                 column.flags.writeable = False
-        lines = np.concatenate(self.lines)
         north = next((reading.north for reading in self.readings if reading.north), None)
         if north is not None:
             stated = columns.setdefault("azimuth_reference", (north,) * len(lines))
@@ -611,6 +662,30 @@ class _Body:
                     problem = f"the azimuths count from {north} north by the name of their column, from {cell!r} here"
                     raise FileError(f"{problem}; correct one of them", path=self.path, line=int(lines[row]))
         return Table(self.path, tuple(columns), MappingProxyType(columns), lines, self.line, digest)
+
+    def _take_nulls(self, numbers: dict[str, Array], lines: NDArray[np.int64]) -> None:
+        """What is declared to stand for nothing becomes NaN; what looks so and is not declared is refused.
+
+        An angle is never -999.25. Of other columns two must say so in one row: a channel may pass through any value.
+        """
+        gaps = {name for name, _, gap in self.kinds if gap}
+        suspects = np.zeros(len(lines), np.int64)
+        for name, values in numbers.items():
+            if self.null is not None:
+                empty = values == self.null
+                if empty.any() and name not in gaps:
+                    problem = f"column {name!r} is {self.null:g}, which is declared to be empty"
+                    line = int(lines[np.argmax(empty)])
+                    raise FileError(f"{problem}; fill it in or remove the row", path=self.path, line=line)
+                values[empty] = np.nan
+            elif np.nanmin(values, initial=0.0) <= NULLS[0]:
+                suspects += np.isin(values, NULLS) * (2 if name in self.degrees else 1)
+        if (suspects > 1).any():
+            row = int(np.argmax(suspects > 1))
+            name = next(name for name, values in numbers.items() if values[row] in NULLS)
+            shown = f"{numbers[name][row]:.10g}"
+            problem = f"column {name!r} is {shown}, by which many files say that there is nothing"
+            raise FileError(f"{problem}; state --null {shown}, or correct it", path=self.path, line=int(lines[row]))
 
 
 def _readings_of(

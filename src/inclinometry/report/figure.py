@@ -115,6 +115,20 @@ _STATIONS: WeakKeyDictionary[Axes, list[str]] = WeakKeyDictionary()
 """Names of the stations that an x axis counts."""
 
 
+_CELLS: WeakKeyDictionary[Axes, tuple[str, Array]] = WeakKeyDictionary()
+"""What a matrix that is drawn cell by cell holds, and its values."""
+
+
+def matrix_axes(axes: Axes, names: list[str], matrix: Array, meaning: str) -> None:
+    """Name rows and columns of a square matrix drawn from the top left; its values go into the CSV, under `meaning`."""
+    _STATIONS[axes], _CELLS[axes] = names, (meaning, matrix)
+    axes.set_xlim(-0.5, len(names) - 0.5)
+    axes.set_ylim(len(names) - 0.5, -0.5)
+    axes.set_aspect("equal")
+    axes.set_xticks(range(len(names)), names, rotation=90, fontsize=8.5)
+    axes.set_yticks(range(len(names)), names, fontsize=8.5)
+
+
 def station_axis(axes: Axes, names: list[str], most: int = 12) -> None:
     """Label the x axis with station names, at most so many, long ones cut."""
     _STATIONS[axes] = names
@@ -281,6 +295,10 @@ def _series(figure: Figure) -> Iterator[_Series]:
             if line.get_transform() == axes.transData and len(x) == len(y):
                 name, half = bars.get(id(line), (str(line.get_label()), None))
                 yield _Series(name, axes, x, y, half if half is not None and len(half) == len(x) else None)
+        if axes in _CELLS:
+            _, matrix = _CELLS[axes]
+            row, column = (np.asarray(place, dtype=np.float64).ravel() for place in np.indices(matrix.shape))
+            yield _Series("", axes, column, row, matrix.ravel())
         for found in axes.collections:
             values = found.get_array()
             if isinstance(found, PathCollection):
@@ -312,7 +330,8 @@ def _data(figure: Figure) -> tuple[str, str]:
     table = csv.writer(stream, lineterminator="\n")
     extra = any(one.extra is not None for one in every)
     scales = (bar.get_ylabel() or bar.get_xlabel() for bar in figure.axes if bar.get_label() == "<colorbar>")
-    meaning = next(scales, "±")
+    cells = (translated(_CELLS[one][0]) for one in figure.axes if one in _CELLS)
+    meaning = next(scales, next(cells, "±"))
     table.writerow([translated("series"), across, up or translated("value"), *([meaning] if extra else [])])
     tall = figure.get_figheight() * 72.0
     for one in every:

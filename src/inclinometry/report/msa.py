@@ -11,7 +11,7 @@ import numpy as np
 from inclinometry.arrays import Array
 from inclinometry.constants import COVERAGE_FACTOR
 from inclinometry.orientation import angles, angles_jacobian
-from inclinometry.report.figure import BAD, INK, SERIES, new_figure, styled
+from inclinometry.report.figure import BAD, INK, SERIES, matrix_axes, new_figure, styled
 from inclinometry.report.language import parameter_name
 from inclinometry.report.page import CONVENTIONS, Picture, Section, Table, TableRow, cut, picture, render
 from inclinometry.report.quality import quality_pictures
@@ -85,7 +85,6 @@ def correlation_figure(found: MultiStation, labels: dict[str, str]) -> Figure:
     matrix = found.correlation[np.ix_(places, places)]
     figure = new_figure(4.6)
     axes = figure.add_subplot()
-    edge = len(names) - 0.5
     # one rectangle a cell keeps the colours those of the page; blank near zero
     tints = LinearSegmentedColormap.from_list("sign", [SERIES[1], "#ffffff", SERIES[0]])
     for i, row in enumerate(matrix):
@@ -95,11 +94,7 @@ def correlation_figure(found: MultiStation, labels: dict[str, str]) -> Figure:
             size = 0.96 * float(np.sqrt(abs(value)))
             colour = tints(1.0 if value > 0.0 else 0.0)
             axes.add_patch(Rectangle((j - size / 2.0, i - size / 2.0), size, size, facecolor=colour, linewidth=0.0))
-    axes.set_xlim(-0.5, edge)
-    axes.set_ylim(edge, -0.5)
-    axes.set_aspect("equal")
-    axes.set_xticks(range(len(names)), [labels[name] for name in names], rotation=90, fontsize=8.5)
-    axes.set_yticks(range(len(names)), [labels[name] for name in names], fontsize=8.5)
+    matrix_axes(axes, [labels[name] for name in names], matrix, "correlation")
     return figure
 
 

@@ -22,7 +22,7 @@ from inclinometry.files import _quantities
 from inclinometry.files.casing_csv import face
 from inclinometry.files.columns import TEXT, channel, is_number
 from inclinometry.files.holes_csv import hole_column
-from inclinometry.files.layout import NUMBER, find_layout, opened, with_layout
+from inclinometry.files.layout import NUMBER, find_layout, opened, refuse_legs, with_layout
 from inclinometry.files.profile import SEPARATORS, Profile, current, reading_with, stated_unit
 from inclinometry.files.table import LONGEST_LINE, Table, read_table
 from inclinometry.workflow.allan import noise_of_log
@@ -100,6 +100,7 @@ def look(path: str | Path) -> Look:
 def _look(path: Path, given: Profile) -> Look:
     with tempfile.TemporaryDirectory() as folder:
         head, lines, whole = _head(path, Path(folder))
+        refuse_legs(lines, path)
         profile, layout = (given, "as the profile says") if given.states_layout else find_layout(lines)
         if not given.states_layout:
             profile = with_layout(given, profile)
@@ -475,6 +476,7 @@ def _draft(profile: Profile, columns: tuple[ColumnLook, ...]) -> str:
         lines.append("units_row = true")
     if profile.rate_hz:
         lines.append(f"rate_hz = {profile.rate_hz:g}")
+    lines += [f"null = {profile.null:g}"] if profile.null is not None else []
     lines += [f"units = [{', '.join(map(text, profile.units))}]"] if profile.units else []
     lines += ["", "[axes]"] if profile.axes else []
     lines += [f"{kind} = [{', '.join(map(text, axes))}]" for kind, axes in profile.axes.items()]

@@ -242,6 +242,13 @@ def well_position(
             f"the first station stands at {first} and no tie-on was given: its position was taken as north 0, east 0, "
             f"true vertical depth {first}"
         )
+    if stations.left_out:
+        number, line = len(stations.left_out), stations.left_out[0]
+        said.append(f"rows without inclination and azimuth were left out: {number}, the first in line {line}")
+    if stations.listed is not None:
+        agreed, doubt = _against_listed(stations)
+        said += agreed
+        warnings = [*warnings, *doubt]
     if uncertainty is None:
         said.append("no tool code and no calibration was given: positions only, their uncertainty is left blank")
     name = None if calibration is None else calibration.tool.name
@@ -280,6 +287,28 @@ def _of_site(error: InputError, path: str | Path | None) -> InputError:
     if path is None:
         return InputError(f"{error} (there is no site file: name one with --site)")
     return FileError(str(error), path=path)
+
+
+def _against_listed(stations: WellStations) -> tuple[list[str], list[str]]:
+    """A note or a warning on the positions that the file states beside the angles, by the north of its azimuths."""
+    own = minimum_curvature(stations.md, stations.inclination, stations.azimuth)
+    computed = np.stack([own.north, own.east, own.tvd], axis=1)
+    away = np.zeros(len(stations))
+    for listed, found in zip(np.asarray(stations.listed).T, computed.T, strict=True):
+        there = np.flatnonzero(~np.isnan(listed))
+        if there.size:
+            moved = listed[there] - found[there]
+            away[there] = np.maximum(away[there], np.abs(moved - moved[0]))
+    # angles to a tenth of a degree, depths and positions to a tenth of a metre
+    excess = away - 0.2 - 2e-3 * (stations.md - stations.md[0])
+    row = int(np.argmax(excess))
+    if excess[row] > 0.0:
+        return [], [
+            f"the positions in the file are {away[row]:.2f} m from the path by minimum curvature at md "
+            f"{stations.md[row]:g} m (line {stations.lines[row]}), and the latter is given out: another method or "
+            "north, or a typing error?"
+        ]
+    return [f"the positions in the file agree with the path by minimum curvature within {away.max():.2f} m"], []
 
 
 def _sharp(stations: WellStations, path: WellPath) -> list[str]:

@@ -201,6 +201,7 @@ def test_who_was_refused_is_in_the_log_and_no_secret(server, user):
     assert PASSWORD not in log
 
 
+@pytest.mark.long
 @pytest.mark.skipif(shutil.which("openssl") is None, reason="no openssl to make a certificate with")
 def test_a_bench_speaks_no_old_tls(tmp_path, start, monkeypatch):
     make = ["openssl", "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-subj", "/CN=bench.lab", "-days", "2"]

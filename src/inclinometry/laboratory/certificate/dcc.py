@@ -402,7 +402,7 @@ def _measurement(parent: Any, record: Record) -> None:
     method = record["method"]
     english(parent, "dcc:name", "Calibration of an inclinometer")
     used = element(element(parent, "dcc:usedMethods"), "dcc:usedMethod")
-    named(used, "dcc:name", method["name"])
+    english(used, "dcc:name", words("en").method(method["name"]))
     about = f"Plan: {method['plan'] or 'not stated'}; positions: {method['positions']}"
     procedure = (record["laboratory"] or {}).get("procedure")
     named(used, "dcc:description", f"Procedure: {procedure}. {about}" if procedure else about)

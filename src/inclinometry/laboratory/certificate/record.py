@@ -207,8 +207,7 @@ class Words:
 
     def method(self, name: str) -> str:
         """What a method of calibration is; its own name where there is no sentence."""
-        said = self._texts.get(f"m_{name}")
-        return name if said is None else f"{name}: {said}"
+        return self._texts.get(f"m_{name}", name)
 
 
 @cache

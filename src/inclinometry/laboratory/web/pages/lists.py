@@ -123,7 +123,7 @@ def axis(name: str, *, kind: str = "value", data: Sequence[str] | None = None) -
         "nameLocation": "middle",
         "nameGap": 30 if kind != "value" or data is not None else 45,
         "axisLabel": {"color": GREY},
-        "nameTextStyle": {"color": GREY},
+        "nameTextStyle": {"color": GREY, "lineHeight": 15},
         "splitLine": {"lineStyle": {"opacity": 0.2}},
         "scale": True,
     }

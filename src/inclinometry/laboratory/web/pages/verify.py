@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from textwrap import wrap
 from typing import Any, Final
 
 import numpy as np
@@ -187,11 +188,13 @@ def _curves(visitor: Visitor, name: str, rows: list[Content], guard: str, share:
     ]
     options = {
         "legend": legend([s["name"] for s in series if not s.get("silent")]),
-        "xAxis": axis(say("verify.place"), kind="category", data=places),
+        # the name may take two lines of a telephone
+        "xAxis": axis("\n".join(wrap(say("verify.place"), 45)), kind="category", data=places),
+        "grid": {"left": 60, "right": 20, "top": 30, "bottom": 62},
         "yAxis": axis(say("results.degrees")),
         "series": series,
     }
-    chart(options, say("verify.errors_of", name=say(f"bench.{name}")))
+    chart(options, say("verify.errors_of", name=say(f"bench.{name}")), height="277px")
 
 
 def _lines(name: str, values: list[float | None], colour: str, kind: str) -> list[dict[str, Any]]:
