@@ -56,6 +56,8 @@ class Scene:
     wander: tuple[float, float] = (0.0, 0.0)  # a step: g, nT
     bits: int = 0
     field_drift: float = 0.0  # nT
+    hysteresis: float = 0.0  # nT by which each axis of the magnetometer stays behind
+    stated: float = 0.0  # standard deviation of the dials that the user states; 0 states nothing
 
 
 USUAL = Scene((0.1, 0.1, 0.1))
@@ -82,6 +84,9 @@ SCENES = {
     "magnetometer feels gravity, 30 nT/g": Scene(by_gravity=30.0),
     "magnetised cradle, 200 nT": Scene(cradle=200.0),
     "field drifts by 30 nT": Scene(field_drift=30.0),
+    "accelerometer drifts by 0.5 mg": Scene(drift=(5e-4, 0.0, 0.0)),
+    "magnetic hysteresis, 100 nT": Scene(hysteresis=100.0),
+    "dials 0.1 stated as 0.02": replace(USUAL, stated=0.02),
 }
 
 
@@ -153,6 +158,9 @@ def drawn(dials: np.ndarray, scene: Scene, rng: np.random.Generator) -> tuple[di
     for kind, (unit, noise, drift, step) in of.items():
         tensor, offset = np.eye(3) + 0.02 * rng.standard_normal((3, 3)), 0.02 * rng.standard_normal(3)
         y = seen[kind] @ tensor.T
+        if kind == "magnetometer":
+            way = np.sign(np.diff(y, axis=0, prepend=y[-1:]))
+            y = y - scene.hysteresis / FIELD * way
         square, cube = scene.bent * rng.choice([-1.0, 1.0], (2, 3))
         y = y + square * y**2 + cube * y**3 + offset
         walk = np.cumsum(step * rng.standard_normal(y.shape), axis=0)
@@ -199,8 +207,9 @@ def one(plan: str, scene: Scene, seed: int) -> dict | None:
     at, rng = PLANS[plan](), np.random.default_rng([15, seed])
     dials = np.stack([at.azimuth, at.inclination, at.toolface], axis=1)
     signals, truth = drawn(dials, scene, rng)
+    rig_sd = np.radians(scene.stated) if scene.stated else None
     try:
-        found = calibrate_joint(BenchReadings(signals, *dials.T, reference={"dip": DIP, "north": 0.0}))
+        found = calibrate_joint(BenchReadings(signals, *dials.T, reference={"dip": DIP, "north": 0.0}), rig_sd=rig_sd)
     except InclinometryError:
         return None
     off, u = errors(found.tool, truth)

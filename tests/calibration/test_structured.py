@@ -8,6 +8,7 @@ from inclinometry.calibration import plans
 from inclinometry.calibration.acceptance import verify
 from inclinometry.calibration.joint import calibrate_joint
 from inclinometry.calibration.readings import BenchReadings
+from inclinometry.calibration.structured import Block, Evidence, fit_structured
 from inclinometry.rotations import dcm
 
 USUAL = Scene((0.1, 0.1, 0.1))
@@ -64,6 +65,71 @@ def test_given_noise_does_not_silence_the_test_of_fit():
 def test_exact_readings_accuse_nobody():
     found, _ = calibrated(Scene((0.0, 0.0, 0.0)))
     assert not [w for w in found.warnings if "disagrees" in w or "show that" in w]
+
+
+def test_dials_stated_too_good_are_blamed_and_no_station_is():
+    for plan in (plans.twelve, plans.orthogonal):
+        found, truth = calibrated(USUAL, plan=plan, rig_sd=np.radians(0.02))
+        assert "worse than stated" in said(found)
+        assert "disagrees" not in said(found)
+        off, u = errors(found.tool, truth)
+        assert np.mean(np.abs(off) < 1.96 * u) > 0.9
+
+
+def test_a_misread_station_is_named_where_the_dials_are_as_good_as_stated():
+    found, _ = calibrated(SCENES["one dial misread by 2"], rig_sd=np.radians(0.1))
+    assert "disagrees" in said(found)
+    assert "worse than stated" not in said(found)
+
+
+def test_a_magnetometer_that_stays_behind_is_named():
+    found, truth = calibrated(SCENES["magnetic hysteresis, 100 nT"])
+    assert "the readings show that the magnetometer stays behind where its field rises and falls" in said(found)
+    off, u = errors(found.tool, truth)
+    plain, _ = errors(calibrated(SCENES["magnetic hysteresis, 100 nT"], diagnose=False)[0].tool, truth)
+    assert np.mean(off[..., 1] ** 2) < 0.5 * np.mean(plain[..., 1] ** 2)
+    assert np.mean(np.abs(off) < 1.96 * u) > 0.85
+
+
+def test_a_drift_that_the_readings_ask_for_is_fitted_beside_a_wander_that_they_hardly_ask_for(monkeypatch):
+    """The wider of two causes is preferred only among those that are asked for."""
+    size = np.zeros((1, 1))
+    drift, wander = (Block(what, np.zeros((1, 1, 1)), change=what) for what in ("drift", "wander"))
+    said_of = {"drift": Evidence(drift, 3.2, 1.0, size, size), "wander": Evidence(wander, 1.5, 1.0, size, size)}
+
+    class Run:
+        """As much of a fit as the choice asks for."""
+
+        state = None
+
+        @property
+        def model(self):
+            return self
+
+        def with_structure(self, state, columns, sd, name):
+            return self, state
+
+    where = "inclinometry.calibration.structured"
+    monkeypatch.setattr(f"{where}.evidence", lambda run, noise, skip: [v for k, v in said_of.items() if k not in skip])
+    monkeypatch.setattr(f"{where}.fit_with_variances", lambda *_: Run())
+    assert [block.name for block in fit_structured(Run(), frozenset(), True)[1]] == ["drift"]
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    "name", ["accelerometer drifts by 0.5 mg", "sensors bent, 1e-3", "magnetic hysteresis, 100 nT"]
+)
+def test_what_twelve_positions_leave_open_is_named_and_counted(name):
+    rows = [one("12 positions", SCENES[name], seed) for seed in range(24)]
+    assert np.mean([row["inside"] for row in rows]) > 0.85
+    assert np.mean([bool(row["said"]) for row in rows]) > 0.9
+
+
+@pytest.mark.long
+def test_a_drift_near_the_vertical_is_named():
+    rows = [one("12 positions", SCENES["accelerometer drifts by 0.5 mg"], seed) for seed in range(24)]
+    assert np.mean(["the accelerometer drifts" in " ".join(row["said"]) for row in rows]) > 0.85
+    assert np.mean([row["inside"][0] for row in rows]) > 0.85
 
 
 @pytest.mark.long

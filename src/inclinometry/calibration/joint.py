@@ -23,10 +23,11 @@ from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
 from inclinometry.calibration.start import DOWN, enough, fix_signs, starting_state
 from inclinometry.calibration.structured import (
+    Block,
+    Evidence,
     bent,
     evidence,
     fit_structured,
-    moves_in_time,
     not_excluded,
     repeating_sentences,
     structure_first,
@@ -173,7 +174,8 @@ def calibrate_joint(
     warnings += direct.dead_channels(readings)
     fitted = fit_with_variances(model, start, free_noise, free_rig)
     without, kept = fitted, np.arange(len(readings))
-    shown: list[str] = []
+    shown: list[Block] = []
+    looked_for: list[Evidence] | None = None
     outliers: list[Outlier] = []
     if diagnose and not structure_first(fitted, free_noise):
         outliers, without = find_outliers(model, fitted, free_noise, free_rig)
@@ -184,10 +186,10 @@ def calibrate_joint(
         with suppress(ConvergenceError):
             fitted = fit_with_variances(*with_repeating(fitted), free_noise, free_rig)
     if diagnose and (robust or not outliers):
-        fitted, shown = fit_structured(fitted, free_noise, free_rig)
+        fitted, shown, looked_for = fit_structured(fitted, free_noise, free_rig)
         warnings += repeating_sentences(fitted) if free_rig else []
-        warnings += [f"the readings show that {what}" for what in shown]
-        if any(moves_in_time(what) for what in shown):
+        warnings += [f"the readings show that {block.name}" for block in shown]
+        if any(block.change for block in shown):
             warnings.append("the calibration is that of the end of the run, since the tool changed during it")
     used = readings.take(kept)
     named = direct.outlier_warnings(readings, outliers, robust)
@@ -196,7 +198,7 @@ def calibrate_joint(
     # what is stated of the stand is held against the fit, not against its start
     signed, said = fix_signs(best.state, readings.reference, priors, best.tangents, left_handed=left_handed)
     if any(not np.array_equal(a, best.state.directions[kind]) for kind, a in signed.directions.items()):
-        best = fit(best.model, signed)
+        best, looked_for = fit(best.model, signed), None
         turned = fix_signs(fitted.state, readings.reference, priors, left_handed=left_handed)[0]
         fitted = best if not outliers or robust else fit(fitted.model, turned)
     warnings += said
@@ -209,7 +211,9 @@ def calibrate_joint(
         # a misread dial would look like an error of the whole rig; what repeats with a dial's value takes one up
         warnings += direct.rig_warnings(best if shown else without)
         warnings += direct.roll_warnings(used)
-    best, looked_for = fitted, evidence(fitted, free_noise, {*shown}) if diagnose else []
+    best = fitted
+    if looked_for is None:
+        looked_for = evidence(fitted, free_noise, {block.name for block in shown}) if diagnose else []
     left = not_excluded(looked_for, fitted.covariance)
     fitted = with_averaged_covariance(fitted, free_noise, free_rig)
     fitted = replace(fitted, covariance=fitted.covariance + left)
@@ -229,7 +233,7 @@ def calibrate_joint(
         response=response,
         bent=bent(best),
         warnings=(*found.warnings, *(() if named else lack_of_fit(best, found.residuals, looked_for))),
-        notes=(*found.notes, *untold(found.tool, found.field_directions, looked_for)),
+        notes=(*found.notes, *untold(found.tool, found.field_directions, looked_for, left[:size, :size])),
     )
 
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass
-from typing import Final, NamedTuple, TypeAlias
+from typing import Final, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -36,13 +36,20 @@ _CRADLE: Final = 4e-3
 """Usual field of a magnetised cradle: 200 nT of 50,000."""
 _BY_GRAVITY: Final = {"magnetometer": 6e-4, "gyro": 0.02}
 """Usual sensitivity to 1 g: 30 nT of 50,000, 0.3 deg/h of the Earth's 15."""
+_BEHIND: Final = 2e-3
+"""Usual hysteresis of a magnetometer: 100 nT of 50,000."""
+_DRIFT: Final = (0.3, 1.0)
+"""Multiples of a usual drift that are tried."""
 _WANDER: Final = (3e-5, 3e-4, 3e-3)
 """Steps of an offset from one station to the next, of the field: sizes tried."""
+_WORSE: Final = (1.0, 2.0, 5.0, 10.0)
+"""Errors of dials that their stated standard deviation does not hold, in multiples of it: sizes tried."""
 _NOT_LINEAR: Final = "the {} is not linear"
 _GRADUATION: Final = 1e-3
 """Usual error of a graduation of a dial that was stated to be exact, rad."""
 
 _CHOSEN: Final = 3.0  # logarithm of the ratio of evidence above which a block is fitted
+_HIDDEN: Final = 0.5  # the same, above which a block counts as there in the covariance
 _OPEN: Final = -1.0  # the same, below which the readings speak against a block
 _WIDER: Final = 2.0  # by which an offset that drifts must explain a run better than one that wanders
 _ODDS: Final = 0.2  # that a block of the usual size is there, before the readings are seen
@@ -62,6 +69,7 @@ class Block:
     stays : what the readings do not exclude of it stays in the covariance
     kind, at_use : the triad it belongs to and what it does to its signals wherever the tool is used; without, it ends
         with the run
+    change : how the tool changes during the run, if that is the cause
     """
 
     name: str
@@ -70,6 +78,7 @@ class Block:
     stays: bool = True
     kind: str = ""
     at_use: _Response | None = None
+    change: Literal["", "drift", "wander"] = ""
 
 
 class Evidence(NamedTuple):
@@ -112,7 +121,7 @@ def repeating_sentences(fitted: Fitted) -> list[str]:
     """Which dials err alike whenever they show the same value, where the readings show it."""
     ratios = repeating_evidence(fitted)
     sentences = []
-    for dial in np.flatnonzero(ratios > _CHOSEN):
+    for dial in np.flatnonzero(ratios > _CHOSEN + np.log(len(DIALS))):  # one of three by chance
         sd = np.degrees(fitted.model.structure_sd[fitted.model.structure_dial == dial][0])
         sentences.append(
             f"the readings show that the {DIALS[dial]} dial errs alike each time it shows the same value (by {sd:.2g} "
@@ -158,20 +167,42 @@ def blocks(fitted: Fitted, free_noise: Set[str]) -> Iterator[Block]:
                 own[row, at, row, np.arange(len(at))] = model.noise_sd[row, at]
             name = f"the noise of the {kind} is larger than stated"
             yield Block(name, own.reshape(size, count, -1), (1.0, 3.0, 10.0), stays=False)
-        yield Block(f"the {kind} drifts during the run", each(_BENT * drift))
-        yield Block(f"the offset of the {kind} wanders from station to station", each(walk), _WANDER)
+        yield Block(f"the {kind} drifts during the run", each(_BENT * drift), _DRIFT, change="drift")
+        name = f"the offset of the {kind} wanders from station to station"
+        yield Block(name, each(walk), _WANDER, change="wander")
         for name, response in _responses(kind, state.coefficients[kind][0, :, :3], {*state.directions}):
             yield Block(name, each(response(fields_seen)), kind=kind, at_use=response)
         if kind == "magnetometer":
             held = np.zeros((size, count, 3))
             held[:, at] = _CRADLE * tensor @ rotation_z(model.settings[:, 2] + state.errors[:, 2])
             yield Block("the cradle that holds the tool is magnetised", held)
-    for dial in np.flatnonzero(model.rig_known).tolist():
+            name = f"the {kind} stays behind where its field rises and falls (hysteresis)"
+            way = _way(share)
+            unknown = np.zeros((size, len(at), size))
+            unknown[np.arange(size), :, np.arange(size)] = way == 0.0
+            own = each(_BEHIND * np.concatenate([way[..., None], unknown], axis=2))
+            yield Block(name, own[..., own.any(axis=(0, 1))])
+    stated = np.flatnonzero(model.rig_known).tolist()
+    loose = []
+    for dial in stated:
+        own = np.zeros((size, count, size))
+        own[np.arange(size), :, np.arange(size)] = fitted.at.by_setting[..., dial]
+        loose.append((float(model.rig_sd[dial]) or _GRADUATION) * own)
+        yield Block(f"the {DIALS[dial]} dial is worse than stated", loose[-1], _WORSE, stays=False)
+    if len(stated) > 1:
+        yield Block("the dials are worse than stated", np.concatenate(loose, axis=2), _WORSE, stays=False)
+    for dial in stated:
         own = _by_value(fitted, dial)
         if own.shape[2] < size:
             sd = float(model.rig_sd[dial]) or _GRADUATION
             name = f"the {DIALS[dial]} dial errs alike each time it shows the same value"
             yield Block(name, sd * own, (1.0, 3.0), stays=False)
+
+
+def _way(share: Array) -> Array:
+    """Whether what each sensor sees (K, m) rose (1) or fell (-1) from the station before; 0 where nobody can say."""
+    step = np.diff(share, axis=0, prepend=share[:1])
+    return np.where(np.abs(step) > 0.02, np.sign(step), 0.0)  # more than dials err
 
 
 def _responses(kind: str, tensor: Array, kinds: Set[str]) -> Iterator[tuple[str, _Response]]:
@@ -245,28 +276,24 @@ def structure_first(fitted: Fitted, free_noise: Set[str]) -> bool:
     return bool(ratio > max(_CHOSEN, deletion_statistics(fitted).max() / 2.0 - free_offsets))
 
 
-def fit_structured(fitted: Fitted, free_noise: Set[str], free_rig: bool) -> tuple[Fitted, list[str]]:
-    """The fit with the blocks the readings ask for, one after the other; the name of each."""
-    chosen: list[str] = []
+def fit_structured(fitted: Fitted, free_noise: Set[str], free_rig: bool) -> tuple[Fitted, list[Block], list[Evidence]]:
+    """The fit with the blocks the readings ask for, one after the other, these blocks, what it says of the others."""
+    chosen: list[Block] = []
     while True:
+        found = evidence(fitted, free_noise, {block.name for block in chosen})
+        asked = [one for one in found if one.ratio >= _CHOSEN]
+        if not asked:
+            return fitted, chosen, found
         # what wanders also drifts: of two causes that are hardly told apart the wider is taken
-        found = evidence(fitted, free_noise, {*chosen})
-        best = max(found, key=lambda one: one.ratio + _WIDER * (one.block.sizes is _WANDER))
-        if best.ratio < _CHOSEN:
-            return fitted, chosen
+        best = max(asked, key=lambda one: one.ratio + _WIDER * (one.block.change == "wander"))
         columns = best.size * best.block.columns
         ones = np.ones(columns.shape[2])
         model, state = fitted.model.with_structure(fitted.state, columns, ones, [best.block.name] * len(ones))
         try:
             fitted = fit_with_variances(model, state, free_noise, free_rig)
         except ConvergenceError:
-            return fitted, chosen
-        chosen.append(best.block.name)
-
-
-def moves_in_time(name: str) -> bool:
-    """Whether the block of this name is a change of the tool during the run."""
-    return "drifts" in name or "wanders" in name
+            return fitted, chosen, found
+        chosen.append(best.block)
 
 
 def bent(fitted: Fitted) -> dict[str, Array]:
@@ -281,17 +308,24 @@ def bent(fitted: Fitted) -> dict[str, Array]:
 
 def not_excluded(looked_for: Sequence[Evidence], covariance: Array) -> Array:
     """What blocks that were not fitted may still add to a covariance (p, p), each by how probable it is."""
+    from scipy.special import ndtri
+
     total = np.zeros_like(covariance)
     for one in looked_for:
         if one.block.stays:
             odds = _ODDS * np.exp(min(one.ratio, 50.0))
-            total += odds / (1.0 + odds) * one.added
+            # estimated variances had to bear an error and so hide it: the ratio is a lower bound
+            chance = 1.0 if one.ratio > _HIDDEN else odds / (1.0 + odds)
+            # of errors that are there with this chance the variance says too little: 95 % are to lie within 1.96 u
+            share = (ndtri(1.0 - 0.025 / max(chance, 0.05)) / ndtri(0.975)) ** 2
+            total += max(chance, share) * one.added
     return total
 
 
-def untold(tool: Tool, directions: Mapping[str, Array], looked_for: Sequence[Evidence]) -> list[str]:
+def untold(tool: Tool, directions: Mapping[str, Array], looked_for: Sequence[Evidence], held: Array) -> list[str]:
     """Which causes the readings leave open that would move the angles by more than the calibration's uncertainty.
 
+    `held` is the part of the tool's covariance that is theirs: what is open is said, however much of it is held.
     What a cause does to the signals of a tool in use counts with what it has done to the parameters: of a response that
     looks like a scale at these positions, the difference.
     """
@@ -302,7 +336,7 @@ def untold(tool: Tool, directions: Mapping[str, Array], looked_for: Sequence[Evi
     if len(full) > 1:
         dip = float(np.arcsin(np.clip(directions["accelerometer"] @ directions["magnetometer"], -1.0, 1.0)))
     turn = np.pi / 2.0 * np.arange(4) + 0.3
-    azimuth, inclination, toolface = np.meshgrid(turn, np.radians([30.0, 60.0, 90.0]), turn, indexing="ij")
+    azimuth, inclination, toolface = np.meshgrid(turn, np.radians([5.0, 30.0, 60.0, 90.0]), turn, indexing="ij")
     both = zip(VECTORS, fields(azimuth, inclination, toolface, dip), strict=True)
     seen = {kind: field for kind, field in both if kind in full}
     heat = np.full(azimuth.shape, tool.triads["accelerometer"].reference_temperature)
@@ -325,12 +359,13 @@ def untold(tool: Tool, directions: Mapping[str, Array], looked_for: Sequence[Evi
             what = what + direct.reshape(*direct.shape[:-2], -1)
         return moved(what, one.spread)
 
-    u = moved(by_parameter, tool.covariance)
+    u = moved(by_parameter, tool.covariance - held)
     possible = [(one.block.name, effect(one)) for one in looked_for if one.block.stays and one.ratio > _OPEN]
     open_to = [(name, size) for name, size in possible if (size > u).any()]
     if not open_to:
         return []
-    most = np.degrees(np.max([size for _, size in open_to], axis=(0, 2)))
+    most = np.degrees(np.max([size for _, size in open_to], axis=0))
+    most = np.array([most[0].max(), *most[1:, 1:].max(axis=1)])  # the azimuth of a hole that is inclined
     causes = "; ".join(name for name, _ in open_to)
     if len(full) == 1:
         return [
