@@ -243,6 +243,13 @@ class TestSwappedChannels:
     def test_accelerometer_and_magnetometer(self, bench):
         readings, _ = bench(plans.orthogonal(), realistic_tool(1), Rig(), bits=12)
         swapped = dict(zip(BOTH, reversed(readings.channels.values()), strict=True))
+        with pytest.raises(InputError, match="accelerometer and magnetometer look swapped"):
+            calibrate_joint(dataclasses.replace(readings, channels=swapped))
+
+    def test_accelerometer_and_magnetometer_where_the_field_is_steep(self, bench):
+        # a stand that leans by 8 deg looks so too
+        readings, _ = bench(plans.orthogonal(), realistic_tool(1), Rig(dip=np.radians(82.0)), bits=12)
+        swapped = dict(zip(BOTH, reversed(readings.channels.values()), strict=True))
         found = calibrate_joint(dataclasses.replace(readings, channels=swapped))
         assert any("look swapped" in w and "accelerometer and magnetometer" in w for w in found.warnings)
 

@@ -10,7 +10,7 @@ import pytest
 from inclinometry.calibration import plans
 from inclinometry.calibration.acceptance import verify
 from inclinometry.calibration.joint import calibrate_joint
-from inclinometry.calibration.plausibility import check_whole, taken_before
+from inclinometry.calibration.plausibility import check_readings, check_whole, refuse_own_readings, taken_before
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.errors import InputError
 from inclinometry.simulate.bench import Rig, simulate_bench
@@ -54,7 +54,7 @@ def test_two_stations_exchanged():
     rows = np.arange(24)
     rows[[4, 9]] = 9, 4
     channels = {kind: values[rows] for kind, values in right.channels.items()}
-    with pytest.raises(InputError, match="the readings of stations 5 and 10 exchanged"):
+    with pytest.raises(InputError, match=r"the readings of stations 5 and 10 exchanged"):
         check_whole(replace(right, channels=channels))
     azimuth = right.azimuth.copy()
     other = int(np.argmax(np.abs(np.sin((azimuth - azimuth[2]) / 2.0))))
@@ -70,7 +70,7 @@ def test_a_gain_that_halves_midway(channels, words):
     right = run()
     values = right.channels["magnetometer"].copy()
     values[13:, channels] *= 0.5
-    with pytest.raises(InputError, match=f"{words}.* from station 1[34] on"):
+    with pytest.raises(InputError, match=rf"{words}.* from station 1[34] on"):
         check_whole(replace(right, channels={**right.channels, "magnetometer": values}))
 
 
@@ -92,3 +92,54 @@ def test_the_readings_of_the_calibration_are_known_by_value():
     with pytest.raises(InputError, match="in another order or hardly changed"):
         verify(copy, found)
     assert not any(taken_before(run(seed), found) for seed in range(2, 12))
+
+
+@pytest.mark.parametrize("plan", [plans.twelve(), PLAN, plans.half()])
+@pytest.mark.parametrize("channels", [slice(None), 1])
+def test_gains_that_drift_are_named(plan, channels):
+    right = run(plan=plan)
+    slope = np.linspace(1.0, 1.3, len(right))
+    values = right.channels["magnetometer"].copy()
+    values[:, channels] *= slope if channels == 1 else slope[:, None]
+    with pytest.raises(InputError, match=r"the gains of the magnetometer drift by 2[0-9] % of themselves"):
+        check_whole(replace(right, channels={**right.channels, "magnetometer": values}))
+
+
+@pytest.mark.parametrize("plan", [plans.twelve(), PLAN])
+@pytest.mark.parametrize(
+    ("dials", "columns"),
+    [
+        (["azimuth"], "azimuth_rad"),
+        (["inclination"], "inclination_rad"),
+        (["toolface"], "toolface_rad"),
+        (["azimuth", "inclination", "toolface"], "azimuth_rad and inclination_rad and toolface_rad"),
+    ],
+)
+def test_dials_in_radians(plan, dials, columns):
+    right = run(plan=plan)
+    with pytest.raises(InputError, match=rf"in radians the readings fit .* as {columns}$"):
+        check_readings(replace(right, **{dial: np.radians(getattr(right, dial)) for dial in dials}))
+
+
+def test_two_readings_of_the_calibration_are_known_by_value():
+    found = calibrate_joint(run(1))
+    own, other = run(1), run(5, plans.half())
+    verify(other, found)
+    channels = {kind: values.copy() for kind, values in other.channels.items()}
+    dials = {name: getattr(other, name).copy() for name in ("azimuth", "inclination", "toolface")}
+    for here, there in ((2, 7), (9, 20)):
+        for kind, values in channels.items():
+            values[here] = own.channels[kind][there]
+        for name, values in dials.items():
+            values[here] = getattr(own, name)[there]
+    with pytest.raises(InputError, match="stations 3, 10 are to the last digit those of stations 8, 21"):
+        verify(replace(other, channels=channels, **dials), found)
+
+
+def test_a_stand_whose_errors_repeat_is_no_copy():
+    # the same dials' errors twice, noise of half a count alone between both visits
+    found = calibrate_joint(run(1))
+    other = run(1)
+    shaken = {k: v + np.random.default_rng(4).normal(0.0, 0.5, v.shape) for k, v in other.channels.items()}
+    again = BenchReadings({k: v[:5] for k, v in shaken.items()}, *(dial[:5] for dial in other.dials))
+    refuse_own_readings(again, found)

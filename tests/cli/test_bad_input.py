@@ -164,7 +164,7 @@ def exchange(one, other):
 def test_accelerometer_and_magnetometer_swapped(run, bench):
     bench()
     edit(exchange("accel_", "mag_"))
-    warned(run, "swapped")
+    refused(run, "accelerometer and magnetometer look swapped", "check the column names")
 
 
 def test_x_and_y_swapped(run, bench):
@@ -249,7 +249,10 @@ def test_survey_with_swapped_magnetometer_axes_raises_the_dip_flag(run, bench):
             row[i], row[j] = row[j], row[i]
 
     edit(change, "raw.csv")
-    done = run("survey", "bad.csv", "--calibration", "tool.json", "-o", "survey.csv")
+    survey = ("survey", "bad.csv", "--calibration", "tool.json", "-o", "survey.csv")
+    refused = run(*survey)
+    assert refused.status == 2
+    assert "channels x and y of the magnetometer exchanged" in " ".join(refused.err.split())
+    done = run(*survey, "--trust-file", "axes")
     assert done.status == 0
     assert "flagged dip" in " ".join(done.err.split())
-    assert "channels x and y of the magnetometer exchanged" in " ".join(done.err.split())

@@ -348,8 +348,21 @@ def said(plan, kind, values):
 def test_no_false_alarm_in_simulated_runs(plan):
     for seed in range(100):
         for setting_sd in (0.0, np.radians(0.1)):
-            for kind, values in simulated(plan, seed, 12, setting_sd).items():
-                assert said(plan, kind, values) == []
+            for bits in (12, 16, 20):
+                for kind, values in simulated(plan, seed, bits, setting_sd).items():
+                    assert said(plan, kind, values) == []
+
+
+@pytest.mark.parametrize("plan", [plans.twelve(), plans.orthogonal(), plans.half()])
+def test_a_channel_clipped_at_both_ends(plan):
+    # so symmetrically that the fit takes it for less gain: the last digits alone tell
+    for seed in range(10):
+        values = simulated(plan, seed, 20, np.radians(0.1))["magnetometer"].copy()
+        limit = np.round(0.7 * np.abs(values[:, 1]).max())
+        values[:, 1] = np.clip(values[:, 1], -limit, limit)
+        ends = [int((values[:, 1] == end).sum()) for end in (-limit, limit)]
+        notes = said(plan, "magnetometer", values)
+        assert bool(notes) == (sum(ends) - 2 >= 2 and max(ends) >= 2), (seed, ends, notes)
 
 
 def test_clipping_in_twelve_positions():

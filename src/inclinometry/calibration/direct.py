@@ -13,11 +13,11 @@ from numpy.typing import ArrayLike
 from inclinometry.arrays import Array
 from inclinometry.calibration.classical import solve_classical
 from inclinometry.calibration.closed import ClosedForm, covariance, reading_covariance
-from inclinometry.calibration.conventions import check_axes, check_dials, check_noise, figure
+from inclinometry.calibration.conventions import check_axes, check_noise, figure
 from inclinometry.calibration.identifiability import constant_errors
 from inclinometry.calibration.likelihood import Model, State
 from inclinometry.calibration.outliers import Outlier
-from inclinometry.calibration.plausibility import check_whole
+from inclinometry.calibration.plausibility import check_readings
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import LEAST_REDUNDANCY, UNSTATED, Calibration, Residuals, Rig
 from inclinometry.calibration.rollset import second_harmonics
@@ -231,18 +231,21 @@ def dead_channels(readings: BenchReadings) -> list[str]:
 
 
 def axis_warnings(state: State) -> list[str]:
-    """Channels that look exchanged: allowed by the mathematics, rarely meant."""
+    """Channels that look exchanged: allowed by the mathematics, rarely meant; refused where no stand leans so."""
     sentences = []
     down = {kind: float(np.degrees(np.arccos(np.clip(a[2], -1.0, 1.0)))) for kind, a in state.directions.items()}
     tilt = down.get("accelerometer", 0.0)
     other = min(down.get("magnetometer", 90.0), 180.0 - down.get("magnetometer", 90.0))
     if tilt > 5.0 and other < tilt / 3.0:
         # the two fit alike, and g.b is the same either way: only a stand that is nearly level tells
-        sentences.append(
+        sentence = (
             f"accelerometer and magnetometer look swapped: the accelerometer's field lies {tilt:.1f} deg from the "
             f"vertical of the rig, the magnetometer's {other:.1f}, {tilt / max(other, 0.1):.0f} times nearer; "
             "check the column names"
         )
+        if tilt > 10.0 and other < min(3.0, tilt / 5.0):
+            raise InputError(sentence)
+        sentences.append(sentence)
     elif tilt > 10.0:
         sentences.append(f"the rig's base appears tilted by {tilt:.1f} deg; check the channels if the stand is level")
     for kind, coefficients in state.coefficients.items():
@@ -417,7 +420,7 @@ def _closed(
     """Solve every triad, find the variances with the joint model, propagate them."""
     model, start, free_noise = _joint_model(readings, noise_sd, rig_sd)
     solvers = {kind: solver(kind, start.directions[kind]) for kind in readings.channels}
-    warnings = [*check_dials(readings, left_handed=left_handed), *check_whole(readings)]
+    warnings = check_readings(readings, left_handed=left_handed)
     forms = {kind: solvers[kind](values) for kind, values in readings.channels.items()}
     free_rig = not model.rig_known.all()
     best = fit_with_variances(model, start, free_noise, free_rig)

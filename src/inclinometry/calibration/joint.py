@@ -13,12 +13,12 @@ from numpy.typing import ArrayLike
 from inclinometry.arrays import Array, finite, within
 from inclinometry.calibration import direct
 from inclinometry.calibration.causes import UNDETECTED, calibration_shares, parameter_causes
-from inclinometry.calibration.conventions import check_axes, check_dials, check_noise
+from inclinometry.calibration.conventions import check_axes, check_noise
 from inclinometry.calibration.identifiability import null_space
 from inclinometry.calibration.lack_of_fit import lack_of_fit
 from inclinometry.calibration.likelihood import NUISANCE, Model, StandAngle, State, tangent_basis
 from inclinometry.calibration.outliers import Outlier, find_outliers
-from inclinometry.calibration.plausibility import check_whole
+from inclinometry.calibration.plausibility import check_readings
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
 from inclinometry.calibration.start import DOWN, enough, fix_signs, starting_state
@@ -163,7 +163,7 @@ def calibrate_joint(
     noise, free_noise = noise_guess(readings, noise_sd, model.linearise(start).residual)
     model = model.with_weights(noise, rig)
     start, _ = fix_signs(start, readings.reference, priors, left_handed=left_handed)
-    warnings = [*check_dials(readings, left_handed=left_handed), *check_whole(readings)] if diagnose else []
+    warnings = check_readings(readings, left_handed=left_handed) if diagnose else []
     warnings += _contradicted(model, start, free_noise, free_rig) if diagnose else []
     blind = null_space(model, start) if diagnose else None
     if blind is not None and not blind.complete:

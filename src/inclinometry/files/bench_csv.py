@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from inclinometry.arrays import Array
 from inclinometry.calibration.plans import Plan
-from inclinometry.calibration.readings import BenchReadings
+from inclinometry.calibration.readings import BenchReadings, converter_steps
 from inclinometry.errors import FileError, InputError
 from inclinometry.files import writing
 from inclinometry.files.columns import ANGLES, BENCH, KIND_PREFIX, PLAN, REFERENCES, UNIT_LABELS, numbers_among
@@ -133,7 +133,10 @@ def improbably_equal(values: Array, channel: int, at: NDArray[np.bool_], basis: 
 # stations predict more in the field direction that fits all channels (rule 2 with this basis; kinds other than the
 # accelerometer), or when stations at one gravity direction scatter so much that exact agreement is improbable.
 #
-# Equal extremes alone say nothing: a plan that returns to one attitude reads the same number again with a 12-bit
+# Where readings have so many digits that no others of the triad agree, two stations at each end of a channel, or three
+# at one, that agree to the last digit are named as weakly.
+#
+# Other equal extremes say nothing: a plan that returns to one attitude reads the same number again with a 12-bit
 # converter, and a pure roll repeats the axial reading at every station.
 
 Settings = tuple[Array, Array, Array]
@@ -165,8 +168,13 @@ def saturation_notes(
     for index, (column, name) in enumerate(zip(values.T, names, strict=True)):
         for extreme, sign in ((float(column.max()), 1.0), (float(column.min()), -1.0)):
             at = column == extreme
-            count = len(np.unique(station[at])) if at.sum() >= 3 else 0
-            if count < 3 or at.all():
+            count = len(np.unique(station[at])) if at.sum() >= 2 else 0
+            if count < 2 or at.all():
+                continue
+            read = f"{name} reads exactly {extreme + 0.0:.12g} in {count} stations"
+            weakly = settings is not None and len(values) <= most and _alone(values, kind, index, station)
+            if count < 3:
+                notes += [f"{read}: saturation cannot be excluded"] if weakly else []
                 continue
             if settings is not None and basis is None:
                 # what a linear sensor sees at each setting, and a one for its offset: (n, 4) for gravity, else (n, 10)
@@ -186,12 +194,28 @@ def saturation_notes(
                     _is_rail(column, extreme, sign, unsigned)
                     and _predicted_beyond(column, at, inner, basis, sign) is not False
                 )
-            read = f"{name} reads exactly {extreme + 0.0:.12g} in {count} stations"
             if clipped:
                 notes.append(f"{read}: saturated?")
-            elif basis is not None and len(values) <= most and _suspicious(values, index, at, basis, sign):
+            elif weakly or (basis is not None and len(values) <= most and _suspicious(values, index, at, basis, sign)):
                 notes.append(f"{read}: saturation cannot be excluded")
     return notes
+
+
+def _alone(values: Array, kind: str, index: int, station: NDArray[np.intp]) -> bool:
+    """Whether stations agree to the last digit at both ends of a channel, or thrice, and nowhere else in its triad.
+
+    Where readings have so many digits that no others agree, two that do by chance are rare, and twice two are none.
+    """
+    first = np.sort(np.unique(station, return_index=True)[1])
+    kept = values[first]
+    column = kept[:, index]
+    ends = int((column == column.max()).sum() + (column == column.min()).sum()) - 2
+    inside = [part[(part > part.min()) & (part < part.max())] for part in kept.T]
+    if ends < 2 or len(kept) < 8 or any(len(np.unique(part)) < len(part) for part in inside):
+        return False
+    # along gravity a dial's error does nothing, and noise alone parts the readings there
+    finest = (1e-6 if kind == "accelerometer" else 5e-5) * float(np.ptp(column))
+    return float(converter_steps(kept).max()) < finest
 
 
 def _suspicious(values: Array, index: int, at: NDArray[np.bool_], basis: Array, sign: float) -> bool:

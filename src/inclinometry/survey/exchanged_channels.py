@@ -52,38 +52,44 @@ def _spread(values: Array) -> float:
     return float(np.percentile(np.abs(values - np.median(values)), 90.0))
 
 
-def explained(channels: Channels, fields: Fields, roughness: Roughness) -> str:
+def explained(channels: Channels, calibrated: Fields | None, roughness: Roughness) -> str:
     """The order or sign of the channels with which a run is as it should be, in words; empty where none is needed.
 
     Parameters
     ----------
     channels : mapping
         Of accelerometer and magnetometer, (n, 3).
-    fields : callable
-        The calibration.
+    calibrated : callable or None
+        The calibration; None where the channels are the fields. These are as long and as far apart with both triads
+        exchanged alike, so that the orders of one are tried.
     roughness : callable
     """
     if any(np.shape(channels[kind])[-1:] != (3,) for kind in VECTORS):
         return ""
+    fields = calibrated or (lambda own: (own[VECTORS[0]], own[VECTORS[1]]))
     seen = fields(channels)
     given = misfit(*seen, roughness(*seen))
     if given < _USUAL:
         return ""
-    best, said = np.inf, ""
-    for words, other in _orders(channels):
+    best, found = min(0.2 * given, _USUAL), []
+    for words, other in _orders(channels, one=calibrated is None):
         seen = fields(other)
         left = misfit(*seen, 0.0)
-        left = left if left >= min(best, 0.2 * given) else float(np.hypot(left, roughness(*seen) / 0.01))
+        left = left if left >= best else float(np.hypot(left, roughness(*seen) / 0.01))
         if left < best:
-            best, said = left, words
-    return said if best < min(0.2 * given, _USUAL) else ""
+            best = left
+        # of six axes one triad mirrored and the other are as good: only the hole is mirrored
+        found.append((left, words))
+    alike = [words for left, words in found if left <= best * (1.0 if calibrated else 1.05)]
+    return " or ".join(alike[:2]) if best < min(0.2 * given, _USUAL) else ""
 
 
-def _orders(channels: Channels) -> Iterator[tuple[str, dict[str, Array]]]:
-    """Words for a mistake, and the channels without it."""
+def _orders(channels: Channels, *, one: bool) -> Iterator[tuple[str, dict[str, Array]]]:
+    """Words for a mistake, of one triad or of both, and the channels without it."""
     g, b = VECTORS
-    yield "accelerometer and magnetometer exchanged", {g: channels[b], b: channels[g]}
-    for kinds, of in ((VECTORS, "both triads"), ((g,), f"the {g}"), ((b,), f"the {b}")):
+    if not one:
+        yield "accelerometer and magnetometer exchanged", {g: channels[b], b: channels[g]}
+    for kinds, of in ((VECTORS, "both triads"), ((g,), f"the {g}"), ((b,), f"the {b}"))[one:]:
         for order in list(permutations(range(3)))[1:]:
             moved = [axis for axis in range(3) if order[axis] != axis]
             names = " and ".join("xyz"[axis] for axis in moved)

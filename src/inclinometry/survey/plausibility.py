@@ -29,6 +29,8 @@ from inclinometry.orientation import angles, dip_angle
 from inclinometry.rotations import wrap_positive
 from inclinometry.survey.copies import copied_block
 from inclinometry.survey.exchanged_channels import Fields, explained, strange
+from inclinometry.survey.gain_steps import gain_step
+from inclinometry.survey.misread_axis import LEAST_SCATTER, misread_axis
 from inclinometry.survey.path import directions
 
 CHECKS: Final = ("units", "columns", "axes", "depths", "repeats", "order", "station", "direction", "totals", "place")
@@ -123,11 +125,11 @@ def doubts(run: Run) -> list[Doubt]:
     kept = run if whole.all() else _taken(run, rows)
     found = [*_depths(kept), *_repeats(kept)]
     depths_right = not any(one.name == "depths" and one.refused for one in found)
-    rough = _channels(kept) or (_whole(kept) if depths_right else [])
+    rough = _gains(kept) or _channels(kept) or (_whole(kept) if depths_right else [])
     found += rough or ([*_units(kept), *_ends(kept)] if depths_right else [])
-    if depths_right and not any(one.name in ("columns", "axes", "units") for one in found):
+    if depths_right and not any(one.name in ("columns", "axes", "units", "totals") for one in found):
         found += _local(kept)
-    found += _totals(kept)
+    found += [] if any(one.name == "totals" for one in found) else _totals(kept)
     found = [one._replace(stations=tuple(int(rows[k]) for k in one.stations)) for one in found]
     return sorted(found, key=lambda one: not one.refused)
 
@@ -300,9 +302,26 @@ def _whole(run: Run) -> list[Doubt]:
     return []
 
 
+def _gains(run: Run) -> list[Doubt]:
+    """A sensor whose gain changes midway."""
+    for kind, values in zip(VECTORS, (run.g, run.b), strict=True):
+        step = None if values is None else gain_step(kind, values)
+        if step is None:
+            continue
+        sentence = (
+            f"the {step.sensor} is {step.factor:.2g} times as sensitive from station {step.row + 1} at "
+            f"{run.md[step.row]:.12g} m on: the length of its field scatters by {100.0 * step.scatter:.2g} % along the "
+            f"run, and by {100.0 * step.undone:.2g} % with this undone: look for a change of range, tool or wiring, "
+            "and correct these stations or leave them out"
+        )
+        sure = abs(np.log(step.factor)) > 0.2
+        return [Doubt("totals", sentence, bool(sure), tuple(range(step.row, len(run.md))))]
+    return []
+
+
 def _channels(run: Run) -> list[Doubt]:
-    """Channels of a calibrated tool in another order, which the fields show that the calibration makes of them."""
-    if run.fields is None or run.g is None or run.b is None or len(run.md) < 4:
+    """Channels in another order, which the fields show: those of a calibrated tool, or of one triad of six axes."""
+    if run.g is None or run.b is None or len(run.md) < 4:
         return []
 
     def roughness(g: Array, b: Array) -> float:
@@ -310,15 +329,22 @@ def _channels(run: Run) -> list[Doubt]:
         residual = _smoothness(run.md, directions(found.inclination, found.azimuth)).residual
         return float(np.mean(residual[1:-1] > _JUMP))
 
+    if run.fields is None:
+        words = explained(dict(zip(VECTORS, (run.g, run.b), strict=True)), None, roughness)
+        if not words:
+            return []
+        sentence = (
+            f"the fields are not those of one place and one hole, which with {words} they are: put the names of the "
+            "columns right, or state the axes with --convention or a profile (--profile)"
+        )
+        return [Doubt("axes", sentence, True)]
     words = explained(run.channels, run.fields, roughness)
     if words:
         sentence = (
             "after the calibration the fields are not those of one place and one hole, which with "
             f"{words} they are: put the names of the columns right"
         )
-        # of the magnetometer alone inclinations hold, and the dip flags the stations
-        refused = VECTORS[1] not in words or VECTORS[0] in words
-        return [Doubt("axes", sentence, refused)]
+        return [Doubt("axes", sentence, True)]
     seen = strange(run.g, run.b, known=run.strength_known)
     if seen:
         sentence = (
@@ -456,7 +482,7 @@ def _depths(run: Run) -> list[Doubt]:
     usual = float(np.median(course))
     found: list[Doubt] = []
     alike = (course >= 80.0) & (course <= 100.0)  # a stand of pipe, 26 to 30 m, in feet
-    if np.mean(alike) >= 0.6:
+    if np.mean(alike) >= 0.6 and _pipe(md, course[alike]):
         found.append(
             Doubt(
                 "depths",
@@ -493,6 +519,14 @@ def _depths(run: Run) -> list[Doubt]:
         )
         found.append(Doubt("depths", sentence, sure, (len(md) - 1,)))
     return found
+
+
+def _pipe(md: Array, course: Array) -> bool:
+    """Whether courses of 80 to 100 differ as stands of pipe do, or depths are whole half metres if they are feet."""
+    metres, digits = md * FOOT, 10.0 ** -np.arange(4)
+    step = next((d for d in digits if (np.abs(md / d - np.round(md / d)) < 1e-6).all()), 1e-3)
+    whole = np.abs(metres - np.round(2.0 * metres) / 2.0) <= 0.51 * FOOT * step + 1e-9
+    return bool(np.ptp(np.percentile(course, [10.0, 90.0])) > 0.2 or (step < 1.0 and whole.all()))
 
 
 # Readings given twice.
@@ -801,8 +835,6 @@ def _without_both(md: Array, t: Array, k: int) -> bool:
 
 # Totals.
 
-_TOTALS: Final = {"g": (0.004, 10.0), "b": (60.0, 10.0), "dip": (np.radians(0.08), 10.0)}
-"""Total -> the least scatter it is held against, m/s^2, nT, rad, and how many times that it may be off."""
 _SHOWN: Final = {
     "g": ("gravity", "m/s2", 1.0),
     "b": ("magnetic field", "nT", 1.0),
@@ -816,7 +848,7 @@ def _totals(run: Run) -> list[Doubt]:
     if size < 6:
         return []
     off: dict[str, Array] = {}
-    for name, (least, _) in _TOTALS.items():
+    for name, least in LEAST_SCATTER.items():
         values = run.totals.get(name)
         if values is None or not np.isfinite(values).all():
             continue
@@ -840,7 +872,7 @@ def _totals(run: Run) -> list[Doubt]:
     words, unit, factor = _SHOWN[name]
     values = run.totals[name]
     apart = factor * float(values[k] - np.median(values))
-    axis = _axis(run, k)
+    axis = "" if run.g is None or run.b is None else misread_axis(run.g, run.b, run.totals, k)
     sentence = (
         f"station {k + 1} at {run.md[k]:.12g} m: {words} {apart:+.3g} {unit} from the other stations', "
         f"{abs(float(off[name][k])):.0f} times their scatter"
@@ -850,36 +882,3 @@ def _totals(run: Run) -> list[Doubt]:
         else ": leave the station out"
     )
     return [Doubt("totals", sentence, False, (k,))]
-
-
-def _axis(run: Run, k: int) -> str:
-    """The one reading that brings back all totals of a station, in words."""
-    if run.g is None or run.b is None:
-        return ""
-    from scipy.optimize import minimize_scalar
-
-    others = np.arange(len(run.md)) != k
-    middle = {n: float(np.median(v[others])) for n, v in run.totals.items()}
-    spread = {
-        n: max(1.4826 * float(np.median(np.abs(v[others] - middle[n]))), _TOTALS[n][0]) for n, v in run.totals.items()
-    }
-    best: tuple[float, str] | None = None
-    for name, kind, reach, unit in (("g", 0, 3.0, "m/s2"), ("b", 1, 3e4, "nT")):
-        for axis in range(3):
-            fields = [np.array(run.g[k]), np.array(run.b[k])]
-            own = float(fields[kind][axis])
-
-            def misfit(
-                change: float, fields: list[Array] = fields, kind: int = kind, axis: int = axis, own: float = own
-            ) -> float:
-                fields[kind][axis] = own + change
-                g, b = fields
-                seen = {"g": np.linalg.norm(g), "b": np.linalg.norm(b), "dip": dip_angle(g, b)}
-                return float(sum(((float(seen[n]) - middle[n]) / spread[n]) ** 2 for n in seen))
-
-            # the misfit has two valleys at most, one for each sign of the reading
-            valleys = [minimize_scalar(misfit, bounds=side, method="bounded") for side in ((-reach, 0.0), (0.0, reach))]
-            least = min(valleys, key=lambda one: float(one.fun))
-            if best is None or least.fun < best[0]:
-                best = float(least.fun), f"{name}{'xyz'[axis]} {own + float(least.x):.6g} {unit} instead of {own:.6g}"
-    return best[1] if best is not None and best[0] < 12.0 else ""
