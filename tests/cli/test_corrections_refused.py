@@ -59,7 +59,8 @@ def test_a_site_that_cannot_judge_is_refused(run, missing):
 @pytest.mark.parametrize("command", [MSA, (*SURVEY, "--correct", "msa"), (*SURVEY, "--correct", "axial")])
 def test_wrong_signs_are_told_before_a_correction(run, signs, command):
     given(lambda axes: axes * signs)
-    refused(run(*command), "axes and signs: dips are off", "reversed", "before any correction")
+    refused(run(*command), "reversed")
+    refused(run(*command, "--trust-file", "axes"), "axes and signs: dips are off", "reversed", "before any correction")
     assert not Path("corrections.json").exists()
 
 

@@ -216,11 +216,14 @@ def test_a_station_beside_casing_fails(run):
 
 def test_swapped_magnetometer_axes_are_named(run):
     given(change=lambda values: values[:, [0, 1, 2, 3, 5, 4, 6]])
-    done = run(*QUALITY)
+    for command in (QUALITY, MSA, SURVEY):
+        refused(run(*command), "channels x and y of the magnetometer exchanged", "--trust-file axes")
+    trusted = ("--trust-file", "axes")
+    done = run(*QUALITY, *trusted)
     assert done.status == 1
     assert "x and y swapped" in done.out
-    refused(run(*MSA, "--report", "page.html"), "x and y swapped", "before any correction")
-    done = run(*SURVEY)
+    refused(run(*MSA, *trusted, "--report", "page.html"), "x and y swapped", "before any correction")
+    done = run(*SURVEY, *trusted)
     assert done.status == 0
     assert "x and y swapped" in done.err
 

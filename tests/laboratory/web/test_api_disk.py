@@ -57,7 +57,7 @@ def test_a_ledger_opened_for_reading_only(where):
 def test_a_disk_that_is_full(where, monkeypatch):
     with Ledger(where) as ledger:
 
-        def full(*_):
+        def full(*_, **__):
             raise OperationalError("INSERT", {}, sqlite3.OperationalError("database or disk is full"))
 
         with monkeypatch.context() as patch:
