@@ -16,16 +16,8 @@ from inclinometry.errors import FileError, InputError
 from inclinometry.files import writing
 from inclinometry.files.columns import ANGLES, BENCH, KIND_PREFIX, PLAN, REFERENCES, UNIT_LABELS, numbers_among
 from inclinometry.files.profile import current
-from inclinometry.files.table import (
-    Progress,
-    Signals,
-    Table,
-    need_settings,
-    read_settings,
-    read_signals,
-    read_table,
-    read_temperature,
-)
+from inclinometry.files.signals import Signals, need_settings, read_settings, read_signals, read_temperature
+from inclinometry.files.table import Progress, Table, read_table
 from inclinometry.rotations import dcm, wrap_signed
 from inclinometry.tabular import axes, check_record
 

@@ -14,8 +14,9 @@ from inclinometry.arrays import Array, Index, frozen
 from inclinometry.constants import FOOT, KINDS
 from inclinometry.files import writing
 from inclinometry.files.columns import GYRO_RUN, KIND_PREFIX, PARTS, UNIT_LABELS, channel, numbers_among
+from inclinometry.files.signals import Signals, read_kind, read_signals, read_temperature
 from inclinometry.files.survey_csv import survey_cells
-from inclinometry.files.table import Progress, Signals, Table, read_kind, read_signals, read_table, read_temperature
+from inclinometry.files.table import Progress, Table, read_table
 from inclinometry.tabular import Column, Tabular, channel_columns, in_degrees
 
 # Gyro runs: readings at index positions in, stations with scale factor out.

@@ -12,8 +12,9 @@ import numpy as np
 from inclinometry.arrays import Array, frozen
 from inclinometry.constants import STANDARD_GRAVITY
 from inclinometry.files.columns import KIND_PREFIX, LOG, channel, numbers_among
+from inclinometry.files.signals import read_signals, read_temperature
 from inclinometry.files.survey_csv import check_increasing
-from inclinometry.files.table import Progress, Table, read_signals, read_table, read_temperature
+from inclinometry.files.table import Progress, Table, read_table
 
 # A log sampled evenly, in SI units: what a noise analysis needs.
 

@@ -19,19 +19,8 @@ from inclinometry.errors import FileError
 from inclinometry.files.columns import LOG, UNIT_LABELS, channel, numbers_among
 from inclinometry.files.parquet import _units
 from inclinometry.files.profile import PLAIN, current
-from inclinometry.files.table import (
-    COLDEST,
-    HOTTEST,
-    ArrowNumbers,
-    Block,
-    LineReader,
-    Progress,
-    Table,
-    _Body,
-    _header_row,
-    log_columns,
-    read_signals,
-)
+from inclinometry.files.signals import COLDEST, HOTTEST, read_signals
+from inclinometry.files.table import ArrowNumbers, Block, LineReader, Progress, Table, _Body, _header_row, log_columns
 from inclinometry.files.writing import replacing
 
 # What the columns of a run mean, and whether their values can be: shared by all formats of a run.

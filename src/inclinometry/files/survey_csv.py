@@ -17,7 +17,8 @@ from inclinometry.files import writing
 from inclinometry.files._quantities import EXTRA, Quantity, from_si, meaning, quantities
 from inclinometry.files.columns import RAW_SURVEY, SURVEY, numbers_among
 from inclinometry.files.exchange import SurveyFile
-from inclinometry.files.table import Progress, Table, read_signals, read_table, read_temperature
+from inclinometry.files.signals import read_signals, read_temperature
+from inclinometry.files.table import Progress, Table, read_table
 from inclinometry.tabular import Column, Tabular, channel_columns
 
 # From a survey to the columns of a table: names with units, numbers in them, texts; what is unknown is left out.

@@ -19,15 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inclinometry.arrays import Array, Mask, frozen
-from inclinometry.calibration.readings import LARGEST
-from inclinometry.constants import KINDS
 from inclinometry.errors import FileError, InputError
 from inclinometry.files._quantities import columns_called
 from inclinometry.files.columns import (
-    ANGLES,
-    KIND_PREFIX,
     KNOWN,
-    Channel,
     advice,
     channel,
     channel_advice,
@@ -35,7 +30,6 @@ from inclinometry.files.columns import (
     is_number,
 )
 from inclinometry.files.profile import PLAIN, Profile, Reading, current, stated_unit
-from inclinometry.rotations import wrap_positive
 
 # Numbers as people write them: one strict rule for points, commas, blanks and text.
 
@@ -43,11 +37,11 @@ _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 _WITH_COMMA = re.compile(r"[+-]?(\d+,\d*|,\d+)([eE][+-]?\d+)?", re.ASCII)
 # 12,345 may be twelve thousand or twelve and a bit; 0,345 or 1,5 can only be a decimal comma
 _PERHAPS_THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}", re.ASCII)
-# 1,234.5 is one thousand and a bit: nothing else has a point behind
 _DEGREES_MINUTES = re.compile(
     r"([+-]?)(\d+)\s*[°º]\s*(?:([0-5]?\d(?:[.,]\d+)?)\s*['′’])?\s*(?:([0-5]?\d(?:[.,]\d+)?)\s*(?:\"|''|″|”))?", re.ASCII
 )
 _PERHAPS_MINUTES = re.compile(r"([+-]?\d+)[ :]+([0-5]?\d)(?:[ :]+([0-5]?\d(?:\.\d+)?))?", re.ASCII)
+# 1,234.5 is one thousand and a bit: nothing else has a point behind
 _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+\.\d*", re.ASCII)
 
 
@@ -741,184 +735,3 @@ def _open_quote(lines: list[str], delimiter: str) -> int:
         except csv.Error:
             return index
     return 0
-
-
-COLDEST, HOTTEST = -100.0, 400.0
-
-
-class Signals(NamedTuple):
-    """Triads in a file.
-
-    values, sd : kind -> (n, m); `sd` is that of one reading and only there where the file has it.
-    units : kind -> label.
-    names : kind -> the m column names.
-    notes : what a person should know.
-    """
-
-    values: dict[str, Array]
-    sd: dict[str, Array]
-    units: dict[str, str]
-    names: dict[str, tuple[str, ...]]
-    notes: tuple[str, ...]
-
-
-def read_signals(table: Table) -> Signals:
-    """All channels of a table by kind; FileError for an incomplete or contradictory set of columns."""
-    found = [c for c in map(channel, table.header) if c is not None]
-    signals = Signals({}, {}, {}, {}, ())
-    notes: list[str] = []
-    for kind in KINDS:
-        ordered = _ordered(table, kind, [c for c in found if c.kind == kind and not c.sd])
-        if not ordered:
-            continue
-        signals.units[kind] = ordered[0].unit
-        signals.names[kind] = tuple(c.name for c in ordered)
-        signals.values[kind] = np.stack([_readings(table, c.name) for c in ordered], axis=1)
-        lacking = ["y", "z"][len(ordered) - 1 :] if ordered[0].axis == "x" else []
-        if lacking:
-            number = "one channel" if len(ordered) == 1 else "two channels"
-            without = " and ".join(f"{KIND_PREFIX[kind]}_{axis}" for axis in lacking)
-            notes.append(f"{kind}: {number} ({', '.join(signals.names[kind])}), no {without} in the file")
-        if any(c.kind == kind for c in found if c.sd):
-            signals.sd[kind] = _deviations(table, signals.names[kind])
-    _orphans(table, found)
-    if not signals.values:
-        shown = ", ".join(table.header[:20])
-        raise table.error(
-            f"no channels; add columns such as accel_x, accel_y, accel_z or mag_1; columns found: {shown}"
-        )
-    return signals._replace(notes=tuple(notes))
-
-
-def read_kind(table: Table, kind: str) -> Signals | None:
-    """Channels of one kind, where a single x will do; None where there is none."""
-    found = [c for c in map(channel, table.header) if c is not None and c.kind == kind]
-    _orphans(table, found)
-    channels = [c for c in found if not c.sd]
-    if not channels:
-        return None
-    ordered = channels if [c.axis for c in channels] == ["x"] else _ordered(table, kind, channels)
-    names = tuple(c.name for c in ordered)
-    values = {kind: np.stack([_readings(table, name) for name in names], axis=1)}
-    sd = {kind: _deviations(table, names)} if any(c.sd for c in found) else {}
-    return Signals(values, sd, {kind: ordered[0].unit}, {kind: names}, ())
-
-
-def _orphans(table: Table, found: Sequence[Channel]) -> None:
-    """FileError for a standard deviation without its channel."""
-    lost = next((c for c in found if c.sd and c.name.removesuffix("_sd") not in table), None)
-    if lost is not None:
-        raise table.error(f"column {lost.name!r} has no {lost.name.removesuffix('_sd')!r} beside it; add or remove it")
-
-
-def _ordered(table: Table, kind: str, found: Sequence[Channel]) -> list[Channel]:
-    """The channels of a kind in the order x, y, z or 1..m, after checking that the set is complete."""
-    if not found:
-        return []
-    prefix, by_axis = KIND_PREFIX[kind], {c.axis: c for c in found}
-    units = sorted({c.unit for c in found})
-    if len(by_axis) < len(found) or len(units) > 1:
-        names = ", ".join(c.name for c in found)
-        raise table.error(f"{kind} columns {names} contradict each other; give each channel once, all in one unit")
-    letters = [a for a in "xyz" if a in by_axis]
-    if letters and len(letters) < len(by_axis):
-        raise table.error(f"{kind} columns mix letters and numbers; name them {prefix}_x.. or {prefix}_1.., not both")
-    wanted = ["x", "y", "z"][: "xyz".index(letters[-1]) + 1] if letters else []
-    wanted = wanted or [str(i + 1) for i in range(max(map(int, by_axis)))][:200]
-    tail = found[0].name.removeprefix(f"{prefix}_{found[0].axis}")
-    table.require(f"{prefix}_{axis}{tail}" for axis in wanted)
-    return [by_axis[axis] for axis in wanted]
-
-
-def _readings(table: Table, name: str) -> Array:
-    values = table.number(name)
-    if len(values) and max(values.max(), -values.min()) > LARGEST:
-        row = int(np.argmax(np.abs(values) > LARGEST))
-        problem = (
-            f"column {name!r} is {values[row]:g}; allowed -{LARGEST:g} to {LARGEST:g}: correct it or remove the row"
-        )
-        raise table.error(problem, row)
-    return values
-
-
-def _deviations(table: Table, names: Sequence[str]) -> Array:
-    sd = np.stack([_readings(table, f"{name}_sd") for name in names], axis=1)
-    if (sd < 0.0).any():
-        row, column = np.argwhere(sd < 0.0)[0].tolist()
-        raise table.error(f"{names[column]}_sd is {sd[row, column]:g}; a standard deviation is not negative", row)
-    return sd
-
-
-def read_temperature(table: Table) -> Array | None:
-    """Column temperature_degC within what an instrument survives, or None."""
-    if "temperature_degC" not in table:
-        return None
-    values = table.number("temperature_degC")
-    bad = (values < COLDEST) | (values > HOTTEST)
-    if bad.any():
-        row = int(np.flatnonzero(bad)[0])
-        allowed = f"allowed {COLDEST:g} to {HOTTEST:g}"
-        raise table.error(f"temperature_degC is {values[row]:g}; {allowed}: is it in another unit?", row)
-    return values
-
-
-_LIMITS = {"azimuth_deg": 360.0, "inclination_deg": 180.0, "toolface_deg": 360.0}
-
-
-def read_settings(table: Table) -> tuple[Array, Array, Array] | None:
-    """Azimuth, inclination, toolface (n,), rad; None when the table has none of them. Errors as `need_settings`."""
-    return need_settings(table) if any(name in table for name in ANGLES) else None
-
-
-def need_settings(table: Table) -> tuple[Array, Array, Array]:
-    """Azimuth, inclination, toolface (n,), rad.
-
-    Raises
-    ------
-    FileError
-        One of the three is missing, values out of range, angles that look like radians.
-    """
-    dips = [name for name in table.header if name.lower() in ("dip", "dip_deg")]
-    if dips and "inclination_deg" not in table:
-        # in mines and caves dip is the angle of the tool below the horizon; here it is that of the magnetic field
-        raise table.error(
-            f"column 'inclination_deg' is missing; if {dips[0]!r} is the angle of the tool from the horizontal, name "
-            "it inclination_deg and state --inclination-from horizontal (positive downwards) or horizontal-up "
-            "(positive upwards); the dip of the magnetic field at the stand is reference_dip_deg"
-        )
-    table.require(ANGLES)
-    degrees = [table.number(name) for name in ANGLES]
-    for name, values in zip(ANGLES, degrees, strict=True):
-        limit = _LIMITS[name]
-        bad = np.abs(values) > limit
-        if bad.any():
-            row = int(np.flatnonzero(bad)[0])
-            raise table.error(f"{name} is {values[row]:g}; allowed {-limit:g} to {limit:g} deg", row)
-    if look_like_radians(*degrees):
-        reach = ", ".join(f"{n} {np.abs(v).max():.5g}" for n, v in zip(ANGLES, degrees, strict=True))
-        raise table.error(f"the angles look like radians (largest: {reach}); convert them to degrees")
-    azimuth, inclination, toolface = map(np.radians, degrees)
-    return azimuth, inclination, toolface
-
-
-def look_like_radians(azimuth: Array, inclination: Array, toolface: Array) -> bool:
-    """Whether columns said to be degrees hold radians.
-
-    True when nothing exceeds what radians can be (inclination pi, the others 2 pi), and read as radians the toolface or
-    the azimuth visits at least three quadrants, as a plan does. Settings in whole quarters of a degree are believed to
-    be degrees: a fine scan 0, 1, .. 6 deg near vertical is a real plan, and radians of a plan are never such numbers.
-
-    Examples
-    --------
-    >>> zero, turn = np.zeros(4), np.arange(4) * 90.0
-    >>> look_like_radians(zero, zero + 90.0, turn), look_like_radians(zero, zero + 1.5708, np.radians(turn))
-    (False, True)
-    """
-    if len(toolface) < 4 or np.abs(inclination).max() > 3.15:
-        return False
-    if max(np.abs(azimuth).max(), np.abs(toolface).max()) > 6.2833:
-        return False
-    quarters = 4.0 * np.concatenate([azimuth, inclination, toolface])
-    if (np.abs(quarters - np.round(quarters)) < 1e-9).all():
-        return False
-    return any(len(np.unique(np.floor(wrap_positive(a + 0.3) / (np.pi / 2.0)))) >= 3 for a in (azimuth, toolface))
