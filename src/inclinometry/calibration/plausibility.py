@@ -275,6 +275,8 @@ def _drift(
     is left.
     """
     warnings, best, far = [], 0.0, False
+    if not _spans(settings):
+        return best, warnings, far  # the lean of the stand, which such positions do not tell apart, would pass for one
     matrix = dcm(*settings)
     for kind, values in signals.items():
         found: list[tuple[float, float, str]] = []
