@@ -115,6 +115,17 @@ def test_more_positions_find_more_and_wide_limits_find_nothing(calibration: Cali
     assert (wide.power.consumer, wide.power.producer) == (0.0, 0.0)
 
 
+def test_a_guard_band_moves_the_risk_from_the_customer_to_the_laboratory(calibration: Calibration) -> None:
+    limits = Limits("a", "b", *np.radians([0.3, 0.9, 0.3]))
+    plain = planned(plans.spread(), calibration, limits).power
+    guarded = planned(plans.spread(), calibration, dataclasses.replace(limits, guard="expanded-uncertainty")).power
+    assert plain is not None
+    assert guarded is not None
+    # the limits less U, some 0.12 of 0.3 degrees: right tools are refused by half, and less of a fault is found
+    assert plain.producer < 0.01 < 0.3 < guarded.producer < 0.7
+    assert 1.5 < guarded.factor < 0.6 * plain.factor
+
+
 def test_without_a_stand_nothing_is_foretold(calibration: Calibration) -> None:
     with pytest.raises(InputError, match="does not know the orientation of a rig"):
         planned(plans.spread(), dataclasses.replace(calibration, field_directions={}))

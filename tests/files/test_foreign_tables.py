@@ -310,6 +310,22 @@ def test_readings_of_a_stand_and_of_a_probe_behind_a_preamble(tmp_path):
         assert len(read_casing(tmp_path / "probe.csv", "digi-25000").reading.depth) == 8
 
 
+@pytest.mark.parametrize(
+    ("depths", "words"),
+    [
+        ([0.5, 1.0, 1.0, 1.5], "depth 1 m repeats 1 m"),
+        ([0.5, 1.0, 0.5, 1.5], "depth 0.5 m turns back from 1 m"),
+        ([0.5, 1.0, 1.5, 2.5], "a step of 1 m from 1.5 to 2.5 m, the others are 0.5 m"),
+    ],
+)
+def test_depths_of_a_casing_out_of_order(tmp_path, depths, words):
+    depth = np.array([*depths, *np.arange(depths[-1] + 0.5, 6.0, 0.5)])
+    faces = [300 + depth, -300 - depth, 100 + depth, -100 - depth]
+    (tmp_path / "probe.csv").write_text(text(["DEPTH", "A0", "A180", "B0", "B180"], [depth, *faces], ","))
+    with reading_with(None, "m"), pytest.raises(FileError, match=words):
+        read_casing(tmp_path / "probe.csv", "digi-25000")
+
+
 def test_no_unit_is_guessed_behind_a_preamble(tmp_path):
     (tmp_path / "a.txt").write_text("Logger\n\n" + text(["Time", *(f"Acc{a}" for a in "XYZ")], [TIME, *G.T], "\t"))
     with pytest.raises((FileError, InputError), match=r"'time_s' is missing|unit missing"):

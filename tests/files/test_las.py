@@ -141,6 +141,14 @@ def test_wrapped(tmp_path):
             read_las(tmp_path / "a.las", azimuth_reference="true")
 
 
+def test_a_header_with_fewer_digits_than_the_data(tmp_path):
+    deep = FOREIGN.replace("656.0000", "16560.0090").replace(
+        "STOP.F            16560.0090", "STOP.F            16560.00"
+    )
+    (tmp_path / "a.las").write_text(deep)
+    assert read_las(tmp_path / "a.las", azimuth_reference="true").md[-1] == pytest.approx(16560.009 * 0.3048)
+
+
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [

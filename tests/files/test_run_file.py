@@ -116,6 +116,13 @@ SPOILT = {
 }
 
 
+def test_a_bad_line_soon_after_a_preamble_is_named(tmp_path):
+    path = long_csv(tmp_path / "run.csv", lambda s: s.replace("0.25", "broken"), 5, 9)
+    path.write_text("# run 3\n\n" + path.read_text())
+    with pytest.raises(FileError, match="line 7: 'broken' in column 'accel_y'"):
+        list(open_run(path).blocks())
+
+
 @pytest.mark.long
 @pytest.mark.parametrize("case", SPOILT)
 def test_a_bad_line_is_named(tmp_path, case):
