@@ -292,8 +292,13 @@ def grid(accelerometers: int, gyros: int, noisy: bool) -> dict:
     out |= {"not flagged": clear / total, "flagged": {n: c / total for n, c in flagged.items()}}
     if not noisy:
         return out | {"worst error of unflagged, deg": worst}
-    for name, parts in (("azimuth", azimuth_z2), ("scale", scale_z2)):
-        out[f"normalised squared error, {name}"] = float(np.mean(np.concatenate(parts)))
+    azimuths = np.concatenate(azimuth_z2)
+    wrong = azimuths > 20.0**2  # in the wrong valley, and no flag says so
+    out |= {
+        "wrong and not flagged": int(wrong.sum()),
+        "normalised squared error, azimuth": float(azimuths[~wrong].mean()),
+    }
+    out["normalised squared error, scale"] = float(np.mean(np.concatenate(scale_z2)))
     spread = BAND * np.sqrt(2.0 / clear)
     return out | {"its band (2.6 sigma)": [1.0 - spread, 1.0 + spread]}
 

@@ -228,12 +228,14 @@ def grid() -> dict[str, str]:
                 f"{clean['nan'] + noisy['nan']}",
                 f"{clean['worst error of unflagged, deg']:.0e}",
                 f"{100.0 * noisy['not flagged']:.1f} %",
+                f"{noisy['wrong and not flagged']}",
                 f"{noisy['normalised squared error, azimuth']:.3f}",
                 f"{noisy['normalised squared error, scale']:.3f}",
                 f"{low:.3f} to {high:.3f}",
             ]
         )
     head = ["accelerometers and gyros", "NaN", "worst error without noise, deg", "not flagged, with noise"]
+    head += ["of these in the wrong valley"]
     return {"grid_table": table([*head, "z² of azimuth", "z² of scale", "band of chance"], rows)}
 
 
