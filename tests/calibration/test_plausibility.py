@@ -94,6 +94,17 @@ def test_the_readings_of_the_calibration_are_known_by_value():
     assert not any(taken_before(run(seed), found) for seed in range(2, 12))
 
 
+@pytest.mark.parametrize("plan", [PLAN, plans.half(), plans.two_face()])
+@pytest.mark.parametrize("channel", [0, 2])
+def test_a_channel_clipped_at_both_ends_does_not_drift(plan, channel):
+    right = run(plan=plan)
+    values = right.channels["magnetometer"].copy()
+    limit = 0.8 * np.abs(values[:, channel]).max()
+    values[:, channel] = np.clip(values[:, channel], -limit, limit)
+    said = check_whole(replace(right, channels={**right.channels, "magnetometer": values}))
+    assert not [sentence for sentence in said if "drift" in sentence]
+
+
 @pytest.mark.parametrize("plan", [plans.twelve(), PLAN, plans.half()])
 @pytest.mark.parametrize("channels", [slice(None), 1])
 def test_gains_that_drift_are_named(plan, channels):

@@ -274,23 +274,13 @@ def _drift(
     Returns the largest log-likelihood ratio, a warning for each triad, and whether one is so large that no calibration
     is left.
     """
-    warnings, best, far = [], 0.0, False
+    warnings: list[str] = []
+    best, far = 0.0, False
     if not _spans(settings):
         return best, warnings, far  # the lean of the stand, which such positions do not tell apart, would pass for one
-    matrix = dcm(*settings)
     for kind, values in signals.items():
-        found: list[tuple[float, float, str]] = []
-        for what in ("offsets", "gains"):
-            trend, even = _undone(kind, what, values, matrix)
-            left = _left(kind, even, settings)
-            least = values.size * 1e-6**2
-            freedom = max(values.size - 5 * values.shape[1] - 2, 1)
-            ratio = 0.5 * freedom * float(np.log((own[kind] + least) / (left + least)))
-            # every channel has a trend of its own to spend
-            ratio -= 0.5 * values.shape[1] * np.log(values.size)
-            found.append((ratio, float(np.abs(trend).max()), what))
-        ratio, largest, what = max(found)
-        if ratio > 12.0 and largest > (0.004 if what == "offsets" else 0.01):
+        ratio, largest, what = max(_trends(kind, values, settings, own[kind]))
+        if ratio > 12.0 and largest > _DRIFT[what] and not _clipped(kind, values, settings, what):
             size, power = f"{100.0 * largest:.2g}", _power(ratio)
             warnings.append(
                 f"the offsets of the {kind} drift by {size} % of the field from the first station to the last "
@@ -303,6 +293,49 @@ def _drift(
             best = max(best, ratio)
             far |= bool(ratio > _CERTAIN and largest > 0.1)  # a tenth of the field
     return best, warnings, far
+
+
+_DRIFT = {"offsets": 0.004, "gains": 0.01}
+"""Trend, as a share of the field or of the gain, from which it is named."""
+
+
+def _trends(
+    kind: str, values: Array, settings: tuple[Array, Array, Array], own: float
+) -> Iterator[tuple[float, float, str]]:
+    """Log-likelihood ratio of a trend of each sort, its largest, and the sort."""
+    matrix = dcm(*settings)
+    for what in _DRIFT:
+        trend, even = _undone(kind, what, values, matrix)
+        left = _left(kind, even, settings)
+        least = values.size * 1e-6**2
+        freedom = max(values.size - 5 * values.shape[1] - 2, 1)
+        ratio = 0.5 * freedom * float(np.log((own + least) / (left + least)))
+        # every channel has a trend of its own to spend
+        ratio -= 0.5 * values.shape[1] * np.log(values.size)
+        yield ratio, float(np.abs(trend).max()), what
+
+
+def _clipped(kind: str, values: Array, settings: tuple[Array, Array, Array], what: str) -> bool:
+    """Whether a trend is one of channels that rest at their ends alone: saturation, which is named elsewhere.
+
+    A drift parts readings; three that agree at an end of a channel do not drift.
+    """
+    ends = (values == values.max(axis=0)) | (values == values.min(axis=0))
+    alike = np.sum(values[:, None] == values[None], axis=1)
+    # two at each end are no chance where the digits are so many that no others agree
+    fewest = 2 if (alike[~ends] == 1).all() and ((alike - 1) * ends).sum(axis=0).max() >= 4 else 3
+    counted = alike >= fewest
+    rest = ~(ends & counted).any(axis=1)
+    if rest.all():
+        return False
+    azimuth, inclination, toolface = (dial[rest] for dial in settings)
+    kept = (azimuth, inclination, toolface)
+    if rest.sum() < 8 or not _spans(kept):
+        return True
+    found = {
+        sort: (ratio, size) for ratio, size, sort in _trends(kind, values[rest], kept, _left(kind, values[rest], kept))
+    }
+    return not (found[what][0] > 6.0 and found[what][1] > _DRIFT[what])
 
 
 def _undone(kind: str, what: str, values: Array, matrix: Array) -> tuple[Array, Array]:

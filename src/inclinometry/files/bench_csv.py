@@ -211,11 +211,19 @@ def _alone(values: Array, kind: str, index: int, station: NDArray[np.intp]) -> b
 
 
 def _suspicious(values: Array, index: int, at: NDArray[np.bool_], basis: Array, sign: float) -> bool:
-    if basis.shape[1] == 4:
-        return improbably_equal(values, index, at, basis)
-    if len(np.unique(basis[at].round(6), axis=0)) < 3:
+    column, magnetic = values[:, index], basis.shape[1] == 10
+    if magnetic and len(np.unique(basis[at].round(6), axis=0)) < 3:
         return False
-    return _predicted_beyond(values[:, index], at, ~at, field_basis(values, basis[:, :9]), sign) is True
+    seen = field_basis(values, basis[:, :9]) if magnetic else basis
+    # a channel that rests at both ends fits with less gain: what lies between tells
+    other = column.min() if sign > 0.0 else column.max()
+    both = int((column == other).sum()) >= 3
+    step = float(converter_steps(values).max())
+    if both and _predicted_beyond(column, at, ~at & (column != other), seen, sign, step) is True:
+        return True
+    if not magnetic:
+        return improbably_equal(values, index, at, basis)
+    return _predicted_beyond(column, at, ~at, seen, sign) is True
 
 
 def _is_rail(column: Array, extreme: float, sign: float, unsigned: bool) -> bool:
@@ -230,9 +238,12 @@ def _is_rail(column: Array, extreme: float, sign: float, unsigned: bool) -> bool
 
 
 def _predicted_beyond(
-    column: Array, at: NDArray[np.bool_], fitted: NDArray[np.bool_], basis: Array, sign: float
+    column: Array, at: NDArray[np.bool_], fitted: NDArray[np.bool_], basis: Array, sign: float, step: float = 0.0
 ) -> bool | None:
-    """Whether the stations `fitted` predict values beyond those read at `at`; None when they cannot tell."""
+    """Whether the stations `fitted` predict values beyond those read at `at`; None when they cannot tell.
+
+    `step` of the converter: `fitted` are known no better than it.
+    """
     known, asked = basis[fitted], basis[at]
     if len(known) < 4:
         return None
@@ -245,7 +256,8 @@ def _predicted_beyond(
     model, span = inverse @ column[fitted], np.ptp(column)
     spread = np.sqrt(np.sum((known @ model - column[fitted]) ** 2) / free)
     excess = sign * (asked[seen] @ model - column[at][seen])
-    if (excess > max(5.0 * spread, 0.01 * span)).sum() >= 2:
+    own = np.sqrt(np.maximum(np.sum((asked[seen] @ inverse) ** 2, axis=1), 1.0))  # of the prediction
+    if (excess > np.maximum(5.0 * max(spread, step) * own, 0.01 * span)).sum() >= 2:
         return True
     return False if spread < 0.002 * span else None
 

@@ -463,9 +463,9 @@ def _ends(run: Run) -> list[Doubt]:
     near, beyond = float(np.median(azimuth[:3])), float(np.median(azimuth[-3:]))
     steady = float(np.ptp(inclination))
     rising = np.mean(np.diff(azimuth) >= -1.5) > 0.8 and azimuth.max() < 125.0
-    if at_top and near < 4.0 and beyond > 20.0 and rising and first > 12.0 and steady < 20.0:
+    if at_top and near < 4.0 and beyond > 20.0 and rising and first > 12.0 and steady < 60.0:
         sentence = (
-            f"inclination stays at {np.median(inclination):.0f} deg from the top while azimuth grows from "
+            f"inclination is {first:.0f} deg at the top while azimuth grows from "
             f"{near:.1f} to {beyond:.0f} deg, perhaps their columns are exchanged: put their names right"
         )
         return [Doubt("columns", sentence, False)]
