@@ -274,7 +274,8 @@ def _drift(
     Returns the largest log-likelihood ratio, a warning for each triad, and whether one is so large that no calibration
     is left.
     """
-    warnings, best, far = [], 0.0, False
+    warnings: list[str] = []
+    best, far = 0.0, False
     if not _spans(settings):
         return best, warnings, far  # the lean of the stand, which such positions do not tell apart, would pass for one
     matrix = dcm(*settings)
