@@ -184,7 +184,8 @@ def of_kind(content: Json, where: str | Path, *kinds: str, version: int = 1) -> 
     kind, found = content.get("schema"), content.get("version")
     if kind not in kinds:
         wanted = " or ".join(f'"{k}"' for k in kinds)
-        problem = f"$.schema is {str(kind)[:60]!r}; a file with schema {wanted} is needed"
+        said = "no schema is stated" if kind is None else f"$.schema is {str(kind)[:60]!r}"
+        problem = f"{said}; a file with schema {wanted} is needed"
         raise FileError(f"{problem}: the file that `{' or '.join(_WRITERS[k] for k in kinds)}` writes", path=where)
     if isinstance(found, int) and found > version:
         problem = f"$.version is {found}, written by a newer release; this one reads version {version}"

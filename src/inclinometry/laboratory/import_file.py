@@ -33,6 +33,7 @@ from inclinometry.laboratory.session import (
 LARGEST: Final = 5_000_000
 """Bytes of a file; a bench run of thousands of positions has less."""
 SHOWN: Final = "the file"
+OTHER: Final = "it holds neither bench readings nor a calibration; choose a CSV file or tool.json"
 
 
 def import_file(
@@ -75,8 +76,10 @@ def import_file(
     LedgerError
         A tool or rig that is not registered.
     """
-    if not 1 <= len(content) <= LARGEST:
-        raise FileError(f"{len(content)} bytes; allowed 1 to {LARGEST}", path=SHOWN)
+    if not content:
+        raise FileError("nothing is in it (0 bytes); choose another file", path=SHOWN)
+    if len(content) > LARGEST:
+        raise FileError(f"{len(content)} bytes are too many; allowed {LARGEST}", path=SHOWN)
     if find_tool(ledger, serial) is None:
         raise LedgerError(f"tool {serial!r} is not registered; register it first")
     if find_rig(ledger, rig) is None:
@@ -116,6 +119,8 @@ def _read(content: bytes) -> BenchReadings | Calibration:
                 return read_calibration(path)
             return read_bench(path)
         except FileError as error:
+            if b"\0" in content[:1000]:  # a picture, a document
+                raise FileError(OTHER, path=SHOWN) from None
             raise FileError(error.problem, path=SHOWN, line=error.line) from None
 
 

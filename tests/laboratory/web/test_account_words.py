@@ -18,6 +18,7 @@ from inclinometry.laboratory.web.words import sentence
     "the two passwords differ; nothing was changed",
     "this is not the code of now; check the clocks of the telephone and of the bench",
     "'1' has no second factor",
+    "a user needs a name: write the one to log in with",
     "'1' is a new user; give a password of at least 15 characters",
     "password changed", "second factor set up", "second factor removed", "code 59423 of 5a3f", "recovery code 5a3f",
 ])  # fmt: skip

@@ -187,6 +187,10 @@ def test_what_is_wrong_is_said_at_its_field(stand, browser):
     browser.wait(lambda: browser.script(AT_FIELD, wanted) == wrong, "no number is taken")
     browser.fill("Wanted U(azimuth), °, k = 2", "0,3")  # a decimal comma is one
     browser.named("begin").click()
+    # a session of this tool is open: its date and the way there are shown first, and a second one is meant then
+    browser.wait(lambda: "has an open session of 20" in browser.text("form-problem"), "the open session is not named")
+    assert re.search(r"/calibrate/[0-9a-f]{32}$", browser.named("resume").get_attribute("href") or "")
+    browser.named("begin").click()
     browser.wait(lambda: re.search(r"/calibrate/[0-9a-f]{32}", browser.driver.current_url), "no session")
 
 

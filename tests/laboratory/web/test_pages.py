@@ -150,6 +150,27 @@ def test_what_is_not_there_is_said(open_bench: SimpleNamespace, path: str, statu
     assert open_bench.browser.get(path).status_code == status
 
 
+def test_a_line_of_the_ledger_is_short_enough_to_be_read(open_bench: SimpleNamespace) -> None:
+    """A session by its first characters."""
+    text = open_bench.browser.get("/ledger", headers={"accept-language": "en"}).text
+    assert re.search(rf"session, {open_bench.done[:8]}(…|\\u2026), finished", text)
+    assert f"session, {open_bench.done}" not in text
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+@pytest.mark.parametrize(
+    "path", ["/nowhere", "/tools/7", "/rigs?name=7", "/results/7", "/certificates/7", "/ledger?before=x"]
+)
+def test_a_page_that_is_not_there_says_so_in_the_language_of_the_visitor(open_bench, path, language):
+    """A sentence and a way back, without numbers of the network's protocol and words of its programs."""
+    text = open_bench.browser.get(path, headers={"accept-language": language}).text
+    assert f'<html lang="{language}">' in text
+    said = re.sub(r"<[^>]*>|/\S+|lab\.sqlite", " ", text.partition("<main")[2].partition(">")[2])
+    assert not re.search(r"\b4\d\d\b|integer|string|query", said), said
+    if language != "en":
+        assert not re.search("[A-Za-z]{3,}", said), said
+
+
 def test_tables_hold_no_formulas(open_bench: SimpleNamespace) -> None:
     """A text a spreadsheet would calculate begins with an apostrophe; numbers stay numbers."""
     answer = open_bench.browser.get("/api/v1/tables/tools.csv")

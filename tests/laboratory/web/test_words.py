@@ -46,6 +46,14 @@ def test_each_language_has_every_text_with_the_same_values(language: str) -> Non
         assert '"' not in other[key], key  # texts stand in attributes
 
 
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_no_text_is_in_the_words_of_a_programmer(language: str) -> None:
+    """Who stands at a bench knows files by what is in them."""
+    words = r"\b(JSON|null|None|NaN|id|ids|UUID|payload|string|boolean|integer|HTTP|traceback|exception|API|token)\b"
+    # None, the answer to which limits, is a word of everybody
+    assert [key for key, text in catalogue(language).items() if re.search(words, re.sub("^None:", "", text))] == []
+
+
 def test_every_text_is_used() -> None:
     """A key of the catalogue stands in the code, whole or put together."""
     plain, patterns = _literals()

@@ -173,16 +173,23 @@ class Signatures:
 
     def _judge(self, head: SignedHead, witness: str, seq: int) -> None:
         where = f"{head.size} ({head.time[:19]})"
-        kept = f", kept by {witness}," if witness else ""
         if not head.genuine():
-            said = f"its signature{kept} is not that of the key {fingerprint(head.key)}: changed or forged"
+            said = f"its signature is not that of the key {fingerprint(head.key)}: changed or forged"
+            if witness:
+                said = (
+                    f"its signature, kept by {witness}, is not that of the key {fingerprint(head.key)}: "
+                    "changed or forged"
+                )
             self._doubts.append(("9999", Fault("head", where, said)))
         elif self.newest is not None and head.ledger != self.newest.ledger:
             self._doubts.append((head.time, Fault("head", where, f"is of another ledger ({head.ledger})")))
         elif head.size != seq or (self._tree.root().hex(), self._link) != (head.root, head.link):
-            said = (
-                f"the records up to here are not those that were signed{kept or ' then'}: rewritten, or an older copy"
-            )
+            said = "the records up to here are not those that were signed then: rewritten, or an older copy"
+            if witness:
+                said = (
+                    f"the records up to here are not those that were signed by the head that {witness} keeps: "
+                    "rewritten, or an older copy"
+                )
             self._doubts.append((head.time, Fault("head", where, said)))
         elif witness:
             self._agreed[witness] = max(self._agreed.get(witness, 0), head.size)
@@ -223,18 +230,22 @@ class Signatures:
         return faults, [*self._signed(), *self._notes]
 
     def _lost(self, head: SignedHead, witness: str, place: str, seq: int) -> None:
-        by = f"kept by {witness}" if witness else "in it"
         if not head.genuine():
-            said = f"the head {by} is forged: its key did not sign it"
+            said = "the head in it is forged: its key did not sign it"
+            if witness:
+                said = f"the head kept by {witness} is forged: its key did not sign it"
             self._doubts.append(("9999", Fault("head", str(head.size), said)))
             return
         lost = f"{seq + 1} to {head.size}" if head.size > seq + 1 else f"{head.size}"
         if witness and self._copy:
             self._elsewhere[place] = max(self._elsewhere.get(place, 0), head.size)
             return
-        said = f"removed: the ledger ends before the signed head {by}"
+        said = "removed: the ledger ends before the signed head in it"
         if witness:
-            said += "; a copy that is kept on purpose is verified with --copy"
+            said = (
+                f"removed: the ledger ends before the signed head kept by {witness}; "
+                "a copy that is kept on purpose is verified with --copy"
+            )
         self._doubts.append((head.time, Fault("chain", lost, said)))
 
     def _whole(self, seq: int) -> Iterator[Fault]:

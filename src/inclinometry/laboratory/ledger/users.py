@@ -62,6 +62,8 @@ def put_user(
     InputError
         An unknown role, a password that is not taken (`passwords.hashed`), a new user without one.
     """
+    if not name:
+        raise InputError("a user needs a name: write the one to log in with")
     if role not in ROLES:
         raise InputError(f"role is {role!r}; allowed: {', '.join(ROLES)}")
     if name == LOCAL.name:

@@ -345,18 +345,22 @@ def _asked(witness: str, ledger: str) -> list[Witnessed]:
 
 def lost_sentence(folder: Path, witness: str, ledger: str) -> str:
     """What is gone of a witness that keeps nothing of a ledger, and the remedy."""
+    place = shown(witness)
     if witness.startswith(("http://", "https://")) or _is_ledger(witness):
-        what = f"{shown(witness)} keeps no head of this ledger"
-    else:
-        what = f"{Path(witness) / f'{ledger}.jsonl'} is missing"
+        return (
+            f"{place} keeps no head of this ledger; restore it, give it the head of now with "
+            f"`inclinometry ledger witness {place}`, or take it off with --remove"
+        )
+    file = Path(witness) / f"{ledger}.jsonl"
     if witness == str(folder / "heads"):
         return (
-            f"{what}; restore it from a copy, or state why it is gone with `inclinometry ledger init --accept REASON`"
+            f"{file} is missing; restore it from a copy, or state why it is gone with "
+            "`inclinometry ledger init --accept REASON`"
         )
-    remedy = (
-        f"give it the head of now with `inclinometry ledger witness {shown(witness)}`, or take it off with --remove"
+    return (
+        f"{file} is missing; restore it, give it the head of now with `inclinometry ledger witness {place}`, "
+        "or take it off with --remove"
     )
-    return f"{what}; restore it, {remedy}"
 
 
 def _recorded(witness: str, ledger: str) -> Iterator[Witnessed]:

@@ -142,9 +142,13 @@ def visitor_of(request: Request) -> Visitor:
         user = bench.user(login)
     except RefusedError:
         raise HTTPException(303, headers={"location": "/login"}) from None
+    return Visitor(bench, login, language_of(request), user)
+
+
+def language_of(request: Request) -> str:
+    """The language chosen in this browser, else the one it asks for."""
     chosen = request.cookies.get(LANGUAGE_COOKIE, "")
-    language = chosen if chosen in LANGUAGES else preferred(request.headers.get("accept-language", ""))
-    return Visitor(bench, login, language, user)
+    return chosen if chosen in LANGUAGES else preferred(request.headers.get("accept-language", ""))
 
 
 NAVIGATION: Final = (

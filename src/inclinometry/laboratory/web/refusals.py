@@ -20,8 +20,10 @@ from starlette.exceptions import HTTPException
 from inclinometry.digest import digest_bytes
 from inclinometry.errors import InclinometryError, InputError
 from inclinometry.laboratory.ledger.ledger import ConflictError
-from inclinometry.laboratory.web.frame import RefusedError, current
+from inclinometry.laboratory.web.frame import RefusedError, current, language_of
 from inclinometry.laboratory.web.logins import Login
+from inclinometry.laboratory.web.words import say
+from inclinometry.laboratory.web.words import sentence as sentence_in
 
 # What every answer tells the browser to refuse; the cookie of a login.
 
@@ -205,10 +207,11 @@ METHODS: Final = ["GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS", "T
 OURS: Final = "an error of this program, not yours; nothing half-done was recorded. Its log says more"
 _LOG: Final = logging.getLogger("inclinometry.laboratory.web")
 
-_PAGE: Final = """<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{status} - inclinometry</title>
+_PAGE: Final = """<!doctype html><html lang="{language}"><head><meta charset="utf-8">
+<title>{title} - inclinometry</title>
 <meta name="viewport" content="width=device-width, initial-scale=1"><link rel="stylesheet" href="/static/bench.css">
-</head><body><main class="panel" style="max-width:34rem;margin:4rem auto"><h1 class="title">{status}</h1>
-<p role="alert">{sentence}</p><p><a href="/">&#8592; inclinometry</a></p></main></body></html>"""
+</head><body><main class="panel" style="max-width:34rem;margin:4rem auto"><h1 class="title">{title}</h1>
+<p role="alert">{sentence}</p><p><a href="/">&#8592; {back}</a></p></main></body></html>"""
 
 
 def status_of(error: Exception) -> int:
@@ -307,16 +310,22 @@ def _broken(_: Request, error: Exception) -> JSONResponse:
 
 def _page(request: Request, error: Exception) -> Response:
     """A page of its own with the sentence and a way back."""
-    status, sentence = 500, OURS
+    language, status, sentence = language_of(request), 500, OURS
     if isinstance(error, HTTPException):
-        status, sentence = error.status_code, current().without_path(str(error.detail))
+        status, text = error.status_code, str(error.detail)
+        # the server's own two words for an address that leads nowhere
+        sentence = say(language, "error.no_page") if text == "Not Found" else current().without_path(text)
         place = (error.headers or {}).get("location")
         if place is not None:
             return RedirectResponse(place, status)
     elif isinstance(error, RequestValidationError):
-        status, sentence = 422, in_words(list(error.errors()))
+        status, sentence = 422, say(language, "error.address")
     elif isinstance(error, InclinometryError):
         status, sentence = status_of(error), current().without_path(str(error))
     else:
         _LOG.error("page %s failed", ascii(request.url.path), exc_info=error)
-    return HTMLResponse(_PAGE.format(status=status, sentence=escape(sentence)), status)
+    title = say(language, "error.not_there" if status == 404 else "error.not_done")
+    said = escape(sentence_in(language, sentence))
+    return HTMLResponse(
+        _PAGE.format(language=language, title=title, sentence=said, back=say(language, "nav.home")), status
+    )

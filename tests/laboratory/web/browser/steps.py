@@ -77,7 +77,7 @@ def issue(browser: Browser) -> str:
 
 def download(browser: Browser, folder: Path) -> dict[str, Path]:
     """The three documents, by their ending."""
-    for words in ("Certificate (PDF/A)", "Digital calibration certificate (DCC, XML)", "Record (JSON)"):
+    for words in ("Certificate (PDF/A)", "Digital calibration certificate (DCC, XML)", "Record (for programs)"):
         browser.click(words)
 
     def all_there() -> dict[str, Path] | None:

@@ -13,6 +13,7 @@ from inclinometry.errors import InclinometryError
 from inclinometry.laboratory.ledger.chain import parse_head
 from inclinometry.laboratory.ledger.engine import KINDS
 from inclinometry.laboratory.ledger.ledger import LedgerError
+from inclinometry.laboratory.ledger.signatures import Fault
 from inclinometry.laboratory.ledger.verify import Verdict, verify
 from inclinometry.laboratory.registry import Listed, listed
 from inclinometry.laboratory.web.api.ledger import HIDDEN
@@ -96,7 +97,7 @@ def _check(visitor: Visitor) -> None:
                     if found.ok:
                         ui.label(visitor.say("ledger.sound", number=found.records)).classes("good")
                     for fault in found.faults[:faults]:
-                        ui.label(str(fault)).classes("bad number")
+                        ui.label(said(visitor, fault)).classes("bad number")
                     for note in found.notes:
                         ui.label(visitor.sentence(note)).classes("dim number")
                     if len(found.faults) > faults:
@@ -109,6 +110,14 @@ def _check(visitor: Visitor) -> None:
                 if "://" not in ledger.where:
                     ui.link(say("ledger.backup"), "/api/v1/ledger/backup").props("download")
         ui.label(say("ledger.import_hint")).classes("dim")
+
+
+def said(visitor: Visitor, fault: Fault) -> str:
+    """A fault in the visitor's language: table and place, and in words what happened."""
+    # from one place to another, of which every language has its own word
+    row = re.sub(r"^(\d+) to (\d+)$", r"\1–\2", fault.row.removeprefix("in place "))
+    where = visitor.sentence(fault.table) if row == "-" else f"{visitor.sentence(fault.table)} {row}"
+    return f"{where}: {visitor.sentence(fault.problem)}"
 
 
 def _set(done: list[float], share: float) -> None:
@@ -134,6 +143,8 @@ def _row(visitor: Visitor, one: Listed) -> None:
     longest_shown = 20_000
     # what an event is of, and what happened, are words of the program; the other keys are names
     keys = ", ".join(visitor.sentence(str(value)) if one.kind == "event" else str(value) for value in one.keys.values())
+    # the first characters tell one session from another; the whole is inside
+    keys = re.sub(r"\b([0-9a-f]{8})[0-9a-f]{24}\b", r"\1…", keys)
     title = f"{one.seq} · {one.created[:19].replace('T', ' ')} · {one.author} · {keys}"
     with ui.expansion(visible(title)).classes("w-full number").props("dense") as box:
         loaded: list[bool] = []

@@ -147,8 +147,9 @@ class Live:
         state = seen.word
         # when all is captured, and none chosen to be captured again, there is nothing to wait for
         ended = not (guided.open_positions or guided.retakes or guided.session.closed)
+        reason = guided.visitor.sentence(seen.reason)
         if ended and state in ("few", "learning", "still"):
-            state, word, advice = "done", *self._words["done"]
+            state, word, advice, reason = "done", *self._words["done"], ""
         heat = "" if seen.temperature is None else f"{seen.temperature:.1f} °C"
         colour = {
             "still": "good",
@@ -156,7 +157,6 @@ class Live:
             "learning": "warn",
             "few": "warn",
         }  # of a verdict; bad for the others
-        reason = guided.visitor.sentence(seen.reason)
         said = [state, colour.get(state, "bad"), word, advice, heat, reason, *found.cells]
         now = guided.angles_now(seen)
         angles = (

@@ -21,6 +21,7 @@ from inclinometry.laboratory.registry import (
     find_rig,
     find_site,
     limits_of,
+    listed,
     put_rig,
     put_site,
     put_tool,
@@ -28,9 +29,10 @@ from inclinometry.laboratory.registry import (
     sites,
     tools,
 )
-from inclinometry.laboratory.session import Session, open_session
+from inclinometry.laboratory.session import Session, closing, load_session, open_session
 from inclinometry.laboratory.web.frame import Visitor, frame
 from inclinometry.laboratory.web.pages.forms import LONGEST_KEY, DialsChoice, FieldError, NumberField, tell
+from inclinometry.laboratory.web.pages.lists import day, visible
 from inclinometry.workflow.plan import make_plan
 
 
@@ -123,6 +125,9 @@ class StartForm:
             self.heat = ui.input(say("start.temperatures"), placeholder="20, 60, 100", on_change=self._count)
             self.left_handed = ui.switch(say("start.left_handed"))
         self._problem = ui.label("").classes("bad wide-row").props('role="alert" data-testid="form-problem"')
+        self._resume = ui.link(say("home.resume"), "/").props('data-testid="resume"')
+        self._resume.set_visibility(False)
+        self._told = ""
         go = ui.button(say("start.go"), on_click=visitor.action("capture", self._open))
         go.props('unelevated no-caps size=lg data-testid="begin"')
         self._count()
@@ -188,12 +193,32 @@ class StartForm:
         said = self._read()
         if said is None:
             return
+        if self._still_open(said["serial"]):
+            return
         try:
             session = self._begun(said, user.name)
         except InclinometryError as error:
             self._problem.set_text(self._visitor.problem(error))
             return
         ui.navigate.to(f"/calibrate/{session.id}")
+
+    def _still_open(self, serial: str) -> bool:
+        """Tell once, with the way there, of a session of this tool that is not finished; a second one is meant then."""
+        ledger, newest = self._visitor.bench.ledger, 20
+        unfinished = [
+            one for one in listed(ledger, "session", limit=newest, serial=serial) if not closing(ledger, one.id)
+        ]
+        self._resume.set_visibility(bool(unfinished))
+        if not unfinished or self._told == unfinished[0].id:
+            return False
+        self._told = unfinished[0].id
+        session = load_session(ledger, self._told)
+        done = self._visitor.say("home.progress", done=len(session.valid), all=len(session.positions))
+        when = day(unfinished[0].created)
+        self._problem.set_text(self._visitor.say("start.still_open", tool=visible(serial), when=when, done=done))
+        self._resume.props["href"] = f"/calibrate/{self._told}"
+        self._resume.update()
+        return True
 
     def _begun(self, said: dict[str, Any], author: str) -> Session:
         ledger, serial, name, heat = self._visitor.bench.ledger, said["serial"], said["rig"], said["heat"]
