@@ -256,7 +256,8 @@ def _predicted_beyond(
     model, span = inverse @ column[fitted], np.ptp(column)
     spread = np.sqrt(np.sum((known @ model - column[fitted]) ** 2) / free)
     excess = sign * (asked[seen] @ model - column[at][seen])
-    own = np.sqrt(np.maximum(np.sum((asked[seen] @ inverse) ** 2, axis=1), 1.0))  # of the prediction
+    variance = np.sum((asked[seen] @ (inverse @ inverse.T)) * asked[seen], axis=1)  # of the prediction
+    own = np.sqrt(np.maximum(variance, 1.0))
     if (excess > np.maximum(5.0 * max(spread, step) * own, 0.01 * span)).sum() >= 2:
         return True
     return False if spread < 0.002 * span else None
