@@ -85,6 +85,17 @@ def ellipsoid_factor(probability: float, dimension: int, degrees_of_freedom: Arr
     return np.asarray(np.where(np.isinf(nu), normal, np.maximum(student, normal)))[()]
 
 
+def coverage_probability(k: float) -> float:
+    """Of an expanded uncertainty with factor k, normal distribution.
+
+    Examples
+    --------
+    >>> round(coverage_probability(2.0), 4)
+    0.9545
+    """
+    return math.erf(k / math.sqrt(2.0))
+
+
 def expanded_factor(degrees_of_freedom: ArrayLike = np.inf) -> Array:
     """k of an expanded uncertainty: for the probability of k = 2 of a normal distribution, 95.45 %, two decimals up.
 
@@ -98,7 +109,7 @@ def expanded_factor(degrees_of_freedom: ArrayLike = np.inf) -> Array:
     >>> expanded_factor([6.0, 12.0, np.inf])
     array([2.06, 2.04, 2.  ])
     """
-    k = ellipsoid_factor(math.erf(COVERAGE_FACTOR / math.sqrt(2.0)), 1, degrees_of_freedom)
+    k = ellipsoid_factor(coverage_probability(COVERAGE_FACTOR), 1, degrees_of_freedom)
     return np.asarray(np.ceil(100.0 * k - 1e-6) / 100.0)[()]
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final, NamedTuple
@@ -20,6 +19,7 @@ from inclinometry.survey.multistation import STEEP, invariants, toolface_gap
 from inclinometry.survey.multistation_priors import FieldReference
 from inclinometry.survey.stations import Source, Stations
 from inclinometry.tabular import Column, Tabular, degrees
+from inclinometry.uncertainty import coverage_probability
 
 
 class Quantity(NamedTuple):
@@ -722,7 +722,7 @@ def distance_limit(k: float, freedom: Index) -> Array:
     """
     from inclinometry.uncertainty import ellipsoid_factor
 
-    probability = math.erf(k / math.sqrt(2.0))
+    probability = coverage_probability(k)
     table = np.array([np.nan, *(ellipsoid_factor(probability, size) for size in (1, 2, 3))])
     return np.asarray(table[freedom])
 

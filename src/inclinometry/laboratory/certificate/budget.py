@@ -13,19 +13,9 @@ from inclinometry.calibration.expected import ALL_ANGLES, certified_factor, expa
 from inclinometry.calibration.result import Calibration
 from inclinometry.constants import COVERAGE_FACTOR, INCLINATIONS, SHORT_INCLINATIONS
 from inclinometry.stability import ASSUMED, aged
+from inclinometry.uncertainty import coverage_probability
 
 Record = dict[str, Any]
-
-
-def coverage_probability(k: float) -> float:
-    """Of an expanded uncertainty with factor k, normal distribution.
-
-    Examples
-    --------
-    >>> round(coverage_probability(2.0), 4)
-    0.9545
-    """
-    return math.erf(k / math.sqrt(2.0))
 
 
 def uncertainty_table(calibration: Calibration, months: int | None) -> Record | None:

@@ -16,6 +16,7 @@ from inclinometry.constants import COVERAGE_FACTOR
 from inclinometry.errors import FileError, InputError
 from inclinometry.laboratory.certificate.record import record_digest, words
 from inclinometry.laboratory.certificate.requirements import missing_said
+from inclinometry.uncertainty import coverage_probability
 
 # Units as the D-SI writes them.
 
@@ -133,7 +134,7 @@ def expanded(made: Element, spread: Sequence[float], k: float) -> None:
     part = element(made, "si:expandedUncXMLList")
     element(part, "si:uncertaintyXMLList", " ".join(map(number, spread)))
     element(part, "si:coverageFactorXMLList", factor(k))
-    element(part, "si:coverageProbabilityXMLList", f"{math.erf(k / math.sqrt(2.0)):.4f}")
+    element(part, "si:coverageProbabilityXMLList", f"{coverage_probability(k):.4f}")
     element(part, "si:distributionXMLList", "normal")
 
 

@@ -29,7 +29,7 @@ from inclinometry.digest import digest_bytes
 from inclinometry.errors import InputError
 from inclinometry.files import json_codec
 from inclinometry.files.json_codec import canonical
-from inclinometry.laboratory.certificate.budget import coverage_probability, uncertainty_budget, uncertainty_table
+from inclinometry.laboratory.certificate.budget import uncertainty_budget, uncertainty_table
 from inclinometry.laboratory.certificate.laboratory_toml import Laboratory, Order, Standard
 from inclinometry.laboratory.certificate.requirements import missing
 from inclinometry.report.calibration import log_scale
@@ -40,6 +40,7 @@ from inclinometry.report.language import translated
 from inclinometry.report.words import plain, rounded, significant
 from inclinometry.rotations import wrap_signed
 from inclinometry.sensors import Tool
+from inclinometry.uncertainty import coverage_probability
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
