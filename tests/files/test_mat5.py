@@ -58,3 +58,18 @@ print(refused)
     )
     assert done.returncode == 0, done.stderr[-500:]
     assert int(done.stdout) > 300
+
+
+@pytest.mark.parametrize("place", range(124, 128))
+def test_a_header_of_no_known_version_is_refused(tmp_path, place):
+    """A version the check does not know is none it lets through: scipy's reader takes 1.16 for 1.0."""
+    savemat(tmp_path / "a.mat", CONTENT)
+    made = bytearray((tmp_path / "a.mat").read_bytes())
+    made[place] ^= 0x10
+    with pytest.raises(ValueError, match="neither version 4 nor 5"):
+        check_elements(bytes(made))
+
+
+def test_version_4_passes(tmp_path):
+    savemat(tmp_path / "a.mat", {"md": np.arange(3.0)}, format="4")
+    check_elements((tmp_path / "a.mat").read_bytes())

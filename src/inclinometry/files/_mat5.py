@@ -22,15 +22,17 @@ def check_elements(data: bytes) -> None:
     Raises
     ------
     ValueError
-        An element of no known type, larger than its place, or a matrix without its parts.
+        A version unknown, an element of no known type, larger than its place, or a matrix without its parts.
 
     References
     ----------
     The MathWorks, MAT-File Format, version 5: data elements, array flags.
     """
-    order = "<" if data[126:128] == b"IM" else ">"
-    if struct.unpack_from(f"{order}H", data.ljust(_HEADER), 124)[0] == 0x0100:
-        _check(data, _HEADER, len(data), order, 0)
+    if 0 in data[:4]:
+        return  # version 4
+    if data[124:128] not in (b"\x00\x01IM", b"\x01\x00MI"):
+        raise ValueError(f"neither version 4 nor 5: the header ends in {data[124:128].hex(' ')}")
+    _check(data, _HEADER, len(data), "<" if data[126:128] == b"IM" else ">", 0)
 
 
 def _check(data: bytes, start: int, end: int, order: str, depth: int) -> None:
