@@ -257,3 +257,11 @@ def test_a_header_of_a_hundred_thousand_curves_is_refused_at_once(tmp_path):
     (tmp_path / "a.las").write_text(f"~V\nVERS. 2.0:\nWRAP. NO:\n~C\n{curves}~A\n1 2\n")
     with pytest.raises(FileError, match="the header has 100,004 lines; allowed 4,000"):
         read_las(tmp_path / "a.las")
+
+
+def test_a_header_of_repeated_items_is_refused_at_once(tmp_path):
+    """The library that reads it compares each with all before it: a block pasted 300 times took a minute."""
+    again = "COMP.  A : COMPANY\nDATE.  1 : DATE\n" * 300
+    (tmp_path / "a.las").write_text(FOREIGN.replace("~C", f"{again}~C", 1))
+    with pytest.raises(FileError, match=r"line \d+: 'COMP': more than 100 items have a name that stands"):
+        read_las(tmp_path / "a.las", azimuth_reference="true")

@@ -28,6 +28,8 @@ from inclinometry.files.writing import number, write_text
 _BLOCK = 1 << 16
 MOST_HEAD: Final = 4000
 """Lines of a header."""
+MOST_AGAIN: Final = 100
+"""Items of a header whose name stands before them in their section."""
 Numbered = Iterator[tuple[int, str]]
 
 
@@ -246,10 +248,20 @@ def _header(path: Path, head: str) -> Any:
     """The header as lasio reads it; LAS 1.2 and 2.0 only."""
     import lasio
 
-    # the library compares each curve with all before it
-    lines = sum(1 for _ in numbered(head.splitlines(), 1))
-    if lines > MOST_HEAD:
-        raise FileError(f"the header has {lines:,} lines; allowed {MOST_HEAD:,}: leave curves out", path=path)
+    # the library compares each curve with all before it, and those of one name again with all of theirs
+    lines = list(numbered(head.splitlines(), 1))
+    if len(lines) > MOST_HEAD:
+        raise FileError(f"the header has {len(lines):,} lines; allowed {MOST_HEAD:,}: leave curves out", path=path)
+    section, seen, again = "", set[str](), 0
+    for place, line in lines:
+        if line.lstrip().startswith("~"):
+            section, seen = line.lstrip()[1:2].upper(), set()
+        name = line.partition(".")[0].strip().upper()
+        again += name in seen and section != "O"
+        seen.add(name)
+        if again > MOST_AGAIN:
+            problem = f"{name!r}: more than {MOST_AGAIN} items have a name that stands before them in the section"
+            raise FileError(f"{problem}; give each its own", path=path, line=place)
     try:
         with _quiet("lasio"):
             las = lasio.read(io.StringIO(head), ignore_data=True, mnemonic_case="preserve")
