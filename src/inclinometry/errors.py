@@ -5,7 +5,10 @@ A message gives the value found, the range allowed and the remedy; a file's erro
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
+
+_LONG = re.compile(r"((?<!\w)'[^'\n]{60})[^'\n]{60,}'(?!\w)")  # a value in quotes
 
 
 class InclinometryError(Exception):
@@ -23,10 +26,16 @@ class FileError(InputError):
     --------
     >>> str(FileError("no column 'accel_y'; add it", path="bench.csv", line=1))
     "bench.csv, line 1: no column 'accel_y'; add it"
+
+    A value longer than anybody wants to read is cut:
+
+    >>> str(FileError(f"{9000 * '2.6'!r} is not a number", path="a.las"))
+    "a.las: '2.62.62.62.62.62.62.62.62.62.62.62.62.62.62.62.62.62.62.62.6…' is not a number"
     """
 
     def __init__(self, problem: str, *, path: str | Path, line: int | None = None, row: int | None = None) -> None:
         where = f"{path}" + (f", line {line}" if line is not None else f", row {row}" if row is not None else "")
+        problem = _LONG.sub(r"\1…'", problem)  # a damaged file has values of thousands of characters
         super().__init__(f"{where}: {problem}")
         self.path, self.line, self.problem = Path(path), line, problem
 

@@ -324,9 +324,12 @@ def compare(readings: BenchReadings, *, truth: Tool | None = None, options: Opti
     Raises
     ------
     InputError
-        Readings with dials that the joint fit refuses: in another convention, or against what is stated of the stand.
+        Readings with dials that the joint fit refuses: in another convention, or against what is stated of the stand;
+        a truth without sensors the readings have.
     """
     check_record(readings, BenchReadings, "compare")
+    if truth is not None and (missing := ", ".join(sorted(set(readings.channels) - set(truth.triads)))):
+        raise InputError(f"the truth has no {missing}, the readings have; give the truth of this tool, or leave it out")
     options = options or Options()
     completed, stand = known_stand(readings, options)
     attempts = attempt_all(completed, left_handed=options.left_handed, nameplate=options.nameplate, **stand)
