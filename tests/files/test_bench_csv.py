@@ -15,6 +15,7 @@ from inclinometry.calibration.readings import BenchReadings
 from inclinometry.errors import FileError, InputError
 from inclinometry.files.bench_csv import field_basis, improbably_equal, read_bench, saturation_notes, write_bench
 from inclinometry.files.log_csv import read_log
+from inclinometry.files.profile import Profile, reading_with
 from inclinometry.files.survey_csv import read_raw_survey
 from inclinometry.files.table import read_table
 from inclinometry.rotations import dcm
@@ -239,6 +240,17 @@ def test_repeats_without_angles_are_kept_apart(tmp_path):
     assert len(readings) == 3
     assert readings.notes[-1] == "station 1 appears 2 times; without rig angles each row is kept"
     assert readings.roll_set == ("a", "a", "")
+
+
+def test_roll_sets_of_a_profile(tmp_path):
+    rows = [f"{k},{k},{k * k},{-k}" for k in range(1, 7)]
+    with reading_with(Profile(roll_sets={"a": (2, 3), "b": (5, 6)})):
+        assert read(tmp_path, "station,accel_x,accel_y,accel_z", rows).roll_set == ("", "a", "a", "", "b", "b")
+        short = read(tmp_path, "station,accel_x,accel_y,accel_z", rows[:5])
+        own = read(tmp_path, "station,accel_x,accel_y,accel_z,roll_set", [f"{row},mine" for row in rows])
+    assert not short.roll_set
+    assert short.warnings[-1].startswith("the roll sets of the profile are those of 6 rows, these are 5: not used")
+    assert own.roll_set == ("mine",) * 6
 
 
 def test_one_station_in_two_roll_sets(tmp_path):

@@ -89,7 +89,7 @@ def test_an_option_against_the_names_few_depths_and_steps_that_are_almost_even(t
     # a tape is read to a millimetre or two
     assert len(read_casing(casing(tmp_path, A | {"depth_m": spoilt(DEPTH, 6, 3.508)})).lines) == 12
     # from the bottom up a depth turns back where it is deeper than the one before
-    with pytest.raises(FileError, match="line 6: depth 5.5 m turns back from 4.5 m"):
+    with pytest.raises(FileError, match=r"line 6: depth 5\.5 m turns back from 4\.5 m"):
         read_casing(casing(tmp_path, A, [11, 10, 9, 8, 10, 7, 6, 5]))
 
 

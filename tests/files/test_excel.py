@@ -194,6 +194,14 @@ def test_a_bomb_is_not_unpacked(tmp_path, monkeypatch):
         read_excel(tmp_path / "a.xlsx")
 
 
+def test_texts_of_the_head_may_be_empty_and_more_may_stand_beside_them(book):
+    head = [["name", "text"], ["well", "A-1"], ["crew", None], [None, "of nothing"], ["run", 3, "a remark"]]
+    path = book(NAMES, [0, 1, "A"], more=[("header", head)])
+    assert dict(read_excel(path).header) == {"well": "A-1", "crew": "", "run": "3"}
+    # another program's sheet of that name is none of ours
+    assert dict(read_excel(book(NAMES, [0, 1, "A"], more=[("header", [["key", "text"], *head[1:]])])).header) == {}
+
+
 def test_standard_uncertainties_are_numbers(tmp_path):
     file = SurveyFile(md=[0.0, 30.0], sigma={"azimuth": [0.01, np.nan], "inclination": [0.001, 0.002]})
     write_excel(file, tmp_path / "a.xlsx")

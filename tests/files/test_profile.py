@@ -15,7 +15,8 @@ import pytest
 from scipy.io import savemat
 
 from inclinometry.digest import digest_file
-from inclinometry.errors import FileError, InclinometryError, InputError
+from inclinometry.errors import FileError, InputError
+from inclinometry.files import layout
 from inclinometry.files.bench_csv import read_bench
 from inclinometry.files.columns import LOG, numbers_among
 from inclinometry.files.position_csv import read_well
@@ -91,6 +92,27 @@ def test_units_in_names_are_converted_and_units_that_are_nowhere_are_stated(tmp_
         assert np.allclose(read_well(tmp_path / "b.csv").md, [0.0, 30.48])
     with pytest.raises(InputError, match="unit 'furlong' is not known"), reading_with(None, "furlong"):
         pass
+
+
+@pytest.mark.parametrize(("unit", "cells"), [("°F", "68,77"), ("K", "293.15,298.15"), ("degC", "20,25")])
+def test_temperatures_are_converted(tmp_path, unit, cells):
+    rows = "".join(f"{k},{k + 1},{k * k},{cell}\n" for k, cell in enumerate(cells.split(","), 1))
+    (tmp_path / "a.csv").write_text(f"accel_x,accel_y,accel_z,Temp ({unit})\n{rows}", encoding="utf-8")
+    assert read_bench(tmp_path / "a.csv").temperature == pytest.approx([20.0, 25.0])
+
+
+def test_a_layout_that_is_stated_is_not_looked_for(tmp_path):
+    """Two lines of names: where the second one counts, only a profile says so."""
+    (tmp_path / "a.csv").write_text("Report\nfront,back\naccel_x,accel_y\n1,2\n3,4\n")
+    with reading_with(Profile(skip=2)):
+        assert read_table(tmp_path / "a.csv").number("accel_y").tolist() == [2.0, 4.0]
+    # the first separator is the one of a text here
+    (tmp_path / "b.csv").write_text("operator;accel_x\nA,B,C;1\nD,E,F;3\n")
+    with reading_with(Profile(separator=";")):
+        assert read_table(tmp_path / "b.csv").number("accel_x").tolist() == [1.0, 3.0]
+    (tmp_path / "c.csv").write_text("accel_x,accel_y\nfront,back\n1,2\n")
+    with reading_with(Profile(units_row=True, columns={"accel_x": "accel_x", "accel_y": "accel_y"})):
+        assert read_table(tmp_path / "c.csv").number("accel_y").tolist() == [2.0]
 
 
 def test_a_profile_lays_out_names_converts_and_turns(tmp_path):
@@ -173,19 +195,20 @@ def test_a_profile_that_cannot_be_meant(tmp_path, text, wanted):
 
 
 def test_files_that_are_not_what_they_seem(tmp_path):
-    for name, content in {
-        "a.xlsx": b"PK\x03\x04nothing",
-        "a.parquet": b"PAR1nothing",
-        "a.h5": b"\x89HDF\r\n\x1a\nnothing",
-        "a.mat": b"MATLAB 5.0 MAT-file nothing",
-        "a.npz": b"PK\x03\x04nothing",
-        "a.json": b'{"accel_x": [1, 2',
-        "b.json": b'{"accel": [[1, 2], [3]]}',
-        "c.json": b'{"name": "no columns"}',
-        "a.csv.gz": gzip.compress(b"accel_x,accel_y\n1,2\n")[:-6],
-    }.items():
+    for name, content, wanted in (
+        ("a.xlsx", b"PK\x03\x04nothing", r"not an \.xlsx workbook, or a damaged one"),
+        ("a.parquet", b"PAR1nothing", "not a Parquet file, or a damaged one"),
+        ("a.h5", b"\x89HDF\r\n\x1a\nnothing", "not HDF5, or damaged"),
+        ("a.mat", b"MATLAB 5.0 MAT-file nothing", "not a MATLAB file, or damaged"),
+        ("a.npz", b"PK\x03\x04nothing", "not an archive of numpy's, or damaged"),
+        ("a.json", b'{"accel_x": [1, 2', "not JSON, or damaged"),
+        ("b.json", b'{"accel": [[1, 2], [3]]}', "'accel' has rows of different lengths"),
+        ("c.json", b'{"name": "no columns"}', "no columns of values are in it"),
+        ("d.json", b"[1, 2]", "an object of arrays is needed"),
+        ("a.csv.gz", gzip.compress(b"accel_x,accel_y\n1,2\n")[:-6], "compressed"),
+    ):
         (tmp_path / name).write_bytes(content)
-        with pytest.raises(InclinometryError):
+        with pytest.raises(FileError, match=wanted):
             read_bench(tmp_path / name)
 
 
@@ -201,6 +224,26 @@ def test_what_would_swallow_memory_is_refused(tmp_path):
     pq.write_table(pa.table({"accel_x": zeros, "accel_y": zeros}), tmp_path / "zeros.parquet")
     with pytest.raises(FileError, match="120,000,000 values"):
         read_bench(tmp_path / "zeros.parquet")
+
+
+def test_a_packed_file_that_unpacks_to_too_much_is_refused(tmp_path, monkeypatch):
+    """By the megabyte: one of two is unpacked where two are allowed, not where one is."""
+    np.savez(tmp_path / "a.npz", accel=np.ones((50_000, 3)))
+    (tmp_path / "a.npz.gz").write_bytes(gzip.compress((tmp_path / "a.npz").read_bytes()))
+    monkeypatch.setattr(layout, "MOST_UNPACKED", 2 << 20)
+    assert len(read_table(tmp_path / "a.npz.gz")) == 50_000
+    monkeypatch.setattr(layout, "MOST_UNPACKED", 1 << 20)
+    with pytest.raises(FileError, match="it unpacks to more than 1,048,576 bytes; unpack and split it"):
+        read_table(tmp_path / "a.npz.gz")
+
+
+def test_texts_in_a_parquet_file(tmp_path):
+    columns = {"station": ["A", "B", None], "accel_x": [1.0, 2.0, 3.0], "accel_y": [4, 6, 5]}
+    pq.write_table(pa.table({name: values[:2] for name, values in columns.items()}), tmp_path / "a.parquet")
+    assert read_bench(tmp_path / "a.parquet").station == ("A", "B")
+    pq.write_table(pa.table(columns), tmp_path / "a.parquet")
+    with pytest.raises(FileError, match="row 3: station is empty"):
+        read_bench(tmp_path / "a.parquet")
 
 
 def test_axes_hold_for_the_columns_of_a_survey_as_for_channels(tmp_path):

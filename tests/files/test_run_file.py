@@ -123,6 +123,16 @@ def test_a_bad_line_soon_after_a_preamble_is_named(tmp_path):
         list(open_run(path).blocks())
 
 
+def test_a_row_that_may_be_a_comment_is_refused_in_every_block(tmp_path):
+    """Two blocks of a megabyte: the second one is read by columns, where a # would be text of the first of them."""
+    rows = [f"{0.001 * k:.6f},9.81,0.25,-1.5" for k in range(80_000)]
+    rows[60_000] = "#" + rows[60_000]
+    (tmp_path / "run.csv").write_text("note,time_s,accel_x,accel_y,accel_z\n" + "".join(f"{r[:1]},{r}\n" for r in rows))
+    with pytest.raises(FileError, match="this comment has as many cells as a row") as caught:
+        list(open_run(tmp_path / "run.csv").blocks())
+    assert caught.value.line == 60_002
+
+
 @pytest.mark.long
 @pytest.mark.parametrize("case", SPOILT)
 def test_a_bad_line_is_named(tmp_path, case):

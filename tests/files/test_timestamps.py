@@ -37,6 +37,11 @@ WRITTEN = {
         "2026,5,31,23,59,59,250000000,0,0,1\n2026,6,1,0,0,0,500000000,0,0,1\n",
         1.25,
     ),
+    "a clock in columns, past midnight": (
+        f"Hour,Minute,Second,{CHANNELS}\n23,59,59.25,0,0,1\n0,0,0.5,0,0,1\n",
+        1.25,
+    ),
+    "hours and minutes": (f"hh,min,{CHANNELS}\n9,59,0,0,1\n10,1.5,0,0,1\n", 150.0),
     "milliseconds": (f"Time (ms),{CHANNELS}\n100,0,0,1\n110,0,0,1\n", 0.01),
     "microseconds": (f"timestamp_us,{CHANNELS}\n100,0,0,1\n350,0,0,1\n", 0.00025),
     "a telephone's": (
@@ -76,6 +81,14 @@ def test_long_stamps_keep_their_microseconds_in_every_block(tmp_path):
 def test_what_is_no_time_or_may_be_two(tmp_path, row, says):
     (tmp_path / "log.csv").write_text(f"Date,Time,{CHANNELS}\n05/01/2026,1:00,0,0,1\n{row},0,0,1\n")
     with pytest.raises(FileError, match=says):
+        read_log(tmp_path / "log.csv")
+
+
+@pytest.mark.parametrize("columns", ["Day,Hour,Minute", "Month,Day,Hour,Minute", "Hour,Second,Year", "Year,Month,Day"])
+def test_half_a_date_or_half_a_clock_is_no_time(tmp_path, columns):
+    cells = ",".join("1" * len(columns.split(",")))
+    (tmp_path / "log.csv").write_text(f"{columns},{CHANNELS}\n{cells},0,0,1\n{cells},0,0,1\n")
+    with pytest.raises(FileError, match="'time_s' is missing"):
         read_log(tmp_path / "log.csv")
 
 

@@ -120,6 +120,22 @@ def test_toolface_betrays_other_axes(tmp_path):
     np.testing.assert_allclose(angles(found.g, found.b).inclination, full().inclination, atol=1e-12)
 
 
+def test_near_vertical_and_without_a_toolface_nothing_is_said_of_axes(tmp_path):
+    """Within 3 deg of the vertical the toolface of the sensors is noise; of one station of two it may be missing."""
+    size = 3
+    steep = replace(full(), toolface=None, measured={}, used=None, times=None)
+    inclination, azimuth = np.radians([1.0, 2.0, 2.5]), np.radians([20.0, 30.0, 40.0])
+    g, b = fields(azimuth, inclination, np.radians([200.0, 10.0, 100.0]), np.radians(72.0))
+    steep = replace(steep, inclination=inclination, azimuth=azimuth, g=9.81 * g, b=5e4 * b, toolface=np.zeros(size))
+    write_witsml(steep, tmp_path / "a.xml")
+    assert not any("convention" in note for note in read_witsml(tmp_path / "a.xml").notes)
+    gap = replace(full(), toolface=np.where(np.arange(size) == 1, np.nan, full().toolface))
+    write_witsml(gap, tmp_path / "a.xml")
+    assert not any("convention" in note for note in read_witsml(tmp_path / "a.xml").notes)
+    found = read_witsml(tmp_path / "a.xml", convention="native")
+    assert any("90 deg (median)" in note for note in found.notes)
+
+
 FINE = (REFERENCE / "certification.xml").read_text()
 
 

@@ -161,8 +161,6 @@ def _arrays(path: Path, found: Mapping[str, Any]) -> tuple[list[str], Iterable[S
         array = np.asarray(value)
         if array.ndim in (1, 2) and array.dtype.kind in "iufbUSO" and array.size:
             arrays[name] = array[:, 0] if array.ndim == 2 and array.shape[1] == 1 else array
-        elif array.ndim == 2:
-            continue
     single = [name for name, array in arrays.items() if array.ndim == 2 and array.shape[0] == 1]
     for name in single:
         arrays[name] = arrays[name][0]

@@ -119,9 +119,8 @@ class Profile:
         if stated is not None and dimension_of(stated) != quantity.dimension:
             return None
         if numeric(quantity.column):
-            own = quantity.unit
-            offset = (what.unit.offset - own.offset) / own.factor
-            return Reading(quantity.column, what.unit.factor / own.factor, offset, what.north)
+            own = quantity.unit.factor
+            return Reading(quantity.column, what.unit.factor / own, what.unit.offset / own, what.north)
         group, _, axis = what.key.partition(".")
         kind = {"g": "accel", "b": "mag", "w": "gyro"}.get(group)
         if kind is None or axis not in ("0", "1", "2"):

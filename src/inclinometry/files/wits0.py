@@ -361,7 +361,7 @@ def write_wits0(survey: SurveyFile, path: str | Path, channels: Wits0Map) -> Non
             own = column.quantity.unit
             values: Array = np.asarray(column.values)
             if own != what.unit:
-                values = (values * own.factor + own.offset - what.unit.offset) / what.unit.factor
+                values = (values * own.factor - what.unit.offset) / what.unit.factor
                 values = np.round(values, 10) + 0.0
             texts[item] = writing.column(values)
     if len(texts) < 2:
