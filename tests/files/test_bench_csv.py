@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tracemalloc
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,7 +14,15 @@ from hypothesis.extra.numpy import arrays
 from inclinometry.calibration import plans
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.errors import FileError, InputError
-from inclinometry.files.bench_csv import field_basis, improbably_equal, read_bench, saturation_notes, write_bench
+from inclinometry.files.bench_csv import (
+    field_basis,
+    improbably_equal,
+    read_bench,
+    saturation_notes,
+    write_bench,
+    write_log,
+    write_raw_survey,
+)
 from inclinometry.files.log_csv import read_log
 from inclinometry.files.profile import Profile, reading_with
 from inclinometry.files.survey_csv import read_raw_survey
@@ -495,3 +504,21 @@ def test_a_million_lines(tmp_path):
     assert len(table) == 1_000_000
     np.testing.assert_array_equal(table.number("gyro_z")[-10_000:], cells[:, 8])
     assert table.lines[-1] == 1_000_001
+
+
+def test_raw_surveys_and_logs_are_read_as_they_were_written(tmp_path):
+    channels = {"accelerometer": np.array([[1.5, -2.0, 3.0], [4.0, 5.0, -6.0]]), "gyro": np.array([[7.0], [8.5]])}
+    for temperature in (None, np.array([20.5, 21.0])):
+        write_raw_survey(tmp_path / "raw.csv", np.array([10.0, 40.5]), channels, temperature)
+        write_log(tmp_path / "log.csv", np.array([0.0, 0.25]), channels, temperature)
+        raw, log = read_raw_survey(tmp_path / "raw.csv"), read_log(tmp_path / "log.csv")
+        assert (raw.md.tolist(), log.time.tolist()) == ([10.0, 40.5], [0.0, 0.25])
+        for found in (raw, log):
+            assert (found.temperature is None) == (temperature is None)
+            for kind, values in channels.items():
+                np.testing.assert_array_equal(found.channels[kind], values)
+        assert (raw.temperature is None) or raw.temperature.tolist() == [20.5, 21.0]
+    table = raw.to_dict()
+    assert list(table) == ["md_m", "accel_x", "accel_y", "accel_z", "gyro_x", "temperature_degC"]
+    assert (table["accel_y"].tolist(), len(raw)) == ([-2.0, 5.0], 2)
+    assert "temperature_degC" not in replace(raw, temperature=None).to_dict()
