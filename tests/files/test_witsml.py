@@ -297,3 +297,18 @@ def test_numbers_survive(rows):
     np.testing.assert_array_equal(found.b, survey.b + 0.0)
     np.testing.assert_allclose(found.inclination, survey.inclination, atol=2e-12)
     np.testing.assert_allclose(found.azimuth, survey.azimuth, atol=2e-12)
+
+
+@pytest.mark.parametrize(("stated", "fits"), [(10_010.0, True), (9_990.0, True), (10_011.0, False), (9_989.0, False)])
+def test_how_far_head_and_stations_may_differ(tmp_path, stated, fits):
+    """Half a unit, and a thousandth of the depth."""
+    deep = SurveyFile(md=[0.0, 10_000.0], inclination=[0.0, 0.1])
+    write_witsml(deep, tmp_path / "a.xml")
+    text = (tmp_path / "a.xml").read_text()
+    assert '<mdMx uom="m">10000</mdMx>' in text
+    (tmp_path / "a.xml").write_text(text.replace(">10000</mdMx>", f">{stated}</mdMx>"))
+    if fits:
+        assert len(read_witsml(tmp_path / "a.xml")) == 2
+        return
+    with pytest.raises(FileError, match=f"mdMx is {stated} m, the stations' 10000 m: is a unit wrong"):
+        read_witsml(tmp_path / "a.xml")

@@ -402,7 +402,7 @@ def _axes(content: dict[str, Any]) -> dict[str, tuple[str, ...]]:
         for kind in PREFIXES.values():
             # rows of the matrix: the tool's axes in the file's
             rows = vendor.matrix(kind)
-            found[kind] = tuple(("-" if row.sum() < 0 else "") + "xyz"[int(abs(row).argmax())] for row in rows)
+            found[kind] = tuple(("-" if row.min() < 0 else "") + "xyz"[int(abs(row).argmax())] for row in rows)
     for prefix, axes in content.get("axes", {}).items():
         kind = PREFIXES.get(prefix, prefix)
         letters = [str(axis).removeprefix("+").removeprefix("-") for axis in axes] if isinstance(axes, list) else []
