@@ -522,3 +522,49 @@ def test_raw_surveys_and_logs_are_read_as_they_were_written(tmp_path):
     assert list(table) == ["md_m", "accel_x", "accel_y", "accel_z", "gyro_x", "temperature_degC"]
     assert (table["accel_y"].tolist(), len(raw)) == ([-2.0, 5.0], 2)
     assert "temperature_degC" not in replace(raw, temperature=None).to_dict()
+
+
+@pytest.mark.parametrize("name", ["dip", "Dip_deg"])
+def test_a_dip_of_the_tool_is_told_from_that_of_the_field(tmp_path, name):
+    rows = [f"{row},1" for row in ROWS]
+    wanted = f"column 'inclination_deg' is missing; if {name!r} is the angle of the tool from the horizontal, name it"
+    assert wanted in error(tmp_path, HEADER.replace("inclination_deg", "tilt") + f",{name}", rows)
+
+
+def test_four_stations_in_radians_are_enough_to_be_seen_and_three_are_not(tmp_path):
+    quarter = ["0", "1.5708", "3.1416", "4.7124"]
+    rows = [f"{k},0.123,1.5708,{t},{k},{k * k},{-k}" for k, t in enumerate(quarter)]
+    assert "the angles look like radians (largest: azimuth_deg 0.123, inclination_deg 1.5708" in error(
+        tmp_path, rows=rows
+    )
+    assert len(read(tmp_path, rows=rows[:3])) == 3
+    # beyond a turn, or beyond pi of inclination, they are none
+    for place, value in ((1, "6.5"), (2, "3.2"), (3, "6.3")):
+        cells = [row.split(",") for row in rows]
+        cells[3][place] = value
+        assert len(read(tmp_path, rows=[",".join(c) for c in cells])) == 4
+
+
+def test_repeats_at_the_limits_of_angle_and_temperature(tmp_path):
+    """Within 2 degC one station, beyond it two; 0.5 deg apart a contradiction, below it another setting."""
+    header = HEADER + ",temperature_degC"
+    for warmer, size in ((22.0, 1), (22.1, 2), (18.0, 1), (17.9, 2)):
+        assert len(read(tmp_path, header, ["1,0,10,0,1,2,3,20", f"1,0,10,0,2,3,4,{warmer}"])) == size
+    assert len(read(tmp_path, rows=["1,0,10,0,1,2,3", "1,0,10.49,0,2,3,4"])) == 2
+    assert "contradictory angles" in error(tmp_path, rows=["1,0,10,0,1,2,3", "1,0,10.51,0,2,3,4"])
+    # ten repeated stations are named each, of more the others are counted
+    rows = [f"{k},0,{10 * k},0,{k},{x},{-k}" for k in range(12) for x in (1, 2)]
+    notes = read(tmp_path, rows=rows).notes
+    assert (len(notes), notes[-1]) == (11, "and 2 more repeated stations likewise")
+    assert len(read(tmp_path, rows=rows[:20]).notes) == 10
+    assert read(tmp_path, rows=rows[:2]).notes == ("station 0 was read 2 times; mean used",)
+
+
+def test_readings_averaged_in_a_row_count_in_the_mean_s_deviation(tmp_path):
+    """Two rows of 4 and 12 readings at one station: the stated deviations of their means, combined."""
+    header = HEADER + ",accel_x_sd,accel_y_sd,accel_z_sd,count"
+    rows = ["1,0,0,0,1,2,3,4,4,4,4", "1,0,0,0,1,2,3,6,6,6,9", "2,0,90,0,5,6,7,2,2,2,1"]
+    found = read(tmp_path, header, rows)
+    assert found.count.tolist() == [13.0, 1.0]
+    # 4 / sqrt(4) and 6 / sqrt(9) are both 2; the mean of two has 2 / sqrt(2)
+    np.testing.assert_allclose(found.sd["accelerometer"], [[np.sqrt(2.0)] * 3, [2.0] * 3])

@@ -312,3 +312,42 @@ def test_how_far_head_and_stations_may_differ(tmp_path, stated, fits):
         return
     with pytest.raises(FileError, match=f"mdMx is {stated} m, the stations' 10000 m: is a unit wrong"):
         read_witsml(tmp_path / "a.xml")
+
+
+@pytest.mark.parametrize("deepest", [100, 200])
+def test_the_head_may_count_rejected_stations_or_not(tmp_path, deepest):
+    survey = SurveyFile(md=[0.0, 100.0, 200.0], inclination=[0.0, 0.1, 0.2], used=[True, True, False])
+    write_witsml(survey, tmp_path / "a.xml")
+    text = (tmp_path / "a.xml").read_text()
+    stated = text[text.index("<mdMx") : text.index("</mdMx>")]
+    for value, fits in ((deepest, True), (150, False)):
+        (tmp_path / "b.xml").write_text(text.replace(stated, f'<mdMx uom="m">{value}'))
+        if fits:
+            assert read_witsml(tmp_path / "b.xml").used.tolist() == [True, True, False]
+            continue
+        with pytest.raises(FileError, match=r"mdMx is 150 m, the stations' [12]00 m"):
+            read_witsml(tmp_path / "b.xml")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line", "words"),
+    [
+        ("<aziRef>grid north</aziRef>", "<aziRef>grid north</aziRef><uid>7</uid>", 1, "uid appears twice in the traj"),
+        ('<incl uom="dega">20', '<incl uom="dega">20</incl><incl uom="dega">20', 1, "incl appears twice in a station"),
+        ("<gravTran2Raw ", '<gravTran2Raw uom="ft/s2">1</gravTran2Raw><gravTran2Raw ', 1, "gravTran2Raw appears twice"),
+    ],
+)
+def test_an_element_twice(tmp_path, old, new, line, words):
+    with pytest.raises(FileError, match=words):
+        read_witsml(changed(tmp_path, old, new))
+
+
+def test_a_trajectory_without_stations_and_one_of_an_unknown_north(tmp_path):
+    start, end = FINE.index("<trajectoryStation "), FINE.rindex("</trajectoryStation>") + len("</trajectoryStation>")
+    (tmp_path / "a.xml").write_text(FINE[:start] + FINE[end:])
+    with pytest.raises(FileError, match="the trajectory has no trajectoryStation"):
+        read_witsml(tmp_path / "a.xml")
+    path = changed(tmp_path, "grid north", "unknown")
+    assert read_witsml(path, azimuth_reference="true").azimuth_reference == "true"
+    with pytest.raises(FileError, match="without a north"):
+        read_witsml(path)
