@@ -404,6 +404,19 @@ def test_clipping_in_twelve_positions():
     assert magnetic >= 20
 
 
+def test_equal_readings_of_a_magnetometer_at_one_attitude_say_nothing():
+    """Three times the same station: the direction of the field is fitted, and follows what is read there."""
+    plan = plans.twelve()
+    for seed in range(4):
+        clean = simulated(plan, seed, 20)["magnetometer"]
+        for index in range(3):
+            place = int(np.argmax(clean[:, index]))
+            angles = [np.append(one, [one[place]] * 2) for one in (plan.azimuth, plan.inclination, plan.toolface)]
+            values = np.vstack([clean, clean[[place, place]]])
+            values[[place, 12, 13], index] = np.round(np.sort(clean[:, index])[-2:].mean())
+            assert saturation_notes("magnetometer", values, ["x", "y", "z"], tuple(angles), np.arange(14)) == []
+
+
 def test_a_hundred_thousand_stations_take_memory_in_proportion():
     # half of them read the extreme: an array of stations by stations would take 20 GB
     rng = np.random.default_rng(15)

@@ -241,8 +241,6 @@ def _predicted_beyond(
     `step` of the converter: `fitted` are known no better than it.
     """
     known, asked = basis[fitted], basis[at]
-    if len(known) < 4:
-        return None
     inverse = np.linalg.pinv(known, rcond=1e-9)
     free = len(known) - np.linalg.matrix_rank(known, tol=1e-9)
     # bracketed so that nothing larger than the basis is held, however many stations there are
