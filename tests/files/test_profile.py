@@ -186,6 +186,19 @@ def test_every_shipped_profile_can_be_read_and_says_what_it_is_for(name):
         ("[columns]\nA = 3", "write"),
         ('units = ["parsec"]', "not known"),
         ("skip = ", "Invalid"),
+        ("rate_hz = 1e6", "rate_hz is 1000000.0; allowed 0 to 1e6 rows a second"),
+        ("header = 1", "header is 1; true or false is needed"),
+        ("units = 3", "units is 3; a list is needed"),
+        ('null = "x"', "null is 'x'; a number is needed"),
+        ('[columns]\nA = { name = "mag_x", unit = "nT" }', "'mag_x' states no unit; 'nT' cannot be converted"),
+        ('[columns]\nA = { name = "mag_x_nT", units = "nT" }', 'write "accel_x_g", or'),
+        ("[roll_sets]\na = [1, 1]", "roll_sets: a = .1, 1.; write its first and last row"),
+        ("[roll_sets]\na = [0, 4]", "roll_sets: a = "),
+        ("[roll_sets]\na = [1, 4]\nb = [4, 6]", "roll_sets: b = .4, 6.; write"),
+        ("[roll_sets]\na = [1, 4.5]", "roll_sets: a = "),
+        ('[axes]\naccel = ["x", "y"]', "each axis once"),
+        ('[axes]\nthermometer = ["x", "y", "z"]', "axes: thermometer"),
+        ("[constants]\nx = true", "constants: x is True; a number or a text is needed"),
     ],
 )
 def test_a_profile_that_cannot_be_meant(tmp_path, text, wanted):
@@ -386,3 +399,52 @@ def test_constants_and_axes_that_cannot_be_meant(tmp_path):
         (tmp_path / "p.toml").write_text(text)
         with pytest.raises(FileError):
             read_profile(tmp_path / "p.toml")
+
+
+def test_profiles_that_are_not_there(tmp_path):
+    with pytest.raises(InputError, match=r"profile 'sap7' is not known; shipped: .*sap6.*, or give a .toml file"):
+        read_profile("sap7")
+    with pytest.raises(FileError, match="there is no such file"):
+        read_profile(tmp_path / "none.toml")
+    (tmp_path / "bytes.toml").write_bytes(b"\xff")
+    with pytest.raises(FileError, match="cannot be read"):
+        read_profile(tmp_path / "bytes.toml")
+
+
+def test_what_a_profile_says_is_what_is_kept(tmp_path):
+    (tmp_path / "p.toml").write_text(
+        'title = "mine"\nheader = false\nrate_hz = 50\nnull = -1\nunits = ["ft"]\n'
+        '[columns]\n1 = { name = "mag_x_nT", unit = "uT", blank = "0" }\n2 = ""\n'
+        '[axes]\nmag = ["+y", "-z", "x"]\n[constants]\na = 1\nb = "two"\n[roll_sets]\none = [1, 4]\ntwo = [5, 6]\n'
+    )
+    found = read_profile(tmp_path / "p.toml")
+    assert (found.title, found.header, found.rate_hz, found.null, found.units) == ("mine", False, 50.0, -1.0, ("ft",))
+    assert (dict(found.columns), dict(found.given), dict(found.blank)) == (
+        {"1": "mag_x_nT", "2": ""},
+        {"1": "uT"},
+        {"1": "0"},
+    )
+    assert dict(found.axes) == {"magnetometer": ("y", "-z", "x")}
+    assert dict(found.constants) == {"a": 1.0, "b": "two"}
+    assert dict(found.roll_sets) == {"one": (1, 4), "two": (5, 6)}
+    assert (found.lays_out, found.states_layout) == (True, True)
+    plain = Profile(title="x", columns={"A": "mag_x"}, units=("m",), null=1.0, roll_sets={"a": (1, 2)})
+    assert (plain.lays_out, plain.states_layout) == (False, False)
+    assert Profile(columns={"A": ""}).lays_out
+
+
+def test_deviations_keep_their_sign_when_axes_are_turned(tmp_path):
+    (tmp_path / "a.csv").write_text(
+        "accel_x,accel_y,accel_z,accel_x_sd,accel_y_sd,accel_z_sd\n1,2,3,0.1,0.2,0.3\n4,6,5,0.1,0.2,0.3\n"
+    )
+    with reading_with(Profile(axes={"accelerometer": ("-z", "x", "-y")})):
+        found = read_bench(tmp_path / "a.csv")
+    np.testing.assert_array_equal(found.channels["accelerometer"], [[-3.0, 1.0, -2.0], [-5.0, 4.0, -6.0]])
+    np.testing.assert_array_equal(found.sd["accelerometer"][0], [0.3, 0.1, 0.2])
+
+
+def test_a_field_in_a_unit_that_channels_have_not_is_turned_into_nanotesla(tmp_path):
+    (tmp_path / "a.csv").write_text("Bx (gauss),By (gauss),Bz (gauss)\n0.2,0.1,0.45\n0.3,0.2,0.4\n")
+    found = read_bench(tmp_path / "a.csv")
+    np.testing.assert_allclose(found.channels["magnetometer"][0], [20_000.0, 10_000.0, 45_000.0])
+    assert found.units["magnetometer"] == "nT"
