@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+from dataclasses import replace
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -91,3 +92,38 @@ def test_what_is_refused(rows, tmp_path):
         (tmp_path / "b.csv").write_text(text.replace(old, new, 1))
         with pytest.raises(FileError, match=message):
             read_attitude(tmp_path / "b.csv")
+
+
+@pytest.mark.parametrize("ending", ["csv", "parquet"])
+def test_older_files_had_no_quaternion(rows, tmp_path, ending):
+    """It is that of the angles; of the magnetic toolface nothing is known, and of the uncertainty all is common."""
+    write_attitude(rows, tmp_path / f"a.{ending}")
+    if ending == "csv":
+        with (tmp_path / "a.csv").open(newline="") as stream:
+            cells = [row[:12] for row in csv.reader(stream)]
+        (tmp_path / "a.csv").write_text("\n".join(map(",".join, cells)) + "\n")
+    else:
+        pq.write_table(pq.read_table(tmp_path / "a.parquet").select(list(COLUMNS[:12])), tmp_path / "a.parquet")
+    back = read_attitude(tmp_path / f"a.{ending}")
+    turned = quaternion_from_dcm(dcm(*np.radians([120.0, 0.5, 10.0])))
+    np.testing.assert_allclose(back.quaternion, [QUATERNION, [np.nan] * 4, turned], atol=1e-11)
+    assert np.isnan(back.magnetic_toolface).all()
+    np.testing.assert_array_equal(back.u_common_azimuth, back.u_azimuth)
+    assert back.names(1) == ("clipped", "gap") or back.names(1) == ("gap", "clipped")
+
+
+def test_the_common_part_of_the_uncertainty_is_kept(rows, tmp_path):
+    told = replace(rows, u_common_azimuth=0.6 * rows.u_azimuth)
+    for ending in ("csv", "parquet"):
+        write_attitude(told, tmp_path / f"a.{ending}")
+        back = read_attitude(tmp_path / f"a.{ending}")
+        np.testing.assert_allclose(back.u_common_azimuth, told.u_common_azimuth, atol=1e-11)
+        np.testing.assert_allclose(back.u_random_azimuth, 0.8 * rows.u_azimuth, atol=1e-11)
+        np.testing.assert_allclose(back.magnetic_toolface, rows.magnetic_toolface, atol=1e-11)
+
+
+def test_a_column_that_a_parquet_file_has_not(rows, tmp_path):
+    write_attitude(rows, tmp_path / "a.parquet")
+    pq.write_table(pq.read_table(tmp_path / "a.parquet").drop_columns(["quality"]), tmp_path / "a.parquet")
+    with pytest.raises(FileError, match="column 'quality' is missing; columns found: time_s, inclination_deg"):
+        read_attitude(tmp_path / "a.parquet")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tracemalloc
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,8 +14,17 @@ from hypothesis.extra.numpy import arrays
 from inclinometry.calibration import plans
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.errors import FileError, InputError
-from inclinometry.files.bench_csv import field_basis, improbably_equal, read_bench, saturation_notes, write_bench
+from inclinometry.files.bench_csv import (
+    field_basis,
+    improbably_equal,
+    read_bench,
+    saturation_notes,
+    write_bench,
+    write_log,
+    write_raw_survey,
+)
 from inclinometry.files.log_csv import read_log
+from inclinometry.files.profile import Profile, reading_with
 from inclinometry.files.survey_csv import read_raw_survey
 from inclinometry.files.table import read_table
 from inclinometry.rotations import dcm
@@ -241,6 +251,17 @@ def test_repeats_without_angles_are_kept_apart(tmp_path):
     assert readings.roll_set == ("a", "a", "")
 
 
+def test_roll_sets_of_a_profile(tmp_path):
+    rows = [f"{k},{k},{k * k},{-k}" for k in range(1, 7)]
+    with reading_with(Profile(roll_sets={"a": (2, 3), "b": (5, 6)})):
+        assert read(tmp_path, "station,accel_x,accel_y,accel_z", rows).roll_set == ("", "a", "a", "", "b", "b")
+        short = read(tmp_path, "station,accel_x,accel_y,accel_z", rows[:5])
+        own = read(tmp_path, "station,accel_x,accel_y,accel_z,roll_set", [f"{row},mine" for row in rows])
+    assert not short.roll_set
+    assert short.warnings[-1].startswith("the roll sets of the profile are those of 6 rows, these are 5: not used")
+    assert own.roll_set == ("mine",) * 6
+
+
 def test_one_station_in_two_roll_sets(tmp_path):
     rows = [f"{row},a" for row in ROWS] + [f"{ROWS[0]},b"]
     assert "station '1' is in roll set 'a' in line 2 and in 'b' here" in error(tmp_path, HEADER + ",roll_set", rows)
@@ -383,6 +404,19 @@ def test_clipping_in_twelve_positions():
     assert magnetic >= 20
 
 
+def test_equal_readings_of_a_magnetometer_at_one_attitude_say_nothing():
+    """Three times the same station: the direction of the field is fitted, and follows what is read there."""
+    plan = plans.twelve()
+    for seed in range(4):
+        clean = simulated(plan, seed, 20)["magnetometer"]
+        for index in range(3):
+            place = int(np.argmax(clean[:, index]))
+            angles = [np.append(one, [one[place]] * 2) for one in (plan.azimuth, plan.inclination, plan.toolface)]
+            values = np.vstack([clean, clean[[place, place]]])
+            values[[place, 12, 13], index] = np.round(np.sort(clean[:, index])[-2:].mean())
+            assert saturation_notes("magnetometer", values, ["x", "y", "z"], tuple(angles), np.arange(14)) == []
+
+
 def test_a_hundred_thousand_stations_take_memory_in_proportion():
     # half of them read the extreme: an array of stations by stations would take 20 GB
     rng = np.random.default_rng(15)
@@ -483,3 +517,67 @@ def test_a_million_lines(tmp_path):
     assert len(table) == 1_000_000
     np.testing.assert_array_equal(table.number("gyro_z")[-10_000:], cells[:, 8])
     assert table.lines[-1] == 1_000_001
+
+
+def test_raw_surveys_and_logs_are_read_as_they_were_written(tmp_path):
+    channels = {"accelerometer": np.array([[1.5, -2.0, 3.0], [4.0, 5.0, -6.0]]), "gyro": np.array([[7.0], [8.5]])}
+    for temperature in (None, np.array([20.5, 21.0])):
+        write_raw_survey(tmp_path / "raw.csv", np.array([10.0, 40.5]), channels, temperature)
+        write_log(tmp_path / "log.csv", np.array([0.0, 0.25]), channels, temperature)
+        raw, log = read_raw_survey(tmp_path / "raw.csv"), read_log(tmp_path / "log.csv")
+        assert (raw.md.tolist(), log.time.tolist()) == ([10.0, 40.5], [0.0, 0.25])
+        for found in (raw, log):
+            assert (found.temperature is None) == (temperature is None)
+            for kind, values in channels.items():
+                np.testing.assert_array_equal(found.channels[kind], values)
+        assert (raw.temperature is None) or raw.temperature.tolist() == [20.5, 21.0]
+    table = raw.to_dict()
+    assert list(table) == ["md_m", "accel_x", "accel_y", "accel_z", "gyro_x", "temperature_degC"]
+    assert (table["accel_y"].tolist(), len(raw)) == ([-2.0, 5.0], 2)
+    assert "temperature_degC" not in replace(raw, temperature=None).to_dict()
+
+
+@pytest.mark.parametrize("name", ["dip", "Dip_deg"])
+def test_a_dip_of_the_tool_is_told_from_that_of_the_field(tmp_path, name):
+    rows = [f"{row},1" for row in ROWS]
+    wanted = f"column 'inclination_deg' is missing; if {name!r} is the angle of the tool from the horizontal, name it"
+    assert wanted in error(tmp_path, HEADER.replace("inclination_deg", "tilt") + f",{name}", rows)
+
+
+def test_four_stations_in_radians_are_enough_to_be_seen_and_three_are_not(tmp_path):
+    quarter = ["0", "1.5708", "3.1416", "4.7124"]
+    rows = [f"{k},0.123,1.5708,{t},{k},{k * k},{-k}" for k, t in enumerate(quarter)]
+    assert "the angles look like radians (largest: azimuth_deg 0.123, inclination_deg 1.5708" in error(
+        tmp_path, rows=rows
+    )
+    assert len(read(tmp_path, rows=rows[:3])) == 3
+    # beyond a turn, or beyond pi of inclination, they are none
+    for place, value in ((1, "6.5"), (2, "3.2"), (3, "6.3")):
+        cells = [row.split(",") for row in rows]
+        cells[3][place] = value
+        assert len(read(tmp_path, rows=[",".join(c) for c in cells])) == 4
+
+
+def test_repeats_at_the_limits_of_angle_and_temperature(tmp_path):
+    """Within 2 degC one station, beyond it two; 0.5 deg apart a contradiction, below it another setting."""
+    header = HEADER + ",temperature_degC"
+    for warmer, size in ((22.0, 1), (22.1, 2), (18.0, 1), (17.9, 2)):
+        assert len(read(tmp_path, header, ["1,0,10,0,1,2,3,20", f"1,0,10,0,2,3,4,{warmer}"])) == size
+    assert len(read(tmp_path, rows=["1,0,10,0,1,2,3", "1,0,10.49,0,2,3,4"])) == 2
+    assert "contradictory angles" in error(tmp_path, rows=["1,0,10,0,1,2,3", "1,0,10.51,0,2,3,4"])
+    # ten repeated stations are named each, of more the others are counted
+    rows = [f"{k},0,{10 * k},0,{k},{x},{-k}" for k in range(12) for x in (1, 2)]
+    notes = read(tmp_path, rows=rows).notes
+    assert (len(notes), notes[-1]) == (11, "and 2 more repeated stations likewise")
+    assert len(read(tmp_path, rows=rows[:20]).notes) == 10
+    assert read(tmp_path, rows=rows[:2]).notes == ("station 0 was read 2 times; mean used",)
+
+
+def test_readings_averaged_in_a_row_count_in_the_mean_s_deviation(tmp_path):
+    """Two rows of 4 and 12 readings at one station: the stated deviations of their means, combined."""
+    header = HEADER + ",accel_x_sd,accel_y_sd,accel_z_sd,count"
+    rows = ["1,0,0,0,1,2,3,4,4,4,4", "1,0,0,0,1,2,3,6,6,6,9", "2,0,90,0,5,6,7,2,2,2,1"]
+    found = read(tmp_path, header, rows)
+    assert found.count.tolist() == [13.0, 1.0]
+    # 4 / sqrt(4) and 6 / sqrt(9) are both 2; the mean of two has 2 / sqrt(2)
+    np.testing.assert_allclose(found.sd["accelerometer"], [[np.sqrt(2.0)] * 3, [2.0] * 3])

@@ -100,6 +100,11 @@ def test_the_template_is_a_data_sheet_and_survives_tool_json(tmp_path):
         (SHEET.replace("2.0,", "nan,"), "scale is nan"),
         (SHEET.replace("2.0, ", ""), "2 numbers; 3 sensors"),
         (SHEET + "axes = [[1.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 1.0]]\n", "sensor 2 have length 2"),
+        (SHEET + "axes = [[0.7, 0.73, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]\n", "sensor 1 have length 1.011; 1 is"),
+        (SHEET + "axes = [[1, 0, 0], [0, 0.5, 0], [0, 0, 1.2]]\n", "sensor 2 have length 0.5; 1 is"),
+        (SHEET + "axes = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]\nmisalignment_deg = [[1, 0], [0, 0], [0, 0]]\n",
+         "both axes and misalignment_deg are given"),
+        (SHEET + "axes = [[1e200, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]\n", r"axes is 1e\+200; a number from"),
         (SHEET + "axes = [[1.0, 0.0], [0.0, 2.0], [0.0, 0.0]]\n", "3 rows of 3"),
         (SHEET + "misalignment_deg = [[80.0, 0.0], [0.0, 0.0], [0.0, 0.0]]\n", "is 80.0; a number from -45"),
         *(
@@ -125,6 +130,13 @@ def test_the_template_is_a_data_sheet_and_survives_tool_json(tmp_path):
 def test_what_it_cannot_mean(tmp_path, text, words):
     with pytest.raises(FileError, match=words):
         read(tmp_path, text)
+
+
+def test_cosines_of_two_digits_are_taken_for_their_direction(tmp_path):
+    """0.71 and 0.71 have the length 1.004."""
+    found = read(tmp_path, SHEET + "axes = [[0.71, 0.71, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]\n")
+    tensor = found.tool.triads["accelerometer"].tensor[0]
+    np.testing.assert_allclose(tensor[0], 2.0 * np.sqrt([0.5, 0.5, 0.0]), rtol=1e-12)
 
 
 def test_redundant_sensors_may_be_parallel(tmp_path):

@@ -67,3 +67,14 @@ def test_a_rate_that_changes_is_refused(tmp_path):
 def test_times_that_are_none(tmp_path, time, words):
     with pytest.raises(FileError, match=words):
         read_even_log(write(tmp_path, time))
+
+
+def test_three_samples_are_enough_and_half_an_interval_is_no_gap(tmp_path):
+    log = read_even_log(write(tmp_path, [5.0, 5.5, 6.0]))
+    assert (log.start, log.dt, len(log)) == (5.0, 0.5, 3)
+    time = np.arange(9.0)
+    time[4] += 0.5
+    assert read_even_log(write(tmp_path, time)).dt == 1.0
+    time[4] += 0.01
+    with pytest.raises(FileError, match=r"line 6: time_s 4\.51 is 1\.51 s after the row before it"):
+        read_even_log(write(tmp_path, time))

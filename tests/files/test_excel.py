@@ -6,11 +6,13 @@ import zipfile
 import numpy as np
 import openpyxl
 import pytest
+from openpyxl.chart import BarChart
 
 from inclinometry.errors import FileError, InputError
 from inclinometry.files import excel
-from inclinometry.files.excel import read_excel, write_excel
+from inclinometry.files.excel import read_excel, sheet_cells, write_excel
 from inclinometry.files.exchange import SurveyFile
+from inclinometry.files.profile import Profile, reading_with
 
 NAMES = ["md_m", "inclination_deg", "crew"]
 
@@ -194,6 +196,14 @@ def test_a_bomb_is_not_unpacked(tmp_path, monkeypatch):
         read_excel(tmp_path / "a.xlsx")
 
 
+def test_texts_of_the_head_may_be_empty_and_more_may_stand_beside_them(book):
+    head = [["name", "text"], ["well", "A-1"], ["crew", None], [None, "of nothing"], ["run", 3, "a remark"]]
+    path = book(NAMES, [0, 1, "A"], more=[("header", head)])
+    assert dict(read_excel(path).header) == {"well": "A-1", "crew": "", "run": "3"}
+    # another program's sheet of that name is none of ours
+    assert dict(read_excel(book(NAMES, [0, 1, "A"], more=[("header", [["key", "text"], *head[1:]])])).header) == {}
+
+
 def test_standard_uncertainties_are_numbers(tmp_path):
     file = SurveyFile(md=[0.0, 30.0], sigma={"azimuth": [0.01, np.nan], "inclination": [0.001, 0.002]})
     write_excel(file, tmp_path / "a.xlsx")
@@ -215,3 +225,47 @@ def test_a_row_number_that_no_sheet_has(book):
             archive.writestr(name, content)
     with pytest.raises(FileError, match="a row beyond the 1,048,576 of a sheet"):
         read_excel(path)
+
+
+def test_sheets_that_are_no_tables(tmp_path, book):
+    workbook = openpyxl.Workbook()
+    workbook.create_chartsheet("picture").add_chart(BarChart())
+    for row in (NAMES, [0, 1, "A"]):
+        workbook.active.append(row)
+    workbook.save(tmp_path / "chart.xlsx")
+    with pytest.raises(FileError, match="sheet 'picture': this is a chart, not a table; name another sheet"):
+        read_excel(tmp_path / "chart.xlsx", sheet="picture")
+    with pytest.raises(FileError, match="the first sheet is empty; a row of names and rows of values are needed"):
+        sheet_cells(book())
+
+
+def test_the_first_sheet_as_texts(book):
+    """Empty rows between are kept, so that rows keep their numbers; numbers have every digit."""
+    names, rows = sheet_cells(book(["md_m", " a  b "], [0.1, None], [], [], [1 / 3, "x\ny"], [True, 2]))
+    assert (names, list(rows)) == (["md_m", "a b"], [["0.1"], [], [], [repr(1 / 3), "x y"], ["1", "2"]])
+    names, rows = sheet_cells(book(["md_m", "b"], [1, "=A2*2"]))
+    with pytest.raises(FileError, match="row 2: a formula without a result; open the workbook in Excel and save it"):
+        list(rows)
+
+
+def test_under_a_profile_a_workbook_is_a_table_as_any_other(book):
+    path = book(["ACME", None], ["Depth", "Incl"], [10, 1.5], [20, 2.5])
+    with reading_with(Profile(skip=1, columns={"Depth": "md_m", "Incl": "inclination_deg"})):
+        found = read_excel(path)
+    np.testing.assert_allclose(found.md, [10.0, 20.0])
+    np.testing.assert_allclose(np.degrees(found.inclination), [1.5, 2.5])
+
+
+def test_a_workbook_that_unpacks_to_little_for_its_size(tmp_path, monkeypatch):
+    """What packs a thousandfold is refused from 200 MB on; a text of that size in 10 MB is not."""
+    write_excel(survey(), tmp_path / "a.xlsx")
+    sizes = {"plain": (250_000_000, 5_000_000), "bomb": (250_000_000, 4_000_000), "small": (150_000_000, 1_000_000)}
+    for name, (unpacked, packed) in sizes.items():
+        entry = zipfile.ZipInfo("x")
+        entry.file_size, entry.compress_size = unpacked, packed
+        monkeypatch.setattr(zipfile.ZipFile, "infolist", lambda self, entry=entry: [entry])
+        if name == "bomb":
+            with pytest.raises(FileError, match=r"this workbook unpacks to 0\.2 GB; split it, or use Parquet"):
+                read_excel(tmp_path / "a.xlsx")
+        else:
+            assert len(read_excel(tmp_path / "a.xlsx")) == 3

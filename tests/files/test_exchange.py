@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from inclinometry.errors import InputError
-from inclinometry.files.exchange import SurveyFile
+from inclinometry.errors import FileError, InputError
+from inclinometry.files.exchange import Sheet, SurveyFile, survey_of
 
 MD = [0.0, 30.0, 60.0]
 
@@ -55,3 +56,67 @@ def test_frozen():
     survey = SurveyFile(md=MD, g=np.ones((3, 3)))
     with pytest.raises(ValueError, match="read-only"):
         survey.g[0, 0] = 2.0
+
+
+def sheet(**columns):
+    """A table of a file; texts as tuples."""
+    kept = {name: values if isinstance(values, tuple) else np.array(values, float) for name, values in columns.items()}
+    return Sheet(Path("a.csv"), {"md_m": np.array([0.0, 30.0, 60.0])} | kept, np.array([2, 3, 5]))
+
+
+@pytest.mark.parametrize(
+    ("columns", "line", "words"),
+    [
+        ({"inclination_deg": ("", "bent", "3")}, 3, "'bent' in column 'inclination_deg' is not a number"),
+        ({"inclination_deg": [1.0, np.inf, 3.0]}, 3, "column 'inclination_deg' is infinite"),
+        ({"inclination_deg": [1.0, 2.0, 181.0]}, 5, "column 'inclination_deg' is 181; allowed 0 to 180 deg"),
+        ({"inclination_deg": [1.0, -0.1, 18.0]}, 3, "column 'inclination_deg' is -0.1; allowed 0 to 180 deg"),
+        ({"tvd_m": [0.0, 1.0, 2.0], "used": ("yes", "no", "perhaps")}, 5, "column 'used' is 'perhaps'; allowed: 1, 0"),
+        ({"tvd_m": [0.0, 1.0, 2.0], "TVD (ft)": [0.0, 1.0, 2.0]}, None, "columns 'tvd_m' and 'TVD .ft.' both give tvd"),
+        ({"operator": ("a", "b", "c")}, None, "nothing besides the depth is known; columns found: md_m, operator"),
+        ({"md_m": [0.0, 30.0, 20.0], "tvd_m": [0.0] * 3}, 5, "the depth 20 m is less than 30 m in line 3"),
+        ({"md_m": [0.0, np.nan, 20.0], "tvd_m": [0.0] * 3}, 3, "the depth is empty"),
+        ({"azimuth_deg": [1.0] * 3}, None, "azimuths without a north; add a column azimuth_reference"),
+        (
+            {"azimuth_deg": [1.0] * 3, "azimuth_reference": ("true", "", "grid")},
+            5,
+            "the azimuths are from true north above and from grid north here",
+        ),
+        (
+            {"azimuth_deg": [1.0] * 3, "azimuth_reference": ("true", "", "up")},
+            5,
+            "column 'azimuth_reference' is 'up'; allowed",
+        ),
+        ({"AZIM_TN (deg)": [1.0] * 3, "azimuth_reference": ("grid",) * 3}, None, "from grid and from true north"),
+    ],
+)
+def test_tables_that_are_no_survey(columns, line, words):
+    with pytest.raises(FileError, match=words) as caught:
+        survey_of(sheet(**columns))
+    assert caught.value.line == line
+
+
+def test_tables_that_are_one():
+    turned = 2.0 * np.pi * (1.0 + 1e-12)
+    found = survey_of(sheet(**{"azimuth_rad": [0.0, 1.0, turned], "valid": ("Yes", "0", "n"), "used": ("", "", "")}),
+                      azimuth_reference="true")  # fmt: skip
+    assert (found.azimuth_reference, found.used, found.valid.tolist()) == ("true", None, [True, False, False])
+    with pytest.raises(InputError, match="azimuth reference 'up' is not known; allowed"):
+        survey_of(sheet(tvd_m=[0.0] * 3), azimuth_reference="up")
+    # times that are none stay texts; days as numbers are no times either
+    for times in (("noon", "", ""), ("20250101", "20250102", "")):
+        found = survey_of(sheet(tvd_m=[0.0] * 3, time=times))
+        assert (found.times, found.extra["time"]) == (None, times)
+    assert survey_of(sheet(tvd_m=[0.0] * 3, time=("2025-01-01", "", ""))).times == ("2025-01-01", "", "")
+    assert survey_of(sheet(tvd_m=[0.0] * 3, time=("", "", ""))).times is None
+
+
+def test_as_a_table():
+    survey = SurveyFile(md=MD, inclination=np.radians([0.0, 1.0, 2.0]), reference={"convergence": -1e-16},
+                        extra={"crew": ("a", "b", "")})  # fmt: skip
+    table = survey.to_dict()
+    assert table["inclination_deg"].tolist() == [0.0, 1.0, 2.0]
+    assert table["crew"] == ["a", "b", ""]
+    # a zero has no sign, in tables and files
+    (name,) = [name for name in table if "convergence" in name]
+    assert not np.signbit(table[name]).any()

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import gzip
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,11 +16,19 @@ from inclinometry.constants import STANDARD_GRAVITY
 from inclinometry.errors import FileError, InputError
 from inclinometry.files.bench_csv import read_bench
 from inclinometry.files.casing_csv import read_casing
+from inclinometry.files.excel import write_excel
+from inclinometry.files.exchange import SurveyFile
+from inclinometry.files.las import write_las
+from inclinometry.files.layout import find_layout
 from inclinometry.files.log_csv import TO_SI, read_log
+from inclinometry.files.p7 import p7_file, write_p7
+from inclinometry.files.parquet import write_parquet
 from inclinometry.files.position_csv import read_well
-from inclinometry.files.profile import reading_with, with_constants
+from inclinometry.files.profile import PLAIN, Profile, reading_with, with_constants
 from inclinometry.files.run_file import open_run
 from inclinometry.files.six_axis import read_six_axis
+from inclinometry.files.witsml import write_witsml
+from inclinometry.orientation import fields
 
 TIME = np.arange(6) * 0.01
 G = np.array([[0.1, 0.2, 0.97]] * 6) + 1e-3 * np.arange(18).reshape(6, 3)
@@ -475,3 +485,93 @@ def test_the_legs_of_a_cave_are_named(tmp_path, head):
     with pytest.raises(FileError, match="legs of a cave") as stop:
         read_well(path)
     assert stop.value.line == head.count("\n")
+
+
+@pytest.mark.parametrize("ending", ["las", "xml", "p717", "parquet", "xlsx"])
+@pytest.mark.parametrize("packed", [False, True])
+def test_a_survey_in_a_format_of_surveys_is_a_table_too(tmp_path, ending, packed):
+    """Each is recognised by how it begins, whatever its name; packed or not, a row is the line it stands in."""
+    g, b = fields(np.radians(AZI), np.radians(INC), np.zeros(len(MD)), 1.2)
+    survey = SurveyFile(md=MD, inclination=np.radians(INC), azimuth=np.radians(AZI), azimuth_reference="true",
+                        g=9.81 * g, b=5e4 * b)  # fmt: skip
+    path = tmp_path / "well.dat"
+    write = {"las": write_las, "xml": write_witsml, "parquet": write_parquet, "xlsx": write_excel}.get(ending)
+    if write is None:
+        write_p7(p7_file(survey), path)
+    else:
+        write(survey, path)
+    if packed:
+        path.write_bytes(gzip.compress(path.read_bytes()))
+    well = read_well(path)
+    assert well.azimuth_reference == "true"
+    np.testing.assert_allclose(well.md, MD, rtol=1e-12)
+    np.testing.assert_allclose(np.degrees(well.inclination), INC, atol=1e-9)
+    np.testing.assert_allclose(np.degrees(well.azimuth), AZI, atol=1e-9)
+    assert well.lines.tolist() == list(range(1, len(MD) + 1) if ending == "parquet" else range(2, len(MD) + 2))
+
+
+def test_several_surveys_in_one_file_are_not_one_table(tmp_path):
+    g, b = fields(np.radians(AZI), np.radians(INC), np.zeros(len(MD)), 1.2)
+    one = p7_file(SurveyFile(md=MD, g=9.81 * g, b=5e4 * b))
+    two = p7_file(SurveyFile(md=MD, g=9.81 * g, b=5e4 * b), number=2)
+    both = replace(one, surveys={**one.surveys, **two.surveys}, records=(*one.records, two.records[1]))
+    write_p7(both, tmp_path / "a.p717")
+    with pytest.raises(FileError, match="it holds 2 surveys; take one out by `inclinometry convert --sheet`"):
+        read_well(tmp_path / "a.p717")
+
+
+def test_arrays_of_other_shapes(tmp_path):
+    """One row as a column, columns as long as most; short ones are settings, nearly as long ones a mistake."""
+    content = {"time_s": [TIME.tolist()], "accel_g": G.tolist(), "rate": [100.0], "name": "a"}
+    path = tmp_path / "a.json"
+    path.write_text(json.dumps(content))
+    log = read_log(path)
+    assert log.time.tolist() == TIME.tolist()
+    np.testing.assert_allclose(log.channels["accelerometer"], G)
+    path.write_text(json.dumps(content | {"mag": G[:4].tolist()}))
+    with pytest.raises(FileError, match="'mag' has 4 rows, others 6; make them equal"):
+        read_log(path)
+    path.write_text(json.dumps(content | {"mag": G[:3].tolist()}))
+    assert set(read_log(path).channels) == {"accelerometer"}
+    path.write_text(json.dumps(content | {"wide": np.zeros((6, 1001)).tolist()}))
+    with pytest.raises(FileError, match="'wide' has 1,001 columns; allowed 1,000"):
+        read_log(path)
+    # four sensors have numbers, their unit stays behind
+    path.write_text(json.dumps(content | {"mag_nT": np.ones((6, 4)).tolist(), "temperature (degC)": [[20.5]] * 6}))
+    log = read_log(path)
+    assert log.channels["magnetometer"].shape == (6, 4)
+    assert log.units["magnetometer"] == "nT"
+    assert log.temperature.tolist() == [20.5] * 6
+
+
+def test_what_a_listing_says_of_an_empty_cell(tmp_path):
+    """A number that stands for nothing in one column is a value in another."""
+    path = tmp_path / "a.txt"
+    path.write_text("MD;INC;AZI;TF\n0;1;2;-1\n30;2;-1;5\n60;3;4;6\n")
+    columns = {"MD": "md_m", "INC": "inclination_deg", "AZI": "azimuth_deg", "TF": "toolface_deg"}
+    with reading_with(Profile(separator=";", columns=columns, blank={"TF": "-1"},
+                              constants={"azimuth_reference": "true"})):  # fmt: skip
+        well = read_well(path)
+    assert np.isnan(well.toolface).tolist() == [True, False, False]
+    assert np.degrees(well.azimuth[1]) == pytest.approx(-1.0)
+
+
+LAYOUTS = {
+    "names,of,columns\n1,2,3\n4,5,6\n": ("text, separated by comma", None),
+    "# a comment\n\na;b\n1;2\n": ("text, separated by semicolon", None),
+    "Company\nprinted\na;b;c\n1;2;3\n4;5;6\n": ("text, separated by semicolon, 2 lines before the names", 2),
+    "a\tb\nm\tdeg\n1\t2\n": ("text, separated by tab, a line of units", 0),
+    "1 2 3\n4 5 6\n": ("text, separated by space, no names of columns", 0),
+    "MD INC\n--- ---\n1 2\n": ("text, separated by space", 0),
+    "\n# nothing\n-----\n": ("text without a table", None),
+    "": ("a table of its own format", None),
+}
+
+
+@pytest.mark.parametrize("content", LAYOUTS)
+def test_a_layout_in_words(content):
+    said, skip = LAYOUTS[content]
+    profile, words = find_layout(content.splitlines())
+    assert words == said
+    assert (profile == PLAIN) == (skip is None)
+    assert skip is None or profile.skip == skip

@@ -295,3 +295,33 @@ def test_stations_need_their_columns(tmp_path):
     with pytest.raises(InputError, match="unknown survey columns"):
         write_gyro_stations(tmp_path / "s.csv", columns | {"north": [1.0, 2.0]})
     assert not (tmp_path / "s.csv").exists()
+
+
+def test_as_a_table_and_written_again(tmp_path):
+    run = read_gyro_run(text_file(tmp_path))
+    table = run.to_dict()
+    assert list(table) == [
+        "station", "md_m", "index_deg", "temperature_degC", "time_s", "accel_x", "accel_y", "gyro_x_deg_h",
+        "gyro_y_deg_h",
+    ]  # fmt: skip
+    assert table["station"] == ["A"] * 3 + ["B"] * 3
+    assert table["md_m"].tolist() == [10.0] * 3 + [40.0] * 3
+    assert table["index_deg"].tolist() == [0.0, 90.0, 180.0] * 2
+    assert table["gyro_y_deg_h"].tolist() == [4.0, -3.0, -4.0] * 2
+    write_gyro_run(
+        tmp_path / "again.csv",
+        station=table["station"],
+        md=table["md_m"],
+        index=run.index,
+        channels=run.channels,
+        letters=run.letters,
+        units=run.units,
+        temperature=run.temperature,
+        time=run.time,
+    )
+    back = read_gyro_run(tmp_path / "again.csv").to_dict()
+    assert set(back) == set(table)
+    for name, values in table.items():
+        np.testing.assert_array_equal(back[name], values)
+    header, rows = without("temperature_degC", "time_s")
+    assert not {"temperature_degC", "time_s"} & set(read_gyro_run(text_file(tmp_path, rows, header)).to_dict())

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from inclinometry.errors import FileError
+from inclinometry.files import las
 from inclinometry.files.exchange import SurveyFile
 from inclinometry.files.las import read_las, write_las
 
@@ -54,19 +55,19 @@ def test_texts_are_left_out(tmp_path):
 def test_lasio_and_a_dumb_parser_read_what_is_written(tmp_path):
     write_las(survey(), tmp_path / "a.las")
     names, units, well, rows = dumb((tmp_path / "a.las").read_text())
-    las = lasio.read(tmp_path / "a.las", mnemonic_case="preserve")
-    assert names == [curve.mnemonic for curve in las.curves]
-    assert units == [curve.unit for curve in las.curves]
+    read = lasio.read(tmp_path / "a.las", mnemonic_case="preserve")
+    assert names == [curve.mnemonic for curve in read.curves]
+    assert units == [curve.unit for curve in read.curves]
     assert dict(zip(names, units, strict=True)) | {"DEPT": "m", "GX": "m/s2", "BZ": "nT", "INCL": "deg"} == dict(
         zip(names, units, strict=True)
     )
     assert (well["STRT"], well["STOP"], well["STEP"]) == (["m", "0.0"], ["m", "60.2"], ["m", "30.1"])
     assert well["NULL"] == ["-999.25"]
-    assert las.params["AZIREF"].value == "grid"
-    assert las.well["WELL"].value == "A 1"
-    np.testing.assert_array_equal(las["BX"], survey().b[:, 0])  # every digit
+    assert read.params["AZIREF"].value == "grid"
+    assert read.well["WELL"].value == "A 1"
+    np.testing.assert_array_equal(read["BX"], survey().b[:, 0])  # every digit
     np.testing.assert_array_equal(rows[:, names.index("BX")], survey().b[:, 0])
-    assert np.isnan(las["INCL"][1])
+    assert np.isnan(read["INCL"][1])
     assert rows[1, names.index("INCL")] == -999.25
     assert (tmp_path / "a.las").read_text().startswith("~Version")
 
@@ -265,3 +266,36 @@ def test_a_header_of_repeated_items_is_refused_at_once(tmp_path):
     (tmp_path / "a.las").write_text(FOREIGN.replace("~C", f"{again}~C", 1))
     with pytest.raises(FileError, match=r"line \d+: 'COMP': more than 100 items have a name that stands"):
         read_las(tmp_path / "a.las", azimuth_reference="true")
+
+
+def test_blocks_of_rows_are_one_table(tmp_path, monkeypatch):
+    write_las(survey(), tmp_path / "a.las")
+    for size in (1, 2, 3):
+        monkeypatch.setattr(las, "_BLOCK", size)
+        assert read_las(tmp_path / "a.las").same_as(survey(), rtol=1e-12, atol=2e-12)
+
+
+@pytest.mark.parametrize(
+    ("stop", "fits"), [(10_000.015, True), (9_999.985, True), (10_000.02, False), (9_999.98, False)]
+)
+def test_how_far_head_and_data_may_differ(tmp_path, stop, fits):
+    """Half of the second decimal, and a millionth of the depth: 16 mm at 10 km."""
+    write_las(SurveyFile(md=[0.0, 10_000.0], tvd=[0.0, 9_000.0]), tmp_path / "a.las")
+    text = (tmp_path / "a.las").read_text()
+    line = next(line for line in text.splitlines() if line.startswith("STOP"))
+    (tmp_path / "a.las").write_text(text.replace(line, line.replace("10000.0", f"{stop}")))
+    if fits:
+        assert read_las(tmp_path / "a.las").md[-1] == 10_000.0
+        return
+    with pytest.raises(FileError, match=f"the header says STOP {stop}, the data have 10000; is the file truncated"):
+        read_las(tmp_path / "a.las")
+
+
+def test_curves_without_a_name_or_none_at_all(tmp_path):
+    (tmp_path / "a.las").write_text(FOREIGN.replace("GX  .G ", "    .G "))
+    with pytest.raises(FileError, match="curve 4 has no mnemonic; name it"):
+        read_las(tmp_path / "a.las")
+    start, end = FOREIGN.index(" DEPT.F"), FOREIGN.index("~PARAMETER")
+    (tmp_path / "a.las").write_text(FOREIGN[:start] + FOREIGN[end:])
+    with pytest.raises(FileError, match="no curves in the ~Curve section"):
+        read_las(tmp_path / "a.las")

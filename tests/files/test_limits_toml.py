@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from inclinometry.errors import FileError, InputError
-from inclinometry.files.limits import limit_names, read_limits
+from inclinometry.files.limits import limit_names, read_limits, read_quality_limits, read_repeat_limits
 
 GOOD = 'source = "works standard 7"\ninclination_deg = 0.1\nazimuth_deg = 1\n'
 
@@ -95,3 +95,40 @@ def test_a_folder_is_no_file(tmp_path):
 def test_any_bytes_give_limits_or_a_file_error(tmp_path_factory, data):
     with suppress(FileError):
         read_limits(limits_file(tmp_path_factory.getbasetemp(), data))
+
+
+REPEAT = (
+    'source = "x"\ninclination_deg = 0.5\nazimuth_deg = 2\nazimuth_steep_deg = 6\nsteep_below_deg = 12\n'
+    "stations = 4\ninterval_m = 30\n"
+)
+
+
+def test_limits_of_two_runs(tmp_path):
+    found = read_repeat_limits(limits_file(tmp_path, REPEAT))
+    angles = np.degrees([found.inclination, found.azimuth, found.azimuth_steep, found.steep])
+    np.testing.assert_allclose(angles, [0.5, 2.0, 6.0, 12.0])
+    assert (found.name, found.source, found.stations, found.interval) == ("mine", "x", 4, 30.0)
+    for old, new, words in (
+        (
+            "azimuth_deg = 2\n",
+            "",
+            "key 'azimuth_deg' is missing; all of inclination_deg, azimuth_deg, .*interval_m and",
+        ),
+        ("stations = 4", "stations = 4.5", "stations is 4.5; a whole number is needed"),
+        ("stations = 4", "stations = 0", "stations is 0; a number from 1 to"),
+        ("0.5", "0", "inclination_deg is 0; a number from 1e-06"),
+        ("12", "91", "steep_below_deg is 91; a number from 0 to 90"),
+    ):
+        with pytest.raises(FileError, match=words):
+            read_repeat_limits(limits_file(tmp_path, REPEAT.replace(old, new)))
+
+
+def test_limits_of_fields(tmp_path):
+    found = read_quality_limits(limits_file(tmp_path, 'source = "x"\ng_m_s2 = 0.02\ndip_deg = 0.3\n'))
+    assert (found.g, found.b, found.dip) == (0.02, None, pytest.approx(np.radians(0.3)))
+    for text, words in (
+        ('source = "x"\n', "there is no limit; give at least one of g_m_s2, b_nT, dip_deg"),
+        ('source = "x"\nb_nT = 0.3\n', "b_nT is 0.3; a number from 1 to"),
+    ):
+        with pytest.raises(FileError, match=words):
+            read_quality_limits(limits_file(tmp_path, text))

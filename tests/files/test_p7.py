@@ -209,3 +209,19 @@ def test_numbers_and_texts_survive(rows):
         first = path.read_bytes()
         write_p7(found, path)
         assert path.read_bytes() == first
+
+
+@pytest.mark.parametrize(("code", "metre"), [(1, 1.0), (5, 1.0 / 0.3048), (6, 3937.0 / 1200.0)])
+def test_depths_in_the_unit_of_the_record(tmp_path, code, metre):
+    """A foot of the US survey is 1200/3937 m."""
+    records = (HEAD, DETAILS.format(n=1, unit=code, az=8))
+    write_p7(replace(p7_file(magnetic()), records=records), tmp_path / "b.p717")
+    cells = [line.split(",") for line in (tmp_path / "b.p717").read_text().splitlines() if line.startswith("M7")]
+    assert [float(row[7]) for row in cells] == pytest.approx(metre * (100.0 + 30.0 * np.arange(4)), abs=1e-9)
+    np.testing.assert_allclose(read_p7(tmp_path / "b.p717").surveys[1].md, 100.0 + 30.0 * np.arange(4), rtol=1e-12)
+    with pytest.raises(InputError, match="survey 2 has no Survey Details"):
+        write_p7(replace(p7_file(magnetic(), number=2), records=records), tmp_path / "c.p717")
+    (tmp_path / "d.p717").write_text(f"{HEAD}\n{DETAILS.format(n='x', unit=1, az=8)}\n{EXAMPLE}\n")
+    with pytest.raises(FileError, match="survey number \\['x'\\]; 23 and a number are needed") as caught:
+        read_p7(tmp_path / "d.p717")
+    assert caught.value.line == 2

@@ -15,7 +15,8 @@ import pytest
 from scipy.io import savemat
 
 from inclinometry.digest import digest_file
-from inclinometry.errors import FileError, InclinometryError, InputError
+from inclinometry.errors import FileError, InputError
+from inclinometry.files import layout
 from inclinometry.files.bench_csv import read_bench
 from inclinometry.files.columns import LOG, numbers_among
 from inclinometry.files.position_csv import read_well
@@ -93,6 +94,27 @@ def test_units_in_names_are_converted_and_units_that_are_nowhere_are_stated(tmp_
         pass
 
 
+@pytest.mark.parametrize(("unit", "cells"), [("°F", "68,77"), ("K", "293.15,298.15"), ("degC", "20,25")])
+def test_temperatures_are_converted(tmp_path, unit, cells):
+    rows = "".join(f"{k},{k + 1},{k * k},{cell}\n" for k, cell in enumerate(cells.split(","), 1))
+    (tmp_path / "a.csv").write_text(f"accel_x,accel_y,accel_z,Temp ({unit})\n{rows}", encoding="utf-8")
+    assert read_bench(tmp_path / "a.csv").temperature == pytest.approx([20.0, 25.0])
+
+
+def test_a_layout_that_is_stated_is_not_looked_for(tmp_path):
+    """Two lines of names: where the second one counts, only a profile says so."""
+    (tmp_path / "a.csv").write_text("Report\nfront,back\naccel_x,accel_y\n1,2\n3,4\n")
+    with reading_with(Profile(skip=2)):
+        assert read_table(tmp_path / "a.csv").number("accel_y").tolist() == [2.0, 4.0]
+    # the first separator is the one of a text here
+    (tmp_path / "b.csv").write_text("operator;accel_x\nA,B,C;1\nD,E,F;3\n")
+    with reading_with(Profile(separator=";")):
+        assert read_table(tmp_path / "b.csv").number("accel_x").tolist() == [1.0, 3.0]
+    (tmp_path / "c.csv").write_text("accel_x,accel_y\nfront,back\n1,2\n")
+    with reading_with(Profile(units_row=True, columns={"accel_x": "accel_x", "accel_y": "accel_y"})):
+        assert read_table(tmp_path / "c.csv").number("accel_y").tolist() == [2.0]
+
+
 def test_a_profile_lays_out_names_converts_and_turns(tmp_path):
     (tmp_path / "mine.toml").write_text(
         'title = "mine"\nseparator = "semicolon"\nskip = 2\nunits_row = true\n'
@@ -164,6 +186,19 @@ def test_every_shipped_profile_can_be_read_and_says_what_it_is_for(name):
         ("[columns]\nA = 3", "write"),
         ('units = ["parsec"]', "not known"),
         ("skip = ", "Invalid"),
+        ("rate_hz = 1e6", "rate_hz is 1000000.0; allowed 0 to 1e6 rows a second"),
+        ("header = 1", "header is 1; true or false is needed"),
+        ("units = 3", "units is 3; a list is needed"),
+        ('null = "x"', "null is 'x'; a number is needed"),
+        ('[columns]\nA = { name = "mag_x", unit = "nT" }', "'mag_x' states no unit; 'nT' cannot be converted"),
+        ('[columns]\nA = { name = "mag_x_nT", units = "nT" }', 'write "accel_x_g", or'),
+        ("[roll_sets]\na = [1, 1]", "roll_sets: a = .1, 1.; write its first and last row"),
+        ("[roll_sets]\na = [0, 4]", "roll_sets: a = "),
+        ("[roll_sets]\na = [1, 4]\nb = [4, 6]", "roll_sets: b = .4, 6.; write"),
+        ("[roll_sets]\na = [1, 4.5]", "roll_sets: a = "),
+        ('[axes]\naccel = ["x", "y"]', "each axis once"),
+        ('[axes]\nthermometer = ["x", "y", "z"]', "axes: thermometer"),
+        ("[constants]\nx = true", "constants: x is True; a number or a text is needed"),
     ],
 )
 def test_a_profile_that_cannot_be_meant(tmp_path, text, wanted):
@@ -173,19 +208,20 @@ def test_a_profile_that_cannot_be_meant(tmp_path, text, wanted):
 
 
 def test_files_that_are_not_what_they_seem(tmp_path):
-    for name, content in {
-        "a.xlsx": b"PK\x03\x04nothing",
-        "a.parquet": b"PAR1nothing",
-        "a.h5": b"\x89HDF\r\n\x1a\nnothing",
-        "a.mat": b"MATLAB 5.0 MAT-file nothing",
-        "a.npz": b"PK\x03\x04nothing",
-        "a.json": b'{"accel_x": [1, 2',
-        "b.json": b'{"accel": [[1, 2], [3]]}',
-        "c.json": b'{"name": "no columns"}',
-        "a.csv.gz": gzip.compress(b"accel_x,accel_y\n1,2\n")[:-6],
-    }.items():
+    for name, content, wanted in (
+        ("a.xlsx", b"PK\x03\x04nothing", r"not an \.xlsx workbook, or a damaged one"),
+        ("a.parquet", b"PAR1nothing", "not a Parquet file, or a damaged one"),
+        ("a.h5", b"\x89HDF\r\n\x1a\nnothing", "not HDF5, or damaged"),
+        ("a.mat", b"MATLAB 5.0 MAT-file nothing", "not a MATLAB file, or damaged"),
+        ("a.npz", b"PK\x03\x04nothing", "not an archive of numpy's, or damaged"),
+        ("a.json", b'{"accel_x": [1, 2', "not JSON, or damaged"),
+        ("b.json", b'{"accel": [[1, 2], [3]]}', "'accel' has rows of different lengths"),
+        ("c.json", b'{"name": "no columns"}', "no columns of values are in it"),
+        ("d.json", b"[1, 2]", "an object of arrays is needed"),
+        ("a.csv.gz", gzip.compress(b"accel_x,accel_y\n1,2\n")[:-6], "compressed"),
+    ):
         (tmp_path / name).write_bytes(content)
-        with pytest.raises(InclinometryError):
+        with pytest.raises(FileError, match=wanted):
             read_bench(tmp_path / name)
 
 
@@ -201,6 +237,26 @@ def test_what_would_swallow_memory_is_refused(tmp_path):
     pq.write_table(pa.table({"accel_x": zeros, "accel_y": zeros}), tmp_path / "zeros.parquet")
     with pytest.raises(FileError, match="120,000,000 values"):
         read_bench(tmp_path / "zeros.parquet")
+
+
+def test_a_packed_file_that_unpacks_to_too_much_is_refused(tmp_path, monkeypatch):
+    """By the megabyte: one of two is unpacked where two are allowed, not where one is."""
+    np.savez(tmp_path / "a.npz", accel=np.ones((50_000, 3)))
+    (tmp_path / "a.npz.gz").write_bytes(gzip.compress((tmp_path / "a.npz").read_bytes()))
+    monkeypatch.setattr(layout, "MOST_UNPACKED", 2 << 20)
+    assert len(read_table(tmp_path / "a.npz.gz")) == 50_000
+    monkeypatch.setattr(layout, "MOST_UNPACKED", 1 << 20)
+    with pytest.raises(FileError, match="it unpacks to more than 1,048,576 bytes; unpack and split it"):
+        read_table(tmp_path / "a.npz.gz")
+
+
+def test_texts_in_a_parquet_file(tmp_path):
+    columns = {"station": ["A", "B", None], "accel_x": [1.0, 2.0, 3.0], "accel_y": [4, 6, 5]}
+    pq.write_table(pa.table({name: values[:2] for name, values in columns.items()}), tmp_path / "a.parquet")
+    assert read_bench(tmp_path / "a.parquet").station == ("A", "B")
+    pq.write_table(pa.table(columns), tmp_path / "a.parquet")
+    with pytest.raises(FileError, match="row 3: station is empty"):
+        read_bench(tmp_path / "a.parquet")
 
 
 def test_axes_hold_for_the_columns_of_a_survey_as_for_channels(tmp_path):
@@ -343,3 +399,52 @@ def test_constants_and_axes_that_cannot_be_meant(tmp_path):
         (tmp_path / "p.toml").write_text(text)
         with pytest.raises(FileError):
             read_profile(tmp_path / "p.toml")
+
+
+def test_profiles_that_are_not_there(tmp_path):
+    with pytest.raises(InputError, match=r"profile 'sap7' is not known; shipped: .*sap6.*, or give a .toml file"):
+        read_profile("sap7")
+    with pytest.raises(FileError, match="there is no such file"):
+        read_profile(tmp_path / "none.toml")
+    (tmp_path / "bytes.toml").write_bytes(b"\xff")
+    with pytest.raises(FileError, match="cannot be read"):
+        read_profile(tmp_path / "bytes.toml")
+
+
+def test_what_a_profile_says_is_what_is_kept(tmp_path):
+    (tmp_path / "p.toml").write_text(
+        'title = "mine"\nheader = false\nrate_hz = 50\nnull = -1\nunits = ["ft"]\n'
+        '[columns]\n1 = { name = "mag_x_nT", unit = "uT", blank = "0" }\n2 = ""\n'
+        '[axes]\nmag = ["+y", "-z", "x"]\n[constants]\na = 1\nb = "two"\n[roll_sets]\none = [1, 4]\ntwo = [5, 6]\n'
+    )
+    found = read_profile(tmp_path / "p.toml")
+    assert (found.title, found.header, found.rate_hz, found.null, found.units) == ("mine", False, 50.0, -1.0, ("ft",))
+    assert (dict(found.columns), dict(found.given), dict(found.blank)) == (
+        {"1": "mag_x_nT", "2": ""},
+        {"1": "uT"},
+        {"1": "0"},
+    )
+    assert dict(found.axes) == {"magnetometer": ("y", "-z", "x")}
+    assert dict(found.constants) == {"a": 1.0, "b": "two"}
+    assert dict(found.roll_sets) == {"one": (1, 4), "two": (5, 6)}
+    assert (found.lays_out, found.states_layout) == (True, True)
+    plain = Profile(title="x", columns={"A": "mag_x"}, units=("m",), null=1.0, roll_sets={"a": (1, 2)})
+    assert (plain.lays_out, plain.states_layout) == (False, False)
+    assert Profile(columns={"A": ""}).lays_out
+
+
+def test_deviations_keep_their_sign_when_axes_are_turned(tmp_path):
+    (tmp_path / "a.csv").write_text(
+        "accel_x,accel_y,accel_z,accel_x_sd,accel_y_sd,accel_z_sd\n1,2,3,0.1,0.2,0.3\n4,6,5,0.1,0.2,0.3\n"
+    )
+    with reading_with(Profile(axes={"accelerometer": ("-z", "x", "-y")})):
+        found = read_bench(tmp_path / "a.csv")
+    np.testing.assert_array_equal(found.channels["accelerometer"], [[-3.0, 1.0, -2.0], [-5.0, 4.0, -6.0]])
+    np.testing.assert_array_equal(found.sd["accelerometer"][0], [0.3, 0.1, 0.2])
+
+
+def test_a_field_in_a_unit_that_channels_have_not_is_turned_into_nanotesla(tmp_path):
+    (tmp_path / "a.csv").write_text("Bx (gauss),By (gauss),Bz (gauss)\n0.2,0.1,0.45\n0.3,0.2,0.4\n")
+    found = read_bench(tmp_path / "a.csv")
+    np.testing.assert_allclose(found.channels["magnetometer"][0], [20_000.0, 10_000.0, 45_000.0])
+    assert found.units["magnetometer"] == "nT"

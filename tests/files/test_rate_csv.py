@@ -87,3 +87,15 @@ def test_refusals(read, header, rows, words):
 )
 def test_what_looks_like_radians(rates, radians):
     assert looks_like_radians(np.asarray(rates)) is radians
+
+
+def test_steps_that_are_left_out_and_the_axes_of_the_columns(read):
+    kept = read().without([1])
+    assert (kept.station, kept.lines, len(kept)) == (("a", "c"), (2, 4), 2)
+    np.testing.assert_allclose(np.degrees(kept.rate), [10.0, 0.0])
+    np.testing.assert_array_equal(kept.signals, [[1.0, 2.0, 3.0], [7.0, 8.0, 9.0]])
+    np.testing.assert_array_equal(kept.temperature, [20.0, 22.0])
+    assert kept.sd is None
+    assert read().axes == "xyz"
+    assert read("inclination_deg,toolface_deg,rate_deg_s,gyro_x,gyro_y", ["0,0,5,1,2"]).axes == "xy"
+    assert read("inclination_deg,toolface_deg,rate_deg_s,gyro_1,gyro_2", ["0,0,5,1,2"]).axes is None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 import tracemalloc
 from pathlib import Path
 
@@ -121,6 +122,16 @@ def test_a_bad_line_soon_after_a_preamble_is_named(tmp_path):
     path.write_text("# run 3\n\n" + path.read_text())
     with pytest.raises(FileError, match="line 7: 'broken' in column 'accel_y'"):
         list(open_run(path).blocks())
+
+
+def test_a_row_that_may_be_a_comment_is_refused_in_every_block(tmp_path):
+    """Two blocks of a megabyte: the second one is read by columns, where a # would be text of the first of them."""
+    rows = [f"{0.001 * k:.6f},9.81,0.25,-1.5" for k in range(80_000)]
+    rows[60_000] = "#" + rows[60_000]
+    (tmp_path / "run.csv").write_text("note,time_s,accel_x,accel_y,accel_z\n" + "".join(f"{r[:1]},{r}\n" for r in rows))
+    with pytest.raises(FileError, match="this comment has as many cells as a row") as caught:
+        list(open_run(tmp_path / "run.csv").blocks())
+    assert caught.value.line == 60_002
 
 
 @pytest.mark.long
@@ -248,3 +259,53 @@ def test_one_large_row_group_is_read_in_little_memory(tmp_path):
     tracemalloc.stop()
     assert total == count
     assert peak < 30e6  # a batch of 65536 rows in float64 is 5 MB; three times that is held while blocks are cut
+
+
+def test_temperatures_that_no_sensor_has_and_rows_of_comments_only(tmp_path):
+    path = tmp_path / "run.csv"
+    path.write_text("time_s,mag_x,mag_y,temperature_degC\n# begin\n\n0,1,2,20\n1,2,3,401\n")
+    with pytest.raises(
+        FileError, match="column 'temperature_degC' is 401; allowed -100 to 400: is it in another"
+    ) as caught:
+        list(open_run(path).blocks())
+    assert caught.value.line == 5
+    path.write_text("time_s,mag_x,mag_y,temperature_degC\n0,1,2,-100\n1,2,3,400\n2,2,3,\n")
+    (block,) = open_run(path).blocks()
+    np.testing.assert_array_equal(block.temperature, [-100.0, 400.0, np.nan])
+    path.write_text("time_s,mag_x,mag_y\n# nothing\n\n# more\n")
+    with pytest.raises(FileError, match="no rows"):
+        list(open_run(path).blocks())
+
+
+def test_blocks_of_any_size_hold_all_rows_once(tmp_path):
+    path = tmp_path / "run.csv"
+    path.write_text("time_s,mag_x,mag_y\n" + "".join(f"{k},{k + 1},{k * k}\n" for k in range(10)))
+    for size, lengths in ((3, [3, 3, 3, 1]), (5, [5, 5]), (10, [10]), (11, [10])):
+        blocks = list(open_run(path).blocks(size))
+        assert [len(block.time) for block in blocks] == lengths
+        assert np.concatenate([block.time for block in blocks]).tolist() == list(range(10))
+        assert np.concatenate([block.channels["magnetometer"] for block in blocks])[-1].tolist() == [10.0, 81.0]
+
+
+def test_a_run_is_shown_copied_and_its_progress_told(tmp_path):
+    names = [f"{k}_{a}" for k in ("accel", "mag", "gyro") for a in "xyz"]
+    for ending in ("csv", "parquet"):
+        path = tmp_path / f"run.{ending}"
+        write(path, samples(70_000))
+        told = []
+        run = open_run(path, progress=told.append)
+        assert repr(run) == f"RunFile: {path}; {', '.join(names)}"
+        copied = pickle.loads(pickle.dumps(run))
+        assert sum(len(block.time) for block in run.blocks()) == 70_000
+        # the rows of the copy are its own
+        assert sum(len(block.time) for block in copied.blocks()) == 70_000
+        assert told == sorted(told)
+        assert told[-1] == path.stat().st_size
+        assert len(told) > 1
+
+
+def test_a_parquet_column_twice(tmp_path):
+    table = pa.Table.from_arrays([pa.array([1.0])] * 3, names=["time_s", "mag_x", "mag_x"])
+    pq.write_table(table, tmp_path / "a.parquet")
+    with pytest.raises(FileError, match="column 'mag_x' appears twice; remove one"):
+        open_run(tmp_path / "a.parquet")

@@ -14,6 +14,7 @@ from inclinometry.digest import digest_file
 from inclinometry.errors import FileError
 from inclinometry.files.bench_csv import read_bench, read_plan
 from inclinometry.files.log_csv import read_log
+from inclinometry.files.profile import reading_with
 from inclinometry.files.survey_csv import read_raw_survey, read_survey_csv
 from inclinometry.files.table import read_table
 
@@ -79,7 +80,8 @@ def test_dialects_read_alike(tmp_path, content):
         ("mag_x,mag_y\n1,-inf\n", "line 2: column 'mag_y' is -inf"),
         ("mag_x,mag_y\n1,1e999\n", "line 2: column 'mag_y' is 1e999; every value must be finite"),
         ("mag_x,mag_y\n1,2\n3,\n", "line 3: column 'mag_y' is empty"),
-        ("mag_x,mag_y\n1,2\n\n3\n", "line 4: this row has 1 cells and the header 2"),
+        ("mag_x,mag_y\n1,2\n\n3\n", "line 4: this row has 1 cells and the header 2; complete"),
+        ("mag_x;mag_y\n1;2;3\n", "line 2: this row has 3 cells and the header 2; complete or remove it"),
         ("mag_x,mag_y\n1,2,3\n", "line 2: this row has 3 cells and the header 2; with a decimal comma"),
         ("mag_x;mag_y\n1.234,5;2\n", "thousands separator"),
         ("mag_x;mag_y\n1,234,567;2\n", "thousands separator"),
@@ -277,3 +279,60 @@ def test_other_alphabets_are_not_guessed(tmp_path, encoding, name):
     damaged = b"\xe9" if encoding == "utf-8" else b""
     (tmp_path / "a.csv").write_bytes(f"mag_x,{name}\n1,2\n".encode(encoding) + damaged)
     assert "save it as UTF-8" in error(tmp_path, (tmp_path / "a.csv").read_bytes())
+
+
+@pytest.mark.parametrize("count", [20, 21])
+def test_twenty_names_are_shown(tmp_path, count):
+    names = [f"n{k}" for k in range(count)]
+    with pytest.raises(FileError) as caught:
+        read(tmp_path, ",".join(names) + "\n" + ",".join("x" * count) + "\n").require(["md_m"])
+    assert str(caught.value).endswith(f"columns found: {', '.join(names[:20])}" + ", ..." * (count == 21))
+
+
+def test_a_thousand_columns_are_allowed(tmp_path):
+    names = [f"n{k}" for k in range(1001)]
+    assert len(read(tmp_path, ",".join(names[:1000]) + "\n" + ",".join("x" * 1000) + "\n").header) == 1000
+    assert "line 2: 1,001 columns; allowed 1,000" in error(tmp_path, "# wide\n" + ",".join(names) + "\n")
+
+
+@pytest.mark.parametrize("first", ["sep=,\n", "sep=\n", "SEP=,\n\n# made by hand\n"])
+def test_what_a_spreadsheet_puts_on_top_is_no_header(tmp_path, first):
+    table = read(tmp_path, first + PLAIN)
+    assert table.header == ("station", "azimuth_deg", "mag_x")
+    assert table.header_line == first.count("\n") + 1
+    assert table.lines.tolist() == [table.header_line + 1, table.header_line + 2]
+
+
+def test_every_byte_is_told(tmp_path):
+    (tmp_path / "t.csv").write_text(PLAIN)
+    told = []
+    read_table(tmp_path / "t.csv", told.append)
+    assert told == [len(PLAIN)]
+
+
+def test_where_a_long_text_or_a_quote_stands(tmp_path):
+    assert f"line 3: '{'x' * 37}...' in column 'mag_x' is not a number" in error(tmp_path, f"mag_x\n1\n{'x' * 41}\n")
+    assert f"line 3: '{'x' * 40}' in column 'mag_x'" in error(tmp_path, f"mag_x\n1\n{'x' * 40}\n")
+    assert "line 4: a quoted cell does not end" in error(tmp_path, 'mag_x,crew\n1,"a"\n2,b\n3,"c\n4,d\n')
+    assert "line 4: not utf-8 text (byte 0xe9" in error(tmp_path, b"mag_x,crew\n1,\xc3\xa9\n2,a\n3,\xe9\n4,b\n")
+
+
+def test_rows_of_a_table_that_are_kept(tmp_path):
+    kept = read(tmp_path, PLAIN + "C,3,4\n").rows(np.array([True, False, True]))
+    assert (kept.text("station"), kept.number("azimuth_deg").tolist(), len(kept)) == (("A", "C"), [1.5, 3.0], 2)
+    assert kept.lines.tolist() == [2, 4]
+    with pytest.raises(ValueError, match="read-only"):
+        kept.number("mag_x")[0] = 1.0
+
+
+def test_numbers_that_stand_for_nothing_at_their_limits(tmp_path):
+    """One value of a channel may be -999.25, one angle or two channels in a row may not; half a null is a value."""
+    assert read(tmp_path, "mag_x,mag_y\n-999.25,1\n2,-999.25\n").number("mag_x")[0] == -999.25
+    assert read(tmp_path, "mag_x,mag_y\n-999,-999\n").number("mag_y")[0] == -999.0
+    assert "line 3: column 'mag_x' is -999.25, by which many files say" in error(
+        tmp_path, "mag_x,mag_y\n1,2\n-999.25,-9999.25\n"
+    )
+    assert "line 2: column 'azimuth_deg' is -999.25, by which" in error(tmp_path, "mag_x,azimuth_deg\n1,-999.25\n")
+    with reading_with(None, null=-1.0):
+        assert read(tmp_path, "mag_x,azimuth_deg\n5,-999.25\n").number("azimuth_deg")[0] == -999.25
+        assert "line 3: column 'mag_x' is -1, which is declared to be empty" in error(tmp_path, "mag_x\n5\n-1\n")

@@ -37,6 +37,11 @@ WRITTEN = {
         "2026,5,31,23,59,59,250000000,0,0,1\n2026,6,1,0,0,0,500000000,0,0,1\n",
         1.25,
     ),
+    "a clock in columns, past midnight": (
+        f"Hour,Minute,Second,{CHANNELS}\n23,59,59.25,0,0,1\n0,0,0.5,0,0,1\n",
+        1.25,
+    ),
+    "hours and minutes": (f"hh,min,{CHANNELS}\n9,59,0,0,1\n10,1.5,0,0,1\n", 150.0),
     "milliseconds": (f"Time (ms),{CHANNELS}\n100,0,0,1\n110,0,0,1\n", 0.01),
     "microseconds": (f"timestamp_us,{CHANNELS}\n100,0,0,1\n350,0,0,1\n", 0.00025),
     "a telephone's": (
@@ -79,6 +84,14 @@ def test_what_is_no_time_or_may_be_two(tmp_path, row, says):
         read_log(tmp_path / "log.csv")
 
 
+@pytest.mark.parametrize("columns", ["Day,Hour,Minute", "Month,Day,Hour,Minute", "Hour,Second,Year", "Year,Month,Day"])
+def test_half_a_date_or_half_a_clock_is_no_time(tmp_path, columns):
+    cells = ",".join("1" * len(columns.split(",")))
+    (tmp_path / "log.csv").write_text(f"{columns},{CHANNELS}\n{cells},0,0,1\n{cells},0,0,1\n")
+    with pytest.raises(FileError, match="'time_s' is missing"):
+        read_log(tmp_path / "log.csv")
+
+
 def test_a_time_without_a_unit_is_not_guessed(tmp_path):
     (tmp_path / "log.csv").write_text(f"t,{CHANNELS}\n100,0,0,1\n110,0,0,1\n")
     with pytest.raises(FileError, match="'time_s' is missing"):
@@ -114,3 +127,63 @@ def test_packed_files_are_read_by_what_is_in_them(tmp_path):
     (tmp_path / "cut.xlsx.gz").write_bytes(gzip.compress((tmp_path / "log.xlsx").read_bytes())[:-9])
     with pytest.raises(FileError, match=r"cut\.xlsx\.gz: damaged where it is compressed"):
         read_log(tmp_path / "cut.xlsx.gz")
+
+
+@pytest.mark.parametrize("names", ["Time", "Hour,Minute"])
+@pytest.mark.parametrize(
+    ("clocks", "hours"), [(("20:00", "05:00"), 9.0), (("23:00", "01:00"), 2.0), (("17:00", "06:00"), 0.0)]
+)
+def test_a_clock_without_a_date_goes_round_at_midnight(tmp_path, names, clocks, hours):
+    """Back by more than half a day is the next one; by less it runs backwards, which is refused."""
+    rows = [clock if names == "Time" else clock.replace(":", ",") for clock in (*clocks, clocks[1].replace("00", "30"))]
+    (tmp_path / "log.csv").write_text(f"{names},{CHANNELS}\n" + "".join(f"{row},0,0,1\n" for row in rows))
+    if not hours:
+        with pytest.raises(FileError, match="line 3: time_s -39600 is less than 0 in line 2"):
+            read_log(tmp_path / "log.csv")
+        return
+    assert read_log(tmp_path / "log.csv").time.tolist() == [0.0, 3600.0 * hours, 3600.0 * hours + 1800.0]
+    # two days on end
+    again = rows[:1] + rows[1:2] + rows[:1] + rows[1:2]
+    (tmp_path / "log.csv").write_text(f"{names},{CHANNELS}\n" + "".join(f"{row},0,0,1\n" for row in again))
+    assert read_log(tmp_path / "log.csv").time.tolist() == [0.0, 3600.0 * hours, 86400.0, 86400.0 + 3600.0 * hours]
+
+
+def test_comments_blanks_and_other_columns_stand_among_the_rows(tmp_path):
+    """Line numbers stay those of the file; a time of the package's own besides counts, and the stamps are no column."""
+    text = f"# logger 7\n   \nDate,note,Time,{CHANNELS}\n\n # begin\n2026-05-01,a,12:00:00,0,0,1\n  \n#\n"
+    text += "2026-05-01,b,12:00:01.5,0,0.5,1\n# end\n"
+    (tmp_path / "log.csv").write_text(text)
+    log = read_log(tmp_path / "log.csv")
+    assert (log.time.tolist(), log.channels["accelerometer"][1].tolist()) == ([0.0, 1.5], [0.0, 0.5, 1.0])
+    assert log.notes == ("column 'note' is not known and was not used",)
+    (tmp_path / "log.csv").write_text(text + "2026-05-01,c\n")
+    with pytest.raises(FileError, match="this row has 2 cells and the header 5") as caught:
+        read_log(tmp_path / "log.csv")
+    assert caught.value.line == 11
+    (tmp_path / "log.csv").write_text(text + "2026-05-01,c,12:00:02,1\n")
+    with pytest.raises(FileError, match="this row has 3 cells and the header 5") as caught:
+        read_log(tmp_path / "log.csv")
+    for own in ("time_s", "Time (s)"):
+        (tmp_path / "log.csv").write_text(f"{own},Clock,{CHANNELS}\n5,12:00,0,0,1\n7,12:01,0,0,1\n")
+        assert read_log(tmp_path / "log.csv").time.tolist() == [5.0, 7.0]
+
+
+@pytest.mark.parametrize(
+    ("rows", "step"),
+    [
+        (("1/2/2026,1:00", "13/2/2026,1:00"), None),  # the first may have been the second of January
+        (("13/2/2026,1:00", "14/2/2026,1:00"), 86400.0),
+        (("2/13/2026,1:00", "2/14/2026,1:00"), 86400.0),
+        (("1.2.2026,1:00", "1.3.2026,1:00"), 28 * 86400.0),
+        (("1-2-26,1:00", "1-2-26,2:30"), 5400.0),
+        (("2/28/99,1:00", "3/1/99,1:00"), 86400.0),
+        (("13/2/2026,1:00", "3/2/2026,1:00"), -10 * 86400.0),  # as the first one was
+    ],
+)
+def test_the_order_of_day_and_month(tmp_path, rows, step):
+    (tmp_path / "log.csv").write_text(f"Date,Time,{CHANNELS}\n" + "".join(f"{row},0,0,1\n" for row in rows))
+    if step is None or step < 0.0:
+        with pytest.raises(FileError, match="may stand first" if step is None else "time_s -864000 is less than 0"):
+            read_log(tmp_path / "log.csv")
+        return
+    assert np.diff(read_log(tmp_path / "log.csv").time).tolist() == [step]

@@ -201,3 +201,36 @@ def test_any_text_is_frames_or_one_error(text):
         except FileError:
             return
     assert found.whole or found.broken
+
+
+def test_a_unit_of_the_map_with_an_offset(tmp_path):
+    """Fahrenheit there, degC here; azimuths of a survey that has none need no north."""
+    channels = Wits0Map({"0708": "md_ft", "0730": "temperature_degF", "0715": "azimuth_deg"}, azimuth_reference="true")
+    write_wits0(SurveyFile(md=[30.48, 60.96], temperature=[20.0, np.nan]), tmp_path / "a.wits", channels)
+    items = (tmp_path / "a.wits").read_text().split()
+    assert items == ["&&", "0708100", "073068", "!!", "&&", "0708200", "!!"]
+    found = read_wits0(stream(tmp_path, frame("0708100", "073068") + frame("0708200", "0730-40")), channels)
+    np.testing.assert_allclose(found.temperature, [20.0, -40.0])
+    assert record_7(feet=True)["0720"] == "dls_deg_100ft"
+    assert record_7()["0720"] == "dls_deg_30m"
+
+
+def test_stations_sent_again_later_and_times_that_are_half_there(tmp_path):
+    """Only the last station may come again; a date without its time is no time, and stays a text."""
+    text = frame("0705240501", "070830", "07131") + frame("0705240501", "070860", "07132")
+    found = read_wits0(stream(tmp_path, text), ANGLES)
+    assert found.times is None
+    assert found.extra["0705"] == ("240501", "240501")
+    text = frame("0705240501", "070693000", "070830", "07131") + frame("070860", "07132")
+    assert read_wits0(stream(tmp_path, text), ANGLES).times == ("2024-05-01T09:30:00", "")
+    again = frame("070830", "07131") + frame("070860", "07132") + frame("070830", "07131")
+    with pytest.raises(FileError, match="30 m is less than 60 m"):
+        read_wits0(stream(tmp_path, again), ANGLES)
+
+
+def test_how_many_broken_frames_are_named(tmp_path):
+    for count in (20, 21):
+        path = stream(tmp_path, frame("070830", "07131.5") + frame("x") * count)
+        notes = read_wits0(path, ANGLES).notes
+        assert len(notes) == count
+        assert (notes[-1] == "1 more broken frames were left out") == (count == 21)

@@ -120,6 +120,22 @@ def test_toolface_betrays_other_axes(tmp_path):
     np.testing.assert_allclose(angles(found.g, found.b).inclination, full().inclination, atol=1e-12)
 
 
+def test_near_vertical_and_without_a_toolface_nothing_is_said_of_axes(tmp_path):
+    """Within 3 deg of the vertical the toolface of the sensors is noise; of one station of two it may be missing."""
+    size = 3
+    steep = replace(full(), toolface=None, measured={}, used=None, times=None)
+    inclination, azimuth = np.radians([1.0, 2.0, 2.5]), np.radians([20.0, 30.0, 40.0])
+    g, b = fields(azimuth, inclination, np.radians([200.0, 10.0, 100.0]), np.radians(72.0))
+    steep = replace(steep, inclination=inclination, azimuth=azimuth, g=9.81 * g, b=5e4 * b, toolface=np.zeros(size))
+    write_witsml(steep, tmp_path / "a.xml")
+    assert not any("convention" in note for note in read_witsml(tmp_path / "a.xml").notes)
+    gap = replace(full(), toolface=np.where(np.arange(size) == 1, np.nan, full().toolface))
+    write_witsml(gap, tmp_path / "a.xml")
+    assert not any("convention" in note for note in read_witsml(tmp_path / "a.xml").notes)
+    found = read_witsml(tmp_path / "a.xml", convention="native")
+    assert any("90 deg (median)" in note for note in found.notes)
+
+
 FINE = (REFERENCE / "certification.xml").read_text()
 
 
@@ -281,3 +297,57 @@ def test_numbers_survive(rows):
     np.testing.assert_array_equal(found.b, survey.b + 0.0)
     np.testing.assert_allclose(found.inclination, survey.inclination, atol=2e-12)
     np.testing.assert_allclose(found.azimuth, survey.azimuth, atol=2e-12)
+
+
+@pytest.mark.parametrize(("stated", "fits"), [(10_010.0, True), (9_990.0, True), (10_011.0, False), (9_989.0, False)])
+def test_how_far_head_and_stations_may_differ(tmp_path, stated, fits):
+    """Half a unit, and a thousandth of the depth."""
+    deep = SurveyFile(md=[0.0, 10_000.0], inclination=[0.0, 0.1])
+    write_witsml(deep, tmp_path / "a.xml")
+    text = (tmp_path / "a.xml").read_text()
+    assert '<mdMx uom="m">10000</mdMx>' in text
+    (tmp_path / "a.xml").write_text(text.replace(">10000</mdMx>", f">{stated}</mdMx>"))
+    if fits:
+        assert len(read_witsml(tmp_path / "a.xml")) == 2
+        return
+    with pytest.raises(FileError, match=f"mdMx is {stated} m, the stations' 10000 m: is a unit wrong"):
+        read_witsml(tmp_path / "a.xml")
+
+
+@pytest.mark.parametrize("deepest", [100, 200])
+def test_the_head_may_count_rejected_stations_or_not(tmp_path, deepest):
+    survey = SurveyFile(md=[0.0, 100.0, 200.0], inclination=[0.0, 0.1, 0.2], used=[True, True, False])
+    write_witsml(survey, tmp_path / "a.xml")
+    text = (tmp_path / "a.xml").read_text()
+    stated = text[text.index("<mdMx") : text.index("</mdMx>")]
+    for value, fits in ((deepest, True), (150, False)):
+        (tmp_path / "b.xml").write_text(text.replace(stated, f'<mdMx uom="m">{value}'))
+        if fits:
+            assert read_witsml(tmp_path / "b.xml").used.tolist() == [True, True, False]
+            continue
+        with pytest.raises(FileError, match=r"mdMx is 150 m, the stations' [12]00 m"):
+            read_witsml(tmp_path / "b.xml")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line", "words"),
+    [
+        ("<aziRef>grid north</aziRef>", "<aziRef>grid north</aziRef><uid>7</uid>", 1, "uid appears twice in the traj"),
+        ('<incl uom="dega">20', '<incl uom="dega">20</incl><incl uom="dega">20', 1, "incl appears twice in a station"),
+        ("<gravTran2Raw ", '<gravTran2Raw uom="ft/s2">1</gravTran2Raw><gravTran2Raw ', 1, "gravTran2Raw appears twice"),
+    ],
+)
+def test_an_element_twice(tmp_path, old, new, line, words):
+    with pytest.raises(FileError, match=words):
+        read_witsml(changed(tmp_path, old, new))
+
+
+def test_a_trajectory_without_stations_and_one_of_an_unknown_north(tmp_path):
+    start, end = FINE.index("<trajectoryStation "), FINE.rindex("</trajectoryStation>") + len("</trajectoryStation>")
+    (tmp_path / "a.xml").write_text(FINE[:start] + FINE[end:])
+    with pytest.raises(FileError, match="the trajectory has no trajectoryStation"):
+        read_witsml(tmp_path / "a.xml")
+    path = changed(tmp_path, "grid north", "unknown")
+    assert read_witsml(path, azimuth_reference="true").azimuth_reference == "true"
+    with pytest.raises(FileError, match="without a north"):
+        read_witsml(path)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from inclinometry.errors import FileError, InputError
-from inclinometry.files.tool_code_json import load_tool_code, tool_code_names
+from inclinometry.files.tool_code_json import load_tool_code, tool_code_names, write_tool_code
 
 
 def content():
@@ -96,3 +96,47 @@ def test_names_that_are_nothing(tmp_path):
         load_tool_code("rev6")
     with pytest.raises(FileError, match="no such file"):
         load_tool_code(tmp_path / "none.json")
+
+
+@pytest.mark.parametrize("name", tool_code_names())
+def test_what_is_written_is_the_same_model(tmp_path, name):
+    """Speeds and angles go through the units of the file: two roundings."""
+    code = load_tool_code(name)
+    write_tool_code(code, tmp_path / "copy.json", {"runs": 3})
+    back = load_tool_code(tmp_path / "copy.json")
+    assert json.loads((tmp_path / "copy.json").read_text())["metadata"]["evidence"] == {"runs": 3}
+    for each in ("name", "source", "revision", "description", "surface_attitude", "continuous_above"):
+        assert getattr(back, each) == getattr(code, each)
+    assert back.parameters == pytest.approx(code.parameters, rel=1e-15)
+    assert (*back.inclinations, back.vertical) == pytest.approx((*code.inclinations, code.vertical), rel=1e-15)
+    for one, other in zip(back.terms, code.terms, strict=True):
+        for each in ("name", "magnitude", "unit", "propagation", "course", "hold", "start", "description", "source"):
+            assert getattr(one, each) == getattr(other, each)
+        assert one.inclinations == pytest.approx(other.inclinations, rel=1e-15)
+        for formulas in ("depth", "inclination", "azimuth"):
+            assert getattr(one, formulas).text == getattr(other, formulas).text
+        assert (one.singular is None) == (other.singular is None)
+        assert [f.text for f in one.singular or ()] == [f.text for f in other.singular or ()]
+
+
+def test_what_files_of_the_owsg_leave_unsaid(tmp_path):
+    what = content()
+    # before the fifth revision the attitude at the wellhead is known
+    for framework, uncertain in (("ISCWSA Rev4", False), ("ISCWSA Rev 5-1", True), (None, False)):
+        what["metadata"]["framework"] = framework or ""
+        assert load_tool_code(write(tmp_path, what)).surface_attitude is uncertain
+    what["terms"][1] |= {"course": False}
+    assert load_tool_code(write(tmp_path, what)).terms[1].singular[2].text == "0"
+    assert not load_tool_code(write(tmp_path, what)).terms[1].singular[0].text.startswith("-Sin")
+    what["terms"][0] |= {"inc_min_deg": 5, "inc_max_deg": 90, "carry_above_max": True}
+    sag = load_tool_code(write(tmp_path, what)).terms[0]
+    assert (sag.hold, sag.start) == (True, False)
+    assert np.degrees(sag.inclinations) == pytest.approx([5.0, 90.0])
+    what["parameters"] |= {"gxy_running_speed": 3600, "gz_running_speed": 1800, "noise_reduction_factor": 0.5}
+    found = load_tool_code(write(tmp_path, what)).parameters
+    assert {k: found[k] for k in ("gxyrunningspeed", "gzrunningspeed", "noisereductionfactor")} == {
+        "gxyrunningspeed": 1.0, "gzrunningspeed": 0.5, "noisereductionfactor": 0.5,
+    }  # fmt: skip
+    what["terms"][0]["depth_factor"] = 2
+    with pytest.raises(FileError, match=r"terms\[0\].depth_factor is 2; write it into the formula"):
+        load_tool_code(write(tmp_path, what))

@@ -40,7 +40,7 @@ class Quantity:
 
     key : place in SurveyFile, e.g. "md", "g.0", "reference.dip", "covariance.01".
     column : the package's column name, with its unit.
-    unit : the unit of that column.
+    unit : the unit of that column; its offset is zero.
     las : mnemonic in LAS.
     low, high : what the column may hold, in the package's unit.
     """
@@ -359,6 +359,4 @@ def is_number(name: str) -> bool:
 def from_si(values: Array, quantity: Quantity) -> Array:
     """Values in the unit of the package's column; turned ones are rounded to 1e-10, so that 120 deg prints as 120."""
     unit = quantity.unit
-    if unit.factor == 1.0 and unit.offset == 0.0:
-        return values
-    return np.asarray(np.round((values - unit.offset) / unit.factor, 10) + 0.0)
+    return values if unit.factor == 1.0 else np.asarray(np.round(values / unit.factor, 10) + 0.0)

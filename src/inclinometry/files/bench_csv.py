@@ -170,13 +170,9 @@ def saturation_notes(
                 continue
             if settings is not None and basis is None:
                 # what a linear sensor sees at each setting, and a one for its offset: (n, 4) for gravity, else (n, 10)
-                azimuth, inclination, toolface = settings
-                if kind == "accelerometer":
-                    s, c = np.sin(inclination), np.cos(inclination)
-                    columns = [-s * np.cos(toolface), s * np.sin(toolface), c]
-                else:
-                    columns = list(dcm(azimuth, inclination, toolface).reshape(-1, 9).T)
-                basis = np.stack([*columns, np.ones_like(azimuth)], axis=1)
+                turned = dcm(*settings)
+                seen = turned[:, :, 2] if kind == "accelerometer" else turned.reshape(-1, 9)
+                basis = np.column_stack([seen, np.ones(len(seen))])
             if basis is None:
                 lonely = count >= 5 and int(np.unique(column[~at], return_counts=True)[1].max()) <= 2
                 clipped = lonely or _is_rail(column, extreme, sign, unsigned)
@@ -245,8 +241,6 @@ def _predicted_beyond(
     `step` of the converter: `fitted` are known no better than it.
     """
     known, asked = basis[fitted], basis[at]
-    if len(known) < 4:
-        return None
     inverse = np.linalg.pinv(known, rcond=1e-9)
     free = len(known) - np.linalg.matrix_rank(known, tol=1e-9)
     # bracketed so that nothing larger than the basis is held, however many stations there are

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -42,6 +41,7 @@ RANGES: Mapping[str, tuple[float, float]] = {
     "u_axes_deg": (0.0, 45.0),  # beyond, they are no small angles
     "noise": (0.0, 1e12),
     "misalignment_deg": (-45.0, 45.0),
+    "axes": (-1e6, 1e6),  # their lengths say more
 }
 """Key -> least and largest value allowed, in the unit of the key."""
 TEMPLATE = """\
@@ -193,14 +193,13 @@ def _numbers(content: dict[str, Any], key: str, count: int) -> Array:
         raise InputError(f"{key} has {len(items)} numbers; {count} sensors are described, give one number or {count}")
     for item in items:
         # InputError where a value is no number of the key's range
-        low, high = RANGES.get(key, (-math.inf, math.inf))
+        low, high = RANGES[key]
         # a whole number of any length is compared as it is: it need not fit into a float
         number = isinstance(item, int | float) and not isinstance(item, bool)
-        if not (number and low <= item <= high and abs(item) < sys.float_info.max):
-            needed = f"a number from {low:g} to {high:g} is needed" if key in RANGES else "a number is needed"
+        if not (number and low <= item <= high):
             hint = ": turn the axis of a sensor that counts back" if key == "scale" and number and item < 0 else ""
             hint = ": give axes instead" if key == "misalignment_deg" and number else hint
-            raise InputError(f"{key} is {item!r:.40}; {needed}{hint}")
+            raise InputError(f"{key} is {item!r:.40}; a number from {low:g} to {high:g} is needed{hint}")
     return np.array(items, dtype=np.float64)
 
 

@@ -235,9 +235,10 @@ def _workbook(path: Path, *, values: bool) -> Iterator[Any]:
 
     book = None
     try:
-        with warnings.catch_warnings():
+        # by its content: of a path the library looks at the ending
+        with path.open("rb") as stream, warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of styles and extensions, which are not read
-            book = openpyxl.load_workbook(path, read_only=True, data_only=values, keep_links=False)
+            book = openpyxl.load_workbook(stream, read_only=True, data_only=values, keep_links=False)
             yield book
     except (InputError, MemoryError):
         raise

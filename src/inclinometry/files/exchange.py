@@ -340,9 +340,7 @@ def _within(sheet: Sheet, name: str, values: Array, turned: Array, quantity: Qua
     unit = quantity.unit
     # a full turn in radians may exceed 360 deg by rounding
     slack = 1e-9 * max(abs(quantity.low), abs(quantity.high))
-    low, high = ((limit + side) * unit.factor + unit.offset for limit, side in
-                 ((quantity.low, -slack), (quantity.high, slack)))  # fmt: skip
-    bad = (turned < low) | (turned > high)
+    bad = (turned < (quantity.low - slack) * unit.factor) | (turned > (quantity.high + slack) * unit.factor)
     if bad.any():
         row = int(np.argmax(bad))
         allowed = f"{quantity.low:g} to {quantity.high:g} {unit.label}"

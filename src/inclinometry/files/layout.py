@@ -161,8 +161,6 @@ def _arrays(path: Path, found: Mapping[str, Any]) -> tuple[list[str], Iterable[S
         array = np.asarray(value)
         if array.ndim in (1, 2) and array.dtype.kind in "iufbUSO" and array.size:
             arrays[name] = array[:, 0] if array.ndim == 2 and array.shape[1] == 1 else array
-        elif array.ndim == 2:
-            continue
     single = [name for name, array in arrays.items() if array.ndim == 2 and array.shape[0] == 1]
     for name in single:
         arrays[name] = arrays[name][0]
@@ -447,7 +445,7 @@ def find_layout(lines: list[str]) -> tuple[Profile, str]:
     for candidate in ("\t", ";", ",", " "):
         counts = Counter(len(_roughly(line, candidate)) for _, line in filled)
         number, times = max(counts.items(), key=lambda item: (item[1] * (item[0] > 1), item[0]))
-        share = times / len(filled) if filled and number > 1 else 0.0
+        share = times / len(filled) if number > 1 else 0.0
         # a later separator must explain clearly more lines: decimal commas look like one
         if share > best + 0.05:
             best, width, mark = share, number, candidate
@@ -458,7 +456,7 @@ def find_layout(lines: list[str]) -> tuple[Profile, str]:
     header = numbers[0] == 0 or (len(table) > 1 and numbers[0] < numbers[1] and numbers[0] * 2 < width)
     units = header and len(table) > 2 and numbers[1] == 0 and numbers[2] > 0 and _units_row(table[1][1])
     first = table[0][0]
-    before = sum(1 for line in lines[:first] if line.strip() and line.lstrip()[0] != "#")
+    before = any(line.strip() and line.lstrip()[0] != "#" for line in lines[:first])
     plain = (
         header and not units and mark in ",;\t" and not before and not (mark == ";" and ", " in "".join(table[0][1]))
     )

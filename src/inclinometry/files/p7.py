@@ -20,7 +20,7 @@ import numpy as np
 from inclinometry.arrays import Array
 from inclinometry.errors import FileError, InputError
 from inclinometry.files import writing
-from inclinometry.files._quantities import quantities
+from inclinometry.files._quantities import quantities, unit_factor
 from inclinometry.files.exchange import Column, Sheet, SurveyFile, survey_of
 from inclinometry.files.six_axis import to_vendor
 from inclinometry.files.survey_csv import columns_of
@@ -317,7 +317,7 @@ def write_p7(file: P7File, path: str | Path, *, convention: str = "iscwsa") -> N
             raise InputError(f"survey {number} has no Survey Details (H7,1,5,1) among the records; add it")
         kind, size = _kind(survey), len(survey)
         columns = {c.quantity.key: c.values for c in columns_of(to_vendor(survey, convention)) if c.quantity}
-        factor = {"m": 1.0, "ft": 0.3048, "ftUS": 1200.0 / 3937.0}[unit]
+        factor, _ = unit_factor(unit, "m")
         empty = np.full(size, np.nan)
         cells: list[Sequence[str]] = []
         for key in FIELDS[kind]:

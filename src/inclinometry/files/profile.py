@@ -119,9 +119,8 @@ class Profile:
         if stated is not None and dimension_of(stated) != quantity.dimension:
             return None
         if numeric(quantity.column):
-            own = quantity.unit
-            offset = (what.unit.offset - own.offset) / own.factor
-            return Reading(quantity.column, what.unit.factor / own.factor, offset, what.north)
+            own = quantity.unit.factor
+            return Reading(quantity.column, what.unit.factor / own, what.unit.offset / own, what.north)
         group, _, axis = what.key.partition(".")
         kind = {"g": "accel", "b": "mag", "w": "gyro"}.get(group)
         if kind is None or axis not in ("0", "1", "2"):
@@ -403,7 +402,7 @@ def _axes(content: dict[str, Any]) -> dict[str, tuple[str, ...]]:
         for kind in PREFIXES.values():
             # rows of the matrix: the tool's axes in the file's
             rows = vendor.matrix(kind)
-            found[kind] = tuple(("-" if row.sum() < 0 else "") + "xyz"[int(abs(row).argmax())] for row in rows)
+            found[kind] = tuple(("-" if row.min() < 0 else "") + "xyz"[int(abs(row).argmax())] for row in rows)
     for prefix, axes in content.get("axes", {}).items():
         kind = PREFIXES.get(prefix, prefix)
         letters = [str(axis).removeprefix("+").removeprefix("-") for axis in axes] if isinstance(axes, list) else []

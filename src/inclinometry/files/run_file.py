@@ -231,12 +231,10 @@ class CsvRun:
             # the first block goes the careful way, which learns the decimal mark
             yield from self._careful(first)
         for block in self._blocks:
-            # columns by Arrow; None where a block holds more than numbers with points, or the first points of the file
+            # columns by Arrow; None where a block holds more than numbers with points, or the first points of the file,
+            # as the careful way notes where they stand
             text = "\n".join(block.lines)
-            if self._arrow is None or not block.plain or "#" in text or (self._body.delimiter != "," and "," in text):
-                quick = None
-            elif not self._pointed and "." in text:
-                # the careful way notes where the first point stands
+            if self._arrow is None or "#" in text or ("." in text and not self._pointed):
                 quick = None
             else:
                 found = self._arrow.convert(text)

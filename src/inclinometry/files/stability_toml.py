@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Final
 
@@ -65,5 +66,5 @@ def read_stability(path: str | Path) -> Stability:
 def write_stability(stability: Stability, path: str | Path) -> None:
     """Write what `read_stability` reads."""
     lines = [f"{key} = {getattr(stability, name) / unit:.6g}" for key, (name, _, unit) in _KEYS.items()]
-    source = stability.source.replace("\\", "\\\\").replace('"', '\\"')
-    write_text("\n".join(["# standard deviations after one year", *lines, f'source = "{source}"']) + "\n", path)
+    source = json.dumps(stability.source, ensure_ascii=False)  # TOML escapes as JSON does
+    write_text("\n".join(["# standard deviations after one year", *lines, f"source = {source}"]) + "\n", path)

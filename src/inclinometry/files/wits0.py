@@ -321,9 +321,9 @@ def _broken_notes(broken: Sequence[Broken]) -> list[str]:
 
 def _time(frame: Frame, record: str) -> str:
     """ISO 8601 from the record's date (YYMMDD) and time (HHMMSS); empty where they are not both there and valid."""
-    text = f"{frame.items.get(record + '05', '')} {frame.items.get(record + '06', '').zfill(6)}"
+    date, clock = (frame.items.get(record + tail, "") for tail in ("05", "06"))
     try:
-        return datetime.strptime(text, "%y%m%d %H%M%S").isoformat()
+        return datetime.strptime(f"{date} {clock.zfill(6)}", "%y%m%d %H%M%S").isoformat() if clock else ""
     except ValueError:
         return ""
 
@@ -361,7 +361,7 @@ def write_wits0(survey: SurveyFile, path: str | Path, channels: Wits0Map) -> Non
             own = column.quantity.unit
             values: Array = np.asarray(column.values)
             if own != what.unit:
-                values = (values * own.factor + own.offset - what.unit.offset) / what.unit.factor
+                values = (values * own.factor - what.unit.offset) / what.unit.factor
                 values = np.round(values, 10) + 0.0
             texts[item] = writing.column(values)
     if len(texts) < 2:

@@ -58,7 +58,7 @@ def replacing(path: str | Path) -> Iterator[BinaryIO]:
             scratch.replace(target)
     except BaseException:
         with suppress(OSError):
-            scratch.unlink(missing_ok=True)
+            scratch.unlink()
         raise
     # make the rename itself durable where the system can
     with suppress(OSError):

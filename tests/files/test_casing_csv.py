@@ -1,0 +1,115 @@
+"""Readings of a casing: their columns and units, depths out of order, and the table of what moved."""
+
+from __future__ import annotations
+
+import csv
+
+import numpy as np
+import pytest
+
+from inclinometry.constants import FOOT
+from inclinometry.errors import FileError
+from inclinometry.files.casing_csv import read_casing, write_displacements
+from inclinometry.survey.displacement import displacement
+
+DEPTH = 0.5 * np.arange(1, 13)
+TILT = 0.02 + 0.001 * DEPTH
+
+
+def casing(folder, columns, rows=None):
+    """A file of columns, name -> (12,) values; `rows` are those kept, in their order."""
+    values = np.column_stack(list(columns.values()))[slice(None) if rows is None else rows]
+    path = folder / "casing.csv"
+    path.write_text("\n".join([",".join(columns), *(",".join(map(repr, row)) for row in values.tolist())]) + "\n")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("unit", "size"), [("digi_25000", 25000.0), ("digi-20000", 20000.0), ("sin", 1.0), ("mm", 500.0)]
+)
+def test_every_unit_is_the_same_casing(tmp_path, unit, size):
+    """12 depths half a metre apart, the lowest first; 1 mm over one step is 1/500."""
+    columns = {"depth_m": DEPTH, f"A+ ({unit})": size * TILT, f"A- ({unit})": -size * (TILT + 1e-4)}
+    found = read_casing(casing(tmp_path, columns, np.arange(11, -1, -1)))
+    np.testing.assert_allclose(found.reading.depth, DEPTH)
+    assert found.reading.step == pytest.approx(0.5)
+    np.testing.assert_allclose(found.reading.faces["a"], np.stack([TILT, -TILT - 1e-4], axis=1), rtol=1e-12)
+    assert (found.lines, found.warnings) == (tuple(range(13, 1, -1)), ())
+
+
+def test_degrees_feet_and_a_single_run(tmp_path):
+    path = casing(tmp_path, {"depth_ft": DEPTH, "a0": np.degrees(np.arcsin(TILT))})
+    found = read_casing(path, "deg")
+    assert found.reading.step == pytest.approx(0.5 * FOOT)
+    np.testing.assert_allclose(found.reading.faces["a"][:, 0], TILT, rtol=1e-12)
+    assert "casing.csv: axis A: a single run; its check-sums cannot be judged" in found.warnings[0]
+
+
+def spoilt(values, place, value):
+    return np.where(np.arange(12) == place, value, values)
+
+
+A = {"depth_m": DEPTH, "a0_sin": TILT, "a180_sin": -TILT}
+
+
+@pytest.mark.parametrize(
+    ("columns", "line", "words"),
+    [
+        ({"a0_sin": TILT}, 1, "no column is the depth; one is needed, such as depth_m; columns found: a0_sin"),
+        (A | {"level_ft": DEPTH}, 1, r"2 columns are depths \(depth_m, level_ft\)"),
+        ({"depth": DEPTH, "a0_sin": TILT}, None, "column 'depth' has no unit"),
+        ({"depth_m": DEPTH, "b0_sin": TILT}, 1, "column 'a0' is missing; columns found: depth_m, b0_sin"),
+        (A | {"A+ (sin)": TILT}, 1, "a run of axis A stands in two columns; remove one"),
+        ({"depth_m": DEPTH, "a180_sin": TILT}, 1, "column 'a180' has no 'a0' beside it; add the run"),
+        (A | {"b0_sin": TILT}, 1, "one axis has run 180 and the other has not"),
+        (A | {"b0_mm": TILT, "b180_mm": -TILT}, 1, "the runs are in 'mm' and 'sin'; give them in one unit"),
+        ({"depth_m": DEPTH, "a0": TILT}, 1, "column 'a0' has no unit; state --unit digi-25000, "),
+        ({"depth_m": DEPTH, "a0_furlong": TILT}, 1, "column 'a0_furlong' has the unit 'furlong', which is not known"),
+        (A | {"a0_sin": spoilt(TILT, 6, 1.5)}, 8, "a0_sin is 1.5, no tilt in sin; is it in another unit?"),
+        ({"depth_m": DEPTH, "a0_deg": spoilt(TILT, 6, 91.0)}, 8, "a0_deg is 91, no tilt in deg"),
+        (A | {"a180_sin": TILT}, 1, "A180 follows A0 instead of its negative"),
+        (A | {"depth_m": spoilt(DEPTH, 6, 3.0)}, 8, "depth 3 m repeats 3 m; remove the row"),
+        (A | {"depth_m": spoilt(DEPTH, 6, 2.0)}, 8, "depth 2 m turns back from 3 m; remove the row"),
+        (A | {"depth_m": spoilt(DEPTH, 6, 3.7)}, 8, "a step of 0.7 m from 3 to 3.7 m, the others are 0.5 m"),
+    ],
+)
+def test_readings_that_cannot_be_meant(tmp_path, columns, line, words):
+    with pytest.raises(FileError, match=words) as caught:
+        read_casing(casing(tmp_path, columns))
+    assert caught.value.line == line
+
+
+def test_an_option_against_the_names_few_depths_and_steps_that_are_almost_even(tmp_path):
+    with pytest.raises(FileError, match="column 'a0_sin' is in 'sin', and --unit says 'mm'; leave the option out"):
+        read_casing(casing(tmp_path, A), "mm")
+    assert len(read_casing(casing(tmp_path, A), "sin").lines) == 12
+    assert len(read_casing(casing(tmp_path, A, np.arange(5))).lines) == 5
+    with pytest.raises(FileError, match="4 depths; needed are at least 5"):
+        read_casing(casing(tmp_path, A, np.arange(4)))
+    # a tape is read to a millimetre or two
+    assert len(read_casing(casing(tmp_path, A | {"depth_m": spoilt(DEPTH, 6, 3.508)})).lines) == 12
+    # from the bottom up a depth turns back where it is deeper than the one before
+    with pytest.raises(FileError, match=r"line 6: depth 5\.5 m turns back from 4\.5 m"):
+        read_casing(casing(tmp_path, A, [11, 10, 9, 8, 10, 7, 6, 5]))
+
+
+def test_what_moved_is_written_in_millimetres(tmp_path):
+    """One reading; its third step leans by 0.004 more, and one check-sum is a spike."""
+    tilt = TILT + np.where(np.arange(12) == 2, 0.004, 0.0)
+    base = read_casing(casing(tmp_path, A)).reading
+    noise = 1e-5 * np.random.default_rng(1).normal(size=12)
+    spike = np.where(np.arange(12) == 7, 0.01, 0.0)
+    now = read_casing(casing(tmp_path, A | {"a0_sin": tilt, "a180_sin": -tilt + noise + spike})).reading
+    moved = displacement(base, now)
+    write_displacements(tmp_path / "d.csv", [("May", moved)])
+    with (tmp_path / "d.csv").open() as stream:
+        rows = list(csv.DictReader(stream))
+    assert [row["survey"] for row in rows] == ["May"] * 13
+    assert [float(row["depth_m"]) for row in rows] == pytest.approx([*DEPTH, 6.5])
+    # over half a metre; the noise of the mean of two runs is 3 micrometres a step
+    assert float(rows[2]["step_a_mm"]) == pytest.approx(2.0, abs=0.02)
+    for name, values in (("a_mm", moved.axes["a"].displacement), ("u_a_mm", moved.axes["a"].u)):
+        np.testing.assert_allclose([float(row[name]) for row in rows], 1000.0 * values, atol=1e-6)
+    assert float(rows[7]["check_sum_a_mm"]) == pytest.approx(5.0, abs=0.02)
+    assert (rows[12]["step_a_mm"], rows[12]["check_sum_a_mm"]) == ("", "")
+    assert [row["flags"] for row in rows] == ["spike_a" if k == 7 else "" for k in range(13)]

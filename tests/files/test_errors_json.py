@@ -1,0 +1,75 @@
+"""errors.json: what comes back is what was written; parts that do not fit each other are refused with their place."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from inclinometry.errors import FileError, InputError
+from inclinometry.files.errors_json import RunErrors, read_errors, write_errors
+from inclinometry.uncertainty import AngleErrors
+
+STATIONS, PARAMETERS = 3, 2
+
+
+def run(errors=None):
+    rng = np.random.default_rng(3)
+    by = rng.normal(size=(STATIONS, 4, PARAMETERS))
+    causes = {
+        "calibration": AngleErrors(by, np.array([[2.0, 0.5], [0.5, 1.0]]), True),
+        "noise": AngleErrors(rng.normal(size=(STATIONS, 4, 1)), np.array([[1e-6]]), False),
+    }
+    return RunErrors(
+        np.array([10.0, 40.0, 70.0]),
+        np.radians([1.0, 2.0, 3.0]),
+        np.radians([350.0, 0.0, 10.0]),
+        "true",
+        causes if errors is None else errors,
+        "7",
+        {"raw": "sha256:00"},
+    )
+
+
+def test_what_is_written_is_read(tmp_path):
+    write_errors(run(), tmp_path / "errors.json")
+    back = read_errors(tmp_path / "errors.json")
+    assert (back.azimuth_reference, back.tool, dict(back.inputs)) == ("true", "7", {"raw": "sha256:00"})
+    for name in ("md", "inclination", "azimuth"):
+        # angles are written to 1e-10 deg
+        np.testing.assert_allclose(getattr(back, name), getattr(run(), name), atol=2e-12)
+    assert list(back.errors) == ["calibration", "noise"]
+    for name, one in run().errors.items():
+        np.testing.assert_array_equal(back.errors[name].by_parameter, one.by_parameter)
+        np.testing.assert_array_equal(back.errors[name].covariance, one.covariance)
+        assert back.errors[name].shared is one.shared
+    write_errors(back, tmp_path / "again.json")
+    assert (tmp_path / "again.json").read_bytes() == (tmp_path / "errors.json").read_bytes()
+
+
+def test_a_run_of_which_no_causes_are_known_is_not_written(tmp_path):
+    with pytest.raises(InputError, match="--errors needs --scale joint or fixed"):
+        write_errors(run({}), tmp_path / "errors.json")
+    assert not (tmp_path / "errors.json").exists()
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda c: c.update(version=2), "version"),
+        (lambda c: c["stations"]["azimuth_deg"].pop(), r"\$.stations has columns of different lengths"),
+        (lambda c: c["errors"][1]["by_parameter"]["east"].pop(), r"\$.errors\[1\]: "),
+        (lambda c: c["errors"][1].update(cause="calibration"), r"\$.errors\[1\]: .*is not of 3 stations and 1 param"),
+        (lambda c: c["errors"][0].update(covariance=[[1.0]]), r"\$.errors\[0\]: .*is not of 3 stations and 1 param"),
+        (lambda c: c["errors"][0].update(covariance=[[1.0, 2.0], [2.0, 1.0]]), r"\$.errors\[0\].covariance"),
+        (lambda c: [rows.pop() for rows in c["errors"][0]["by_parameter"].values()], "not of 3 stations and 2 param"),
+    ],
+)
+def test_parts_that_do_not_fit(tmp_path, change, words):
+    write_errors(run(), tmp_path / "errors.json")
+    content = json.loads((tmp_path / "errors.json").read_text())
+    change(content)
+    (tmp_path / "errors.json").write_text(json.dumps(content))
+    with pytest.raises(FileError, match=words):
+        read_errors(tmp_path / "errors.json")

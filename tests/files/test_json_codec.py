@@ -1,0 +1,91 @@
+"""JSON records: one spelling for one content, and every refusal with its place in the file."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from inclinometry.errors import FileError, InputError
+from inclinometry.files.json_codec import canonical, load, of_kind, shown
+
+
+def test_one_spelling():
+    content = {"b": np.float64(1.0), "a": [1, "x", None, True], "deep": {"none": {}, "rows": [[1.5], []]}}
+    deep = '{\n  "none": {},\n  "rows": [\n   [1.5],\n   []\n  ]\n }'
+    text = f'{{\n "a": [1, "x", null, true],\n "b": 1.0,\n "deep": {deep}\n}}\n'
+    assert canonical(content) == text.encode()
+    assert canonical(json.loads(text)) == text.encode()
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        ({"a": [1.0, np.nan]}, r"\$.a\[1\] is nan"),
+        ({"a": {"b": np.inf}}, r"\$.a.b is inf"),
+        ({"a": {1: 2}}, r"\$.a: the keys \[1\] are not distinct texts"),
+        ({"a": {1: 2, "1": 3}}, "are not distinct texts"),
+        ({"a": b"x"}, r"\$.a is a bytes"),
+        ({"a": "\ud800"}, "is not Unicode"),
+    ],
+)
+def test_what_json_cannot_hold(content, words):
+    with pytest.raises(InputError, match=words):
+        canonical(content)
+
+
+@pytest.mark.parametrize(
+    ("data", "line", "words"),
+    [
+        (b"[1]", None, "holds a JSON list; an object is needed"),
+        (b'{"a": 1,\n"b": }', 2, r"not JSON: Expecting value \(column 6\)"),
+        (b'{"a": 1, "a": 2}', None, "key 'a' appears twice in one object"),
+        (b'{"a": NaN}', None, "NaN is not a number JSON allows"),
+        (b'{"a": 1e999}', None, "1e999 is too large"),
+        (b'{"a": "\xff"}', None, "not UTF-8 text .byte 7."),
+        (b"[" * 100_000, None, "not usable JSON"),
+    ],
+)
+def test_files_that_hold_no_record(tmp_path, data, line, words):
+    (tmp_path / "a.json").write_bytes(data)
+    with pytest.raises(FileError, match=words) as caught:
+        load(tmp_path / "a.json")
+    assert caught.value.line == line
+
+
+def test_files_that_cannot_be_read_and_a_mark_before_the_text(tmp_path):
+    with pytest.raises(FileError, match="no such file"):
+        load(tmp_path / "a.json")
+    with pytest.raises(FileError, match="cannot be read"):
+        load(tmp_path)
+    (tmp_path / "a.json").write_bytes(b"\xef\xbb\xbf{}")
+    assert load(tmp_path / "a.json") == {}
+
+
+def test_another_kind_and_a_newer_version():
+    kinds = ("inclinometry/tool", "inclinometry/truth")
+    with pytest.raises(FileError, match=r"no schema is stated; .*\"inclinometry/tool\" or .*`calibrate -o or simulate"):
+        of_kind({}, "a.json", *kinds)
+    with pytest.raises(FileError, match=r"\$.schema is 'inclinometry/allan'"):
+        of_kind({"schema": "inclinometry/allan"}, "a.json", *kinds)
+    with pytest.raises(FileError, match=r"\$.version is 3, written by a newer release; this one reads version 2"):
+        of_kind({"schema": "inclinometry/tool", "version": 3}, "a.json", *kinds, version=2)
+    for version in (0, True, "1", None):
+        with pytest.raises(FileError, match=r"\$"):
+            of_kind({"schema": "inclinometry/tool", "version": version}, "a.json", *kinds, version=2)
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        ("x" * 58, '"' + "x" * 58 + '"'),
+        ("x" * 59, '"' + "x" * 55 + '..."'),
+        (list(range(30)), "a list of 30 entries"),
+        ({str(k): k for k in range(30)}, "an object of 30 entries"),
+        (int("9" * 61), "9" * 57 + "..."),
+        ([None, True], "[null, true]"),
+    ],
+)
+def test_values_in_messages_stay_short(value, text):
+    assert shown(value) == text

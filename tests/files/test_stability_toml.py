@@ -1,0 +1,55 @@
+"""What a tool moves by in a year, as a file: units of the file, what is needed, what cannot be."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from inclinometry.errors import FileError
+from inclinometry.files.stability_toml import read_stability, write_stability
+from inclinometry.stability import Stability
+
+TEXT = (
+    "accelerometer_offset_m_s2 = 0.001\naccelerometer_scale = 1e-4\nmagnetometer_offset_nT = 20\n"
+    'magnetometer_scale = 4e-4\nmagnetometer_axis_deg = 0.02\nsource = "own fleet"\n'
+)
+
+
+def stability(folder, text=TEXT):
+    (folder / "s.toml").write_text(text)
+    return read_stability(folder / "s.toml")
+
+
+def test_the_units_of_the_file(tmp_path):
+    own = Stability(1e-3, 1e-4, 20.0, 4e-4, 0.0, np.radians(0.02), "own fleet")
+    assert stability(tmp_path) == own
+
+
+@pytest.mark.parametrize("source", ['own "fleet"', "a\\b", "two\nlines\tand a tab", "парк"])
+def test_what_is_written_is_read(tmp_path, source):
+    """Numbers to six digits."""
+    own = Stability(1.25e-3, 2e-4, 21.5, 3e-4, np.radians(0.01), np.radians(0.03), source)
+    write_stability(own, tmp_path / "s.toml")
+    back = read_stability(tmp_path / "s.toml")
+    assert back.source == source
+    names = [f"{sensor}_{what}" for sensor in ("accelerometer", "magnetometer") for what in ("offset", "scale", "axis")]
+    assert [getattr(back, n) for n in names] == pytest.approx([getattr(own, n) for n in names], rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("accelerometer_scale = 1e-4\n", "", "key 'accelerometer_scale' is missing; give it, 0 where that does not"),
+        ('source = "own fleet"\n', "", "key 'source' is missing; say where the numbers come from"),
+        ("0.001", "9.81", "accelerometer_offset_m_s2 is 9.81; a number from 0 to 1 is needed"),
+        ("4e-4", "4e-1", "magnetometer_scale is 0.4; a number from 0 to 0.1"),
+        ("= 20", "= 50000", "magnetometer_offset_nT is 50000; a number from 0 to 10000"),
+        ("0.02", "6", "magnetometer_axis_deg is 6; a number from 0 to 5"),
+        ("0.02", "-0.02", "magnetometer_axis_deg is -0.02; a number from 0 to 5"),
+    ],
+)
+def test_what_cannot_be(tmp_path, old, new, words):
+    with pytest.raises(FileError, match=words):
+        stability(tmp_path, TEXT.replace(old, new))
+    # nothing moves, which one may say
+    assert stability(tmp_path, TEXT.replace("0.001", "0")).accelerometer_offset == 0.0

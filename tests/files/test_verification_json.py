@@ -1,0 +1,103 @@
+"""verify.json: every position in degrees, bound to one calibration of one tool."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from inclinometry.calibration.acceptance import Limits, Verification
+from inclinometry.errors import FileError
+from inclinometry.files.tool_json import read_calibration
+from inclinometry.files.verification_json import read_verification, write_verification
+
+TOOL = Path(__file__).parents[1] / "reference" / "convention-house" / "tool.json"
+LIMITS = Limits("mine", "works standard 7", np.radians(0.1), np.radians(1.0), None, np.radians(3.0), "none")
+
+
+@pytest.fixture(scope="module")
+def calibration():
+    return read_calibration(TOOL)
+
+
+def verification():
+    """Two positions; at the vertical one azimuth and toolface are not judged."""
+    errors = np.radians([[0.05, 0.2, -0.1], [-0.15, np.nan, np.nan]])
+    return Verification(
+        station=("1", "2"),
+        dials=np.radians([[120.0, 30.0, 240.0], [0.0, 0.0, 0.0]]),
+        true_inclination=np.radians([30.0, 0.0]),
+        errors=errors,
+        u=np.radians([[0.01, 0.05, 0.02], [0.01, np.nan, np.nan]]),
+        limits=np.radians([[0.1, 1.0, np.nan], [0.1, 1.0, np.nan]]),
+        decision=(("pass", "pass", "not judged"), ("fail", "not judged", "not judged")),
+        coverage_factor=2.0,
+        verdict="fail",
+        reasons=("inclination at 2",),
+        limits_name="mine",
+        limits_source="works standard 7",
+        inputs={"readings": "sha256:00"},
+        warnings=("few positions",),
+        notes=("level assumed",),
+    )
+
+
+def test_every_position_in_degrees(tmp_path, calibration):
+    write_verification(tmp_path / "verify.json", verification(), LIMITS, calibration)
+    content = read_verification(tmp_path / "verify.json", calibration)
+    assert (content["verdict"], content["tool"]) == ("fail", calibration.tool.name)
+    first, second = content["report"]["positions"]
+    dials = [first[f"{name}_deg"] for name in ("azimuth", "inclination", "toolface")]
+    assert (first["position"], dials) == ("1", [120.0, 30.0, 240.0])
+    assert first["azimuth"] == {"error_deg": pytest.approx(0.2), "U_deg": pytest.approx(0.1), "limit_deg":
+                                pytest.approx(1.0), "decision": "pass"}  # fmt: skip
+    assert first["toolface"]["limit_deg"] is None
+    assert second["azimuth"] == {"error_deg": None, "U_deg": None, "limit_deg": pytest.approx(1.0),
+                                 "decision": "not judged"}  # fmt: skip
+    assert second["inclination"]["error_deg"] == pytest.approx(-0.15)
+    assert content["report"]["reasons"] == ["inclination at 2", "level assumed"]
+    assert content["report"]["warnings"] == ["few positions"]
+    assert content["limits"] == {
+        "name": "mine", "source": "works standard 7", "guard": "none",
+        "min_inclination_deg_for_azimuth": pytest.approx(3.0), "inclination_deg": pytest.approx(0.1),
+        "azimuth_deg": pytest.approx(1.0), "toolface_deg": None,
+    }  # fmt: skip
+    # limits that the program has derived have no figures of their own
+    write_verification(tmp_path / "derived.json", verification(), None, calibration)
+    derived = read_verification(tmp_path / "derived.json", calibration)["limits"]
+    assert derived == {"name": "mine", "source": "works standard 7"}
+
+
+def test_it_is_of_one_calibration_of_one_tool(tmp_path, calibration):
+    path = tmp_path / "verify.json"
+    write_verification(path, verification(), LIMITS, calibration)
+    with pytest.raises(FileError, match="was made with another calibration of the tool; verify again"):
+        read_verification(path, replace(calibration, warnings=("another",)))
+    other = replace(calibration, tool=replace(calibration.tool, name="another"))
+    with pytest.raises(FileError, match="the calibration of 'another'"):
+        read_verification(path, other)
+
+
+@pytest.mark.parametrize(
+    ("cells", "lost"),
+    [
+        ({"decision": "pass", "error_deg": None}, True),
+        ({"decision": "fail", "U_deg": None}, True),
+        ({"decision": "not judged", "error_deg": None}, False),
+        ({"decision": "pass", "error_deg": None, "limit_deg": None}, False),
+    ],
+)
+def test_what_is_judged_has_a_number(tmp_path, calibration, cells, lost):
+    path = tmp_path / "verify.json"
+    write_verification(path, verification(), LIMITS, calibration)
+    content = json.loads(path.read_text())
+    content["report"]["positions"][0]["azimuth"].update(cells)
+    path.write_text(json.dumps(content))
+    if not lost:
+        assert read_verification(path, calibration)["verdict"] == "fail"
+        return
+    with pytest.raises(FileError, match=r"azimuth of position '1' is judged .* without error or U; verify again"):
+        read_verification(path, calibration)
