@@ -218,7 +218,7 @@ def test_the_accelerometers_share_is_how_the_gain_follows_its_parameters(fitted)
 
 
 def test_residuals_follow_the_gain_and_scatter_as_they_are_weighed(fitted):
-    """Derivatives against differences; whitened, errors of the rests, shared by two rotations, and of the bias are 1."""
+    """Derivatives against differences; whitened, errors of the rests, shared by two, and of the bias are 1."""
     _, fit, found = fitted
     _, by_gain, by_bias, end = fit._model(found.gain)
     size, samples = 1e-6 * found.gain[0, 0], fit.samples
