@@ -83,7 +83,9 @@ def test_a_gain_that_changes_is_named_with_its_station_and_size(start, gain):
     right = run()
     values = right.channels["magnetometer"].copy()
     values[start:, 1] *= gain
-    with pytest.raises(InputError, match=rf"the magnetometer y {gain:g} times as sensitive from station {start + 1} on"):
+    with pytest.raises(
+        InputError, match=rf"the magnetometer y {gain:g} times as sensitive from station {start + 1} on"
+    ):
         check_whole(replace(right, channels={**right.channels, "magnetometer": values}))
 
 
