@@ -160,6 +160,11 @@ def test_weights_count_readings():
     twice = calibrate_norm(np.concatenate([y, y[:7]]))
     weighted = calibrate_norm(y, weight=np.where(np.arange(20) < 7, 2.0, 1.0))
     np.testing.assert_allclose(twice.inverse, weighted.inverse, atol=1e-9)
+    small = calibrate_norm(y, weight=np.where(np.arange(20) < 7, 0.02, 0.01))
+    np.testing.assert_allclose(small.covariance, weighted.covariance, rtol=1e-9)
+    # a reading of no weight is as if it were not there
+    without = calibrate_norm(y, weight=np.arange(20) > 0)
+    np.testing.assert_allclose(without.inverse, calibrate_norm(y[1:]).inverse, atol=1e-9)
     assert twice.cost == pytest.approx(weighted.cost)
 
 

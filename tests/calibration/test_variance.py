@@ -191,13 +191,15 @@ def twelve(bench):
     return readings
 
 
-def test_evidence_of_repeating_errors_is_the_ratio_of_two_dense_likelihoods(twelve):
+@pytest.mark.parametrize("rig_deg", [0.1, 0.02])
+def test_evidence_of_repeating_errors_is_the_ratio_of_two_dense_likelihoods(twelve, rig_deg):
     """With them as fitted against none of them, where the random ones of the dial may be up to 30 times larger."""
-    here = fitted_model(twelve, {"accelerometer": 0.8, "magnetometer": 0.5}, np.radians(0.1))
+    here = fitted_model(twelve, {"accelerometer": 0.8, "magnetometer": 0.5}, np.radians(rig_deg))
     fitted = fit(*with_repeating(here))
     covariance, columns, jacobian, residual = dense(fitted)
     model, found = fitted.model, repeating_evidence(fitted)
     both = covariance + columns * model.structure_sd**2 @ columns.T
+    grew = []
     for dial in range(3):
         mine = model.structure_dial == dial
         assert mine.any()
@@ -208,6 +210,8 @@ def test_evidence_of_repeating_errors_is_the_ratio_of_two_dense_likelihoods(twel
         grown = [twice_negative(without + more * random, jacobian, residual)[0] for more in (0.0, 2.0, 9.0, 29.0)]
         ratio = (min(grown) - twice_negative(both, jacobian, residual)[0]) / 2.0
         assert found[dial] == pytest.approx(ratio, abs=1e-6)
+        grew.append(grown[0] > min(grown))
+    assert any(grew) == (rig_deg < 0.1)
     assert not repeating_evidence(here).any()
 
 
