@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
 
@@ -11,7 +12,9 @@ import pytest
 from scipy.optimize import least_squares
 
 from inclinometry.calibration.hand_rotations import (
+    _Fit,
     _Legs,
+    _Log,
     _turned,
     calibrate_hand_rotations,
     hand_rotations_calibration,
@@ -116,6 +119,9 @@ def log_of(seed, count=36, tool=None, **motion):
     return tool, simulate_log(tool, *poses, **({"dwell": 4.0, "move": 2.5, "rate": 100.0} | motion), seed=seed)
 
 
+SHORT = {"count": 20, "dwell": 2.0, "move": 1.5, "rate": 50.0}
+
+
 def truth(tool):
     """The parameters of `HandRotations.covariance` in the accelerometer's own axes."""
     accel, gyro = tool.triads["accelerometer"], tool.triads["gyro"]
@@ -169,6 +175,89 @@ def test_a_drifting_bias_does_no_harm():
     off = (estimate(found) - truth(tool))[9:18] / np.sqrt(np.diag(found.covariance)[9:18])
     assert np.abs(off).max() < 3.5
     assert found.bias_scatter.min() > 0.5
+
+
+def test_a_bias_that_drifts_straight_is_taken_off_whole():
+    """From the middle of a rest to the middle of the next, so that no share of it stays in a rotation."""
+    _, log = log_of(5, **SHORT)
+    time, accel, gyro = signals(log)
+    drift = 3.0 * (time / time[-1])[:, None] * [1.0, -2.0, 0.5]
+    still, moved = (calibrate_hand_rotations(time, accel, g) for g in (gyro, gyro + drift))
+    # what the drift may hide weighs the rotations otherwise: a share of the standard uncertainty
+    off = np.abs(moved.gain - still.gain).ravel() / np.sqrt(np.diag(moved.covariance)[9:18])
+    assert off.max() < 0.8
+    assert moved.rms < 1.1 * still.rms
+    np.testing.assert_allclose(moved.bias - still.bias, drift.mean(axis=0), rtol=0.05)  # the rests lie evenly
+
+
+@pytest.fixture(scope="module")
+def fitted():
+    """A log, the fit inside the calibration, and the calibration."""
+    _, log = log_of(5, **SHORT)
+    found = calibrate_hand_rotations(*signals(log))
+    return _Log(*signals(log)), _Fit(_Log(*signals(log)), found.rests, found.accelerometer, None), found
+
+
+def test_the_accelerometers_share_is_how_the_gain_follows_its_parameters(fitted):
+    """Of linear order, against fits with the accelerometer moved by 30 standard uncertainties both ways."""
+    log, _, found = fitted
+    own = found.covariance[:9, :9]
+    slope = found.covariance[9:18, :9] @ np.linalg.inv(own)
+    np.testing.assert_array_equal(found.covariance[:9, 9:18], found.covariance[9:18, :9].T)
+    fit, rng = found.accelerometer, np.random.default_rng(0)
+    for _ in range(3):
+        step = 30.0 * np.sqrt(np.diag(own)) * rng.normal(size=9)
+        ends = []
+        for way in (step, -step):
+            inverse = fit.inverse.copy()
+            inverse[tuple(zip(*UPPER, strict=True))] += way[:6]
+            moved = replace(fit, inverse=inverse, bias=fit.bias + way[6:])
+            ends.append(_Fit(log, found.rests, moved, None).solve(found.gain)[0].ravel())
+        wanted = slope @ step
+        np.testing.assert_allclose((ends[0] - ends[1]) / 2.0, wanted, atol=2e-3 * np.abs(wanted).max())
+
+
+def test_residuals_follow_the_gain_and_scatter_as_they_are_weighed(fitted):
+    """Derivatives against differences; whitened, errors of the rests, shared by two, and of the bias are 1."""
+    _, fit, found = fitted
+    _, by_gain, by_bias, end = fit._model(found.gain)
+    size, samples = 1e-6 * found.gain[0, 0], fit.samples
+    for k in range(9):
+        step = size * np.eye(9)[k].reshape(3, 3)
+        slope = (fit._model(found.gain + step)[0] - fit._model(found.gain - step)[0]) / (2.0 * size)
+        # sums over samples for integrals: a thousandth
+        np.testing.assert_allclose(slope, by_gain[..., k], atol=1e-3 * np.abs(by_gain).max())
+    for k, step in enumerate(1e-4 * np.eye(3)):
+        ends = []
+        for way in (step, -step):
+            fit.samples = samples._replace(signals=samples.signals - way)
+            ends.append(fit._model(found.gain)[0])
+        fit.samples = samples
+        np.testing.assert_allclose((ends[0] - ends[1]) / 2e-4, by_bias[..., k], atol=1e-3 * np.abs(by_bias).max())
+    rng = np.random.default_rng(1)
+    fit.rests = replace(found.rests, noise_sd=np.zeros(6))
+    fit.down_variance = np.linspace(1e-3, 3e-3, len(found.rests)) ** 2
+    fit.bias_sd = 0.3 * np.linspace(1.0, 2.0, 3) + 0.0 * fit.bias_sd
+    whiten = fit._whitener(found.gain, by_bias, end)
+    drawn = []
+    for _ in range(4000):
+        down = fit.down + np.sqrt(fit.down_variance)[:, None] * rng.normal(size=fit.down.shape)
+        off = down[fit.rest + 1] - np.einsum("kab,kb->ka", end, down[fit.rest])
+        off += np.einsum("kij,kj->ki", by_bias, fit.bias_sd * rng.normal(size=fit.bias_sd.shape))
+        drawn.append(whiten @ fit._flat(off))
+    # of 4000 draws a variance scatters by 0.022, a covariance by 0.016: five times the larger of 38 x 38
+    np.testing.assert_allclose(np.cov(np.transpose(drawn)), np.eye(len(whiten)), atol=0.11)
+
+
+def test_noise_of_the_gyro_alone_explains_the_residuals():
+    """Chi square of 5 logs of 35 rotations, 61 degrees of freedom each: 1 within four standard deviations."""
+    ratios = []
+    for seed in range(5):
+        tool = chip(seed, sd=6.0)
+        _, log = log_of(seed, tool=tool, **(SHORT | {"count": 36}))
+        found = calibrate_hand_rotations(*signals(log))
+        ratios.append(found.chi_square_ratio)
+    assert np.mean(ratios) == pytest.approx(1.0, abs=4.0 * np.sqrt(2.0 / (5 * 61)))
 
 
 def test_exchanged_and_reversed_channels_are_found_and_said():

@@ -1,12 +1,17 @@
 """What a plan can and cannot see, against the rank of a matrix differentiated numerically, and what is said of it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from inclinometry.calibration import plans
+from inclinometry.calibration.identifiability import constant_errors
 from inclinometry.calibration.joint import calibrate_joint
-from inclinometry.calibration.likelihood import NUISANCE
+from inclinometry.calibration.likelihood import NUISANCE, Model
 from inclinometry.calibration.plans import Plan
+from inclinometry.calibration.start import starting_state
+from inclinometry.calibration.variance import fit
 from inclinometry.errors import IdentifiabilityError
 from inclinometry.sensors import parameter_vector
 from inclinometry.simulate.bench import Rig
@@ -230,6 +235,32 @@ class TestConstantErrorsOfTheRig:
             assert abs(estimate - true) < 4 * u
         assert worst(found, tool) < 6.0
         assert "inclination" in repr(found)
+
+
+@pytest.mark.parametrize("settings", [plans.twelve(), plans.orthogonal()], ids=lambda p: p.name)
+def test_an_error_that_was_not_fitted_is_what_a_fit_with_it_finds(bench, settings):
+    """Estimate and uncertainty of each alone, from residuals, against a fit that carries it."""
+    rig = Rig(setting_sd=np.radians(0.05), inclination_zero=2e-3, outer=-1e-3, inner=1.5e-3)
+    readings, _ = bench(settings, random_tool(3, bits=None), rig)
+    sd = np.concatenate([np.full(v.shape, 0.5) for v in readings.channels.values()], axis=1)
+    dials = np.stack(readings.dials, axis=1)
+    model = Model(readings.channels, dials, np.ones((len(dials), 1)), sd, np.full(3, np.radians(0.05)), np.zeros(4), {})
+    here = fit(model, starting_state(model))
+    found = constant_errors(here)
+    assert list(found) == list(NUISANCE)
+    for place, name in enumerate(NUISANCE):
+        wide = replace(model, nuisance_sd=np.eye(4)[place])
+        carried = fit(wide, here.state)
+        column = wide.columns()[2]
+        u = float(np.sqrt(carried.covariance[column, column][0, 0]))
+        if name == "toolface_zero":
+            assert found[name] == (0.0, np.inf)
+            assert u == pytest.approx(1.0, rel=1e-3)
+            continue
+        assert found[name][1] == pytest.approx(u, rel=0.01)
+        # errors of three standard uncertainties: a hundredth of one is not linear
+        assert found[name][0] == pytest.approx(carried.state.nuisance[place], abs=0.05 * u)
+    assert "inclination_zero" not in constant_errors(fit(replace(model, nuisance_sd=np.eye(4)[0]), here.state))
 
 
 @pytest.mark.parametrize("count", [2, 3, 4])

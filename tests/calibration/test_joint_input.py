@@ -9,6 +9,7 @@ import pytest
 from inclinometry.calibration import plans
 from inclinometry.calibration.joint import calibrate_joint
 from inclinometry.calibration.readings import BenchReadings
+from inclinometry.calibration.start import enough
 from inclinometry.errors import IdentifiabilityError, InputError
 from inclinometry.simulate.bench import Rig
 from inclinometry.simulate.tool import random_tool
@@ -31,6 +32,32 @@ def test_any_small_number_of_stations_is_an_error_or_a_finite_result(readings, c
     with contextlib.suppress(IdentifiabilityError):
         found = calibrate_joint(readings.take(range(count)))
     assert found is None or np.isfinite(found.covariance).all()
+
+
+def test_more_stations_than_a_laptop_can_fit_are_refused_in_words():
+    signals = np.tile(np.eye(3), (6667, 1))
+    enough(BenchReadings({"accelerometer": signals[:20_000]}))
+    with pytest.raises(InputError, match="20001 stations; a fit takes up to 20000: average readings"):
+        enough(BenchReadings({"accelerometer": signals}))
+
+
+def test_a_reading_that_no_attitude_gives_is_named(readings):
+    wild = {kind: values.copy() for kind, values in readings.channels.items()}
+    usual = np.abs(wild["magnetometer"][:, 1]).max()
+    wild["magnetometer"][4, 1] = 500.0 * usual
+    enough(dataclasses.replace(readings, channels=wild))
+    wild["magnetometer"][4, 1] = 5000.0 * usual
+    with pytest.raises(InputError, match=r"station 5: magnetometer 2 reads .* the others lie around"):
+        enough(dataclasses.replace(readings, channels=wild))
+
+
+@pytest.mark.parametrize("sensors", [2, 3, 4, 5])
+def test_as_many_readings_as_parameters_are_enough_to_begin_with(sensors):
+    signals = np.random.default_rng(1).normal(size=(20, sensors))
+    least = -(-(4 * sensors + 2) // sensors)
+    enough(BenchReadings({"accelerometer": signals[:least]}))
+    with pytest.raises(IdentifiabilityError, match=f"its {4 * sensors + 2} parameters; take at least {least + 1}"):
+        enough(BenchReadings({"accelerometer": signals[: least - 1]}))
 
 
 def test_no_angles(readings):
@@ -74,7 +101,11 @@ def test_options_that_cannot_be_used_are_one_clear_error(readings, options, word
         ({"channels": {}}, "channels are"),
         ({"channels": {"compass": np.zeros((24, 3))}}, "compass"),
         ({"channels": {"gyro": np.zeros(24)}}, "shape"),
-        ({"channels": {"gyro": np.zeros((24, 3)), "accelerometer": np.zeros((23, 3))}}, "shape"),
+        (
+            {"channels": {"gyro": np.zeros((24, 3)), "accelerometer": np.zeros((23, 3))}},
+            r"gyro has shape \(24, 3\); expected \(23, m\)",
+        ),
+        ({"channels": {"gyro": np.zeros((24, 2, 3))}}, r"gyro has shape \(24, 2, 3\); expected \(24, m\)"),
         ({"channels": {"gyro": np.full((24, 3), np.nan)}}, r"gyro\[0, 0\] is nan"),
         ({"azimuth": None}, "needed together"),
         ({"azimuth": np.zeros(5)}, "azimuth has shape"),

@@ -135,6 +135,18 @@ class TestLinearisation:
             model.linearise(state).residual, predicted(model, state) - readings, atol=1e-14
         )  # rounding of sums of four products of size 3
 
+    def test_jacobian_along_a_step_of_all_parameters(self, sensors, degree):
+        model, state = make(2, sensors, degree)
+        jacobian = model.linearise(state).jacobian
+        free = np.flatnonzero(model.nuisance_sd > 0.0)
+        for seed in range(3):
+            step = np.random.default_rng(seed).normal(size=jacobian.shape[2])
+            ends = [predicted(model, model.retract(state, h * step)) for h in (H, -H)]
+            # thirty parameters at once: truncation grows with the square of the step, some 50 times
+            np.testing.assert_allclose(jacobian @ step, (ends[0] - ends[1]) / (2 * H), atol=50 * DIFFERENCE)
+            moved = model.retract(state, step).nuisance - state.nuisance
+            np.testing.assert_allclose(moved[free], step[model.columns()[2]], rtol=1e-12)
+
     @pytest.mark.long
     def test_jacobian_by_every_parameter(self, sensors, degree):
         model, state = make(2, sensors, degree)

@@ -3,14 +3,27 @@
 from __future__ import annotations
 
 import gzip
+from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from inclinometry.calibration.norm import algebraic_ellipsoid, calibrate_norm
+from inclinometry.calibration.norm import (
+    algebraic_ellipsoid,
+    algebraic_sphere,
+    calibrate_norm,
+    calibrate_norms,
+    distinct,
+    norm_residuals,
+    one_sided,
+    require_coverage,
+    unit,
+)
+from inclinometry.calibration.readings import BenchReadings
 from inclinometry.errors import IdentifiabilityError, InputError
+from inclinometry.sensors import parameter_vector
 
 MPU = Path(__file__).parents[1] / "reference" / "mpu9150"
 
@@ -147,6 +160,11 @@ def test_weights_count_readings():
     twice = calibrate_norm(np.concatenate([y, y[:7]]))
     weighted = calibrate_norm(y, weight=np.where(np.arange(20) < 7, 2.0, 1.0))
     np.testing.assert_allclose(twice.inverse, weighted.inverse, atol=1e-9)
+    small = calibrate_norm(y, weight=np.where(np.arange(20) < 7, 0.02, 0.01))
+    np.testing.assert_allclose(small.covariance, weighted.covariance, rtol=1e-9)
+    # a reading of no weight is as if it were not there
+    without = calibrate_norm(y, weight=np.arange(20) > 0)
+    np.testing.assert_allclose(without.inverse, calibrate_norm(y[1:]).inverse, atol=1e-9)
     assert twice.cost == pytest.approx(weighted.cost)
 
 
@@ -237,3 +255,163 @@ def test_few_directions_are_warned_of():
     directions = np.random.default_rng(3).normal(size=(12, 3))
     signals = 9.8 * directions / np.linalg.norm(directions, axis=1, keepdims=True)
     assert any("distinct field directions" in sentence for sentence in calibrate_norm(signals, 9.8).warnings)
+
+
+INVERSE = np.array([[2e-3, 1e-4, -3e-4], [0.0, 1.5e-3, 2e-4], [0.0, 0.0, 2.2e-3]])
+BIAS = np.array([3e3, -2e3, 1e2])
+
+
+def test_the_algebraic_start_is_exact_on_exact_readings():
+    """Any ellipsoid, its axes turned, off the origin: |inverse (y - centre)| is 1 everywhere, the root symmetric."""
+    rng = np.random.default_rng(11)
+    turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    for axes in ([3.0, 4.0, 5.0], [1.0, 0.2, 0.5], [1.0, 1.0, 1.0]):
+        y = sphere(rng, 30) @ np.diag(axes) @ turn + [10.0, -20.0, 5.0]
+        found = algebraic_ellipsoid(y)
+        assert found.proper
+        np.testing.assert_allclose(found.inverse, turn.T @ np.diag(1.0 / np.array(axes)) @ turn, atol=1e-9)
+        np.testing.assert_allclose(found.centre, [10.0, -20.0, 5.0], atol=1e-9)
+    centre, radius = algebraic_sphere(7.0 * sphere(rng, 12) + [1.0, 2.0, 3.0])
+    np.testing.assert_allclose([*centre, radius], [1.0, 2.0, 3.0, 7.0], atol=1e-12)
+    # thinner than 10 to 1 is taken for poor coverage: the sphere stands in
+    assert not algebraic_ellipsoid(sphere(rng, 60) * [1.0, 1.0, 0.07]).proper
+    assert algebraic_ellipsoid(sphere(rng, 60) * [1.0, 1.0, 0.14]).proper
+
+
+def test_directions_are_counted_five_degrees_apart():
+    turn = np.radians(np.arange(0.0, 360.0, 1.0))
+    ring = np.stack([np.cos(turn), np.sin(turn), 0.0 * turn], axis=1)
+    # greedily every fifth degree is the first that is new; rounding of a cosine decides at 5 deg itself
+    assert distinct(ring[::6]) == 60
+    assert distinct(ring[::4]) == 45
+    assert distinct(3.0 * ring[::6], limit=7) == 7
+    assert distinct(np.tile(ring[:5:4], (9, 1))) == 1
+
+
+def test_the_side_is_that_of_the_nearest_point_of_the_hull():
+    """Directions in a cap lean towards its axis; turned a little over the rim they surround the origin."""
+    rng = np.random.default_rng(12)
+    axis = unit(np.array([1.0, -2.0, 0.5]))
+    for count in (40, 3000):  # many are thinned to their extremes
+        all_round = sphere(rng, count)
+        cap = all_round[all_round @ axis > 0.3]
+        assert np.degrees(np.arccos(one_sided(cap) @ axis)) < 15.0
+        assert one_sided(all_round) is None
+    assert one_sided(np.concatenate([np.eye(3), -np.eye(3)])) is None
+    # a hull that passes the origin at 0.05 of the radius is beside it
+    ring = np.stack([np.cos(np.arange(12.0)), np.sin(np.arange(12.0))], axis=1)
+    for height, beside in ((0.06, True), (0.04, False)):
+        found = one_sided(np.column_stack([np.sqrt(1.0 - height**2) * ring, np.full(12, height)]))
+        assert (found is not None) == beside
+    np.testing.assert_array_equal(unit(np.zeros((2, 3))), np.zeros((2, 3)))
+    down = sphere(rng, 60) * [1.0, 1.0, 0.2] - [0.0, 0.0, 1.0]
+    with pytest.raises(IdentifiabilityError, match=r"all 60 field directions lie on one side \(mostly -z\)"):
+        require_coverage("signals", down, 5)
+    assert require_coverage("signals", all_round, 9) == distinct(all_round)
+
+
+def test_derivatives_of_the_field_and_of_the_tensor():
+    fit = calibrate_norm(9.8 * sphere(np.random.default_rng(13), 30) @ np.linalg.inv(INVERSE).T + BIAS, 9.8)
+    y = np.random.default_rng(14).normal(0, 3e3, (5, 3))
+    rows, columns = np.triu_indices(3)
+
+    def moved(column, h):
+        inverse, bias = fit.inverse.copy(), fit.bias.copy()
+        if column < 6:
+            inverse[rows[column], columns[column]] += h * 1e-3
+        else:
+            bias[column - 6] += h * 1e3
+        return replace(fit, inverse=inverse, bias=bias)
+
+    slopes, size = fit.field_jacobian(y), np.repeat([1e-3, 1e3], [6, 3])
+    for sign in (False, True):
+        tensors = fit.tensor_jacobian(specific_force=sign)
+        for column in range(9):
+            ends = [moved(column, h) for h in (1e-6, -1e-6)]
+            slope = (ends[0].field(y) - ends[1].field(y)) / 2e-6
+            np.testing.assert_allclose(size[column] * slopes[..., column], slope, atol=1e-6)
+            one, other = (parameter_vector(e.triad("accelerometer", specific_force=sign)) for e in ends)
+            np.testing.assert_allclose(size[column] * tensors[:, column], (one - other) / 2e-6, atol=1e-4)
+
+
+def test_uncertainties_are_the_covariance_carried_to_what_is_shown():
+    rng = np.random.default_rng(15)
+    y = 9.8 * sphere(rng, 40) @ np.linalg.inv(INVERSE).T + BIAS + rng.normal(0.0, 3.0, (40, 3))
+    fit = calibrate_norm(y, 9.8)
+    rows, columns = np.triu_indices(3)
+    u, sd = fit.uncertainty, np.sqrt(np.diag(fit.covariance))
+    np.testing.assert_allclose(u["bias"], sd[6:])
+    np.testing.assert_allclose(u["scale"], sd[[0, 3, 5]])
+    draws = rng.multivariate_normal(np.zeros(9), fit.covariance / np.outer(sd, sd), 20000) * 1e-3 * sd
+    seen = {"conversion": [], "misalignment": []}
+    for d in draws[:4000]:
+        inverse = fit.inverse.copy()
+        inverse[rows, columns] += d[:6]
+        other = replace(fit, inverse=inverse)
+        seen["conversion"].append(1e3 / other.scale)
+        seen["misalignment"].append(1e3 * other.misalignment)
+    for name, values in seen.items():
+        # 4000 draws: 1.1 %
+        np.testing.assert_allclose(np.std(values, axis=0), u[name], rtol=0.06)
+
+
+def test_the_covariance_scales_with_the_residuals_over_their_degrees_of_freedom():
+    """Against least squares written out: J'J of differences of the lengths, variance of 21 degrees of freedom."""
+    rng = np.random.default_rng(16)
+    y = 9.8 * sphere(rng, 30) @ np.linalg.inv(INVERSE).T + BIAS + rng.normal(0.0, 3.0, (30, 3))
+    weight = rng.uniform(0.5, 2.0, 30)
+    fit = calibrate_norm(y, 9.8, weight)
+    direction = fit.field(y) / np.linalg.norm(fit.field(y), axis=1, keepdims=True)
+    slope = np.einsum("ki,kip->kp", direction, fit.field_jacobian(y))
+    share = weight / weight.mean()
+    variance = share @ fit.residual**2 / 21
+    np.testing.assert_allclose(fit.covariance, variance * np.linalg.inv((slope.T * share) @ slope), rtol=1e-6)
+    # the likeliest: the gradient vanishes
+    np.testing.assert_allclose((slope.T * share) @ fit.residual / np.abs(slope).max(axis=0), 0.0, atol=1e-6)
+    assert fit.cost == pytest.approx(0.5 * weight @ fit.residual**2)
+    assert fit.rms == pytest.approx(np.sqrt(np.mean(fit.residual**2)))
+
+
+def test_residuals_in_signals_lie_along_the_field():
+    """Taken off the signals they leave lengths that are right; over their standard deviation they scatter by one."""
+    rng = np.random.default_rng(17)
+    y = 9.8 * sphere(rng, 60) @ np.linalg.inv(INVERSE).T + BIAS + rng.normal(0.0, 3.0, (60, 3))
+    fit = calibrate_norm(y, 9.8)
+    values, scaled = norm_residuals(fit, y)
+    np.testing.assert_allclose(np.linalg.norm(fit.field(y - values), axis=1), 9.8, atol=1e-9)
+    assert np.sum(scaled[:, 0] ** 2) == pytest.approx(60 - 9)
+    np.testing.assert_allclose(scaled[:, 0], scaled[:, 2])
+
+
+def test_triads_of_bench_readings_in_the_unit_of_their_reference():
+    rng = np.random.default_rng(18)
+    down, field = sphere(rng, 40), sphere(rng, 40)
+    tensor = np.linalg.inv(INVERSE)
+    channels = {
+        "accelerometer": -9.81 * down @ tensor.T + BIAS + rng.normal(0.0, 3.0, (40, 3)),
+        "magnetometer": 50.0 * field @ tensor.T + rng.normal(0.0, 3.0, (40, 3)),
+    }
+    heat = np.linspace(5.0, 25.0, 40)
+    found = calibrate_norms(
+        BenchReadings(channels, reference={"g": 9.81, "b": 50.0}, temperature=heat), specific_force=True
+    )
+    strengths = {"accelerometer": 9.81, "magnetometer": 50.0}
+    for place, (kind, seen) in enumerate((("accelerometer", down), ("magnetometer", field))):
+        triad = found.tool.triads[kind]
+        assert triad.field_strength == strengths[kind]
+        # noise of 3 in 5000 and 25000
+        np.testing.assert_allclose(triad.field(channels[kind]), seen, atol=5e-3)
+        # a direction across the field is lost: of three errors of 3 the length shows one
+        np.testing.assert_allclose(found.tool.noise[kind], 3.0, rtol=0.3)
+        here = slice(12 * place, 12 * place + 12)
+        fit = calibrate_norm(channels[kind], strengths[kind])
+        carried = fit.tensor_jacobian(specific_force=kind == "accelerometer")
+        np.testing.assert_allclose(found.covariance[here, here], carried @ fit.covariance @ carried.T)
+    assert not found.covariance[:12, 12:].any()
+    assert found.tool.temperature_range == (5.0, 25.0)
+    assert found.residuals.leverage.sum() == pytest.approx(9.0)
+    assert any("distinct directions (5 deg apart) in 40 readings" in note for note in found.notes)
+    upright = calibrate_norms(BenchReadings({"accelerometer": channels["accelerometer"]}), gravity=9.81)
+    np.testing.assert_allclose(upright.tool.triads["accelerometer"].field(channels["accelerometer"]), -down, atol=5e-3)
+    with pytest.raises(InputError, match="a gyro at rest"):
+        calibrate_norms(BenchReadings({"gyro": channels["accelerometer"]}))

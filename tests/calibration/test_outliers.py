@@ -1,11 +1,18 @@
 """A mistake at one station is found, named and left out; clean runs are not accused."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 from inclinometry.calibration import plans
 from inclinometry.calibration.joint import calibrate_joint
+from inclinometry.calibration.likelihood import Model
+from inclinometry.calibration.outliers import _tail, deletion_statistics, find_outliers
 from inclinometry.calibration.readings import BenchReadings
+from inclinometry.calibration.start import starting_state
+from inclinometry.calibration.variance import fit
 from inclinometry.sensors import parameter_vector
 from inclinometry.simulate.bench import Bump, Misread, Rig
 from inclinometry.simulate.tool import random_tool
@@ -147,3 +154,93 @@ def test_a_clean_run_is_fitted_the_same_with_robust(bench):
     one, other = calibrate_joint(readings), calibrate_joint(readings, robust=True)
     np.testing.assert_array_equal(one.covariance, other.covariance)
     assert one.residuals.station == other.residuals.station
+
+
+class TestKnownVariances:
+    """Fits with nothing to estimate but the tool: what is found can be written out."""
+
+    NONE: frozenset[str] = frozenset()
+
+    def run(self, bench, *faults, noise=0.5, rig_sd=RIG_SD, drawn=True, plan=PLANS[2]):
+        rig = Rig(setting_sd=rig_sd * drawn, faults=faults)
+        readings, _ = bench(plan, random_tool(2, bits=None), rig, noise=dict.fromkeys(BOTH, noise * drawn), seed=3)
+        sd = np.full((len(plan), 6), noise)
+        dials = np.stack(readings.dials, axis=1)
+        model = Model(
+            readings.channels, dials, np.ones((len(dials), 1)), sd, np.full(3, rig_sd), np.zeros(4), {},
+            rig_known=np.ones(3, dtype=bool),
+        )  # fmt: skip
+        return fit(model, starting_state(model))
+
+    def jumped(self, here, row, channel, size):
+        signals = {kind: values.copy() for kind, values in here.model.signals.items()}
+        signals[BOTH[channel // 3]][row, channel % 3] += size
+        return fit(replace(here.model, signals=signals), here.state)
+
+    def test_the_deletion_statistic_is_the_drop_of_a_fit_with_offsets_of_its_own(self, bench):
+        here = self.run(bench)
+        found = deletion_statistics(here)
+        for row in (0, 5, 17):
+            own = np.zeros((24, 6, 6))
+            own[row] = 1e4 * np.eye(6)  # of any size, within what the prior of 1 allows
+            freed = fit(*here.model.with_structure(here.state, own, np.ones(6), ["x"] * 6))
+            assert found[row] == pytest.approx(here.cost - freed.cost, rel=1e-3)
+
+    def test_a_jump_is_named_from_one_in_a_thousand_runs_on(self, bench):
+        """Its chi-square of six channels, for the worst of five causes (two triads, three dials) at 24 stations."""
+        here = self.run(bench)
+        for size in np.arange(3.4, 4.4, 0.05):
+            off = self.jumped(here, 7, 4, size)
+            found, without = find_outliers(off.model, off, self.NONE, False)
+            if found:
+                break
+        (one,) = found
+        assert (one.row, one.dial) == (7, None)
+        assert one.channel is not None
+        assert 3e-4 < 24 * one.probability <= 1e-3
+        rest = np.delete(np.arange(24), 7)
+        np.testing.assert_array_equal(without.model.settings, off.model.settings[rest])
+        # no more than all causes together make of it, and the magnetometer's noise makes most of that
+        statistic = deletion_statistics(off)[7]
+        assert 5.0 * chi2.sf(statistic, 6) <= one.probability * (1.0 + 1e-3)
+        assert one.probability < 5.0 * chi2.sf(0.65 * statistic, 6)
+
+    @pytest.mark.parametrize(("row", "dial"), [(9, "azimuth"), (9, "inclination"), (9, "toolface")])
+    @pytest.mark.parametrize("degrees", [7.3217, -121.4567])
+    def test_readings_without_noise_tell_exactly_how_a_dial_was_misread(self, bench, row, dial, degrees):
+        here = self.run(bench, Misread(row, dial, np.radians(degrees)), drawn=False)
+        (one,) = find_outliers(here.model, here, self.NONE, False)[0]
+        assert one.row == row
+        assert one.channel is None
+        assert dial in one.dial
+        # the dial showed so much more than was set; the scan ends at steps of 0.0001 deg
+        assert np.degrees(one.error) == pytest.approx(-degrees, abs=1e-3)
+
+    def test_upright_either_of_two_dials_is_named_and_elsewhere_one(self, bench):
+        plan = plans.twelve()
+        upright = int(np.flatnonzero(np.abs(np.sin(plan.inclination)) < 1e-9)[1])
+        for row in (upright, (upright + 6) % 12):
+            here = self.run(bench, Misread(row, "toolface", np.radians(20.0)), plan=plan)
+            (one,) = find_outliers(here.model, here, self.NONE, False)[0]
+            level = abs(np.sin(plan.inclination[row])) > 0.5
+            assert one.dial == ("toolface" if level else "azimuth or toolface")
+
+    def test_a_bump_is_neither_and_as_many_are_sought_as_asked_for(self, bench):
+        here = self.run(bench)
+        for channel in (0, 2, 5):
+            here = self.jumped(here, 3, channel, 40.0 + 7.0 * channel)
+        (one,) = find_outliers(here.model, here, self.NONE, False)[0]
+        assert (one.row, one.dial, one.channel) == (3, None, None)
+        for row in (8, 15, 20, 22):
+            here = self.jumped(here, row, 1, 30.0 + row)
+        found, _ = find_outliers(here.model, here, self.NONE, False, most=2)
+        assert len(found) == 2
+        found, _ = find_outliers(here.model, here, self.NONE, False)
+        assert sorted(one.row for one in found) == [3, 15, 20, 22]  # a sixth of 24, the largest
+        assert find_outliers(here.model, here, self.NONE, False, most=0)[0] == []
+
+
+@pytest.mark.parametrize("count", range(1, 13))
+def test_the_tail_is_that_of_chi_square(count):
+    for value in (0.1, 1.0, 7.0, 40.0):
+        assert _tail(value, count) == pytest.approx(chi2.sf(value, count), rel=1e-9)

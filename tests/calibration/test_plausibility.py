@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.optimize import minimize
 
 from inclinometry.calibration import plans
 from inclinometry.calibration.acceptance import verify
@@ -13,6 +15,7 @@ from inclinometry.calibration.joint import calibrate_joint
 from inclinometry.calibration.plausibility import check_readings, check_whole, refuse_own_readings, taken_before
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.errors import InputError
+from inclinometry.rotations import dcm
 from inclinometry.simulate.bench import Rig, simulate_bench
 from inclinometry.simulate.tool import realistic_tool
 
@@ -72,6 +75,102 @@ def test_a_gain_that_halves_midway(channels, words):
     values[13:, channels] *= 0.5
     with pytest.raises(InputError, match=rf"{words}.* from station 1[34] on"):
         check_whole(replace(right, channels={**right.channels, "magnetometer": values}))
+
+
+@pytest.mark.parametrize(("start", "gain"), [(3, 0.5), (21, 0.1), (16, 2.0), (16, 10.0)])
+def test_a_gain_that_changes_is_named_with_its_station_and_size(start, gain):
+    """From the fourth station to the third last: fewer are as well explained by themselves."""
+    right = run()
+    values = right.channels["magnetometer"].copy()
+    values[start:, 1] *= gain
+    with pytest.raises(
+        InputError, match=rf"the magnetometer y {gain:g} times as sensitive from station {start + 1} on"
+    ):
+        check_whole(replace(right, channels={**right.channels, "magnetometer": values}))
+
+
+def left(readings, kind):
+    """Share of the field that a linear triad in one field leaves, the direction searched for."""
+    values = readings.channels[kind] / (np.sqrt(3.0) * readings.channels[kind].std(axis=0))
+    turns = dcm(*readings.dials)
+
+    def rms(angles):
+        up, east = angles
+        field = [np.cos(up) * np.cos(east), np.cos(up) * np.sin(east), np.sin(up)]
+        design = np.column_stack([turns @ field, np.ones(len(turns))])
+        return np.sqrt(np.mean((values - design @ np.linalg.lstsq(design, values, rcond=None)[0]) ** 2))
+
+    starts = [(up, east) for up in (-1.0, 0.3, 1.2) for east in (0.0, 2.0, 4.0)]
+    return min(minimize(rms, start, method="Nelder-Mead", options={"xatol": 1e-6}).fun for start in starts)
+
+
+def test_how_much_better_and_how_much_is_unexplained_is_said():
+    right = run()
+    wrong = replace(right, azimuth=right.azimuth / 0.9)
+    with pytest.raises(InputError) as caught:
+        check_whole(wrong)
+    times, power, share = (
+        float(re.search(pattern, str(caught.value)).group(1))
+        for pattern in (r"fit (\d+) times better", r"likelihood ratio 1e(\d+)", r"leave ([\d.]+) % of the field")
+    )
+    given = {kind: left(wrong, kind) for kind in wrong.channels}
+    best = {kind: left(right, kind) for kind in wrong.channels}
+    assert "unexplained in the magnetometer" in str(caught.value)
+    assert share == pytest.approx(100.0 * given["magnetometer"], rel=0.03)  # said to two digits
+    assert times == pytest.approx(max(given[kind] / best[kind] for kind in given), rel=0.05)
+    # of normal noise of unknown size: 72 readings of each triad less its 14 parameters
+    ratio = sum(58 * np.log(given[kind] / best[kind]) for kind in given) / np.log(10.0)
+    assert power == pytest.approx(min(ratio, 99.0), abs=2.0)
+
+
+@pytest.mark.parametrize("what", ["offsets", "gains"])
+def test_how_much_it_drifts_is_said_from_what_matters_to_what_leaves_no_calibration(what):
+    right = run()
+    slope = np.linspace(-0.5, 0.5, 24)[:, None]
+
+    def drifted(size):
+        values = right.channels["magnetometer"].copy()
+        field = np.sqrt(3.0) * values.std(axis=0)
+        values = values + size * slope * field if what == "offsets" else values * (1.0 + size * slope)
+        return replace(right, channels={**right.channels, "magnetometer": values})
+
+    least = {"offsets": 0.004, "gains": 0.01}[what]
+    assert check_whole(drifted(0.8 * least)) == []
+    for size in (1.3 * least, 0.03, 0.08):
+        (said,) = check_whole(drifted(size))
+        assert f"the {what} of the magnetometer drift by" in said
+        # to two digits, beside noise of 1 in 4000 and dials of 0.1 deg
+        found = float(re.search(r"drift by ([\d.]+) %", said).group(1))
+        assert found == pytest.approx(100.0 * size, rel=0.05, abs=0.06)
+    with pytest.raises(InputError, match=rf"the {what} of the magnetometer drift by 1[2-4] %"):
+        check_whole(drifted(0.13))
+
+
+def test_one_station_that_is_wrong_is_no_exchange_of_two():
+    right = run()
+    channels = {kind: values.copy() for kind, values in right.channels.items()}
+    for values in channels.values():
+        values[4] = values[9]
+    assert not [said for said in check_whole(replace(right, channels=channels)) if "exchanged" in said]
+    # too few stations to tell anything: no word
+    assert check_whole(replace(right, azimuth=right.azimuth / 0.9).take(range(7))) == []
+    check_readings(replace(right, azimuth=np.radians(right.azimuth)).take(range(7)))
+
+
+def test_most_readings_of_the_calibration_among_others_are_known():
+    """From 70 in 100 of them on, where another visit agrees once by chance; of a few nothing can be said."""
+    first, other = run(1), run(5)
+    found = calibrate_joint(first)
+    for copied, known in ((17, True), (13, False)):
+        own = np.arange(24) < copied
+        channels = {k: np.where(own[:, None], v, other.channels[k]) for k, v in first.channels.items()}
+        dials = [np.where(own, one, two) for one, two in zip(first.dials, other.dials, strict=True)]
+        assert taken_before(BenchReadings(channels, *dials), found) is known
+    assert taken_before(first.take(range(6)), found)
+    assert not taken_before(first.take(range(5)), found)
+    with pytest.raises(InputError, match="stations 1, 2 are to the last digit those of stations 1, 2 that"):
+        refuse_own_readings(replace(first.take(range(2)), digest=""), found)
+    refuse_own_readings(replace(first.take(range(1)), digest=""), found)
 
 
 def test_a_slow_drift_is_warned_of():

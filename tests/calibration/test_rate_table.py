@@ -4,11 +4,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.stats import chi2
+from scipy.stats import chi2, f, t
 
 from inclinometry.calibration import plans
 from inclinometry.calibration.joint import calibrate_joint
-from inclinometry.calibration.rate_table import calibrate_rates, g_sensitivity_at_stand, table_rates
+from inclinometry.calibration.rate_table import (
+    calibrate_rates,
+    g_sensitivity_at_stand,
+    scaled_design,
+    suspects,
+    table_rates,
+)
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.constants import EARTH_RATE
 from inclinometry.earth.rate import earth_rate
@@ -169,6 +175,124 @@ class TestHonest:
         found = calibrate_rates(signals_of(gyros(), rates, gravity), rates, gravity=gravity, g_sensitive=True, sd=0.1)
         np.testing.assert_array_equal(found.triad_covariance, found.covariance[:12, :12])
         assert found.uncertainty["gyro.g_sensitivity[2,1]"] > 0.0
+
+
+class TestAgainstTheTextbook:
+    """The F test, Student's t and the noise, each written out a second time."""
+
+    def noisy(self, size=0.3, seed=2):
+        rates, gravity = steps()
+        weak = gyros()
+        u = signals_of((*weak[:2], 0.3 * weak[2]), rates, gravity)
+        return rates, gravity, u + size * np.random.default_rng(seed).normal(size=u.shape)
+
+    def left(self, u, *columns):
+        matrix = np.concatenate(columns, axis=1)
+        matrix = matrix / np.abs(matrix).max(axis=0)
+        residual = u - matrix @ np.linalg.lstsq(matrix, u, rcond=None)[0]
+        return np.sum(residual**2, axis=0), len(matrix) - matrix.shape[1], residual, matrix
+
+    @pytest.mark.parametrize("count", [1, 3])
+    def test_the_chance_is_fishers_of_two_nested_models(self, count):
+        rates, gravity, u = self.noisy()
+        u, ones = u[:, :count], np.ones((len(u), 1))
+        without, *_ = self.left(u, rates, ones)
+        with_, dof, residual, matrix = self.left(u, rates, ones, gravity)
+        chance = f.sf((without - with_) / 3.0 / (with_ / dof), 3, dof)
+        found = calibrate_rates(u, rates, gravity=gravity, g_sensitive=True)
+        assert found.chance == pytest.approx(min(1.0, count * chance.min()), rel=1e-6)
+        stated = calibrate_rates(u, rates, gravity=gravity, g_sensitive=True, sd=0.3)
+        chance = chi2.sf((without - with_) / 0.3**2, 3)
+        assert stated.chance == pytest.approx(min(1.0, count * chance.min()), rel=1e-6)
+        assert stated.chi_square == pytest.approx(with_.sum() / 0.3**2)
+        assert stated.dof == found.dof == count * dof == pytest.approx(found.chi_square)
+        # noise of each gyro from its own residuals; the covariance that of Student's t
+        np.testing.assert_allclose(found.sd, np.sqrt(with_ / dof))
+        np.testing.assert_allclose(found.residuals, residual, atol=1e-9)
+        spread = np.linalg.inv(matrix.T @ matrix)[4:, 4:] * with_[0] / (dof - 2.0)
+        np.testing.assert_allclose(found.covariance[4 * count : 4 * count + 3, 4 * count : 4 * count + 3], spread)
+
+    @pytest.mark.parametrize("spread", [None, 0.3])
+    def test_a_suspect_is_a_step_that_a_fit_without_it_does_not_predict(self, spread):
+        rates, _, u = self.noisy()
+        u[9, 1] += 3.0
+        u[20] -= [2.5, 0.0, 4.0]
+        plain = scaled_design(rates, None, None, 20.0, 0)[0]
+        sd = None if spread is None else np.full(u.shape, spread)
+        found = suspects(u, plain, plain, sd)
+        assert [one.row for one in found] == [20, 9]
+        clean = np.setdiff1d(np.arange(32), [9, 20])
+        for one in found:
+            predicted = plain[one.row] @ np.linalg.lstsq(plain[clean], u[clean], rcond=None)[0]
+            for gyro, off in one.off.items():
+                assert off == pytest.approx(u[one.row, gyro] - predicted[gyro], rel=1e-6)
+        assert list(found[0].off) == [0, 2]
+        assert list(found[1].off) == [1]
+
+    @pytest.mark.parametrize("size", [0.97, 1.03])
+    def test_a_step_is_named_from_one_in_a_thousand_on(self, size):
+        """Its t and the degrees of freedom from a fit without it, times the numbers tried (Bonferroni)."""
+        rates, _, u = self.noisy()
+        u = u[:, :2]
+        plain = scaled_design(rates, None, None, 20.0, 0)[0]
+        rest = np.delete(np.arange(32), 7)
+        fit, left, *_ = np.linalg.lstsq(plain[rest], u[rest], rcond=None)
+        gain = plain[7] @ np.linalg.inv(plain[rest].T @ plain[rest]) @ plain[7]
+        sd = np.sqrt(left / 27.0 * (1.0 + gain))
+        for gyro in range(2):
+            bad = u.copy()
+            bad[7] = plain[7] @ fit
+            bad[7, gyro] += size * t.isf(0.001 / 64.0 / 2.0, 27) * sd[gyro]
+            assert [(one.row, list(one.off)) for one in suspects(bad, plain, plain, None)] == (
+                [(7, [gyro])] if size > 1.0 else []
+            )
+
+    def test_many_gyros_are_tried_and_clean_ones_left_alone(self):
+        rates, _ = steps()
+        plain = scaled_design(rates, None, None, 20.0, 0)[0]
+        random = np.random.default_rng(9)
+        # one in a thousand runs of 16 gyros: of 60 hardly one
+        assert sum(bool(suspects(random.normal(size=(32, 16)), plain, plain, None)) for _ in range(60)) <= 1
+
+    def test_no_more_than_a_sixth_is_named_and_gravity_is_not_taken_for_bad_steps(self):
+        rates, gravity, u = self.noisy(0.01)
+        plain, fuller = (scaled_design(rates, pull, None, 20.0, 0)[0] for pull in (None, gravity))
+        u = signals_of(gyros(), rates, gravity) + 1e-3 * np.random.default_rng(1).normal(size=u.shape)
+        assert suspects(u, plain, fuller, None) == []
+        u[:9] += 50.0 * np.random.default_rng(2).normal(size=(9, 3))
+        assert len(suspects(u, plain, fuller, None)) <= 32 // 6
+
+    def test_a_latitude_of_the_wrong_sign_looks_as_if_the_earth_turned_otherwise(self):
+        """The axial part of the Earth's rate stands still with the tool, as gravity does."""
+        rates, gravity = steps()
+        inclination, toolface = np.repeat(MOUNTS, len(SPEEDS), axis=0).T
+        wrong = table_rates(inclination, toolface, np.tile(SPEEDS, len(MOUNTS)), -LATITUDE)
+        tensor, offset, _ = gyros()
+        u = signals_of((tensor, offset, np.zeros((3, 3))), rates, gravity)
+        u += 5e-3 * np.random.default_rng(1).normal(size=u.shape)
+        (note,) = calibrate_rates(u, wrong, gravity=gravity).notes
+        off = 2.0 * np.degrees(EARTH_RATE * np.sin(LATITUDE)) * 3600.0
+        assert f"as if the Earth turned {off:+.2g} deg/h faster upwards" in note
+        assert "check the latitude" in note
+
+    def test_how_much_the_residuals_exceed_a_stated_noise(self):
+        rates, gravity, u = self.noisy()
+        (note,) = calibrate_rates(u, rates, gravity=gravity, g_sensitive=True, sd=0.1).notes[1:]
+        left, dof, *_ = self.left(u, rates, np.ones((32, 1)), gravity)
+        assert f"are {np.sqrt(left.sum() / 3 / dof) / 0.1:.2g} times what the stated noise allows" in note
+        assert len(calibrate_rates(u, rates, gravity=gravity, g_sensitive=True, sd=0.3).notes) == 1
+
+    def test_a_gyro_that_scatters_is_named_with_how_many_times(self):
+        rates, _, _ = self.noisy()
+        tensor, offset, _ = gyros()
+        tensor = tensor * np.array([1.0, 3.0, 10.0])[:, None]  # gains apart do not count
+        noise = np.random.default_rng(4).normal(size=(32, 3)) * [1.0, 3.0, 60.0]
+        u = signals_of((tensor, offset, np.zeros((3, 3))), rates, np.zeros((32, 3))) + noise
+        (note,) = calibrate_rates(u, rates).notes
+        left, *_ = self.left(u, rates, np.ones((32, 1)))
+        size = np.sqrt(left) / np.linalg.norm(tensor[0], axis=1)
+        assert f"gyro 3 scatters {size[2] / np.sort(size)[1]:.2g} times as much" in note
+        assert calibrate_rates(u[:, :2], rates).notes == ()
 
 
 class TestTable:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.stats import f
 
 from inclinometry.calibration import plans
 from inclinometry.calibration.joint import calibrate_joint
@@ -75,6 +76,29 @@ def test_uncertainties_match_their_scatter():
         assert stated == pytest.approx(scatter, rel=0.12)
 
 
+def test_uncertainties_are_those_of_least_squares_carried_on():
+    """Offset, amplitude and phase of 7 uneven rolls: derivatives by each reading against differences."""
+    rng = np.random.default_rng(5)
+    roll = np.sort(rng.uniform(0.0, 2.0 * np.pi, 7))
+    signal = 5.0 + 2.0 * np.sin(roll + 0.4) + rng.normal(0.0, 0.05, 7)
+    fit = roll_harmonics(roll, signal)
+    assert fit.residual_rms == pytest.approx(np.sqrt(np.sum(fit.residual**2) / 4.0))
+    assert fit.residual_max == pytest.approx(np.abs(fit.residual).max())
+    np.testing.assert_allclose(fit.residual, signal - fit.offset - fit.amplitude * np.sin(roll + fit.phase), atol=1e-12)
+    for name in ("offset", "amplitude", "phase"):
+        ends = [[getattr(roll_harmonics(roll, signal + way), name) for way in h * np.eye(7)] for h in (1e-5, -1e-5)]
+        slope = np.subtract(*ends) / 2e-5
+        assert getattr(fit, name + "_sd") == pytest.approx(fit.residual_rms * np.linalg.norm(slope), rel=1e-6)
+    table = fit.to_dict()
+    assert table["phase_deg"][0] == pytest.approx(np.degrees(fit.phase))
+    assert table["u_phase_deg"][0] == pytest.approx(np.degrees(fit.phase_sd))
+    # of six or more rolls the second harmonic is told beside the first, of five not
+    second = roll_harmonics(roll, signal + 0.7 * np.sin(2.0 * roll + 0.2))
+    assert second.second_amplitude == pytest.approx(0.7, abs=0.2)
+    assert roll_harmonics(roll[:5], signal[:5]).second_amplitude is None
+    assert roll_harmonics(roll[:6], signal[:6]).second_amplitude is not None
+
+
 def test_three_rolls_leave_nothing_over():
     fit = roll_harmonics(np.radians([0, 120, 240]), [1.0, 2.0, 4.0])
     assert fit.residual_rms == 0.0
@@ -138,6 +162,65 @@ class TestSecondHarmonics:
         assert len(found.sentences) == 1
         assert "turns unevenly" in found.sentences[0]
         assert re.search("most at toolface (39|40|41) deg", found.sentences[0])  # u is 1 deg
+
+    def test_readings_without_noise_give_both_causes_back(self):
+        """Sensors in every phase, uneven rolls, two swings: exact to the second order of the causes."""
+        e, q = 1e-3 * np.exp(0.7j), np.array([2e-3, -1e-3, 3e-3])
+        rng, rows = np.random.default_rng(6), []
+        for inclination, swing, count in ((1.0, 1.0, 9), (0.6, 0.5, 7)):
+            read = 2.0 * np.pi * (np.arange(count) + 0.3 * rng.random(count)) / count
+            stood = read + (e * np.exp(-1j * read)).real
+            v = swing * np.cos(stood[:, None] + [0.3, 1.9, 3.0])
+            rows.append(np.column_stack([0.0 * read, 0.0 * read + inclination, read, v + q * v**2]))
+        azimuth, inclination, toolface, *v = np.concatenate(rows).T
+        v = np.stack(v, axis=1) + 1e-6 * rng.normal(size=(16, 3))
+        found = second_harmonics(BenchReadings({"accelerometer": 7.0 * v}, azimuth, inclination, toolface))
+        assert found.sets == ("azimuth 0, inclination 57.2958", "azimuth 0, inclination 34.3775")
+        assert found.freedom == (9 - 5) + (7 - 5)
+        assert found.unevenness == pytest.approx(e, abs=2e-5)
+        np.testing.assert_allclose(found.square["accelerometer"], q, atol=2e-5)
+        np.testing.assert_allclose(found.swing["accelerometer"], 7.0, rtol=1e-2)
+        assert len(found.sentences) == 4
+
+    def test_the_uncertainties_are_the_scatter(self):
+        """Noise alone, 200 runs: of the second harmonic, of the unevenness and of the square laws."""
+        rng = np.random.default_rng(7)
+        roll = np.tile(np.radians(np.arange(0.0, 360.0, 45.0)), 3)
+        azimuth = np.repeat([0.0, 1.0, 2.0], 8)
+        clean = 1000.0 * np.cos(roll[:, None] + [0.0, np.pi / 2.0])
+        off, named = {"second": [], "unevenness": [], "square": []}, 0
+        for _ in range(200):
+            noisy = clean + rng.normal(0.0, 1.0, clean.shape)
+            found = second_harmonics(BenchReadings({"accelerometer": noisy}, azimuth, 0.0 * roll + 1.5, roll))
+            off["second"].append(abs(found.second["accelerometer"] / found.u["accelerometer"]) ** 2 / 2.0)
+            off["unevenness"].append(abs(found.unevenness / found.u_unevenness) ** 2 / 2.0)
+            off["square"].append((found.square["accelerometer"] / found.u_square["accelerometer"]) ** 2)
+            named += len(found.sentences)
+        assert found.freedom == 9
+        # squares of Student's t, the variance from 9 to 18 degrees of freedom; a tenth of chance
+        for name, squares in off.items():
+            assert 0.9 < np.mean(squares) < 1.35, name
+        assert named <= 2  # one in a thousand
+
+    def test_where_it_is_hardly_significant_it_is_not_named(self):
+        """An unevenness just below and above what one run in a thousand shows by chance, by Fisher's F."""
+        rng = np.random.default_rng(8)
+        roll = np.tile(np.radians(np.arange(0.0, 360.0, 45.0)), 3)
+        azimuth = np.repeat([0.0, 1.0, 2.0], 8)
+        noise = rng.normal(0.0, 1.0, (24, 2))
+
+        def run(size):
+            v = 1000.0 * np.cos((roll + size * np.cos(roll))[:, None] + [0.0, np.pi / 2.0]) + noise
+            return second_harmonics(BenchReadings({"accelerometer": v}, azimuth, 0.0 * roll + 1.5, roll))
+
+        sizes = 1e-3 * np.linspace(0.5, 9.0, 28)
+        found = [run(size) for size in sizes]
+        ratio = np.array([abs(one.unevenness) / one.u_unevenness for one in found])
+        named = np.array([any("turns unevenly" in sentence for sentence in one.sentences) for one in found])
+        limit = np.sqrt(2.0 * f.isf(1e-3 / 3.0, 2, 9))
+        assert named.any()
+        assert not named.all()
+        np.testing.assert_array_equal(named, ratio > limit)
 
     def test_none_where_there_is_none(self):
         """False alarms 1 in 1000 at most: none in 40, whatever the rig and number of rolls."""

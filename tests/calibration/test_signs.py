@@ -124,6 +124,21 @@ def test_a_contradiction_is_refused_with_both_numbers():
     assert decided("magnetometer", (g, b), {"dip": 0.7 + np.radians(5.9)}) == (1.0, [])
 
 
+def test_the_fits_part_of_what_is_allowed_is_that_of_the_angle_between_both_fields():
+    """0.002 rad of either direction, across each other or in one line: 0.16 deg of the angle between them."""
+    down = np.array([0.0, 0.0, 1.0])
+    for dip in np.radians([40.0, 89.0, 90.0]):
+        field = np.array([np.cos(dip), 0.0, np.sin(dip)]) if dip < 1.57 else down
+        with pytest.raises(
+            InputError, match=r"deg apart, allowed 6\.0 \(3 standard uncertainties, 0\.16 deg of the fit"
+        ):
+            decided("magnetometer", (down, field), {"dip": 0.3})
+    # a rig taken to be level, where no accelerometer says so: 5 deg beside the 5 of the fit
+    state = State({"gyro": SKEWED}, {"gyro": unit(1.0, 0.0, -1.0)}, np.zeros((1, 3)), np.zeros(4))
+    with pytest.raises(InputError, match=r"latitude \+45\.00 deg at the stand, stated is .* 7\.07 deg of the fit"):
+        fix_signs(state, {"latitude": 1.4}, {}, np.radians(5.0) ** 2 * np.eye(2))
+
+
 @pytest.mark.long
 def test_no_wrong_sign_in_ten_thousand_rigs_that_is_not_named():
     draw = np.random.default_rng(11)

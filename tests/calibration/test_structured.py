@@ -1,5 +1,8 @@
 """Errors with structure: named where the readings show them, and counted where they do not."""
 
+import re
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from benchmarks.honest_bench import SCENES, Scene, drawn, errors, one
@@ -7,9 +10,20 @@ from benchmarks.honest_bench import SCENES, Scene, drawn, errors, one
 from inclinometry.calibration import plans
 from inclinometry.calibration.acceptance import verify
 from inclinometry.calibration.joint import calibrate_joint
+from inclinometry.calibration.likelihood import Model, orientation
 from inclinometry.calibration.readings import BenchReadings
-from inclinometry.calibration.structured import Block, Evidence, fit_structured
-from inclinometry.rotations import dcm
+from inclinometry.calibration.start import starting_state
+from inclinometry.calibration.structured import (
+    Block,
+    Evidence,
+    blocks,
+    evidence,
+    fit_structured,
+    not_excluded,
+    with_repeating,
+)
+from inclinometry.calibration.variance import fit
+from inclinometry.rotations import dcm, rotation_z
 
 USUAL = Scene((0.1, 0.1, 0.1))
 
@@ -39,7 +53,11 @@ def test_a_magnetised_cradle_is_named_and_most_of_it_taken_out():
 def test_a_sensor_that_bends_is_named():
     found, _ = calibrated(Scene(bent=2e-3))
     assert "the accelerometer is not linear" in said(found)
-    assert found.bent["accelerometer"].shape == (3, 2)
+    for kind in ("accelerometer", "magnetometer"):
+        square, cube = found.bent[kind].T
+        # where axes read little but 0 and full scale the cubic part is hardly told from a scale
+        np.testing.assert_allclose(np.abs(square), 2e-3, rtol=0.2)
+        assert (np.abs(cube) < 2.2e-3).all()
 
 
 def test_three_dials_keep_their_own_standard_deviations():
@@ -52,6 +70,10 @@ def test_three_dials_keep_their_own_standard_deviations():
 def test_repeating_errors_are_named_and_not_averaged_away():
     found, _ = calibrated(Scene((0.01, 0.01, 0.01), repeating=0.2), plan=plans.twelve)
     assert "errs alike each time it shows the same value" in said(found)
+    # 0.2 deg, of four to nine values of a dial
+    sizes = [float(size) for size in re.findall(r"same value \(by ([\d.]+) deg\): a graduation", said(found))]
+    assert sizes
+    assert all(0.1 < size < 0.4 for size in sizes)
 
 
 def test_given_noise_does_not_silence_the_test_of_fit():
@@ -113,6 +135,173 @@ def test_a_drift_that_the_readings_ask_for_is_fitted_beside_a_wander_that_they_h
     monkeypatch.setattr(f"{where}.evidence", lambda run, noise, skip: [v for k, v in said_of.items() if k not in skip])
     monkeypatch.setattr(f"{where}.fit_with_variances", lambda *_: Run())
     assert [block.name for block in fit_structured(Run(), frozenset(), True)[1]] == ["drift"]
+
+
+@pytest.fixture(scope="module", params=[plans.twelve, plans.orthogonal], ids=["twelve", "cube"])
+def fitted(request):
+    """A run whose variances are all stated, with errors of its own for each value of each dial."""
+    at = request.param()
+    dials = np.stack([at.azimuth, at.inclination, at.toolface], axis=1)
+    signals, _ = drawn(dials, Scene((0.1, 0.1, 0.1), cradle=200.0), np.random.default_rng(3))
+    signals = {
+        kind: values / {"accelerometer": 9.81, "magnetometer": 50000.0}[kind] for kind, values in signals.items()
+    }
+    size = len(dials)
+    model = Model(
+        signals, dials, np.ones((size, 1)), np.full((size, 6), 4e-4), np.full(3, np.radians(0.1)), np.zeros(4), {}
+    )
+    return fit(*with_repeating(fit(model, starting_state(model))))
+
+
+def test_evidence_of_a_block_is_the_ratio_of_two_dense_likelihoods(fitted):
+    """Parameters integrated out, dials and what repeats of them as noise; the block's errors given the readings."""
+    model, at = fitted.model, fitted.at
+    count, known = at.residual.size, len(model.structure_sd)
+    jacobian = at.jacobian[..., : at.jacobian.shape[2] - known].reshape(count, -1)
+    residual = fitted.marginal_residual().ravel()
+    covariance = np.zeros((*at.residual.shape, *at.residual.shape))
+    rows = np.arange(len(at.residual))
+    spread = at.by_setting * model.rig_sd
+    covariance[rows, :, rows] = spread @ spread.swapaxes(1, 2) + 4e-4**2 * np.eye(6)
+    covariance = covariance.reshape(count, count)
+    repeating = np.broadcast_to(model.structure, (*at.residual.shape, known)).reshape(count, known)
+    covariance += repeating * model.structure_sd**2 @ repeating.T
+
+    def free(matrix):
+        """P = V^-1 - V^-1 J C J' V^-1 and log |V| + log |J' V^-1 J|."""
+        inverse = np.linalg.inv(matrix)
+        normal = jacobian.T @ inverse @ jacobian
+        projector = inverse - inverse @ jacobian @ np.linalg.solve(normal, jacobian.T @ inverse)
+        return projector, np.linalg.slogdet(matrix)[1] + np.linalg.slogdet(normal)[1]
+
+    base, log = free(covariance)
+    cost = residual @ base @ residual + log
+    gain = np.linalg.solve(jacobian.T @ np.linalg.solve(covariance, jacobian), jacobian.T) @ np.linalg.inv(covariance)
+    found = evidence(fitted, frozenset(), skip={"the magnetometer is not linear"})
+    assert "the magnetometer is not linear" not in [told.block.name for told in found]
+    assert len(found) >= 12
+    for told in found:
+        columns = told.block.columns.reshape(count, -1)
+        ratios = []
+        for size in told.block.sizes:
+            projector, log = free(covariance + size**2 * columns @ columns.T)
+            ratios.append((cost - residual @ projector @ residual - log) / 2.0)
+        assert told.ratio == pytest.approx(max(ratios), abs=1e-6)
+        assert told.size == told.block.sizes[int(np.argmax(ratios))]
+        inner = np.linalg.inv(np.eye(columns.shape[1]) / told.size**2 + columns.T @ base @ columns)
+        mean = inner @ columns.T @ base @ residual
+        scale = np.abs(inner).max() + np.abs(mean).max() ** 2
+        np.testing.assert_allclose(told.spread, inner + np.outer(mean, mean), atol=1e-8 * scale)
+        carried = gain @ columns
+        np.testing.assert_allclose(told.carried[: len(gain)], carried, atol=1e-6 * np.abs(carried).max())
+
+
+def test_blocks_are_what_their_causes_do_to_the_readings(fitted):
+    """Each simulated in full on the tool as fitted, of the size that is usual."""
+    model, state = fitted.model, fitted.state
+    turns = orientation(model.settings + state.errors, np.zeros(4))[0]
+    size = len(turns)
+    known = {block.name: block for block in blocks(fitted, frozenset())}
+    time = np.arange(size) / (size - 1.0) - 1.0  # the tool is that of the end
+    for start, kind in ((0, "accelerometer"), (3, "magnetometer")):
+        tensor, here = state.coefficients[kind][0, :, :3], slice(start, start + 3)
+        seen = turns @ state.directions[kind]
+        full = np.linalg.norm(tensor, axis=1)
+        share = seen @ tensor.T / full
+        others = np.setdiff1d(np.arange(6), np.arange(start, start + 3))
+        wanted = {
+            f"the {kind} drifts during the run": [1e-3 * time[:, None] + 0 * share, 1e-3 * time[:, None] * share],
+            f"the {kind} is not linear": [1e-3 * share**2, 1e-3 * share**3],
+            f"the response of the {kind} has a cubic part": [3e-4 * share**3],
+        }
+        if kind == "accelerometer":
+            products = seen[:, [0, 1, 2]] * seen[:, [1, 2, 0]]
+            wanted["the accelerometer multiplies its axes"] = [1e-3 * products[:, [k]] + 0 * share for k in range(3)]
+        else:
+            down = turns @ state.directions["accelerometer"]
+            # 30 nT a g of 50,000
+            wanted["the magnetometer feels gravity"] = [6e-4 * down[:, [k]] + 0 * share for k in range(3)]
+            step = np.diff(share, axis=0, prepend=share[:1])
+            way = np.where(np.abs(step) > 0.02, np.sign(step), 0.0)
+            stays = known[f"the {kind} stays behind where its field rises and falls (hysteresis)"].columns
+            # 100 nT of 50,000; a sign for each step that nobody can tell
+            untold = int(np.sum(way == 0.0))
+            assert stays.shape[2] == 3 + untold
+            total = np.abs(stays[:, here]).sum(axis=2)
+            np.testing.assert_allclose(total, 2e-3 * full * np.ones((size, 1)), rtol=1e-9)
+            for sensor in range(3):
+                column = [c for c in range(stays.shape[2]) if np.count_nonzero(stays[:, start + sensor, c]) > 1]
+                np.testing.assert_allclose(stays[:, start + sensor, column[0]], 2e-3 * full[sensor] * way[:, sensor])
+            # 200 nT of 50,000, turning with the tool's roll
+            cradle = 4e-3 * tensor @ rotation_z(model.settings[:, 2] + state.errors[:, 2])
+            np.testing.assert_allclose(known["the cradle that holds the tool is magnetised"].columns[:, here], cradle)
+        for name, causes in wanted.items():
+            columns = known[name].columns.reshape(size, 6, 3, len(causes))
+            assert not columns[:, others].any()
+            for sensor in range(3):
+                for place, cause in enumerate(causes):
+                    own = np.zeros((size, 3))
+                    own[:, sensor] = full[sensor] * cause[:, sensor]
+                    np.testing.assert_allclose(columns[:, here, sensor, place], own, atol=1e-15)
+            if known[name].at_use is not None:
+                fields = {k: turns @ state.directions[k] for k in model.signals}
+                use = known[name].at_use(fields) * full[:, None]
+                np.testing.assert_allclose(use, np.stack([full * cause for cause in causes], axis=-1), atol=1e-15)
+        # a walk of unit steps that ends at nothing: products of its values, less what eight components leave
+        walk = known[f"the offset of the {kind} wanders from station to station"].columns[:, start]
+        walk = walk.reshape(size, 3, -1)[:, 0] / full[0]
+        left = np.arange(size)[::-1]
+        both = np.minimum.outer(left, left)
+        assert walk.shape[1] == min(8, size - 1)
+        assert np.abs(walk @ walk.T - both).max() < 0.06 * size
+        assert np.trace(walk @ walk.T) > 0.95 * np.trace(both)
+
+
+def test_dials_that_are_stated_are_doubted(fitted):
+    stated = replace(fitted, model=replace(fitted.model, rig_known=np.array([True, False, True])))
+    known = {block.name: block for block in blocks(stated, {"accelerometer", "magnetometer"})}
+    worse = [name for name in known if "worse than stated" in name]
+    assert worse == [
+        "the azimuth dial is worse than stated",
+        "the toolface dial is worse than stated",
+        "the dials are worse than stated",
+    ]
+    sd, size = np.radians(0.1), len(stated.at.residual)
+    for dial, name in ((0, worse[0]), (2, worse[1])):
+        columns = known[name].columns
+        np.testing.assert_allclose(columns[np.arange(size), :, np.arange(size)], sd * stated.at.by_setting[..., dial])
+        assert np.count_nonzero(columns.any(axis=1)) <= size
+    assert known[worse[2]].columns.shape[2] == 2 * size
+    assert not any("larger than stated" in name for name in known)
+    exact = replace(stated, model=replace(stated.model, rig_sd=np.zeros(3)))
+    for block in blocks(exact, {"accelerometer", "magnetometer"}):
+        if block.name == worse[0]:  # a graduation's usual error stands in for one that was stated to be none
+            np.testing.assert_allclose(block.columns, known[worse[0]].columns * 1e-3 / sd)
+    noise = {block.name: block for block in blocks(stated, {"magnetometer"})}[
+        "the noise of the accelerometer is larger than stated"
+    ]
+    np.testing.assert_allclose(noise.columns.sum(axis=2)[:, :3], 4e-4)
+    assert not noise.columns[:, 3:].any()
+
+
+def test_what_is_not_excluded_counts_by_its_chance():
+    """Evidence against a cause takes it out, evidence for it leaves all of it in, whatever else ends with the run."""
+    column, unit = np.ones((1, 1)), Block("x", np.zeros((1, 1, 1)))
+
+    def added(ratio, block=unit):
+        return float(not_excluded([Evidence(block, ratio, 1.0, 2.0 * column, 3.0 * column)], np.zeros((1, 1)))[0, 0])
+
+    assert added(1.0) == pytest.approx(12.0)  # all of it: 2 x 3 x 2
+    assert added(60.0) == pytest.approx(12.0)
+    assert added(-20.0) < 1e-6
+    levels = [added(ratio) for ratio in np.linspace(-5.0, 0.4, 28)]
+    assert (np.diff(levels) >= 0.0).all()
+    assert levels[-1] < 12.0
+    # one in six where the readings say nothing: at least that share of it
+    assert added(0.0) >= 12.0 / 6.0
+    assert added(5.0, replace(unit, stays=False)) == 0.0
+    two = not_excluded([Evidence(unit, 1.0, 1.0, 2.0 * column, 3.0 * column)] * 2, np.zeros((1, 1)))
+    assert two[0, 0] == pytest.approx(24.0)
 
 
 @pytest.mark.long

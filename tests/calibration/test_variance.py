@@ -8,8 +8,23 @@ from scipy.optimize import minimize
 from inclinometry.calibration import plans
 from inclinometry.calibration.joint import calibrate_joint
 from inclinometry.calibration.likelihood import Model
+from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.start import starting_state
-from inclinometry.calibration.variance import estimate_components, fit
+from inclinometry.calibration.structured import with_repeating
+from inclinometry.calibration.variance import (
+    average_over_variances,
+    estimate_components,
+    expected_variances,
+    fit,
+    fit_with_caution,
+    fit_with_variances,
+    fitted_without,
+    noise_guess,
+    repeating_evidence,
+    rig_guess,
+    with_averaged_covariance,
+)
+from inclinometry.errors import InputError
 from inclinometry.simulate.bench import Rig
 from inclinometry.simulate.tool import random_tool
 
@@ -144,3 +159,161 @@ def test_large_noise_and_large_rig_errors_converge(bench):
     assert np.degrees(found.rig.sd[0]) == pytest.approx(2.0, rel=0.5)
     for kind in BOTH:
         assert found.tool.noise[kind][0] == pytest.approx(20.0, rel=0.6)
+
+
+def dense(fitted):
+    """V without and columns Z of the structured errors, jacobian of the parameters, residual: all stations in one."""
+    at, model = fitted.at, fitted.model
+    count, size = at.residual.size, len(model.structure_sd)
+    jacobian = at.jacobian[..., : at.jacobian.shape[2] - size].reshape(count, -1)
+    spread = at.by_setting * model.rig_sd
+    covariance = np.diag(model.noise_sd.ravel() ** 2) + block_diag(*(spread @ spread.swapaxes(1, 2)))
+    columns = np.broadcast_to(model.structure, (*at.residual.shape, size)).reshape(count, size)
+    moved = (at.by_setting @ fitted.state.errors[..., None])[..., 0]
+    residual = (at.residual - moved - model.structure @ fitted.state.structured).ravel()
+    return covariance, columns, jacobian, residual
+
+
+def twice_negative(covariance, jacobian, residual):
+    """Restricted log likelihood, estimate (as a correction) and covariance of the parameters, by dense matrices."""
+    inverse, scale = np.linalg.inv(covariance), np.abs(jacobian).max(axis=0)
+    unit = jacobian / scale
+    normal = np.linalg.inv(unit.T @ inverse @ unit)
+    estimate = normal @ unit.T @ inverse @ residual
+    left = residual - unit @ estimate
+    value = np.linalg.slogdet(covariance)[1] - np.linalg.slogdet(normal)[1] + left @ inverse @ left
+    return value, estimate / scale, normal / np.outer(scale, scale)
+
+
+@pytest.fixture(scope="module")
+def twelve(bench):
+    readings, _ = bench(plans.twelve(), random_tool(1), Rig(setting_sd=np.radians(0.1)), bits=12, seed=3)
+    return readings
+
+
+@pytest.mark.parametrize("rig_deg", [0.1, 0.02])
+def test_evidence_of_repeating_errors_is_the_ratio_of_two_dense_likelihoods(twelve, rig_deg):
+    """With them as fitted against none of them, where the random ones of the dial may be up to 30 times larger."""
+    here = fitted_model(twelve, {"accelerometer": 0.8, "magnetometer": 0.5}, np.radians(rig_deg))
+    fitted = fit(*with_repeating(here))
+    covariance, columns, jacobian, residual = dense(fitted)
+    model, found = fitted.model, repeating_evidence(fitted)
+    both = covariance + columns * model.structure_sd**2 @ columns.T
+    grew = []
+    for dial in range(3):
+        mine = model.structure_dial == dial
+        assert mine.any()
+        turned = fitted.at.by_setting[..., dial : dial + 1] * model.rig_sd[dial]
+        random = block_diag(*(turned @ turned.swapaxes(1, 2)))
+        # a thousandth of their standard deviation is left, of arithmetic
+        without = both - (1.0 - 1e-6) * columns[:, mine] * model.structure_sd[mine] ** 2 @ columns[:, mine].T
+        grown = [twice_negative(without + more * random, jacobian, residual)[0] for more in (0.0, 2.0, 9.0, 29.0)]
+        ratio = (min(grown) - twice_negative(both, jacobian, residual)[0]) / 2.0
+        assert found[dial] == pytest.approx(ratio, abs=1e-6)
+        grew.append(grown[0] > min(grown))
+    assert any(grew) == (rig_deg < 0.1)
+    assert not repeating_evidence(here).any()
+
+
+def test_one_variance_has_the_degrees_of_freedom_of_its_readings(twelve):
+    """Noise alone to be told: those of Student's t, and twice the relative uncertainty above where caution asks."""
+    alone = BenchReadings({"accelerometer": twelve.channels["accelerometer"]}, *twelve.dials)
+    here = fitted_model(alone, {"accelerometer": 0.8}, 0.0)
+    free = frozenset({"accelerometer"})
+    here = fit_with_variances(here.model, here.state, free, False)
+    freedom = 36 - 14
+    assert here.degrees_of_freedom == freedom
+    # least squares: the restricted likelihood is largest at the residuals over their degrees of freedom
+    assert here.model.noise_sd[0, 0] ** 2 == pytest.approx(np.sum(here.at.residual**2) / freedom, rel=1e-3)
+    averaged, raised = with_averaged_covariance(here, free, False), fit_with_caution(here, free, False)
+    for one in (averaged, raised):
+        assert one.variance_freedom[0] == pytest.approx(freedom, rel=1e-6)
+        assert (one.variance_freedom[1:] >= 2e6 - 1.0).all()  # known
+    grown = (raised.model.noise_sd / here.model.noise_sd)[0, 0] ** 2
+    assert grown == pytest.approx(np.exp(2.0 * np.sqrt(2.0 / freedom)), rel=1e-3)
+    # its mean, by quadrature over its logarithm; the prior allows a factor of e^2; 128 random draws: 3 %
+    log = np.linspace(-3.0, 3.0, 2001)
+    weight = np.exp(-0.5 * freedom * (log + np.exp(-log) - 1.0) - 0.5 * (log / 2.0) ** 2)
+    mean = weight @ np.exp(log) / weight.sum()
+    assert (expected_variances(here, free, False).noise_sd / here.model.noise_sd)[0, 0] ** 2 == pytest.approx(
+        mean, rel=0.06
+    )
+    np.testing.assert_allclose(np.diag(averaged.covariance) / np.diag(here.covariance), mean, rtol=0.06)
+
+
+def test_the_averaged_covariance_is_an_integral_over_the_variances(twelve):
+    """Two noises to be told and the dials known: a grid of 31 x 31 over their logarithms, dense matrices."""
+    here = fitted_model(twelve, {"accelerometer": 0.8, "magnetometer": 0.5}, np.radians(0.1))
+    here = fit_with_variances(here.model, here.state, {*BOTH}, False)
+    found, means, relative = average_over_variances(here.model, here.at, here.state, {*BOTH}, False)
+    rest, _, jacobian, residual = dense(here)
+    noise = np.diag(here.model.noise_sd.ravel() ** 2)
+    first = np.tile([1.0, 1.0, 1.0, 0.0, 0.0, 0.0], 12)
+    grid, total, weight = np.linspace(-4.0, 4.0, 31), [], []
+    best, start, _ = twice_negative(rest, jacobian, residual)
+    for one in grid:
+        for other in grid:
+            factor = np.exp(one) * first + np.exp(other) * (1.0 - first)
+            value, estimate, spread = twice_negative(rest + noise * (factor - 1.0), jacobian, residual)
+            weight.append(np.exp(-0.5 * (value - best) - (one**2 + other**2) / 8.0))
+            moved = estimate - start
+            total.append([*np.diag(spread) + moved**2, np.exp(one), np.exp(other)])
+    wanted = np.array(weight) @ np.array(total) / np.sum(weight)
+    # 128 draws of heavy tails: a tenth
+    np.testing.assert_allclose(np.diag(found) / wanted[:-2], 1.0, atol=0.12)
+    np.testing.assert_allclose(means[:2] / wanted[-2:], 1.0, atol=0.15)
+    assert (means[2:] == 1.0).all()
+    assert np.isnan(relative[2:]).all()
+
+
+def test_a_fit_without_some_stations_is_told_to_first_order(twelve):
+    here = fitted_model(twelve, {"accelerometer": 0.8, "magnetometer": 0.5}, np.radians(0.1))
+    rest = np.delete(np.arange(12), 4)
+    model, covariance, shift = fitted_without(here, rest, frozenset(), False)
+    anew = fit(
+        here.model.take(rest),
+        here.state.__class__(
+            here.state.coefficients, here.state.directions, here.state.errors[rest], here.state.nuisance
+        ),
+    )
+    moved = np.concatenate([(here.state.coefficients[k] - anew.state.coefficients[k]).ravel() for k in BOTH])
+    u = np.sqrt(np.diag(anew.covariance))
+    # what is not linear in a step of a standard deviation
+    np.testing.assert_allclose(shift[: len(moved)] / u[: len(moved)], moved / u[: len(moved)], atol=0.02)
+    np.testing.assert_allclose(np.diag(covariance), u**2, rtol=0.02)
+    assert len(model.settings) == 12
+    np.testing.assert_allclose(model.noise_sd, here.model.noise_sd)
+
+
+def test_where_the_search_for_the_variances_starts(twelve):
+    """What is stated is kept; what is not begins near the size that the residuals show, never below the rounding."""
+    sd, known = rig_guess(None)
+    assert not known.any()
+    assert ((np.radians(0.01) < sd) & (sd < np.radians(1.0))).all()
+    sd, known = rig_guess(0.002)
+    assert sd.tolist() == [0.002] * 3
+    assert known.all()
+    sd, known = rig_guess([0.001, np.nan, 0.0])
+    assert known.tolist() == [True, False, True]
+    assert sd[[0, 2]].tolist() == [0.001, 0.0]
+    assert sd[1] == rig_guess(None)[0][1]
+    with pytest.raises(InputError, match=r"rig_sd has shape \(2,\)"):
+        rig_guess([0.1, 0.1])
+    residual = np.concatenate([np.full((12, 3), 6.0), np.full((12, 3), 30.0)], axis=1)
+    sd, free = noise_guess(twelve, None, residual)
+    assert free == {*BOTH}
+    np.testing.assert_allclose(sd[:, :3], 2.0)
+    np.testing.assert_allclose(sd[:, 3:], 10.0)
+    small, _ = noise_guess(twelve, None, 1e-9 * residual)
+    assert (small >= 1.0 / np.sqrt(12.0) - 1e-12).all()
+    sd, free = noise_guess(twelve, {"accelerometer": [1.0, 2.0, 3.0]}, residual)
+    assert free == {"magnetometer"}
+    np.testing.assert_allclose(sd[4], [1.0, 2.0, 3.0, 10.0, 10.0, 10.0])
+    with pytest.raises(InputError, match="noise_sd names 'compass'"):
+        noise_guess(twelve, {"compass": 1.0}, residual)
+    # means with a scatter of their own, one of them without: as good as the others, and never better than their step
+    own = {"accelerometer": np.where(np.arange(12)[:, None] == 5, 0.0, 3.0) * np.ones(3)}
+    stated = BenchReadings(twelve.channels, *twelve.dials, sd=own, step={"accelerometer": 0.0, "magnetometer": 1.0})
+    sd, free = noise_guess(stated, None, residual)
+    assert free == {"magnetometer"}
+    np.testing.assert_allclose(sd[:, :3], 3.0)

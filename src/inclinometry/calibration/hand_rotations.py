@@ -324,7 +324,6 @@ class _Fit:
             scales = np.geomspace(0.3, 40.0, 60) / fastest
         signs = np.array([np.diag(row) for row in np.array(np.meshgrid(*[[1.0, -1.0]] * 3)).reshape(3, -1).T])
         orders = np.eye(3)[[[0, 1, 2], [1, 2, 0], [2, 0, 1], [1, 0, 2], [0, 2, 1], [2, 1, 0]]]
-        best, least = np.eye(3), np.inf
         # rad, median angle left that a right start falls short of: tilted and unequal axes of a raw chip leave a tenth
         near = 0.3
         for axes in (sign @ order for order in orders for sign in signs):
@@ -332,10 +331,8 @@ class _Fit:
             end = dcm_from_quaternion(_turned(coarse, tried)[..., -1, :])
             miss = self.u1[few] - np.einsum("...kji,kj->...ki", end, self.u0[few])
             left = np.median(np.linalg.norm(miss, axis=-1), axis=-1)
-            if left.min() < least:
-                best, least = tried[int(left.argmin())], float(left.min())
-            if least < near:
-                return np.asarray(best)
+            if left.min() < near:
+                return np.asarray(tried[int(left.argmin())])
         said = f"of gyro signals in {gyro_unit}" if gyro_unit in PER_RADIAN else "and no scale factor"
         self._refuse_poor(f"no order and sign of the axes {said} turns gravity as the accelerometer saw it turn")
         raise AssertionError  # pragma: no cover

@@ -49,10 +49,8 @@ def null_space(model: Model, state: State) -> NullSpace:
     _, values, right = np.linalg.svd(np.concatenate([design, known]), full_matrices=False)
     # a direction whose scaled singular value is below this share of the largest is unseen: rounding, not weak data
     seen = values > 1e-7 * values[0]
-    width = design.shape[1]
-    null = np.concatenate(
-        [right[~seen], (np.zeros((0, width)) if len(right) >= width else np.linalg.svd(right)[2][len(right) :])]
-    )
+    # of fewer equations than parameters what is left of the space is unseen too
+    null = np.concatenate([right[~seen], np.linalg.svd(right)[2][len(right) :]])
     rank = int(seen.sum())
     names, dictionary = _dictionary(bare, still, tool, tangent)
     dictionary = dictionary / scale[: extra.start]

@@ -334,10 +334,15 @@ def _refine(y: Array, w: Array, inverse: Array, centre: Array, *, proper: bool) 
     return theta, information * np.outer(unitless, unitless)
 
 
+def _upper(theta: Array) -> Array:
+    """The upper triangular matrix whose six elements, by rows, lead the parameters."""
+    a, b, c, d, e, f = theta[:6]
+    return np.array([[a, b, c], [0.0, d, e], [0.0, 0.0, f]])
+
+
 def _linearise(theta: Array, x: Array) -> tuple[Array, Array]:
     """|B (x - b)| - 1 and its Jacobian; equation by hand: d|Bz| = u'(dB z - B db), u = Bz / |Bz|."""
-    upper = np.zeros((3, 3))
-    upper[tuple(zip(*_UPPER, strict=True))] = theta[:6]
+    upper = _upper(theta)
     z = x - theta[6:]
     field = z @ upper.T
     u = unit(field)
@@ -352,9 +357,7 @@ def _result(
     y: Array, w: Array, strength: float, theta: Array, information: Array, count: int, warnings: Sequence[str]
 ) -> NormFit:
     """Everything in the field's unit."""
-    inverse = np.zeros((3, 3))
-    inverse[tuple(zip(*_UPPER, strict=True))] = theta[:6]
-    inverse *= strength
+    inverse = strength * _upper(theta)
     field = (y - theta[6:]) @ inverse.T
     residual = np.linalg.norm(field, axis=1) - strength
     scatter = float(np.sqrt(np.mean(residual**2))) / strength

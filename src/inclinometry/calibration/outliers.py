@@ -184,8 +184,11 @@ def find_outliers(
                 trials.append((_predict(trial, full, int(kept[place])).statistic, place, trial))
         if not trials:
             break
-        # a slight misreading is what the dials are better without, more than without any other station
-        _, place, trial = min(trials, key=lambda one: float(np.sum(np.log(np.maximum(one[2].model.rig_sd, 1e-9)))))
+        # a slight misreading is what the dials are better without, more than without any other station; what is stated
+        # of the dials stays as it is, and then the fit is
+        _, place, trial = min(
+            trials, key=lambda one: (float(np.sum(np.log(np.maximum(one[2].model.rig_sd, 1e-9)))), one[2].cost)
+        )
         probability = slight
         if place != suspect or slight >= _SLIGHT:
             _, place, trial = max(trials, key=lambda one: one[0])
