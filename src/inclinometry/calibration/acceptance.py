@@ -809,8 +809,6 @@ def _effects(readings: BenchReadings, calibration: Calibration, where: _Where, s
     # of one field alone any other serves: inclination and toolface do not hang on it, and azimuth is not judged
     other = seen[kinds[1]] if len(kinds) == 2 else np.eye(3)[np.abs(first_field).argmin(axis=-1)]
     jacobian = angles_jacobian(first_field, other)[:, :3, : 3 * len(kinds)]
-    if len(kinds) == 1:
-        jacobian[:, 1] = 0.0
     sensitivity = field_sensitivity(tool, kinds, jacobian, seen, readings.temperature)
     by_tool, covariance = sensitivity.by_parameter, tool.covariance
     if where.base is None:
