@@ -111,12 +111,10 @@ def cross_matrices(v: Array) -> Array:
 
 def rotations(angle: Array) -> Array:
     """exp [angle]x of each row (Rodrigues)."""
-    size = np.linalg.norm(angle, axis=-1)[..., None, None]
+    half = np.linalg.norm(angle, axis=-1)[..., None, None] / (2.0 * np.pi)
     k = cross_matrices(angle)
-    safe = np.where(size > 1e-8, size, 1.0)
-    one = np.where(size > 1e-8, np.sin(safe) / safe, 1.0)
-    two = np.where(size > 1e-8, (1.0 - np.cos(safe)) / safe**2, 0.5)
-    return np.asarray(np.eye(3) + one * k + two * (k @ k))
+    # sin x / x and (1 - cos x) / x^2 = (sin(x/2) / (x/2))^2 / 2, which np.sinc(x / pi) knows at 0 too
+    return np.asarray(np.eye(3) + np.sinc(2.0 * half) * k + 0.5 * np.sinc(half) ** 2 * (k @ k))
 
 
 def tangent(u: Array) -> Array:
