@@ -414,6 +414,16 @@ def test_the_station_whose_field_is_least_like_the_others_is_named():
     assert f"largest deviation -0.00200 (u {S:.5f}) at station 3" in said
 
 
+def test_the_consumer_s_risk_of_an_angle_that_passed_is_that_of_a_normal_error():
+    """JCGM 106:2012, 9.3.2: an error of zero, a limit as large as its standard uncertainty, both sides beyond."""
+    calibration = known({"accelerometer": np.eye(3)}, noise=S)
+    readings = read(calibration, ROUND)
+    limit = verify(readings, calibration).u[:, 0].max()
+    found = verify(readings, calibration, Limits("own", "this test", limit, None, None))
+    beyond = 2.0 * NormalDist().cdf(-1.0)
+    assert any(f"with a probability of {100.0 * beyond:.2g} % at most (consumer's risk)" in n for n in found.notes)
+
+
 def test_zeros_of_dials_that_the_calibration_found_are_part_of_what_is_planned():
     calibration = known({k: np.eye(3) for k in FIELDS}, noise=S)
     rig = dataclasses.replace(calibration.rig, nuisance={"inclination_zero": (0.02, 1e-3)})
@@ -423,7 +433,9 @@ def test_zeros_of_dials_that_the_calibration_found_are_part_of_what_is_planned()
 
 
 def test_a_guarded_limit_accepts_what_a_plain_one_narrower_by_the_expanded_uncertainty_does():
-    calibration = known({k: np.eye(3) for k in FIELDS}, causes={"accelerometer.tensor[0,2]": 5.0 * S}, dial=[0.0, S, 0.0])
+    calibration = known(
+        {k: np.eye(3) for k in FIELDS}, causes={"accelerometer.tensor[0,2]": 5.0 * S}, dial=[0.0, S, 0.0]
+    )
     plan = plans.spread()
     limits = Limits("own", "this test", 20.0 * S, None, None)
     plain, guarded = (
