@@ -284,7 +284,7 @@ ROUND = [[a, i, t] for a, i, t in zip(np.arange(8.0), np.linspace(0.3, 2.7, 8), 
 
 
 class TestOneSensor:
-    AXIS = [[0.0, 0.6, 0.8]]
+    AXIS = ((0.0, 0.6, 0.8),)
 
     @pytest.mark.parametrize(
         ("cause", "share"),

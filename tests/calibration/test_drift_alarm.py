@@ -211,7 +211,7 @@ def test_a_tool_is_as_uncertain_on_a_day_as_its_days_hours_and_doses_since_the_l
         assert len(tool.alarms) == len(history.date) - 1
     seen = [(rig, when) for h in histories for rig, when in zip(h.rig[1:], h.date[1:], strict=True)]
     recent = [rig for rig, when in seen if (day - when).days <= 365]
-    assert 3 <= min(recent.count(rig) for rig in set(recent))
+    assert min(recent.count(rig) for rig in set(recent)) >= 3
     assert len(recent) < len(seen)
     assert {one.rig: one.calibrations for one in status.rigs} == {rig: recent.count(rig) for rig in set(recent)}
     # a tool of one calibration has no alarm, and is nothing to follow up

@@ -382,7 +382,7 @@ def _begin(
             trouble = str(error)
     if not fits:
         raise IdentifiabilityError(f"no start leads to a fit ({trouble}); check the axes and that the dip was constant")
-    fit, flip = min(fits, key=lambda found: found[0].cost)
+    fit, flip = min(fits, key=lambda one: one[0].cost)
     # tool z on the side where the third sensor of the first triad points, or the one most along it
     at = fit.estimate
     along = unit(at.tensors[0])[:, 2] * (-1.0 if flip else 1.0)
@@ -399,8 +399,9 @@ def _begin(
         if specific_force is None and flip:
             notes.append("the accelerometer is taken to read specific force, because of the sign of the reference dip")
         if abs(at.dip - reference["dip"]) > np.radians(10.0):
+            found, stated = np.degrees([at.dip, reference["dip"]])
             notes.append(
-                f"dip comes out as {np.degrees(at.dip):.1f} deg, the reference is {np.degrees(reference['dip']):.1f} deg; "
+                f"dip comes out as {found:.1f} deg, the reference is {stated:.1f} deg; "
                 "check the axes of the magnetometer (one mirrored?) and the accelerometer's sign"
             )
     return at, flip
