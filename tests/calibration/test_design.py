@@ -219,10 +219,13 @@ def test_the_same_seed_gives_the_same_plan(aimed):
 def test_the_best_addition_is_that_of_trying_each(scale, doublings):
     """In any unit of what is asked; more candidates and attitudes than are compared at first."""
     random = np.random.default_rng(doublings)
-    spread = np.exp(0.3 * random.normal(size=(300, 1, 1)))
-    for _ in range(3):
-        factors = spread * random.normal(size=(300, 2, 6))
-        problem = Problem(factors, np.eye(6), scale * random.normal(size=(200, 2, 6)), random.uniform(size=300) < 0.9)
+    for alike in (False, True):
+        # attitudes and candidates nearly alike: few of them do not decide
+        factors, gradients = random.normal(size=(300, 2, 6)), random.normal(size=(400, 2, 6))
+        if alike:
+            gradients /= np.linalg.norm(gradients, axis=2, keepdims=True)
+            factors /= np.linalg.norm(factors, axis=2, keepdims=True)
+        problem = Problem(factors, np.eye(6), scale * gradients, random.uniform(size=300) < 0.9)
         taken = [int(c) for c in np.flatnonzero(problem.allowed)[:20]]
         here = problem.information(taken)
         np.testing.assert_allclose(here, np.eye(6) + sum(factors[c].T @ factors[c] for c in taken))
@@ -233,7 +236,7 @@ def test_the_best_addition_is_that_of_trying_each(scale, doublings):
             np.testing.assert_allclose(problem.variances(here + factors[c].T @ factors[c]), variances)
             tried[int(c)] = norm(variances, doublings)
             # a norm: the largest, and at most what as many as large make of it
-            assert 1.0 <= tried[int(c)] / variances.max() <= 200.0 ** (0.5**doublings)
+            assert 1.0 <= tried[int(c)] / variances.max() <= 400.0 ** (0.5**doublings)
         assert tried[best_addition(problem, here, taken, doublings)] == pytest.approx(min(tried.values()), rel=1e-7)
 
 
@@ -377,19 +380,21 @@ def test_positions_visited_twice_show_a_drift_that_the_plan_alone_hides():
         plans.twelve().repeated(3)
 
 
+ANYWHERE = plans.Plan("any", *np.random.default_rng(1).uniform([[0.0], [0.1], [0.0]], [[6.28], [3.0], [6.28]], (3, 14)))
+
+
 @pytest.mark.parametrize(
     ("louder", "plan"),
     [
         ("", plans.twelve()),
-        ("accelerometer", plans.half()),
-        ("magnetometer", plans.half()),
-        ("magnetometer", plans.rotations()),
+        ("accelerometer", ANYWHERE),
+        ("magnetometer", ANYWHERE),
     ],
 )
 def test_the_least_drift_is_that_of_a_fit_with_drifts(louder, plan):
     """Of the axis and triad that show it least, whichever it is."""
-    plan = plan.repeated(1)
-    noise = {kind: sd * (20.0 if kind == louder else 1.0) for kind, sd in NOISE.items()}
+    plan = plan.repeated(1) if plan is not ANYWHERE else plan
+    noise = {kind: sd * (2.0 if kind == louder else 1.0) for kind, sd in NOISE.items()}
     about = information(RIG_SD, noise, DIP, None)
     model, state = about.model(settings_of(plan))
     at = model.linearise(state)

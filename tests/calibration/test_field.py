@@ -11,10 +11,12 @@ from scipy.spatial.transform import Rotation
 from scipy.special import fdtri
 
 from inclinometry.calibration._field_model import (
+    Estimate,
     FieldProblem,
     Prior,
     Shots,
     Unknowns,
+    bad_shots,
     estimate,
     first_levels,
     rotations,
@@ -271,6 +273,26 @@ def test_a_badly_pointed_roll_is_named():
     channels["magnetometer"][26] = away @ channels["magnetometer"][26]
     warnings = calibrate_field(BenchReadings(channels, roll_set=readings.roll_set)).warnings
     assert any(w.startswith("station 27: it was not pointed") for w in warnings)
+
+
+def test_a_clean_campaign_names_a_shot_once_in_a_hundred_and_a_wild_one_comes_first():
+    random, free = np.random.default_rng(23), np.tile([2.2, 2.2, 1.3], (24, 1))
+
+    def named(square, free=free):
+        return bad_shots(Estimate(None, None, square, free, (8.0 + free) / (8.0 + square), ()))
+
+    # squares in units of a scale of t, whose square is 0.82 of the variance: so weighted they are as many as expected
+    clean = [named(random.chisquare(free) / 0.82) for _ in range(4000)]
+    assert 15 < sum(map(bool, clean)) < 65  # 40 of 4000, and four standard deviations
+    wild = random.chisquare(free) / 0.82
+    wild[5, 1], wild[17, 2], wild[3, 0] = 100.0, 60.0, 200.0
+    assert named(wild) == [(3, 0), (5, 1), (17, 2)]
+    # nothing to compare with, nothing that the fit leaves: not judged
+    alone = np.where(np.arange(24)[:, None] < 1, free, 0.0)
+    assert named(wild, free=alone) == []
+    absorbed = free.copy()
+    absorbed[3, 0] = 1e-3
+    assert named(wild, free=absorbed) == [(5, 1), (17, 2)]
 
 
 def test_units_do_not_matter():
