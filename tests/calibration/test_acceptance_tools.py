@@ -337,11 +337,16 @@ class TestOneSensor:
         np.testing.assert_allclose(verify(many, calibration).u[3:, 0], found.u[3:, 0] / 4.0)
         # a reading that is off by ten of its standard deviations: by so much of the angle, and named
         off = readings.channels["accelerometer"] - 0.1 * np.eye(6)[:, 4:5]
+        off += 0.05 * np.eye(6)[:, 5:]
         said = verify(dataclasses.replace(readings, channels={"accelerometer": off}, digest=""), calibration)
         assert said.errors[4, 0] == pytest.approx(np.arccos(np.cos(0.5) - 0.1) - 0.5)
         assert said.verdict == "fail"
         assert any("largest against its uncertainty -0.1 (u 0.01) at station 5" in note for note in said.notes)
-        assert any(f"residual {0.1 / np.sqrt(6.0):.4g} counts rms" in note for note in said.notes)
+        assert any(f"residual {np.hypot(0.1, 0.05) / np.sqrt(6.0):.4g} counts rms" in note for note in said.notes)
+        # less off, but the mean of so many readings that it is off by more of its standard deviations
+        many = dataclasses.replace(readings, channels={"accelerometer": off}, digest="", count=[1, 1, 1, 1, 1, 25])
+        found = verify(many, calibration)
+        assert any("largest against its uncertainty +0.05 (u 0.002) at station 6" in note for note in found.notes)
 
     def test_neither_limits_nor_another_stand(self):
         calibration = known({"accelerometer": self.AXIS}, noise=S)
@@ -412,6 +417,27 @@ def test_the_station_whose_field_is_least_like_the_others_is_named():
     found = verify(dataclasses.replace(readings, channels={"magnetometer": weak}, digest=""), calibration)
     said = next(note for note in found.notes if "strength of the field" in note)
     assert f"largest deviation -0.00200 (u {S:.5f}) at station 3" in said
+
+
+def test_two_accelerometers_are_judged_by_gravity_whatever_the_other_field_does():
+    """Where the magnetic field lies in the plane across the tool, gravity does not."""
+    two = np.eye(3)[:2]
+    calibration = known({"accelerometer": two, "magnetometer": np.eye(3)}, noise=S)
+    found = verify(read(calibration, [*ROUND, [0.0, np.pi - 1.2, 0.3], [0.0, np.pi / 2.0, 0.3]]), calibration)
+    assert [row[0] for row in found.decision] == ["pass"] * 9 + ["not judged"]
+    # on another stand too the side of the third component is where the stand puts it
+    for stand in (OtherStand(1e-3, 0.0, gravity_sd=0.0), OtherStand(1e-3, gravity_sd=0.0), OtherStand(gravity_sd=0.0)):
+        found = verify(read(calibration, ROUND), calibration, stand=stand)
+        assert found.verdict == "pass"
+        np.testing.assert_allclose(found.errors, 0.0, atol=1e-9)
+
+
+def test_limits_as_a_table():
+    limits = dataclasses.replace(WIDE, azimuth=None, min_inclination_for_azimuth=np.radians(5.0))
+    table = limits.to_dict()
+    assert table["angle"] == ["inclination", "azimuth", "toolface"]
+    np.testing.assert_allclose(table["limit_deg"], [1.0, np.nan, 1.5])
+    np.testing.assert_allclose(table["from_inclination_deg"], [0.0, 5.0, 5.0])
 
 
 def test_the_consumer_s_risk_of_an_angle_that_passed_is_that_of_a_normal_error():

@@ -356,8 +356,9 @@ def test_refusals_in_words():
         calibrate_field(BenchReadings({"gyro": np.zeros((5, 3))}))
     with pytest.raises(InputError, match="2 sensors"):
         calibrate_field(BenchReadings({"magnetometer": np.zeros((5, 2))}))
-    with pytest.raises(InputError, match="axis_angle_sd"):
-        calibrate_field(readings, axis_angle_sd=7.0)
+    for name, value in (("axis_angle_sd", 1.1), ("axis_angle_sd", 0.9e-4), ("scale_spread_sd", 1.1)):
+        with pytest.raises(InputError, match=name):
+            calibrate_field(readings, **{name: value})
     two = [i for i in range(len(readings)) if i < 26]
     lone = {"accelerometer": readings.channels["accelerometer"][two]}
     with pytest.raises(IdentifiabilityError, match="span too little"):
@@ -419,6 +420,30 @@ def moved(at, shots, step, turn):
     pointing = at.pointing + np.einsum("sij,sj->si", tangent(at.pointing), tilt)
     pointing /= np.linalg.norm(pointing, axis=1, keepdims=True)
     return Unknowns(tensors, offsets, at.dip + step[shots.tool], pointing, rotations(turn) @ at.attitude)
+
+
+def test_rotations_are_those_of_their_vectors():
+    vectors = np.random.default_rng(24).normal(size=(20, 3)) * np.geomspace(1e-12, 3.0, 20)[:, None]
+    vectors[0] = 0.0
+    np.testing.assert_allclose(rotations(vectors), Rotation.from_rotvec(vectors).as_matrix(), atol=1e-14)
+
+
+def test_a_step_moves_what_is_shared_and_each_attitude_to_its_best_place(problem):
+    problem, at = problem
+    shots = problem.shots
+    step = 1e-3 * np.random.default_rng(25).normal(size=problem.size)
+    ahead = problem.retract(at, step)
+    # of all turns of an attitude that of least squares with the residuals that the step leaves, and the ridge
+    linear = problem.linear(at)
+    left = linear.residual + linear.shared @ step
+    turn = np.zeros((len(shots.member), 3))
+    for k, latent in enumerate(linear.latent):
+        rows = np.vstack([latent, 0.1 * np.eye(3)])
+        turn[k] = np.linalg.lstsq(rows, -np.append(left[k], np.zeros(3)), rcond=None)[0]
+    plain = moved(at, shots, step, turn)
+    for name in ("tensors", "offsets", "dip", "pointing", "attitude"):
+        np.testing.assert_allclose(getattr(ahead, name), getattr(plain, name), atol=1e-12)
+    np.testing.assert_allclose(np.linalg.norm(ahead.pointing, axis=1), 1.0, atol=1e-14)
 
 
 def test_slopes_against_finite_differences(problem):

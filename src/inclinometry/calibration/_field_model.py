@@ -247,7 +247,7 @@ class FieldProblem:
             block = step[columns].reshape(-1, 4)
             tensors.append(tensor + block[:, :3])
             offsets.append(offset + block[:, 3])
-        tilt = step[self.shots.tool + 1 :].reshape(-1, 2)
+        tilt = step[self.shots.tool + 1 :].reshape(self.shots.sets, 2)
         pointing = at.pointing + (tangent(at.pointing) @ tilt[..., None])[..., 0]
         pointing = pointing / np.linalg.norm(pointing, axis=1, keepdims=True)
         dip = at.dip + float(step[self.shots.tool])

@@ -549,7 +549,8 @@ def check_misread(readings: BenchReadings, calibration: Calibration, fields: Map
     others = [w for w in alike[1:] if w.words().count("--") == likely.words().count("--")]
     kind = max(given, key=lambda k: given[k])
     times = _size(channels, given) / max(least, 1e-6)
-    said = f"{figure(times)} times better (as given {100.0 * given[kind]:.2g} % of the field of the {kind} is missed)"
+    missed = figure(100.0 * given[kind])
+    said = f"{figure(times)} times better (as given {missed} % of the field of the {kind} is missed)"
     also = f" {' or '.join(way.words() for way in others)} would fit as well." if others else ""
     wired = _size(channels, _unexplained(channels, fields, _turns(calibration, readings.dials), wired=True))
     if wired < max(3.0 * least, far) and wired < 0.5 * _size(channels, given):
