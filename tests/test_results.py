@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import copy
 import dataclasses
+import importlib
 import pickle
+import pkgutil
 import re
 import subprocess
 import sys
@@ -497,3 +499,18 @@ def test_what_is_no_record_is_refused_with_what_gives_one(use: Any, said: str) -
 def test_plans_shows_plans() -> None:
     assert all(isinstance(getattr(im.plans, name)(), im.Plan) for name in dir(im.plans) if name != "Plan")
     assert "twelve" in dir(im.plans)
+
+
+@pytest.mark.parametrize("room", ["calibration", "gyro", "survey", "position"])
+def test_what_was_found_stays_as_it_is_and_compares_without_an_error(room: str) -> None:
+    """No field of a result can be set anew; == of arrays is no truth value; a result prints as the tables do."""
+    package = importlib.import_module(f"inclinometry.{room}")
+    for info in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
+        for name, made in vars(importlib.import_module(info.name)).items():
+            given = vars(made).get("__dataclass_params__") if isinstance(made, type) else None
+            if given is None or made.__module__ != info.name:
+                continue
+            assert given.frozen, name
+            arrays = any("Array" in str(one.type) for one in dataclasses.fields(made))
+            assert not (arrays and given.eq), name
+            assert not (issubclass(made, Tabular) and given.repr), name

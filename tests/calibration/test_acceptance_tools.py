@@ -1,16 +1,21 @@
 """Verification of tools that are not two full triads, and on stands that are not the calibration's."""
 
 import dataclasses
+import math
+from statistics import NormalDist
 
 import numpy as np
 import pytest
 
 from inclinometry.calibration import plans
-from inclinometry.calibration.acceptance import Limits, OtherStand, verify
+from inclinometry.calibration.acceptance import Limits, OtherStand, planned, verify
 from inclinometry.calibration.joint import calibrate_joint, fit_once
 from inclinometry.calibration.plans import Plan
+from inclinometry.calibration.readings import BenchReadings
+from inclinometry.calibration.result import Calibration, Residuals
+from inclinometry.calibration.result import Rig as RigFound
 from inclinometry.errors import InputError
-from inclinometry.rotations import dcm, rotation_exp
+from inclinometry.rotations import dcm, rotation_exp, rotation_z
 from inclinometry.sensors import Tool, Triad
 from inclinometry.simulate.bench import Rig
 from inclinometry.simulate.tool import random_tool, realistic_tool
@@ -242,3 +247,234 @@ class TestWhatIsSaid:
         assert found.verdict == "pass"
         # the uncertainty grows like tan of the inclination
         assert found.u[2, 0] > 2.0 * found.u[0, 0]  # dials trusted: it is the tool's alone
+
+
+S = 1e-4
+FIELDS = {
+    "accelerometer": np.array([0.0, 0.0, 1.0]),
+    "magnetometer": np.array([np.cos(1.2), 0.0, np.sin(1.2)]),
+}
+
+
+def known(tensors, *, causes=None, covariance=None, noise=0.0, dial=(0.0, 0.0, 0.0)):
+    """A calibration of which one knows what is uncertain: name of a parameter -> standard deviation."""
+    tool = Tool("", {k: Triad(k, np.array(n), np.zeros(len(n))) for k, n in tensors.items()})
+    directions = [f"{kind}.direction.{toward}" for kind in tensors for toward in ("north", "east")]
+    names = (*tool.parameter_names, *directions, "rig.inclination_zero")
+    if covariance is None:
+        covariance = np.diag([float((causes or {}).get(name, 0.0)) ** 2 for name in names])
+    whole = np.zeros((len(names), len(names)))
+    whole[: len(covariance), : len(covariance)] = covariance
+    size = len(tool.parameter_names)
+    tool = dataclasses.replace(tool, covariance=whole[:size, :size], noise=dict.fromkeys(tensors, noise))
+    none = Residuals((), {}, {}, np.zeros(0))
+    fields = {kind: FIELDS[kind] for kind in tensors}
+    return Calibration(tool, "joint", {}, fields, names, whole, RigFound(np.array(dial)), none)
+
+
+def read(calibration, settings, strength=1.0, **more):
+    """What that tool reads without an error at settings (K, 3)."""
+    azimuth, inclination, toolface = settings = np.array(settings, dtype=float).T
+    turns = dcm(azimuth, inclination, toolface)
+    channels = {k: t.signals(strength * turns @ FIELDS[k]) for k, t in calibration.tool.triads.items()}
+    return BenchReadings(channels, *settings, **more)
+
+
+ROUND = [[a, i, t] for a, i, t in zip(np.arange(8.0), np.linspace(0.3, 2.7, 8), 2.0 * np.arange(8.0), strict=True)]
+
+
+class TestOneSensor:
+    AXIS = ((0.0, 0.6, 0.8),)
+
+    @pytest.mark.parametrize(
+        ("cause", "share"),
+        [
+            ("accelerometer.direction.north", "direction"),
+            ("accelerometer.direction.east", "direction"),
+            ("accelerometer.offset[0]", "offset"),
+            ("rig.inclination_zero", "inclination"),
+            ("inclination dial", "inclination"),
+            ("noise", "offset"),
+        ],
+    )
+    def test_each_cause_moves_the_angle_to_the_field_as_much_as_it_does_by_itself(self, cause, share):
+        """Angle between sensor and field when one of them is turned or the reading is off, by differences."""
+        calibration = known({"accelerometer": self.AXIS}, causes={cause: S}, noise=S * (cause == "noise"),
+                            dial=[0.0, S * (cause == "inclination dial"), 0.0])  # fmt: skip
+        assert cause in (*calibration.parameter_names, "noise", "inclination dial")
+        found = verify(read(calibration, ROUND), calibration)
+        step = 1e-5
+
+        def angle(field=FIELDS["accelerometer"], more=0.0, reading=0.0):
+            turns = dcm(*(np.array(ROUND) + [0.0, more, 0.0]).T)
+            return np.arccos(turns @ field @ self.AXIS[0] + reading)
+
+        toward = np.eye(3)[0 if cause.endswith("north") else 1]
+        moved = {
+            "direction": angle(FIELDS["accelerometer"] + step * toward),
+            "offset": angle(reading=step),
+            "inclination": angle(more=step),
+        }[share]
+        # forward differences of 1e-5 over sines of 0.1 and more
+        np.testing.assert_allclose(found.u[:, 0], S * np.abs(moved - angle()) / step, rtol=2e-3, atol=1e-3 * S)
+        assert found.coverage_factor == pytest.approx(NormalDist().inv_cdf(1.0 - 0.005 / 8))
+        np.testing.assert_allclose(found.limits[:, 0], found.coverage_factor * found.u[:, 0])
+        assert found.verdict == "pass"
+
+    def test_along_its_field_it_knows_nothing_of_the_angle_and_is_not_judged(self):
+        """Not known at all, an angle has the standard deviation of an even distribution over all of the turn."""
+        calibration = known({"accelerometer": [[0.0, 0.0, 1.0]]}, noise=1e-2)
+        inclination = np.array([0.0, 0.05, 0.16, 0.19, 0.5, 1.5])
+        readings = read(calibration, np.stack([0.0 * inclination, inclination, 0.0 * inclination], axis=1))
+        found = verify(readings, calibration)
+        assert found.u[0, 0] == pytest.approx(np.pi / np.sqrt(3.0))
+        np.testing.assert_allclose(found.u[1:, 0], 1e-2 / np.sin(inclination[1:]))
+        # where three standard uncertainties are less than the sine: 0.03 = sin^2
+        assert [row[0] == "not judged" for row in found.decision] == [True] * 3 + [False] * 3
+        assert (found.u[:, 1:] == np.pi / np.sqrt(3.0)).all()
+        assert all(row[1:] == ["not judged"] * 2 for row in found.decision)
+        many = dataclasses.replace(readings, count=np.full(6, 16.0))
+        np.testing.assert_allclose(verify(many, calibration).u[3:, 0], found.u[3:, 0] / 4.0)
+        # a reading that is off by ten of its standard deviations: by so much of the angle, and named
+        off = readings.channels["accelerometer"] - 0.1 * np.eye(6)[:, 4:5]
+        off += 0.05 * np.eye(6)[:, 5:]
+        said = verify(dataclasses.replace(readings, channels={"accelerometer": off}, digest=""), calibration)
+        assert said.errors[4, 0] == pytest.approx(np.arccos(np.cos(0.5) - 0.1) - 0.5)
+        assert said.verdict == "fail"
+        assert any("largest against its uncertainty -0.1 (u 0.01) at station 5" in note for note in said.notes)
+        assert any(f"residual {np.hypot(0.1, 0.05) / np.sqrt(6.0):.4g} counts rms" in note for note in said.notes)
+        # less off, but the mean of so many readings that it is off by more of its standard deviations
+        many = dataclasses.replace(readings, channels={"accelerometer": off}, digest="", count=[1, 1, 1, 1, 1, 25])
+        found = verify(many, calibration)
+        assert any("largest against its uncertainty +0.05 (u 0.002) at station 6" in note for note in found.notes)
+
+    def test_neither_limits_nor_another_stand(self):
+        calibration = known({"accelerometer": self.AXIS}, noise=S)
+        with pytest.raises(InputError, match="a single sensor gives none of them"):
+            verify(read(calibration, ROUND), calibration, WIDE)
+        with pytest.raises(InputError, match="does not tell where another stand stands"):
+            verify(read(calibration, ROUND), calibration, stand=OtherStand())
+
+
+class TestAtTheVertical:
+    """There the uncertainty of inclination is that of a tilt in the worst direction, see `verify`."""
+
+    def found(self, covariance, inclination, kind="accelerometer"):
+        calibration = known({kind: np.eye(3)}, covariance=covariance)
+        settings = [*ROUND, [0.0, inclination, 0.0]]
+        found = verify(read(calibration, settings), calibration)
+        probability = math.erfc(found.coverage_factor / np.sqrt(2.0))
+        return found.u[-1, 0] / (np.sqrt(-2.0 * np.log(probability)) / found.coverage_factor)
+
+    @pytest.mark.parametrize("turn", [0.0, 0.4, np.pi / 4, 1.2, np.pi / 2])
+    def test_whichever_way_the_worst_direction_lies(self, turn):
+        """Offsets uncertain by S and 3 S in two directions across the tool that lie anyhow about its axis."""
+        covariance, offsets = np.zeros((12, 12)), [3, 7]
+        axes = rotation_z(turn)[:2, :2]
+        covariance[np.ix_(offsets, offsets)] = axes.T @ np.diag([S**2, 9.0 * S**2]) @ axes
+        for inclination in (0.0, np.pi):
+            # a lean of a thousandth stands for the vertical
+            assert self.found(covariance, inclination) == pytest.approx(3.0 * S, rel=1e-4)
+
+    def test_pointing_up_is_not_pointing_down(self):
+        """An offset and a misalignment that cancel where gravity points down the tool add up where it points up."""
+        covariance, pair = np.zeros((12, 12)), [2, 3]
+        covariance[np.ix_(pair, pair)] = S**2 * np.array([[1.0, -1.0], [-1.0, 1.0]])
+        assert self.found(covariance, 0.0) < 0.01 * S
+        assert self.found(covariance, np.pi) == pytest.approx(2.0 * S, rel=1e-4)
+
+    def test_no_error_of_azimuth_and_toolface_exists_and_the_risks_are_those_of_the_others(self):
+        """Measured before: one such position, and a good tool failed with a probability of 100 %."""
+        calibration = known({k: np.eye(3) for k in FIELDS}, causes={f"{k}.offset[0]": S for k in FIELDS}, noise=S)
+        plan, up = plans.spread(), np.zeros(1)
+        more = Plan("more", *(np.concatenate([x, up]) for x in (plan.azimuth, plan.inclination, plan.toolface)))
+        without, found = planned(plan, calibration), planned(more, calibration)
+        assert list(found.decision[-1]) == ["pass", "not judged", "not judged"]
+        assert found.u[-1, 1:] == pytest.approx(np.pi / np.sqrt(3.0))
+        assert found.power.producer < 0.03
+        assert found.power.factor == pytest.approx(without.power.factor, rel=0.1)
+        assert planned(more, calibration, WIDE).power.producer < 0.03
+
+
+def test_the_stronger_the_field_of_another_stand_the_less_noise_matters():
+    calibration = known({"magnetometer": np.eye(3)}, noise=S)
+    toward = np.arctan2(FIELDS["magnetometer"][0], FIELDS["magnetometer"][2])
+    settings = [*ROUND, [0.0, toward, 0.0]]  # the last along the field, where its angle is a tilt
+    usual, strong = (
+        verify(read(calibration, settings, strength), calibration, stand=OtherStand()) for strength in (1.0, 2.0)
+    )
+    assert usual.true_inclination[-1] < 1e-6
+    judged = [0, 2]
+    np.testing.assert_allclose(strong.u[:-1, judged], usual.u[:-1, judged] / 2.0, rtol=1e-3)
+    assert strong.u[-1, 0] == pytest.approx(usual.u[-1, 0] / 2.0, rel=1e-3)
+    assert any("mean 2.00000, largest deviation +1.00000" in note for note in strong.notes)
+
+
+def test_the_station_whose_field_is_least_like_the_others_is_named():
+    calibration = known({"magnetometer": np.eye(3)}, noise=S)
+    readings = read(calibration, ROUND)
+    weak = readings.channels["magnetometer"] * np.where(np.arange(8) == 2, 0.998, 1.0005)[:, None]
+    found = verify(dataclasses.replace(readings, channels={"magnetometer": weak}, digest=""), calibration)
+    said = next(note for note in found.notes if "strength of the field" in note)
+    assert f"largest deviation -0.00200 (u {S:.5f}) at station 3" in said
+
+
+def test_two_accelerometers_are_judged_by_gravity_whatever_the_other_field_does():
+    """Where the magnetic field lies in the plane across the tool, gravity does not."""
+    two = np.eye(3)[:2]
+    calibration = known({"accelerometer": two, "magnetometer": np.eye(3)}, noise=S)
+    found = verify(read(calibration, [*ROUND, [0.0, np.pi - 1.2, 0.3], [0.0, np.pi / 2.0, 0.3]]), calibration)
+    assert [row[0] for row in found.decision] == ["pass"] * 9 + ["not judged"]
+    # on another stand too the side of the third component is where the stand puts it
+    for stand in (OtherStand(1e-3, 0.0, gravity_sd=0.0), OtherStand(1e-3, gravity_sd=0.0), OtherStand(gravity_sd=0.0)):
+        found = verify(read(calibration, ROUND), calibration, stand=stand)
+        assert found.verdict == "pass"
+        np.testing.assert_allclose(found.errors, 0.0, atol=1e-9)
+
+
+def test_limits_as_a_table():
+    limits = dataclasses.replace(WIDE, azimuth=None, min_inclination_for_azimuth=np.radians(5.0))
+    table = limits.to_dict()
+    assert table["angle"] == ["inclination", "azimuth", "toolface"]
+    np.testing.assert_allclose(table["limit_deg"], [1.0, np.nan, 1.5])
+    np.testing.assert_allclose(table["from_inclination_deg"], [0.0, 5.0, 5.0])
+
+
+def test_the_consumer_s_risk_of_an_angle_that_passed_is_that_of_a_normal_error():
+    """JCGM 106:2012, 9.3.2: an error of zero, a limit as large as its standard uncertainty, both sides beyond."""
+    calibration = known({"accelerometer": np.eye(3)}, noise=S)
+    readings = read(calibration, ROUND)
+    limit = verify(readings, calibration).u[:, 0].max()
+    found = verify(readings, calibration, Limits("own", "this test", limit, None, None))
+    beyond = 2.0 * NormalDist().cdf(-1.0)
+    assert any(f"with a probability of {100.0 * beyond:.2g} % at most (consumer's risk)" in n for n in found.notes)
+
+
+def test_zeros_of_dials_that_the_calibration_found_are_part_of_what_is_planned():
+    calibration = known({k: np.eye(3) for k in FIELDS}, noise=S)
+    rig = dataclasses.replace(calibration.rig, nuisance={"inclination_zero": (0.02, 1e-3)})
+    found = planned(plans.spread(), dataclasses.replace(calibration, rig=rig))
+    np.testing.assert_allclose(found.errors, 0.0, atol=1e-12)
+    np.testing.assert_allclose(found.true_inclination, np.abs(plans.spread().inclination + 0.02))
+
+
+def test_a_guarded_limit_accepts_what_a_plain_one_narrower_by_the_expanded_uncertainty_does():
+    calibration = known(
+        {k: np.eye(3) for k in FIELDS}, causes={"accelerometer.tensor[0,2]": 5.0 * S}, dial=[0.0, S, 0.0]
+    )
+    plan = plans.spread()
+    limits = Limits("own", "this test", 20.0 * S, None, None)
+    plain, guarded = (
+        planned(plan, calibration, dataclasses.replace(limits, guard=guard))
+        for guard in ("none", "expanded-uncertainty")
+    )
+    assert guarded.coverage_factor == 2.0
+    u = guarded.u[:, 0]
+    wider, narrower = (
+        planned(plan, calibration, dataclasses.replace(limits, inclination=20.0 * S - 2.0 * x)).power
+        for x in (u.min(), u.max())
+    )
+    assert 1.1 < narrower.factor <= guarded.power.factor <= wider.factor < plain.power.factor
+    # the producer pays for the guard, the consumer is guarded by it
+    assert guarded.power.producer > plain.power.producer
+    assert guarded.power.consumer <= plain.power.consumer

@@ -1,12 +1,16 @@
 """The error budget against what the causes do when one of them is switched on alone."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 from inclinometry.calibration import plans
-from inclinometry.calibration.causes import error_budget
+from inclinometry.calibration.causes import calibration_shares, error_budget
+from inclinometry.calibration.expected import expected_uncertainty
 from inclinometry.calibration.joint import calibrate_joint
 from inclinometry.calibration.readings import BenchReadings
+from inclinometry.constants import SHORT_INCLINATIONS
 from inclinometry.orientation import angles, fields
 from inclinometry.rotations import wrap_signed
 from inclinometry.simulate.bench import Rig
@@ -86,6 +90,63 @@ def test_non_linearity_counts_through_calibration_and_reading(bench):
     # the law of the sensors along the tool shows in no roll and is left out: one of three
     np.testing.assert_allclose(stated, measured, rtol=0.5)
     assert (measured > np.radians(0.01)).all()
+
+
+def test_the_causes_of_a_budget_add_up_to_what_is_expected_of_the_tool(bench):
+    """Variances of the noise and the dials estimated, so that more is stated than the causes of the fit bring."""
+    tool = realistic_tool(2)
+    readings, _ = bench(plans.orthogonal(), tool, Rig(dip=DIP, setting_sd=np.radians(0.1)), bits=12)
+    found = calibrate_joint(readings)
+    budget = error_budget(found, readings, AT, DIP)
+    turns = {"azimuths": 12, "toolfaces": 12, "temperature": found.tool.triads["accelerometer"].reference_temperature}
+    expected = expected_uncertainty(found, AT, DIP, **turns)
+
+    def brought(start):
+        parts = [part for name, part in budget.components.items() if name.startswith(start)]
+        return np.sqrt(np.diagonal(sum(parts), axis1=1, axis2=2))
+
+    assert np.trace(found.tool.covariance) > 1.08 * np.trace(sum(found.causes.values()))
+    np.testing.assert_allclose(brought("reading: "), expected.rms("sensor noise"), rtol=1e-9)
+    # what is stated more is shared alike among causes and parameters, which the variances themselves are not quite
+    np.testing.assert_allclose(brought("calibration: "), expected.rms("calibration"), rtol=0.04)
+    steps = {kind: np.asarray(readings.step[kind]) / np.sqrt(12.0) for kind in KINDS}
+    alone = expected_uncertainty(dataclasses.replace(found.tool, noise=steps), AT, DIP, **turns)
+    np.testing.assert_allclose(brought("reading: converter"), alone.rms("sensor noise"), rtol=1e-9)
+
+
+def test_the_share_of_the_converter_is_that_of_its_variance(bench):
+    """Readings of a count each, no two alike, with noise of two: one in 48 of all that noise brings."""
+    random = np.random.default_rng(3)
+    low, high = np.array([[0.0, 6.2], [0.1, 3.0], [0.0, 6.2]]).T
+    plan = plans.Plan("any", *random.uniform(low, high, (20, 3)).T)
+    readings, _ = bench(plan, realistic_tool(1, bits=20), Rig(dip=DIP), bits=20)
+    assert all(np.allclose(readings.rounding(kind), 1.0 / np.sqrt(12.0)) for kind in KINDS)
+    found = calibrate_joint(readings, noise_sd=dict.fromkeys(KINDS, 2.0), rig_sd=1e-3)
+    both = found.causes["converter"] + found.causes["sensor noise"]
+    np.testing.assert_allclose(found.causes["converter"], both / 48.0, rtol=1e-6)
+    # each share that of the cause where one reading is least certain; together all of it
+    shares = calibration_shares(found)
+    assert set(shares) == set(found.causes) == set(found.shares)
+    np.testing.assert_allclose(sum(shares.values()), 1.0)
+    whole = expected_uncertainty(found, SHORT_INCLINATIONS)
+    brought = {}
+    for name, cause in found.causes.items():
+        own = dataclasses.replace(found.tool, covariance=cause)
+        brought[name] = expected_uncertainty(own, SHORT_INCLINATIONS, whole.dip).components["calibration"]
+    for n in range(len(SHORT_INCLINATIONS)):
+        for angle in range(3):
+            at = (n, *np.unravel_index(whole.variance[n, :, :, angle].argmax(), whole.variance.shape[1:3]), angle)
+            every = sum(part[at] for part in brought.values())
+            assert {name: part[n, angle] for name, part in shares.items()} == pytest.approx(
+                {name: part[at] / every for name, part in brought.items()}, rel=1e-6
+            )
+
+
+def test_a_tool_without_angles_has_no_shares(bench):
+    tool = realistic_tool(1, sensors={"magnetometer": 3})
+    found = calibrate_joint(bench(plans.orthogonal(), tool, Rig(dip=DIP), bits=12)[0])
+    assert found.causes
+    assert not found.shares
 
 
 def test_no_budget_where_the_causes_are_not_known(bench):

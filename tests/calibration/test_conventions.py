@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from inclinometry.calibration import plans
-from inclinometry.calibration.conventions import Dials, check_axes, check_dials
+from inclinometry.calibration.conventions import Dials, check_axes, check_dials, figure
 from inclinometry.calibration.design import optimal_plan
 from inclinometry.calibration.direct import calibrate_rotations, calibrate_twelve
 from inclinometry.calibration.joint import calibrate_joint
-from inclinometry.calibration.likelihood import Model
+from inclinometry.calibration.likelihood import Model, State
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.start import fix_signs, starting_state
 from inclinometry.errors import InputError
@@ -238,3 +238,110 @@ def test_random_files_right_ones_pass_and_no_misread_one_passes_in_silence(plan)
         except InputError:
             continue
         assert said, way.words()
+
+
+def test_what_dials_do_does_not_hang_on_the_unit_of_the_signals():
+    readings = run_of(realistic_tool(5), PLANS["twelve"], Dials(toolface_counts=REVERSED))
+    said = []
+    for scale in (1.0, 1e-7):
+        channels = {kind: scale * values for kind, values in readings.channels.items()}
+        with pytest.raises(InputError, match="--toolface-counts counterclockwise the readings fit") as refusal:
+            check_dials(dataclasses.replace(readings, channels=channels, digest=""))
+        said.append(str(refusal.value))
+    assert said[0] == said[1]
+
+
+def test_how_many_times_in_as_many_digits_as_mean_something():
+    shown = {2.345: "2.3", 23.45: "23", 99.4: "99", 99.7: "100", 100.0: "100", 234.5: "200", 23450.0: "20000"}
+    assert {times: figure(times) for times in shown} == shown
+
+
+def state_of(dip=0.9, **rows):
+    """A fit of triads whose sensors lie along these rows; gravity down, the other field north and down by `dip`."""
+    other = np.array([np.cos(dip), 0.0, np.sin(dip)])
+    coefficients = {kind: np.pad(1e3 * np.asarray(n, dtype=float), ((0, 0), (0, 1)))[None] for kind, n in rows.items()}
+    directions = {kind: DOWN if kind == "accelerometer" else other for kind in rows}
+    return State(coefficients, directions, np.zeros((1, 3)), np.zeros(4))
+
+
+EYE = np.eye(3)
+KNOWN = frozenset({"north", "dip", "latitude"})
+TURN = Dials("other-end", toolface_counts=REVERSED).words()
+MIRRORED = Dials(azimuth_counts=REVERSED, toolface_counts=REVERSED).words()
+CROSSED = Dials("other-end", azimuth_counts=REVERSED).words()
+NORTH, DIP_WORDS = "where the rig's zero points (--north-deg)", "the dip (--dip-deg)"
+
+
+@pytest.mark.parametrize(
+    ("rows", "stated", "options", "said"),
+    [
+        # along the tool's axes: nothing, and one that clearly is speaks for a skewed one
+        ({"accelerometer": EYE, "magnetometer": EYE}, set(), {}, None),
+        ({"accelerometer": EYE, "magnetometer": SKEWED}, set(), {}, None),
+        # skewed and right-handed: what is not stated may be counted otherwise
+        ({"accelerometer": SKEWED, "magnetometer": SKEWED}, KNOWN, {}, None),
+        ({"accelerometer": SKEWED, "magnetometer": SKEWED}, set(), {},
+         f"({TURN}; or {CROSSED}); state {NORTH} and {DIP_WORDS} to be sure"),
+        ({"accelerometer": SKEWED, "magnetometer": SKEWED}, {"north"}, {},
+         f"({TURN}; or {CROSSED}); state {DIP_WORDS} to be sure"),
+        ({"accelerometer": SKEWED, "magnetometer": SKEWED}, {"dip"}, {}, f"({TURN}); state {NORTH} to be sure"),
+        ({"accelerometer": SKEWED, "gyro": SKEWED}, {"north"}, {},
+         f"({TURN}); state the latitude (latitude_deg in --site) to be sure"),
+        # without a second field no handedness tells, and to state the zero is not enough
+        ({"accelerometer": SKEWED}, set(), {},
+         f"({TURN}; or {MIRRORED}; or {CROSSED}); check which way the dials of the stand count"),
+        ({"accelerometer": SKEWED}, {"north"}, {}, f"({MIRRORED}); check which way the dials of the stand count"),
+        ({"accelerometer": SKEWED}, {"north"}, {"left_handed": True}, None),
+        ({"accelerometer": SKEWED}, set(), {"left_handed": True}, f"({TURN}); state {NORTH} to be sure"),
+        # against the axes
+        ({"accelerometer": EYE, "magnetometer": np.diag([1.0, -1.0, -1.0])}, KNOWN, {},
+         "magnetometer y and z run against the tool's axes"),
+        ({"accelerometer": EYE, "magnetometer": np.diag([1.0, -1.0, -1.0])}, set(), {},
+         f"magnetometer y and z run against the tool's axes; {TURN} would look so too"),
+        ({"accelerometer": np.diag([1.0, -1.0, 1.0]), "magnetometer": EYE}, {"north"}, {"assumed": True},
+         f"accelerometer y runs against the tool's axes; {MIRRORED} would look so too"),
+        ({"accelerometer": -EYE, "magnetometer": EYE}, set(), {}, None),
+        ({"accelerometer": -EYE, "magnetometer": EYE}, set(), {"assumed": True}, None),
+        ({"magnetometer": np.vstack([np.diag([1.0, 1.0, -1.0]), FOUR[:1]])}, KNOWN, {},
+         f"magnetometer 3 runs against the tool's axes; {MIRRORED} would look so too"),
+        ({"magnetometer": np.vstack([np.diag([1.0, 1.0, -1.0]), FOUR[:1]])}, set(), {},
+         f"magnetometer 3 runs against the tool's axes; {TURN} or {MIRRORED} would look so too"),
+        # left-handed and skewed
+        ({"accelerometer": SKEWED, "magnetometer": SKEWED * [1.0, 1.0, -1.0]}, KNOWN, {},
+         f"which do not lie along the tool's axes. One is reversed, or two are exchanged, or azimuth and toolface "
+         f"both count the other way ({MIRRORED})"),
+    ],
+)  # fmt: skip
+def test_what_the_channels_say_of_the_dials(rows, stated, options, said):
+    found = check_axes(state_of(**rows), frozenset(stated), **options)
+    assert len(found) == (said is not None)
+    assert all(sentence.endswith(said) for sentence in found)
+
+
+@pytest.mark.parametrize(
+    ("rows", "stated", "begins", "holds"),
+    [
+        # gravity stands right: dials that count otherwise would turn it too
+        ({"accelerometer": EYE, "magnetometer": np.diag([1.0, -1.0, 1.0])}, set(), "the magnetometer. A channel", ""),
+        ({"magnetometer": np.diag([1.0, -1.0, 1.0])}, set(), f"the magnetometer. Either two dials count the other way "
+         f"({MIRRORED}), or a channel", ""),
+        ({"magnetometer": np.diag([1.0, 1.0, -1.0])}, set(), f"the magnetometer. Either two dials count the other way "
+         f"({CROSSED}), or a channel", ""),
+        ({"accelerometer": np.diag([1.0, -1.0, 1.0]), "magnetometer": np.diag([1.0, -1.0, 1.0])}, set(),
+         f"the accelerometer and the magnetometer. Either two dials count the other way ({MIRRORED}), or a", ""),
+        # an accelerometer of its own that is skewed, or reads specific force, is turned as well
+        ({"accelerometer": -EYE, "magnetometer": np.diag([1.0, -1.0, 1.0])}, set(), "the magnetometer. Either", ""),
+        ({"accelerometer": EYE, "magnetometer": np.diag([1.0, 1.0, -1.0])}, {"dip"}, "the magnetometer. A channel",
+         "Or the sign of what is stated is wrong: with a dip of -51.57 deg instead of +51.57 the magnetometer is "
+         "right-handed."),
+        ({"accelerometer": EYE, "gyro": np.diag([1.0, 1.0, -1.0])}, {"latitude"}, "the gyro. A channel",
+         "with a latitude of +51.57 deg instead of -51.57 the gyro is right-handed."),
+    ],
+)  # fmt: skip
+def test_left_handed_channels_are_refused_with_what_may_have_made_them_so(rows, stated, begins, holds):
+    with pytest.raises(InputError) as refusal:
+        check_axes(state_of(**rows), frozenset(stated))
+    assert str(refusal.value).startswith(f"left-handed: the channels of {begins}")
+    assert holds in str(refusal.value)
+    assert ("Or the sign of what is stated" in str(refusal.value)) == bool(holds)
+    assert all("against" in sentence for sentence in check_axes(state_of(**rows), KNOWN, left_handed=True))

@@ -11,10 +11,13 @@ from inclinometry.calibration.design import (
     NOISE,
     RIG_SD,
     TRACE,
+    Problem,
+    best_addition,
     evaluate_plan,
     information,
     least_drift,
     next_position,
+    norm,
     optimal_plan,
     plan_value,
 )
@@ -211,6 +214,32 @@ def test_the_same_seed_gives_the_same_plan(aimed):
     assert np.array_equal(settings_of(aimed), settings_of(again))
 
 
+@pytest.mark.parametrize("scale", [1e-3, 1.0, 1e3])
+@pytest.mark.parametrize("doublings", [5, 7])
+def test_the_best_addition_is_that_of_trying_each(scale, doublings):
+    """In any unit of what is asked; more candidates and attitudes than are compared at first."""
+    random = np.random.default_rng(doublings)
+    for alike in (False, True):
+        # attitudes and candidates nearly alike: few of them do not decide
+        factors, gradients = random.normal(size=(300, 2, 6)), random.normal(size=(400, 2, 6))
+        if alike:
+            gradients /= np.linalg.norm(gradients, axis=2, keepdims=True)
+            factors /= np.linalg.norm(factors, axis=2, keepdims=True)
+        problem = Problem(factors, np.eye(6), scale * gradients, random.uniform(size=300) < 0.9)
+        taken = [int(c) for c in np.flatnonzero(problem.allowed)[:20]]
+        here = problem.information(taken)
+        np.testing.assert_allclose(here, np.eye(6) + sum(factors[c].T @ factors[c] for c in taken))
+        tried = {}
+        for c in set(np.flatnonzero(problem.allowed)) - set(taken):
+            inverse = np.linalg.inv(here + factors[c].T @ factors[c])
+            variances = np.einsum("grp,pq,grq->g", problem.gradients, inverse, problem.gradients)
+            np.testing.assert_allclose(problem.variances(here + factors[c].T @ factors[c]), variances)
+            tried[int(c)] = norm(variances, doublings)
+            # a norm: the largest, and at most what as many as large make of it
+            assert 1.0 <= tried[int(c)] / variances.max() <= 400.0 ** (0.5**doublings)
+        assert tried[best_addition(problem, here, taken, doublings)] == pytest.approx(min(tried.values()), rel=1e-7)
+
+
 @pytest.mark.long
 def test_progress_rises_to_one():
     seen = []
@@ -319,6 +348,7 @@ def test_a_plan_that_only_rolls_promises_nothing():
         ({"inclination_range": (10.0, 90.0)}, "allowed 0 to"),
         ({"inclination_range": (1.0, 0.5)}, "must not exceed"),
         ({"rig_sd": -0.1}, "rig_sd"),
+        ({"rig_sd": 31 * DEG}, "rig_sd"),
         ({"dip": 90 * DEG}, "dip"),
         ({"noise": {"accelerometer": 1e-3}}, "noise of the magnetometer"),
         ({"noise": {"accelerometer": 1e-3, "magnetometer": 0.0}}, "magnetometer noise"),
@@ -350,22 +380,36 @@ def test_positions_visited_twice_show_a_drift_that_the_plan_alone_hides():
         plans.twelve().repeated(3)
 
 
-def test_the_least_drift_is_that_of_a_fit_with_drifts():
-    plan = plans.twelve().repeated(1)
-    about = information(RIG_SD, NOISE, DIP, None)
+ANYWHERE = plans.Plan("any", *np.random.default_rng(1).uniform([[0.0], [0.1], [0.0]], [[6.28], [3.0], [6.28]], (3, 14)))
+
+
+@pytest.mark.parametrize(
+    ("louder", "plan"),
+    [
+        ("", plans.twelve()),
+        ("accelerometer", ANYWHERE),
+        ("magnetometer", ANYWHERE),
+    ],
+)
+def test_the_least_drift_is_that_of_a_fit_with_drifts(louder, plan):
+    """Of the axis and triad that show it least, whichever it is."""
+    plan = plan.repeated(1) if plan is not ANYWHERE else plan
+    noise = {kind: sd * (2.0 if kind == louder else 1.0) for kind, sd in NOISE.items()}
+    about = information(RIG_SD, noise, DIP, None)
     model, state = about.model(settings_of(plan))
     at = model.linearise(state)
     size, count, width = at.jacobian.shape
     # every setting's error a parameter of its own, instead of eliminated
     own = np.zeros((size, count, size, 3))
     own[np.arange(size), :, np.arange(size)] = at.by_setting
-    drift = np.linspace(-0.5, 0.5, size)[:, None, None] * np.eye(count)
-    rows = np.concatenate([at.jacobian, own.reshape(size, count, -1), drift], axis=2) / model.noise_sd[..., None]
-    rows = rows.reshape(size * count, -1)
-    normal = rows.T @ rows
-    normal[:width, :width] += about.prior()
-    dials = np.arange(width, width + 3 * size)
-    normal[dials, dials] += RIG_SD**-2.0
-    spread = np.linalg.inv(normal)[-count:, -count:]
-    worst = max(np.linalg.eigvalsh(spread[part, part])[-1] for part in (slice(0, 3), slice(3, 6)))
-    assert least_drift(plan) == pytest.approx(3.0 * np.sqrt(worst), rel=0.02)
+    worst = 0.0
+    for triad in (slice(0, 3), slice(3, 6)):
+        drift = np.linspace(-0.5, 0.5, size)[:, None, None] * np.eye(count)[:, triad]
+        rows = np.concatenate([at.jacobian, own.reshape(size, count, -1), drift], axis=2) / model.noise_sd[..., None]
+        rows = rows.reshape(size * count, -1)
+        normal = rows.T @ rows
+        normal[:width, :width] += about.prior()
+        dials = np.arange(width, width + 3 * size)
+        normal[dials, dials] += RIG_SD**-2.0
+        worst = max(worst, np.linalg.eigvalsh(np.linalg.inv(normal)[-3:, -3:])[-1])
+    assert least_drift(plan, noise=noise) == pytest.approx(3.0 * np.sqrt(worst), rel=1e-6)

@@ -7,7 +7,14 @@ import numpy as np
 import pytest
 
 from inclinometry.calibration import plans
-from inclinometry.calibration.drift import MULTIPLIERS, DriftModel, DriftState, azimuth_weight
+from inclinometry.calibration.drift import (
+    MULTIPLIERS,
+    DriftModel,
+    DriftState,
+    azimuth_sd,
+    azimuth_weight,
+    drift_states,
+)
 from inclinometry.calibration.drift_alarm import (
     CAUSES,
     discoveries,
@@ -19,7 +26,7 @@ from inclinometry.calibration.drift_alarm import (
     rig_verdicts,
     threshold,
 )
-from inclinometry.calibration.drift_check import plan_information
+from inclinometry.calibration.drift_check import after_check, plan_information
 from inclinometry.calibration.drift_status import fleet_status
 from inclinometry.calibration.interval import LONGEST, Growth, Requirement, due_date
 from inclinometry.constants import DIP
@@ -167,10 +174,50 @@ def test_status_of_a_fleet_says_it_all():
     assert jumped.follow
     assert "SIM-0004" in status.model.left_out
     assert all((t.checked <= t.now + 1e-12).all() for t in status.tools)
+    newest = next(t for t in status.tools if t.last == max(h.date[-1] for h in made.histories))
+    assert status.day == newest.last
+    np.testing.assert_allclose(newest.now, azimuth_sd(newest.states[-1].covariance))
     table = status.to_dict()
     assert len({len(column) for column in table.values()}) == 1
     with pytest.raises(InputError, match="two histories have the serial number SIM-0001"):
         fleet_status([*made.histories, made.histories[0]])
+
+
+def test_a_tool_is_as_uncertain_on_a_day_as_its_days_hours_and_doses_since_the_last_calibration_make_it():
+    made = simulate_fleet(FleetScene(10, V12, calibrations=4, rigs=2, doses=(2.0, 50.0)), seed=14)
+    idle = replace(made.histories[0], hours=np.zeros(4))
+    lasts = sorted(h.date[-1] for h in made.histories)
+    day = lasts[5] + datetime.timedelta(days=200)
+    histories = [idle, *made.histories[1:], replace(made.histories[1].until(1), serial="new")]
+    status = fleet_status(
+        histories, day=day, calendar_share=0.5, effects=True, reproducibility=False, own_drift=False, iterations=2
+    )
+    model, six = status.model, plan_information(plans.six())
+    states = {h.serial: found[-1] for h, found in zip(histories, drift_states(histories, model), strict=True)}
+    assert sorted(t.history.serial for t in status.tools) == sorted(states)
+    for tool in status.tools:
+        history = tool.history
+        lived = max((history.date[-1] - history.date[0]).days, 1) / 365.25
+        worked = history.serial not in (idle.serial, "new")  # else taken to work as the others do
+        hours = np.sum(history.hours[1:]) / lived if worked else model.hours_per_year
+        doses = np.sum([np.array(x)[1:] for x in (history.shock, history.heat)], axis=1) / lived
+        since = max((day - history.date[-1]).days, 0) / 365.25  # calibrated after that day: as it was then
+        grown = states[history.serial].predicted(model, since, hours * since, doses * since)
+        np.testing.assert_allclose(tool.now, azimuth_sd(grown.covariance), rtol=1e-9)
+        np.testing.assert_allclose(tool.checked, azimuth_sd(after_check(grown.covariance, six, model.reproducibility)))
+        due = due_date(states[history.serial], model, history.date[-1], hours_per_year=hours, doses_per_year=doses)
+        assert tool.due.date == due.date
+        assert tool.last == history.date[-1]
+        assert len(tool.alarms) == len(history.date) - 1
+    seen = [(rig, when) for h in histories for rig, when in zip(h.rig[1:], h.date[1:], strict=True)]
+    recent = [rig for rig, when in seen if (day - when).days <= 365]
+    assert min(recent.count(rig) for rig in set(recent)) >= 3
+    assert len(recent) < len(seen)
+    assert {one.rig: one.calibrations for one in status.rigs} == {rig: recent.count(rig) for rig in set(recent)}
+    # a tool of one calibration has no alarm, and is nothing to follow up
+    new = next(t for t in status.tools if t.history.serial == "new")
+    assert new.alarm is None
+    assert not new.follow
 
 
 def test_verdicts_speak_in_units():

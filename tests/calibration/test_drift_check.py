@@ -104,6 +104,16 @@ def test_six_and_prior_replace_twelve_and_no_less():
     np.testing.assert_allclose(np.degrees(six), (0.134, 0.057, 0.057, 0.062), atol=0.002)
 
 
+def test_chosen_positions_come_in_the_order_of_inclination_and_number_one_to_sixty():
+    prior = np.linalg.inv(plan_information(plans.twelve())) + 0.5 * drift_variance()
+    plan = chosen_positions(prior, 5)
+    rows = np.round(settings_of(plan)[:, [1, 0, 2]], 8).tolist()
+    assert rows == sorted(rows)
+    for count in (0, 61):
+        with pytest.raises(InputError, match="allowed: 1 to 60 positions"):
+            chosen_positions(prior, count)
+
+
 def test_chosen_positions_do_no_worse_than_six():
     prior = np.linalg.inv(plan_information(plans.twelve())) + 0.5 * drift_variance()
     chosen = plan_information(chosen_positions(prior, 6))
@@ -133,6 +143,10 @@ def test_check_from_readings_is_a_calibration_with_its_covariance():
     # the readings alone, for the history: much looser, and consistent
     alone = check.values - truth[-1]
     assert alone @ np.linalg.solve(check.covariance, alone) < 60.0
+    # the directions of both fields that it states: of unit length, as far off as the rig is tilted and turned
+    fields = check.calibration.field_directions
+    np.testing.assert_allclose([np.linalg.norm(fields[kind]) for kind in VECTORS], 1.0, atol=1e-12)
+    assert fields["accelerometer"][2] == pytest.approx(np.cos(np.radians(1.0)), abs=2e-4)
     joint = np.array(check.calibration.covariance)
     np.testing.assert_allclose(joint[:24, :24], check.calibration.tool.covariance, rtol=1e-9)
     assert np.linalg.eigvalsh(joint / np.sqrt(np.outer(np.diagonal(joint), np.diagonal(joint))))[0] > -1e-9
@@ -150,6 +164,21 @@ def test_a_jump_refuses_the_check_and_is_named():
     assert check.alarm.size == pytest.approx(jump[15], rel=0.3)
     assert check.calibration is None
     assert "full calibration" in check.refusal
+
+
+def test_a_fleet_of_a_hundred_past_calibrations_sets_the_threshold():
+    """What raises an alarm in a tool that jumped is nothing beside calibrations that were always as far off."""
+    tool = realistic_tool(6)
+    jump = np.zeros(24)
+    jump[15] = 600.0 / 5e4
+    _, history, readings = life(tool, 6, jump=jump)
+    prior = drift_states([history], model_of())[0][-1].predicted(model_of(), 0.5)
+    rough = 1e4 * np.random.default_rng(1).chisquare(3.0, 100)
+    raised = [
+        check_with_prior(readings, tool, prior, model_of(), past=rough[:count], false_alarms=0.02).alarm.raised
+        for count in (99, 100)
+    ]
+    assert raised == [True, False]
 
 
 def test_evidence_of_a_check_is_the_update_of_equation_6():

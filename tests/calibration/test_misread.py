@@ -64,6 +64,16 @@ class TestDials:
             verify(counted(readings, way), calibration, stand=stand)
         assert f"with {way.words()} the readings fit" in str(error.value)
 
+    def test_two_reversed_dials_are_told_where_the_stand_is_stated_to_be_level(self, pair):
+        calibration, readings = pair
+        way = Dials("other-end", toolface_counts="counterclockwise")
+        wrong = counted(readings, way)
+        with pytest.raises(MisreadError) as error:
+            verify(wrong, calibration, stand=STANDS["level"])
+        assert f"with {way.words()} the readings fit" in str(error.value)
+        # as given gravity would point up, and is taken for none
+        assert "(as given 100 % of the field of the accelerometer is missed)" in str(error.value)
+
     def test_what_was_stated_by_mistake_is_named_as_the_dials_themselves_count(self, pair):
         calibration, readings = pair
         with pytest.raises(MisreadError, match="with dials as usual the readings fit"):

@@ -30,7 +30,7 @@ class Prior:
     spread: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Shots:
     """Readings as the fit sees them. `member` is the roll set of each station, -1 for none."""
 
@@ -63,7 +63,7 @@ class Shots:
         return 4 * sum(self.sizes)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Unknowns:
     """A point of the fit. `attitude` takes north-east-down to tool axes, `pointing` is the tool axis of each set."""
 
@@ -74,7 +74,7 @@ class Unknowns:
     attitude: Array  # (K, 3, 3)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Levels:
     """Noise of each triad (units of full field), of pointing (rad), and which blocks of which stations are used."""
 
@@ -83,7 +83,7 @@ class Levels:
     used: Array  # (K, kinds + 1), 1 or 0; the last column is pointing
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Linear:
     """Whitened residuals r (K, n), their slopes against the attitude, A (K, n, 3), and what is shared, J (K, n, P)."""
 
@@ -111,12 +111,10 @@ def cross_matrices(v: Array) -> Array:
 
 def rotations(angle: Array) -> Array:
     """exp [angle]x of each row (Rodrigues)."""
-    size = np.linalg.norm(angle, axis=-1)[..., None, None]
+    half = np.linalg.norm(angle, axis=-1)[..., None, None] / (2.0 * np.pi)
     k = cross_matrices(angle)
-    safe = np.where(size > 1e-8, size, 1.0)
-    one = np.where(size > 1e-8, np.sin(safe) / safe, 1.0)
-    two = np.where(size > 1e-8, (1.0 - np.cos(safe)) / safe**2, 0.5)
-    return np.asarray(np.eye(3) + one * k + two * (k @ k))
+    # sin x / x and (1 - cos x) / x^2 = (sin(x/2) / (x/2))^2 / 2, which np.sinc(x / pi) knows at 0 too
+    return np.asarray(np.eye(3) + np.sinc(2.0 * half) * k + 0.5 * np.sinc(half) ** 2 * (k @ k))
 
 
 def tangent(u: Array) -> Array:
@@ -249,7 +247,7 @@ class FieldProblem:
             block = step[columns].reshape(-1, 4)
             tensors.append(tensor + block[:, :3])
             offsets.append(offset + block[:, 3])
-        tilt = step[self.shots.tool + 1 :].reshape(-1, 2)
+        tilt = step[self.shots.tool + 1 :].reshape(self.shots.sets, 2)
         pointing = at.pointing + (tangent(at.pointing) @ tilt[..., None])[..., 0]
         pointing = pointing / np.linalg.norm(pointing, axis=1, keepdims=True)
         dip = at.dip + float(step[self.shots.tool])
@@ -293,7 +291,7 @@ POINTING: Final = np.radians(0.3)
 """Expected error of pointing a tool by hand at the same target, rad."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Estimate:
     """A fit with its noise levels. Columns of `square`, `free` and `weight`: each triad, then pointing."""
 
@@ -384,19 +382,16 @@ def bad_shots(found: Estimate) -> list[tuple[int, int]]:
     """(station, group) of blocks beyond chance, worst first: an F test against the weighted rest of their group."""
     from scipy.special import fdtrc
 
-    judged = (found.free > 0.1) & (found.square > 0.0)
     rest = np.sum(found.weight * found.square, axis=0) - found.weight * found.square
     left = found.free.sum(axis=0) - found.free
-    judged &= left > 2.0
+    judged = (found.free > 0.1) & (found.square > 0.0) & (left > 2.0)
+    free, left, usual = found.free[judged], left[judged], np.maximum(rest[judged] / left[judged], 1e-300)
     # a t scale of 8 degrees of freedom squared is 0.82 of the variance of the normal noise it is fitted to
-    usual = np.maximum(rest / np.maximum(left, 1.0), 1e-300)
-    ratio = np.where(judged, 0.82 * found.square / np.maximum(found.free, 0.1) / usual, 0.0)
-    chance = np.where(judged, fdtrc(np.maximum(found.free, 0.1), np.maximum(left, 1.0), ratio), 1.0)
-    order = np.argsort(chance, axis=None)
+    chance = fdtrc(free, left, 0.82 * found.square[judged] / free / usual)
     # a shot is named as bad when a clean campaign would name one less often than this
-    limit = 0.01 / max(int(np.count_nonzero(judged)), 1)
-    rows, groups = np.unravel_index(order, chance.shape)
-    return [(int(k), int(g)) for k, g in zip(rows, groups, strict=True) if chance[k, g] < limit]
+    limit = 0.01 / max(len(chance), 1)
+    blocks = np.argwhere(judged)
+    return [(int(blocks[i, 0]), int(blocks[i, 1])) for i in np.argsort(chance) if chance[i] < limit]
 
 
 def canonical(found: Estimate, flip: bool) -> tuple[Unknowns, Array]:

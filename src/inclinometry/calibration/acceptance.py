@@ -790,12 +790,12 @@ def _largest_tilt(readings: BenchReadings, calibration: Calibration, where: _Whe
     """Largest variance (K,) of the tool's tilt in any direction; it is that of inclination only near the vertical."""
     kinds = list(where.fields)
     g = where.fields[kinds[0]]
-    length, up = np.linalg.norm(g, axis=1), np.where(g[:, 2] < 0.0, -1.0, 1.0)
+    length, up = np.linalg.norm(g, axis=1, keepdims=True), np.where(g[:, 2] < 0.0, -1.0, 1.0)
     found = []
     # the derivatives of a tool that leans hardly at all, toward x, y and between: they give the whole covariance
     lean = 1e-3
     for x, y in ((1.0, 0.0), (0.0, 1.0), (np.sqrt(0.5), np.sqrt(0.5))):
-        leaning = np.stack([lean * x * length, lean * y * length, up * length], axis=1)
+        leaning = np.stack([np.full(len(g), lean * x), np.full(len(g), lean * y), up], axis=1) * length
         found.append(_variance(readings, calibration, where, {**where.fields, kinds[0]: leaning})[:, 0])
     xx, yy, between = found
     middle, xy = (xx + yy) / 2.0, between - (xx + yy) / 2.0
@@ -809,8 +809,6 @@ def _effects(readings: BenchReadings, calibration: Calibration, where: _Where, s
     # of one field alone any other serves: inclination and toolface do not hang on it, and azimuth is not judged
     other = seen[kinds[1]] if len(kinds) == 2 else np.eye(3)[np.abs(first_field).argmin(axis=-1)]
     jacobian = angles_jacobian(first_field, other)[:, :3, : 3 * len(kinds)]
-    if len(kinds) == 1:
-        jacobian[:, 1] = 0.0
     sensitivity = field_sensitivity(tool, kinds, jacobian, seen, readings.temperature)
     by_tool, covariance = sensitivity.by_parameter, tool.covariance
     if where.base is None:

@@ -151,12 +151,12 @@ def _refuse_unlike(first: Tool, second: Tool) -> None:
 
 def _coefficients(kind: str, first: Tool, second: Tool) -> list[Coefficient]:
     """K, bias and cosines of every sensor at each calibration's reference temperature."""
-    strengths = [tool.triads[kind].field_strength for tool in (first, second)]
     # the field of the two stands may differ in strength; where both know it K is that of the sensor alone
-    per = [1.0 if None in strengths else strength or 1.0 for strength in strengths]
+    known = [s for s in (tool.triads[kind].field_strength for tool in (first, second)) if s is not None]
+    per = known if len(known) == 2 else [1.0, 1.0]
     found, spread = zip(*(_classical(tool, kind, s) for tool, s in zip((first, second), per, strict=True)), strict=True)
     unit = first.triads[kind].unit
-    of_k = f"{unit} per field of the stand" if None in strengths else f"{unit} per {FIELD_UNITS[kind]}"
+    of_k = f"{unit} per {FIELD_UNITS[kind] if per is known else 'field of the stand'}"
     axes = ("x", "y", "z")
     columns = [("K", of_k), *((f"cos {axis}", "") for axis in axes), ("bias", unit)]
     return [
@@ -198,9 +198,9 @@ def angle_differences(tool: Tool, other: Calibration, inclination: Array) -> Arr
     NaN for angles that they do not both give.
     """
     second = azimuth_triad(tool) if azimuth_triad(tool) == azimuth_triad(other.tool) else None
-    dip = field_dip(other.field_directions, second) if second else 0.0
+    dip = field_dip(other.field_directions, second) if second else None
     if dip is None:
-        dip = DIP if second == "magnetometer" else -LATITUDE
+        dip = -LATITUDE if second == "gyro" else DIP
     turn = 2.0 * np.pi * np.arange(STEPS) / STEPS
     grid = np.meshgrid(inclination, turn, turn, indexing="ij")
     g, b = fields(grid[1], grid[0], grid[2], dip)
@@ -215,11 +215,10 @@ def angle_differences(tool: Tool, other: Calibration, inclination: Array) -> Arr
         at = np.full(grid[0].shape, own.reference_temperature)
         seen.append(own.field(signals, at) if own.full else own.field_of_length(signals, field, at)[0])
     if len(seen) == 2:
-        read = angles(*seen)
-        pairs = [(read.inclination, grid[0]), (read.azimuth, grid[1]), (read.toolface, grid[2])]
+        both = angles(*seen)
+        read = {0: both.inclination, 1: both.azimuth, 2: both.toolface}
     else:
-        leaning, toolface = inclination_toolface(seen[0])
-        pairs = [(leaning, grid[0]), (np.full(grid[1].shape, np.nan), grid[1]), (toolface, grid[2])]
-    for column, (one, two) in enumerate(pairs):
-        found[:, column] = np.sqrt(np.mean(wrap_signed(one - two) ** 2, axis=(1, 2)))
+        read = dict(zip((0, 2), inclination_toolface(seen[0]), strict=True))
+    for column, values in read.items():
+        found[:, column] = np.sqrt(np.mean(wrap_signed(values - grid[column]) ** 2, axis=(1, 2)))
     return found

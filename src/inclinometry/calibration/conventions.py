@@ -222,7 +222,7 @@ def _spans(settings: Sequence[Array] | Array) -> bool:
 
 def figure(times: float) -> str:
     """How many times, in as many digits as mean something."""
-    return f"{times:.2g}" if times < 100.0 else f"{float(f'{times:.1g}'):.0f}"
+    return f"{times:.2g}" if times < 99.5 else f"{float(f'{times:.1g}'):.0f}"
 
 
 def _left(signals: Mapping[str, Array], settings: Sequence[Array]) -> dict[str, float]:
@@ -359,13 +359,13 @@ def check_axes(
         for kind, near in axes.items()
         if volume[kind] < -0.2
         and not left_handed
-        and not (kind == "accelerometer" and (settled or (near is not None and near.sum() < -2.5)))
+        and not (kind == "accelerometer" and (settled or (near is not None and near.sum() == -3.0)))
     ]
     if any(axes[kind] is not None for kind in wrong):
         # reversed dials turn all triads; an accelerometer that stands right beside them is not turned
         gravity = axes.get("accelerometer")
         every = set(volume) - set(wrong) <= {"accelerometer"} and (
-            "accelerometer" in wrong or gravity is None or float(np.trace(gravity)) < 2.5
+            "accelerometer" in wrong or gravity is None or float(np.trace(gravity)) != 3.0
         )
         signs = " and ".join(_other_sign(state, kind) for kind in wrong if FIELD_ANGLE.get(kind) in stated)
         raise InputError(
@@ -383,7 +383,7 @@ def check_axes(
     ]
     # the handedness of a field whose sign was assumed shows nothing: an accelerometer of its own hand may be mirrored
     gravity = axes.get("accelerometer")
-    mirrored = assumed and gravity is not None and volume["accelerometer"] < -0.2 and float(gravity.sum()) > -2.5
+    mirrored = assumed and gravity is not None and volume["accelerometer"] < -0.2 and float(gravity.sum()) != -3.0
     turned = Dials("other-end", toolface_counts="counterclockwise")
     look = _MIRROR if mirrored and not left_handed else turned
     field = "dip" if "magnetometer" in axes else "latitude" if "gyro" in axes else "north"
@@ -549,7 +549,8 @@ def check_misread(readings: BenchReadings, calibration: Calibration, fields: Map
     others = [w for w in alike[1:] if w.words().count("--") == likely.words().count("--")]
     kind = max(given, key=lambda k: given[k])
     times = _size(channels, given) / max(least, 1e-6)
-    said = f"{figure(times)} times better (as given {100.0 * given[kind]:.2g} % of the field of the {kind} is missed)"
+    missed = figure(100.0 * given[kind])
+    said = f"{figure(times)} times better (as given {missed} % of the field of the {kind} is missed)"
     also = f" {' or '.join(way.words() for way in others)} would fit as well." if others else ""
     wired = _size(channels, _unexplained(channels, fields, _turns(calibration, readings.dials), wired=True))
     if wired < max(3.0 * least, far) and wired < 0.5 * _size(channels, given):

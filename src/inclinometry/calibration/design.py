@@ -592,7 +592,8 @@ def evaluate_plan(
 def least_drift(plan: Plan, *, rig_sd: float = RIG_SD, noise: Mapping[str, float] = NOISE, dip: float = DIP) -> float:
     """Least drift of an offset during the run, relative to the full field, that readings at these positions show.
 
-    Three standard uncertainties of a drift in proportion to time, of the axis and triad that show it least.
+    Three standard uncertainties of a drift in proportion to time, of the axis and triad that show it least; the other
+    triad taken not to drift.
 
     Parameters
     ----------

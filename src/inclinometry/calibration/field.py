@@ -28,7 +28,7 @@ from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import LEAST_REDUNDANCY, Calibration, Residuals, Rig
 from inclinometry.constants import FIELD_NAME
 from inclinometry.errors import ConvergenceError, IdentifiabilityError, InputError
-from inclinometry.least_squares import inverse_spd
+from inclinometry.least_squares import Fit, inverse_spd
 from inclinometry.sensors import Tool, Triad
 from inclinometry.tabular import check_record
 
@@ -363,7 +363,7 @@ def _begin(
     both = len(fields) == 2
     betweens = rotations_between(fields[0], fields[1]) if both else [np.eye(3)]
     problem = FieldProblem(shots, prior, first_levels(len(shots.kinds), shots.member))
-    best: tuple[float, Unknowns, bool] | None = None
+    fits: list[tuple[Fit[Unknowns], bool]] = []
     trouble = ""
     for between in betweens:
         turned = [fields[0], fields[1] @ between.T] if both else fields
@@ -374,36 +374,37 @@ def _begin(
             if specific_force is not None or not both or "dip" not in reference
             else bool(sine * np.sin(reference["dip"]) < 0.0)
         )
-        start = [(-triads[0][0] if flip else triads[0][0], triads[0][1]), *triads[1:]]
+        (tensor, offset), *others = triads
+        start = [(-tensor if flip else tensor, offset), *others]
         try:
-            fit = problem.solve(unknowns(shots, start, between, axis), 1e-6)
+            fits.append((problem.solve(unknowns(shots, start, between, axis), 1e-6), flip))
         except ConvergenceError as error:
             trouble = str(error)
-            continue
-        if best is None or fit.cost < best[0]:
-            # tool z on the side where the third sensor of the first triad points, or the one most along it
-            at = fit.estimate
-            along = unit(at.tensors[0])[:, 2] * (-1.0 if flip else 1.0)
-            leader = 2 if abs(along[2]) > 0.3 else int(np.argmax(np.abs(along)))
-            best = fit.cost, reversed_z(at) if along[leader] < 0.0 else at, flip
-    if best is None:
+    if not fits:
         raise IdentifiabilityError(f"no start leads to a fit ({trouble}); check the axes and that the dip was constant")
+    fit, flip = min(fits, key=lambda one: one[0].cost)
+    # tool z on the side where the third sensor of the first triad points, or the one most along it
+    at = fit.estimate
+    along = unit(at.tensors[0])[:, 2] * (-1.0 if flip else 1.0)
+    leader = 2 if abs(along[2]) > 0.3 else int(np.argmax(np.abs(along)))
+    if along[leader] < 0.0:
+        at = reversed_z(at)
     # say how the sign was decided where it could be doubted
-    dip = best[1].dip
     if specific_force is None and not (both and "dip" in reference) and "accelerometer" in shots.kinds:
         notes.append(
             "the accelerometer is taken to read gravity, positive downwards, as nothing says otherwise: if it reads "
             "+1 g upwards (specific force) say so, or inclinations come out as 180 deg minus themselves"
         )
     if both and "dip" in reference:
-        if specific_force is None and best[2]:
+        if specific_force is None and flip:
             notes.append("the accelerometer is taken to read specific force, because of the sign of the reference dip")
-        if abs(dip - reference["dip"]) > np.radians(10.0):
+        if abs(at.dip - reference["dip"]) > np.radians(10.0):
+            found, stated = np.degrees([at.dip, reference["dip"]])
             notes.append(
-                f"dip comes out as {np.degrees(dip):.1f} deg, the reference is {np.degrees(reference['dip']):.1f} deg; "
+                f"dip comes out as {found:.1f} deg, the reference is {stated:.1f} deg; "
                 "check the axes of the magnetometer (one mirrored?) and the accelerometer's sign"
             )
-    return best[1], best[2]
+    return at, flip
 
 
 def _axis(shots: Shots, fields: Sequence[Array]) -> Array:

@@ -156,7 +156,8 @@ def power(
 
     def passing(factor: float, columns: slice = slice(None)) -> NDArray[np.bool_]:
         seen = error[..., columns] + np.sqrt(factor**2 - 1.0) * worse[..., columns]
-        return np.asarray(np.all(np.abs(seen) <= accepted[:, columns], axis=(1, 2)))
+        # not beyond, rather than within: exactly vertical, azimuth and toolface have no error at all
+        return ~np.any(np.abs(seen) > accepted[:, columns], axis=(1, 2))
 
     def least(columns: slice = slice(None)) -> float:
         low, high = 1.0, LARGEST
@@ -169,7 +170,7 @@ def power(
         return high
 
     passes = passing(1.0)
-    conforms = np.all(np.abs(own) <= limits, axis=(1, 2)) if agreed else np.ones(DRAWS, dtype=bool)
+    conforms = ~np.any(np.abs(own) > limits, axis=(1, 2)) if agreed else np.ones(DRAWS, dtype=bool)
     one = {name: slice(place, place + 1) for place, name in enumerate(names) if judged[:, place].any()}
     return Power(
         least(),
