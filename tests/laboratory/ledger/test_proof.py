@@ -616,9 +616,7 @@ def test_another_ledger_as_a_witness(tmp_path: Path, keys: Keys) -> None:
         assert f"witness {paths[1]}: agrees up to record 1" in said(verify(ledger))
 
 
-def test_a_ledger_that_was_closed_and_is_used_again_tells_its_witnesses(
-    opened: Opened, keys: Keys, tmp_path: Path
-) -> None:
+def test_a_ledger_that_is_used_again_tells_its_witnesses(opened: Opened, keys: Keys, tmp_path: Path) -> None:
     """Closing sends what is on its way; it does not end the witnesses for ever."""
     share = tmp_path / "share"
     share.mkdir()
