@@ -4,20 +4,34 @@ from __future__ import annotations
 
 import json
 import sqlite3
+import threading
+import urllib.error
+import urllib.request
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
 import pytest
+from sqlalchemy import inspect, select
 
 from inclinometry.errors import FileError, InputError
 from inclinometry.laboratory.ledger import chain
 from inclinometry.laboratory.ledger.admin import create
+from inclinometry.laboratory.ledger.engine import HEAD, METADATA, engine
 from inclinometry.laboratory.ledger.exchange import backup
-from inclinometry.laboratory.ledger.heads import SignedHead, grown, parse_signed, proof_since, read_head, signed_by
+from inclinometry.laboratory.ledger.heads import (
+    SignedHead,
+    grown,
+    head_of,
+    parse_signed,
+    proof_since,
+    read_head,
+    signed_by,
+)
 from inclinometry.laboratory.ledger.keys import Keys, descends, explained, fingerprint, public_pem, read_public
 from inclinometry.laboratory.ledger.ledger import Draft, Ledger, LedgerError
 from inclinometry.laboratory.ledger.verify import Verdict, verify
+from inclinometry.laboratory.ledger.witness_server import server
 
 TOOL = {"name": "steering tool", "triads": {}}
 
@@ -371,3 +385,101 @@ def test_the_clock_may_go_back_two_minutes(tmp_path: Path, keys: Keys) -> None:
             ledger.append("tool", {"serial": "B"}, TOOL, author="anna")
         clock[0] = now - timedelta(minutes=2)
         ledger.append("tool", {"serial": "B"}, TOOL, author="anna")
+
+
+# what is stored, and what is asked of a witness over HTTP
+
+
+def test_the_tables_of_the_program_are_those_of_the_migrations(path: Path) -> None:
+    """Columns, what may be empty, what is unique, what is indexed."""
+    from alembic.autogenerate import compare_metadata
+    from alembic.migration import MigrationContext
+
+    with engine(path).connect() as connection:
+        found = compare_metadata(MigrationContext.configure(connection), METADATA)
+        # indexes for speed stand in the migrations alone
+        assert [one for one in found if one[0] != "remove_index"] == []
+        inspected = inspect(connection)
+        for name, table in METADATA.tables.items():
+            assert inspected.get_pk_constraint(name)["constrained_columns"] == [key.name for key in table.primary_key]
+
+
+def asked(address: str, body: object = None, length: str = "") -> tuple[int, str]:
+    """Status and text of an answer; POST where there is a body."""
+    data = None if body is None else body if isinstance(body, bytes) else json.dumps(body).encode()
+    request = urllib.request.Request(address, data, {"content-length": length} if length else {})
+    try:
+        with urllib.request.urlopen(request, timeout=20) as answer:
+            return answer.status, answer.read().decode()
+    except urllib.error.HTTPError as error:
+        return error.code, error.read().decode()
+
+
+def test_a_witness_over_http_keeps_what_only_grew(path: Path, keys: Keys, tmp_path: Path) -> None:
+    """Each answer, and what it keeps and says of whom it refused."""
+    with Ledger(path, keys=keys) as ledger:
+        newest = ledger.signed_head()
+        with ledger.snapshot() as connection:
+            heads = {row.seq: head_of(row) for row in connection.execute(select(HEAD))}
+    assert newest is not None
+    far, told = tmp_path / "of" / "others", []
+    running = server(far, "127.0.0.1", 0, keys.public(), told.append)
+    thread = threading.Thread(target=running.serve_forever, daemon=True)
+    thread.start()
+    address = f"http://127.0.0.1:{running.server_address[1]}/heads"
+    try:
+        own = f"{address}/{newest.ledger}"
+        assert asked(own) == (404, "no head of such a ledger")
+        stranger = signed_by(Keys(tmp_path / "s").make(), "a" * 32, chain.Head(1, "b" * 64), b"\1" * 32, newest.time)
+        status, text = asked(address, {"head": stranger.statement()})
+        assert (status, f"this witness keeps heads of {fingerprint(newest.key)}" in text) == (409, True)
+        assert asked(address, {"head": heads[5].statement(), "where": "w" * 600}) == (201, "kept")
+        assert asked(address, {"head": heads[5].statement()})[0] == 201  # told twice
+        assert asked(address, {"head": heads[4].statement()})[0] == 409
+        assert "had 5 records before: it was cut" in told[-1]
+        assert asked(address, {"head": newest.statement()})[0] == 409
+        assert "carries no proof from record 5" in told[-1]
+        proof = {"from": 5, "proof": proof_since(str(path), 5, 8)}
+        changed = {**newest.statement(), "time": "2026-05-01T00:00:00+00:00"}
+        assert asked(address, {"head": changed, **proof}) == (409, "its signature is not that of its key")
+        assert asked(address, {"head": newest.statement(), **proof}) == (201, "kept")
+        for wrong in (b"rubbish", {}, [], {"head": 7}):
+            assert asked(address, wrong) == (400, "not a signed head")
+        for place in (f"{address}/x", address.removesuffix("heads")):
+            assert asked(place, b"")[0] == 400
+        assert asked(address, b"", "1000001")[0] == 400  # announced, and not waited for
+        status, text = asked(own)
+        kept = [json.loads(line) for line in text.splitlines()]
+        assert (status, [one["size"] for one in kept]) == (200, [5, 5, 8])
+        assert [len(one["where"]) for one in kept] == [500, 0, 0]
+        assert [one.name for one in far.iterdir()] == [f"{newest.ledger}.jsonl"]
+        assert len(told) == 4
+    finally:
+        running.shutdown()
+        running.server_close()
+        thread.join()
+
+
+def test_long_texts_numbers_and_pages(path: Path, keys: Keys) -> None:
+    """The ends of what is allowed, and where pages of a list meet."""
+    with Ledger(path, keys=keys) as ledger:
+        for text in ("x", "x" * 200):
+            ledger.append("tool", {"serial": text}, TOOL, author=text)
+            assert ledger.latest("tool", serial=text) is not None
+        serials = [record.keys["serial"] for record in ledger.current("tool", limit=4)]
+        more = ledger.current("tool", after=serials[-1])
+        whole = [*serials, *(record.keys["serial"] for record in more)]
+        assert whole == sorted({f"T{n}" for n in range(8)} | {"x", text})
+        assert [record.seq for record in ledger.find("tool", after=3, limit=2)] == [4, 5]
+        assert [record.seq for record in ledger.find("tool", newest=True, after=4, limit=2)] == [3, 2]
+        assert ledger.find("tool", limit=0) == []
+        for name in ("", " x", "x" * 201):
+            with pytest.raises(LedgerError, match="there is no tool record"):
+                ledger.get("tool", name)
+        body = {"dial_deg": [0.0, 90.0, 0.0], "channels": {"accelerometer": [1.0]}, "count": 5, "captured": "key"}
+        for position in (0, 2**31 - 1):
+            ledger.append("reading", {"session": "s", "position": position, "attempt": 1}, body, author="anna")
+            assert ledger.count("reading", position=position) == 1
+        with pytest.raises(InputError, match=r"reading\.position is a number of 66 bits; .* 0 to 2147483647"):
+            ledger.append("reading", {"session": "s", "position": 2**65, "attempt": 1}, body, author="anna")
+        assert verify(ledger).ok
