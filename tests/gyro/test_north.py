@@ -116,6 +116,19 @@ def test_a_scale_known_exactly_is_the_fixed_estimate() -> None:
     assert (joint.method, fixed.method) == ("joint", "fixed")
 
 
+@pytest.mark.parametrize("axes", [2, 3])
+def test_a_scale_not_known_at_all_is_the_limit_of_one_hardly_known(axes: int) -> None:
+    gravity, rate = readings(*attitudes(6, 60), 0.8)
+    rate, noise = rate[:, :axes], {**NOISE, "rate_covariance": SIGMA**2 * np.eye(axes)}
+    hardly, never = (estimate_north(gravity, rate, 0.8, **noise, scale_sd=sd) for sd in (100.0, np.inf))
+    sure = np.array([not set(f) & SINGULAR for f in never.flags])
+    assert sure.sum() > 20
+    for name in NAMES:
+        np.testing.assert_allclose(never.u(name)[sure], hardly.u(name)[sure], rtol=1e-4)
+    # what the rates alone tell is not the prior's doing
+    assert not never.components["scale"].any()
+
+
 def _two(noise: dict[str, Any]) -> dict[str, Any]:
     return {**noise, "rate_covariance": noise["rate_covariance"][:2, :2]}
 
