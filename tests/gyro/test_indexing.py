@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from inclinometry.errors import InputError
-from inclinometry.gyro.indexing import SCHEMES, average_index
+from inclinometry.gyro.indexing import SCHEMES, Noise, average_index
 from inclinometry.rotations import rotation_z
 
 FOUR = np.radians([0.0, 90.0, 180.0, 270.0])
@@ -256,6 +257,33 @@ def test_clean_files_are_hardly_ever_accused(noise):
         found = average_index(np.repeat(np.arange(12), 4), np.tile(FOUR, 12), signals, scheme="four", noise=noise)
         accused += any(found.flags)
     assert accused <= 3  # two tests at 0.1 % a file: 0.4 expected, more than 3 once in a thousand
+
+
+def test_a_doubtful_reading_is_judged_by_the_noise_of_the_others():
+    """One left out of an ordinary regression: the variance without it, its externally studentised residual."""
+    rng = np.random.default_rng(5)
+    design, size = np.c_[np.ones(9), rng.normal(size=(9, 2))], 9
+    y = rng.normal(size=size)
+    hat = design @ np.linalg.pinv(design)
+    residual = y - hat @ y
+    dof = size - 3.0
+    variance = residual @ residual / dof
+    drop = residual**2 / (1.0 - np.diagonal(hat)) / variance
+    noise, one = Noise(np.ones(1), dof, inside=True), np.ones(size)
+    without = np.empty(size)
+    for row in range(size):
+        rest = np.delete(np.arange(size), row)
+        left = y[rest] - design[rest] @ np.linalg.lstsq(design[rest], y[rest], rcond=None)[0]
+        without[row] = left @ left / (dof - 1.0)
+    np.testing.assert_allclose(noise.shrunk(drop, one), without / variance, rtol=1e-10)
+    studentised = drop * variance / without
+    np.testing.assert_allclose(noise.tail(drop, one), 2.0 * stats.t.sf(np.sqrt(studentised), dof - 1.0), rtol=1e-10)
+    # noise that is given, or estimated from many other stations, is not changed by one reading
+    for other in (Noise(np.ones(1)), Noise(np.ones(1), dof)):
+        np.testing.assert_array_equal(other.shrunk(drop, one), one)
+    np.testing.assert_allclose(Noise(np.ones(1)).tail(drop, one), stats.chi2.sf(drop, 1), rtol=1e-10)
+    np.testing.assert_allclose(Noise(np.ones(1), dof).tail(drop, one), stats.f.sf(drop, 1, dof), rtol=1e-10)
+    assert Noise(np.ones(1), dof).widening == pytest.approx(stats.t(dof).var())
 
 
 def test_a_known_bias_along_the_tool_limits_what_is_known_of_z():

@@ -316,5 +316,16 @@ def test_readings_of_nothing_or_of_anything_are_answered_without_a_warning(rates
     assert not np.isnan(found.cost).any()
 
 
+@pytest.mark.parametrize("axes", [2, 3])
+def test_without_a_compiler_the_loop_is_the_same(axes: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    from inclinometry.gyro import _kernels
+
+    given = stations(8, 6, axes)[:4]
+    quick = solve_joint(*given, scale_sd=0.01)
+    monkeypatch.setattr(_kernels, "north", getattr(_kernels.north, "py_func", _kernels.north))
+    for one, two in zip(quick, solve_joint(*given, scale_sd=0.01), strict=True):
+        np.testing.assert_allclose(one, two, rtol=1e-6, atol=1e-9)
+
+
 def test_no_stations_are_no_error() -> None:
     assert solve_joint(np.zeros((0, 2)), np.zeros((0, 2, 2)), 1.0, 0.8).azimuth.size == 0

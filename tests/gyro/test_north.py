@@ -87,11 +87,15 @@ def test_every_cause_is_that_of_differences(axes: int, accelerometers: int) -> N
         assert (off <= 2e-3 * variance[sure] + floor).all(), name
 
 
-def test_a_given_scale_carries_its_uncertainty_into_the_azimuth() -> None:
+@pytest.mark.parametrize("axes", [2, 3])
+def test_a_given_scale_carries_its_uncertainty_into_the_azimuth(axes: int) -> None:
     at, lat = attitudes(3, 60), -0.6
     gravity, rate = readings(*at, lat, 0.997)
-    use = {**NOISE, "scale_sd": 0.004}
+    # of three axes whose noise is one a scale leaves the azimuth alone
+    noise = SIGMA**2 * np.diag([1.0, 2.0, 4.0])[:axes, :axes]
+    rate, use = rate[:, :axes], {**NOISE, "rate_covariance": noise, "scale_sd": 0.004}
     found = estimate_north_fixed(gravity, rate, lat, scale=0.997, **use)
+    assert np.median(found.components["scale"][:, 1]) > 1e-8
     plus = estimate_north_fixed(gravity, rate, lat, scale=0.997 + 1e-6, **use)
     minus = estimate_north_fixed(gravity, rate, lat, scale=0.997 - 1e-6, **use)
     slope = wrap_signed(plus.azimuth - minus.azimuth) / 2e-6
@@ -110,6 +114,19 @@ def test_a_scale_known_exactly_is_the_fixed_estimate() -> None:
     np.testing.assert_array_equal(joint.azimuth, fixed.azimuth)
     np.testing.assert_array_equal(joint.u("azimuth"), fixed.u("azimuth"))
     assert (joint.method, fixed.method) == ("joint", "fixed")
+
+
+@pytest.mark.parametrize("axes", [2, 3])
+def test_a_scale_not_known_at_all_is_the_limit_of_one_hardly_known(axes: int) -> None:
+    gravity, rate = readings(*attitudes(6, 60), 0.8)
+    rate, noise = rate[:, :axes], {**NOISE, "rate_covariance": SIGMA**2 * np.eye(axes)}
+    hardly, never = (estimate_north(gravity, rate, 0.8, **noise, scale_sd=sd) for sd in (100.0, np.inf))
+    sure = np.array([not set(f) & SINGULAR for f in never.flags])
+    assert sure.sum() > 20
+    for name in NAMES:
+        np.testing.assert_allclose(never.u(name)[sure], hardly.u(name)[sure], rtol=1e-4)
+    # what the rates alone tell is not the prior's doing
+    assert not never.components["scale"].any()
 
 
 def _two(noise: dict[str, Any]) -> dict[str, Any]:

@@ -181,6 +181,8 @@ def test_moves_and_the_vertical_are_told():
         ({"azimuth_sd": 0.0}, "more than 0"),
         ({"azimuth_sd": -0.1}, "azimuth_sd"),
         ({"azimuth": np.nan}, "azimuth"),
+        ({"azimuth": np.radians(361.0)}, "azimuth"),
+        ({"azimuth": np.radians(-361.0)}, "azimuth"),
         ({"move_time": -1.0}, "move_time"),
     ],
 )

@@ -80,6 +80,9 @@ def test_gravity_may_be_in_any_unit_and_turning_the_tool_turns_only_the_toolface
     small = tilt(gravity(inclination, toolface) / 1024.0)
     np.testing.assert_array_equal(small.inclination, found.inclination)
     np.testing.assert_array_equal(small.by_gravity, 1024.0 * found.by_gravity)
+    down = inclination < 1.5
+    across, small = (gravity(inclination[down], toolface[down])[:, :2] / size for size in (1.0, 1024.0))
+    np.testing.assert_array_equal(tilt(small, G / 1024.0).inclination, tilt(across, G).inclination)
     turned = tilt(gravity(inclination, toolface + 1.0))
     np.testing.assert_allclose(turned.inclination, found.inclination, atol=1e-14)
     assert np.abs(wrap_signed(turned.toolface - found.toolface - 1.0)).max() < 1e-12

@@ -149,6 +149,22 @@ def test_directions_stand_in_for_angles_at_vertical_stations():
         MatrixSource("tilt", angles, np.eye(2))
 
 
+@pytest.mark.parametrize("way", ["hold", "start"])
+def test_a_weight_that_is_carried_knows_both_norths(way):
+    options = {"inclinations": (0.0, 0.4) if way == "hold" else (0.4, np.pi), way: True}
+    names = {"magnetic": ("0", "0", "Sin(AzM)"), "true": ("0", "0", "Sin(AzT - 0.1)")}  # the declination is 0.1
+    terms = {name: term("N", 0.3, "deg", "systematic", weights, **options) for name, weights in names.items()}
+    turning = 0.5 + MD / 1500.0
+    magnetic, true = (propagate(well(azimuth=turning), code_of(one)).sources["N"].vectors for one in terms.values())
+    np.testing.assert_allclose(magnetic, true, atol=1e-12)
+    # where the magnetic north is not known the true one does
+    blind = Site(latitude=1.0, g=9.81, b=5e4, dip=1.2)
+    found = propagate(well(blind, azimuth=turning), code_of(terms["true"])).sources["N"].vectors
+    np.testing.assert_allclose(found, true, atol=1e-12)
+    with pytest.raises(InputError, match="give the site's declination"):
+        propagate(well(blind, azimuth=turning), code_of(terms["magnetic"]))
+
+
 def test_runs_share_what_the_well_shares():
     survey, code = well(), code_of(SAG, NORTH, NOISE, SCALE)
     whole = propagate(survey, code)

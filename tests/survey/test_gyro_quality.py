@@ -69,6 +69,11 @@ def test_a_wrong_latitude_fails_and_the_one_found_is_right():
         # value is best minus stated; its uncertainty is a third of the limit, 4 of them is once in 16000
         assert abs(found["latitude"].value - np.radians(-2.0)) < 4.0 / 3.0 * found["latitude"].limit
         assert found["latitude sign"].verdict == "pass"
+        assert "latitude of the site" in found["latitude"].action
+        # of the wrong hemisphere: what mends the sign mends the latitude
+        found = judge(gravity, w, -50.0)
+        assert found["latitude"].verdict == found["latitude sign"].verdict == "fail"
+        assert found["latitude"].action == found["latitude sign"].action
 
 
 @pytest.mark.long
@@ -171,6 +176,18 @@ def test_a_disturbed_station_is_named_and_a_wrong_scale_blamed_on_all():
     assert "scale" in check.action
     # a scale that is stated undoes it
     assert judge(*stations(45.0)[:1], 1.05 * stations(45.0)[1], 45.0, scale=1 / 1.05)["latitude"].verdict == "pass"
+
+
+def test_a_station_fails_where_its_horizontal_rate_leaves_the_limit_that_is_told():
+    gravity, rate = stations(45.0, 1, noise=0.0)
+    # of two axes the horizontal rate is all that a station tells: what is chance and what is not are one limit
+    for share, verdict in ((0.97, "pass"), (1.03, "fail")):
+        size = 1e-3
+        for _ in range(5):
+            check = judge(gravity, without_z((1.0 + size) * rate), 45.0)["horizontal Earth rate"]
+            size *= share * check.limit / check.value
+        assert check.value == pytest.approx(share * check.limit, rel=1e-3)
+        assert check.verdict == verdict
 
 
 @pytest.mark.parametrize("three_axis", [True, False])

@@ -34,6 +34,11 @@ def test_stations_without_error_stay_as_they_are():
     assert "nothing significant" in found.corrected.history[-1]
 
 
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_noise_as_stated_is_no_reason_for_a_warning(seed):
+    assert multistation(run(seed=seed)[1], REFERENCE).warnings == ()
+
+
 @pytest.mark.parametrize("axial", [-900.0, 250.0, 600.0])
 def test_axial_interference_is_found(axial):
     azimuth, disturbed = run((0.0, 0.0, axial), seed=1)

@@ -63,6 +63,14 @@ def test_the_parts_make_up_u_and_both_ways_agree():
     assert list(columns) == [name for name in one.to_dict() if name in columns]
 
 
+def test_angles_known_exactly_are_not_correlated():
+    part = np.zeros((3, 2, 2))
+    part[1, 0, 0], part[2] = 1e-6, 1e-6
+    found = parts_of(part, 0.0 * part)
+    np.testing.assert_allclose(found["correlation_common"], [0.0, 0.0, 1.0])
+    assert not found["correlation_random"].any()
+
+
 def test_a_mean_of_stations_averages_the_random_part_alone():
     rng, place = np.random.default_rng(3), Site(declination=0.1, north_reference="true")
     found, errors = reduce_survey(MD, seen(), tool(), site=place), []

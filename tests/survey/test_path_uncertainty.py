@@ -81,6 +81,14 @@ def test_derivatives_are_those_of_finite_differences(name, project, jacobian, md
     np.testing.assert_allclose(found, differences(project, stations, md), atol=2e-9, rtol=1e-8)
 
 
+@pytest.mark.parametrize("jacobian", [interpolation_jacobian, curve_jacobian, straight_jacobian])
+def test_the_interval_of_a_point_counts_alone(jacobian):
+    md, slope, heading = [0.0, 25.0, 60.0, 90.0], [0.2, 0.5, 0.7, 0.9], [1.0, 1.5, 2.0, 2.2]
+    whole, last = minimum_curvature(md, slope, heading), minimum_curvature(md[2:], slope[2:], heading[2:])
+    at = [72.0] if jacobian is interpolation_jacobian else [101.0]
+    np.testing.assert_allclose(jacobian(whole, at), jacobian(last, at), rtol=1e-12, atol=1e-12)
+
+
 def test_at_a_station_the_station_counts_alone():
     path = minimum_curvature([0.0, 30.0, 60.0], [0.5, 0.7, 0.7], [1.0, 1.5, 2.0])
     angles = interpolation_jacobian(path, path.md)[:, 3:, [4, 5, 7, 8]]

@@ -149,6 +149,10 @@ def test_pairs_by_depth():
     assert "within 1 m" in apart[0].reason
     near = repeated_stations(one, at(0.0, md=30.4, azimuth=0.9), same_tool=True)
     assert by_name(near)["azimuth"].stations == (1,)
+    # the nearest of the second run, above or below
+    other = at(0.0, azimuth=0.9)
+    both = Stations([0.2, 59.6], *(np.tile(v, (2, 1)) for v in (other.g, other.b)), noise=np.tile(NOISE, (2, 1, 1)))
+    assert by_name(repeated_stations(one, both, same_tool=True))["azimuth"].stations == (0, 2)
 
 
 # SPE 133417: differences of drill pipe and wireline, both at three standard deviations, published tolerance and verdict

@@ -84,6 +84,15 @@ def test_beam_on_two_supports():
     np.testing.assert_allclose(found.force[[0, -1]], 5000.0, rtol=1e-9)
 
 
+def test_the_stiffness_of_a_tube_is_the_integral_over_its_section():
+    edges = np.linspace(0.035, 0.085, 2001)
+    middle, step = 0.5 * (edges[1:] + edges[:-1]), np.diff(edges)
+    # y^2 dA over a ring of radius r is pi r^3 dr
+    second_moment = np.pi * np.sum(middle**3 * step)
+    tube = Element(length=1.0, outer=0.17, inner=0.07, weight=140.0, young=2e11)
+    assert tube.stiffness == pytest.approx(2e11 * second_moment, rel=1e-6)
+
+
 def test_symmetry_leaves_no_slope_in_the_middle():
     found = at_rest(pinned(beam(), 0, 10))
     assert abs(found.slope[5]) < 1e-15

@@ -289,7 +289,6 @@ def _components(
     size = len(best.azimuth)
     seen = np.isfinite(problem.rate[:, 2])
     _, cov_rate = to_high_side(problem.rate, problem.rate_covariance, found.toolface)
-    cov_rate = np.where(np.isfinite(cov_rate), cov_rate, 0.0)
     cov_rate[~seen, 2, :] = cov_rate[~seen, :, 2] = 0.0
     by_rate, by_tilt, by_prior, by_latitude = (part[:, 0] for part in response)  # of azimuth
     gyro = np.einsum("ni,nij,nj->n", by_rate, cov_rate, by_rate)

@@ -17,7 +17,7 @@ def place_doubts(seen: Mapping[str, float], places: Mapping[str, Mapping[str, fl
     Parameters
     ----------
     seen : mapping
-        "g" m/s^2, "b" nT, "dip" rad: medians over the run.
+        "b" nT, "dip" rad: medians over the run.
     places : mapping
         Words for a place -> the same of its model; "" for the place as stated.
 
@@ -29,10 +29,9 @@ def place_doubts(seen: Mapping[str, float], places: Mapping[str, Mapping[str, fl
     'the run shows a magnetic field of 50100 nT with a dip of 66.'
     """
     # what the reference, interference of the assembly and the sensors may do together
-    sigma = {"g": 0.008, "b": 350.0, "dip": np.radians(0.35)}
-    names = [name for name in sigma if name in seen and name in places[""]]
+    sigma = {"b": 350.0, "dip": np.radians(0.35)}
     misfit = {
-        words: float(sum(((seen[n] - there[n]) / sigma[n]) ** 2 for n in names)) for words, there in places.items()
+        words: float(sum(((seen[n] - there[n]) / s) ** 2 for n, s in sigma.items())) for words, there in places.items()
     }
     best = min(misfit, key=lambda words: misfit[words])
     if best == "" or misfit[""] < 40.0 or misfit[best] > min(12.0, 0.1 * misfit[""]):

@@ -786,8 +786,7 @@ def _arc_jacobian(path: Path, depth: Array, inclination: Array, azimuth: Array) 
     by_direction[:, :, 3], by_direction[:, :, 6] = -(1.0 - f)[:, None] * along, -f[:, None] * along
     _, u, ah = _frame(inclination, azimuth)
     square = t[:, 0] ** 2 + t[:, 1] ** 2
-    vertical = square <= LEVEL**2
-    by_azimuth = np.where(vertical[:, None], np.nan, ah / np.where(vertical, 1.0, square)[:, None])
+    by_azimuth = ah / np.where(square > LEVEL**2, square, np.nan)[:, None]
     angles = [np.einsum("mi,mij->mj", rows, by_direction) for rows in (u, by_azimuth)]
     return np.concatenate([by_place, np.stack(angles, axis=1)], axis=1)
 

@@ -46,6 +46,9 @@ def test_what_was_recorded_is_read_back(ledger: Ledger) -> None:
     assert [r.keys["position"] for r in ledger.find("reading", session="s", limit=3)] == [0, 1, 2]
     assert [r.keys["position"] for r in ledger.find("reading", session="s", limit=2, newest=True)] == [29, 28]
     assert ledger.count("reading", session="s") == 30
+    for wanted in ([], [3], [3, 5], [3, 5, 7]):
+        assert [r.keys["position"] for r in ledger.find("reading", position=wanted)] == wanted
+    assert ledger.count("reading", position=[3, "3", 2**70], session=["s", 7]) == 1
     assert [r.body["name"] for r in ledger.current("tool")] == ["renamed"]
     assert ledger.head().seq == 32
     assert verify(ledger).ok

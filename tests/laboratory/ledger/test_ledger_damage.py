@@ -70,6 +70,7 @@ def faults(path: Path, head: chain.Head | None = None) -> list[str]:
         ("UPDATE chain SET kind = 'nothing' WHERE seq = 5", "nothing 5 "),
         ("UPDATE chain SET seq = 9000000000000000000 WHERE seq = 41", "chain 43 to 8999999999999999999"),
         ("UPDATE chain SET seq = -7 WHERE seq = 41", "chain -7 "),
+        ("UPDATE chain SET seq = 0 WHERE seq = 41", "chain 0 "),
         ("INSERT INTO rig SELECT seq, id, created, author, version, 'r', body FROM tool WHERE seq = 5", "rig 5 "),
         ("UPDATE document SET data = x'00'", "document sha256:"),
         ("DELETE FROM document", "document sha256:"),

@@ -538,6 +538,11 @@ def test_a_witness_that_is_gone_is_a_fault(opened: Opened, keys: Keys, tmp_path:
             assert verify(read).ok
         ledger.accept("the folder of the keys was put back without it", author="anna")
         assert verify(ledger).ok
+        # the one head that it has now is remembered as any other
+        assert len(file.read_text().splitlines()) == 1
+        cut(ledger, 8)
+    with opened() as ledger, pytest.raises(LedgerError, match="signed record 9 of this ledger"):
+        ledger.append("tool", {"serial": "NEXT"}, TOOL, author="anna")
 
 
 def test_a_copy_that_was_recorded_in_stops_the_original(tmp_path: Path, keys: Keys) -> None:
@@ -609,6 +614,20 @@ def test_another_ledger_as_a_witness(tmp_path: Path, keys: Keys) -> None:
         assert verify(other).ok
     with Ledger(paths[0], keys=keys) as ledger:
         assert f"witness {paths[1]}: agrees up to record 1" in said(verify(ledger))
+
+
+def test_a_ledger_that_is_used_again_tells_its_witnesses(opened: Opened, keys: Keys, tmp_path: Path) -> None:
+    """Closing sends what is on its way; it does not end the witnesses for ever."""
+    share = tmp_path / "share"
+    share.mkdir()
+    name_others(keys.folder, [str(share)])
+    ledger = opened()
+    for turn in range(3):
+        for number in range(2):
+            ledger.append("tool", {"serial": f"{turn}-{number}"}, TOOL, author="anna")
+        ledger.close()
+        (file,) = share.iterdir()
+        assert json.loads(file.read_text().splitlines()[-1])["size"] == 8 + 2 * (turn + 1)
 
 
 def test_a_witness_refuses_what_is_not_signed(http: tuple[str, Path, list[str]], keys: Keys) -> None:

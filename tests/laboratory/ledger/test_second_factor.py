@@ -108,6 +108,12 @@ def test_a_secret_that_is_none(text):
         secret_bytes(text)
 
 
+def test_a_secret_is_read_as_it_is_typed():
+    # RFC 6238's own, in groups and small letters
+    assert secret_bytes("GEZD GNBV-gy3t qojq GEZDGNBVGY3TQOJQ====") == SEED[:20]
+    assert len(secret_bytes(new_secret())) == 20
+
+
 def test_only_the_password_opens_the_secret(ledger):
     kept = sealed(SEED[:20], PASSWORD)
     assert opened(kept, PASSWORD) == SEED[:20]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+from functools import partial
 from types import SimpleNamespace
 
 import pytest
@@ -11,7 +12,7 @@ import pytest
 from inclinometry.laboratory.web import guard as module
 from inclinometry.laboratory.web.guard import ENDED, Guard, bearer
 from inclinometry.laboratory.web.logins import Login
-from inclinometry.laboratory.web.refusals import BodyError
+from inclinometry.laboratory.web.refusals import BodyError, BodyLimit
 
 ANNA = Login("anna's token", "anna's csrf", "anna", 0.0, 0.0)
 LOCAL = Login("local token", "local csrf", "local", 0.0, 0.0)
@@ -38,7 +39,7 @@ class World:
     def __init__(self, single_user, hosts=("Bench.LAB", "localhost", "[::1]")):
         self.logins, self.reached, self.got = Known(), [], []
         self.guard = Guard(self._app, logins=self.logins, hosts=frozenset(hosts), single_user=single_user)
-        self.body = [{"type": "http.request", "body": b"", "more_body": False}]
+        self.body, self.late_s = [{"type": "http.request", "body": b"", "more_body": False}], 0.0
 
     async def _app(self, scope, receive, send):
         self.reached.append(scope)
@@ -60,6 +61,7 @@ class World:
         sent, messages = [], list(self.body)
 
         async def receive():
+            await asyncio.sleep(self.late_s)
             return messages.pop(0) if messages else {"type": "websocket.disconnect"}
 
         async def send(message):
@@ -190,8 +192,9 @@ def test_the_cookie_of_this_server(network, scheme, name, status):
 
 
 def test_two_cookie_headers_are_one(network):
-    pairs = [("host", "localhost"), ("cookie", "a=b"), ("cookie", "inclinometry=cookie-token")]
-    assert network.ask(headers=pairs) == 200
+    for order in (1, -1):
+        pairs = [("cookie", "a=b"), ("cookie", "inclinometry=cookie-token")][::order]
+        assert network.ask(headers=[("host", "localhost"), *pairs]) == 200
 
 
 @pytest.mark.parametrize("name", ["Host", "Origin", "Authorization", "Content-Length", "Content-Type", "X-CSRF-Token"])
@@ -270,21 +273,30 @@ def test_what_the_framework_says_of_safety_is_replaced(network):
     assert network.headers["referrer-policy"] == "same-origin"
 
 
-def test_a_body_that_breaks_the_rules_is_answered_once(network):
-    async def reading(scope, receive, send):
-        try:
-            while True:
-                await receive()
-        except BodyError:
-            network.reached.append(scope)
-        await send({"type": "http.response.start", "status": 500, "headers": []})
-        await send({"type": "http.response.body", "body": b"the framework's own words"})
+async def reading(scope, receive, send):
+    """An application that reads its body to the end, and says it in its own words when that fails."""
+    try:
+        while (await receive()).get("more_body"):
+            pass
+    except BodyError:
+        pass
+    await send({"type": "http.response.start", "status": 500, "headers": []})
+    await send({"type": "http.response.body", "body": b"the framework's own words"})
 
+
+def test_a_body_that_breaks_the_rules_is_answered_once(network):
     network.guard._app = reading
     network.body = [{"type": "http.request", "body": b"x" * 1_500_000, "more_body": True} for _ in range(3)]
     assert network.ask("PUT", headers=program(**{"transfer-encoding": "chunked"})) == 413
     assert "more bytes than the 2000000" in network.said
-    assert (len(network.sent), len(network.reached)) == (2, 1)
+    assert len(network.sent) == 2
+    assert network.headers["connection"] == "close"
+
+
+def test_a_body_that_does_not_come_ends_the_connection(network, monkeypatch):
+    monkeypatch.setattr(module, "BodyLimit", partial(BodyLimit, longest_s=0.02))
+    network.guard._app, network.late_s = reading, 60.0
+    assert network.ask("PUT", headers=program(**{"content-length": "2"})) == 408
     assert network.headers["connection"] == "close"
 
 
@@ -390,6 +402,24 @@ def test_only_its_own_user_speaks_for_a_page(page, sid, page_, may):
             answer = asyncio.run(module._owned(name, handler)(sid, argument))
             assert answer == ("done" if may else False)
     assert len(calls) == (4 if may else 0)
+
+
+def test_every_message_of_a_page_is_asked_for_its_owner_once(page, monkeypatch):
+    heard = []
+    kinds = ("connect", "handshake", "event", "javascript_response", "ack", "log")
+    known = {name: lambda sid, *arguments, name=name: heard.append(name) or True for name in kinds}
+    monkeypatch.setattr(module.core.sio, "handlers", {"/": known}, raising=False)
+    monkeypatch.setattr(module.core.sio, "on", known.__setitem__, raising=False)
+    module.guard_sockets()
+    guarded = dict(known)
+    for name, handler in guarded.items():
+        given = {"client_id": "p", "QUERY_STRING": "client_id=p"}
+        assert asyncio.run(handler("boris", given)) is False
+        assert heard == []
+        assert asyncio.run(handler("anna", given)) is True
+        assert heard.pop() == name
+    module.guard_sockets()  # a second bench of one process
+    assert known == guarded
 
 
 def test_messages_that_name_no_page(page):

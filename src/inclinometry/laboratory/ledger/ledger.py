@@ -498,7 +498,4 @@ def _equal(kind: str, name: str, value: Any) -> ColumnElement[bool]:
     text = KINDS[kind].keys[name] is str
     wanted = value if isinstance(value, list | tuple | set) else [value]
     possible = [one for one in wanted if (plain(one) if text else type(one) is int and one in INTEGERS)]
-    column = TABLES[kind].c[name]
-    if not possible:
-        return false()
-    return column == possible[0] if len(possible) == 1 else column.in_(possible)
+    return TABLES[kind].c[name].in_(possible)

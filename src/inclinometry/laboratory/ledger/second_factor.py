@@ -67,7 +67,7 @@ def secret_bytes(text: str) -> bytes:
         Not base 32, or not 160 bits.
     """
     try:
-        found = base64.b32decode(re.sub(r"[\s=-]", "", text).upper(), casefold=False)
+        found = base64.b32decode(re.sub(r"[\s=-]", "", text).upper())
     except (binascii.Error, ValueError):
         found = b""
     if len(found) != _SECRET:

@@ -98,7 +98,7 @@ def _refusal(folder: Path, head: SignedHead, body: dict[str, Any], public: str |
     if head.size < newest.size:
         return f"the ledger had {newest.size} records before: it was cut, or an older copy was put back"
     content = {
-        "consistency": {"from": body.get("from"), "proof": body.get("proof")},
+        "consistency": {name: body[name] for name in ("from", "proof") if name in body},
         "changes": body.get("changes", []),
     }
     return grown(newest, head, content, None)

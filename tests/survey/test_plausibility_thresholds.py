@@ -1,0 +1,73 @@
+"""Where doubts about a run begin, whom they name, and how likely they are said to be."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+
+from inclinometry.survey.plausibility import Run, doubts
+
+from .test_plausibility import hole, table
+
+
+def straight(size=30, **changed):
+    """At inclination 60, azimuth 121 and 30 m apart; other readings where a row is named."""
+    r = np.random.default_rng(1)
+    inclination, azimuth = 60.0 + 0.03 * r.normal(size=size), 121.0 + 0.03 * r.normal(size=size)
+    for row, (i, a) in changed.items():
+        inclination[int(row[1:])], azimuth[int(row[1:])] = i, a
+    return table(np.arange(size) * 30.0, inclination, azimuth)
+
+
+def power(run: Run) -> int:
+    """Power of ten of the likelihood ratio that is said of the only doubt."""
+    (doubt,) = doubts(run)
+    return int(re.search(r"likelihood ratio 1e(\d+)", doubt.sentence)[1])
+
+
+def test_radians_are_as_likely_as_the_chance_that_degrees_lie_so():
+    md, inclination, azimuth = hole()
+    # 360 deg over 2 pi, of the azimuths twice and of the inclinations once: 57.3 cubed is 1.9e5
+    assert power(table(md, np.radians(inclination), np.radians(azimuth))) == 5
+
+
+def test_a_reading_that_one_digit_explains_is_likelier_wrong_than_one_that_nothing_does():
+    digit, nothing = straight(r15=(80.0, 121.0)), straight(r15=(70.0, 141.0))
+    assert "(one digit)" in doubts(digit)[0].sentence
+    assert "would fit" not in doubts(nothing)[0].sentence
+    # of some thirty readings that were tried one lies within 0.1 of 20 deg, by chance once in a thousand
+    assert 3 <= power(digit) - power(nothing) <= 4
+
+
+@pytest.mark.parametrize("apart", [1, 2, 3, 7, 20])
+@pytest.mark.parametrize("first", [18, 31])
+def test_two_stations_exchanged_near_and_far(first, apart):
+    md, inclination, azimuth = hole(spacing=30.0, noise_deg=0.02)
+    inclination, azimuth = inclination + 0.004 * (md - 400.0), azimuth + 0.02 * md  # no two courses alike
+    rows = np.arange(len(md))
+    rows[[first, first + apart]] = first + apart, first
+    found = doubts(table(md, inclination[rows], azimuth[rows]))
+    assert [(one.name, one.stations) for one in found] == [("order", (first, first + apart))]
+
+
+@pytest.mark.parametrize("size", [30, 31])
+@pytest.mark.parametrize("end", [0, -1])
+def test_the_station_at_an_end_is_named_and_no_other(size, end):
+    row = range(size)[end]
+    (found,) = doubts(straight(size, **{f"r{row}": (60.0, 151.0)}))
+    assert found.stations == (row,)
+    assert f"station {row + 1} at {30.0 * row:g} m, at an end of the run" in found.sentence
+    assert doubts(straight(size, **{f"r{row}": (60.0, 125.0)})) == []
+
+
+@pytest.mark.parametrize(("above", "below", "refused"), [(30.0, 30.0, False), (6.0, 30.0, True), (30.0, 6.0, True)])
+def test_a_kink_is_refused_where_its_shorter_course_is_too_short_for_it(above, below, refused):
+    courses = np.full(29, 30.0)
+    courses[14:16] = above, below
+    md = np.concatenate([[0.0], np.cumsum(courses)])
+    inclination, azimuth = 60.0 + 0.03 * np.random.default_rng(1).normal(size=30), np.full(30, 121.0)
+    inclination[15] += 14.3
+    found = [one for one in doubts(table(md, inclination, azimuth)) if one.name == "station"]
+    assert [(one.stations, one.refused) for one in found] == [((15,), refused)]
