@@ -25,8 +25,8 @@ from inclinometry.files.casing_csv import face
 from inclinometry.files.columns import TEXT, channel, is_number
 from inclinometry.files.holes_csv import hole_column
 from inclinometry.files.layout import NUMBER, find_layout, opened, refuse_legs, with_layout
-from inclinometry.files.profile import SEPARATORS, Profile, current, reading_with, stated_unit
 from inclinometry.files.position_csv import read_well
+from inclinometry.files.profile import SEPARATORS, Profile, current, reading_with, stated_unit
 from inclinometry.files.site_toml import read_site
 from inclinometry.files.six_axis import read_csv
 from inclinometry.files.survey_csv import read_raw_survey
