@@ -130,7 +130,7 @@ def improbably_equal(values: Array, channel: int, at: NDArray[np.bool_], basis: 
 # at one, that agree to the last digit are named as weakly.
 #
 # Of raw whole counts three ends or more of several channels that are one number, or it and its negative, are named; so
-# is a channel that rests at a number and its negative and is less than 0.8 times as sensitive as those beside it.
+# is a channel that rests at a number and its negative and is less than 0.87 times as sensitive as those beside it.
 #
 # Other equal extremes say nothing: a plan that returns to one attitude reads the same number again with a 12-bit
 # converter, and a pure roll repeats the axial reading at every station.
@@ -209,7 +209,7 @@ def _rests(values: Array, names: Sequence[str], station: NDArray[np.intp]) -> di
         return {}
     inside = [column[(column > column.min()) & (column < column.max())] for column in values.T]
     # a perfect tool of an example reads the same numbers everywhere
-    if any(len(part) < 3 or len(np.unique(part)) < 0.6 * len(part) for part in inside):
+    if sum(map(len, inside)) < 6 or sum(len(np.unique(part)) for part in inside) < 0.6 * sum(map(len, inside)):
         return {}
     found = {}
     for k, column in enumerate(values.T):
@@ -253,7 +253,7 @@ def _short_channel(values: Array, names: Sequence[str], settings: Settings, stat
     notes = []
     for k in both:
         share = float(gain[k] / np.delete(gain, k).min())
-        if share < 0.8:
+        if share < 0.87:  # two sensors of a triad differ by a few per cent
             low, high = values[:, k].min(), values[:, k].max()
             notes.append(
                 f"{names[k]} reads exactly {low:.12g} or {high:.12g} in {ends[k, low] + ends[k, high]} stations and is "

@@ -47,7 +47,7 @@ def clipped_channels(readings: Array, lengths: Array) -> list[Clipped]:
     >>> b[:, 1] = np.minimum(b[:, 1], 3e4)
     >>> found = clipped_channels(b, np.linalg.norm(b, axis=1))[0]
     >>> found.axis, found.ends, len(found.rows)
-    (1, (30000.0,), 11)
+    (1, (30000.0,), 8)
     """
     at_ends = [_ends(column) for column in readings.T]
     resting = np.any([mask for ends in at_ends for _, mask in ends] or [np.zeros(len(lengths), dtype=bool)], axis=0)

@@ -28,7 +28,7 @@ from inclinometry.errors import FileError, InputError
 from inclinometry.orientation import angles, dip_angle
 from inclinometry.rotations import wrap_positive
 from inclinometry.survey.clipped_channels import clipped_channels
-from inclinometry.survey.copies import copied_block
+from inclinometry.survey.copies import copied_block, copied_rows
 from inclinometry.survey.exchanged_channels import Fields, explained, strange
 from inclinometry.survey.field_units import misnamed_unit
 from inclinometry.survey.gain_steps import gain_step
@@ -453,9 +453,10 @@ def _ends(run: Run) -> list[Doubt]:
         )
         return [Doubt("columns", sentence, False)]
     near, beyond = float(np.median(azimuth[:3])), float(np.median(azimuth[-3:]))
-    steady = float(np.ptp(inclination))
+    # an azimuth that turns hardly, or further than any inclination goes
+    steady = float(np.ptp(inclination)) < 60.0 or inclination.max() > 115.0
     rising = np.mean(np.diff(azimuth) >= -1.5) > 0.8 and azimuth.max() < 125.0
-    if at_top and near < 4.0 and beyond > 20.0 and rising and first > 12.0 and steady < 60.0:
+    if at_top and near < 4.0 and beyond > 20.0 and rising and first > 12.0 and steady:
         sentence = (
             f"inclination is {first:.0f} deg at the top while azimuth grows from "
             f"{near:.1f} to {beyond:.0f} deg, perhaps their columns are exchanged: put their names right"
@@ -526,8 +527,21 @@ def _pipe(md: Array, course: Array) -> bool:
 
 
 def _repeats(run: Run) -> list[Doubt]:
-    """The same readings at different depths: at neighbouring ones, or a block of rows at other depths."""
-    return _pasted(run) or _copied(run)
+    """The same readings at different depths: at neighbouring ones, a block of rows, or single ones."""
+    return _pasted(run) or _copied(run) or _again(run)
+
+
+def _again(run: Run) -> list[Doubt]:
+    """Single readings of channels or six axes at another depth once more."""
+    pairs = [] if run.g is None or run.b is None else copied_rows(run.numbers())
+    if not pairs:
+        return []
+    there, here = (", ".join(f"{run.md[pair[k]]:.12g}" for pair in pairs[:5]) for k in (1, 0))
+    sentence = (
+        f"the readings at {there} m are to the last digit those at {here} m, by chance none would be: one of each was "
+        "pasted, remove the rows that were not measured"
+    )
+    return [Doubt("repeats", sentence, len(pairs) > 1, tuple(sorted({row for pair in pairs for row in pair})))]
 
 
 def _copied(run: Run) -> list[Doubt]:
