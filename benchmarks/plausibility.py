@@ -10,10 +10,12 @@ station), `said` that in which any did. A right run that is refused or warned of
 from __future__ import annotations
 
 import argparse
+import csv
 import json
 import os
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 from typing import Final, NamedTuple
 
 for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
@@ -558,6 +560,28 @@ def right(runs: int, first: int = RIGHT_SEED) -> list[tuple[int, str, str, Doubt
     return found
 
 
+REFERENCE: Final = Path(__file__).parents[1] / "tests" / "reference"
+
+
+def real() -> tuple[int, list[tuple[str, Doubt]]]:
+    """Real and published runs that come with the tests: how many, and what was doubted of them."""
+    runs: dict[str, Run] = {}
+    for path in sorted((REFERENCE / "iscwsa-mwd").glob("well?.csv")):
+        md, *angles = _columns(path, ("md_m", "inclination_deg", "azimuth_deg"))
+        runs[path.stem] = Run(md, *(np.radians(angle) for angle in angles))
+    places = ("run", "md", "gx", "gy", "gz", "bx", "by", "bz")
+    numbers = np.stack(_columns(REFERENCE / "msa" / "msa_runs.csv", places), axis=1)
+    for k, part in enumerate(np.split(numbers, np.flatnonzero(np.diff(numbers[:, 0])) + 1), 1):
+        runs[f"six axes {k}"] = Run.of_fields(part[:, 1], part[:, 2:5], part[:, 5:])
+    return len(runs), [(name, doubt) for name, run in runs.items() for doubt in doubts(run)]
+
+
+def _columns(path: Path, names: tuple[str, ...]) -> list[np.ndarray]:
+    with path.open(newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    return [np.array([float(row[name]) for row in rows]) for name in names]
+
+
 # The bench.
 
 PLANS = {"twelve": plans.twelve(), "orthogonal": plans.orthogonal(), "half": plans.half(), "two-face": plans.two_face()}
@@ -721,7 +745,14 @@ def main() -> None:
         "--bench", type=int, default=0, help="runs of each fault at a bench, and 100 times as many right"
     )
     parser.add_argument("--json", action="store_true")
+    parser.add_argument("--real", action="store_true", help="the real and published runs that come with the tests")
     options = parser.parse_args()
+    if options.real:
+        count, found = real()
+        for name, doubt in found:
+            print(name, doubt.name, doubt.refused, doubt.sentence)
+        print(f"false alarms {len({name for name, _ in found})} of {count} real and published runs")
+        return
     if options.bench:
         for row in bench_faults(options.bench):
             print(f"{row['fault']:54} {row['runs']:4} said {row['said']:.2f} refused {row['refused']:.2f}")

@@ -13,7 +13,9 @@ from inclinometry.errors import FileError, InputError
 from inclinometry.orientation import fields
 from inclinometry.sensors import Triad
 from inclinometry.survey.consistency import angle_doubts, place_doubts
+from inclinometry.survey.path import directions
 from inclinometry.survey.plausibility import CHECKS, Run, doubts, settle
+from inclinometry.survey.smoothness import smoothness
 
 from .multistation_runs import shipped
 
@@ -439,6 +441,19 @@ def test_one_digit_of_an_axis(kind, size, axis):
 
     found = one(axes(change=wrong), "totals", False, f"{kind}{'xyz'[axis]} ", "would fit")
     assert found.stations == (33,)
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_an_axis_of_both_triads_reversed_is_a_mirror(axis):
+    """Every number a hypothesis is judged by is that of the right run: no reading shows it."""
+    signs = np.where(np.arange(3) == axis, -1.0, 1.0)
+    right, mirrored = axes(), axes(signs=signs)
+    for name, values in right.totals.items():
+        np.testing.assert_allclose(mirrored.totals[name], values, rtol=1e-12)
+    ways = (smoothness(run.md, directions(run.inclination, run.azimuth)) for run in (right, mirrored))
+    one_way, other = (way.log_likelihood() for way in ways)
+    np.testing.assert_allclose(other, one_way, rtol=1e-9)
+    assert doubts(mirrored) == []
 
 
 def test_what_no_reading_shows():
