@@ -67,7 +67,8 @@ def test_wrong_signs_are_told_before_a_correction(run, signs, command):
 @pytest.mark.parametrize("command", [MSA, (*SURVEY, "--correct", "msa"), (*SURVEY, "--correct", "axial")])
 def test_wrong_units_and_references_are_not_corrected(run, command):
     given(lambda axes: axes / [9.81, 9.81, 9.81, 1, 1, 1])
-    refused(run(*command), "median |g|", "20 %")
+    refused(run(*command), "gravity is 1 m/s2", "as gx_g", "--trust-file units")
+    refused(run(*command, "--trust-file", "units"), "median |g|", "20 %")
     given(b=90_000.0)
     refused(run(*command), "median |b|", "20 %")
 

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
+from inclinometry.constants import VECTORS
+from inclinometry.files.tool_json import read_calibration
 from inclinometry.orientation import fields
 
 SITE = 'north_reference = "magnetic"\ng = 9.81\nb_nT = 50000.0\ndip_deg = 68.0\n'
@@ -110,6 +112,93 @@ def test_check_agrees_with_position(run):
     seen = run("check", "survey.csv").out.replace("\n", " ")
     assert "position: can take it as it is" not in seen
     assert "position: refused as it is (columns); --trust-file columns takes it" in seen
+
+
+def checked(run, status, *arguments):
+    done = run("check", *arguments)
+    assert done.status == status, done.out
+    return done.out.replace("\n", " ")
+
+
+def test_check_says_what_survey_would_of_six_axes(run):
+    axes()
+    assert "survey, quality, msa: can take it as it is" in checked(run, 0, "run.csv")
+    axes((0, 2, 1))
+    seen = checked(run, 1, "run.csv")
+    said = run("survey", "run.csv", "--site", "site.toml").err
+    assert said.partition("run.csv: ")[2].partition(" (likelihood")[0] in seen
+    assert "survey, quality, msa: refused as it is (axes); --trust-file axes takes it" in seen
+    assert run("check", "run.csv", "--json").json["refused"] == ["axes"]
+    axes()
+    header, *rows = Path("run.csv").read_text().splitlines()
+    gravity = [row.split(",") for row in rows]
+    in_g = [",".join([row[0], *(f"{float(v) / 9.80665:.7f}" for v in row[1:4]), *row[4:]]) for row in gravity]
+    Path("unit.csv").write_text("\n".join([header, *in_g]) + "\n")
+    assert "plausibility (units): gravity is 1 m/s2" in checked(run, 1, "unit.csv")
+    refused(run("survey", "unit.csv", "--site", "site.toml"), "gravity is 1 m/s2", "as gx_g", "--trust-file units")
+    renamed = header.replace("_m_s2", "_g")
+    Path("unit.csv").write_text("\n".join([renamed, *in_g]) + "\n")
+    assert checked(run, 0, "unit.csv")
+    assert run("survey", "unit.csv", "--site", "site.toml").status == 0
+    feet = [",".join([f"{float(row[0]) / 0.3048:.2f}", *row[1:]]) for row in gravity]
+    Path("feet.csv").write_text("\n".join([header, *feet]) + "\n")
+    assert "plausibility (depths): stations are 93.5 m apart" in checked(run, 0, "feet.csv")  # a warning of survey
+
+
+def test_check_judges_raw_channels_by_their_calibration(run):
+    bench = (
+        "simulate",
+        "bench",
+        "--plan",
+        "orthogonal",
+        "--rig-sd-deg",
+        0.05,
+        "-o",
+        "readings.csv",
+        "--truth",
+        "t.json",
+    )
+    assert run(*bench).status == 0
+    assert run("calibrate", "readings.csv", "-o", "tool.json").status == 0
+    tool = read_calibration("tool.json").tool
+    md, inclination, azimuth = well().values()
+    toolface = np.random.default_rng(2).uniform(0.0, 6.28, md.size)
+    fields_of = dict(zip(VECTORS, fields(np.radians(azimuth), np.radians(inclination), toolface, 1.1), strict=True))
+    channels = {kind: tool.triads[kind].signals(fields_of[kind]).round(1) for kind in VECTORS}
+
+    def write(md, change=lambda values: values):
+        table = np.column_stack([md, *(change(channels[kind]) for kind in VECTORS)])
+        header = "md_m,accel_x,accel_y,accel_z,mag_x,mag_y,mag_z"
+        np.savetxt("raw.csv", table, delimiter=",", header=header, comments="", fmt="%.2f")
+
+    with_tool = ("raw.csv", "--calibration", "tool.json")
+    write(md)
+    assert "survey --calibration: can take it as it is" in checked(run, 0, *with_tool)
+    assert "of raw channels axes and fields are judged with --calibration" in checked(run, 0, "raw.csv")
+    write(md, lambda values: values[:, [0, 2, 1]])
+    seen = checked(run, 1, *with_tool)
+    assert "channels y and z of both triads exchanged" in seen
+    assert "survey --calibration: refused as it is (axes); --trust-file axes takes it" in seen
+    refused(run("survey", *with_tool), "channels y and z of both triads exchanged")
+    write(md, lambda values: 10.0 * values)
+    assert "gravity is more than 5 % off" in checked(run, 1, *with_tool)
+    # depths need no calibration
+    write(np.where(md > 1000.0, md / 0.3048, md))
+    assert "plausibility (depths): the depth leaps" in checked(run, 1, "raw.csv")
+    refused(run("survey", *with_tool), "the depth leaps")
+    # a calibration has no use for fields
+    axes()
+    refused(run("check", "survey.csv", "--calibration", "tool.json"), "--calibration is for raw channels")
+
+
+def test_the_dip_of_a_site_with_the_wrong_sign(run):
+    axes()
+    Path("site.toml").write_text(SITE.replace("68.0", "-68.0"))
+    assert "either the site's dip_deg has the wrong sign" in run("survey", "run.csv", "--site", "site.toml").err
+    Path("site.toml").write_text(SITE.replace("68.0", "-68.0") + "latitude_deg = 60.0\n")
+    assert "its dip_deg has the wrong sign" in run("survey", "run.csv", "--site", "site.toml").err
+    Path("site.toml").write_text(SITE.replace("68.0", "-68.0") + "latitude_deg = -60.0\n")
+    assert "all channels of one triad are reversed" in run("survey", "run.csv", "--site", "site.toml").err
 
 
 def test_a_place_with_a_longitude_of_the_wrong_sign(run):

@@ -438,6 +438,46 @@ def test_readings_that_are_equal_everywhere_do_not_say_that_some_are_improbably_
     assert not improbably_equal(equal, 0, at, field_basis(equal, cosines))
 
 
+def whole_counts(plan, seed):
+    """A right run of a realistic tool in whole counts: magnetometer (n, 3), settings."""
+    p = {"twelve": plans.twelve, "half": plans.half}[plan]()
+    noise = {"accelerometer": 0.5, "magnetometer": 0.5}
+    rig = Rig(dip=np.radians(65.0), setting_sd=np.radians(0.1))
+    run = simulate_bench(realistic_tool(seed), rig, p.azimuth, p.inclination, p.toolface, noise=noise, seed=seed)
+    values = np.round(run.signals["magnetometer"])
+    return values, (run.azimuth, run.inclination, run.toolface)
+
+
+@pytest.mark.parametrize("plan", ["twelve", "half"])
+@pytest.mark.parametrize("seed", range(3))
+def test_channels_clipped_at_both_ends_of_few_positions(plan, seed):
+    """Twelve positions take a channel that rests at both ends for one of less gain; its converter's end tells."""
+    values, angles = whole_counts(plan, seed)
+    names, rows = ["mag_x", "mag_y", "mag_z"], np.arange(len(values))
+    assert saturation_notes("magnetometer", values, names, angles, rows) == []
+    end = np.round(0.8 * np.abs(values).max())
+    said = saturation_notes("magnetometer", np.clip(values, -end, end), names, angles, rows)
+    assert any(f"{end:.0f}" in note and "saturat" in note for note in said), said
+    alone = values.copy()
+    end = np.round(0.6 * np.abs(values[:, 1]).max())
+    alone[:, 1] = np.clip(values[:, 1], -end, end)
+    said = saturation_notes("magnetometer", alone, names, angles, rows)
+    assert any(note.startswith(f"mag_y reads exactly -{end:.0f} or {end:.0f} in") for note in said), said
+    assert "saturated? widen the range" in said[0]
+
+
+def test_equal_ends_of_calibrated_or_perfect_channels_say_nothing():
+    values, angles = whole_counts("twelve", 1)
+    rows = np.arange(len(values))
+    end = np.round(0.8 * np.abs(values).max())
+    clipped = np.clip(values, -end, end)
+    # in a unit the gains are alike, and so may the ends be
+    units = ["mag_x_nT", "mag_y_nT", "mag_z_nT"]
+    assert not [note for note in saturation_notes("magnetometer", clipped, units, angles, rows) if "ends" in note]
+    perfect = np.round(1000.0 * dcm(*angles)[:, :, 2])
+    assert saturation_notes("accelerometer", perfect, "xyz", angles, rows) == []
+
+
 def test_saturation_without_angles(tmp_path):
     rng = np.random.default_rng(14)
     values = rng.normal(size=(40, 3))

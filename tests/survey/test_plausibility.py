@@ -13,7 +13,9 @@ from inclinometry.errors import FileError, InputError
 from inclinometry.orientation import fields
 from inclinometry.sensors import Triad
 from inclinometry.survey.consistency import angle_doubts, place_doubts
+from inclinometry.survey.path import directions
 from inclinometry.survey.plausibility import CHECKS, Run, doubts, settle
+from inclinometry.survey.smoothness import smoothness
 
 from .multistation_runs import shipped
 
@@ -312,12 +314,110 @@ def reordered(order, kinds=("accelerometer", "magnetometer")):
         (reordered([0, 2, 1], ("magnetometer",)), "channels y and z of the magnetometer exchanged"),
         (lambda c: dict(zip(c, reversed(c.values()), strict=True)), "accelerometer and magnetometer exchanged"),
         (lambda c: {**c, "accelerometer": c["accelerometer"] * [1, -1, 1]}, "channel y of the accelerometer reversed"),
+        # the fields of six axes are a mirrored hole; offsets and skew axes of a tool are its own
+        (lambda c: {kind: values * [1, -1, 1] for kind, values in c.items()}, "channel y of both triads reversed"),
         (lambda c: {**c, "magnetometer": 1e3 * c["magnetometer"]}, "20000 to 70000 nT anywhere"),
         (lambda c: {**c, "accelerometer": 1.1 * c["accelerometer"]}, "off 9.81 m/s2"),
     ],
 )
 def test_channels_of_a_calibrated_tool(change, words):
     one(calibrated(change), "axes", True, words)
+
+
+@pytest.mark.parametrize(("kind", "axis", "end"), [("b", 0, 15_000.0), ("b", 2, 44_000.0), ("g", 1, 5.0)])
+def test_a_channel_of_six_axes_that_is_clipped(kind, axis, end):
+    clipped = []
+
+    def clip(g, b):
+        values = (g if kind == "g" else b)[:, axis]
+        clipped[:] = np.flatnonzero(np.abs(values) > end)
+        np.clip(values, -end, end, out=values)
+
+    sensor = {"g": "accelerometer", "b": "magnetometer"}[kind]
+    found = one(axes(change=clip), "totals", False, f"the {sensor} {'xyz'[axis]} reads exactly", f"{end:.12g} ")
+    assert found.stations == tuple(clipped)
+    assert f"at {len(clipped)} of {len(hole()[0])} stations" in found.sentence
+
+
+def coarse(step, end):
+    """Channels through a converter of so few steps that readings agree by chance, which ends at `end` of them."""
+    return lambda channels: {kind: step * np.clip(np.round(v / step), -end, end) for kind, v in channels.items()}
+
+
+def test_a_converter_of_12_bit_that_is_clipped():
+    # 1600 counts a gravity
+    found = doubts(calibrated(coarse(1.0, 1200)))
+    assert {doubt.name for doubt in found} == {"totals"}
+    assert any("the accelerometer y reads exactly 1200 at 8 of 85" in doubt.sentence for doubt in found), found
+    assert all("the channel is saturated" in doubt.sentence for doubt in found)
+    assert doubts(calibrated(coarse(1.0, 2047))) == []
+    assert doubts(calibrated(coarse(4.0, 2047))) == []  # of 10 bit: readings agree, none is clipped
+
+
+def test_exchanged_axes_are_named_beside_a_clipped_channel():
+    def clip(g, b):
+        np.clip(b[:, 0], -15_000.0, 15_000.0, out=b[:, 0])
+
+    found = doubts(axes((0, 2, 1), change=clip))
+    assert [(doubt.name, doubt.refused) for doubt in found] == [("axes", True), ("totals", False)]
+    assert "channel y of both triads along the hole" in found[0].sentence
+
+
+@pytest.mark.parametrize(
+    ("g_factor", "b_factor", "words"),
+    [
+        (1.0 / 9.80665, 1.0, "in g where m/s2 is named: name the unit in the columns, as gx_g"),
+        (1000.0 / 9.80665, 1.0, "in mg where m/s2 is named"),
+        (9.80665, 1.0, "in m/s2 where g is named"),
+        (1.0, 1e-3, "in uT where nT is named: name the unit in the columns, as bx_uT"),
+        (1.0, 1e-5, "in gauss where nT is named"),
+        (1.0, 1e3, "in nT where uT is named"),
+    ],
+)
+def test_a_field_in_another_unit(g_factor, b_factor, words):
+    right = axes()
+    one(Run.of_fields(right.md, g_factor * right.g, b_factor * right.b), "units", True, words)
+
+
+@pytest.mark.parametrize(("pairs", "refused"), [([(12, 60)], False), ([(12, 60), (70, 33)], True)])
+def test_single_readings_given_again(pairs, refused):
+    def paste(g, b):
+        for here, there in pairs:
+            g[there], b[there] = g[here], b[here]
+
+    found = next(doubt for doubt in doubts(axes(change=paste)) if doubt.name == "repeats")
+    assert found.refused is refused
+    assert found.stations == tuple(sorted(row for pair in pairs for row in pair))
+    assert "to the last digit those at 342" in found.sentence
+
+
+def test_attitudes_that_come_again_without_noise_are_no_copies():
+    md, inclination, azimuth = hole(noise_deg=0.0)
+    toolface = np.radians(90.0) * (np.arange(len(md)) % 4)
+    g, b = fields(np.radians(azimuth), np.radians(inclination), toolface, DIP)
+    run = Run.of_fields(md, (9.81 * g).round(4), (5e4 * b).round(1))
+    assert not [doubt for doubt in doubts(run) if doubt.name == "repeats"]
+
+
+@pytest.mark.parametrize("turn_deg", [60.0, 110.0])
+def test_exchanged_columns_of_a_well_that_turns(turn_deg):
+    """Built to 50 deg and turned by slides, both read with the noise of a survey; columns exchanged."""
+    md = np.arange(0.0, 2700.0, 28.5)
+    r = np.random.default_rng(7)
+    inclination = np.interp(md, [0, 300, 1200, 2700], [0.5, 0.5, 50, 55]) + 0.1 * r.normal(size=md.size)
+    azimuth = np.interp(md, [0, 1200, 2700], [30, 30, 30 + turn_deg]) + 0.3 * r.normal(size=md.size)
+    inclination = np.abs(inclination)
+    assert doubts(table(md, inclination, azimuth)) == []
+    found = doubts(table(md, azimuth, inclination))
+    assert found[0].name == "columns"
+    assert "exchanged" in found[0].sentence
+
+
+def test_depths_in_feet_of_six_digits():
+    """Round courses of metres, written with six digits as many programs do."""
+    _, inclination, azimuth = hole()
+    md = np.array([float(f"{v:.6g}") for v in 28.5 * np.arange(len(inclination)) / 0.3048])
+    one(table(md, inclination, azimuth), "depths", False, "if it were feet")
 
 
 def test_a_calibrated_run_as_it_should_be_passes():
@@ -341,6 +441,19 @@ def test_one_digit_of_an_axis(kind, size, axis):
 
     found = one(axes(change=wrong), "totals", False, f"{kind}{'xyz'[axis]} ", "would fit")
     assert found.stations == (33,)
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_an_axis_of_both_triads_reversed_is_a_mirror(axis):
+    """Every number a hypothesis is judged by is that of the right run: no reading shows it."""
+    signs = np.where(np.arange(3) == axis, -1.0, 1.0)
+    right, mirrored = axes(), axes(signs=signs)
+    for name, values in right.totals.items():
+        np.testing.assert_allclose(mirrored.totals[name], values, rtol=1e-12)
+    ways = (smoothness(run.md, directions(run.inclination, run.azimuth)) for run in (right, mirrored))
+    one_way, other = (way.log_likelihood() for way in ways)
+    np.testing.assert_allclose(other, one_way, rtol=1e-9)
+    assert doubts(mirrored) == []
 
 
 def test_what_no_reading_shows():

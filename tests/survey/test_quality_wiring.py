@@ -85,3 +85,9 @@ def test_words():
 def test_a_dip_is_no_more_than_vertical(degrees):
     with pytest.raises(InputError, match=r"allowed -1\.5708 to 1\.5708"):
         wiring_check(run(), np.radians(degrees))
+
+
+def test_a_dip_of_the_wrong_sign_is_named_beside_reversed_axes():
+    check = wiring_check(run(), -DIP)
+    assert "x, y and z reversed" in check.reason
+    assert "the sign of the site's dip_deg" in check.action

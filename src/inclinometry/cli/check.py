@@ -8,11 +8,19 @@ from typing import Literal
 import numpy as np
 
 from inclinometry.cli import output
-from inclinometry.cli.options import Json, OutputOrNone
+from inclinometry.cli.options import InputOrNone, Json, OutputOrNone
 
 
-def check(file: Path, /, *, output_: OutputOrNone = None, json: Json = False) -> None:
-    """What a file is understood to be: layout, columns, units, rate, and which commands could take it.
+def check(
+    file: Path,
+    /,
+    *,
+    output_: OutputOrNone = None,
+    calibration: InputOrNone = None,
+    site: InputOrNone = None,
+    json: Json = False,
+) -> int:
+    """What a file is understood to be, which commands could take it, whether it can be true; exit status 1 if not.
 
     Parameters
     ----------
@@ -20,13 +28,18 @@ def check(file: Path, /, *, output_: OutputOrNone = None, json: Json = False) ->
         Text with any separator, .gz, Excel, Parquet, LAS, HDF5, .npz, .mat, JSON of arrays.
     output_
         Draft of a profile (TOML) to complete and give as --profile.
+    calibration
+        tool.json of raw channels along a hole, to judge them as survey would.
+    site
+        site.toml, against which the fields of a run are held.
     """
     from inclinometry.files.writing import write_text
     from inclinometry.workflow.check import look
 
-    output.claim({"--output": output_}, {"the file": file})
+    output.claim({"--output": output_}, {"the file": file, "--calibration": calibration, "--site": site})
     with output.busy(f"looking at {file.name}"):
-        seen = look(file)
+        seen = look(file, calibration, site)
+    status = 1 if seen.refused else 0
     if output_ is not None:
         write_text(seen.draft, output_)
     if json:
@@ -49,9 +62,10 @@ def check(file: Path, /, *, output_: OutputOrNone = None, json: Json = False) ->
                 "notes": list(seen.notes),
                 "conventions": [candidate._asdict() for candidate in seen.candidates],
                 "uses": uses,
+                "refused": list(seen.refused),
             }
         )
-        return
+        return status
     output.say(f"{file}: {seen.layout}; {seen.rows:,} rows")
     rows = [
         [
@@ -79,12 +93,14 @@ def check(file: Path, /, *, output_: OutputOrNone = None, json: Json = False) ->
         output.say(f"{command}: {lacking or 'can take it as it is'}")
     able = [command for command, lacking in seen.uses.items() if not lacking]
     taken = f"taken by {'; '.join(able)}" if able else "taken by no command as it is"
-    output.headline(f"{seen.layout}; {seen.rows:,} rows; {taken}")
+    doubted = f"; implausible: {', '.join(seen.refused)}" if seen.refused else ""
+    output.headline(f"{seen.layout}; {seen.rows:,} rows; {taken}{doubted}")
     if output_ is not None:
         output.say(f"draft of a profile written to {output_}: complete it, then give --profile {output_}")
     elif "" not in seen.uses.values():
         again = file if output.named(str(file)) == str(file) else "-"
         output.say(f"write a draft of a profile: inclinometry check {again} -o profile.toml")
+    return status
 
 
 def list_(what: Literal["plans", "limits", "tool-codes", "profiles", "formats", "columns", "conventions"], /) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -128,6 +129,9 @@ def improbably_equal(values: Array, channel: int, at: NDArray[np.bool_], basis: 
 # Where readings have so many digits that no others of the triad agree, two stations at each end of a channel, or three
 # at one, that agree to the last digit are named as weakly.
 #
+# Of raw whole counts three ends or more of several channels that are one number, or it and its negative, are named; so
+# is a channel that rests at a number and its negative and is less than 0.87 times as sensitive as those beside it.
+#
 # Other equal extremes say nothing: a plan that returns to one attitude reads the same number again with a 12-bit
 # converter, and a pure roll repeats the axial reading at every station.
 
@@ -186,6 +190,71 @@ def saturation_notes(
                 notes.append(f"{read}: saturated?")
             elif weakly or (basis is not None and len(values) <= most and _suspicious(values, index, at, basis, sign)):
                 notes.append(f"{read}: saturation cannot be excluded")
+    if notes or settings is None or len(values) > most:
+        return notes
+    return _common_end(values, names, station) or _short_channel(values, names, settings, station)
+
+
+# Channels of whole counts that rest at both ends, of which few positions make sensors of less gain. Converters end at
+# one number, sensors of 2 % difference in gain and offset do not.
+
+
+def _rests(values: Array, names: Sequence[str], station: NDArray[np.intp]) -> dict[tuple[int, float], int]:
+    """(channel, extreme reading) -> stations that read exactly this, two or more; of raw counts that scatter inside."""
+    if (values != np.round(values)).any() or any(re.search(r"_(g|mg|m_s2|nT|uT|V|mV)$", name) for name in names):
+        return {}
+    inside = [column[(column > column.min()) & (column < column.max())] for column in values.T]
+    # a perfect tool of an example reads the same numbers everywhere
+    if sum(map(len, inside)) < 6 or sum(len(np.unique(part)) for part in inside) < 0.6 * sum(map(len, inside)):
+        return {}
+    found = {}
+    for k, column in enumerate(values.T):
+        for end in (float(column.min()), float(column.max())):
+            count = len(np.unique(station[column == end]))
+            if count >= 2:
+                found[k, end] = count
+    return found
+
+
+def _common_end(values: Array, names: Sequence[str], station: NDArray[np.intp]) -> list[str]:
+    """Several channels whose extremes are one number, or it and its negative or complement."""
+    ends = _rests(values, names, station)
+    for top in {abs(end) for _, end in ends}:
+        alike = [(k, end) for k, end in ends if end in (top, -top, -top - 1.0)]
+        channels = sorted({k for k, _ in alike})
+        # each further end lies within 3 % of the first, somewhere
+        if len(channels) < 2 or (0.03 * top) ** (len(alike) - 1) < 1e3:
+            continue
+        named = ", ".join(names[k] for k in channels)
+        read = " or ".join(f"{end:.12g}" for end in sorted({end for _, end in alike}))
+        return [
+            f"{named} read exactly {read} at {len(alike)} of their {2 * len(channels)} ends, as channels of different "
+            "gains do not: saturated? widen the range"
+        ]
+    return []
+
+
+def _short_channel(values: Array, names: Sequence[str], settings: Settings, station: NDArray[np.intp]) -> list[str]:
+    """A channel that rests at a number and its negative, of a gain far below those beside it."""
+    ends = _rests(values, names, station)
+    both = [
+        k for k in {k for k, _ in ends} if values[:, k].max() in (-values[:, k].min(), -values[:, k].min() - 1.0)
+        and {(k, float(values[:, k].min())), (k, float(values[:, k].max()))} <= ends.keys()
+    ]  # fmt: skip
+    if not both or values.shape[1] < 3:
+        return []
+    cosines = dcm(*settings).reshape(-1, 9)
+    model, *_ = np.linalg.lstsq(field_basis(values, cosines), values, rcond=1e-9)
+    gain = np.linalg.norm(model[:3], axis=0)
+    notes = []
+    for k in both:
+        share = float(gain[k] / np.delete(gain, k).min())
+        if share < 0.87:  # two sensors of a triad differ by a few per cent
+            low, high = values[:, k].min(), values[:, k].max()
+            notes.append(
+                f"{names[k]} reads exactly {low:.12g} or {high:.12g} in {ends[k, low] + ends[k, high]} stations and is "
+                f"{share:.2g} times as sensitive as the channels beside it: saturated? widen the range"
+            )
     return notes
 
 

@@ -18,6 +18,40 @@ class Block(NamedTuple):
     chance: float
 
 
+def copied_rows(values: Array) -> list[tuple[int, int]]:
+    """Single rows that equal others to the last digit in a table in which chance makes no such pair.
+
+    Parameters
+    ----------
+    values : (n, k)
+        With so many digits that numbers of a column hardly ever agree; else nothing is found.
+
+    Returns
+    -------
+    list of (earlier row, later row)
+
+    Examples
+    --------
+    >>> readings = np.random.default_rng(1).normal(size=(40, 6))
+    >>> readings[25] = readings[4]
+    >>> copied_rows(readings), copied_rows(readings.round(1))
+    ([(4, 25)], [])
+    """
+    _, first, number = np.unique(values, axis=0, return_index=True, return_inverse=True)
+    earlier = first[number.reshape(-1)]
+    later = np.flatnonzero(earlier != np.arange(len(values)))
+    others = np.delete(values, later, axis=0)
+    if not len(later) or len(later) > max(3, 0.05 * len(values)) or len(others) < 8:
+        return []
+    pairs = 0.5 * len(others) * (len(others) - 1)
+    counts = (np.unique(column, return_counts=True)[1] for column in others.T)
+    alike = [max(0.5 * float(np.sum(count * (count - 1))), 1.0) / pairs for count in counts]
+    # numbers of a row hang together: as if half of them stood for the rest
+    if pairs * float(np.sqrt(np.prod(alike))) > 1e-4:
+        return []
+    return [(int(earlier[row]), int(row)) for row in later]
+
+
 def copied_block(values: Array, least: int = 3) -> Block | None:
     """The longest block of rows that stands twice, without overlap.
 

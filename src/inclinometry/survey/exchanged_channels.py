@@ -95,7 +95,8 @@ def _orders(channels: Channels, *, one: bool) -> Iterator[tuple[str, dict[str, A
             names = " and ".join("xyz"[axis] for axis in moved)
             words = f"channels {names} of {of} exchanged" if len(moved) == 2 else f"the channels of {of} cycled"
             yield words, {kind: channels[kind][:, order] if kind in kinds else channels[kind] for kind in VECTORS}
-        for axis in range(3) if len(kinds) == 1 else ():
+        # of both triads of a calibrated tool its offsets and skew axes tell; fields are as they were
+        for axis in range(3):
             signs = np.where(np.arange(3) == axis, -1.0, 1.0)
             turned = {kind: channels[kind] * signs if kind in kinds else channels[kind] for kind in VECTORS}
             yield f"channel {'xyz'[axis]} of {of} reversed", turned

@@ -131,9 +131,23 @@ def reversed_field(dip: Array, site: Site | None) -> list[str]:
     middle = float(np.nanmedian(dip))
     if middle * site.dip > 0.0 or abs(middle) < np.radians(10.0):
         return []
+    seen, stated = np.degrees(middle), np.degrees(site.dip)
+    if site.latitude is None or abs(site.latitude) < np.radians(20.0):
+        return [
+            f"the dip comes out at {seen:+.1f} deg, the site has {stated:+.1f}: either the site's dip_deg has the "
+            "wrong sign (positive where the field points down, as in the north), or all channels of one triad are "
+            "reversed and azimuths are off by half a turn: state the axes with --convention or calibrate again with "
+            "the stand's dip stated"
+        ]
+    if middle * site.latitude > 0.0:
+        return [
+            f"the dip comes out at {seen:+.1f} deg, as at the site's latitude, the site has {stated:+.1f}: its dip_deg "
+            "has the wrong sign (positive where the field points down, as in the north): put it right"
+        ]
     return [
-        f"the dip comes out at {np.degrees(middle):+.1f} deg, the site has {np.degrees(site.dip):+.1f}: the "
-        "magnetometer's sign is reversed, azimuths are off by up to 180 deg; calibrate again, the stand's dip stated"
+        f"the dip comes out at {seen:+.1f} deg, the site has {stated:+.1f}, as at its latitude: all channels of one "
+        "triad are reversed, azimuths are off by half a turn: state the axes with --convention or calibrate again with "
+        "the stand's dip stated"
     ]
 
 

@@ -27,11 +27,14 @@ from inclinometry.constants import FOOT, VECTORS
 from inclinometry.errors import FileError, InputError
 from inclinometry.orientation import angles, dip_angle
 from inclinometry.rotations import wrap_positive
-from inclinometry.survey.copies import copied_block
+from inclinometry.survey.clipped_channels import clipped_channels
+from inclinometry.survey.copies import copied_block, copied_rows
 from inclinometry.survey.exchanged_channels import Fields, explained, strange
+from inclinometry.survey.field_units import misnamed_unit
 from inclinometry.survey.gain_steps import gain_step
 from inclinometry.survey.misread_axis import LEAST_SCATTER, misread_axis
 from inclinometry.survey.path import directions
+from inclinometry.survey.smoothness import FINEST, Smoothness, angle_between, smoothness
 
 CHECKS: Final = ("units", "columns", "axes", "depths", "repeats", "order", "station", "direction", "totals", "place")
 """Names of the checks, as --trust-file takes them."""
@@ -125,13 +128,25 @@ def doubts(run: Run) -> list[Doubt]:
     kept = run if whole.all() else _taken(run, rows)
     found = [*_depths(kept), *_repeats(kept)]
     depths_right = not any(one.name == "depths" and one.refused for one in found)
+    clipped = _clipped(kept)
+    if clipped:
+        # what is wrong with the columns shows without the stations that are clipped
+        rest = np.setdiff1d(np.arange(len(kept.md)), [row for one in clipped for row in one.stations])
+        others = [one for one in doubts(_taken(kept, rest)) if one.name in ("axes", "columns", "units")]
+        found += [*clipped, *(one._replace(stations=tuple(int(rest[k]) for k in one.stations)) for one in others)]
+        return _sorted(found, rows)
     rough = _gains(kept) or _channels(kept) or (_whole(kept) if depths_right else [])
     found += rough or ([*_units(kept), *_ends(kept)] if depths_right else [])
     if depths_right and not any(one.name in ("columns", "axes", "units", "totals") for one in found):
         found += _local(kept)
     found += [] if any(one.name == "totals" for one in found) else _totals(kept)
-    found = [one._replace(stations=tuple(int(rows[k]) for k in one.stations)) for one in found]
-    return sorted(found, key=lambda one: not one.refused)
+    return _sorted(found, rows)
+
+
+def _sorted(found: Iterable[Doubt], rows: Index) -> list[Doubt]:
+    """The gravest first, with the rows of the whole run."""
+    placed = (one._replace(stations=tuple(int(rows[k]) for k in one.stations)) for one in found)
+    return sorted(placed, key=lambda one: not one.refused)
 
 
 def settle(found: Iterable[Doubt], trusted: Sequence[str] = (), path: str | Path | None = None) -> list[str]:
@@ -172,50 +187,6 @@ def _taken(run: Run, rows: Index) -> Run:
         channels={name: values[rows] for name, values in run.channels.items()},
         fields=None,  # its temperatures are those of all rows
     )
-
-
-# Smoothness.
-
-
-class _Smoothness(NamedTuple):
-    """Residuals (n,) of each station from the arc of its neighbours, rad, NaN at both ends, and their scale (n,)."""
-
-    residual: Array
-    scale: Array
-
-    def log_likelihood(self, scale: Array | None = None, rows: Array | None = None) -> float:
-        """Of Student's t with 3 degrees of freedom, up to a constant."""
-        used = slice(None) if rows is None else rows
-        spread = (self.scale if scale is None else scale)[used]
-        ratio = self.residual[used] / spread
-        return float(-2.0 * np.nansum(np.log1p(ratio**2 / 3.0)) - np.nansum(np.log(spread)))
-
-
-_FINEST: Final = np.radians(0.1)
-"""Residual below which none is remarkable."""
-
-
-def _smoothness(md: Array, t: Array) -> _Smoothness:
-    residual, length = np.full(len(md), np.nan), np.full(len(md), np.nan)
-    if len(md) >= 3:
-        before, after = np.diff(md)[:-1], np.diff(md)[1:]
-        between = after[:, None] * t[:-2] + before[:, None] * t[2:]
-        residual[1:-1] = _angle(t[1:-1], between)
-        length[1:-1] = 2.0 * before * after / (before + after)
-    known = np.isfinite(residual)
-    scale = np.full(len(md), _FINEST)
-    if known.any():
-        # noise of a station, and a change of curvature that grows with the course
-        noise = max(1.4826 * float(np.median(residual[known])), _FINEST)
-        long = known & (length >= 0.3 * np.median(length[known]))
-        bend = 1.4826 * float(np.median(residual[long] / length[long])) if long.any() else 0.0
-        scale = np.hypot(noise, bend * np.nan_to_num(length))
-    return _Smoothness(residual, scale)
-
-
-def _angle(a: Array, b: Array) -> Array:
-    """Angles (...) between vectors of any length."""
-    return np.asarray(np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), np.sum(a * b, axis=-1)))
 
 
 def power(log_ratio: float) -> str:
@@ -263,20 +234,20 @@ def _hypotheses(run: Run) -> list[_Hypothesis]:
 
 def _whole(run: Run) -> list[Doubt]:
     """A run that is rough all over, and the hypothesis that makes it smooth."""
-    given = _smoothness(run.md, directions(run.inclination, run.azimuth))
+    given = smoothness(run.md, directions(run.inclination, run.azimuth))
     broken = np.flatnonzero(given.residual > _JUMP)
     if len(broken) < max(4, 0.06 * len(run.md)):
         return []
-    best: tuple[float, _Hypothesis, _Smoothness] | None = None
+    best: tuple[float, _Hypothesis, Smoothness] | None = None
     for one in _hypotheses(run):
         usable = np.isfinite(one.inclination) & (one.inclination >= 0.0) & (one.inclination <= np.pi)
         if usable.sum() < max(0.9 * len(run.md), 3) or (one.azimuth > 2.0 * np.pi + 1e-9).any():
             continue
-        other = _smoothness(run.md[usable], directions(one.inclination[usable], one.azimuth[usable]))
+        other = smoothness(run.md[usable], directions(one.inclination[usable], one.azimuth[usable]))
         left = int(np.nansum(other.residual > _JUMP))
         if left > 0.1 * len(broken) or np.nanmedian(other.residual) > np.radians(3.0):
             continue
-        as_given = _Smoothness(given.residual[usable], other.scale)
+        as_given = Smoothness(given.residual[usable], other.scale)
         ratio = other.log_likelihood() - as_given.log_likelihood()
         if best is None or ratio > best[0]:
             best = ratio, one, other
@@ -300,6 +271,26 @@ def _whole(run: Run) -> list[Doubt]:
         if run.g is None or float(np.std(run.totals["dip"])) < np.radians(3.0):
             return [Doubt("columns", sentence, run.g is None, tuple(map(int, broken)))]
     return []
+
+
+def _clipped(run: Run) -> list[Doubt]:
+    """Channels that rest at an end of their range."""
+    found = []
+    for kind, values, unit in zip(VECTORS, (run.g, run.b), ("m/s2", "nT"), strict=True):
+        if values is None:
+            continue
+        readings, size = run.channels.get(kind, values), len(run.md)
+        for one in clipped_channels(readings, np.linalg.norm(values, axis=1)):
+            axis = "xyz"[one.axis] if readings.shape[1] == 3 else str(one.axis + 1)
+            ends = " or ".join(f"{value:.12g}" for value in one.ends)
+            ends = ends if kind in run.channels else f"{ends} {unit}"
+            sentence = (
+                f"the {kind} {axis} reads exactly {ends} at {len(one.rows)} of {size} stations, where the length of "
+                f"its field falls short by up to {100.0 * one.lack:.2g} %: the channel is saturated; leave these "
+                "stations out, and take them again with a wider range"
+            )
+            found.append(Doubt("totals", sentence, False, tuple(map(int, one.rows))))
+    return found
 
 
 def _gains(run: Run) -> list[Doubt]:
@@ -326,13 +317,14 @@ def _channels(run: Run) -> list[Doubt]:
 
     def roughness(g: Array, b: Array) -> float:
         found = angles(g, b)
-        residual = _smoothness(run.md, directions(found.inclination, found.azimuth)).residual
+        residual = smoothness(run.md, directions(found.inclination, found.azimuth)).residual
         return float(np.mean(residual[1:-1] > _JUMP))
 
     if run.fields is None:
         words = explained(dict(zip(VECTORS, (run.g, run.b), strict=True)), None, roughness)
         if not words:
-            return []
+            unit = misnamed_unit(run.g, run.b)
+            return [Doubt("units", unit, True)] if unit else []
         sentence = (
             f"the fields are not those of one place and one hole, which with {words} they are: put the names of the "
             "columns right, or state the axes with --convention or a profile (--profile)"
@@ -379,7 +371,7 @@ def _units(run: Run) -> list[Doubt]:
     along = _scatter(inclination, run.md)
     if inclination.max() <= np.pi + 1e-3 and small and inclination.max() > 0.3:
         # that a hole's azimuths all lie within 6.3 deg of north, east of it, has this chance; no less where it turns
-        radians = _smoothness(
+        radians = smoothness(
             run.md, directions(np.radians(inclination) * 180.0 / np.pi, np.radians(azimuth) * 180.0 / np.pi)
         )
         spread = float(np.ptp(azimuth))
@@ -461,9 +453,10 @@ def _ends(run: Run) -> list[Doubt]:
         )
         return [Doubt("columns", sentence, False)]
     near, beyond = float(np.median(azimuth[:3])), float(np.median(azimuth[-3:]))
-    steady = float(np.ptp(inclination))
+    # an azimuth that turns hardly, or further than any inclination goes
+    steady = float(np.ptp(inclination)) < 60.0 or inclination.max() > 115.0
     rising = np.mean(np.diff(azimuth) >= -1.5) > 0.8 and azimuth.max() < 125.0
-    if at_top and near < 4.0 and beyond > 20.0 and rising and first > 12.0 and steady < 60.0:
+    if at_top and near < 4.0 and beyond > 20.0 and rising and first > 12.0 and steady:
         sentence = (
             f"inclination is {first:.0f} deg at the top while azimuth grows from "
             f"{near:.1f} to {beyond:.0f} deg, perhaps their columns are exchanged: put their names right"
@@ -525,7 +518,8 @@ def _pipe(md: Array, course: Array) -> bool:
     """Whether courses of 80 to 100 differ as stands of pipe do, or depths are whole half metres if they are feet."""
     metres, digits = md * FOOT, 10.0 ** -np.arange(4)
     step = next((d for d in digits if (np.abs(md / d - np.round(md / d)) < 1e-6).all()), 1e-3)
-    whole = np.abs(metres - np.round(2.0 * metres) / 2.0) <= 0.51 * FOOT * step + 1e-9
+    sixth = 10.0 ** (np.floor(np.log10(np.maximum(md, 1.0))) - 5.0)  # many programs write six digits
+    whole = np.abs(metres - np.round(2.0 * metres) / 2.0) <= 0.51 * FOOT * np.maximum(step, sixth) + 1e-9
     return bool(np.ptp(np.percentile(course, [10.0, 90.0])) > 0.2 or (step < 1.0 and whole.all()))
 
 
@@ -533,8 +527,21 @@ def _pipe(md: Array, course: Array) -> bool:
 
 
 def _repeats(run: Run) -> list[Doubt]:
-    """The same readings at different depths: at neighbouring ones, or a block of rows at other depths."""
-    return _pasted(run) or _copied(run)
+    """The same readings at different depths: at neighbouring ones, a block of rows, or single ones."""
+    return _pasted(run) or _copied(run) or _again(run)
+
+
+def _again(run: Run) -> list[Doubt]:
+    """Single readings of channels or six axes at another depth once more."""
+    pairs = [] if run.g is None or run.b is None else copied_rows(run.numbers())
+    if not pairs:
+        return []
+    there, here = (", ".join(f"{run.md[pair[k]]:.12g}" for pair in pairs[:5]) for k in (1, 0))
+    sentence = (
+        f"the readings at {there} m are to the last digit those at {here} m, by chance none would be: one of each was "
+        "pasted, remove the rows that were not measured"
+    )
+    return [Doubt("repeats", sentence, len(pairs) > 1, tuple(sorted({row for pair in pairs for row in pair})))]
 
 
 def _copied(run: Run) -> list[Doubt]:
@@ -619,7 +626,7 @@ def _groups(same: Mask) -> list[tuple[int, int]]:
 def _local(run: Run) -> list[Doubt]:
     """Stations that do not lie between their neighbours, and jumps from which on another convention holds."""
     t = directions(run.inclination, run.azimuth)
-    smooth = _smoothness(run.md, t)
+    smooth = smoothness(run.md, t)
     found = _order(run, t, smooth) or [*_parts(run, t, smooth), *_single(run, t, smooth)][:3]
     return found or _outermost(run, t)
 
@@ -634,7 +641,7 @@ def _outermost(run: Run, t: Array) -> list[Doubt]:
         a, b = np.abs(np.diff(md[order]))[:-1], np.abs(np.diff(md[order]))[1:]
         u = t[order]
         # where the arc through two stations leads at the third
-        off = _angle(u[2:], u[1:-1] + (b / a)[:, None] * (u[1:-1] - u[:-2]))
+        off = angle_between(u[2:], u[1:-1] + (b / a)[:, None] * (u[1:-1] - u[:-2]))
         even = b <= 2.0 * a
         if not even[-1] or even[:-1].sum() < 5:
             continue
@@ -654,11 +661,11 @@ def _outermost(run: Run, t: Array) -> list[Doubt]:
 def _without(md: Array, t: Array, k: int) -> float:
     """Largest residual of the stations beside k when k is left out, rad."""
     rows = [r for r in range(max(k - 2, 0), min(k + 3, len(md))) if r != k]
-    beside = _smoothness(md[rows], t[rows]).residual
+    beside = smoothness(md[rows], t[rows]).residual
     return float(np.nanmax(beside)) if np.isfinite(beside).any() else np.nan
 
 
-def _order(run: Run, t: Array, smooth: _Smoothness) -> list[Doubt]:
+def _order(run: Run, t: Array, smooth: Smoothness) -> list[Doubt]:
     """Two stations exchanged: both fit in each other's place."""
     off = smooth.residual / smooth.scale
     suspects = np.flatnonzero((off > 5.0) & (smooth.residual > np.radians(1.2)))
@@ -669,7 +676,7 @@ def _order(run: Run, t: Array, smooth: _Smoothness) -> list[Doubt]:
         for k in suspects[place + 1 :]:
             swapped = t.copy()
             swapped[[j, k]] = t[[k, j]]
-            after = _smoothness(run.md, swapped)
+            after = smoothness(run.md, swapped)
             near = np.unique(np.clip([j - 1, j, j + 1, k - 1, k, k + 1], 1, len(t) - 2))
             if (after.residual[near] > np.maximum(3.0 * after.scale[near], 0.25 * smooth.residual[[j, k]].min())).any():
                 continue
@@ -687,7 +694,7 @@ def _order(run: Run, t: Array, smooth: _Smoothness) -> list[Doubt]:
     return [Doubt("order", sentence, True, (first, second))]
 
 
-def _single(run: Run, t: Array, smooth: _Smoothness) -> list[Doubt]:
+def _single(run: Run, t: Array, smooth: Smoothness) -> list[Doubt]:
     """Isolated stations, by leave-one-out, and what was read wrong there."""
     found: list[tuple[float, Doubt]] = []
     usual = float(np.degrees(np.nanmedian(smooth.residual)))
@@ -738,13 +745,13 @@ def _explained(run: Run, t: Array, k: int, size: float) -> tuple[str, float]:
     best: tuple[float, str] | None = None
     for words, i, a in tried:
         changed[k - rows.start] = directions(np.radians([i]), np.radians([a]))[0]
-        left = float(np.nanmax(_smoothness(places, changed).residual))
+        left = float(np.nanmax(smoothness(places, changed).residual))
         if best is None or left < best[0]:
             best = left, words
     # of so many readings one lies as near by chance
     if best is None or best[0] > 0.25 * size:
         return "", 0.0
-    return best[1], max(float(np.log((size / max(best[0], _FINEST)) ** 2 / len(tried))), 0.0)
+    return best[1], max(float(np.log((size / max(best[0], FINEST)) ** 2 / len(tried))), 0.0)
 
 
 def _one_digit(value: float) -> list[float]:
@@ -768,10 +775,10 @@ def _one_digit(value: float) -> list[float]:
     return sorted(found - {value})
 
 
-def _parts(run: Run, t: Array, smooth: _Smoothness) -> list[Doubt]:
+def _parts(run: Run, t: Array, smooth: Smoothness) -> list[Doubt]:
     """Jumps of the azimuth behind which the run goes on smoothly in another convention: a wrong quadrant."""
-    dogleg, course = _angle(t[1:], t[:-1]), np.diff(run.md)
-    usual = max(float(np.median(dogleg)), _FINEST)
+    dogleg, course = angle_between(t[1:], t[:-1]), np.diff(run.md)
+    usual = max(float(np.median(dogleg)), FINEST)
     # what a whipstock or a turn does in a course stays below this
     allowed = np.maximum(np.radians(12.0), np.radians(15.0) / 30.0 * course) + 6.0 * usual
     jumps = np.flatnonzero(dogleg > allowed)
@@ -787,11 +794,11 @@ def _parts(run: Run, t: Array, smooth: _Smoothness) -> list[Doubt]:
         if not 2 <= turned.sum() <= len(t) - 2:
             continue
         changed = np.where(turned[:, None], directions(run.inclination, azimuth), t)
-        after = _angle(changed[1:], changed[:-1])
+        after = angle_between(changed[1:], changed[:-1])
         if (after > allowed).any() or after[jumps].max() > 0.25 * dogleg[jumps].min():
             continue
-        scale = _smoothness(run.md, changed).scale
-        ratio = _smoothness(run.md, changed).log_likelihood(scale) - smooth.log_likelihood(scale)
+        scale = smoothness(run.md, changed).scale
+        ratio = smoothness(run.md, changed).log_likelihood(scale) - smooth.log_likelihood(scale)
         if best is None or ratio > best[0]:
             best = ratio, words, np.flatnonzero(turned)
     k = int(jumps[dogleg[jumps].argmax()])
@@ -818,19 +825,19 @@ def _turned(t: Array, other: Array) -> Mask:
     chosen = np.zeros(len(t), dtype=bool)
     last = t[0]
     for k in range(1, len(t)):
-        here, there = _angle(t[k], last), _angle(other[k], last)
+        here, there = angle_between(t[k], last), angle_between(other[k], last)
         chosen[k] = there < here if abs(there - here) > 1e-9 else chosen[k - 1]
         last = other[k] if chosen[k] else t[k]
     # near vertical both are alike
-    chosen &= _angle(t, other) > np.radians(4.0)
+    chosen &= angle_between(t, other) > np.radians(4.0)
     return ~chosen if chosen.mean() > 0.5 else chosen
 
 
 def _without_both(md: Array, t: Array, k: int) -> bool:
     """Whether a jump from k to k + 1 stays when either of the two is left out: no single station makes it."""
-    size = float(_angle(t[k + 1], t[k]))
+    size = float(angle_between(t[k + 1], t[k]))
     sides = [(k - 1, k + 1), (k, k + 2)]
-    return all(a >= 0 and b < len(t) and float(_angle(t[a], t[b])) > 0.5 * size for a, b in sides)
+    return all(a >= 0 and b < len(t) and float(angle_between(t[a], t[b])) > 0.5 * size for a, b in sides)
 
 
 # Totals.

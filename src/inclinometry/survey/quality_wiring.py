@@ -72,6 +72,11 @@ def wiring_check(stations: Stations, dip: float) -> Check:
         )
     reason += f"; they fit with magnetometer {' or '.join(describe(one.axes) for one in fits[:3])}"
     action = "check the convention of the file (axes and signs per triad) and convert it again"
+    if fits[0].axes == ("-x", "-y", "-z"):
+        action = (
+            "check the sign of the site's dip_deg (positive where the field points down, as in the north) and the "
+            "convention of the file (axes and signs per triad)"
+        )
     return Check(name, "fail", found, tolerance, every, reason, action)
 
 

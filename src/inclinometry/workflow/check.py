@@ -16,17 +16,28 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from inclinometry.calibration.hand_rotations import LEAST_ROTATIONS
+from inclinometry.calibration.result import Calibration
 from inclinometry.constants import STANDARD_GRAVITY
+from inclinometry.earth.site import Site
 from inclinometry.errors import FileError, IdentifiabilityError, InclinometryError, InputError
 from inclinometry.files import _quantities
 from inclinometry.files.casing_csv import face
 from inclinometry.files.columns import TEXT, channel, is_number
 from inclinometry.files.holes_csv import hole_column
 from inclinometry.files.layout import NUMBER, find_layout, opened, refuse_legs, with_layout
+from inclinometry.files.position_csv import read_well
 from inclinometry.files.profile import SEPARATORS, Profile, current, reading_with, stated_unit
+from inclinometry.files.site_toml import read_site
+from inclinometry.files.six_axis import read_csv
+from inclinometry.files.survey_csv import read_raw_survey
 from inclinometry.files.table import LONGEST_LINE, Table, read_table
+from inclinometry.files.tool_json import read_calibration
+from inclinometry.survey.plausibility import Doubt, Run, doubts
 from inclinometry.workflow.allan import noise_of_log
 from inclinometry.workflow.check_sensors import Candidate, Sensors, sensors_of_bench, sensors_of_run, sensors_of_survey
+from inclinometry.workflow.convert import survey_doubts
+from inclinometry.workflow.field import completed
+from inclinometry.workflow.six_axis import raw_doubts, with_place
 from inclinometry.workflow.stations import readings_of_log
 
 LOOKED_AT: Final = 20_000
@@ -58,6 +69,7 @@ class Look:
     candidates : how each convention of axes fits the sensors, where the file tells.
     uses : command -> "" where it can take the file, else what it lacks.
     draft : the profile the file was read with, as TOML.
+    refused : names of the checks of the whole run that refuse it.
     """
 
     layout: str
@@ -67,15 +79,24 @@ class Look:
     candidates: tuple[Candidate, ...]
     uses: dict[str, str]
     draft: str
+    refused: tuple[str, ...] = ()
 
 
-def look(path: str | Path) -> Look:
+def look(path: str | Path, calibration: str | Path | None = None, site: str | Path | None = None) -> Look:
     """Understand a file as far as can be told without guessing.
+
+    Parameters
+    ----------
+    path : str or Path
+    calibration : str or Path, optional
+        tool.json, with which raw channels of a run are judged as `survey` judges them.
+    site : str or Path, optional
+        site.toml, against which the run's fields are held.
 
     Raises
     ------
     FileError
-        Not found, empty, no table.
+        Not found, empty, no table; a calibration or a site that cannot be read, or is not of these channels.
 
     Examples
     --------
@@ -88,8 +109,10 @@ def look(path: str | Path) -> Look:
     [('MD (ft)', 'md_m'), ('INC (deg)', 'inclination_deg'), ('AZI (deg)', 'azimuth_deg')]
     """
     path, given = Path(path), current()
+    record = None if calibration is None else read_calibration(calibration)
+    place = Site() if site is None else completed(read_site(site))[0]
     try:
-        return _look(path, given)
+        return _look(path, given, record, place)
     except FileError as error:
         if error.path == path:
             raise
@@ -97,7 +120,7 @@ def look(path: str | Path) -> Look:
         raise FileError(error.problem, path=path, line=error.line) from None
 
 
-def _look(path: Path, given: Profile) -> Look:
+def _look(path: Path, given: Profile, record: Calibration | None, site: Site) -> Look:
     with tempfile.TemporaryDirectory() as folder:
         head, lines, whole = _head(path, Path(folder))
         refuse_legs(lines, path)
@@ -119,7 +142,10 @@ def _look(path: Path, given: Profile) -> Look:
             if gone and "time_s" in table:
                 notes.insert(0, f"time_s counts from the first row, by {', '.join(gone)}")
             # of a text the whole file, else the rows that were copied
-            notes += _implausible(head, uses)
+            if record is None and not uses[_RAW] and uses[_SIX_AXES]:
+                notes.append("of raw channels axes and fields are judged with --calibration tool.json")
+            doubted = _implausible(head, uses, record, site)
+            notes += [f"plausibility ({one.name}): {one.sentence}" for one in doubted]
             seen = _sensors(path if head.suffix == path.suffix or path.suffix == ".gz" else head, head, uses)
     if rows <= LOOKED_AT:  # what these two ask of the whole log
         for command, whole_log in (("readings", readings_of_log), ("allan", noise_of_log)):
@@ -127,32 +153,37 @@ def _look(path: Path, given: Profile) -> Look:
     if not uses[_BY_HAND] and seen.rests is not None and seen.rests <= LEAST_ROTATIONS:
         uses[_BY_HAND] = f"{seen.rests} rests; at least {LEAST_ROTATIONS + 1} are needed, with a rotation between each"
     notes += [note for note in seen.notes if note not in notes]
-    return Look(layout, rows, columns, tuple(notes), seen.candidates, uses, _draft(profile, columns))
+    refused = tuple(dict.fromkeys(one.name for one in doubted if one.refused))
+    return Look(layout, rows, columns, tuple(notes), seen.candidates, uses, _draft(profile, columns), refused)
 
 
-def _implausible(head: Path, uses: dict[str, str]) -> list[str]:
-    """What speaks against stations along a hole being what the columns say."""
-    from inclinometry.files.position_csv import read_well
-    from inclinometry.files.six_axis import read_csv
-    from inclinometry.survey.plausibility import Run, doubts
-    from inclinometry.workflow.convert import survey_doubts
-
-    with contextlib.suppress(InclinometryError):
-        if not uses[_SIX_AXES]:
-            found = survey_doubts(read_csv(head, azimuth_reference="magnetic"))
+def _implausible(head: Path, uses: dict[str, str], record: Calibration | None, site: Site) -> list[Doubt]:
+    """What speaks against stations along a hole being what the columns say, by the reader that takes the file."""
+    if record is not None and uses[_RAW]:
+        raise FileError(f"--calibration is for raw channels of a run, which these are not: {uses[_RAW]}", path=head)
+    commands: tuple[str, ...] = (_SIX_AXES, "position")
+    try:
+        if record is not None or (uses[_SIX_AXES] and not uses[_RAW]):
+            found, commands = raw_doubts(read_raw_survey(head), record, site), (_RAW,)
+        elif not uses[_SIX_AXES]:
+            survey = read_csv(head, azimuth_reference="magnetic")
+            found = survey_doubts(survey)
+            if survey.g is not None and survey.b is not None:
+                found = with_place(found, Run.of_fields(survey.md, survey.g, survey.b), site)
         elif not uses["position"]:
             well = read_well(head)
             found = doubts(Run(well.md, well.inclination, well.azimuth))
         else:
             found = survey_doubts(read_csv(head))
-        refused = [one.name for one in found if one.refused]
-        for command in (_SIX_AXES, "position") if refused else ():
-            trusted = " ".join(f"--trust-file {name}" for name in dict.fromkeys(refused))
-            uses[command] = (
-                uses[command] or f"refused as it is ({', '.join(dict.fromkeys(refused))}); {trusted} takes it"
-            )
-        return [f"plausibility ({one.name}): {one.sentence}" for one in found]
-    return []
+    except InclinometryError:
+        if record is not None:
+            raise
+        return []  # no stations along a hole
+    refused = list(dict.fromkeys(one.name for one in found if one.refused))
+    for command in commands if refused else ():
+        trusted = " ".join(f"--trust-file {name}" for name in refused)
+        uses[command] = uses[command] or f"refused as it is ({', '.join(refused)}); {trusted} takes it"
+    return found
 
 
 def _beginning(head: Path, folder: Path) -> Path:
@@ -169,7 +200,7 @@ def _sensors(path: Path, head: Path, uses: dict[str, str]) -> Sensors:
     ways = {
         "readings": (sensors_of_run, path),
         _VERIFY: (sensors_of_bench, head),
-        "survey --calibration": (sensors_of_survey, head),
+        _RAW: (sensors_of_survey, head),
     }
     for command, (look_at, where) in ways.items():
         if not uses[command]:
@@ -370,8 +401,6 @@ def _verified(path: Path) -> None:
 
 
 def _raw(path: Path) -> None:
-    from inclinometry.files.survey_csv import read_raw_survey
-
     read_raw_survey(path)
 
 
@@ -382,8 +411,6 @@ def _six_axis(path: Path) -> None:
 
 
 def _well(path: Path) -> None:
-    from inclinometry.files.position_csv import read_well
-
     read_well(path)
 
 
@@ -430,13 +457,14 @@ def _holes(path: Path) -> None:
 
 _BY_HAND: Final = "calibrate --method hand-rotations"
 _VERIFY: Final = "verify"
+_RAW: Final = "survey --calibration"
 _SIX_AXES: Final = "survey, quality, msa"
 _READERS: Final[dict[str, Callable[[Path], None]]] = {
     "calibrate": _calibrated,
     "calibrate --method norm": _norm,
     _BY_HAND: _by_hand,
     _VERIFY: _verified,
-    "survey --calibration": _raw,
+    _RAW: _raw,
     _SIX_AXES: _six_axis,
     "position": _well,
     "readings": _log,

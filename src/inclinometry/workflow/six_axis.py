@@ -137,6 +137,28 @@ def calibrated_run(raw: RawSurvey, tool: Tool) -> Run:
     return replace(run, channels=channels, fields=fields_of, strength_known=known)
 
 
+def raw_doubts(raw: RawSurvey, record: Calibration | None, site: Site) -> list[Doubt]:
+    """What speaks against raw channels along a hole; of a tool that is not known or not whole, by depths and values.
+
+    Raises
+    ------
+    InputError
+        Channels in another unit than those of the calibration.
+    """
+    if record is not None:
+        same_units(raw.units, record)
+        if all(kind in raw.channels and kind in record.tool.triads for kind in VECTORS) and all(
+            record.tool.triads[kind].full for kind in VECTORS
+        ):
+            run = calibrated_run(raw, record.tool)
+            return with_place(doubts(run), run, site)
+    g, b = (raw.channels.get(kind) for kind in VECTORS)
+    whole = g is not None and b is not None and g.shape[1] == b.shape[1] == 3
+    level = np.zeros(len(raw.md))  # directions that say nothing
+    bare = Run(raw.md, level, level, g if whole else None, b if whole else None, channels=raw.channels)
+    return [one for one in doubts(bare) if one.name in ("depths", "repeats", "totals")]
+
+
 def _survey_file(path: str | Path, form: str | None, convention: str | None) -> SurveyFile:
     """The stations a file calls used."""
     name = format_of(path, form)
@@ -357,13 +379,17 @@ def run_warnings(
     found = doubts(run)
     if beside is not None and beside.inclination is not None:
         found += angle_doubts(run, beside.inclination, beside.azimuth, beside.azimuth_reference, site.declination)
-    if not any(one.name in ("axes", "columns") for one in found):
-        found = [*found, *_of_place(run, site)]
-    return settle(found, trusted, path)
+    return settle(with_place(found, run, site), trusted, path)
+
+
+def with_place(found: list[Doubt], run: Run, site: Site) -> list[Doubt]:
+    """Doubts about a run, and whether its fields are those of a place with a sign or both coordinates exchanged."""
+    if any(one.name in ("axes", "columns", "units") for one in found):
+        return found
+    return [*found, *_of_place(run, site)]
 
 
 def _of_place(run: Run, site: Site) -> list[Doubt]:
-    """Whether the run's fields are those of a place with a sign or the two coordinates exchanged."""
     if site.latitude is None or site.longitude is None or site.date is None or len(run.md) < 4:
         return []
     if "given" in (site.origin("b"), site.origin("dip")):
