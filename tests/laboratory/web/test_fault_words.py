@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import pytest
 
 from inclinometry.laboratory.ledger.signatures import Fault
-from inclinometry.laboratory.ledger.witness import lost_sentence
+from inclinometry.laboratory.ledger.witness import lost_sentence, unencrypted
 from inclinometry.laboratory.web.pages.ledger import said
 from inclinometry.laboratory.web.words import sentence
 
@@ -65,7 +65,8 @@ def _visitor(language: str) -> SimpleNamespace:
 
 def _lost(tmp_path) -> list[Fault]:
     places = (str(tmp_path / "heads"), str(tmp_path / "other"), "http://127.0.0.1:1")
-    return [Fault("witness", "-", lost_sentence(tmp_path, place, "77")) for place in places]
+    doubts = [*unencrypted("http://198.51.100.7:1"), "the witness http://198.51.100.7:1 cannot be asked (timed out)"]
+    return [Fault("witness", "-", text) for text in (*(lost_sentence(tmp_path, p, "77") for p in places), *doubts)]
 
 
 @pytest.mark.parametrize("language", ["ru", "zh"])

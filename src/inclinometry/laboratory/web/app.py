@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import importlib
-import ipaddress
 import socket
 from collections.abc import Callable, Iterable
 from importlib.resources import files
@@ -138,20 +137,6 @@ PAGES: Final = (
     "people",
 )
 """Modules of pages, in inclinometry.laboratory.web.pages."""
-
-
-def is_loopback(host: str) -> bool:
-    """Whether a server listening at this address is reached from this computer only.
-
-    Examples
-    --------
-    >>> is_loopback("127.0.0.1"), is_loopback("0.0.0.0"), is_loopback("localhost")
-    (True, False, True)
-    """
-    try:
-        return ipaddress.ip_address(host.strip("[]")).is_loopback
-    except ValueError:
-        return host == "localhost"
 
 
 def create_app(
