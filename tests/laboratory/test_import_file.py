@@ -73,7 +73,7 @@ def test_tool_json_becomes_a_calibration(laboratory: Ledger, bench: SimpleNamesp
         (b"station,accel_x,accel_y,accel_z\nA,1,2,3\n", "no rig angles"),
         (HEAD.encode() + b"\nA,0,0,0,1,2,nan,4,5,6\n", "the file"),
         (HEAD.encode() + b"\nA,0,0,0,1,2,=1+1,4,5,6\n", "line 2"),
-        (b"{}", "no schema is stated"),
+        (b"{}", "states no schema; needed is a calibration"),
         (b"\x89PNG\r\n\x1a\n\0\0", "neither bench readings nor a calibration; choose a CSV"),
         (b'{"schema": "inclinometry/tool"', "the file"),
         (b"{" * 200_000, "the file"),

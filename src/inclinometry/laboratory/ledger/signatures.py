@@ -41,7 +41,7 @@ def asked(ledger: Ledger) -> tuple[str, Testimony]:
     try:
         here = begun_at(ledger.keys.folder, ledger.where)
     except OSError as error:
-        return "", Testimony([], [f"the witness in {ledger.keys.folder} cannot be asked ({error.strerror})"], [], [])
+        return "", Testimony([], [f'the witness in {ledger.keys.folder} cannot be asked ("{error.strerror}")'], [], [])
     name = here if newest is None else newest.ledger
     return here, witnessed(ledger.keys.folder, name, ledger.where) if name else Testimony([], [], [], [])
 

@@ -343,7 +343,7 @@ def witnessed(folder: Path, ledger: str, where: str) -> Testimony:
             found.kept.extend(kept)
         except (OSError, InputError) as error:
             reason = getattr(error, "reason", None) or getattr(error, "strerror", None) or error
-            found.silent.append(f"the witness {shown(one)} cannot be asked ({reason})")
+            found.silent.append(f'the witness {shown(one)} cannot be asked ("{reason}")')
     return found
 
 

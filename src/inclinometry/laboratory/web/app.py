@@ -20,6 +20,7 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 from inclinometry.errors import InputError
 from inclinometry.laboratory.ledger.ledger import Ledger
 from inclinometry.laboratory.ledger.users import users
+from inclinometry.laboratory.ledger.witness import is_loopback
 from inclinometry.laboratory.web import refusals
 from inclinometry.laboratory.web.frame import Bench, serve
 from inclinometry.laboratory.web.guard import Guard, guard_sockets
