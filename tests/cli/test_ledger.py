@@ -92,6 +92,14 @@ def test_a_witness_without_encryption_is_warned_of(run, lab, far):
     assert "encryption" not in run("ledger", "witness", f"http://127.0.0.1:{port}", "--ledger", lab).err
 
 
+def test_a_calibration_of_a_day_to_come_is_not_entered(run, lab):
+    told = ("--serial", "A", "--rig", "r", "--rig-sd-deg", "0.1", "--ledger", lab)
+    refused = run("ledger", "enter", "tool.json", "--performed", "2999-01-01", *told)
+    assert refused.status == 2
+    assert "--performed is 2999-01-01, a day to come; today is 2" in refused.err
+    assert run("ledger", "verify", "--ledger", lab, "--json").json["records"] == 0
+
+
 def test_verify_tells_by_its_status(run, lab, monkeypatch):
     """0 sound, 1 changed, 2 cannot be read."""
     monkeypatch.setenv("INCLINOMETRY_PASSWORD", PASSWORD)
