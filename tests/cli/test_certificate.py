@@ -60,6 +60,19 @@ def test_all_three_documents(files: Any) -> None:
     assert other.json["number"] != done.json["number"]  # another record
 
 
+def test_a_day_to_come_is_refused(files: Any) -> None:
+    """Of the calibration as of its receipt and issue; nothing is written."""
+    text = Path("lab.toml").read_text("utf-8")
+    for key in ("performed_from", "issued"):
+        lines = [line for line in text.splitlines() if not line.startswith(key)]
+        Path("late.toml").write_text("\n".join(lines).replace("[order]", f"[order]\n{key} = 2999-01-01"), "utf-8")
+        given = ("--laboratory", "late.toml", "-o", "c.pdf")
+        refused = files("certificate", "tool.json", *given)
+        assert refused.status == 2
+        assert f"late.toml: {key} is 2999-01-01, a day to come; today is 2" in refused.err
+        assert not Path("c.pdf").exists()
+
+
 def test_where_the_laboratory_has_a_key_they_are_signed(files: Any) -> None:
     """And anybody with the public key finds them genuine; the digest is that of the record without its seal."""
     out = ("-o", "c.pdf", "--dcc", "c.xml", "--record", "c.json")

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import getpass
+import os
 import sqlite3
+import threading
 from pathlib import Path
 
 import pytest
 
 from inclinometry.laboratory.ledger.ledger import Ledger
 from inclinometry.laboratory.ledger.users import check_password
+from inclinometry.laboratory.ledger.witness_server import server
 
 PASSWORD = "a long enough one"
 
@@ -36,6 +39,65 @@ def test_copies_keep_the_head(run, lab, monkeypatch):
     assert run("ledger", "import", "all.zip", "--ledger", "new.sqlite").status == 2
     assert run("ledger", "backup", "copy.sqlite", "--ledger", lab).status == 2
     assert run("ledger", "backup", lab, "--ledger", lab).status == 2
+
+
+@pytest.fixture
+def far(tmp_path):
+    """A witness over HTTP, on this computer: its port, and what ends it."""
+    running = server(tmp_path / "far", "127.0.0.1", 0, None, lambda _: None)
+    thread = threading.Thread(target=running.serve_forever, daemon=True)
+    thread.start()
+
+    def end() -> None:
+        if thread.is_alive():
+            running.shutdown()
+            running.server_close()
+            thread.join()
+
+    yield running.server_address[1], end
+    end()
+
+
+def test_a_silent_witness_proves_nothing(run, lab, far):
+    """A ledger that nobody touched: sound, and not proven as long as the witness that was named does not answer."""
+    port, end = far
+    assert run("ledger", "witness", f"http://127.0.0.1:{port}", "--ledger", lab).status == 0
+    assert run("ledger", "verify", "--ledger", lab).status == 0
+    end()
+    found = run("ledger", "verify", "--ledger", lab)
+    assert found.status == 1
+    assert f"the witness http://127.0.0.1:{port} cannot be asked" in found.out
+    assert "are sound by what the ledger itself says" in found.out
+    assert "not proven: a witness did not answer" in found.out
+    assert "changed behind its back" not in found.out
+    content = run("ledger", "verify", "--ledger", lab, "--json")
+    assert (content.status, content.json["ok"], content.json["proven"]) == (1, True, False)
+    listed = run("ledger", "witness", "--ledger", lab)
+    assert (listed.status, "cannot be asked" in listed.err) == (1, True)
+    run("ledger", "witness", f"http://127.0.0.1:{port}", "--remove", "--ledger", lab)
+    assert run("ledger", "verify", "--ledger", lab).status == 0
+
+
+@pytest.mark.skipif(os.name == "nt", reason="0.0.0.0 is no address to connect to")
+def test_a_witness_without_encryption_is_warned_of(run, lab, far):
+    """Off this computer, that is: 0.0.0.0 leads here, and is none of its own names."""
+    port, _ = far
+    named = run("ledger", "witness", f"http://0.0.0.0:{port}", "--ledger", lab)
+    assert named.status == 0
+    assert "is asked without encryption" in named.err
+    assert "name it with https://" in named.err
+    found = run("ledger", "verify", "--ledger", lab)
+    assert (found.status, "is asked without encryption" in found.out) == (0, True)
+    run("ledger", "witness", f"http://0.0.0.0:{port}", "--remove", "--ledger", lab)
+    assert "encryption" not in run("ledger", "witness", f"http://127.0.0.1:{port}", "--ledger", lab).err
+
+
+def test_a_calibration_of_a_day_to_come_is_not_entered(run, lab):
+    told = ("--serial", "A", "--rig", "r", "--rig-sd-deg", "0.1", "--ledger", lab)
+    refused = run("ledger", "enter", "tool.json", "--performed", "2999-01-01", *told)
+    assert refused.status == 2
+    assert "--performed is 2999-01-01, a day to come; today is 2" in refused.err
+    assert run("ledger", "verify", "--ledger", lab, "--json").json["records"] == 0
 
 
 def test_verify_tells_by_its_status(run, lab, monkeypatch):
@@ -128,7 +190,7 @@ def test_a_password_in_an_address_is_not_printed(run):
     refused = run("ledger", "verify", "--ledger", "postgresql://anna:secret@127.0.0.1:1/lab")
     assert refused.status == 2
     assert "secret" not in refused.out + refused.err
-    assert "check that the server runs" in refused.err
+    assert "check that it runs" in refused.err
 
 
 def test_an_import_that_fails_leaves_no_ledger(run, tmp_path):

@@ -178,7 +178,10 @@ def put(*keys_and_value):
 @pytest.mark.parametrize(
     ("change", "wanted"),
     [
-        (put("schema", "other"), "$.schema is 'other'; a file with schema \"inclinometry/tool\" is needed"),
+        (
+            put("schema", "other"),
+            'its schema is "other"; needed is a calibration: choose the file that `calibrate -o` writes',
+        ),
         (put("version", 3), "$.version is 3, written by a newer release; this one reads version 2: update"),
         (put("version", "1"), '$.version is "1"; it must be 2'),
         (put("convention", "z-up"), '$.convention is "z-up"; it must be "native"'),
@@ -246,7 +249,7 @@ def test_errors_name_the_json_path(tmp_path, change, wanted):
         (b'{"a": 1e999}', "1e999 is too large"),
         (b"\xff", "not UTF-8 text"),
         (b"[" * 100_000, "not usable JSON"),
-        (b'{"schema": "inclinometry/truth"}', "a file with schema"),
+        (b'{"schema": "inclinometry/truth"}', "this is the truth of a simulation"),
     ],
 )
 def test_files_that_are_no_record(tmp_path, text, wanted):
@@ -276,7 +279,7 @@ def test_truth(tmp_path):
     assert found.temperature_range == tool.temperature_range
     assert not found.covariance.any()
     assert read_extras(path) == {"seed": 1, "rig": {"sd_deg": [0.1, 0.1, 0.1]}, "bits": 12}
-    with pytest.raises(FileError, match="inclinometry/truth"):
+    with pytest.raises(FileError, match="the truth of a simulation"):
         read_calibration(path)
     with pytest.raises(InputError, match=r"\$\.extras\.x is a object"):
         write_truth(tool, {"x": object()}, path)

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import json
-from datetime import date
+from datetime import UTC, date, datetime, timedelta
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from inclinometry.calibration import plans
-from inclinometry.errors import FileError, InclinometryError
+from inclinometry.errors import FileError, InclinometryError, InputError
 from inclinometry.laboratory.import_file import LARGEST, import_file
 from inclinometry.laboratory.ledger.ledger import Ledger, LedgerError
 from inclinometry.laboratory.ledger.verify import verify
@@ -73,7 +73,7 @@ def test_tool_json_becomes_a_calibration(laboratory: Ledger, bench: SimpleNamesp
         (b"station,accel_x,accel_y,accel_z\nA,1,2,3\n", "no rig angles"),
         (HEAD.encode() + b"\nA,0,0,0,1,2,nan,4,5,6\n", "the file"),
         (HEAD.encode() + b"\nA,0,0,0,1,2,=1+1,4,5,6\n", "line 2"),
-        (b"{}", "no schema is stated"),
+        (b"{}", "states no schema; needed is a calibration"),
         (b"\x89PNG\r\n\x1a\n\0\0", "neither bench readings nor a calibration; choose a CSV"),
         (b'{"schema": "inclinometry/tool"', "the file"),
         (b"{" * 200_000, "the file"),
@@ -90,6 +90,27 @@ def test_what_is_neither_is_refused(laboratory: Ledger, content: bytes, problem:
     assert problem in str(refused.value)
     assert "/tmp" not in str(refused.value)
     assert laboratory.head() == before
+
+
+def test_a_calibration_of_a_day_to_come_is_refused(laboratory: Ledger, bench: SimpleNamespace) -> None:
+    """By its file or by whoever brings it in; today is no day to come, wherever on Earth the laboratory stands."""
+    made = finish_calibration(laboratory, bench.calibrated(laboratory, plans.orthogonal()).id, author="anna")
+    content, today = made.body["tool_json"], datetime.now(UTC)
+
+    def brought(created: str | None, performed: date | None = None) -> str:
+        data = json.dumps({**content, "created": created}).encode()
+        return import_file(laboratory, data, "IN-7", "stand 1", author="anna", performed=performed).kind
+
+    before = laboratory.head()
+    for days in (2, 40_000):
+        day = today + timedelta(days=days)
+        with pytest.raises(FileError, match=rf"created is {day:%Y-%m-%d}, a day to come; today is .* the clock"):
+            brought(day.isoformat())
+        with pytest.raises(InputError, match=rf"performed is {day:%Y-%m-%d}, a day to come"):
+            brought(None, day.date())
+    assert laboratory.head() == before
+    for created in (None, "last spring", today.isoformat()):
+        assert brought(created, today.date()) == "calibration"
 
 
 def test_tool_and_rig_must_be_registered(laboratory: Ledger) -> None:

@@ -163,17 +163,23 @@ def validate(content: Json, name: str, path: str | Path) -> None:
     raise FileError(f"{where} is {shown(error.instance)}; it must be {wanted}", path=path)
 
 
-_WRITERS: Final = {
-    "inclinometry/allan": "allan -o",
-    "inclinometry/certificate": "certificate --record",
-    "inclinometry/corrections": "msa -o",
-    "inclinometry/errors": "gyro north --errors",
-    "inclinometry/scale": "gyro scale -o",
-    "inclinometry/tool": "calibrate -o",
-    "inclinometry/truth": "simulate bench --truth",
-    "inclinometry/verification": "verify -o",
+_KINDS: Final = {
+    "inclinometry/allan": ("noise by Allan deviation", "allan -o"),
+    "inclinometry/attitude": ("an attitude while drilling", "dynamic -o"),
+    "inclinometry/certificate": ("the record of a certificate", "certificate --record"),
+    "inclinometry/certificate-status": ("a statement how certificates stand", "ledger status -o"),
+    "inclinometry/coefficients": ("coefficients for a firmware", "coefficients -o"),
+    "inclinometry/corrections": ("corrections of a survey", "msa -o"),
+    "inclinometry/errors": ("errors of a gyro run", "gyro north --errors"),
+    "inclinometry/gyro-truth": ("the truth of a simulated gyro run", "simulate gyro --truth"),
+    "inclinometry/ledger-head": ("a signed head of a ledger", "ledger head -o"),
+    "inclinometry/scale": ("scale factors of a gyro", "gyro scale -o"),
+    "inclinometry/tool": ("a calibration", "calibrate -o"),
+    "inclinometry/tool-code": ("a tool code", "position --tool-code"),
+    "inclinometry/truth": ("the truth of a simulation", "simulate bench --truth"),
+    "inclinometry/verification": ("a verification", "verify -o"),
 }
-"""Command that writes a kind of file."""
+"""Schema -> what a file is that states it, and the command that writes or takes it."""
 
 
 def of_kind(content: Json, where: str | Path, *kinds: str, version: int = 1) -> Json:
@@ -183,10 +189,17 @@ def of_kind(content: Json, where: str | Path, *kinds: str, version: int = 1) -> 
     """
     kind, found = content.get("schema"), content.get("version")
     if kind not in kinds:
-        wanted = " or ".join(f'"{k}"' for k in kinds)
-        said = "no schema is stated" if kind is None else f"$.schema is {str(kind)[:60]!r}"
-        problem = f"{said}; a file with schema {wanted} is needed"
-        raise FileError(f"{problem}: the file that `{' or '.join(_WRITERS[k] for k in kinds)}` writes", path=where)
+        if kind in _KINDS:
+            what, command = _KINDS[kind]
+            said = f"this is {what} (`{command}`)"
+        elif kind is None:
+            said = "this is JSON that does not say what it is: it states no schema"
+        else:
+            named = str(kind)[:60].replace('"', "'")
+            said = f'this is JSON of a kind that is not known: its schema is "{named}"'
+        wanted = " or ".join(_KINDS[one][0] for one in kinds)
+        commands = " or ".join(_KINDS[one][1] for one in kinds)
+        raise FileError(f"{said}; needed is {wanted}: choose the file that `{commands}` writes", path=where)
     if isinstance(found, int) and found > version:
         problem = f"$.version is {found}, written by a newer release; this one reads version {version}"
         raise FileError(f"{problem}: update inclinometry", path=where)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import tempfile
 from collections.abc import Mapping
 from datetime import date
@@ -18,6 +19,7 @@ from inclinometry.errors import FileError, InputError
 from inclinometry.files.bench_csv import read_bench
 from inclinometry.files.tool_json import read_calibration
 from inclinometry.files.writing import program
+from inclinometry.laboratory.certificate.laboratory_toml import begun
 from inclinometry.laboratory.ledger.ledger import Draft, Ledger, LedgerError, Record
 from inclinometry.laboratory.registry import find_rig, find_tool
 from inclinometry.laboratory.results import expected_table, parameters, plain_content
@@ -90,7 +92,10 @@ def import_file(
         settings["settings"]["performed"] = performed.isoformat()
     settings["settings"] |= {name: value for name, value in (doses or {}).items() if value}
     found = _read(content)
+    if performed is not None:
+        begun(performed, "performed")
     if isinstance(found, Calibration):
+        _made_before_now(content)
         return record_calibration(ledger, found, serial, rig, settings, author=author)
     if found.azimuth is None or found.inclination is None or found.toolface is None:
         raise FileError("no rig angles; the columns azimuth_deg, inclination_deg, toolface_deg are needed", path=SHOWN)
@@ -122,6 +127,18 @@ def _read(content: bytes) -> BenchReadings | Calibration:
             if b"\0" in content[:1000]:  # a picture, a document
                 raise FileError(OTHER, path=SHOWN) from None
             raise FileError(error.problem, path=SHOWN, line=error.line) from None
+
+
+def _made_before_now(content: bytes) -> None:
+    """FileError for a calibration whose file says that it is made on a day to come."""
+    try:
+        day = date.fromisoformat(str(json.loads(content)["created"])[:10])
+    except ValueError:  # no date, or none that can be read: it says nothing
+        return
+    try:
+        begun(day, "created")
+    except InputError as error:
+        raise FileError(str(error), path=SHOWN) from None
 
 
 def _capture(readings: BenchReadings, row: int) -> Capture:

@@ -169,6 +169,21 @@ def test_live_data_move_nothing(stand, browser, width, height):
 
 
 @pytest.mark.long
+@pytest.mark.parametrize("language", ["en", "ru", "zh"])
+def test_capture_and_finish_are_in_view_without_scrolling(stand, browser, language):
+    """In the window of a laptop, a calibration under way; what ends it lay below the fold."""
+    dressed(browser, 1280, 800, "light", language)
+    browser.open(stand.pages["bench"])
+    browser.wait(lambda: browser.text("u_azimuth") and browser.text("strip"), "no fit")
+    for name in ("capture", "finish"):
+        box = browser.script(
+            f"const b = document.querySelector('[data-testid={name}]').getBoundingClientRect();"
+            "return [b.left, b.top, innerWidth - b.right, innerHeight - b.bottom]"
+        )
+        assert min(box) >= 0.0, f"{name}: {box}"
+
+
+@pytest.mark.long
 def test_what_is_wrong_is_said_at_its_field(stand, browser):
     """In the visitor's words; nothing is recorded, and nothing is dropped silently."""
     dressed(browser, 1280, 800, "light", "en")

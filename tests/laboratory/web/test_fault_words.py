@@ -1,14 +1,22 @@
-"""What is wrong with a ledger, as its page says it: in Russian and Chinese no English sentence is left."""
+"""What is wrong with a ledger, a database, a file, as a page says it: in Russian and Chinese no English is left."""
 
 from __future__ import annotations
 
 import re
+import sqlite3
 from types import SimpleNamespace
 
 import pytest
+from sqlalchemy.exc import DBAPIError
 
+from inclinometry.errors import InclinometryError
+from inclinometry.laboratory.import_file import import_file
+from inclinometry.laboratory.ledger.admin import create
+from inclinometry.laboratory.ledger.chain import LedgerError
+from inclinometry.laboratory.ledger.engine import translated
 from inclinometry.laboratory.ledger.signatures import Fault
-from inclinometry.laboratory.ledger.witness import lost_sentence
+from inclinometry.laboratory.ledger.witness import lost_sentence, unencrypted
+from inclinometry.laboratory.registry import RegisteredRig, RegisteredTool, put_rig, put_tool
 from inclinometry.laboratory.web.pages.ledger import said
 from inclinometry.laboratory.web.words import sentence
 
@@ -59,13 +67,22 @@ FAULTS = [
 ]
 
 
+def _without_quotations(text: str) -> str:
+    """Without commands, options and addresses, and what system and database say in their own words, in quotes."""
+    return re.sub(rf"--\w+|{KEY}|\bhttp\S+|/\S+|\bTLS\b", "", re.sub(r'`[^`]*`|"[^"]*"', "", text))
+
+
 def _visitor(language: str) -> SimpleNamespace:
     return SimpleNamespace(sentence=lambda text: sentence(language, text))
 
 
 def _lost(tmp_path) -> list[Fault]:
     places = (str(tmp_path / "heads"), str(tmp_path / "other"), "http://127.0.0.1:1")
-    return [Fault("witness", "-", lost_sentence(tmp_path, place, "77")) for place in places]
+    doubts = [
+        *unencrypted("http://198.51.100.7:1"),
+        'the witness http://198.51.100.7:1 cannot be asked ("no route to host")',
+    ]
+    return [Fault("witness", "-", text) for text in (*(lost_sentence(tmp_path, p, "77") for p in places), *doubts)]
 
 
 @pytest.mark.parametrize("language", ["ru", "zh"])
@@ -73,7 +90,7 @@ def test_faults_are_said_in_the_language_of_the_page(tmp_path, language):
     left = []
     for fault in [*FAULTS, *_lost(tmp_path)]:
         text = said(_visitor(language), fault)
-        plain = re.sub(rf"`[^`]*`|--\w+|{KEY}|\bhttp\S+|/\S+", "", text)
+        plain = _without_quotations(text)
         if re.search("[A-Za-z]{3,}", plain):
             left.append(text)
     assert left == []
@@ -104,3 +121,83 @@ def test_every_fault_of_the_code_is_among_them():
                     if words and words not in known and not re.fullmatch(r"[\d.]*", words):
                         missing.append(part.value)
     assert missing == []
+
+
+OF_DATABASES = [
+    sqlite3.OperationalError("database or disk is full"),
+    sqlite3.OperationalError("disk I/O error"),
+    sqlite3.OperationalError("attempt to write a readonly database"),
+    sqlite3.OperationalError("unable to open database file"),
+    sqlite3.DatabaseError("file is not a database"),
+    sqlite3.DatabaseError("database disk image is malformed"),
+    sqlite3.OperationalError("Could not decode to UTF-8 column 'body' with text 'x'"),
+    sqlite3.OperationalError("database is locked"),
+    sqlite3.OperationalError("no such table: chain"),
+    sqlite3.OperationalError("something that nobody has thought of; yet"),
+    Exception("could not extend file: No space left on device"),
+    Exception("cannot execute INSERT in a read-only transaction"),
+    Exception('connection failed: FATAL:  password authentication failed for user "anna"'),
+    Exception('FATAL:  database "lab" does not exist'),
+    Exception("failed to resolve host 'nowhere'"),
+    Exception("connection failed: Connection refused"),
+]
+
+
+@pytest.mark.parametrize("lost", [False, True], ids=["refused", "lost"])
+@pytest.mark.parametrize("language", ["ru", "zh"])
+def test_what_a_database_refuses_is_said_in_the_language_of_the_page(language, lost):
+    """A sentence with the remedy, and behind it the database's own words as they are."""
+    left = []
+    for error in OF_DATABASES:
+        with pytest.raises(LedgerError) as caught, translated("/lab/7.sqlite"):
+            raise DBAPIError("INSERT", {}, error, connection_invalidated=lost)
+        text = sentence(language, str(caught.value))
+        assert text.startswith("/lab/7.sqlite: ")
+        assert re.search(r'[(（]"[^"]+"[)）]$', text), text
+        left += [text] if re.search("[A-Za-z]{3,}", _without_quotations(text)) else []
+    assert left == []
+
+
+def test_the_words_of_a_locked_ledger():
+    with pytest.raises(LedgerError) as caught, translated("lab.sqlite"):
+        raise DBAPIError("INSERT", {}, sqlite3.OperationalError("database is locked"))
+    assert str(caught.value) == (
+        'lab.sqlite: another program holds the ledger: close it, then try again ("database is locked")'
+    )
+
+
+HEAD = "station,azimuth_deg,inclination_deg,toolface_deg,accel_x,accel_y,accel_z"
+FILES = [
+    "a,b\n1,2\n",
+    f"{HEAD}\nA,0,0,0,1,2,nan\n",
+    f"{HEAD}\nA,0,0,0,1,2,7:7\n",
+    f"{HEAD}\nA,0,0,0,1,2,\n",
+    f"{HEAD}\nA,0,0,0,1,2\n",
+    f"{HEAD}\nA,0,400,0,1,2,3\n",
+    f"{HEAD}\n",
+    f"{HEAD.replace('azimuth_deg', 'azimuth')}\nA,0,0,0,1,2,3\n",
+    "station,accel_x,accel_y,accel_z\nA,1,2,3\n",
+    "",
+    "{}",
+    '{"schema": "other"}',
+    '{"schema": "inclinometry/truth"}',
+    '{"schema": "inclinometry/verification"}',
+    '{"schema": "inclinometry/corrections"}',
+    '{"schema": "inclinometry/tool", "version": 99}',
+]
+
+
+@pytest.mark.parametrize("language", ["ru", "zh"])
+def test_a_file_that_cannot_be_imported_is_said_in_the_language_of_the_page(tmp_path, language):
+    """What the file is, what was expected, the remedy; names of columns and commands stay."""
+    left = []
+    with create(tmp_path / "lab.sqlite", sign=False) as ledger:
+        put_tool(ledger, RegisteredTool("IN-7", "tool"), author="anna")
+        put_rig(ledger, RegisteredRig("stand", (0.001, 0.001, 0.001)), author="anna")
+        for content in FILES:
+            with pytest.raises(InclinometryError) as caught:
+                import_file(ledger, content.encode(), "IN-7", "stand", author="anna")
+            text = sentence(language, str(caught.value))
+            plain = re.sub(r"\w+_[a-z0-9]+|'\w+'|\bnan\b|JSON|schema|station", "", _without_quotations(text))
+            left += [text] if re.search("[A-Za-z]{2,}", plain) else []
+    assert left == []

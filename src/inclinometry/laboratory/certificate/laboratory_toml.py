@@ -120,6 +120,17 @@ def _shown_whole(key: str, text: str) -> None:
         )
 
 
+def begun(day: datetime.date, name: str) -> datetime.date:
+    """The day on which something was done, as `name` states it; InputError for one that has begun nowhere on Earth."""
+    now = datetime.datetime.now(datetime.UTC)
+    if day > (now + datetime.timedelta(hours=14)).date():  # the first islands are that far ahead
+        raise InputError(
+            f"{name} is {day}, a day to come; today is {now:%Y-%m-%d}: state the day on which it was done, or set the "
+            "clock of this computer"
+        )
+    return day
+
+
 _LABORATORY = tuple(Laboratory.__dataclass_fields__)
 _ORDER = tuple(Order.__dataclass_fields__)
 
@@ -257,6 +268,10 @@ def _order(settings: toml_keys.Settings) -> dict[str, Any]:
     for key in dates:
         if key in settings.content:
             found[key] = _date(settings, key)
+            try:
+                begun(found[key], key)
+            except InputError as error:
+                raise FileError(str(error), path=settings.path) from None
     for key, limits in ranges.items():
         if key in settings.content:
             found[key] = _range(settings, key, *limits)

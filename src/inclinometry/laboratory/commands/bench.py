@@ -20,6 +20,7 @@ from inclinometry.errors import InputError
 from inclinometry.laboratory.commands import LedgerAddress, ProtocolName
 from inclinometry.laboratory.ledger.admin import create
 from inclinometry.laboratory.ledger.ledger import Ledger, default_path
+from inclinometry.laboratory.ledger.witness import is_loopback
 
 SIMULATED = "simulated"
 
@@ -76,7 +77,7 @@ def bench(
             opened.keys.signing()
         listening = stack.enter_context(_listening(host, port))
         feed, rig = stack.enter_context(_instrument(opened, SIMULATED if demo else instrument, protocol, demo))
-        from inclinometry.laboratory.web.app import create_app, is_loopback, run
+        from inclinometry.laboratory.web.app import create_app, run
 
         app = create_app(
             opened,

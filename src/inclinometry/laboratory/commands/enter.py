@@ -12,7 +12,7 @@ from inclinometry.cli import options, output
 from inclinometry.cli.options import Flag, InputOrNone, Json, sd
 from inclinometry.errors import FileError, InputError
 from inclinometry.laboratory import certificates
-from inclinometry.laboratory.certificate.laboratory_toml import Laboratory, read_laboratory, read_logo
+from inclinometry.laboratory.certificate.laboratory_toml import Laboratory, begun, read_laboratory, read_logo
 from inclinometry.laboratory.commands import LedgerAddress
 from inclinometry.laboratory.commands.ledger import _where, _who
 from inclinometry.laboratory.drift import DOSES
@@ -136,10 +136,7 @@ def _content(file: Path) -> bytes:
 
 def performed_on(performed: str) -> date:
     """The day of a measurement."""
-    day = options.day(performed, "--performed")
-    if day > datetime.now(UTC).date():
-        raise InputError(f"--performed is {day}, a day to come")
-    return day
+    return begun(options.day(performed, "--performed"), "--performed")
 
 
 def doses_of(hours: float, shock: float, heat: float) -> dict[str, float]:

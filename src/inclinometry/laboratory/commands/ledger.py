@@ -68,7 +68,8 @@ def verify(
     copy: Flag = False,
     json: Json = False,
 ) -> int:
-    """Check every record, the chain, signed heads and witnesses: exit status 0 sound, 1 changed, 2 bad input.
+    """Check every record, the chain, signed heads and witnesses: exit status 0 proven, 1 changed or not proven (a
+    witness that was named does not answer), 2 bad input.
 
     Parameters
     ----------
@@ -93,6 +94,8 @@ def verify(
         output.print_json(
             {
                 "ok": found.ok,
+                "proven": found.proven,
+                "silent": found.silent,
                 "records": found.records,
                 "documents": found.documents,
                 "head": str(found.head),
@@ -101,16 +104,24 @@ def verify(
                 "notes": found.notes,
             }
         )
-        return 0 if found.ok else 1
-    for fault in found.faults:
+        return 0 if found.proven else 1
+    for fault in (*found.faults, *found.silent):
         output.say(str(fault))
     for note in found.notes:
         output.say(note)
     if found.ok:
         records, documents = output.counted(found.records, "record"), output.counted(found.documents, "document")
-        output.say(f"{records} and {documents} are sound")
+        alone = "" if found.proven else " by what the ledger itself says"
+        output.say(f"{records} and {documents} are sound{alone}")
         output.say(f"head {found.head}")
-        return 0
+        if found.proven:
+            return 0
+        who = "a witness" if len(found.silent) == 1 else f"{len(found.silent)} witnesses"
+        output.say(
+            f"not proven: {who} did not answer, and a cut tail or an older copy may be known there alone; verify again "
+            "when it answers, or take it off with `inclinometry ledger witness PLACE --remove`"
+        )
+        return 1
     output.say(f"{output.counted(len(found.faults), 'fault')}: this ledger was changed behind its back")
     return 1
 

@@ -20,7 +20,16 @@ from inclinometry.laboratory.ledger.engine import default_path, shown
 from inclinometry.laboratory.ledger.heads import grown, proof_since, read_head
 from inclinometry.laboratory.ledger.keys import Keys, fingerprint, read_public
 from inclinometry.laboratory.ledger.ledger import Ledger
-from inclinometry.laboratory.ledger.witness import PRINT, lost_sentence, name_others, others, send, witnessed
+from inclinometry.laboratory.ledger.witness import (
+    PRINT,
+    is_loopback,
+    lost_sentence,
+    name_others,
+    others,
+    send,
+    unencrypted,
+    witnessed,
+)
 
 
 def key(
@@ -198,7 +207,7 @@ def witness(
     key: InputOrNone = None,
 ) -> int:
     """Where signed heads are kept beside this computer; or be such a place for others. Ctrl-C ends it. Exit status 1:
-    one of them keeps nothing of the ledger.
+    one of them keeps nothing of the ledger, or does not answer.
 
     Parameters
     ----------
@@ -239,6 +248,7 @@ def witness(
     output.say(f"{keys.folder / 'heads'} (this computer)")
     for one in others(keys.folder):
         output.say(shown(one))
+        output.warnings(unencrypted(one))
     where = str(default_path()) if ledger is None else ledger
     if ledger is None and not default_path().is_file():
         return 0
@@ -248,7 +258,7 @@ def witness(
         return 0
     found = witnessed(keys.folder, newest.ledger, where)
     output.warnings([*found.silent, *(lost_sentence(keys.folder, one, newest.ledger) for one in found.lost)])
-    return 1 if found.lost else 0
+    return 1 if found.lost or found.silent else 0
 
 
 def _serve(folder: Path, host: str, port: int, key: Path | None) -> None:
@@ -262,6 +272,10 @@ def _serve(folder: Path, host: str, port: int, key: Path | None) -> None:
         made = server(folder, host, port, public, lambda text: output.warnings([f"{datetime.now(UTC):%F %T} {text}"]))
     except OSError as error:
         raise InputError(f"cannot be a witness at {host} port {port} ({error.strerror or error})") from None
+    if not is_loopback(host):
+        output.warnings(
+            ["heads cross the network unencrypted; put a TLS proxy before this witness and name it with https://"]
+        )
     with made, ending_well():
         output.say(f"witness at http://{host}:{made.server_address[1]} keeps heads in {folder} (Ctrl-C ends it)")
         made.serve_forever()

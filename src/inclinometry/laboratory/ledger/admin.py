@@ -10,7 +10,7 @@ from sqlalchemy.engine import Engine
 from sqlalchemy.exc import DBAPIError
 
 from inclinometry.laboratory.ledger.chain import LedgerError
-from inclinometry.laboratory.ledger.engine import default_path, engine, shown, translated, unprotected
+from inclinometry.laboratory.ledger.engine import default_path, engine, in_words, shown, translated, unprotected
 from inclinometry.laboratory.ledger.keys import Keys
 from inclinometry.laboratory.ledger.ledger import Ledger
 
@@ -79,10 +79,7 @@ def _write_ahead(made: Engine, where: str | Path) -> None:
         finally:
             raw.close()
     except (sqlite3.Error, DBAPIError) as error:
-        reason = getattr(error, "orig", None) or error
-        raise LedgerError(
-            f"{where}: not a ledger, or not to be written ({reason}); check path and permissions, or name another file"
-        ) from None
+        raise LedgerError(f"{shown(where)}: {in_words(getattr(error, 'orig', None) or error)}") from None
 
 
 def _migrate(made: Engine, revision: str = "head") -> None:

@@ -44,27 +44,28 @@ if TYPE_CHECKING:
 PATIENCE: Final = 20
 """Seconds a writer waits for another one."""
 _WRITE_LOCK: Final = 0x1E_D6E7  # any number, the same for all writers of one PostgreSQL database
-_REMEDIES: Final = (
-    ("disk is full", "free some space on the disk, then try again; nothing was recorded"),
-    ("No space left", "free some space on the disk of the server, then try again; nothing was recorded"),
-    ("disk I/O", "check the disk and the space on it; nothing was recorded"),
-    ("readonly", "the file or its folder cannot be written; check its permissions"),
-    ("read-only", "the server does not let this user write; ask its administrator"),
-    ("unable to open", "check the path and its permissions"),
-    ("not a database", "this file is not a ledger"),
-    ("malformed", "the file is damaged; restore a backup"),
-    ("decode", "a text in it was changed; run `inclinometry ledger verify`"),
-    ("locked", "another program holds the ledger; close it, then try again"),
-    ("lock timeout", "another program holds the ledger; close it, then try again"),
+_SAID: Final = (
+    ("disk is full", "the disk is full: free some space on it, then try again; nothing was recorded"),
+    ("No space left", "the server's disk is full: free some space on it, then try again; nothing was recorded"),
+    ("disk I/O", "the disk could not be read or written: check it and the space on it; nothing was recorded"),
+    ("readonly", "the ledger cannot be written: check the permissions of the file and of its folder"),
+    ("read-only", "the server does not let this user write: ask its administrator"),
+    ("unable to open", "the ledger cannot be opened: check the path and its permissions"),
+    ("not a database", "this file is not a ledger: name another file"),
+    ("malformed", "the file is damaged: restore a backup"),
+    ("decode", "a text in it was changed: run `inclinometry ledger verify`"),
+    ("locked", "another program holds the ledger: close it, then try again"),
+    ("lock timeout", "another program holds the ledger: close it, then try again"),
     ("append-only", "records are never changed"),
-    ("no such table", "the file was changed; run `inclinometry ledger verify`"),
-    ("password authentication failed", "check user and password of the address"),
-    ("does not exist", "check user and database of the address"),
-    ("could not translate host", "check the host of the address"),
-    ("failed to resolve host", "check the host of the address"),
-    ("connection failed", "check that the server runs and that the address is right"),
-    ("connection is bad", "check that the server runs and that the address is right"),
+    ("no such table", "the file was changed: run `inclinometry ledger verify`"),
+    ("password authentication failed", "the server refuses user or password: check user and password of the address"),
+    ("does not exist", "the server does not know the user or the database: check user and database of the address"),
+    ("could not translate host", "the server is not found: check the host of the address"),
+    ("failed to resolve host", "the server is not found: check the host of the address"),
+    ("connection failed", "the server does not answer: check that it runs and that the address is right"),
+    ("connection is bad", "the server does not answer: check that it runs and that the address is right"),
 )
+"""What a database's own sentence holds -> what happened and the remedy."""
 
 
 class ConflictError(LedgerError):
@@ -216,15 +217,34 @@ def translated(where: str) -> Iterator[None]:
             f"{where}: somebody else has just recorded this; nothing was lost, load the page again"
         ) from None
     except DBAPIError as error:
-        cause = " ".join(str(error.orig).split())[:200]
-        remedy = next((text for mark, text in _REMEDIES if mark in cause), "nothing was recorded")
-        if error.connection_invalidated:
-            remedy = "the connection was lost; load the page again to see whether the last record was kept"
-        raise LedgerError(f"{where}: {cause}: {remedy}") from None
+        lost = error.connection_invalidated
+        raise LedgerError(f"{where}: {in_words(error.orig, lost=lost)}") from None
     except UnicodeDecodeError:
         raise LedgerError(f"{where}: a text in it was changed; run `inclinometry ledger verify`") from None
     except SQLAlchemyError as error:
-        raise LedgerError(f"{where}: the ledger cannot be used ({error})") from None
+        raise LedgerError(f"{where}: {in_words(error)}") from None
+
+
+def in_words(error: object, *, lost: bool = False) -> str:
+    """What a database refused, as a sentence with the remedy; its own words stand behind it, quoted.
+
+    Parameters
+    ----------
+    error : object
+        As its text says it.
+    lost : bool
+        Whether the connection was lost with it.
+
+    Examples
+    --------
+    >>> in_words("database is locked")
+    'another program holds the ledger: close it, then try again ("database is locked")'
+    """
+    cause = " ".join(str(error).split())[:200].replace('"', "'").replace(";", ",")
+    said = next((text for mark, text in _SAID if mark in cause), "the database refused: nothing was recorded")
+    if lost:
+        said = "the connection was lost: load the page again to see whether the last record was kept"
+    return f'{said} ("{cause}")'
 
 
 # The kinds of record a ledger holds: what they are found by, and what their body must contain.

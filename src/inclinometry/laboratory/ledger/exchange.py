@@ -21,7 +21,7 @@ from inclinometry.errors import FileError, InputError
 from inclinometry.files.writing import replacing
 from inclinometry.laboratory.ledger import chain
 from inclinometry.laboratory.ledger.chain import LedgerError
-from inclinometry.laboratory.ledger.engine import CHAIN, DOCUMENT, KINDS, TABLES, check, plain, row_digest
+from inclinometry.laboratory.ledger.engine import CHAIN, DOCUMENT, KINDS, TABLES, check, in_words, plain, row_digest
 from inclinometry.laboratory.ledger.ledger import LARGEST_DOCUMENT, Batch, Ledger, add_document
 
 Progress = Callable[[float], None]
@@ -115,7 +115,7 @@ def backup(ledger: Ledger, path: str | Path) -> None:
             with closing(sqlite3.connect(ledger.where)) as source, closing(sqlite3.connect(stream.name)) as target:
                 source.backup(target)
         except sqlite3.Error as error:
-            raise FileError(f"the backup cannot be written ({error})", path=path) from None
+            raise FileError(f"the backup cannot be written: {in_words(error)}", path=path) from None
 
 
 # Reading an export into an empty ledger: everything is checked, nothing in the file is trusted.

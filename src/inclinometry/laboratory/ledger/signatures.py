@@ -41,9 +41,9 @@ def asked(ledger: Ledger) -> tuple[str, Testimony]:
     try:
         here = begun_at(ledger.keys.folder, ledger.where)
     except OSError as error:
-        return "", Testimony([], [f"the witness in {ledger.keys.folder} cannot be asked ({error.strerror})"], [])
+        return "", Testimony([], [f'the witness in {ledger.keys.folder} cannot be asked ("{error.strerror}")'], [], [])
     name = here if newest is None else newest.ledger
-    return here, witnessed(ledger.keys.folder, name, ledger.where) if name else Testimony([], [], [])
+    return here, witnessed(ledger.keys.folder, name, ledger.where) if name else Testimony([], [], [], [])
 
 
 def _public(ledger: Ledger) -> tuple[str, ...]:
@@ -86,7 +86,7 @@ class Signatures:
         self._given, self._here = tuple(public), here
         self._wanted = self._given or _public(ledger)
         self._copy = copy
-        self._kept, self._notes = testimony.kept, list(testimony.silent)
+        self._kept, self._notes = testimony.kept, list(testimony.open)
         # only who signs tells a witness: on another computer none is expected
         own = self.newest is not None and self.newest.key in _public(ledger) and ledger.keys.there
         name, folder = self.newest.ledger if self.newest else "", ledger.keys.folder

@@ -29,7 +29,8 @@ class Verdict:
     """What a verification found: how many records and documents were read, the head, the faults.
 
     signed : the last signed head; None where the ledger is not signed.
-    notes : sentences about signatures and witnesses, what was accepted, what could not be asked.
+    notes : sentences about signatures and witnesses, what was accepted.
+    silent : sentences about the named witnesses that did not answer: what only they know is not found out.
     """
 
     records: int
@@ -38,11 +39,17 @@ class Verdict:
     faults: tuple[Fault, ...]
     signed: SignedHead | None = None
     notes: tuple[str, ...] = ()
+    silent: tuple[str, ...] = ()
 
     @property
     def ok(self) -> bool:
         """Whether nothing was found."""
         return not self.faults
+
+    @property
+    def proven(self) -> bool:
+        """Whether nothing was found and every witness that was named answered."""
+        return not self.faults and not self.silent
 
 
 def verify(
@@ -93,7 +100,8 @@ def verify(
         documents = connection.execute(select(func.count()).select_from(DOCUMENT)).scalar_one()
         faults += _documents(connection)
     head = chain.Head(walk.seq, walk.link)
-    return Verdict(walk.records, documents, head, tuple(faults[:MOST_FAULTS]), signatures.newest, tuple(notes))
+    shown, silent = tuple(faults[:MOST_FAULTS]), tuple(witnesses[1].silent)
+    return Verdict(walk.records, documents, head, shown, signatures.newest, tuple(notes), silent)
 
 
 @contextmanager

@@ -7,6 +7,7 @@ a place that does not answer holds up no capture, and the next head tells it all
 
 from __future__ import annotations
 
+import ipaddress
 import json
 import sys
 import threading
@@ -17,6 +18,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import Final, NamedTuple
+from urllib.parse import urlsplit
 
 from inclinometry.errors import FileError, InclinometryError, InputError
 from inclinometry.laboratory.ledger.chain import LedgerError, compact
@@ -27,6 +29,20 @@ PRINT: Final = "print"
 PATIENCE: Final = 5.0
 """Seconds that a witness over HTTP may take, and that the end of a program waits for one."""
 _LONGEST: Final = 10_000_000
+
+
+def is_loopback(host: str) -> bool:
+    """Whether an address is reached from this computer only.
+
+    Examples
+    --------
+    >>> is_loopback("127.0.0.1"), is_loopback("0.0.0.0"), is_loopback("localhost")
+    (True, False, True)
+    """
+    try:
+        return ipaddress.ip_address(host.strip("[]")).is_loopback
+    except ValueError:
+        return host == "localhost"
 
 
 def place_of(where: str | Path) -> str:
@@ -306,17 +322,20 @@ class Testimony(NamedTuple):
     kept : the heads they keep.
     silent : sentences about those that do not answer.
     lost : those that keep no head of it, or are gone; see `lost_sentence`.
+    open : sentences about those that are asked over a network without encryption.
     """
 
     kept: list[Witnessed]
     silent: list[str]
     lost: list[str]
+    open: list[str]
 
 
 def witnessed(folder: Path, ledger: str, where: str) -> Testimony:
     """What the witnesses say of a ledger, which is at `where`; `folder` is that of the keys."""
-    found = Testimony([], [], [])
+    found = Testimony([], [], [], [])
     for one in [str(folder / "heads"), *_asking(folder, where)]:
+        found.open.extend(unencrypted(one))
         try:
             kept = _asked(one, ledger)
             if not kept:
@@ -324,8 +343,22 @@ def witnessed(folder: Path, ledger: str, where: str) -> Testimony:
             found.kept.extend(kept)
         except (OSError, InputError) as error:
             reason = getattr(error, "reason", None) or getattr(error, "strerror", None) or error
-            found.silent.append(f"the witness {shown(one)} cannot be asked ({reason})")
+            found.silent.append(f'the witness {shown(one)} cannot be asked ("{reason}")')
     return found
+
+
+def unencrypted(witness: str) -> list[str]:
+    """What a witness does not prove whose answers cross a network as they are; nothing of all others.
+
+    A head cannot be forged on the way, but a newer one can be kept back and an older one given instead.
+    """
+    if not witness.startswith("http://") or is_loopback(urlsplit(witness).hostname or ""):
+        return []
+    sentence = (
+        f"the witness {shown(witness)} is asked without encryption: whoever sits between can keep heads back and "
+        "answer with older ones; put a TLS proxy before it and name it with https://"
+    )
+    return [sentence]
 
 
 def _asking(folder: Path, where: str) -> list[str]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import importlib
-import ipaddress
 import socket
 from collections.abc import Callable, Iterable
 from importlib.resources import files
@@ -21,6 +20,7 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 from inclinometry.errors import InputError
 from inclinometry.laboratory.ledger.ledger import Ledger
 from inclinometry.laboratory.ledger.users import users
+from inclinometry.laboratory.ledger.witness import is_loopback
 from inclinometry.laboratory.web import refusals
 from inclinometry.laboratory.web.frame import Bench, serve
 from inclinometry.laboratory.web.guard import Guard, guard_sockets
@@ -138,20 +138,6 @@ PAGES: Final = (
     "people",
 )
 """Modules of pages, in inclinometry.laboratory.web.pages."""
-
-
-def is_loopback(host: str) -> bool:
-    """Whether a server listening at this address is reached from this computer only.
-
-    Examples
-    --------
-    >>> is_loopback("127.0.0.1"), is_loopback("0.0.0.0"), is_loopback("localhost")
-    (True, False, True)
-    """
-    try:
-        return ipaddress.ip_address(host.strip("[]")).is_loopback
-    except ValueError:
-        return host == "localhost"
 
 
 def create_app(

@@ -38,7 +38,15 @@ def check(ledger: TheLedger, _: Reader, head: Annotated[str | None, Query(max_le
     """Every record against its digest and the chain, signed heads against the records, witnesses against both."""
     found = verify(ledger, head=None if head is None else parse_head(head))
     faults = [{"table": f.table, "row": f.row, "problem": f.problem} for f in found.faults]
-    return {"ok": found.ok, "records": found.records, "head": str(found.head), "faults": faults, "notes": found.notes}
+    return {
+        "ok": found.ok,
+        "proven": found.proven,
+        "records": found.records,
+        "head": str(found.head),
+        "faults": faults,
+        "silent": found.silent,
+        "notes": found.notes,
+    }
 
 
 @router.get("/records/{kind}")

@@ -16,6 +16,7 @@ from inclinometry.laboratory.certificate.laboratory_toml import (
     Laboratory,
     Order,
     Standard,
+    begun,
     laboratory_from,
 )
 from inclinometry.laboratory.certificate.record import words
@@ -250,9 +251,10 @@ def _day(text: str) -> str:
     if not text:
         return ""
     try:
-        return date.fromisoformat(text).isoformat()
+        day = date.fromisoformat(text)
     except ValueError:
         raise InputError(f"received is {text[:40]!r}; write the date as 2026-01-31") from None
+    return begun(day, "received").isoformat()
 
 
 STYLES: Final = {"issued": "good", "void": "bad", "superseded": "warn"}

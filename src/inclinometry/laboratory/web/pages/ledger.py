@@ -95,7 +95,12 @@ def _check(visitor: Visitor) -> None:
                     ui.label(found).classes("bad")
                 else:
                     if found.ok:
-                        ui.label(visitor.say("ledger.sound", number=found.records)).classes("good")
+                        sound = ui.label(visitor.say("ledger.sound", number=found.records))
+                        sound.classes("good" if found.proven else "warn")
+                    for sentence in found.silent:
+                        ui.label(visitor.sentence(sentence)).classes("warn number")
+                    if found.silent:
+                        ui.label(visitor.say("ledger.unproven")).classes("warn").props('role="alert"')
                     for fault in found.faults[:faults]:
                         ui.label(said(visitor, fault)).classes("bad number")
                     for note in found.notes:

@@ -43,7 +43,8 @@ def say(language: str, key: str, **values: Any) -> str:
 
 _LEFT: Final = re.compile(r"\b[a-z]{3,} [a-z]{2,} [a-z]{2,}\b")
 """English left over: three words of it in a row."""
-_COMMAND: Final = re.compile("`[^`]*`")
+_QUOTED: Final = re.compile(r'`[^`]*`|"[^"]*"')
+"""Commands, and what the system or the database said, in its own words."""
 
 
 def sentence(language: str, text: str) -> str:
@@ -65,7 +66,7 @@ def sentence(language: str, text: str) -> str:
     with speaking(language):
         said = translated(text)
     # half a sentence in each of two languages is worse than an English one
-    return text if _LEFT.search(_COMMAND.sub("", said)) else said
+    return text if _LEFT.search(_QUOTED.sub("", said)) else said
 
 
 def preferred(header: str) -> str:

@@ -452,9 +452,10 @@ class Certifies:
         with ui.card().classes("panel certifies"):
             title = "bench.verifying" if guided.verifies else "bench.certifies"
             ui.label(say(title)).classes("subtitle")
-            self._box = ui.element("div").classes("found")
+            # above what grows and shrinks: in the window of a laptop it is in view, and never moves
             text = say("bench.judge") if guided.verifies else say("bench.finish")
             self._end = ui.button(text, on_click=finish).props('no-caps data-testid="finish"').classes("finish")
+            self._box = ui.element("div").classes("found")
 
     def show(self) -> None:
         """The running fit as it is now."""
