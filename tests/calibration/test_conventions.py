@@ -1,6 +1,7 @@
 """Dials that count in another way than was said: what tells them apart, what is refused, and that right files pass."""
 
 import dataclasses
+import re
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from inclinometry.calibration.direct import calibrate_rotations, calibrate_twelv
 from inclinometry.calibration.joint import calibrate_joint
 from inclinometry.calibration.likelihood import Model, State
 from inclinometry.calibration.readings import BenchReadings
-from inclinometry.calibration.start import fix_signs, starting_state
+from inclinometry.calibration.start import fix_signs, linear_start, starting_state
 from inclinometry.errors import InputError
 from inclinometry.rotations import dcm, rotation_x
 from inclinometry.simulate.bench import Rig, simulate_bench
@@ -249,6 +250,27 @@ def test_what_dials_do_does_not_hang_on_the_unit_of_the_signals():
             check_dials(dataclasses.replace(readings, channels=channels, digest=""))
         said.append(str(refusal.value))
     assert said[0] == said[1]
+
+
+def test_what_is_left_unexplained_is_a_share_of_the_field():
+    """All round alike, each channel's readings spread over the field by one over the root of three."""
+    readings = field_at(PLANS["orthogonal"], Dials(toolface_counts=REVERSED), np.eye(3))
+    settings = dcm(*readings.dials)
+    left = {
+        kind: np.sqrt(linear_start(kind, settings, np.ones((24, 1)), 1e-3 * values)[2] / values.size)
+        for kind, values in readings.channels.items()
+    }
+    with pytest.raises(InputError) as refusal:
+        check_dials(readings)
+    said = re.search(r"as given they leave ([0-9.]+) % of the field unexplained in the (\w+)", str(refusal.value))
+    assert float(said[1]) == pytest.approx(100.0 * left[said[2]], rel=0.05)  # two digits
+
+
+def test_at_one_azimuth_no_azimuth_dial_is_blamed():
+    readings = run_of(random_tool(3), PLANS["rotations"], Dials("horizontal"), stated=False, base_tilt=0.01)
+    with pytest.raises(InputError, match="cannot tell it from --inclination-from") as refusal:
+        check_dials(readings)
+    assert "--azimuth-counts" not in str(refusal.value)
 
 
 def test_how_many_times_in_as_many_digits_as_mean_something():
