@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from inclinometry.calibration import plans
-from inclinometry.calibration.conventions import Dials, check_axes, check_dials, figure
+from inclinometry.calibration.conventions import Dials, check_axes, check_dials, check_noise, figure
 from inclinometry.calibration.design import optimal_plan
 from inclinometry.calibration.direct import calibrate_rotations, calibrate_twelve
 from inclinometry.calibration.joint import calibrate_joint
@@ -188,6 +188,26 @@ def test_one_triad_that_looks_usual_by_chance_does_not_excuse_another():
     way = Dials("other-end", toolface_counts=REVERSED)
     readings = run_of(random_tool(8694), PLANS["twelve"], way, seed=8694, dip=np.radians(-84.9), north_offset=4.86)
     assert any("--inclination-from other-end" in warning for warning in calibrate_joint(readings).warnings)
+
+
+def test_a_residual_is_a_share_of_the_field_of_its_triad_for_the_parameters_it_took():
+    """The median over the channels that live; half the readings gone into parameters double the square, at most four
+    times."""
+    plan = PLANS["orthogonal"]
+    readings = field_at(plan, Dials(), np.diag([1.0, 2.0, 4.0]))
+    channels = {kind: np.column_stack([v, np.full(24, 7.0)]) for kind, v in readings.channels.items()}  # and a dead one
+    model = Model(channels, np.stack(readings.dials, axis=1), np.ones((24, 1)), np.ones((24, 8)), np.zeros(3),
+                  np.zeros(4), {})  # fmt: skip
+    rows = np.vstack([1e3 * np.diag([1.0, 2.0, 4.0]), np.zeros(3)])
+    state = state_of(accelerometer=rows / 1e3, magnetometer=rows / 1e3)
+    shares = np.array([0.05, 0.0, 0.0, 0.0, 0.01, 0.1, 0.2, 0.0])  # of the full field of each channel
+    residual = np.ones((24, 8)) * shares * [1e3, 2e3, 4e3, 1.0, 1e3, 2e3, 4e3, 1.0]
+    size = residual.size
+    check_noise(model, state, residual, size)
+    check_noise(model, state, residual, size // 2)
+    for freedom, percent in ((size // 3, 17), (size // 4, 20), (1, 20)):
+        with pytest.raises(InputError, match=f"leaves {percent} % of the field unexplained in the magnetometer"):
+            check_noise(model, state, residual, freedom)
 
 
 def test_readings_in_another_order_are_refused():

@@ -12,6 +12,7 @@ from inclinometry.calibration.design import (
     RIG_SD,
     TRACE,
     Problem,
+    attitude_variances,
     best_addition,
     evaluate_plan,
     information,
@@ -20,6 +21,8 @@ from inclinometry.calibration.design import (
     norm,
     optimal_plan,
     plan_value,
+    reductions,
+    whitened,
 )
 from inclinometry.calibration.expected import expected_uncertainty
 from inclinometry.calibration.joint import fit_once
@@ -229,11 +232,14 @@ def test_the_best_addition_is_that_of_trying_each(scale, doublings):
         taken = [int(c) for c in np.flatnonzero(problem.allowed)[:20]]
         here = problem.information(taken)
         np.testing.assert_allclose(here, np.eye(6) + sum(factors[c].T @ factors[c] for c in taken))
+        covariance = np.linalg.inv(here)
+        taken_off = reductions(whitened(factors, covariance), problem.gradients)
         tried = {}
         for c in set(np.flatnonzero(problem.allowed)) - set(taken):
             inverse = np.linalg.inv(here + factors[c].T @ factors[c])
             variances = np.einsum("grp,pq,grq->g", problem.gradients, inverse, problem.gradients)
             np.testing.assert_allclose(problem.variances(here + factors[c].T @ factors[c]), variances)
+            np.testing.assert_allclose(attitude_variances(covariance, problem.gradients) - taken_off[c], variances)
             tried[int(c)] = norm(variances, doublings)
             # a norm: the largest, and at most what as many as large make of it
             assert 1.0 <= tried[int(c)] / variances.max() <= 400.0 ** (0.5**doublings)
