@@ -331,6 +331,11 @@ def test_a_captured_stand_has_no_next_position():
 def test_too_few_stations():
     with pytest.raises(IdentifiabilityError, match="at least 6"):
         optimal_plan(5, stand=COARSE)
+    captured = settings_of(plans.twelve())[:3]
+    with pytest.raises(IdentifiabilityError, match="5 stations cannot determine"):
+        optimal_plan(2, stand=COARSE, start_from=captured)
+    assert len(optimal_plan(6, stand=COARSE, restarts=1)) == 6
+    assert len(optimal_plan(3, stand=COARSE, start_from=captured, restarts=1)) == 3
     with pytest.raises(InputError, match="n is 0"):
         optimal_plan(0, stand=COARSE)
 
