@@ -376,6 +376,14 @@ def test_arguments_out_of_range(options, words):
         optimal_plan(12, **{"stand": COARSE, **options})
 
 
+def test_azimuth_may_be_aimed_to_a_tenth_of_a_degree_from_the_vertical():
+    for low, high in ((0.11, 30.0), (150.0, 179.89)):
+        assert np.isfinite(plan_value(plans.twelve(), inclination_range=(low * DEG, high * DEG)))
+    for low, high in ((0.09, 30.0), (150.0, 179.91)):
+        with pytest.raises(InputError, match=f"is {low:g} to {high:g} deg; azimuth is undefined in a vertical"):
+            plan_value(plans.twelve(), inclination_range=(low * DEG, high * DEG))
+
+
 def test_inclination_alone_may_be_aimed_at_the_vertical():
     where = (0.0, 10.0 * DEG)
     plan = optimal_plan(12, criterion=INCLINATION, inclination_range=where, stand=COARSE, restarts=1)
