@@ -18,7 +18,8 @@ from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration, Residuals
 from inclinometry.calibration.result import Rig as RigFound
 from inclinometry.errors import InputError
-from inclinometry.rotations import dcm, rotation_exp, rotation_z
+from inclinometry.orientation import angles
+from inclinometry.rotations import dcm, rotation_exp, rotation_z, wrap_signed
 from inclinometry.sensors import Tool, Triad
 from inclinometry.simulate.bench import Rig
 from inclinometry.simulate.tool import random_tool, realistic_tool
@@ -426,6 +427,69 @@ def test_the_station_whose_field_is_least_like_the_others_is_named():
     found = verify(dataclasses.replace(readings, channels={"magnetometer": weak}, digest=""), calibration)
     said = next(note for note in found.notes if "strength of the field" in note)
     assert f"largest deviation -0.00200 (u {S:.5f}) at station 3" in said
+
+
+@pytest.mark.parametrize(
+    "cause",
+    ["accelerometer.direction.north", "accelerometer.direction.east", "magnetometer.direction.east",
+     "rig.inclination_zero", "magnetometer.offset[1]", "accelerometer.tensor[0,2]"],
+)  # fmt: skip
+def test_each_cause_moves_the_three_angles_as_much_as_it_does_by_itself(cause):
+    """By differences of the angles between what is expected and what a tool reads that is off."""
+    calibration = known({kind: np.eye(3) for kind in FIELDS}, causes={cause: S})
+    found = verify(read(calibration, ROUND), calibration)
+    step, settings = 1e-6, np.array(ROUND)
+
+    def at(field, moved=0.0):
+        g, b = (dcm(*(settings + [0.0, moved, 0.0]).T) @ field[kind] for kind in FIELDS)
+        return g, b
+
+    def seen(g, b):
+        read_ = angles(g, b)
+        return np.stack([read_.inclination, read_.azimuth, read_.toolface], axis=1)
+
+    kind, _, what = cause.partition(".")
+    fields = dict(FIELDS)
+    if what.startswith("direction"):
+        toward = {"north": [1.0, 0.0, 0.0], "east": [0.0, 1.0, 0.0]}[what.partition(".")[2]]
+        if kind == "magnetometer" and what.endswith("north"):
+            toward = np.array([np.sin(1.2), 0.0, -np.cos(1.2)])
+        fields[kind] = fields[kind] + step * np.array(toward)
+    g, b = at(fields, step if kind == "rig" else 0.0)
+    if what == "offset[1]":
+        b = b + step * np.array([0.0, 1.0, 0.0])
+    if what == "tensor[0,2]":
+        g = g + step * np.stack([g[:, 2], 0.0 * g[:, 2], 0.0 * g[:, 2]], axis=1)
+    moved = wrap_signed(seen(g, b) - seen(*at(FIELDS)))
+    # forward differences of 1e-6 over sines of 0.3 and more
+    np.testing.assert_allclose(found.u, S * np.abs(moved) / step, rtol=1e-3, atol=1e-4 * S)
+
+
+def test_angles_that_are_fitted_take_as_many_degrees_of_freedom():
+    """Residuals over their standard deviations before the fit: squares that add up to readings less angles."""
+    alone = known({"accelerometer": np.eye(3)}, noise=S)
+    fitted = verify(read(alone, ROUND), alone, stand=OtherStand())
+    across = np.sin(fitted.true_inclination)
+    assert np.sum(fitted.u[:, 0] ** 2 + (across * fitted.u[:, 2]) ** 2) / S**2 == pytest.approx(16.0 - 2.0)
+    both = known({kind: np.eye(3) for kind in FIELDS}, noise=S)
+    noise = {"accelerometer": S, "magnetometer": 100.0 * S}  # gravity alone tells the tilt
+    both = dataclasses.replace(both, tool=dataclasses.replace(both.tool, noise=noise))
+    stated, level, fitted = (
+        verify(read(both, ROUND), both, stand=stand) for stand in (OtherStand(0.0, 0.0), OtherStand(0.0), OtherStand())
+    )
+    np.testing.assert_allclose(level.u[:, [0, 2]], stated.u[:, [0, 2]])
+    for found in (level, fitted):
+        assert np.sum((found.u[:, 1] / stated.u[:, 1]) ** 2) == pytest.approx(8.0 - 1.0, rel=1e-3)
+    assert np.sum(fitted.u[:, 0] ** 2 + (across * fitted.u[:, 2]) ** 2) / S**2 == pytest.approx(16.0 - 2.0, rel=1e-3)
+
+
+def test_a_misread_dial_is_named_for_tools_of_five_sensors():
+    rows = np.vstack([np.eye(3), np.random.default_rng(8).normal(size=(2, 3))])
+    calibration = known(dict.fromkeys(FIELDS, rows), noise=S)
+    readings = read(calibration, ROUND)
+    assert verify(readings, calibration).verdict == "pass"
+    with pytest.raises(MisreadError, match="with --toolface-counts counterclockwise the readings fit"):
+        verify(dataclasses.replace(readings, toolface=-readings.toolface, digest=""), calibration)
 
 
 def test_what_is_not_known_of_another_stand_adds_to_the_angle_it_moves():
