@@ -107,6 +107,13 @@ def test_the_azimuth_of_a_turned_second_triad_hangs_on_the_dip_where_the_tool_wa
         inclination = found.inclination
         expected = small * np.sqrt(np.cos(inclination) ** 2 + (np.tan(dip) * np.sin(inclination)) ** 2 / 2.0)
         np.testing.assert_allclose(found.difference[:, 1], expected, rtol=1e-3)  # second order of 1e-4 and tan dip
+        # a scale and an offset along the tool: which way they add up tells the sign of the dip
+        moved = gravity | {kind: (np.diag([1.0, 1.0, 1.0 + small]), np.array([0.0, 0.0, small]), None)}
+        found = compare_calibrations(calibrated(plain, directions), calibrated(moved))
+        along = np.sin(dip) * np.cos(inclination)
+        mean = (np.cos(dip) * np.sin(inclination)) ** 2 / 8.0 + (along + 1.0) ** 2 / 2.0
+        expected = small * np.sin(inclination) / np.cos(dip) * np.sqrt(mean)
+        np.testing.assert_allclose(found.difference[:, 1], expected, rtol=1e-3)
 
 
 def test_two_accelerometers_are_compared_where_one_has_three():

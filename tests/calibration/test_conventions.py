@@ -1,18 +1,19 @@
 """Dials that count in another way than was said: what tells them apart, what is refused, and that right files pass."""
 
 import dataclasses
+import re
 
 import numpy as np
 import pytest
 
 from inclinometry.calibration import plans
-from inclinometry.calibration.conventions import Dials, check_axes, check_dials, figure
+from inclinometry.calibration.conventions import Dials, check_axes, check_dials, check_noise, figure
 from inclinometry.calibration.design import optimal_plan
 from inclinometry.calibration.direct import calibrate_rotations, calibrate_twelve
 from inclinometry.calibration.joint import calibrate_joint
 from inclinometry.calibration.likelihood import Model, State
 from inclinometry.calibration.readings import BenchReadings
-from inclinometry.calibration.start import fix_signs, starting_state
+from inclinometry.calibration.start import fix_signs, linear_start, starting_state
 from inclinometry.errors import InputError
 from inclinometry.rotations import dcm, rotation_x
 from inclinometry.simulate.bench import Rig, simulate_bench
@@ -189,6 +190,26 @@ def test_one_triad_that_looks_usual_by_chance_does_not_excuse_another():
     assert any("--inclination-from other-end" in warning for warning in calibrate_joint(readings).warnings)
 
 
+def test_a_residual_is_a_share_of_the_field_of_its_triad_for_the_parameters_it_took():
+    """The median over the channels that live; half the readings gone into parameters double the square, at most four
+    times."""
+    plan = PLANS["orthogonal"]
+    readings = field_at(plan, Dials(), np.diag([1.0, 2.0, 4.0]))
+    channels = {kind: np.column_stack([v, np.full(24, 7.0)]) for kind, v in readings.channels.items()}  # and a dead one
+    model = Model(channels, np.stack(readings.dials, axis=1), np.ones((24, 1)), np.ones((24, 8)), np.zeros(3),
+                  np.zeros(4), {})  # fmt: skip
+    rows = np.vstack([1e3 * np.diag([1.0, 2.0, 4.0]), np.zeros(3)])
+    state = state_of(accelerometer=rows / 1e3, magnetometer=rows / 1e3)
+    shares = np.array([0.05, 0.0, 0.0, 0.0, 0.01, 0.1, 0.2, 0.0])  # of the full field of each channel
+    residual = np.ones((24, 8)) * shares * [1e3, 2e3, 4e3, 1.0, 1e3, 2e3, 4e3, 1.0]
+    size = residual.size
+    check_noise(model, state, residual, size)
+    check_noise(model, state, residual, size // 2)
+    for freedom, percent in ((size // 3, 17), (size // 4, 20), (1, 20)):
+        with pytest.raises(InputError, match=f"leaves {percent} % of the field unexplained in the magnetometer"):
+            check_noise(model, state, residual, freedom)
+
+
 def test_readings_in_another_order_are_refused():
     readings = run_of(realistic_tool(7), PLANS["orthogonal"])
     order = np.random.default_rng(0).permutation(24)
@@ -249,6 +270,27 @@ def test_what_dials_do_does_not_hang_on_the_unit_of_the_signals():
             check_dials(dataclasses.replace(readings, channels=channels, digest=""))
         said.append(str(refusal.value))
     assert said[0] == said[1]
+
+
+def test_what_is_left_unexplained_is_a_share_of_the_field():
+    """All round alike, each channel's readings spread over the field by one over the root of three."""
+    readings = field_at(PLANS["orthogonal"], Dials(toolface_counts=REVERSED), np.eye(3))
+    settings = dcm(*readings.dials)
+    left = {
+        kind: np.sqrt(linear_start(kind, settings, np.ones((24, 1)), 1e-3 * values)[2] / values.size)
+        for kind, values in readings.channels.items()
+    }
+    with pytest.raises(InputError) as refusal:
+        check_dials(readings)
+    said = re.search(r"as given they leave ([0-9.]+) % of the field unexplained in the (\w+)", str(refusal.value))
+    assert float(said[1]) == pytest.approx(100.0 * left[said[2]], rel=0.05)  # two digits
+
+
+def test_at_one_azimuth_no_azimuth_dial_is_blamed():
+    readings = run_of(random_tool(3), PLANS["rotations"], Dials("horizontal"), stated=False, base_tilt=0.01)
+    with pytest.raises(InputError, match="cannot tell it from --inclination-from") as refusal:
+        check_dials(readings)
+    assert "--azimuth-counts" not in str(refusal.value)
 
 
 def test_how_many_times_in_as_many_digits_as_mean_something():

@@ -133,6 +133,10 @@ def test_check_from_readings_is_a_calibration_with_its_covariance():
     assert not check.alarm.raised
     assert check.refusal == ""
     assert check.calibration.method == METHOD
+    assert check.calibration.tool.name == tool.name
+    named = check_with_prior(readings, tool, prior, model_of(), name="A7")
+    assert named.calibration.tool.name == "A7"
+    np.testing.assert_array_equal(named.values, check.values)
     assert "drift of type X" in check.calibration.notes[-1]
     found, covariance = relative_parameters(check.calibration.tool, tool)
     # what was said before any reading was taken, for the plan's ideal tool and rig

@@ -156,7 +156,7 @@ def _coefficients(kind: str, first: Tool, second: Tool) -> list[Coefficient]:
     per = known if len(known) == 2 else [1.0, 1.0]
     found, spread = zip(*(_classical(tool, kind, s) for tool, s in zip((first, second), per, strict=True)), strict=True)
     unit = first.triads[kind].unit
-    of_k = f"{unit} per {FIELD_UNITS[kind] if per is known else 'field of the stand'}"
+    of_k = f"{unit} per {FIELD_UNITS[kind]}" if per is known else f"{unit} per field of the stand"
     axes = ("x", "y", "z")
     columns = [("K", of_k), *((f"cos {axis}", "") for axis in axes), ("bias", unit)]
     return [

@@ -17,7 +17,7 @@ from inclinometry.arrays import Array, Index, Mask, finite, within
 from inclinometry.calibration.dials import same
 from inclinometry.calibration.expected import ExpectedUncertainty, expected_uncertainty
 from inclinometry.calibration.identifiability import null_space
-from inclinometry.calibration.likelihood import Model, State
+from inclinometry.calibration.likelihood import NUISANCE, Model, State
 from inclinometry.calibration.plans import Plan
 from inclinometry.calibration.start import Stand, stand_within
 from inclinometry.constants import DIP, INCLINATION_RANGE, SHORT_INCLINATIONS, VECTORS
@@ -68,11 +68,11 @@ class Information:
             np.ones((size, 1)),
             np.broadcast_to(self.noise * self.full, (size, len(self.full))),
             self.rig_sd,
-            np.zeros(4),
+            np.zeros(len(NUISANCE)),
             {kind: (direction, np.eye(3) / direction_sd**2) for kind, direction in directions.items()},
         )
         coefficients = {k: np.concatenate([t.tensor, t.offset[..., None]], axis=2) for k, t in triads.items()}
-        return model, State(coefficients, directions, np.zeros((size, 3)), np.zeros(4))
+        return model, State(coefficients, directions, np.zeros((size, 3)), np.zeros(len(NUISANCE)))
 
     def factors(self, settings: Array) -> Array:
         """L (K, M, p) of each station: its information on the parameters, rig errors marginalised, is L'L.

@@ -19,7 +19,7 @@ from inclinometry.calibration import direct
 from inclinometry.calibration.design import NOISE, RIG_SD, Information, Problem, inclination_grid, information, search
 from inclinometry.calibration.drift import DriftModel, DriftState
 from inclinometry.calibration.drift_alarm import FALSE_ALARMS, FEWEST, Alarm, cause_test, gaussian_maxima, judged
-from inclinometry.calibration.likelihood import Model, State
+from inclinometry.calibration.likelihood import NUISANCE, Model, State
 from inclinometry.calibration.plans import Plan
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import UNSTATED, Calibration
@@ -253,7 +253,7 @@ def check_with_prior(
         unit = readings.units.get(kind, UNSTATED)
         if UNSTATED not in (unit, triad.unit) and unit != triad.unit:
             raise InputError(f"the {kind} is in {unit}, the tool's history in {triad.unit}: convert one of them")
-    tool = tool_from_relative(reference, prior.mean, prior.covariance, name or reference.name)
+    tool = tool_from_relative(reference, prior.mean, prior.covariance, reference.name)
     channels = {kind: readings.channels[kind] for kind in tool.triads if kind in VECTORS}
     settings = np.stack(readings.dials, axis=1)
     start, powers = _start(tool, readings, settings)
@@ -261,7 +261,7 @@ def check_with_prior(
     seen = prior.covariance + model.reproducibility
     known, precision = _known(tool, turn, rows, seen, powers.shape[1])
     rig, _ = rig_guess(rig_sd)
-    bare = Model(channels, settings, powers, np.ones((len(settings), 6)), rig, np.zeros(4), {})
+    bare = Model(channels, settings, powers, np.ones((len(settings), 6)), rig, np.zeros(len(NUISANCE)), {})
     stated = _noise(readings, reference, noise_sd)
     noise, _ = noise_guess(readings, stated, bare.linearise(start).residual)
     rounding = np.concatenate([readings.rounding(kind) for kind in channels], axis=1)
@@ -337,7 +337,7 @@ def _start(tool: Tool, readings: BenchReadings, settings: Array) -> tuple[State,
         directions[kind] = mean / np.linalg.norm(mean)
         block = np.concatenate([triad.tensor, triad.offset[..., None]], axis=2)
         coefficients[kind] = np.pad(block, ((0, degree + 1 - len(block)), (0, 0), (0, 0)))
-    return State(coefficients, directions, np.zeros_like(settings), np.zeros(4)), powers
+    return State(coefficients, directions, np.zeros_like(settings), np.zeros(len(NUISANCE))), powers
 
 
 def _turn(reference: Tool, powers: int) -> tuple[Array, Index]:

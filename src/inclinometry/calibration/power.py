@@ -157,7 +157,7 @@ def power(
     def passing(factor: float, columns: slice = slice(None)) -> NDArray[np.bool_]:
         seen = error[..., columns] + np.sqrt(factor**2 - 1.0) * worse[..., columns]
         # not beyond, rather than within: exactly vertical, azimuth and toolface have no error at all
-        return ~np.any(np.abs(seen) > accepted[:, columns], axis=(1, 2))
+        return np.asarray(~np.any(np.abs(seen) > accepted[:, columns], axis=(1, 2)))
 
     def least(columns: slice = slice(None)) -> float:
         low, high = 1.0, LARGEST
