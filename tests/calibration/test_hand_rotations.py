@@ -286,6 +286,11 @@ def test_the_record_has_the_same_gyro_and_correlations():
     sd = np.sqrt(np.diag(record.covariance))
     scale = np.where(sd > 0.0, sd, 1.0)  # the accelerometer's axes are zero below the diagonal by definition
     assert np.linalg.eigvalsh(record.covariance / np.outer(scale, scale)).min() > -1e-9
+    # nine of the equations go into the accelerometer
+    assert record.residuals.leverage.sum() == pytest.approx(9.0)
+    lengths = np.linalg.norm(found.accelerometer.tensor, axis=1)
+    np.testing.assert_allclose(record.tool.noise["accelerometer"] / lengths, found.accelerometer.rms / 9.80665)
+    np.testing.assert_allclose(record.tool.noise["gyro"], 0.2, rtol=0.1)
     # gyro axes are counted from the accelerometer's
     assert np.abs(record.covariance[:12, 12:]).max() > 0.0
 

@@ -376,6 +376,7 @@ class TestWhatIsMissing:
             ({"degree": 4}, "allowed 0 to 3"),
             ({"g_sensitive": True}, "gravity is not given"),
             ({"gravity": np.full((32, 3), 9.8)}, "gravity"),
+            ({"gravity": np.full((32, 3), 1.2)}, "gravity"),
             ({"gravity": np.ones((3, 3))}, "gravity has shape"),
             ({"temperature": np.ones(3)}, "temperature"),
             ({"sd": 0.0}, "must be positive"),

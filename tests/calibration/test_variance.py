@@ -297,6 +297,9 @@ def test_where_the_search_for_the_variances_starts(twelve):
     assert known.tolist() == [True, False, True]
     assert sd[[0, 2]].tolist() == [0.001, 0.0]
     assert sd[1] == rig_guess(None)[0][1]
+    assert rig_guess(np.radians(30.0))[1].all()
+    with pytest.raises(InputError, match="rig_sd"):
+        rig_guess(np.radians(30.1))
     with pytest.raises(InputError, match=r"rig_sd has shape \(2,\)"):
         rig_guess([0.1, 0.1])
     residual = np.concatenate([np.full((12, 3), 6.0), np.full((12, 3), 30.0)], axis=1)
