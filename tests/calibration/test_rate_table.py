@@ -212,6 +212,38 @@ class TestAgainstTheTextbook:
         spread = np.linalg.inv(matrix.T @ matrix)[4:, 4:] * with_[0] / (dof - 2.0)
         np.testing.assert_allclose(found.covariance[4 * count : 4 * count + 3, 4 * count : 4 * count + 3], spread)
 
+    def test_the_covariance_of_a_temperature_campaign_has_the_order_of_its_names(self):
+        """Each gyro by its own least squares; between gyros nothing."""
+        rates, gravity = (np.repeat(v, 2, axis=0) for v in steps())
+        heat = np.tile([10.0, 50.0], len(rates) // 2)
+        u = np.random.default_rng(3).normal(size=(len(rates), 2))
+        found = calibrate_rates(u, rates, gravity=gravity, temperature=heat, degree=1, g_sensitive=True, sd=[0.3, 0.6])
+        assert found.triad.reference_temperature == 30.0
+        plain = np.concatenate([rates / EARTH_RATE, np.ones((len(rates), 1))], axis=1)
+        design = np.concatenate([plain, plain * (heat - 30.0)[:, None], gravity], axis=1)
+        size = np.abs(design).max(axis=0)
+        inverse = np.linalg.inv((design / size).T @ (design / size)) / np.outer(size, size)
+        best = inverse @ design.T @ u
+        seen = 0
+        for sensor, sd in ((0, 0.3), (1, 0.6)):
+            rows = [4 * sensor + k for k in range(4)] + [8 + 4 * sensor + k for k in range(4)]
+            rows += [16 + 3 * sensor + k for k in range(3)]
+            scale = np.sqrt(np.diag(inverse))
+            np.testing.assert_allclose(
+                found.covariance[np.ix_(rows, rows)] / np.outer(scale, scale),
+                sd**2 * inverse / np.outer(scale, scale), atol=1e-6,
+            )  # fmt: skip
+            values = np.concatenate([parameter_vector(found.triad), found.g_sensitivity.ravel()])[rows]
+            np.testing.assert_allclose(values / scale, best[:, sensor] / scale, atol=1e-6)
+            seen += len(rows)
+            others = np.setdiff1d(np.arange(22), rows)
+            assert not found.covariance[np.ix_(rows, others)].any()
+            assert found.parameter_names[rows[-1]] == f"gyro.g_sensitivity[{sensor},2]"
+        assert seen == len(found.covariance) == len(found.parameter_names)
+        np.testing.assert_allclose(found.sd, [0.3, 0.6])
+        table = found.to_dict()
+        assert len(next(iter(table.values()))) == 2
+
     @pytest.mark.parametrize("spread", [None, 0.3])
     def test_a_suspect_is_a_step_that_a_fit_without_it_does_not_predict(self, spread):
         rates, _, u = self.noisy()
