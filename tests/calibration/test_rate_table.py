@@ -326,6 +326,22 @@ class TestAgainstTheTextbook:
         assert f"gyro 3 scatters {size[2] / np.sort(size)[1]:.2g} times as much" in note
         assert calibrate_rates(u[:, :2], rates).notes == ()
 
+    @pytest.mark.parametrize("count", [8, 32])
+    def test_it_is_named_from_three_times_on_where_that_is_no_chance(self, count):
+        """Of few steps by Fisher's F of two scatters, one in ten thousand for the worst of three."""
+        rates = np.random.default_rng(6).normal(size=(count, 3))
+        tensor, offset, _ = gyros()
+        noise, named, wanted = np.random.default_rng(7).normal(size=(count, 3)), [], []
+        for size in np.geomspace(1.0, 40.0, 30):
+            u = signals_of((tensor, offset, np.zeros((3, 3))), rates, np.zeros((count, 3))) + noise * [1.0, 1.0, size]
+            left, dof, *_ = self.left(u, rates, np.ones((count, 1)))
+            scatter = np.sqrt(left / dof) / np.linalg.norm(calibrate_rates(u, rates).triad.tensor[0], axis=1)
+            ratio = scatter[2] / np.sort(scatter)[1]
+            wanted.append(bool(ratio > 3.0 and 3.0 * f.sf(ratio**2, dof, dof) < 0.001))
+            named.append(any("gyro 3 scatters" in note for note in calibrate_rates(u, rates).notes))
+        assert named == wanted
+        assert 0 < sum(named) < 30
+
 
 class TestTable:
     def test_whole_turns_average_the_horizontal_earth_rate_out(self):
