@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import gzip
-from dataclasses import replace
+from dataclasses import FrozenInstanceError, replace
 from importlib.resources import files
 from pathlib import Path
 
@@ -217,6 +217,61 @@ def test_the_accelerometers_share_is_how_the_gain_follows_its_parameters(fitted)
         np.testing.assert_allclose((ends[0] - ends[1]) / 2.0, wanted, atol=2e-3 * np.abs(wanted).max())
 
 
+def test_what_is_shown_follows_from_the_estimate_and_its_covariance(fitted):
+    log, fit, found = fitted
+    u, spread = found.uncertainty, found.covariance[9:18, 9:18]
+    sd = np.sqrt(np.diag(spread))
+    draws = np.random.default_rng(2).multivariate_normal(np.zeros(9), spread / np.outer(sd, sd), 4000) * sd
+    others = [replace(found, gain=found.gain + d.reshape(3, 3)) for d in draws]
+    # 4000 draws: 1.1 %; ones on the diagonal are certain
+    np.testing.assert_allclose(np.std([o.scale for o in others], axis=0), u["scale"], rtol=0.06)
+    np.testing.assert_allclose(np.std([1.0 / o.scale for o in others], axis=0), u["conversion"], rtol=0.06)
+    off = ~np.eye(3, dtype=bool)
+    skew = np.std([o.misalignment for o in others], axis=0)
+    np.testing.assert_allclose(skew[off], u["misalignment"][off], rtol=0.06)
+    assert np.abs(u["misalignment"][~off]).max() < 1e-12
+    np.testing.assert_allclose(found.misalignment @ np.diag(found.scale), found.gain, atol=1e-15)
+    # the bias of the rests, each an independent look at it
+    means = np.array([log.gyro[a:b].mean(axis=0) for a, b in found.rests.pairs()])
+    np.testing.assert_allclose(found.bias, means.mean(axis=0))
+    np.testing.assert_allclose(found.bias_scatter, means.std(axis=0, ddof=1))
+    np.testing.assert_allclose(u["bias"], means.std(axis=0, ddof=1) / np.sqrt(len(means)))
+    # gravity as seen and as the gyro turned it
+    seen, left = fit.u1, fit._model(found.gain)[0]
+    turned = (seen - left) / np.linalg.norm(seen - left, axis=1, keepdims=True)
+    np.testing.assert_allclose(found.residual, np.arccos(np.sum(seen * turned, axis=1)), rtol=1e-5)
+    assert found.rms == pytest.approx(np.sqrt(np.mean(found.residual**2)))
+    assert found.rotations.tolist() == list(range(19))
+    assert "19 rotations used" in found.notes
+    # 18 check the fit
+    assert not any("rotations for nine parameters" in said for said in found.warnings)
+    assert len({found, replace(found)}) == 2
+    with pytest.raises(FrozenInstanceError):
+        found.gain = None
+
+
+def test_a_stated_bias_is_taken_as_it_is(fitted):
+    log, _, found = fitted
+    stated = found.bias + [0.05, -0.1, 0.02]
+    other = calibrate_hand_rotations(*log, bias=stated)
+    np.testing.assert_array_equal(other.bias, stated)
+    off = found.rests.noise_sd[3:] / np.sqrt(100.0)  # of a mean over a rest of 2 s
+    np.testing.assert_allclose(other.uncertainty["bias"], off, rtol=0.3)
+    # what a wrong bias leaves is in the weights, as if each rotation had its own
+    sd = np.sqrt(np.diag(other.covariance)[9:18])
+    assert (np.abs(other.gain - found.gain).ravel() < 5.0 * sd).all()
+    assert sd.mean() > np.sqrt(np.diag(found.covariance)[9:18]).mean()
+
+
+@pytest.mark.parametrize("unit", ["rad/s", "deg/s", "deg/h"])
+def test_a_gyro_in_a_unit_of_rate_needs_no_search(fitted, unit):
+    log, _, found = fitted
+    per_radian = {"rad/s": 1.0, "deg/s": np.degrees(1.0), "deg/h": np.degrees(3600.0)}[unit]
+    signals = (log.gyro - found.bias) @ found.gain.T * per_radian
+    other = calibrate_hand_rotations(log.time, log.force, signals, gyro_unit=unit)
+    np.testing.assert_allclose(other.gain * per_radian, np.eye(3), atol=1e-4)
+
+
 def test_residuals_follow_the_gain_and_scatter_as_they_are_weighed(fitted):
     """Derivatives against differences; whitened, errors of the rests, shared by two, and of the bias are 1."""
     _, fit, found = fitted
@@ -286,6 +341,11 @@ def test_the_record_has_the_same_gyro_and_correlations():
     sd = np.sqrt(np.diag(record.covariance))
     scale = np.where(sd > 0.0, sd, 1.0)  # the accelerometer's axes are zero below the diagonal by definition
     assert np.linalg.eigvalsh(record.covariance / np.outer(scale, scale)).min() > -1e-9
+    # nine of the equations go into the accelerometer
+    assert record.residuals.leverage.sum() == pytest.approx(9.0)
+    lengths = np.linalg.norm(found.accelerometer.tensor, axis=1)
+    np.testing.assert_allclose(record.tool.noise["accelerometer"] / lengths, found.accelerometer.rms / 9.80665)
+    np.testing.assert_allclose(record.tool.noise["gyro"], 0.2, rtol=0.1)
     # gyro axes are counted from the accelerometer's
     assert np.abs(record.covariance[:12, 12:]).max() > 0.0
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from inclinometry.calibration import plans
-from inclinometry.calibration.identifiability import constant_errors
+from inclinometry.calibration.identifiability import constant_errors, null_space
 from inclinometry.calibration.joint import calibrate_joint
 from inclinometry.calibration.likelihood import NUISANCE, Model
 from inclinometry.calibration.plans import Plan
@@ -261,6 +261,23 @@ def test_an_error_that_was_not_fitted_is_what_a_fit_with_it_finds(bench, setting
         # errors of three standard uncertainties: a hundredth of one is not linear
         assert found[name][0] == pytest.approx(carried.state.nuisance[place], abs=0.05 * u)
     assert "inclination_zero" not in constant_errors(fit(replace(model, nuisance_sd=np.eye(4)[0]), here.state))
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e-4, 1e4])
+def test_what_is_unseen_is_two_changes_in_any_unit_of_the_signals(bench, unit):
+    """Rolls at 45 and 135 degrees: the zero of the toolface and a tilt, and nothing else is needed to say so."""
+    readings, _ = bench(rotations((0, 45), (0, 135)), random_tool(3, sensors={"accelerometer": 3}), Rig())
+    signals = {"accelerometer": unit * readings.channels["accelerometer"]}
+    dials = np.stack(readings.dials, axis=1)
+    model = Model(signals, dials, np.ones((16, 1)), np.full((16, 3), unit), np.zeros(3), np.zeros(4), {})
+    found = null_space(model, starting_state(model))
+    assert (found.rank, found.size, found.complete) == (13, 14, False)
+    (sentence,) = found.sentences
+    # about the axis that stays in the plane of the turns
+    assert sentence in (
+        "this plan cannot see tilt of the rig about its north axis together with toolface zero",
+        "this plan cannot see toolface zero together with tilt of the rig about its north axis",
+    )
 
 
 @pytest.mark.parametrize("count", [2, 3, 4])

@@ -1,10 +1,12 @@
 """The joint model against a second one written with loops, finite differences, dense algebra and scipy."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from inclinometry.calibration.likelihood import Model, State, tangent_basis
+from inclinometry.calibration.likelihood import Model, StandAngle, State, tangent_basis
 from inclinometry.calibration.variance import fit
 
 KINDS = ("accelerometer", "magnetometer", "gyro")
@@ -231,6 +233,73 @@ def test_eliminated_normal_equations_are_those_of_the_dense_problem(rig):
     np.testing.assert_allclose(moved, dense[p:], atol=1e-8 * np.abs(dense).max())
     still = np.flatnonzero(np.array(rig) == 0.0)
     np.testing.assert_array_equal(after.errors[:, still], state.errors[:, still])
+
+
+@pytest.fixture(scope="module")
+def everything():
+    """Trusted dials, a prior on gravity, known dip and north, structured errors with sizes of their own."""
+    sensors = {"accelerometer": 3, "magnetometer": 4}
+    model, state = make(9, sensors, 1, rig=(0.0, 0.0, 0.0), nuisance=(0.01, 0.0, 0.03, 0.0), priors=("accelerometer",))
+    model = replace(model, stand=(StandAngle("dip", 0.4, 0.02), StandAngle("north", 1.0, 0.05)))
+    random = np.random.default_rng(3)
+    for place, dial in (("x", ()), ("y", (1, 1))):
+        columns = random.normal(size=(14, 7, 2))
+        model, state = model.with_structure(state, columns, np.array([1e-3, 2e-3]), [place] * 2, dial)
+    assert model.structure_name == ("x", "x", "y", "y")
+    assert model.structure_dial.tolist() == [-1, -1, 1, 1]
+    return model, replace(state, structured=1e-3 * random.normal(size=4))
+
+
+def test_the_gradient_is_that_of_the_cost_with_every_prior(everything):
+    model, state = everything
+    normal = model.normal(state)
+    random = np.random.default_rng(1)
+    for _ in range(5):
+        step = random.normal(size=len(normal.gradient)) * np.where(np.arange(len(normal.gradient)) < 60, 1.0, 0.1)
+        ends = [model.normal(model.retract(state, h * step)).cost for h in (1e-6, -1e-6)]
+        assert (ends[0] - ends[1]) / 2e-6 == pytest.approx(2.0 * normal.gradient @ step, rel=1e-5)
+    # and the hessian, of the readings and of the priors
+    at = model.linearise(state)
+    rows = (at.jacobian / model.noise_sd[..., None]).reshape(-1, at.jacobian.shape[2])
+    wanted = rows.T @ rows + model.prior_information(state)
+    np.testing.assert_allclose(normal.hessian, wanted, atol=1e-9 * np.abs(wanted).max())
+    # each prior's share of the cost is the square of what it is off by
+    off, slopes, sd = model.field_rows(state)
+    down, field = state.directions["accelerometer"], state.directions["magnetometer"]
+    assert off[-2:] == pytest.approx([angle.off(down, field)[0] for angle in model.stand])
+    assert sd[-2:].tolist() == [0.02, 0.05]
+    readings = np.sum((at.residual / model.noise_sd) ** 2)
+    prior = np.sum((off / sd) ** 2) + np.sum((state.structured / model.structure_sd) ** 2)
+    free = model.fitted_nuisance
+    assert free.tolist() == [0, 2]
+    assert model.nuisance_names() == ("inclination_zero", "outer_nonorthogonality")
+    prior += np.sum((state.nuisance[free] / model.nuisance_sd[free]) ** 2)
+    assert normal.cost == pytest.approx(readings + prior)
+    assert slopes.shape == (5, len(normal.gradient))
+
+
+def test_some_stations_and_a_higher_power_of_temperature_leave_the_readings_as_they_are(everything):
+    model, state = everything
+    whole, rows = model.linearise(state).residual, np.array([3, 0, 11])
+    assert not np.allclose(whole, model.linearise(replace(state, structured=np.zeros(4))).residual)
+    some = replace(state, errors=state.errors[rows])
+    np.testing.assert_allclose(model.take(rows).linearise(some).residual, whole[rows], atol=1e-14)
+    assert model.take(rows).noise_sd.shape == (3, 7)
+    powers = np.concatenate([model.powers, model.powers[:, 1:] ** 2], axis=1)
+    wider, more = model.with_powers(state, powers)
+    np.testing.assert_allclose(wider.linearise(more).residual, whole, atol=1e-14)
+    assert more.coefficients["magnetometer"].shape == (3, 4, 4)
+    narrow, less = wider.with_powers(more, powers[:, :1])
+    np.testing.assert_array_equal(less.coefficients["magnetometer"], state.coefficients["magnetometer"][:1])
+    assert narrow.sizes() == {"accelerometer": 12, "magnetometer": 16}
+
+
+def test_an_angle_of_the_stand_at_the_pole_is_finite():
+    down = np.array([0.0, 0.0, 1.0])
+    for name, found in (("dip", np.pi / 2.0), ("north", 0.0)):
+        off, by_down, by_field = StandAngle(name, 0.1, 0.01).off(down, down)
+        assert np.isfinite([*by_down, *by_field]).all()
+        assert off == pytest.approx(found - 0.1, abs=2e-3)
 
 
 def test_covariance_of_the_fit_is_the_block_of_the_dense_inverse():

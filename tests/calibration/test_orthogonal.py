@@ -184,3 +184,31 @@ def test_a_dial_off_by_more_than_rounding_is_another_plan():
     assert why_not_orthogonal(*rounded) is None
     with pytest.raises(InputError, match="expected three times"):
         why_not_orthogonal(plan.azimuth, plan.inclination, plan.toolface[:5])
+
+
+def test_what_is_out_of_balance_is_named():
+    """Hanging and standing, eight rolls each: means are nothing, the z axis alone lies along the rig's."""
+    roll = np.tile(np.radians(np.arange(0.0, 360.0, 45.0)), 2)
+    inclination = np.repeat([0.0, np.pi], 8)
+    said = why_not_orthogonal(0.0 * roll, inclination, roll)
+    assert said.endswith("sum of C[z,z] C[z,z] is out of balance")
+    # a cube of which two stations, opposite in all they see, stand elsewhere: the worst pair of elements, by a loop
+    dials = [
+        np.concatenate([v, more])
+        for v, more in zip(
+            dials_of(PLANS[0]),
+            ([0.3, 0.3, 0.3, 0.3], [0.4, 0.4, np.pi - 0.4, np.pi - 0.4], [0.2, 0.2 + np.pi, 0.2, 0.2 + np.pi]),
+            strict=True,
+        )
+    ]
+    dials = [np.concatenate([v, v + turn]) for v, turn in zip(dials, (np.pi, 0.0, 0.0), strict=True)]
+    turns = dcm(*dials)
+    assert np.abs(turns.mean(axis=0)).max() < 1e-12
+    worst = {}
+    for i, j, k, m in np.ndindex(3, 3, 3, 3):
+        wanted = 1.0 / 3.0 if (i, j) == (k, m) else 0.0
+        worst[i, j, k, m] = abs(np.mean(turns[:, i, j] * turns[:, k, m]) - wanted)
+    i, j, k, m = max(worst, key=lambda pair: round(worst[pair], 12))
+    assert why_not_orthogonal(*dials).endswith(
+        f"sum of C[{'xyz'[i]},{'xyz'[j]}] C[{'xyz'[k]},{'xyz'[m]}] is out of balance"
+    )

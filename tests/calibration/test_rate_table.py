@@ -212,6 +212,38 @@ class TestAgainstTheTextbook:
         spread = np.linalg.inv(matrix.T @ matrix)[4:, 4:] * with_[0] / (dof - 2.0)
         np.testing.assert_allclose(found.covariance[4 * count : 4 * count + 3, 4 * count : 4 * count + 3], spread)
 
+    def test_the_covariance_of_a_temperature_campaign_has_the_order_of_its_names(self):
+        """Each gyro by its own least squares; between gyros nothing."""
+        rates, gravity = (np.repeat(v, 2, axis=0) for v in steps())
+        heat = np.tile([10.0, 50.0], len(rates) // 2)
+        u = np.random.default_rng(3).normal(size=(len(rates), 2))
+        found = calibrate_rates(u, rates, gravity=gravity, temperature=heat, degree=1, g_sensitive=True, sd=[0.3, 0.6])
+        assert found.triad.reference_temperature == 30.0
+        plain = np.concatenate([rates / EARTH_RATE, np.ones((len(rates), 1))], axis=1)
+        design = np.concatenate([plain, plain * (heat - 30.0)[:, None], gravity], axis=1)
+        size = np.abs(design).max(axis=0)
+        inverse = np.linalg.inv((design / size).T @ (design / size)) / np.outer(size, size)
+        best = inverse @ design.T @ u
+        seen = 0
+        for sensor, sd in ((0, 0.3), (1, 0.6)):
+            rows = [4 * sensor + k for k in range(4)] + [8 + 4 * sensor + k for k in range(4)]
+            rows += [16 + 3 * sensor + k for k in range(3)]
+            scale = np.sqrt(np.diag(inverse))
+            np.testing.assert_allclose(
+                found.covariance[np.ix_(rows, rows)] / np.outer(scale, scale),
+                sd**2 * inverse / np.outer(scale, scale), atol=1e-6,
+            )  # fmt: skip
+            values = np.concatenate([parameter_vector(found.triad), found.g_sensitivity.ravel()])[rows]
+            np.testing.assert_allclose(values / scale, best[:, sensor] / scale, atol=1e-6)
+            seen += len(rows)
+            others = np.setdiff1d(np.arange(22), rows)
+            assert not found.covariance[np.ix_(rows, others)].any()
+            assert found.parameter_names[rows[-1]] == f"gyro.g_sensitivity[{sensor},2]"
+        assert seen == len(found.covariance) == len(found.parameter_names)
+        np.testing.assert_allclose(found.sd, [0.3, 0.6])
+        table = found.to_dict()
+        assert len(next(iter(table.values()))) == 2
+
     @pytest.mark.parametrize("spread", [None, 0.3])
     def test_a_suspect_is_a_step_that_a_fit_without_it_does_not_predict(self, spread):
         rates, _, u = self.noisy()
@@ -293,6 +325,22 @@ class TestAgainstTheTextbook:
         size = np.sqrt(left) / np.linalg.norm(tensor[0], axis=1)
         assert f"gyro 3 scatters {size[2] / np.sort(size)[1]:.2g} times as much" in note
         assert calibrate_rates(u[:, :2], rates).notes == ()
+
+    @pytest.mark.parametrize("count", [8, 32])
+    def test_it_is_named_from_three_times_on_where_that_is_no_chance(self, count):
+        """Of few steps by Fisher's F of two scatters, one in ten thousand for the worst of three."""
+        rates = np.random.default_rng(6).normal(size=(count, 3))
+        tensor, offset, _ = gyros()
+        noise, named, wanted = np.random.default_rng(7).normal(size=(count, 3)), [], []
+        for size in np.geomspace(1.0, 40.0, 30):
+            u = signals_of((tensor, offset, np.zeros((3, 3))), rates, np.zeros((count, 3))) + noise * [1.0, 1.0, size]
+            left, dof, *_ = self.left(u, rates, np.ones((count, 1)))
+            scatter = np.sqrt(left / dof) / np.linalg.norm(calibrate_rates(u, rates).triad.tensor[0], axis=1)
+            ratio = scatter[2] / np.sort(scatter)[1]
+            wanted.append(bool(ratio > 3.0 and 3.0 * f.sf(ratio**2, dof, dof) < 0.001))
+            named.append(any("gyro 3 scatters" in note for note in calibrate_rates(u, rates).notes))
+        assert named == wanted
+        assert 0 < sum(named) < 30
 
 
 class TestTable:
@@ -376,6 +424,7 @@ class TestWhatIsMissing:
             ({"degree": 4}, "allowed 0 to 3"),
             ({"g_sensitive": True}, "gravity is not given"),
             ({"gravity": np.full((32, 3), 9.8)}, "gravity"),
+            ({"gravity": np.full((32, 3), 1.2)}, "gravity"),
             ({"gravity": np.ones((3, 3))}, "gravity has shape"),
             ({"temperature": np.ones(3)}, "temperature"),
             ({"sd": 0.0}, "must be positive"),

@@ -1,12 +1,24 @@
 """Bench readings: rows taken, converters found, names in a table, shapes that do not go together."""
 
+import dataclasses
 import re
 
 import numpy as np
 import pytest
 
+from inclinometry.calibration import plans
+from inclinometry.calibration.identifiability import null_space
+from inclinometry.calibration.likelihood import Model
+from inclinometry.calibration.norm import calibrate_norm
+from inclinometry.calibration.outliers import Outlier
+from inclinometry.calibration.rate_table import calibrate_rates
 from inclinometry.calibration.readings import BenchReadings, converter_steps
+from inclinometry.calibration.rollset import roll_harmonics, second_harmonics
+from inclinometry.calibration.start import Stand, starting_state
+from inclinometry.calibration.structured import blocks
+from inclinometry.calibration.variance import estimate_components, fit
 from inclinometry.errors import InputError
+from inclinometry.rotations import dcm
 
 RNG = np.random.default_rng(1)
 CHANNELS = {"accelerometer": RNG.normal(size=(7, 3)), "gyro": RNG.normal(size=(7, 2))}
@@ -65,9 +77,7 @@ def test_the_table_has_the_names_of_a_file():
     assert table["station"] == list("abcdefg")
     assert table["roll_set"][3] == "s"
     assert {"temperature_degC", "count"} <= set(table)
-    np.testing.assert_array_equal(
-        table["gyro_y_deg_h"], CHANNELS["gyro"][:, 1]
-    )
+    np.testing.assert_array_equal(table["gyro_y_deg_h"], CHANNELS["gyro"][:, 1])
     plain = BenchReadings(CHANNELS).to_dict()
     assert not {"azimuth_deg", "temperature_degC", "count", "roll_set"} & set(plain)
     with pytest.raises(InputError, match="no magnetometer; there are: accelerometer, gyro"):
@@ -123,3 +133,36 @@ def test_what_does_not_go_together(more, words):
     with pytest.raises(InputError, match=re.escape(words)):
         BenchReadings(CHANNELS, **more)
     assert BenchReadings(CHANNELS, sd={"gyro": 1e15, "magnetometer": 1.0}, count=np.ones(7)).sd["gyro"].max() == 1e15
+
+
+def test_records_are_frozen_and_each_is_itself():
+    """Their arrays have no one truth of equality: they are compared, and kept in sets, by identity; shown in words."""
+    plan = plans.twelve(6, 3)
+    dials = np.stack([plan.azimuth, plan.inclination, plan.toolface], axis=1)
+    signals = dcm(*dials.T) @ [0.0, 0.0, 1.0] + 1e-3 * np.random.default_rng(2).normal(size=(24, 3))
+    signals = {"accelerometer": signals}
+    readings = BenchReadings(signals, *dials.T)
+    model = Model(signals, dials, np.ones((24, 1)), np.full((24, 3), 1e-3), np.full(3, 1e-3), np.zeros(4), {})
+    state = starting_state(model)
+    fitted = fit(model, state)
+    norm = calibrate_norm(_sphere())
+    harmonics = roll_harmonics(np.arange(6.0), np.arange(6.0))
+    table = calibrate_rates(np.random.default_rng(4).normal(size=(9, 2)), np.random.default_rng(5).normal(size=(9, 3)))
+    records = [
+        readings, model, state, fitted, fitted.at, norm, harmonics, second_harmonics(readings), table,
+        Stand(*dials.T), estimate_components(model, fitted.at, fitted.state, {"accelerometer"}, True),
+        next(iter(blocks(fitted, {"accelerometer"}))), null_space(model, state),
+    ]  # fmt: skip
+    for record in records:
+        assert len({record, record, dataclasses.replace(record)}) == 2
+    for record in [*records, Outlier(3, 0.1)]:
+        with pytest.raises(dataclasses.FrozenInstanceError):
+            setattr(record, dataclasses.fields(record)[0].name, None)
+    assert repr(readings).startswith("BenchReadings: 24 stations with rig angles")
+    for record in (readings, harmonics, table):
+        assert "array(" not in repr(record)
+
+
+def _sphere():
+    points = np.random.default_rng(3).normal(size=(40, 3))
+    return points / np.linalg.norm(points, axis=1, keepdims=True)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.stats import f
+from scipy.stats import f, t
 
 from inclinometry.calibration import plans
 from inclinometry.calibration.joint import calibrate_joint
@@ -114,6 +114,9 @@ def test_a_constant_signal_has_no_phase_but_no_trouble_either():
 def test_clustered_second_harmonic_is_not_told():
     fit = roll_harmonics(np.radians([0, 0.001, 90, 90.001, 180, 180.001]), np.arange(6.0))
     assert fit.second_amplitude is None
+    # four places for five unknowns
+    fit = roll_harmonics(np.radians([0, 0.001, 0.002, 90, 180, 250]), np.arange(6.0))
+    assert fit.second_amplitude is None
 
 
 @pytest.mark.parametrize(
@@ -203,14 +206,15 @@ class TestSecondHarmonics:
         assert named <= 2  # one in a thousand
 
     def test_where_it_is_hardly_significant_it_is_not_named(self):
-        """An unevenness just below and above what one run in a thousand shows by chance, by Fisher's F."""
+        """An unevenness and a square law below and above what one run in a thousand shows by chance: Fisher's F, t."""
         rng = np.random.default_rng(8)
         roll = np.tile(np.radians(np.arange(0.0, 360.0, 45.0)), 3)
         azimuth = np.repeat([0.0, 1.0, 2.0], 8)
         noise = rng.normal(0.0, 1.0, (24, 2))
 
-        def run(size):
-            v = 1000.0 * np.cos((roll + size * np.cos(roll))[:, None] + [0.0, np.pi / 2.0]) + noise
+        def run(size, square=0.0):
+            v = 1000.0 * np.cos((roll + size * np.cos(roll))[:, None] + [0.0, np.pi / 2.0])
+            v = v + 1e-3 * square * v**2 * [1.0, 0.0] + noise
             return second_harmonics(BenchReadings({"accelerometer": v}, azimuth, 0.0 * roll + 1.5, roll))
 
         sizes = 1e-3 * np.linspace(0.5, 9.0, 28)
@@ -221,6 +225,27 @@ class TestSecondHarmonics:
         assert named.any()
         assert not named.all()
         np.testing.assert_array_equal(named, ratio > limit)
+        found = [run(0.0, size) for size in 1e-3 * np.linspace(0.5, 12.0, 24)]
+        ratio = [one.square["accelerometer"][0] / one.u_square["accelerometer"][0] for one in found]
+        named = [any("accelerometer 1 is not linear" in said for said in one.sentences) for one in found]
+        assert 0 < sum(named) < 24
+        np.testing.assert_array_equal(named, np.array(ratio) > t.isf(1e-3 / 6.0, 9))
+
+    def test_sensors_in_one_phase_are_named_each_by_its_own_significance(self):
+        """Two of three sets alike, so that nothing tells the causes apart: Fisher's F of the largest of 6 harmonics."""
+        rng = np.random.default_rng(9)
+        roll = np.tile(np.radians(np.arange(0.0, 360.0, 45.0)), 3)
+        azimuth = np.repeat([0.0, 2.0 * np.pi - 1e-12, 2.0], 8)  # a full turn is the start again
+        noise, limit = rng.normal(0.0, 1.0, (24, 2)), np.sqrt(2.0 * f.isf(1e-3 / 4.0, 2, 8 - 5 + 16 - 5))
+        named, ratio = [], []
+        for size in np.linspace(0.0, 6.0, 25):
+            v = 1000.0 * np.cos(roll)[:, None] * [1.0, -1.0] + size * np.cos(2.0 * roll)[:, None] * [1.0, 0.0] + noise
+            found = second_harmonics(BenchReadings({"accelerometer": v}, azimuth, 0.0 * roll + 1.5, roll))
+            assert len(found.sets) == 2
+            named.append([any(f"accelerometer {k} has one of" in said for said in found.sentences) for k in (1, 2)])
+            ratio.append((np.abs(found.second["accelerometer"]) / found.u["accelerometer"]).max(axis=0))
+        np.testing.assert_array_equal(named, np.array(ratio) > limit)
+        assert 0 < np.sum(named) < 25
 
     def test_none_where_there_is_none(self):
         """False alarms 1 in 1000 at most: none in 40, whatever the rig and number of rolls."""

@@ -7,7 +7,7 @@ from inclinometry.calibration import plans
 from inclinometry.calibration.closed import ClosedForm
 from inclinometry.calibration.twelve import axial_conditioning, find_direction, solve_rotations
 from inclinometry.errors import IdentifiabilityError, InputError
-from inclinometry.rotations import dcm
+from inclinometry.rotations import dcm, rotation_exp
 
 EXACT = 5e-15  # sums of eight numbers of order one over a conditioning of 0.5
 DIP = np.radians(68.0)
@@ -64,6 +64,41 @@ def test_a_singular_pair_of_inclinations_is_refused_with_the_cure():
     signals = ClosedForm(np.eye(3), np.zeros(3), DOWN).signals(*dials)
     with pytest.raises(IdentifiabilityError, match="turn at 45 and 135 degrees"):
         solve_rotations(signals, *dials)
+
+
+def test_refused_where_the_axial_fields_are_less_than_a_fifth_apart():
+    for axial, refused in ((0.19, True), (0.21, False)):
+        # |Hc - Hz| = |sin d + cos d| for gravity
+        first = np.arcsin(axial / np.sqrt(2.0)) + 0.75 * np.pi
+        dials = dials_of(plans.rotations(first))
+        assert axial_conditioning(first) == pytest.approx(axial)
+        truth = ClosedForm(np.eye(3), np.zeros(3), DOWN)
+        if refused:
+            with pytest.raises(IdentifiabilityError, match=r"allowed: 0\.2 apart or more"):
+                solve_rotations(truth.signals(*dials), *dials)
+        else:
+            assert np.abs(solve_rotations(truth.signals(*dials), *dials).tensor - np.eye(3)).max() < 10 * EXACT
+
+
+def test_refused_where_a_twentieth_of_the_harmonics_does_not_follow_the_direction():
+    """What least squares leave of what changes over the rolls, at dips that are wrong by more and more."""
+    dials, said = dials_of(plans.rotations(0.0)), []
+    turns = dcm(*dials)
+    mean = np.array([np.isclose(dials[1], i) / np.isclose(dials[1], i).sum() for i in dials[1]])
+    for degrees in np.arange(2.0, 42.0, 4.0):
+        a = rotation_exp([np.radians(degrees), np.radians(degrees), 0.0]) @ MAGNETIC
+        signals = ClosedForm(np.eye(3), np.zeros(3), a).signals(*dials)
+        design = np.column_stack([turns @ MAGNETIC, np.ones(len(turns))])
+        left = signals - design @ np.linalg.lstsq(design, signals, rcond=None)[0]
+        share = np.sum((left - mean @ left) ** 2) / np.sum((signals - mean @ signals) ** 2)
+        said.append(share > 0.05)
+        if said[-1]:
+            with pytest.raises(IdentifiabilityError, match=rf"^{100.0 * share:.0f} % of the signals' .*\(allowed 5\)"):
+                solve_rotations(signals, *dials, known_direction=MAGNETIC)
+        else:
+            solve_rotations(signals, *dials, known_direction=MAGNETIC)
+    assert any(said)
+    assert not all(said)
 
 
 def test_signals_of_another_field_are_refused():

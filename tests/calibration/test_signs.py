@@ -100,6 +100,47 @@ def test_nothing_stated_is_named_with_what_was_found_and_what_to_state():
         assert "reference_dip_deg" in warning
 
 
+@pytest.mark.parametrize(
+    ("kind", "field", "kept", "why"),
+    [
+        ("magnetometer", (0.5, 0.2, 0.7), 1.0, "towards the rig's azimuth 0"),
+        ("magnetometer", (0.2, 0.1, -0.9), -1.0, "downwards"),
+        ("magnetometer", (0.9, 0.1, -0.4), 1.0, "towards the rig's azimuth 0"),
+        ("magnetometer", (0.02, 0.9, -0.4), -1.0, "downwards"),
+        ("magnetometer", (-0.06, 0.9, 0.02), -1.0, "towards the rig's azimuth 0"),
+        ("gyro", (0.2, 0.1, -0.9), 1.0, "towards the rig's azimuth 0"),
+    ],
+)
+def test_what_is_assumed_where_nothing_is_stated(kind, field, kept, why):
+    """Most likely ahead and down; where both cannot be, what is the clearer of the two; a gyro's pole is no guide."""
+    for way in (1.0, -1.0):
+        sign, (warning,) = decided(kind, (np.array([0.0, 0.0, 1.0]), way * unit(*field)), {})
+        assert sign == way * kept
+        assert f"is assumed, {why}, as no" in warning
+        x, y, z = kept * unit(*field)
+        angle = np.degrees(np.arcsin(z)) * (1.0 if kind == "magnetometer" else -1.0)
+        zero = np.degrees(np.arctan2(-y, x))
+        other = (zero + 360.0) % 360.0 - 180.0
+        assert f" {angle:+.1f} deg, the rig's zero {zero:.1f} deg from" in warning
+        assert f"if that is wrong it is {-angle:+.1f} and {other:.1f} deg" in warning
+
+
+def test_north_decides_only_where_field_and_zero_are_level():
+    """A field 1 deg from the vertical, known to 0.5 deg: its azimuth is good to a turn's part, no side is told."""
+    down = np.array([0.0, 0.0, 1.0])
+    for dip, told in ((89.0, False), (70.0, True)):
+        field = np.array([-np.cos(np.radians(dip)), 0.0, np.sin(np.radians(dip))])
+        sign, warnings = decided("magnetometer", (down, field), {"north": 0.0}, u=np.radians(0.5))
+        assert bool(warnings) != told
+        # stated north lies behind the zero as found: the mirror image is taken, where that can be said
+        assert sign == (-1.0 if told else 1.0)
+    # across north, within 5 deg of a right angle, the side is not told either
+    for azimuth, told in ((87.0, False), (83.0, True), (97.0, True), (93.0, False)):
+        field = np.array([np.cos(0.5), 0.0, np.sin(0.5)])
+        _, warnings = decided("magnetometer", (down, field), {"north": np.radians(azimuth)})
+        assert bool(warnings) != told
+
+
 def test_channels_along_the_tools_axes_are_right_handed_where_nothing_else_decides():
     g, b = tilted(0.0, 0.0, np.radians(120.0), np.array([0.0, 0.0, 1.0]), np.array([0.966, 0.0, 0.259]))
     wired = np.concatenate([np.diag([3.0, 2.0, 4.0]), np.ones((3, 1))], axis=1)[None]

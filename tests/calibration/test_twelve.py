@@ -119,6 +119,31 @@ def test_sign_of_the_field_comes_from_the_hint():
         solve_twelve(signals, *dials, sign_hint=[0.8, 0.0, 0.6])
 
 
+@pytest.mark.parametrize("batch", [1, 5000])
+def test_refused_from_0_6_degrees_to_a_right_angle_and_a_tenth_of_the_power_on(batch):
+    dials = dials_of(plans.twelve())
+    truth = ClosedForm(np.eye(3), np.zeros(3), np.array([0.6, 0.0, 0.8]))
+    signals = np.repeat(truth.signals(*dials)[None], batch, axis=0)
+    for degrees, refused in ((0.5, True), (0.7, False)):
+        across = np.array([0.8, 0.0, -0.6])
+        hint = np.cos(np.radians(degrees)) * across + np.sin(np.radians(degrees)) * truth.direction
+        if refused:
+            with pytest.raises(IdentifiabilityError, match=r"0\.6 degrees of a right angle"):
+                solve_twelve(signals, *dials, sign_hint=hint)
+        else:
+            assert_same(solve_twelve(signals, *dials, sign_hint=hint), truth)
+    # of products along the field a share cos^2 lies along a direction beside it
+    for share, refused in ((0.88, True), (0.92, False)):
+        angle = np.arccos(np.sqrt(share))
+        beside = np.array([0.6 * np.cos(angle), np.sin(angle), 0.8 * np.cos(angle)])
+        if refused:
+            with pytest.raises(IdentifiabilityError, match=r"12 % of their power is elsewhere \(allowed 10\)"):
+                solve_twelve(signals, *dials, known_direction=beside)
+        else:
+            found = solve_twelve(signals, *dials, known_direction=beside)
+            np.testing.assert_allclose(found.direction, np.broadcast_to(beside, found.direction.shape))
+
+
 def test_mixed_up_rows_and_dead_sensors_are_not_calibrated():
     dials = dials_of(plans.twelve())
     truth = ClosedForm(np.eye(3), np.zeros(3), np.array([0.6, 0.0, 0.8]))

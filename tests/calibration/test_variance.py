@@ -12,6 +12,7 @@ from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.start import starting_state
 from inclinometry.calibration.structured import with_repeating
 from inclinometry.calibration.variance import (
+    _Restricted,
     average_over_variances,
     estimate_components,
     expected_variances,
@@ -215,6 +216,19 @@ def test_evidence_of_repeating_errors_is_the_ratio_of_two_dense_likelihoods(twel
     assert not repeating_evidence(here).any()
 
 
+def test_the_gradient_of_the_restricted_likelihood_is_its_slope(twelve):
+    """By the logarithm of every factor: noises, dials, what repeats of them."""
+    here = fitted_model(twelve, {"accelerometer": 0.8, "magnetometer": 0.5}, np.radians(0.1))
+    fitted = fit(*with_repeating(here))
+    likelihood = _Restricted(fitted.model, fitted.at, fitted.state, frozenset(BOTH), True)
+    logs = np.random.default_rng(1).normal(0.0, 0.3, likelihood.size)
+    gradient = likelihood.evaluate(np.exp(logs))[1]
+    assert len(gradient) == 8
+    for place, step in enumerate(1e-5 * np.eye(8)):
+        ends = [float(likelihood.solve(np.exp(logs + way))[0]) for way in (step, -step)]
+        assert gradient[place] == pytest.approx((ends[0] - ends[1]) / 2e-5, rel=1e-4, abs=1e-4)
+
+
 def test_one_variance_has_the_degrees_of_freedom_of_its_readings(twelve):
     """Noise alone to be told: those of Student's t, and twice the relative uncertainty above where caution asks."""
     alone = BenchReadings({"accelerometer": twelve.channels["accelerometer"]}, *twelve.dials)
@@ -297,6 +311,9 @@ def test_where_the_search_for_the_variances_starts(twelve):
     assert known.tolist() == [True, False, True]
     assert sd[[0, 2]].tolist() == [0.001, 0.0]
     assert sd[1] == rig_guess(None)[0][1]
+    assert rig_guess(np.radians(30.0))[1].all()
+    with pytest.raises(InputError, match="rig_sd"):
+        rig_guess(np.radians(30.1))
     with pytest.raises(InputError, match=r"rig_sd has shape \(2,\)"):
         rig_guess([0.1, 0.1])
     residual = np.concatenate([np.full((12, 3), 6.0), np.full((12, 3), 30.0)], axis=1)
