@@ -50,6 +50,8 @@ def test_sameness():
     assert survey.same_as(replace(survey, reference={"g": 9.8001}), atol=1e-3)
     assert not survey.same_as(replace(survey, reference={}))
     assert not survey.same_as(replace(survey, times=None))
+    assert not survey.same_as(replace(survey, inclination=None))
+    assert not replace(survey, inclination=None).same_as(survey)
 
 
 def test_frozen():

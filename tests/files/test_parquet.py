@@ -170,5 +170,18 @@ def test_a_page_that_was_changed_is_found_by_its_checksum(tmp_path, names, read)
     read(path)
     old, new = values[500].tobytes(), np.float64(500.5).tobytes()
     path.write_bytes(path.read_bytes().replace(old, new))
-    with pytest.raises(FileError, match="not a Parquet file, or a damaged one"):
+    with pytest.raises(FileError, match="not a Parquet file, or a damaged one") as caught:
         read(path)
+    assert "no more is known" not in str(caught.value)
+
+
+def test_names_twice_and_texts_that_are_damaged(tmp_path):
+    path = tmp_path / "a.parquet"
+    pq.write_table(pa.Table.from_arrays([pa.array([1.0, 2.0])] * 3, names=["md_m", "tvd_m", "tvd_m"]), path)
+    with pytest.raises(FileError, match="column 'tvd_m' appears twice; remove one"):
+        read_parquet(path)
+    pq.write_table(pa.table({"md_m": [1.0, 2.0], "tvd_m": [1.0, 2.0], "crew": ["AAAA", "BBBB"]}), path,
+                   compression="none", use_dictionary=False)  # fmt: skip
+    path.write_bytes(path.read_bytes().replace(b"BBBB", b"BB\xff\xff"))
+    with pytest.raises(FileError, match="a text in it is no UTF-8"):
+        read_parquet(path)

@@ -234,3 +234,12 @@ def test_how_many_broken_frames_are_named(tmp_path):
         notes = read_wits0(path, ANGLES).notes
         assert len(notes) == count
         assert (notes[-1] == "1 more broken frames were left out") == (count == 21)
+
+
+def test_more_items_than_a_frame_has(tmp_path):
+    items = [f"{k:04d}1" for k in range(10_000) if k not in (708, 713)]
+    found = read_frames(stream(tmp_path, frame("070830", "07131", *items) + frame("070860", "07132")))
+    assert (len(found.whole), found.broken) == (2, [])
+    two = frame("070830", "07131", *items, "x" * 3)
+    found = read_frames(stream(tmp_path, two + frame("070860", "07132")))
+    assert (len(found.whole), found.broken[0].line) == (1, 10_002)
