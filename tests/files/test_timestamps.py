@@ -17,6 +17,11 @@ CHANNELS = "accel_x_g,accel_y_g,accel_z_g"
 WRITTEN = {
     "stamps": (f"timestamp,{CHANNELS}\n2026-05-01T23:59:59.990Z,0,0,1\n2026-05-02T00:00:00.0000Z,0,0,1\n", 0.01),
     "zones": (f"time,{CHANNELS}\n2026-05-01 12:00:00+02:00,0,0,1\n2026-05-01 10:00:01.5+00:00,0,0,1\n", 1.5),
+    "west of Greenwich": (
+        f"time,{CHANNELS}\n2026-05-01T20:30:00-03:30,0,0,1\n2026-05-02T00:00:01Z,0,0,1\n"
+        "2026-05-01 23:00:02-0100,0,0,1\n",
+        1.0,
+    ),
     "German": (
         "Datum;Uhrzeit;accel_x_g;accel_y_g;accel_z_g\n28.02.2026;23:59:59,5;0,5;0;1\n01.03.2026;0:00:01,0;0;0;1\n",
         1.5,
@@ -56,9 +61,9 @@ def test_time_as_it_is_written(tmp_path, how):
     text, step = WRITTEN[how]
     path = tmp_path / "log.csv"
     path.write_text(text)
-    assert np.diff(read_log(path).time) == pytest.approx([step], abs=1e-9)
+    assert np.diff(read_log(path).time) == pytest.approx(step, abs=1e-9)
     run = np.concatenate([block.time for block in open_run(path).blocks()])
-    assert np.diff(run) == pytest.approx([step], abs=1e-9)
+    assert np.diff(run) == pytest.approx(step, abs=1e-9)
 
 
 def test_long_stamps_keep_their_microseconds_in_every_block(tmp_path):
