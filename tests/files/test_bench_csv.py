@@ -440,8 +440,10 @@ def test_readings_that_are_equal_everywhere_do_not_say_that_some_are_improbably_
 
 @pytest.mark.parametrize(("steps", "improbable"), [(9.0, False), (10.0, True)])
 def test_how_much_others_scatter_where_three_readings_agree(steps, improbable):
-    """Three readings along gravity, three across it: of each three -s, 0 and s. By (1 / (s sqrt(2 pi)))^2 / sqrt(3) < 1e-3
-    s is 9.6 steps; what agrees is not among the scatter it is judged by."""
+    """Three readings along gravity, three across it: of each three -s, 0 and s.
+
+    By (1 / (s sqrt(2 pi)))^2 / sqrt(3) < 1e-3 s is 9.6 steps; what agrees is not among the scatter it is judged by.
+    """
     turned = dcm(np.zeros(6), np.repeat([0.0, np.pi / 2.0], 3), np.zeros(6))[:, :, 2]
     # one step apart
     values = 1e4 * turned + [0.0, 1.0, 0.0] + steps * np.tile([-1.0, 0.0, 1.0], 2)[:, None]
