@@ -119,6 +119,8 @@ def test_as_a_table():
     table = survey.to_dict()
     assert table["inclination_deg"].tolist() == [0.0, 1.0, 2.0]
     assert table["crew"] == ["a", "b", ""]
+    third = SurveyFile(md=MD, inclination=[1.0 / 3.0, 0.0, 0.1]).to_dict()["inclination_deg"]
+    assert third.tolist() == [19.0985931710, 0.0, 5.7295779513]
     # a zero has no sign, in tables and files
     (name,) = [name for name in table if "convergence" in name]
     assert not np.signbit(table[name]).any()
