@@ -76,3 +76,26 @@ def test_other_content_is_refused(tmp_path, change, words):
     (tmp_path / "allan.json").write_text(json.dumps(content))
     with pytest.raises(FileError, match=words):
         read_allan(tmp_path / "allan.json")
+
+
+@pytest.mark.parametrize(
+    ("unit", "kind", "keys", "hours"),
+    [
+        # m/s^2 times the root of a second is m/s per root of a second, and there are 60 of these in the root of an hour
+        ("m/s^2", "accelerometer", ("velocity_random_walk_m_s_sqrt_h", "bias_instability_m_s2",
+                                    "acceleration_random_walk_m_s2_sqrt_h", "deviation_m_s2"), 60.0),
+        ("m/s", "accelerometer", ("white_noise_m_s_sqrt_s", "bias_instability_m_s", "random_walk_m_s_per_sqrt_s",
+                                  "deviation_m_s"), 1.0),
+    ],
+)  # fmt: skip
+def test_numbers_in_metres_and_hours_or_as_they_are(tmp_path, unit, kind, keys, hours):
+    write_allan(record(unit, kind), tmp_path / "allan.json")
+    (channel,) = read_allan(tmp_path / "allan.json")["channels"]
+    white, bias, walk, deviation = keys
+    assert channel[white] == pytest.approx(1e-6 * hours)
+    assert channel[f"u_{white}"] == pytest.approx(1e-8 * hours)
+    assert channel[f"limit_{bias}"] == pytest.approx(2e-6)
+    assert channel[f"limit_{walk}"] == pytest.approx(2e-6 * hours)
+    assert (channel[walk], channel[f"u_{walk}"]) == (None, None)
+    assert channel[deviation] == pytest.approx([1e-5] * 2)
+    assert (channel["chi_square"], channel["degrees_of_freedom"]) == (3.0, 2)

@@ -122,6 +122,17 @@ def test_the_common_part_of_the_uncertainty_is_kept(rows, tmp_path):
         np.testing.assert_allclose(back.magnetic_toolface, rows.magnetic_toolface, atol=1e-11)
 
 
+def test_digits_that_are_written(rows, tmp_path):
+    """Nanoseconds, 1e-10 deg; a turn is written as none, and no zero has a sign."""
+    third = replace(rows, time=np.array([1.0, 2.0, 4.0]) / 3.0, rate=np.array([1.0, np.nan, -1e-12]) / 3.0)
+    write_attitude(replace(third, quality=np.array([1.0, 0.0, 2.0]) / 3.0), tmp_path / "a.csv")
+    with (tmp_path / "a.csv").open(newline="") as stream:
+        found = list(csv.DictReader(stream))
+    assert [row["time_s"] for row in found] == ["0.333333333", "0.666666667", "1.333333333"]
+    assert [row["rpm"] for row in found] == ["3.183099", "", "0"]
+    assert [row["quality"] for row in found] == ["0.333333", "0", "0.666667"]
+
+
 def test_a_column_that_a_parquet_file_has_not(rows, tmp_path):
     write_attitude(rows, tmp_path / "a.parquet")
     pq.write_table(pq.read_table(tmp_path / "a.parquet").drop_columns(["quality"]), tmp_path / "a.parquet")

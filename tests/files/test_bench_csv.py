@@ -478,6 +478,20 @@ def test_equal_ends_of_calibrated_or_perfect_channels_say_nothing():
     assert saturation_notes("accelerometer", perfect, "xyz", angles, rows) == []
 
 
+@pytest.mark.parametrize(("steps", "improbable"), [(9.0, False), (10.0, True)])
+def test_how_much_others_scatter_where_three_readings_agree(steps, improbable):
+    """Three readings along gravity, three across it: of each three -s, 0 and s.
+
+    By (1 / (s sqrt(2 pi)))^2 / sqrt(3) < 1e-3 s is 9.6 steps; what agrees is not among the scatter it is judged by.
+    """
+    turned = dcm(np.zeros(6), np.repeat([0.0, np.pi / 2.0], 3), np.zeros(6))[:, :, 2]
+    # one step apart
+    values = 1e4 * turned + [0.0, 1.0, 0.0] + steps * np.tile([-1.0, 0.0, 1.0], 2)[:, None]
+    values[:3, 2] = 1e4
+    basis = np.column_stack([turned, np.ones(6)])
+    assert improbably_equal(values, 2, np.arange(6) < 3, basis) is improbable
+
+
 def test_saturation_without_angles(tmp_path):
     rng = np.random.default_rng(14)
     values = rng.normal(size=(40, 3))

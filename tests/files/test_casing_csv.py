@@ -112,4 +112,6 @@ def test_what_moved_is_written_in_millimetres(tmp_path):
         np.testing.assert_allclose([float(row[name]) for row in rows], 1000.0 * values, atol=1e-6)
     assert float(rows[7]["check_sum_a_mm"]) == pytest.approx(5.0, abs=0.02)
     assert (rows[12]["step_a_mm"], rows[12]["check_sum_a_mm"]) == ("", "")
+    # nanometres
+    assert max(len(cell.partition(".")[2]) for row in rows for cell in row.values()) == 6
     assert [row["flags"] for row in rows] == ["spike_a" if k == 7 else "" for k in range(13)]

@@ -172,3 +172,13 @@ def test_a_spreadsheet_with_decimal_commas(tmp_path):
     assert data.startswith(b"\xef\xbb\xbfmd_m;inclination_deg;")
     assert b'"v 1.5; checked"' in data
     assert read_csv(tmp_path / "a.csv").same_as(survey, rtol=1e-12)
+
+
+def test_one_station_is_no_leg_and_stations_not_used_are_none(tmp_path):
+    one = SurveyFile(md=[0.0], inclination=[0.1], azimuth=[1.0], azimuth_reference="true")
+    with pytest.raises(InputError, match="a leg needs two stations; the survey has one"):
+        write_survex(one, tmp_path / "a.svx")
+    used = SurveyFile(md=MD, inclination=INCLINATION, azimuth=AZIMUTH, azimuth_reference="true",
+                      used=[True, True, False, True, True])  # fmt: skip
+    write_survex(used, tmp_path / "a.svx")
+    assert [leg[:2] for leg in read_legs(tmp_path / "a.svx")[0]] == [("0", "1"), ("1", "2"), ("2", "3")]

@@ -133,3 +133,16 @@ def test_at_a_temperature_and_without_a_range(stored):
     np.testing.assert_allclose(seen, a, atol=1e-12)
     with pytest.raises(FileError):
         coefficients(path.with_name("none.json"))
+
+
+def test_the_sensitivity_of_gyros_to_gravity_goes_along(stored):
+    sensitivity = np.array([[1.5, 0.0, -2.0], [0.0, 0.25, 0.0], [0.0, 0.0, 3.0]])
+    triad = Triad("gyro", np.eye(3), np.zeros(3), "deg/h", 15.0, g_sensitivity=sensitivity)
+    content = coefficients(stored(Tool("1", {"gyro": triad})))
+    np.testing.assert_array_equal(
+        json.loads(coefficients_json(content))["triads"]["gyro"]["g_sensitivity"], sensitivity
+    )
+    assert (
+        "#define INCLINOMETRY_GYRO_PER_G {{1.5f, 0.0f, -2.0f}, {0.0f, 0.25f, 0.0f}, {0.0f, 0.0f, 3.0f}} "
+        "/* deg/h per g along x, y, z: take off the signal first */" in coefficients_c(content)
+    )

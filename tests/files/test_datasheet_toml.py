@@ -139,6 +139,16 @@ def test_cosines_of_two_digits_are_taken_for_their_direction(tmp_path):
     np.testing.assert_allclose(tensor[0], 2.0 * np.sqrt([0.5, 0.5, 0.0]), rtol=1e-12)
 
 
+def test_two_sensors_are_x_and_y(tmp_path):
+    text = SHEET.replace("[2.0, 2.1, 2.2]", "[2.0, 2.1]").replace("[0.1, 0.2, 0.3]", "0.1")
+    for more, toward_z in (("", [0.0, 0.0]), ("misalignment_deg = [[0.0, 1.0], [0.0, -2.0]]\n", [1.0, -2.0])):
+        tensor = read(tmp_path, text + more).tool.triads["accelerometer"].tensor[0]
+        np.testing.assert_allclose(
+            np.degrees(np.arctan2(tensor[:, 2], [tensor[0, 0], tensor[1, 1]])), toward_z, atol=1e-9
+        )
+        np.testing.assert_allclose(np.linalg.norm(tensor, axis=1), [2.0, 2.1])
+
+
 def test_redundant_sensors_may_be_parallel(tmp_path):
     """Four sensors, two of them along one line: the others see the rest."""
     text = SHEET.replace("[2.0, 2.1, 2.2]", "2.0").replace("[0.1, 0.2, 0.3]", "0.1")

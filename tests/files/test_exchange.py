@@ -50,6 +50,8 @@ def test_sameness():
     assert survey.same_as(replace(survey, reference={"g": 9.8001}), atol=1e-3)
     assert not survey.same_as(replace(survey, reference={}))
     assert not survey.same_as(replace(survey, times=None))
+    assert not survey.same_as(replace(survey, inclination=None))
+    assert not replace(survey, inclination=None).same_as(survey)
 
 
 def test_frozen():
@@ -117,6 +119,8 @@ def test_as_a_table():
     table = survey.to_dict()
     assert table["inclination_deg"].tolist() == [0.0, 1.0, 2.0]
     assert table["crew"] == ["a", "b", ""]
+    third = SurveyFile(md=MD, inclination=[1.0 / 3.0, 0.0, 0.1]).to_dict()["inclination_deg"]
+    assert third.tolist() == [19.0985931710, 0.0, 5.7295779513]
     # a zero has no sign, in tables and files
     (name,) = [name for name in table if "convergence" in name]
     assert not np.signbit(table[name]).any()

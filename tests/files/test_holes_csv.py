@@ -94,5 +94,7 @@ def test_positions_are_written_from_the_collar(tmp_path):
         {"md_m": 30.0, "inclination_deg": 30.0, "azimuth_deg": 90.0, "east_m": 515.0, "north_m": 7000.0,
          "elevation_m": 100.0 - 30.0 * np.cos(np.radians(30.0)), "dls_deg_30m": 0.0}, abs=1e-6
     )  # fmt: skip
+    lengths = [row[name].partition(".")[2] for row in rows for name in ("east_m", "elevation_m", "dls_deg_30m")]
+    assert max(map(len, lengths)) == 6
     assert float(rows[2]["dls_deg_30m"]) == pytest.approx(3.0, abs=1e-6)
     assert (rows[4]["east_m"], rows[4]["north_m"], rows[4]["elevation_m"]) == ("1", "2", "-7")

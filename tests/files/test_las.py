@@ -81,7 +81,10 @@ def test_a_value_equal_to_null_is_not_lost(tmp_path):
 def test_uneven_depths_have_no_step(tmp_path):
     write_las(survey(md=[0.0, 10.0, 60.2]), tmp_path / "a.las")
     assert dumb((tmp_path / "a.las").read_text())[2]["STEP"] == ["m", "0.0"]
+    write_las(SurveyFile(md=[5.0, 35.0], tvd=[5.0, 35.0]), tmp_path / "a.las")
+    assert dumb((tmp_path / "a.las").read_text())[2]["STEP"] == ["m", "30.0"]
     write_las(SurveyFile(md=[5.0], tvd=[5.0]), tmp_path / "a.las")
+    assert dumb((tmp_path / "a.las").read_text())[2]["STEP"] == ["m", "0.0"]
     assert len(read_las(tmp_path / "a.las")) == 1
 
 

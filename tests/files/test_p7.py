@@ -218,6 +218,8 @@ def test_depths_in_the_unit_of_the_record(tmp_path, code, metre):
     write_p7(replace(p7_file(magnetic()), records=records), tmp_path / "b.p717")
     cells = [line.split(",") for line in (tmp_path / "b.p717").read_text().splitlines() if line.startswith("M7")]
     assert [float(row[7]) for row in cells] == pytest.approx(metre * (100.0 + 30.0 * np.arange(4)), abs=1e-9)
+    decimals = [len(row[7].partition(".")[2]) for row in cells]
+    assert max(decimals) == (0 if code == 1 else 10)
     np.testing.assert_allclose(read_p7(tmp_path / "b.p717").surveys[1].md, 100.0 + 30.0 * np.arange(4), rtol=1e-12)
     with pytest.raises(InputError, match="survey 2 has no Survey Details"):
         write_p7(replace(p7_file(magnetic(), number=2), records=records), tmp_path / "c.p717")

@@ -10,6 +10,7 @@ import pytest
 from inclinometry.errors import FileError
 from inclinometry.files.exchange import SurveyFile
 from inclinometry.files.parquet import read_parquet, write_parquet
+from inclinometry.files.run_file import open_run
 
 
 @pytest.fixture
@@ -150,3 +151,37 @@ def test_standard_uncertainties_are_numbers(tmp_path):
         field = schema.field(f"u_{name}_deg")
         assert (field.type, field.metadata) == (pa.float64(), {b"unit": b"deg"})
     assert read_parquet(tmp_path / "a.parquet").same_as(file, atol=2e-12)
+
+
+@pytest.mark.parametrize(
+    ("names", "read"),
+    [
+        (("md_m", "tvd_m"), read_parquet),
+        (("time_s", "mag_x", "mag_y"), lambda path: list(open_run(path).blocks())),
+    ],
+)
+def test_a_page_that_was_changed_is_found_by_its_checksum(tmp_path, names, read):
+    """Not packed, so that nothing else would notice."""
+    path, values = tmp_path / "a.parquet", np.arange(1000.0)
+    table = pa.table(dict.fromkeys(names, values))
+    pq.write_table(
+        table, path, compression="none", use_dictionary=False, write_page_checksum=True, write_statistics=False
+    )
+    read(path)
+    old, new = values[500].tobytes(), np.float64(500.5).tobytes()
+    path.write_bytes(path.read_bytes().replace(old, new))
+    with pytest.raises(FileError, match="not a Parquet file, or a damaged one") as caught:
+        read(path)
+    assert "no more is known" not in str(caught.value)
+
+
+def test_names_twice_and_texts_that_are_damaged(tmp_path):
+    path = tmp_path / "a.parquet"
+    pq.write_table(pa.Table.from_arrays([pa.array([1.0, 2.0])] * 3, names=["md_m", "tvd_m", "tvd_m"]), path)
+    with pytest.raises(FileError, match="column 'tvd_m' appears twice; remove one"):
+        read_parquet(path)
+    pq.write_table(pa.table({"md_m": [1.0, 2.0], "tvd_m": [1.0, 2.0], "crew": ["AAAA", "BBBB"]}), path,
+                   compression="none", use_dictionary=False)  # fmt: skip
+    path.write_bytes(path.read_bytes().replace(b"BBBB", b"BB\xff\xff"))
+    with pytest.raises(FileError, match="a text in it is no UTF-8"):
+        read_parquet(path)

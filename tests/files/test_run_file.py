@@ -291,14 +291,14 @@ def test_a_run_is_shown_copied_and_its_progress_told(tmp_path):
     names = [f"{k}_{a}" for k in ("accel", "mag", "gyro") for a in "xyz"]
     for ending in ("csv", "parquet"):
         path = tmp_path / f"run.{ending}"
-        write(path, samples(70_000))
+        write(path, samples(40_000))
         told = []
         run = open_run(path, progress=told.append)
         assert repr(run) == f"RunFile: {path}; {', '.join(names)}"
         copied = pickle.loads(pickle.dumps(run))
-        assert sum(len(block.time) for block in run.blocks()) == 70_000
+        assert sum(len(block.time) for block in run.blocks()) == 40_000
         # the rows of the copy are its own
-        assert sum(len(block.time) for block in copied.blocks()) == 70_000
+        assert sum(len(block.time) for block in copied.blocks()) == 40_000
         assert told == sorted(told)
         assert told[-1] == path.stat().st_size
         assert len(told) > 1

@@ -99,3 +99,13 @@ def test_any_values_give_a_site_or_a_file_error(tmp_path_factory, pairs):
     path = site_file(tmp_path_factory.getbasetemp(), text.encode("utf-8", "replace"))
     with suppress(FileError):
         read_site(path)
+
+
+def test_keys_and_brackets_without_end(tmp_path):
+    """Fifty parts of a key are read, and refused as a key nobody knows; more would take for ever."""
+    for count, wanted in ((50, "is not known; allowed"), (51, "line 3: not TOML: a key of more than 50 parts")):
+        with pytest.raises(FileError) as caught:
+            read_site(site_file(tmp_path, f"# site\ng = 9.8\n{'.'.join('k' * count)} = 1\n"))
+        assert wanted in str(caught.value)
+    with pytest.raises(FileError, match="line 1: not TOML: brackets nested too deep"):
+        read_site(site_file(tmp_path, "g = 9.8\nx = " + "[" * 5000))

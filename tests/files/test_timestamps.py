@@ -17,6 +17,11 @@ CHANNELS = "accel_x_g,accel_y_g,accel_z_g"
 WRITTEN = {
     "stamps": (f"timestamp,{CHANNELS}\n2026-05-01T23:59:59.990Z,0,0,1\n2026-05-02T00:00:00.0000Z,0,0,1\n", 0.01),
     "zones": (f"time,{CHANNELS}\n2026-05-01 12:00:00+02:00,0,0,1\n2026-05-01 10:00:01.5+00:00,0,0,1\n", 1.5),
+    "west of Greenwich": (
+        f"time,{CHANNELS}\n2026-05-01T20:30:00-03:30,0,0,1\n2026-05-02T00:00:01Z,0,0,1\n"
+        "2026-05-01 23:00:02-0100,0,0,1\n",
+        1.0,
+    ),
     "German": (
         "Datum;Uhrzeit;accel_x_g;accel_y_g;accel_z_g\n28.02.2026;23:59:59,5;0,5;0;1\n01.03.2026;0:00:01,0;0;0;1\n",
         1.5,
@@ -26,6 +31,11 @@ WRITTEN = {
         1.25,
     ),
     "half days": (f"Date,Time,{CHANNELS}\n05/01/2026,11:59:59 AM,0,0,1\n05/01/2026,12:00:01 PM,0,0,1\n", 2.0),
+    "half past midnight": (f"Date,Time,{CHANNELS}\n2026-05-01,12:30 a.m.,0,0,1\n2026-05-01,1:00 am,0,0,1\n", 1800.0),
+    "the end of a day": (
+        f"Date,Time,{CHANNELS}\n2026-05-01,23:59:59,0,0,1\n2026-05-01,24:00:00,0,0,1\n2026-05-02,00:00:01,0,0,1\n",
+        1.0,
+    ),
     "months first": (f"Date,Time,{CHANNELS}\n05/30/2026,12:00,0,0,1\n05/31/2026,12:00,0,0,1\n", 86400.0),
     "the clock past midnight": (f"Time,{CHANNELS}\n23:59:59.5,0,0,1\n00:00:00.5,0,0,1\n", 1.0),
     "six columns": (
@@ -56,9 +66,9 @@ def test_time_as_it_is_written(tmp_path, how):
     text, step = WRITTEN[how]
     path = tmp_path / "log.csv"
     path.write_text(text)
-    assert np.diff(read_log(path).time) == pytest.approx([step], abs=1e-9)
+    assert np.diff(read_log(path).time) == pytest.approx(step, abs=1e-9)
     run = np.concatenate([block.time for block in open_run(path).blocks()])
-    assert np.diff(run) == pytest.approx([step], abs=1e-9)
+    assert np.diff(run) == pytest.approx(step, abs=1e-9)
 
 
 def test_long_stamps_keep_their_microseconds_in_every_block(tmp_path):
@@ -76,6 +86,9 @@ def test_long_stamps_keep_their_microseconds_in_every_block(tmp_path):
         ("05/02/2026,1:00", "line 3: .*the day or the month may stand first"),
         ("2026-05-01,noon", "line 3: '2026-05-01 noon' in column 'Date', 'Time' is no date and time"),
         ("2026-02-30,1:00", "line 3: .*is no date and time"),
+        ("2026-02-03,25:00", "line 3: .*is no date and time"),
+        ("2026-02-03,1:60", "line 3: .*is no date and time"),
+        ("2026-02-03,1:00:61", "line 3: .*is no date and time"),
     ],
 )
 def test_what_is_no_time_or_may_be_two(tmp_path, row, says):

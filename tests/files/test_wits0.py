@@ -209,6 +209,9 @@ def test_a_unit_of_the_map_with_an_offset(tmp_path):
     write_wits0(SurveyFile(md=[30.48, 60.96], temperature=[20.0, np.nan]), tmp_path / "a.wits", channels)
     items = (tmp_path / "a.wits").read_text().split()
     assert items == ["&&", "0708100", "073068", "!!", "&&", "0708200", "!!"]
+    # to 1e-10 of the unit
+    write_wits0(SurveyFile(md=[30.0], temperature=[20.0]), tmp_path / "b.wits", channels)
+    assert (tmp_path / "b.wits").read_text().split()[1] == "070898.4251968504"
     found = read_wits0(stream(tmp_path, frame("0708100", "073068") + frame("0708200", "0730-40")), channels)
     np.testing.assert_allclose(found.temperature, [20.0, -40.0])
     assert record_7(feet=True)["0720"] == "dls_deg_100ft"
@@ -234,3 +237,12 @@ def test_how_many_broken_frames_are_named(tmp_path):
         notes = read_wits0(path, ANGLES).notes
         assert len(notes) == count
         assert (notes[-1] == "1 more broken frames were left out") == (count == 21)
+
+
+def test_more_items_than_a_frame_has(tmp_path):
+    items = [f"{k:04d}1" for k in range(10_000) if k not in (708, 713)]
+    found = read_frames(stream(tmp_path, frame("070830", "07131", *items) + frame("070860", "07132")))
+    assert (len(found.whole), found.broken) == (2, [])
+    two = frame("070830", "07131", *items, "x" * 3)
+    found = read_frames(stream(tmp_path, two + frame("070860", "07132")))
+    assert (len(found.whole), found.broken[0].line) == (1, 10_002)

@@ -58,8 +58,6 @@ def read_parquet(path: str | Path, *, convention: str = "native", azimuth_refere
         units = _units(table.schema)
         columns: dict[str, Column] = {}
         for field in table.schema:
-            if field.name in columns:
-                raise FileError(f"column {field.name!r} appears twice; remove one", path=where)
             columns[field.name] = _column(where, field, table.column(field.name), units.get(field.name))
         rows = np.arange(1, table.num_rows + 1)
         header = _header(where, table.schema.metadata or {})
@@ -76,12 +74,17 @@ def _table(path: Path) -> Any:
     try:
         with path.open("rb") as stream:
             # threads of its own that still run when the process ends have aborted it; a survey needs none
-            return pq.read_table(stream, page_checksum_verification=True, use_threads=False, pre_buffer=False)
+            table = pq.ParquetFile(stream, page_checksum_verification=True, pre_buffer=False).read(use_threads=False)
     except FileNotFoundError:
         raise FileError("there is no such file; check the name", path=path) from None
     except (pa.ArrowException, OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or (str(error).strip().splitlines() or ["no more is known"])[0]
         raise FileError(f"not a Parquet file, or a damaged one ({reason[:200]}); write it again", path=path) from None
+    names = table.column_names
+    twice = next((name for place, name in enumerate(names) if name in names[:place]), None)
+    if twice is not None:
+        raise FileError(f"column {twice!r} appears twice; remove one", path=path)
+    return table
 
 
 def _units(schema: Any) -> dict[str, str]:

@@ -25,7 +25,7 @@ _PARTS: Final = {
 }  # fmt: skip
 _WHOLE: Final = ("datetime", "timestamp", "time", "date", "datum", "uhrzeit", "zeit", "clock", "timeofday", "isotime",
                  "loggingtime", "dateandtime", "datetimestamp", "sampletime")  # fmt: skip
-_CLOCK: Final = re.compile(r"(\d{1,2}):(\d\d)(?::(\d\d(?:[.,]\d*)?))?\s*([AaPp])?\.?[Mm]?\.?")
+_CLOCK: Final = re.compile(r"([01]?\d|2[0-4]):([0-5]\d)(?::((?:[0-5]\d|60)(?:[.,]\d*)?))?\s*([AaPp])?\.?[Mm]?\.?")
 _DATE: Final = re.compile(r"(\d{1,4})([-./])(\d{1,2})\2(\d{1,4})")
 _ZONE: Final = re.compile(r"(?<=\d)\s*(Z|UTC|GMT|[+-]\d\d:?\d\d)$")
 _DAY: Final = 86400.0
@@ -177,7 +177,7 @@ class _Stamps:
         if match is None:
             raise ValueError(text)
         hour, minute, second, half = match.groups()
-        time = int(hour) % (12 if half else 24) * 3600.0 + 43200.0 * ((half or "").lower() == "p")
+        time = (int(hour) % 12 if half else int(hour)) * 3600.0 + 43200.0 * ((half or "").lower() == "p")
         time += int(minute) * 60.0 + float((second or "0").replace(",", "."))
         if zone and zone[1][0] in "+-":
             time -= (1 if zone[1][0] == "+" else -1) * (int(zone[1][1:3]) * 3600.0 + int(zone[1][-2:]) * 60.0)
