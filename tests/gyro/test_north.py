@@ -304,6 +304,27 @@ def test_the_gyro_toolface_is_known_where_azimuth_is_not(inclination: float) -> 
     assert abs(np.mean(z**2) - 1.0) < 2.6 * np.sqrt(2.0 / size) + 0.02
 
 
+def test_where_down_and_up_cannot_be_told_the_uncertainty_spans_both_azimuths() -> None:
+    rng = np.random.default_rng(9)
+    turns = rng.uniform(0.0, 2.0 * np.pi, (2, 200))
+    gravity, rate = readings(turns[0], rng.uniform(rad(55.0), rad(75.0), 200), turns[1], 0.5)
+    # the gyro along the tool, which is to decide, is a thousand times noisier than the others
+    noise = {"gravity_covariance": G_SD**2 * np.eye(2), "rate_covariance": SIGMA**2 * np.diag([1.0, 1.0, 1e6])}
+    given = {**noise, "scale_sd": 0.0, "g": G}
+    open_, down, up = (estimate_north(gravity[:, :2], rate, 0.5, hole=hole, **given) for hole in (None, "down", "up"))
+    assert all("ambiguous" in flags for flags in open_.flags)
+    apart = angle_errors(down.azimuth, up.azimuth)
+    far = apart > 0.5
+    assert far.sum() > 100
+    assert (down.u("azimuth")[far] < 0.01 * apart[far]).all()
+    # of two equally likely azimuths the root mean square from one of them is their distance over the root of two
+    share = open_.u("azimuth")[far] / apart[far]
+    assert share.min() > 0.3
+    assert share.max() < 1.0
+    likely = np.abs(down.chi_square - up.chi_square)[far] < 0.1
+    np.testing.assert_allclose(share[likely], np.sqrt(0.5), rtol=0.05)
+
+
 def test_root_is_the_sign_of_k() -> None:
     found = estimate_north(*readings([0.0, np.pi], [rad(80.0)] * 2, 0.0, 0.8), 0.8, **NOISE)
     assert found.root == ("+", "-")

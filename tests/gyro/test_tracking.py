@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -296,6 +297,15 @@ def test_the_next_run_starts_with_what_this_one_taught(follow: Any) -> None:
     assert off["t"] < 0.7 * off["f"]
     z = np.array([e / s for e, s in taught])
     assert 0.8 < np.sqrt(np.mean(z**2)) < 1.2  # 20 runs of 5 stations: 2.6 sigma is 0.18
+
+
+def test_a_scale_that_has_wandered_is_expected_where_it_stands_and_less_surely_away_from_it() -> None:
+    fresh = walking_belief(walk=0.0005)
+    belief = replace(fresh, wandered=(0.002, 4e-8, 80.0))
+    scale, sd = belief.predict([80.0, 100.0, 60.0])
+    at_home, known = fresh.predict([20.0, 20.0, 20.0])
+    np.testing.assert_allclose(scale, at_home + 0.002, rtol=1e-12)
+    np.testing.assert_allclose(sd**2, known**2 + 4e-8 + 0.0005**2 * np.array([0.0, 20.0, 20.0]), rtol=1e-12)
 
 
 @pytest.mark.long

@@ -148,6 +148,14 @@ def test_the_compiled_loop_and_numpy_are_one_formula(monkeypatch, start):
     np.testing.assert_allclose(plain.severity, compiled.severity, rtol=1e-11, atol=1e-16)
 
 
+def test_sines_of_the_loop_are_right_to_the_last_digit_also_where_they_nearly_vanish():
+    from inclinometry.survey._kernels import sine_cosine
+
+    x = np.concatenate([np.arange(-8.0, 9.0) * np.pi / 2.0, np.linspace(-13.0, 13.0, 400)])
+    found = np.array([sine_cosine(one) for one in x])
+    np.testing.assert_allclose(found, np.stack([np.sin(x), np.cos(x)], axis=1), rtol=5e-16)
+
+
 def test_blocks_of_the_kernel_meet(monkeypatch):
     """The first stations do not know how many follow."""
     monkeypatch.setattr(path_module, "WORTH_LOADING", 0)

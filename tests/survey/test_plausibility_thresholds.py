@@ -37,8 +37,8 @@ def test_a_reading_that_one_digit_explains_is_likelier_wrong_than_one_that_nothi
     digit, nothing = straight(r15=(80.0, 121.0)), straight(r15=(70.0, 141.0))
     assert "(one digit)" in doubts(digit)[0].sentence
     assert "would fit" not in doubts(nothing)[0].sentence
-    # of some thirty readings that were tried one lies within 0.1 of 20 deg, by chance once in a thousand
-    assert 3 <= power(digit) - power(nothing) <= 4
+    # of some forty readings that were tried one lies within 0.1 or 0.15 of 20 deg, by chance once in some hundreds
+    assert 2 <= power(digit) - power(nothing) <= 3
 
 
 @pytest.mark.parametrize("apart", [1, 2, 3, 7, 20])
@@ -63,11 +63,12 @@ def test_the_station_at_an_end_is_named_and_no_other(size, end):
 
 
 @pytest.mark.parametrize(("above", "below", "refused"), [(30.0, 30.0, False), (6.0, 30.0, True), (30.0, 6.0, True)])
-def test_a_kink_is_refused_where_its_shorter_course_is_too_short_for_it(above, below, refused):
+@pytest.mark.parametrize("row", [1, 15, 28])
+def test_a_kink_is_refused_where_its_shorter_course_is_too_short_for_it(row, above, below, refused):
     courses = np.full(29, 30.0)
-    courses[14:16] = above, below
+    courses[row - 1 : row + 1] = above, below
     md = np.concatenate([[0.0], np.cumsum(courses)])
     inclination, azimuth = 60.0 + 0.03 * np.random.default_rng(1).normal(size=30), np.full(30, 121.0)
-    inclination[15] += 14.3
-    found = [one for one in doubts(table(md, inclination, azimuth)) if one.name == "station"]
-    assert [(one.stations, one.refused) for one in found] == [((15,), refused)]
+    inclination[row] += 14.3
+    found = {one.stations: one.refused for one in doubts(table(md, inclination, azimuth)) if one.name == "station"}
+    assert found[(row,)] == refused

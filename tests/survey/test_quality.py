@@ -268,7 +268,9 @@ def test_k_out_of_range(k):
         judge_fields(stations(30.0, 40.0), SITE, k=k)
 
 
-@pytest.mark.parametrize("values", [{}, {"b": 0.0}, {"dip": -1.0}, {"g": float("inf")}])
+@pytest.mark.parametrize("values", [
+    {}, {"b": 0.0}, {"dip": -1.0}, {"g": float("inf")}, {"g": 10.1}, {"b": 1.01e5}, {"dip": 3.15},
+])  # fmt: skip
 def test_limits_without_sense(values):
     with pytest.raises(InputError, match="limit"):
         FieldLimits("mine", "contract", **values)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import sqlite3
 import threading
@@ -12,12 +13,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from cryptography.hazmat.primitives.asymmetric import ec
 from sqlalchemy import inspect, select
 
 from inclinometry.errors import FileError, InputError
 from inclinometry.laboratory.ledger import chain
 from inclinometry.laboratory.ledger.admin import create
-from inclinometry.laboratory.ledger.engine import HEAD, METADATA, engine
+from inclinometry.laboratory.ledger.engine import HEAD, METADATA, default_path, engine
 from inclinometry.laboratory.ledger.exchange import backup
 from inclinometry.laboratory.ledger.heads import (
     SignedHead,
@@ -28,9 +30,21 @@ from inclinometry.laboratory.ledger.heads import (
     read_head,
     signed_by,
 )
-from inclinometry.laboratory.ledger.keys import Keys, descends, explained, fingerprint, public_pem, read_public
+from inclinometry.laboratory.ledger.keys import (
+    FOLDER,
+    PASSPHRASE,
+    Keys,
+    default_folder,
+    descends,
+    explained,
+    fingerprint,
+    private_pem,
+    public_pem,
+    read_public,
+)
 from inclinometry.laboratory.ledger.ledger import Draft, Ledger, LedgerError
 from inclinometry.laboratory.ledger.verify import Verdict, verify
+from inclinometry.laboratory.ledger.witness import name_others
 from inclinometry.laboratory.ledger.witness_server import server
 
 TOOL = {"name": "steering tool", "triads": {}}
@@ -483,3 +497,65 @@ def test_long_texts_numbers_and_pages(path: Path, keys: Keys) -> None:
         with pytest.raises(InputError, match=r"reading\.position is a number of 66 bits; .* 0 to 2147483647"):
             ledger.append("reading", {"session": "s", "position": 2**65, "attempt": 1}, body, author="anna")
         assert verify(ledger).ok
+
+
+# where things are kept, and who may read them
+
+
+def test_folders_of_keys_and_witnesses_are_their_owners_alone(path: Path, keys: Keys, tmp_path: Path) -> None:
+    """Whoever can list them knows which ledgers there are."""
+    name_others(tmp_path / "deep" / "other", ["print"])
+    for folder in (keys.folder, keys.folder / "heads", tmp_path / "deep" / "other"):
+        assert folder.stat().st_mode & 0o777 == 0o700, folder
+
+
+def test_where_keys_and_ledgers_are_when_nobody_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As the desktop's rules have it, else below the home; a folder that is named goes before."""
+    for name in (FOLDER, "XDG_CONFIG_HOME", "XDG_DATA_HOME"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert default_folder() == Keys().folder == tmp_path / ".config" / "inclinometry" / "keys"
+    assert default_path() == tmp_path / ".local" / "share" / "inclinometry" / "ledger.sqlite"
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "c"))
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "d"))
+    assert default_folder() == tmp_path / "c" / "inclinometry" / "keys"
+    assert default_path() == tmp_path / "d" / "inclinometry" / "ledger.sqlite"
+    monkeypatch.setenv(FOLDER, str(tmp_path / "named"))
+    assert Keys().folder == tmp_path / "named"
+
+
+class Terminal(io.StringIO):
+    """A standard input at which somebody sits, or not."""
+
+    def __init__(self, there: bool) -> None:
+        super().__init__()
+        self._there = there
+
+    def isatty(self) -> bool:
+        return self._there
+
+
+def test_a_passphrase_is_asked_for_where_somebody_sits(keys: Keys, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Once; a program without a terminal is told how to give it, and a key of another kind is none."""
+    public = keys.make().public
+    monkeypatch.setenv(PASSPHRASE, "")
+    keys.set_passphrase("correct horse")
+    asked_for: list[str] = []
+    monkeypatch.setattr("getpass.getpass", lambda text: asked_for.append(text) or "correct horse")
+    monkeypatch.delenv(PASSPHRASE)
+    monkeypatch.setattr("sys.stdin", Terminal(False))
+    with pytest.raises(LedgerError, match=f"into the environment as {PASSPHRASE}"):
+        Keys(keys.folder).signing()
+    monkeypatch.setattr("sys.stdin", Terminal(True))
+    assert Keys(keys.folder).signing().public == Keys(keys.folder).signing().public == public
+    assert len(asked_for) == 1
+    monkeypatch.setenv(PASSPHRASE, "")
+    keys.set_passphrase("")
+    assert b"ENCRYPTED" not in keys.path.read_bytes()
+    other = ec.generate_private_key(ec.SECP256R1())
+    keys.path.write_bytes(private_pem(other))
+    with pytest.raises(LedgerError, match="a key of another kind"):
+        Keys(keys.folder).signing()
+    keys.path.write_text("nonsense")
+    with pytest.raises(LedgerError, match="restore it from a copy"):
+        Keys(keys.folder).signing()

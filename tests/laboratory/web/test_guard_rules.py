@@ -231,7 +231,7 @@ def test_a_stranger_sees_the_login_and_what_it_is_drawn_with(network, method, pa
 
 def test_a_strangers_socket_is_closed_whatever_its_path(network):
     for path in ("/login", "/static/x", "/_nicegui_ws/socket.io/", "/healthz"):
-        assert network.ask(path=path, type="websocket") == ENDED
+        assert network.ask(path=path, type="websocket") == ENDED == 4401
     assert network.reached == []
 
 

@@ -60,7 +60,7 @@ def export(ledger: Ledger, path: str | Path, *, progress: Progress | None = None
 
 def _rows(connection: Connection, progress: Progress | None) -> Iterator[dict[str, Any]]:
     """Records in order; only a few of each kind are in memory at a time."""
-    last = connection.execute(select(func.max(CHAIN.c.seq))).scalar() or 0
+    last = connection.execute(select(func.max(CHAIN.c.seq))).scalar()
     found = heapq.merge(*(_stream(connection, kind) for kind in TABLES), key=lambda pair: pair[1].seq)
     for link in _streamed(connection, select(CHAIN).order_by(CHAIN.c.seq)):
         kind, row = next(found, ("", None))

@@ -192,7 +192,7 @@ def _name(host: str) -> str:
 
 def _own_address(scope: Scope, host: str) -> bool:
     """Whether the host is the numeric address at which the connection arrived."""
-    server = scope.get("server") or ("", 0)
+    server = scope.get("server") or ("",)
     try:
         return ipaddress.ip_address(_name(host).strip("[]")) == ipaddress.ip_address(str(server[0]))
     except ValueError:
