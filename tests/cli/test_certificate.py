@@ -96,7 +96,7 @@ def test_where_the_laboratory_has_a_key_they_are_signed(files: Any) -> None:
 
 WRONG = [
     (("none.json", "-o", "c.pdf"), "none.json: there is no such file"),
-    (("verify.json", "-o", "c.pdf"), 'schema "inclinometry/tool" is needed'),
+    (("verify.json", "-o", "c.pdf"), "this is a verification (`verify -o`); needed is a calibration"),
     (("tool.json", "-o", "c.pdf", "--verification", "tool.json"), "the file that `verify -o` writes"),
     (("tool.json", "-o", "c.pdf", "--laboratory", "tool.json"), "not TOML"),
     (("tool.json", "-o", "c.pdf", "--dcc", "c.xml"), "a digital certificate states the laboratory"),

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from inclinometry.cli.demo import show_hot_run
+from inclinometry.files import json_codec
 from inclinometry.files.bench_csv import read_bench
 from inclinometry.simulate.gyro import hot_run
 from inclinometry.workflow.demo import Demo
@@ -121,10 +122,42 @@ def test_a_verification_says_before_it_begins_what_it_will_find(run, bench):
     told = run("verify", "plan.csv", "--calibration", "tool.json", "--planned", "--json").json
     assert told["positions"] == 6
     assert told["found_with_90_percent"]["times"] > 4.0
-    wrong = run("verify", "plan.csv", "--calibration", "tool.json", "--planned", "-o", "verify.json")
+    wrong = run("verify", "plan.csv", "--calibration", "tool.json", "--planned", "--report", "r.html", "-o", "p.json")
     assert wrong.status == 2
-    assert "leave out -o" in wrong.err
-    assert not Path("verify.json").exists()
+    assert "leave out --report" in wrong.err
+    assert not Path("p.json").exists()
+
+
+def test_what_is_planned_is_written(run, bench):
+    """The protocol before the first reading: positions with limits and risks; the verification itself holds to them."""
+    bench("twelve")
+    run("calibrate", "readings.csv", "-o", "tool.json", "--rig-sd-deg", "0.1")
+    run("plan", "spread", "-o", "plan.csv")
+    given = ("--calibration", "tool.json")
+    done = run("verify", "plan.csv", *given, "--planned", "-o", "planned.json")
+    assert done.status == 0
+    assert "written to planned.json" in done.out
+    content = json_codec.of_kind(
+        json_codec.load(Path("planned.json")), "planned.json", "inclinometry/planned-verification"
+    )
+    assert len(content["positions"]) == 12
+    shown = run("verify", "plan.csv", *given, "--planned", "--json").json
+    for key, value in content["worth"].items():
+        # a terminal shows twelve digits; without agreed limits there is no consumer's risk
+        assert value is shown[key] if value is None else value == pytest.approx(shown[key], rel=1e-9)
+    again = Path("planned.json").read_bytes()
+    run("verify", "plan.csv", *given, "--planned", "-o", "planned.json")
+    assert Path("planned.json").read_bytes() == again
+    bench = ("--rig-sd-deg", "0.1", "--tool", "truth.json", "--plan", "plan.csv", "--seed", "7")
+    run("simulate", "bench", *bench, "-o", "check.csv")
+    run("verify", "check.csv", *given, "-o", "verify.json")
+    held = json_codec.load(Path("verify.json"))["report"]["positions"]
+    for before, after in zip(content["positions"], held, strict=True):
+        # the azimuth of the limits is that of the readings: it differs by the tool's own error
+        assert before["inclination"]["limit_deg"] == pytest.approx(after["inclination"]["limit_deg"], rel=0.05)
+        assert before["inclination_deg"] == after["inclination_deg"]
+    wrong = run("verify", "check.csv", "--calibration", "planned.json")
+    assert "this is what a verification will find (`verify --planned -o`); needed is a calibration" in wrong.err
 
 
 @pytest.mark.long

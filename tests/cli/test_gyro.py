@@ -222,7 +222,15 @@ def test_histories_that_do_not_belong(run, simulated):
     command = (*NORTH, "-o", "out.csv", "--history", "A7.json")
     refused(run, *command, "--calibration", "B9.json", parts=["'A7'", "'B9'"])
     refused(run, *command, parts=["'A7'"])
-    refused(run, *NORTH, "-o", "out.csv", "--history", "truth.json", parts=["truth.json", "inclinometry/scale"])
+    refused(
+        run,
+        *NORTH,
+        "-o",
+        "out.csv",
+        "--history",
+        "truth.json",
+        parts=["truth.json", "needed is scale factors of a gyro"],
+    )
     refused(run, *NORTH, "-o", "out.csv", "--history", "none.json", parts=["none.json"])
 
 

@@ -143,7 +143,7 @@ def _channel(content):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (_other_schema, '"inclinometry/corrections" is needed'),
+        (_other_schema, "needed is corrections of a survey"),
         (_later, "reads version 1"),
         (_text, r"parameters\[0\].value"),
         (_names, "not the names"),

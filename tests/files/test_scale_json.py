@@ -71,8 +71,8 @@ def changed(*path, value):
 @pytest.mark.parametrize(
     ("change", "wanted"),
     [
-        (changed("schema", value="inclinometry/tool"), '"inclinometry/scale" is needed'),
-        (lambda c: c.pop("schema"), '"inclinometry/scale" is needed'),
+        (changed("schema", value="inclinometry/tool"), "needed is scale factors of a gyro"),
+        (lambda c: c.pop("schema"), "needed is scale factors of a gyro"),
         (changed("version", value=2), "reads version 1"),
         (changed("belief", "coefficients", value=[]), "$.belief.coefficients"),
         (changed("belief", "coefficients", value=[1.0, 2.0, 3.0, 4.0]), "$.belief.coefficients"),

@@ -689,7 +689,7 @@ def verify(
     rig_sd_deg
         Random error of a setting of another stand; that of the calibration's rig when not given.
     output_
-        Write verify.json, for a certificate.
+        Write verify.json, for a certificate; with --planned the protocol that is planned, JSON.
     planned
         Before any reading is taken: the file is a plan (`inclinometry plan spread`), and what its positions will find
         is said, with the risks of both sides.
@@ -705,8 +705,12 @@ def verify(
         {"the readings": readings, "--calibration": calibration, "--limits": None if limits is None else Path(limits)},
     )
     if planned:
-        alone = stand == "same" and not output_ and not report
-        return _verify_planned(readings, calibration, limits, alone, 1 if count is None else count, json)
+        if stand != "same" or report is not None:
+            raise InputError(
+                "--planned is before any reading, on the stand of the calibration: leave out --report and --stand; "
+                "-o writes what is planned"
+            )
+        return _verify_planned(readings, calibration, limits, output_, 1 if count is None else count, json)
     if count is not None:
         raise InputError("--count is of --planned: readings say themselves of how many they are the mean")
     with output.reading(readings) as progress:
@@ -798,34 +802,34 @@ def _other_stand(
     )
 
 
-def _verify_planned(plan: Path, calibration: Path, limits: str | None, alone: bool, count: int, json: bool) -> int:
+def _verify_planned(
+    plan: Path, calibration: Path, limits: str | None, target: Path | None, count: int, json: bool
+) -> int:
     """What a verification at these positions will be worth."""
     from inclinometry.calibration.acceptance import planned
     from inclinometry.files.bench_csv import read_plan
     from inclinometry.files.limits import read_limits
+    from inclinometry.files.verification_json import worth_of, write_planned
 
-    if not alone:
-        raise InputError(
-            "--planned is before any reading, on the stand of the calibration: leave out -o, --report, --stand"
-        )
     bounds = None if limits is None else read_limits(limits)
-    found = planned(read_plan(plan), read_calibration(calibration), bounds, count=count)
+    tool = read_calibration(calibration)
+    found = planned(read_plan(plan), tool, bounds, count=count)
     output.warnings(found.warnings)
     if found.power is None:
         raise InputError(f"{calibration} states no uncertainty of the tool: what a verification finds cannot be said")
+    if target is not None:
+        if tuple(found.names) != ANGLES:
+            raise InputError(
+                "-o writes limits of inclination, azimuth and toolface; this tool has none of them: use --json"
+            )
+        write_planned(target, found, bounds, tool)
     if json:
         output.print_json(
             {
                 "positions": len(found.station),
                 "limits": {"name": found.limits_name, "source": found.limits_source},
                 "coverage_factor": found.coverage_factor,
-                "found_with_90_percent": {
-                    name: factor if np.isfinite(factor) else None
-                    for name, factor in {"times": found.power.factor, **found.power.by_angle}.items()
-                },
-                "producers_risk": found.power.producer,
-                "consumers_risk": found.power.consumer,
-                "twice_as_bad_passes": found.power.twice,
+                **worth_of(found),
                 "warnings": found.warnings,
             }
         )
@@ -844,6 +848,8 @@ def _verify_planned(plan: Path, calibration: Path, limits: str | None, alone: bo
     )
     for sentence in found.notes:
         output.say(sentence)
+    if target is not None:
+        output.say(f"written to {target}")
     return 0
 
 

@@ -173,6 +173,7 @@ _KINDS: Final = {
     "inclinometry/errors": ("errors of a gyro run", "gyro north --errors"),
     "inclinometry/gyro-truth": ("the truth of a simulated gyro run", "simulate gyro --truth"),
     "inclinometry/ledger-head": ("a signed head of a ledger", "ledger head -o"),
+    "inclinometry/planned-verification": ("what a verification will find", "verify --planned -o"),
     "inclinometry/scale": ("scale factors of a gyro", "gyro scale -o"),
     "inclinometry/tool": ("a calibration", "calibrate -o"),
     "inclinometry/tool-code": ("a tool code", "position --tool-code"),

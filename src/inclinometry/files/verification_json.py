@@ -60,6 +60,50 @@ def write_verification(path: str | Path, found: Verification, limits: Limits | N
     write_bytes(json_codec.canonical(content), path)
 
 
+def write_planned(path: str | Path, found: Verification, limits: Limits | None, calibration: Calibration) -> None:
+    """Write what a verification at these positions will be worth, before any reading is taken; for the agreement with
+    a customer, and to be held against the verification itself.
+
+    Raises
+    ------
+    FileError
+        The file cannot be written.
+    """
+    judged = [
+        {key: value for key, value in row.items() if key not in ANGLES}
+        | {name: {key: row[name][key] for key in ("U_deg", "limit_deg")} for name in ANGLES}
+        for row in judged_positions(found)["positions"]
+    ]
+    content = {
+        "schema": "inclinometry/planned-verification",
+        "version": 1,
+        "tool": calibration.tool.name,
+        "calibration": calibration_digest(calibration),
+        "limits": stated_limits(found, limits),
+        "coverage_factor": found.coverage_factor,
+        "positions": judged,
+        "worth": worth_of(found),
+        "said": found.notes,
+        "warnings": list(found.warnings),
+        "program": program(),
+    }
+    write_bytes(json_codec.canonical(content), path)
+
+
+def worth_of(found: Verification) -> dict[str, Any]:
+    """How many times worse a tool must be to be found with 90 %, null where it never is; the risks of both sides."""
+    power = found.power
+    if power is None:
+        return {}
+    factors = {"times": power.factor, **power.by_angle}
+    return {
+        "found_with_90_percent": {name: float(x) if np.isfinite(x) else None for name, x in factors.items()},
+        "producers_risk": power.producer,
+        "consumers_risk": power.consumer,
+        "twice_as_bad_passes": power.twice,
+    }
+
+
 def judged_positions(found: Verification) -> dict[str, Any]:
     """Position by position: dials, errors, expanded uncertainties, limits and decisions, degrees."""
     rows = []

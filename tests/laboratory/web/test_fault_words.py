@@ -17,8 +17,8 @@ from inclinometry.laboratory.ledger.engine import translated
 from inclinometry.laboratory.ledger.signatures import Fault
 from inclinometry.laboratory.ledger.witness import lost_sentence, unencrypted
 from inclinometry.laboratory.registry import RegisteredRig, RegisteredTool, put_rig, put_tool
-from inclinometry.laboratory.web.pages.ledger import said
-from inclinometry.laboratory.web.words import sentence
+from inclinometry.laboratory.web.pages.ledger import fields, said
+from inclinometry.laboratory.web.words import say, sentence
 
 KEY = "ab12:cd34"
 FAULTS = [
@@ -201,3 +201,38 @@ def test_a_file_that_cannot_be_imported_is_said_in_the_language_of_the_page(tmp_
             plain = re.sub(r"\w+_[a-z0-9]+|'\w+'|\bnan\b|JSON|schema|station", "", _without_quotations(text))
             left += [text] if re.search("[A-Za-z]{2,}", plain) else []
     assert left == []
+
+
+def test_a_record_is_a_table_in_the_language_of_the_page():
+    """Field, value and unit; names stay as people gave them, matrices and whole files are counted."""
+    body = {
+        "rig": "stand 1",
+        "dial_deg": [10.0, 20.0, 30.0],
+        "still": True,
+        "duration_s": 4.4001,
+        "channels": {"accelerometer": [1.5, 2.5]},
+        "plan": {"name": "twelve", "positions_deg": [[1, 2, 3], [4, 5, 6]]},
+        "note": "",
+        "tool_json": {"schema": "inclinometry/tool"},
+    }
+
+    def rows(language):
+        visitor = SimpleNamespace(
+            sentence=lambda text: sentence(language, text), say=lambda key, **values: say(language, key, **values)
+        )
+        return fields(visitor, body)
+
+    assert rows("en") == [
+        ("rig", "stand 1", ""),
+        ("dial", "10; 20; 30", "°"),
+        ("still", "yes", ""),
+        ("duration", "4.4001", "s"),
+        ("channels · accelerometer", "1.5; 2.5", ""),
+        ("plan · name", "twelve", ""),
+        ("plan · positions", "2 entries, in the record as it is stored", "°"),
+        ("tool json", "1 entries, in the record as it is stored", ""),
+    ]
+    for language in ("ru", "zh"):
+        for field, value, _ in rows(language):
+            assert not re.search("[A-Za-z]{2,}", field), field
+            assert value in ("stand 1", "twelve") or not re.search("[A-Za-z]{2,}", value), value

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import re
-from typing import Final
+from collections.abc import Mapping
+from typing import Any, Final
 
 from fastapi import Request
 from nicegui import ui
@@ -18,7 +19,8 @@ from inclinometry.laboratory.ledger.verify import Verdict, verify
 from inclinometry.laboratory.registry import Listed, listed
 from inclinometry.laboratory.web.api.ledger import HIDDEN
 from inclinometry.laboratory.web.frame import Visitor, aside, frame
-from inclinometry.laboratory.web.pages.lists import to, visible
+from inclinometry.laboratory.web.pages.lists import table, to, visible
+from inclinometry.laboratory.web.words import catalogue
 
 PAGE: Final = 50
 SHOWN_KINDS: Final = tuple(name for name in KINDS if name not in HIDDEN)
@@ -42,7 +44,10 @@ def ledger_page(request: Request, kind: str = "event", before: int = 0, key: str
 
 
 def search(visitor: Visitor, kind: str, text: str, before: int) -> list[Listed]:
-    """Records of a kind of which any key is the text, or whose id or place in the chain it is; all without a text."""
+    """Records of a kind of which any key is the text, or whose id or place in the chain it is; all without a text.
+
+    Where there is none, those in whose title the text stands as the visitor reads it.
+    """
     ledger = visitor.bench.ledger
     if not text:
         return listed(ledger, kind, limit=PAGE, before=before)
@@ -61,6 +66,10 @@ def search(visitor: Visitor, kind: str, text: str, before: int) -> list[Listed]:
             )
     if text.isascii() and text.isdigit() and len(text) < 15 and not before:
         found |= {one.seq: one for one in listed(ledger, kind, limit=1, before=int(text) + 1) if one.seq == int(text)}
+    if not found:  # a word as the page shows it, in whatever language; so far back as is read in a moment
+        farthest = 2_000
+        shown = listed(ledger, kind, limit=farthest, before=before)
+        found = {one.seq: one for one in shown if text.casefold() in _keys(visitor, one).casefold()}
     return [found[seq] for seq in sorted(found, reverse=True)][:PAGE]
 
 
@@ -125,6 +134,47 @@ def said(visitor: Visitor, fault: Fault) -> str:
     return f"{where}: {visitor.sentence(fault.problem)}"
 
 
+def fields(visitor: Visitor, body: Mapping[str, Any], above: str = "") -> list[tuple[str, str, str]]:
+    """Field, value and unit of each entry of a record, in the visitor's language; empty ones are left out.
+
+    Matrices, lists of more than a dozen and the whole files a record carries are counted: they are in the raw record.
+    """
+    most, deepest = 12, 3
+    whole_files = ("tool_json", "record")
+    # what people called something stays as they wrote it
+    given = ("name", "rig", "site", "customer", "description", "manufacturer", "order", "condition", "reason", "note")
+    found = []
+    for key, value in body.items():
+        if value in (None, "", [], {}):
+            continue
+        ends = ((key.removesuffix(end), unit) for end, unit in _UNITS.items() if key.endswith(end))
+        name, unit = next(ends, (key, ""))
+        field = f"{above}{visitor.sentence(name.replace('_', ' '))}"
+        several = value if isinstance(value, list) else [value]
+        if isinstance(value, Mapping) and above.count(" · ") + 1 < deepest and key not in whole_files:
+            found += fields(visitor, value, f"{field} · ")
+            continue
+        if isinstance(value, Mapping) or len(several) > most or any(isinstance(x, list | Mapping) for x in several):
+            text = visitor.say("ledger.entries", number=len(value))
+        else:
+            text = "; ".join(str(one) if key in given else _value(visitor, one) for one in several)
+        found.append((field, text, unit))
+    return found
+
+
+_UNITS: Final = {"_degC": "°C", "_deg": "°", "_rad": "rad", "_mps2": "m/s²", "_nT": "nT", "_m": "m", "_s": "s"}
+"""Ends of keys -> units."""
+
+
+def _value(visitor: Visitor, value: object) -> str:
+    """One value; a sentence of the program, a name or a digest as it stands."""
+    if isinstance(value, bool):
+        return visitor.say("ledger.yes" if value else "ledger.no")
+    if isinstance(value, float):
+        return f"{value:.7g}"
+    return visitor.sentence(str(value))
+
+
 def _set(done: list[float], share: float) -> None:
     done[0] = share
 
@@ -143,11 +193,23 @@ def _search(visitor: Visitor, kind: str, key: str) -> None:
         ui.button(say("ledger.search"), on_click=go).props("outline no-caps")
 
 
+def _keys(visitor: Visitor, one: Listed) -> str:
+    """What a record is found by, as it is shown: words of the program in the visitor's language, names as they are."""
+    ours = {"subject_kind", "subject", "action"} if one.kind == "event" else {"purpose"}
+    known = catalogue(visitor.language)
+
+    def word(name: str, value: str) -> str:
+        if name == "purpose":
+            return known.get(f"purpose.{value}", value)
+        return visitor.sentence(value) if name in ours else value
+
+    return ", ".join(word(name, str(value)) for name, value in one.keys.items())
+
+
 def _row(visitor: Visitor, one: Listed) -> None:
     """One record; its body is read when it is opened."""
     longest_shown = 20_000
-    # what an event is of, and what happened, are words of the program; the other keys are names
-    keys = ", ".join(visitor.sentence(str(value)) if one.kind == "event" else str(value) for value in one.keys.values())
+    keys = _keys(visitor, one)
     # the first characters tell one session from another; the whole is inside
     keys = re.sub(r"\b([0-9a-f]{8})[0-9a-f]{24}\b", r"\1…", keys)
     title = f"{one.seq} · {one.created[:19].replace('T', ' ')} · {one.author} · {keys}"
@@ -159,10 +221,15 @@ def _row(visitor: Visitor, one: Listed) -> None:
                 loaded.append(True)
                 record = visitor.bench.ledger.get(one.kind, one.id)
                 text = json.dumps(dict(record.body), ensure_ascii=False, indent=1)
+                say = visitor.say
                 with box:
-                    ui.label(visible(text[:longest_shown])).classes("pre")
-                    if len(text) > longest_shown:
-                        ui.label(visitor.say("ledger.cut", number=longest_shown)).classes("dim")
+                    table(
+                        (say("ledger.field"), say("results.value"), say("results.unit")), fields(visitor, record.body)
+                    )
+                    with ui.expansion(say("ledger.raw")).classes("w-full").props("dense"):
+                        ui.label(visible(text[:longest_shown])).classes("pre")
+                        if len(text) > longest_shown:
+                            ui.label(say("ledger.cut", number=longest_shown)).classes("dim")
                     ui.label(f"{one.id} · {record.digest}").classes("dim pre")
 
         box.on_value_change(visitor.action("read", lambda _: show()))
