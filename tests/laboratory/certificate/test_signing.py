@@ -6,6 +6,7 @@ import json
 import re
 import shutil
 import subprocess
+from collections.abc import Callable
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -198,6 +199,109 @@ def test_parts_of_two_certificates_are_not_one(laboratory: Laboratory, tmp_path:
     assert parse_seal("anything else") is None
     with pytest.raises(FileError, match="neither PDF"):
         look(b"anything else", "file", public)
+
+
+DS = "http://www.w3.org/2000/09/xmldsig#"
+XADES = "http://uri.etsi.org/01903/v1.3.2#"
+
+
+def forged(data: bytes) -> list[Any]:
+    """The parts of a certificate with another number and other values."""
+    parts = [part for part in etree.fromstring(data) if etree.QName(part).localname != "Signature"]
+    for part in parts:
+        for one in part.iter("{*}valueXMLList"):
+            one.text = " ".join("9" for _ in one.text.split())
+        for one in part.iter("{*}value"):
+            one.text = "2026-0007" if one.text == "2026-0001" else one.text
+    return parts
+
+
+def _object(*parts: Any) -> Any:
+    made = etree.Element(f"{{{DS}}}Object")
+    made.extend(parts)
+    return made
+
+
+def _in_front(whole: Any, parts: list[Any]) -> None:
+    for one in reversed(parts):
+        whole.insert(0, one)
+
+
+def _another_root(root: Any, signature: Any, new: list[Any]) -> None:
+    inner = etree.Element(root.tag)
+    inner.extend([part for part in root if part is not signature])
+    signature.append(_object(inner))
+    _in_front(root, new)
+
+
+def _same_id(signature: Any, new: list[Any]) -> None:
+    new[0].set("Id", signature[2].get("Id"))
+    signature[3].extend(new)
+
+
+def _id_elsewhere(signature: Any, new: list[Any]) -> None:
+    old = etree.fromstring(etree.tostring(signature[2]))
+    signature[2].set("ID", signature[2].attrib.pop("Id"))
+    signature[2].extend([*new, old])
+
+
+def _another_transform(signature: Any) -> None:
+    step = next(signature.iter(f"{{{DS}}}Transform"))
+    step.addprevious(etree.Element(step.tag, Algorithm="http://www.w3.org/TR/1999/REC-xpath-19991116"))
+
+
+def _within(signature: Any, name: str, new: list[Any]) -> None:
+    made = etree.Element(name)
+    made.extend(new)
+    signature.append(made)
+
+
+# root, signature, forged parts: put where the signature does not see them
+WRAPPED: dict[str, Callable[[Any, Any, list[Any]], object]] = {
+    "object, signature in front": lambda r, s, n: (s.append(_object(*n)), r.insert(0, s)),
+    "object at the end": lambda r, s, n: s.append(_object(*n)),
+    "an empty object": lambda r, s, n: s.append(_object()),
+    "in the object": lambda r, s, n: s[3].extend(n),
+    "in front of the properties": lambda r, s, n: _in_front(s[3], n),
+    "unsigned properties": lambda r, s, n: _within(s[3][0], f"{{{XADES}}}UnsignedProperties", n),
+    "in the value": lambda r, s, n: s[1].extend(n),
+    "in the key": lambda r, s, n: s[2].extend(n),
+    "in what is said of the references": lambda r, s, n: s[0].extend(n),
+    "a document in the key": lambda r, s, n: _within(s[2], r.tag, n),
+    "another root around": _another_root,
+    "the signature in front": lambda r, s, n: r.insert(0, s),
+    "two signatures": lambda r, s, n: r.append(etree.fromstring(etree.tostring(s))),
+    "the signature deeper": lambda r, s, n: r[-2].append(s),
+    "parts twice": lambda r, s, n: _in_front(r, n),
+    "one id twice": lambda r, s, n: _same_id(s, n),
+    "the key's id elsewhere": lambda r, s, n: _id_elsewhere(s, n),
+    "another transform": lambda r, s, n: _another_transform(s),
+    "one reference less": lambda r, s, n: s[0].remove(s[0][-1]),
+    "words in between": lambda r, s, n: setattr(s[3], "text", "void"),
+    "words behind": lambda r, s, n: setattr(s, "tail", "void"),
+    "words in the value": lambda r, s, n: setattr(s[1], "text", f"{s[1].text}#void#"),
+    "an attribute": lambda r, s, n: s[3].set("Encoding", "void"),
+}
+
+
+@pytest.mark.parametrize("way", WRAPPED)
+def test_a_signature_wrapped_around_other_contents_is_refused(laboratory: Laboratory, way: str) -> None:
+    """XML signature wrapping: what the signature does not cover has no place in the file; nor is it read."""
+    data = laboratory.files.dcc
+    assert data is not None
+    root = etree.fromstring(data)
+    WRAPPED[way](root, root[-1], forged(data))
+    changed = etree.tostring(root, xml_declaration=True, encoding="UTF-8")
+    assert etree.tostring(root, method="c14n") != etree.tostring(etree.fromstring(data), method="c14n")
+    found = look(changed, "file", laboratory.public)
+    assert found.problem
+    assert found.number in ("2026-0001", "")
+    try:
+        said = read_dcc(changed)
+    except FileError:
+        return
+    was = read_dcc(data)
+    assert (said.number, said.digest, said.parameters) == (was.number, was.digest, was.parameters)
 
 
 @pytest.mark.parametrize("put", [b"<!---->", b"<?cut?>"])

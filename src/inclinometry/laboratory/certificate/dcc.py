@@ -81,6 +81,7 @@ def product(one: str, other: str) -> str:
 
 DCC: Final = "https://ptb.de/dcc"
 NSMAP: Final = {"dcc": DCC, "si": "https://ptb.de/si"}
+ROOT: Final = f"{{{DCC}}}digitalCalibrationCertificate"
 PREFIX: Final = "inclinometry_"
 """Of the refTypes that are ours; the others are PTB's."""
 
@@ -263,7 +264,7 @@ def dcc_bytes(record: Record) -> bytes:
     ]
     if lost:
         raise InputError(f"a digital certificate states {lost[0]}; give it in lab.toml (--laboratory)")
-    root = etree.Element(f"{{{DCC}}}digitalCalibrationCertificate", schemaVersion="3.2.1", nsmap=NSMAP)
+    root = etree.Element(ROOT, schemaVersion="3.2.1", nsmap=NSMAP)
     parent = element(root, "dcc:administrativeData")
     program, _, release = record["program"].partition(" ")
     software = element(element(parent, "dcc:dccSoftware"), "dcc:software")
@@ -471,13 +472,13 @@ class Dcc(NamedTuple):
     errors: dict[str, Array]
 
 
-def read_dcc(data: bytes, where: str | Path = "certificate.xml") -> Dcc:
-    """Read the numbers back; entities and everything outside the file are refused.
+def dcc_root(data: bytes, where: str | Path = "certificate.xml") -> Element:
+    """The root of a digital certificate; entities and everything outside the file are refused.
 
     Raises
     ------
     FileError
-        Not XML, not a DCC, not written by this package.
+        Not XML, not a DCC.
     """
     largest = 50_000_000
     if len(data) > largest:
@@ -487,8 +488,22 @@ def read_dcc(data: bytes, where: str | Path = "certificate.xml") -> Dcc:
         root = etree.fromstring(data, parser)
     except etree.XMLSyntaxError as error:
         raise FileError(f"not XML: {error.msg}", path=where) from None
-    if root.tag != f"{{{DCC}}}digitalCalibrationCertificate" or root.getroottree().docinfo.internalDTD is not None:
+    if root.tag != ROOT or root.getroottree().docinfo.internalDTD is not None:
         raise FileError("not a digital calibration certificate", path=where)
+    return root
+
+
+def read_dcc(data: bytes, where: str | Path = "certificate.xml") -> Dcc:
+    """Read the numbers back, each from its one place below the root.
+
+    Raises
+    ------
+    FileError
+        Not XML, not a DCC, not written by this package, one certificate inside of another.
+    """
+    root = dcc_root(data, where)
+    if len([*root.iter(ROOT)]) != 1:
+        raise FileError("a second digital certificate stands in it; only one by itself is read", path=where)
     try:
         return _numbers(root)
     except (IndexError, ValueError):
@@ -497,42 +512,53 @@ def read_dcc(data: bytes, where: str | Path = "certificate.xml") -> Dcc:
         ) from None
 
 
-def _numbers(root: Any) -> Dcc:
-    def find(path: str, below: Any = root) -> list[Any]:
-        found: list[Any] = below.xpath(path, namespaces=NSMAP)
+def _numbers(root: Element) -> Dcc:
+    # nothing is looked for at any depth: what somebody hides elsewhere in the file is not read
+    core, results = "dcc:administrativeData/dcc:coreData", "dcc:measurementResults/dcc:measurementResult/dcc:results"
+
+    def find(path: str, below: Element = root) -> list[Element]:
+        found: list[Element] = below.xpath(path, namespaces=NSMAP)
+        if len(found) > 1:
+            raise ValueError(f"{len(found)} of {path}")
         return found
 
-    def listed(path: str, below: Any = root) -> Array:
-        return np.array(find(path, below)[0].text.split(), dtype=float)
+    def text(path: str, below: Element = root) -> str:
+        # the whole of it: a comment cuts a text in two
+        return str(find(path, below)[0].xpath("string()"))
+
+    def listed(path: str, below: Element = root) -> Array:
+        return np.array(text(path, below).split(), dtype=float)
 
     def identified(ref: str) -> str:
-        return str(find(f"//dcc:identification[@refType='{PREFIX}{ref}']/dcc:value")[0].text)
+        return text(f"{core}/dcc:identifications/dcc:identification[@refType='{PREFIX}{ref}']/dcc:value")
 
     table = {}
     for name in ("inclination", "U_inclination", "U_azimuth", "U_toolface"):
-        path = f"//dcc:result[@refType='{PREFIX}uncertainty']//dcc:quantity[@refType='{PREFIX}{name}']"
+        path = f"{results}/dcc:result[@refType='{PREFIX}uncertainty']/dcc:data/dcc:list"
+        path += f"/dcc:quantity[@refType='{PREFIX}{name}']/si:realListXMLList/si:valueXMLList"
         if find(path):
-            table[name] = listed(f"{path}//si:valueXMLList")
-    block = find(f"//dcc:quantity[@refType='{PREFIX}parameters']/si:realListXMLList")[0]
-    names, values = block[0].text.split(), listed("si:valueXMLList", block)
+            table[name] = listed(path)
+    path = f"{results}/dcc:result[@refType='{PREFIX}parameters']/dcc:data"
+    block = find(f"{path}/dcc:quantity[@refType='{PREFIX}parameters']/si:realListXMLList")[0]
+    names, values = text("si:labelXMLList", block).split(), listed("si:valueXMLList", block)
     spread = np.full(len(names), np.nan)
     if find("si:expandedUncXMLList", block):
         spread = listed("si:expandedUncXMLList/si:uncertaintyXMLList", block)
-    cells = [float(cell.text) for cell in find(".//si:covariance/si:value", block)]
+    cells = block.xpath("si:ellipsoidalRegionXMLList/si:covarianceMatrix/si:column/si:covariance", namespaces=NSMAP)
     size = len(names) if cells else 0
     errors = {}
     for name in ("inclination", "azimuth", "toolface"):
-        where = f"//dcc:result[@refType='{PREFIX}verification_{name}']"
-        path = f"{where}//dcc:quantity[@refType='basic_measurementError']/si:realListXMLList"
-        if find(path):
-            rows = find(path)[0]
-            errors[name] = np.stack([listed("si:valueXMLList", rows), listed(".//si:uncertaintyXMLList", rows)], axis=1)
+        path = f"{results}/dcc:result[@refType='{PREFIX}verification_{name}']/dcc:data/dcc:list"
+        rows = find(f"{path}/dcc:quantity[@refType='basic_measurementError']/si:realListXMLList")
+        if rows:
+            spreads = listed("si:expandedUncXMLList/si:uncertaintyXMLList", rows[0])
+            errors[name] = np.stack([listed("si:valueXMLList", rows[0]), spreads], axis=1)
     return Dcc(
         identified("number"),
         identified("digest"),
-        str(find("//dcc:item/dcc:identifications/dcc:identification/dcc:value")[0].text),
+        text("dcc:administrativeData/dcc:items/dcc:item/dcc:identifications/dcc:identification/dcc:value"),
         table,
         {n: (float(v), float(s)) for n, v, s in zip(names, values, spread, strict=True)},
-        np.array(cells).reshape(size, size).T,  # written column by column
+        np.array([float(text("si:value", cell)) for cell in cells]).reshape(size, size).T,  # written column by column
         errors,
     )

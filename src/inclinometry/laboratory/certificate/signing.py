@@ -8,9 +8,11 @@ into document.pem, take its place.
 
 from __future__ import annotations
 
+import base64
 import io
 import re
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from datetime import UTC, datetime, timedelta
 from threading import Thread
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
@@ -30,6 +32,7 @@ _SEAL: Final = re.compile(
     r"inclinometry certificate (?P<number>.{1,200}?) (?P<digest>sha256:[0-9a-f]{64})"
     r"(?: (?P<key>[0-9a-f]{32}) (?P<signature>[A-Za-z0-9+/]{86}==))?"
 )
+_DS: Final = "http://www.w3.org/2000/09/xmldsig#"
 _FIELD: Final = "LaboratorySignature"
 _RESERVED: Final = 12_000  # bytes for the signature in a PDF: certificates of an authority fit, too
 
@@ -395,19 +398,17 @@ def _look_at_dcc(data: bytes, where: str, public: Public) -> Looked:
     from signxml.verifier import SignatureConfiguration
     from signxml.xades.xades import XAdESSignatureConfiguration, XAdESVerifier
 
-    from inclinometry.laboratory.certificate.dcc import read_dcc
+    from inclinometry.laboratory.certificate.dcc import dcc_root, read_dcc
 
-    said = read_dcc(data, where)
-    seen = Looked("DCC", said.number, said.digest, "")
-    root = etree.fromstring(data, etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False))
-    # XAdES signs without comments, and they cut a value in two: a reader sees another one than was signed
-    if root.getroottree().xpath("//comment() | //processing-instruction()"):
-        return seen._replace(problem="it holds comments or processing instructions, which no certificate of ours does")
-    listed: Any = root.xpath("./*[local-name()='Signature']//*[local-name()='X509Certificate']")
-    if not listed:
-        return seen._replace(problem="it bears no signature")
+    root = dcc_root(data, where)
+    seen = Looked("DCC", "", "", _beside_the_signed(root))
+    with suppress(FileError):  # only to name it: what it proves is read from what was signed
+        said = read_dcc(data, where)
+        seen = seen._replace(number=said.number, digest=said.digest)
+    if seen.problem:
+        return seen
     try:
-        text = "".join((listed[0].text or "").split())
+        text = "".join(root.xpath("string((./*/*/*/*[local-name()='X509Certificate'])[1])").split())
         leaf = x509.load_pem_x509_certificate(
             f"-----BEGIN CERTIFICATE-----\n{text}\n-----END CERTIFICATE-----\n".encode()
         )
@@ -419,12 +420,65 @@ def _look_at_dcc(data: bytes, where: str, public: Public) -> Looked:
     here: SignatureConfiguration = XAdESSignatureConfiguration(location="./", require_x509=True)
     try:
         found = XAdESVerifier().verify(data, x509_cert=leaf, expect_config=here)
-        whole = found[0].signed_xml
-        if whole is None or whole.tag != root.tag:
-            raise InvalidSignature("the signature is not over the whole document")
     except (InvalidSignature, InvalidDigest, InvalidCertificate, InvalidInput, ValueError, TypeError, etree.LxmlError):
         return seen._replace(problem="it was changed after it was signed", key=key)
-    return seen._replace(key=key)
+    said = read_dcc(found[0].signed_data, where)
+    return seen._replace(number=said.number, digest=said.digest, key=key)
+
+
+def _beside_the_signed(root: Any) -> str:
+    """What stands in a digital certificate that its signature does not cover, or may not; "" when nothing does.
+
+    An enveloped signature is over the document without itself, over its key and its properties: any other content of
+    it would be nobody's (signature wrapping).
+    """
+    from lxml.etree import QName
+
+    from inclinometry.laboratory.certificate.dcc import ROOT
+
+    # XAdES signs without comments, and they cut a value in two: a reader sees another one than was signed
+    if root.getroottree().xpath("//comment() | //processing-instruction()"):
+        return "it holds comments or processing instructions, which no certificate of ours does"
+    if len([*root.iter(ROOT)]) != 1:
+        return "a second digital certificate stands in it"
+    signatures = root.xpath("//*[local-name()='Signature']")
+    if not signatures:
+        return "it bears no signature"
+    strange = "its signature is not made as ours are: it was moved, or something was put into it that nobody signed"
+    one, xades = signatures[0], "http://uri.etsi.org/01903/v1.3.2#"
+    parts = [f"{{{_DS}}}{name}" for name in ("SignedInfo", "SignatureValue", "KeyInfo", "Object")]
+    if len(signatures) != 1 or one is not root[-1] or QName(one).namespace != _DS or [e.tag for e in one] != parts:
+        return strange
+    info, value, key, holder = one
+    around = holder.find(f"{{{xades}}}QualifyingProperties")
+    about = None if around is None else around.find(f"{{{xades}}}SignedProperties")
+    if about is None or len(holder) != 1 or len(around) != 1 or len(value):
+        return strange
+    name = str(one.get("Id"))
+    stated = [(one, {"Id": name}), (value, {}), (holder, {}), (around, {"Target": f"#{name}"})]
+    between = [around.text, about.tail, holder.text, around.tail, one.text, *(part.tail for part in one)]
+    letters = "".join((value.text or "").split())
+    try:
+        spelled = base64.b64encode(base64.b64decode(letters, validate=True)).decode() == letters
+    except ValueError:
+        spelled = False
+    if not spelled or any(dict(part.attrib) != wanted for part, wanted in stated):
+        return strange
+    if any((text or "").strip() for text in between):
+        return strange
+    return "" if _references(info) == [("", True), *((f"#{e.get('Id')}", False) for e in (about, key))] else strange
+
+
+def _references(info: Any) -> list[tuple[str, bool]]:
+    """What a signature says that it is over, and whether without itself; in no other form than it was signed."""
+    found = []
+    for one in info.iterfind(f"{{{_DS}}}Reference"):
+        made = [str(step.get("Algorithm")) for step in one.iterfind(f"{{{_DS}}}Transforms/{{{_DS}}}Transform")]
+        whole = made[:1] == [f"{_DS}enveloped-signature"] and len(made) == 2 and "c14n" in made[1]
+        found.append((str(one.get("URI")), whole))
+        if made and not whole:
+            return []
+    return found
 
 
 def _by_others(leaf: Certificate, public: Public) -> str:
