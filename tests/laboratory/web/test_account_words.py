@@ -20,7 +20,7 @@ from inclinometry.laboratory.web.words import sentence
     "'1' has no second factor",
     "a user needs a name: write the one to log in with",
     "'1' is a new user; give a password of at least 15 characters",
-    "password changed", "second factor set up", "second factor removed", "code 59423 of 5a3f", "recovery code 5a3f",
+    "password changed", "second factor set up", "second factor removed", "code 59423 of 5a3f", "code 59423", "recovery code 5a3f",
 ])  # fmt: skip
 def test_it_is_said_in_the_language_of_the_page(language, said):
     found = sentence(language, said)

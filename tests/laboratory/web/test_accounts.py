@@ -48,7 +48,7 @@ def set_up(user):
     wish = {"password": PASSWORD, "secret": secret, "code": now_of(secret)}
     answer = user.put("/api/v1/me/second-factor", json=wish)
     assert answer.status_code == 200, answer.text
-    return secret, answer.json()["recovery_codes"]
+    return secret, answer.json()["recovery_codes"], wish["code"]
 
 
 def now_of(secret, steps=0):
@@ -86,18 +86,34 @@ def test_a_browser_found_open_does_not_tell_the_password(server, user):
 
 
 def test_a_second_factor_is_set_up_asked_for_and_removed(server, user):
-    secret, recovery = set_up(user)
+    secret, recovery, used = set_up(user)
     with server.client() as plain:
         answer = plain.post("/api/v1/login", json={"name": user.name, "password": PASSWORD})
         assert (answer.status_code, "second factor" in answer.json()["detail"]) == (401, True)
     later = now_of(secret, 1)
+    assert logged_in(server, user.name, code=used) is None  # it has set the factor up
     assert logged_in(server, user.name, code=later)
     assert logged_in(server, user.name, code=later) is None  # replayed
     assert logged_in(server, user.name, code=recovery[0])
     assert logged_in(server, user.name, code=recovery[0]) is None
-    assert user.post("/api/v1/me/second-factor/remove", json={"password": "wrong"}).status_code == 422
-    assert user.post("/api/v1/me/second-factor/remove", json={"password": PASSWORD}).status_code == 204
+    path = "/api/v1/me/second-factor/remove"
+    for wrong in (
+        {"password": PASSWORD},
+        {"password": PASSWORD, "code": later},
+        {"password": PASSWORD, "code": recovery[0]},
+        {"password": "wrong", "code": recovery[1]},
+    ):
+        assert user.post(path, json=wrong).status_code == 422, wrong
+    assert user.post(path, json={"password": PASSWORD, "code": recovery[1]}).status_code == 204
     assert logged_in(server, user.name)
+
+
+def test_codes_are_not_guessed_in_a_browser_found_open(server, user):
+    set_up(user)
+    for number in range(5):
+        wish = {"password": PASSWORD, "code": f"{number}"}
+        assert user.post("/api/v1/me/second-factor/remove", json=wish).status_code == 422
+    assert user.get("/api/v1/me").status_code == 401
 
 
 def test_a_code_that_nobody_asks_for_is_wrong(server, user):
@@ -156,7 +172,7 @@ def test_a_browser_is_known_at_its_next_login(start):
 
 
 def test_the_login_page_asks_for_the_code(server, user):
-    secret, _ = set_up(user)
+    secret, *_ = set_up(user)
     with server.client() as browser:
         form = browser.get("/login").text
         for name in ("username", "current-password", "one-time-code"):  # password managers find their way
@@ -183,7 +199,7 @@ def test_on_a_bench_without_passwords_there_is_no_account(open_server):
         assert (answer.status_code, answer.headers["location"]) == (303, "/")
         for method, path, body in (
             ("PUT", "/api/v1/me/password", {"password": "x", "new_password": OTHER}),
-            ("POST", "/api/v1/me/second-factor/remove", {"password": "x"}),
+            ("POST", "/api/v1/me/second-factor/remove", {"password": "x", "code": "x"}),
         ):
             refused = browser.request(method, path, json=body)
             assert (refused.status_code, "nobody logs in" in refused.json()["detail"]) == (422, True)
