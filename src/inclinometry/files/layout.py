@@ -28,6 +28,7 @@ from inclinometry.errors import FileError, InputError
 from inclinometry.files._quantities import dimension_of
 from inclinometry.files.profile import PLAIN, SEPARATORS, Profile
 from inclinometry.files.table import MOST_COLUMNS, Block
+from inclinometry.opening import whole
 
 if TYPE_CHECKING:
     from inclinometry.files.exchange import SurveyFile
@@ -45,6 +46,10 @@ LOOKED: Final = 400
 """Lines by which a layout is found."""
 MOST_UNPACKED: Final = 1 << 30
 """Bytes of a packed file that is unpacked for its reader."""
+LARGEST_TEXT: Final = 50_000_000
+"""Bytes of a table in JSON, which takes twenty times as much in memory."""
+LARGEST_ARRAYS: Final = 500_000_000
+"""Bytes of a MATLAB file."""
 ROWS: Final = 1 << 15
 """Rows of a block."""
 
@@ -211,9 +216,7 @@ def _texts(part: Array) -> Sequence[str]:
 
 def _json(path: Path) -> tuple[list[str], Iterable[Sequence[str]]]:
     """An object of arrays, or an array of objects; null is an empty cell."""
-    if path.stat().st_size > 500_000_000:
-        raise FileError("a JSON file of more than 500 MB is not read; save the table as CSV or Parquet", path=path)
-    text = path.read_bytes()
+    text = whole(path, LARGEST_TEXT, "save the table as CSV or Parquet")
     try:
         content = json.loads(text)
     except (ValueError, RecursionError) as error:
@@ -288,8 +291,9 @@ def _mat(path: Path) -> tuple[list[str], Iterable[Sequence[str]]]:
 
     from inclinometry.files._mat5 import check_elements
 
+    content = whole(path, LARGEST_ARRAYS, "save the table as CSV or Parquet")
     try:
-        check_elements(path.read_bytes())  # of wrong types scipy's reader does not complain, the interpreter crashes
+        check_elements(content)  # of wrong types scipy's reader does not complain, the interpreter crashes
         stored = loadmat(path)
     except Exception as error:
         raise FileError(f"not a MATLAB file, or damaged ({error})", path=path) from None

@@ -14,7 +14,7 @@ import pytest
 
 from inclinometry.laboratory.ledger.second_factor import code, new_secret, secret_bytes
 
-PASSWORD, OTHER = "a long pass phrase", "quiet granite harbour lamp"
+PASSWORD, OTHER = "adze jib fen quoit", "quiet granite harbour lamp"
 
 
 @pytest.fixture(scope="module")
@@ -75,6 +75,24 @@ def test_users_change_their_own_password(server, user):
         assert other.get("/api/v1/me").status_code == 401
     assert logged_in(server, user.name) is None
     assert logged_in(server, user.name, OTHER)
+
+
+def test_control_characters_in_names_and_passwords_are_refused(server, user):
+    with server.client() as plain, server.program("administrator") as administrator:
+        for path, send in (("/api/v1/login", {"json": {}}), ("/login", {"data": {}})):
+            body = {"name": "anna\0", "password": PASSWORD}
+            answer = plain.post(path, **dict.fromkeys(send, body))
+            assert (answer.status_code, "control character" in answer.text) == (422, True), path
+        wish = {"role": "operator", "password": PASSWORD}
+        for name, change in (
+            ("anna%00", {}),
+            ("anna%7F", {}),
+            ("anna", {"full_name": "Anna\x1b[2J"}),
+            ("anna", {"password": "a\0bcdefghij klmnop"}),
+        ):
+            answer = administrator.put(f"/api/v1/users/{name}", json=wish | change)
+            assert (answer.status_code, "control character" in answer.text) == (422, True), (name, change)
+        assert not [one for one in administrator.get("/api/v1/users").json() if one["name"].startswith("anna")]
 
 
 def test_a_browser_found_open_does_not_tell_the_password(server, user):
@@ -209,10 +227,10 @@ def test_on_a_bench_without_passwords_there_is_no_account(open_server):
 def test_who_was_refused_is_in_the_log_and_no_secret(server, user):
     with server.program("operator") as operator:
         operator.get("/api/v1/users")
-    logged_in(server, "nobody\nat all", "a secret guess")
+    logged_in(server, "nobody at all", "a secret guess")
     log = server.log.read_text()
     assert re.search(r"403 GET '/api/v1/users' for 'operator' from 127\.0\.0\.1", log)
-    assert r"login of 'nobody\nat all' from 127.0.0.1 refused" in log
+    assert "login of 'nobody at all' from 127.0.0.1 refused" in log
     assert "a secret guess" not in log
     assert PASSWORD not in log
 
@@ -248,7 +266,7 @@ def test_a_bench_speaks_no_old_tls(tmp_path, start, monkeypatch):
                     assert secured.version() == spoken
                     secured.sendall(b"POST /login HTTP/1.1\r\nHost: bench.lab\r\nContent-Length: 51\r\n"
                                     b"Content-Type: application/x-www-form-urlencoded\r\nConnection: close\r\n\r\n"
-                                    b"name=operator&password=a+long+pass+phrase&code=    ")  # fmt: skip
+                                    b"name=operator&password=adze+jib+fen+quoit&code=    ")  # fmt: skip
                     answer = b"".join(iter(lambda: secured.recv(65536), b"")).decode()
                     assert answer.startswith("HTTP/1.1 303")
                     assert answer.count("set-cookie: __Host-inclinometry=") == 1

@@ -63,6 +63,7 @@ def put_user(
     """
     if not name:
         raise InputError("a user needs a name: write the one to log in with")
+    refuse_control(name, full_name)
     if role not in ROLES:
         raise InputError(f"role is {role!r}; allowed: {', '.join(ROLES)}")
     if name == LOCAL.name:
@@ -238,6 +239,18 @@ def _put(
     drafts = [Draft("user", {"name": name}, body), *(Draft("event", key, {}) for key in keys)]
     unless = [Precondition("event", keys[-1], "used")] if once else []
     return _user(ledger.append_all(drafts, author=author, unless=unless)[0])
+
+
+def refuse_control(*names: str) -> None:
+    """Refuse names with characters that nobody sees.
+
+    Raises
+    ------
+    InputError
+    """
+    for name in names:
+        if not name.isprintable():
+            raise InputError(f"the name {name!r:.60} has a control character; take characters that are seen")
 
 
 def guard_last_administrator(ledger: Ledger, name: str, role: str, active: bool) -> None:

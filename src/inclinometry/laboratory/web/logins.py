@@ -24,7 +24,7 @@ from typing import Final
 
 from inclinometry.errors import InputError
 from inclinometry.laboratory.ledger.ledger import Ledger
-from inclinometry.laboratory.ledger.users import LOCAL, User, check_code, check_password, find_user
+from inclinometry.laboratory.ledger.users import LOCAL, User, check_code, check_password, find_user, refuse_control
 
 IDLE_S: Final = 30 * 60.0
 LONGEST_S: Final = 12 * 3600.0
@@ -119,11 +119,14 @@ class Logins:
 
         Raises
         ------
+        InputError
+            A control character is in the name: nobody's, and nothing is counted.
         TooManyError
             This client, or strangers at this name or address, have guessed wrong too often.
         CodeError
             The password is right, the code is not.
         """
+        refuse_control(name)
         name, network = name[:200], _network(address)
         own = self._known(name, network, known)
         keys = [own] if own else [f"name {name}", f"address {network}"]
