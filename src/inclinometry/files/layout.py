@@ -88,10 +88,11 @@ def opened(path: Path, digest: hashlib._Hash) -> Iterator[Block] | None:
         if read is None:
             return None
         blocks = _lines(path, read)
+    first = next(blocks)  # what is refused is refused before its bytes are counted
     with path.open("rb") as stream:
         while chunk := stream.read(1 << 20):
             digest.update(chunk)
-    return blocks
+    return chain([first], blocks)
 
 
 def _kind(start: bytes) -> Read | None:
