@@ -6,8 +6,9 @@ import os
 import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
+from io import BufferedReader
 from pathlib import Path
-from typing import BinaryIO, Final
+from typing import Final
 
 from inclinometry.errors import FileError
 
@@ -18,13 +19,13 @@ LARGEST_SETTINGS: Final = 2_000_000
 
 
 @contextmanager
-def opened(path: str | Path) -> Iterator[BinaryIO]:
+def opened(path: str | Path) -> Iterator[BufferedReader]:
     """The bytes of a file, or of a pipe, as a stream.
 
     Raises
     ------
     FileError
-        None is there; a folder; a device, which has no end; it cannot be opened or read.
+        None is there; a folder; a device, which has no end; it cannot be opened.
 
     Examples
     --------
@@ -45,10 +46,7 @@ def opened(path: str | Path) -> Iterator[BinaryIO]:
         what = "a folder" if stat.S_ISDIR(mode) else "a device, which has no end"
         raise FileError(f"this is {what}; give the name of a file", path=path)
     with stream:
-        try:
-            yield stream
-        except OSError as error:
-            raise FileError(f"cannot be read ({error.strerror or error})", path=path) from None
+        yield stream
 
 
 def whole(path: str | Path, largest: int, remedy: str = "is it the right file?") -> bytes:
@@ -57,12 +55,15 @@ def whole(path: str | Path, largest: int, remedy: str = "is it the right file?")
     Raises
     ------
     FileError
-        As `opened`; larger than `largest` bytes.
+        As `opened`; it cannot be read; larger than `largest` bytes.
     """
     with opened(path) as stream:
         size = os.fstat(stream.fileno()).st_size
-        data = b"" if size > largest else stream.read(largest + 1)
-        if size > largest or len(data) > largest:
-            found = f"{size:,}" if size > largest else f"more than {largest:,}"
-            raise FileError(f"it has {found} bytes; allowed {largest:,}: {remedy}", path=path)
-        return data
+        try:
+            data = b"" if size > largest else stream.read(largest + 1)
+        except OSError as error:
+            raise FileError(f"cannot be read ({error.strerror or error})", path=path) from None
+    if size > largest or len(data) > largest:
+        found = f"{size:,}" if size > largest else f"more than {largest:,}"
+        raise FileError(f"it has {found} bytes; allowed {largest:,}: {remedy}", path=path)
+    return data

@@ -139,7 +139,7 @@ def restore(ledger: Ledger, path: str | Path, *, progress: Progress | None = Non
         The ledger is not empty.
     """
     try:
-        with opened(path) as stream, zipfile.ZipFile(stream) as archive:
+        with opened(path) as export, zipfile.ZipFile(export) as archive:
             manifest = _manifest(archive, path)
             with ledger.filling() as connection:
                 batch = Batch(connection, chain.Head(0, chain.GENESIS))
@@ -161,6 +161,8 @@ def restore(ledger: Ledger, path: str | Path, *, progress: Progress | None = Non
                     add_document(connection, media_type, data)
     except _DAMAGED as error:
         raise FileError(f"not an export of a ledger, or damaged ({error})", path=path) from None
+    except OSError as error:
+        raise FileError(f"cannot be read ({error.strerror or error})", path=path) from None
     return batch.head
 
 
