@@ -681,7 +681,7 @@ class _Body:
         An angle is never -999.25. Of other columns two must say so in one row: a channel may pass through any value.
         """
         gaps = {name for name, _, gap in self.kinds if gap}
-        suspects = np.zeros(len(lines), np.int64)
+        suspects = np.zeros(len(lines), np.int16)
         for name, values in numbers.items():
             if self.null is not None:
                 empty = values == self.null
@@ -691,7 +691,7 @@ class _Body:
                     raise FileError(f"{problem}; fill it in or remove the row", path=self.path, line=line)
                 values[empty] = np.nan
             elif np.nanmin(values, initial=0.0) <= NULLS[0]:
-                suspects += np.isin(values, NULLS) * (2 if name in self.degrees else 1)
+                suspects += np.isin(values, NULLS) * np.int16(2 if name in self.degrees else 1)
         if (suspects > 1).any():
             row = int(np.argmax(suspects > 1))
             name = next(name for name, values in numbers.items() if values[row] in NULLS)
