@@ -28,7 +28,7 @@ FLOORS = (
 GROUND = (
     *("history", "stability", "sensors", "uncertainty", "allan", "channels", "wahba", "conventions", "orientation"),
     "rotations",
-    *("least_squares", "tabular", "settings", "digest", "arrays", "errors", "constants"),
+    *("least_squares", "tabular", "settings", "digest", "opening", "arrays", "errors", "constants"),
 )
 """Modules of the package itself, on which all folders stand."""
 LEFT_OUT = ("migrations", "web", "commands")

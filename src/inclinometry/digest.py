@@ -5,6 +5,8 @@ from __future__ import annotations
 import hashlib
 from pathlib import Path
 
+from inclinometry.opening import opened
+
 
 def digest_bytes(data: bytes) -> str:
     """Return "sha256:" and the hexadecimal SHA-256 of `data`.
@@ -18,6 +20,6 @@ def digest_bytes(data: bytes) -> str:
 
 
 def digest_file(path: str | Path) -> str:
-    """Digest of a file's bytes, read in pieces."""
-    with Path(path).open("rb") as stream:
+    """Digest of a file's bytes, read in pieces; FileError where it cannot be read (`opening.opened`)."""
+    with opened(path) as stream:
         return "sha256:" + hashlib.file_digest(stream, "sha256").hexdigest()

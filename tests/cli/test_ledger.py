@@ -14,7 +14,7 @@ from inclinometry.laboratory.ledger.ledger import Ledger
 from inclinometry.laboratory.ledger.users import check_password
 from inclinometry.laboratory.ledger.witness_server import server
 
-PASSWORD = "a long enough one"
+PASSWORD = "adze jib fen quoit"
 
 
 @pytest.fixture

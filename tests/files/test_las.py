@@ -207,7 +207,7 @@ def test_not_las(tmp_path):
             read_las(tmp_path / "a.las")
     with pytest.raises(FileError, match="no such file"):
         read_las(tmp_path / "b.las")
-    with pytest.raises(FileError, match="cannot be read"):
+    with pytest.raises(FileError, match="this is a folder"):
         read_las(tmp_path)
 
 

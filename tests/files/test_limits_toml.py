@@ -86,7 +86,7 @@ def test_limits_that_do_not_fit(tmp_path, text, wanted):
 
 
 def test_a_folder_is_no_file(tmp_path):
-    with pytest.raises(FileError, match="cannot be read"):
+    with pytest.raises(FileError, match="this is a folder"):
         read_limits(tmp_path)
 
 

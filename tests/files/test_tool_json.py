@@ -262,7 +262,7 @@ def test_files_that_are_no_record(tmp_path, text, wanted):
 def test_files_that_are_none(tmp_path):
     for path, wanted in (
         (tmp_path / "none.json", "no such file"),
-        (tmp_path, "cannot be read"),
+        (tmp_path, "this is a folder"),
         ("a\0b", "cannot be read"),
     ):
         with pytest.raises(FileError, match=wanted):

@@ -254,7 +254,7 @@ def test_several_trajectories(tmp_path):
 
 def test_too_large_a_file_is_not_parsed(tmp_path, monkeypatch):
     monkeypatch.setattr("inclinometry.files.witsml.LARGEST", 1000)
-    with pytest.raises(FileError, match="1000"):
+    with pytest.raises(FileError, match="allowed 1,000: split it by trajectory"):
         read_witsml(REFERENCE / "certification.xml")
     with pytest.raises(FileError, match="no such file"):
         read_witsml(tmp_path / "none.xml")

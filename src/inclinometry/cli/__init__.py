@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import errno
 import gc
 import os
 import sys
 import warnings
 from contextlib import ExitStack
+from typing import BinaryIO
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -39,6 +41,9 @@ def main(arguments: list[str] | None = None) -> None:
         if isinstance(error, MemoryError):
             _say(f"inclinometry: this does not fit into memory ({what}); use less data at a time")
             status = 2
+        elif isinstance(error, OSError) and error.errno in _OF_NAMES and error.filename:
+            _say(f"inclinometry: {error.filename}: cannot be used ({error.strerror}); check the name and its rights")
+            status = 2
         # by name: numpy may not have been imported, or be what failed to import
         elif isinstance(error, OverflowError) or "LinAlgError" in [kind.__name__ for kind in type(error).__mro__]:
             _say(f"inclinometry: this input defeats the arithmetic ({what}); look for values of absurd size in it")
@@ -48,6 +53,13 @@ def main(arguments: list[str] | None = None) -> None:
             _say(f"inclinometry: internal error: {name}: {what} (set INCLINOMETRY_TRACEBACK=1 to see where)")
             status = 3
     sys.exit(status)
+
+
+# what the system says of a path that somebody gave, wherever it is looked at first
+_OF_NAMES = {
+    *(errno.ENAMETOOLONG, errno.ENOTDIR, errno.EISDIR, errno.ELOOP, errno.EACCES, errno.EPERM, errno.EROFS),
+    *(errno.ENXIO, errno.ENODEV),
+}
 
 
 def _run(arguments: list[str]) -> int:
@@ -225,7 +237,6 @@ def _from_stdin(arguments: list[str], stack: ExitStack) -> list[str]:
     pipes = {word for word in arguments if word != "-" and _is_pipe(word)}
     if "-" not in arguments and not pipes:
         return arguments
-    import shutil
     import tempfile
     from pathlib import Path
 
@@ -249,8 +260,7 @@ def _from_stdin(arguments: list[str], stack: ExitStack) -> list[str]:
             raise InputError("- is given twice; standard input can be read once")
         else:
             copy = Path(stack.enter_context(tempfile.TemporaryDirectory()), "stdin.txt")
-            with copy.open("wb") as stream:
-                shutil.copyfileobj(sys.stdin.buffer, stream)
+            _copy(sys.stdin.buffer, str(copy), "standard input")
             stack.enter_context(called(copy, "standard input"))
             found.append(str(copy))
     return found
@@ -268,18 +278,29 @@ def _is_pipe(word: str) -> bool:
 def _copy_of_pipe(word: str, copy: str) -> None:
     """What is written into a named pipe or by another command, <(...); refused when nobody writes into it."""
     import select
-    import shutil
 
     from inclinometry.errors import FileError
 
     patience_s = 5.0
     # to open it as others do would wait for ever
     number = os.open(word, os.O_RDONLY | os.O_NONBLOCK)
-    with open(number, "rb") as stream, open(copy, "wb") as out:  # noqa: PTH123
+    with open(number, "rb") as stream:  # noqa: PTH123
         if not select.select([stream], [], [], patience_s)[0]:
             raise FileError(f"is a pipe into which nothing was written for {patience_s:g} s; name a file", path=word)
         os.set_blocking(number, True)
-        shutil.copyfileobj(stream, out)
+        _copy(stream, copy, word)
+
+
+def _copy(stream: BinaryIO, copy: str, name: str) -> None:
+    """All that comes out of a pipe, into a file; a pipe may have no end."""
+    from inclinometry.errors import FileError
+
+    most = 4 << 30
+    with open(copy, "wb") as out:  # noqa: PTH123
+        while piece := stream.read(1 << 20):
+            out.write(piece)
+            if out.tell() > most:
+                raise FileError(f"more than {most:,} bytes came; name a file", path=name)
 
 
 def _traceback() -> bool:

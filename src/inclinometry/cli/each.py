@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import os
 from collections.abc import Callable
 from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
@@ -68,7 +69,8 @@ def many(arguments: list[str]) -> tuple[list[str], list[Path], list[str]] | None
 
 def _is_many(word: str) -> bool:
     """Whether a word is a folder, or a pattern and no file."""
-    return Path(word).is_dir() or bool(set(word) & set("*?[") and not Path(word).exists())
+    # these say no where the system has an objection to the name; the command's reader says which
+    return os.path.isdir(word) or bool(set(word) & set("*?[") and not os.path.exists(word))  # noqa: PTH110, PTH112
 
 
 def _behind_options(words: list[str], start: int) -> int | None:

@@ -176,7 +176,8 @@ def meaning(name: str, stated: str | None = None, beside: Collection[str] = ()) 
     else:
         words = [word for word in _BETWEEN.split(name.strip()) if word]
         found = []
-        for count in range(len(words), 0, -1):
+        longest = max(map(len, _names()))  # more words than its letters are no known name
+        for count in range(min(len(words), longest), 0, -1):
             candidates = _names().get("".join(words[:count]).lower())
             if candidates is not None:
                 found.append((candidates, "_".join(words[count:]) or None))

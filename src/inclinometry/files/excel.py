@@ -21,6 +21,7 @@ from inclinometry.files.exchange import Column, Sheet, SurveyFile, row_error, su
 from inclinometry.files.profile import PLAIN, current
 from inclinometry.files.survey_csv import columns_of
 from inclinometry.files.writing import number, replacing
+from inclinometry.opening import opened
 
 # The cells of one sheet of a workbook on their way to columns: what may stand where, refused with its row.
 
@@ -257,19 +258,17 @@ def _check(path: Path) -> None:
     """FileError for what is no workbook, before the library sees it."""
     old = b"\xd0\xcf\x11\xe0"
     try:
-        with path.open("rb") as stream:
+        with opened(path) as stream:
             start = stream.read(8)
-        if start.startswith(old):
-            raise FileError("an old .xls or an encrypted workbook; save it as .xlsx without a password", path=path)
-        if not zipfile.is_zipfile(path):
-            raise FileError("not an .xlsx workbook, or a damaged one; save it again", path=path)
-        with zipfile.ZipFile(path) as archive:
-            size = sum(entry.file_size for entry in archive.infolist())
-            packed = sum(entry.compress_size for entry in archive.infolist())
+            if start.startswith(old):
+                raise FileError("an old .xls or an encrypted workbook; save it as .xlsx without a password", path=path)
+            if not zipfile.is_zipfile(stream):
+                raise FileError("not an .xlsx workbook, or a damaged one; save it again", path=path)
+            with zipfile.ZipFile(stream) as archive:
+                size = sum(entry.file_size for entry in archive.infolist())
+                packed = sum(entry.compress_size for entry in archive.infolist())
     except FileError:
         raise
-    except FileNotFoundError:
-        raise FileError("there is no such file; check the name", path=path) from None
     except (OSError, ValueError, RuntimeError, zipfile.BadZipFile) as error:  # RuntimeError: a version of zip unknown
         raise FileError(f"cannot be read ({getattr(error, 'strerror', None) or error})", path=path) from None
     # blanks pack a thousand times; numbers hardly ten

@@ -190,9 +190,12 @@ def first_not_increasing(md: Array, used: Mask | None = None) -> int | None:
     >>> first_not_increasing(np.array([0.0, 30.0, 30.0])), first_not_increasing(np.array([0.0, 30.0]))
     (2, None)
     """
-    rows = np.arange(len(md)) if used is None else np.flatnonzero(used)
-    back = np.flatnonzero(np.diff(md[rows]) <= 0.0)
-    return int(rows[back[0] + 1]) if back.size else None
+    rows = None if used is None else np.flatnonzero(used)
+    depths = md if rows is None else md[rows]
+    back = np.flatnonzero(depths[1:] <= depths[:-1])
+    if not back.size:
+        return None
+    return int(back[0] + 1 if rows is None else rows[back[0] + 1])
 
 
 def _alike(a: Any, b: Any, rtol: float, atol: float) -> bool:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from inclinometry.errors import FileError, InputError
+from inclinometry.opening import LARGEST_RECORD, whole
 
 if TYPE_CHECKING:
     from jsonschema import Draft202012Validator
@@ -75,13 +76,9 @@ def _wrap(start: str, cells: list[str], end: str, depth: int) -> str:
 def load(path: str | Path) -> Json:
     """The object in a JSON file; FileError for anything else, doubled keys and NaN included."""
     try:
-        text = Path(path).read_bytes().decode("utf-8-sig")
-    except FileNotFoundError:
-        raise FileError("there is no such file; check the name", path=path) from None
+        text = whole(path, LARGEST_RECORD).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise FileError(f"not UTF-8 text (byte {error.start}); a JSON file is needed", path=path) from None
-    except (OSError, ValueError) as error:
-        raise FileError(f"cannot be read ({getattr(error, 'strerror', None) or error})", path=path) from None
     try:
         content = parse(text)
     except json.JSONDecodeError as error:

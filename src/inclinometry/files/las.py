@@ -22,10 +22,13 @@ from inclinometry.files.exchange import Column, Sheet, SurveyFile, survey_of
 from inclinometry.files.profile import PLAIN, current
 from inclinometry.files.survey_csv import OutColumn, columns_of
 from inclinometry.files.writing import number, write_text
+from inclinometry.opening import whole
 
 # The ~ASCII section of a LAS file: every row checked for its length and its numbers.
 
 _BLOCK = 1 << 16
+LARGEST: Final = 64_000_000
+"""Bytes of a file; it is read as a whole."""
 MOST_HEAD: Final = 4000
 """Lines of a header."""
 MOST_AGAIN: Final = 100
@@ -230,12 +233,7 @@ def las_sheet(where: Path) -> Sheet:
 
 
 def _text(path: Path) -> tuple[bytes, str]:
-    try:
-        data = path.read_bytes()
-    except FileNotFoundError:
-        raise FileError("there is no such file; check the name", path=path) from None
-    except (OSError, ValueError) as error:
-        raise FileError(f"cannot be read ({getattr(error, 'strerror', None) or error})", path=path) from None
+    data = whole(path, LARGEST, "save the table as CSV or Parquet")
     if b"\0" in data[:100_000]:
         raise FileError("not a LAS file (it holds zero bytes)", path=path)
     try:

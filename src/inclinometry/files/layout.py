@@ -28,6 +28,7 @@ from inclinometry.errors import FileError, InputError
 from inclinometry.files._quantities import dimension_of
 from inclinometry.files.profile import PLAIN, SEPARATORS, Profile
 from inclinometry.files.table import MOST_COLUMNS, Block
+from inclinometry.opening import whole
 
 if TYPE_CHECKING:
     from inclinometry.files.exchange import SurveyFile
@@ -45,6 +46,10 @@ LOOKED: Final = 400
 """Lines by which a layout is found."""
 MOST_UNPACKED: Final = 1 << 30
 """Bytes of a packed file that is unpacked for its reader."""
+LARGEST_TEXT: Final = 50_000_000
+"""Bytes of a table in JSON, which takes twenty times as much in memory."""
+LARGEST_ARRAYS: Final = 500_000_000
+"""Bytes of a MATLAB file."""
 ROWS: Final = 1 << 15
 """Rows of a block."""
 
@@ -83,10 +88,11 @@ def opened(path: Path, digest: hashlib._Hash) -> Iterator[Block] | None:
         if read is None:
             return None
         blocks = _lines(path, read)
+    first = next(blocks)  # what is refused is refused before its bytes are counted
     with path.open("rb") as stream:
         while chunk := stream.read(1 << 20):
             digest.update(chunk)
-    return blocks
+    return chain([first], blocks)
 
 
 def _kind(start: bytes) -> Read | None:
@@ -211,9 +217,7 @@ def _texts(part: Array) -> Sequence[str]:
 
 def _json(path: Path) -> tuple[list[str], Iterable[Sequence[str]]]:
     """An object of arrays, or an array of objects; null is an empty cell."""
-    if path.stat().st_size > 500_000_000:
-        raise FileError("a JSON file of more than 500 MB is not read; save the table as CSV or Parquet", path=path)
-    text = path.read_bytes()
+    text = whole(path, LARGEST_TEXT, "save the table as CSV or Parquet")
     try:
         content = json.loads(text)
     except (ValueError, RecursionError) as error:
@@ -288,8 +292,9 @@ def _mat(path: Path) -> tuple[list[str], Iterable[Sequence[str]]]:
 
     from inclinometry.files._mat5 import check_elements
 
+    content = whole(path, LARGEST_ARRAYS, "save the table as CSV or Parquet")
     try:
-        check_elements(path.read_bytes())  # of wrong types scipy's reader does not complain, the interpreter crashes
+        check_elements(content)  # of wrong types scipy's reader does not complain, the interpreter crashes
         stored = loadmat(path)
     except Exception as error:
         raise FileError(f"not a MATLAB file, or damaged ({error})", path=path) from None

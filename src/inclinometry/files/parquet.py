@@ -16,6 +16,7 @@ from inclinometry.files.exchange import Column, Sheet, SurveyFile, row_error, su
 from inclinometry.files.profile import PLAIN, current
 from inclinometry.files.survey_csv import columns_of
 from inclinometry.files.writing import replacing
+from inclinometry.opening import opened
 
 _HEADER: Final = b"inclinometry.header"
 
@@ -72,11 +73,11 @@ def _table(path: Path) -> Any:
     import pyarrow.parquet as pq
 
     try:
-        with path.open("rb") as stream:
+        with opened(path) as stream:
             # threads of its own that still run when the process ends have aborted it; a survey needs none
             table = pq.ParquetFile(stream, page_checksum_verification=True, pre_buffer=False).read(use_threads=False)
-    except FileNotFoundError:
-        raise FileError("there is no such file; check the name", path=path) from None
+    except FileError:
+        raise
     except (pa.ArrowException, OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or (str(error).strip().splitlines() or ["no more is known"])[0]
         raise FileError(f"not a Parquet file, or a damaged one ({reason[:200]}); write it again", path=path) from None

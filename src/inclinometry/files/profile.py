@@ -16,6 +16,7 @@ from inclinometry.errors import FileError, InputError
 from inclinometry.files._quantities import dimension_of, meaning, quantities, same_unit, seconds_of, unit_factor
 from inclinometry.files.columns import KIND_PREFIX, PREFIXES, TEXT, UNIT_LABELS, channel, closest, is_number
 from inclinometry.files.toml_keys import parsed
+from inclinometry.opening import LARGEST_SETTINGS, whole
 
 SEPARATORS: Final = {"comma": ",", "semicolon": ";", "tab": "\t", "space": " "}
 
@@ -288,10 +289,8 @@ def read_profile(name: str | Path) -> Profile:
         raise InputError(f"profile {str(name)!r} is not known; shipped: {', '.join(shipped())}, or give a .toml file")
     else:
         try:
-            text = path.read_text(encoding="utf-8")
-        except FileNotFoundError:
-            raise FileError("there is no such file; check the name", path=path) from None
-        except (OSError, UnicodeDecodeError) as error:
+            text = whole(path, LARGEST_SETTINGS).decode("utf-8")
+        except UnicodeDecodeError as error:
             raise FileError(f"cannot be read ({error})", path=path) from None
     try:
         return _profile(parsed(text))

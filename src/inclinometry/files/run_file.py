@@ -296,8 +296,8 @@ class ParquetRun:
         """SHA-256 of the file."""
         try:
             return digest_file(self._path)
-        except OSError as error:
-            reason = f"it was there when it was opened ({error.strerror}); leave it in place while it is read"
+        except FileError as error:
+            reason = f"it was there when it was opened ({error.problem}); leave it in place while it is read"
             raise FileError(f"cannot be read again: {reason}", path=self._path) from None
 
     def columns(self) -> Iterator[dict[str, Array]]:

@@ -477,6 +477,23 @@ def read_table(
     return table
 
 
+def column_names(path: str | Path) -> tuple[str, ...]:
+    """The names of the columns of a CSV file, as `read_table` has them; its rows are not read.
+
+    Raises
+    ------
+    FileError
+        Not found, not text, empty, duplicate or empty column names.
+    """
+    reader = LineReader(Path(path), profile=current())
+    for block in reader.blocks():
+        start = _header_row(block)
+        if start is not None:
+            line = block.first + start
+            return _Body(reader.path, block.lines[start], line, lambda name: False, (), current()).names
+    raise FileError("the file is empty; a line of column names and rows of values are needed", path=path)
+
+
 def log_columns(body: _Body, what: str) -> None:
     """Say in the log which columns were taken, and as what."""
     known = [
@@ -637,7 +654,8 @@ class _Body:
         self.numbers.finish()
         columns: dict[str, Column] = {}
         lines = np.concatenate(self.lines)
-        numbers = {name: np.concatenate(parts) for name, parts in self.parts.items()}
+        self.lines.clear()  # each column twice only while it is put together
+        numbers = {name: np.concatenate(self.parts.pop(name)) for name in list(self.parts)}
         self._take_nulls(numbers, lines)
         for (name, number, _), (_, factor, offset, _) in zip(self.kinds, self.readings, strict=True):
             if not number:
@@ -663,7 +681,7 @@ class _Body:
         An angle is never -999.25. Of other columns two must say so in one row: a channel may pass through any value.
         """
         gaps = {name for name, _, gap in self.kinds if gap}
-        suspects = np.zeros(len(lines), np.int64)
+        suspects = np.zeros(len(lines), np.int16)
         for name, values in numbers.items():
             if self.null is not None:
                 empty = values == self.null
@@ -673,7 +691,7 @@ class _Body:
                     raise FileError(f"{problem}; fill it in or remove the row", path=self.path, line=line)
                 values[empty] = np.nan
             elif np.nanmin(values, initial=0.0) <= NULLS[0]:
-                suspects += np.isin(values, NULLS) * (2 if name in self.degrees else 1)
+                suspects += np.isin(values, NULLS) * np.int16(2 if name in self.degrees else 1)
         if (suspects > 1).any():
             row = int(np.argmax(suspects > 1))
             name = next(name for name, values in numbers.items() if values[row] in NULLS)
@@ -723,7 +741,8 @@ class ArrowNumbers:
             table: Any = pc.read_csv(pa.BufferReader(data), reading, self._parse, self._convert)
         except pa.ArrowInvalid:
             return None
-        numbers = {name: np.asarray(table.column(name).to_numpy(), dtype=np.float64) for name in self._wanted}
+        # copies: Arrow keeps the memory of what is read for itself
+        numbers = {name: np.array(table.column(name).to_numpy(), dtype=np.float64) for name in self._wanted}
         return numbers, {name: table.column(name).to_pylist() for name in self._texts}
 
 

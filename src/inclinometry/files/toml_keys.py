@@ -11,6 +11,7 @@ from typing import Any, Final
 
 from inclinometry.errors import FileError
 from inclinometry.files.columns import advice, closest
+from inclinometry.opening import LARGEST_SETTINGS, whole
 
 
 class Settings:
@@ -72,10 +73,8 @@ def parsed(text: str) -> dict[str, Any]:
 def load(path: str | Path, keys: Iterable[str]) -> Settings:
     """Read a TOML file that may hold `keys`; FileError with the line of wrong syntax, or what a wrong key should be."""
     try:
-        text = Path(path).read_bytes().decode("utf-8-sig")
+        text = whole(path, LARGEST_SETTINGS).decode("utf-8-sig")
         return Settings(path, parsed(text), keys)
-    except FileNotFoundError:
-        raise FileError("there is no such file; check the name", path=path) from None
     except tomllib.TOMLDecodeError as error:
         place = re.search(r"line (\d+)", str(error))
         line = int(place[1]) if place else text.count("\n") + 1
@@ -84,5 +83,5 @@ def load(path: str | Path, keys: Iterable[str]) -> Settings:
         raise FileError(f"not UTF-8 text (byte {error.start}); save it as UTF-8", path=path) from None
     except FileError:
         raise
-    except (OSError, ValueError, RecursionError) as error:
-        raise FileError(f"cannot be read ({getattr(error, 'strerror', None) or error})", path=path) from None
+    except (ValueError, RecursionError) as error:
+        raise FileError(f"cannot be read ({error})", path=path) from None

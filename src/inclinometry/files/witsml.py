@@ -32,6 +32,7 @@ from inclinometry.files.exchange import Column, Sheet, SurveyFile, survey_of
 from inclinometry.files.six_axis import corrections_to_native, to_vendor
 from inclinometry.files.survey_csv import columns_of
 from inclinometry.files.writing import write_bytes
+from inclinometry.opening import whole
 from inclinometry.rotations import wrap_signed
 
 # What is known of WITSML 1.4.1.1 trajectories: elements, their order and units, from witsml_1411.toml.
@@ -139,18 +140,7 @@ def load(path: Path) -> tuple[Any, bytes]:
 
 
 def _bytes(path: Path) -> bytes:
-    try:
-        size = path.stat().st_size
-        if size > LARGEST:
-            problem = f"the file has {size} bytes; allowed: up to {LARGEST}: split it by trajectory"
-            raise FileError(problem, path=path)
-        return path.read_bytes()
-    except FileNotFoundError:
-        raise FileError("there is no such file; check the name", path=path) from None
-    except (OSError, ValueError) as error:
-        if isinstance(error, FileError):
-            raise
-        raise FileError(f"cannot be read ({getattr(error, 'strerror', None) or error})", path=path) from None
+    return whole(path, LARGEST, "split it by trajectory")
 
 
 def children(element: Any) -> Iterator[tuple[str, Any]]:

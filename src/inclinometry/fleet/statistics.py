@@ -14,6 +14,7 @@ from inclinometry.cli.options import AlsoWritten, Flag, Input, InputOrNone, Json
 from inclinometry.errors import FileError, InputError
 from inclinometry.laboratory.commands import LedgerAddress
 from inclinometry.laboratory.ledger.ledger import Ledger
+from inclinometry.opening import whole
 
 if TYPE_CHECKING:
     from inclinometry.arrays import Array
@@ -379,10 +380,10 @@ def _recorded(
     author: str,
 ) -> Any:
     from inclinometry.laboratory import drift
-    from inclinometry.laboratory.import_file import import_file
+    from inclinometry.laboratory.import_file import LARGEST, import_file
     from inclinometry.laboratory.session import load_session
 
-    session = import_file(ledger, path.read_bytes(), serial, rig, author=author, performed=day, doses=doses)
+    session = import_file(ledger, whole(path, LARGEST), serial, rig, author=author, performed=day, doses=doses)
     return drift.record_check(ledger, load_session(ledger, session.id), known, found, author=author)
 
 

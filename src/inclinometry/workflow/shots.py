@@ -15,7 +15,7 @@ from inclinometry.digest import digest_file
 from inclinometry.errors import FileError, InputError
 from inclinometry.files._quantities import is_number, meaning
 from inclinometry.files.columns import channel
-from inclinometry.files.table import Table, read_table
+from inclinometry.files.table import Table, column_names, read_table
 from inclinometry.survey.flags import Check
 from inclinometry.survey.quality import dual_depth, repeated_stations, rotation_shots
 from inclinometry.workflow.convert import format_of
@@ -160,7 +160,7 @@ def _given(table: Table | None, path: str | Path) -> Table:
 
 def _depth_table(path: str | Path) -> Table | None:
     """A CSV with its numbers, or None unless exactly one column is the depth."""
-    names = read_table(path, numeric=lambda name: False).header
+    names = column_names(path)
     depths = [name for name in names if _is_depth(name)]
     if len(depths) != 1:
         return None

@@ -20,7 +20,7 @@ from inclinometry.files.columns import channel
 from inclinometry.files.exchange import SurveyFile
 from inclinometry.files.site_toml import read_site
 from inclinometry.files.survey_csv import RawSurvey, read_raw_survey
-from inclinometry.files.table import Progress, read_table
+from inclinometry.files.table import Progress, column_names
 from inclinometry.files.tool_code_json import load_tool_code
 from inclinometry.files.tool_json import read_calibration
 from inclinometry.orientation import fields
@@ -200,8 +200,7 @@ def _rows(found: SurveyFile, rows: Mask) -> SurveyFile:
 
 def _has_channels(path: str | Path, unit: str | None = None) -> bool:
     """Whether a CSV has columns of raw channels (in a unit)."""
-    table = read_table(path, numeric=lambda name: False)
-    found = [channel(name) for name in table.columns]
+    found = [channel(name) for name in column_names(path)]
     return any(one is not None and unit in (None, one.unit) for one in found)
 
 

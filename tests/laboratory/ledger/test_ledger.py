@@ -231,17 +231,17 @@ def test_a_file_that_is_no_ledger_is_said_so(tmp_path: Path) -> None:
 @pytest.mark.long
 def test_users_passwords_and_the_last_administrator(ledger: Ledger) -> None:
     """Hashes, not passwords; roles; nobody is locked out."""
-    put_user(ledger, "anna", role="administrator", password="correct horse battery", author="setup")
-    assert check_password(ledger, "anna", "correct horse battery") is not None
+    put_user(ledger, "anna", role="administrator", password="quiet granite harbour lamp", author="setup")
+    assert check_password(ledger, "anna", "quiet granite harbour lamp") is not None
     assert check_password(ledger, "anna", "wrong horse battery") is None
     assert check_password(ledger, "nobody", "wrong horse battery") is None
     assert "horse" not in str(ledger.latest("user", name="anna"))
     with pytest.raises(LedgerError, match="last active administrator"):
         guard_last_administrator(ledger, "anna", "operator", True)
-    put_user(ledger, "boris", role="operator", password="another long one", author="anna")
+    put_user(ledger, "boris", role="operator", password="marble otter violin cactus", author="anna")
     user = put_user(ledger, "boris", role="operator", active=False, author="anna")
     assert not user.may("capture")
-    assert check_password(ledger, "boris", "another long one") is None
+    assert check_password(ledger, "boris", "marble otter violin cactus") is None
     with pytest.raises(InputError, match="allowed 15 to 128"):
         put_user(ledger, "c", role="operator", password="short", author="anna")
 

@@ -24,8 +24,10 @@ def quick(monkeypatch):
 
 
 @pytest.mark.parametrize("password", [
-    "quiet granite harbour lamp", "correct horse battery", "четыре слова без связи", "四个互不相关的词语组成的密码口令",
-    "kqzvjwmxnbrtplshd", "    well spaced words here", "quiet granite harbour " * 5, "🙂🚂🌧🪵🐌🧲🪁🎻🧊🪲🪴🧵🛶🪚🧯",
+    "quiet granite harbour lamp", "adze jib fen quoit", "четыре слова без связи", "四个互不相关的词语组成的密码口令",
+    "kqzvjwmxnbrtplshd", "    well spaced words here", "quiet granite harbour lamp " * 4,
+    "table chair window door", "zephyr lantern pickle granite", "fxk29slqpwmz81nv",
+    "🙂🚂🌧🪵🐌🧲🪁🎻🧊🪲🪴🧵🛶🪚🧯",
 ])  # fmt: skip
 def test_any_long_phrase_is_taken(password):
     # no rule on capitals, digits or signs; blanks and every script are allowed; nothing is cut off
@@ -39,6 +41,10 @@ def test_any_long_phrase_is_taken(password):
     "passwordpassword", "passwordpassword1", "P@ssw0rdP@ssw0rd", "123456789012345", "qwertyuiopasdfgh",
     "1qaz2wsx3edc4rfv", "aaaaaaaaaaaaaaaaaaaaaaaa", "abcabcabcabcabcabc", "iloveyouiloveyou", "letmeinletmein!",
     "inclinometry2024", "Inclinometer-1234", "yrtemonilcni2024", "passphrase123456",
+    "borehole-borehole", "1q2w3e4r5t6y7u8i9o", "January2026January", "password 2026 october", "borehole metrology",
+    "october november", "correcthorsebatterystaple", "correct horse battery staple", "monday tuesday wednesday",
+    "red green blue yellow", "drill hole survey", "i love my mother", "a long pass phrase", "йцукенгшщзхъфывапр",
+    "зфыыцщкв-зфыыцщкв", "октябрь ноябрь 2026", "!QAZ@WSX#EDC$RFV", "quiet granite harbour",
 ])  # fmt: skip
 def test_what_is_guessed_first_is_not_taken(password):
     with pytest.raises(InputError, match="first to be guessed") as refused:
@@ -54,6 +60,12 @@ def test_names_are_no_passwords(password):
     # the user's, backwards too, and the laboratory's; for somebody else the same may be a phrase like any other
     with pytest.raises(InputError, match="first to be guessed"):
         hashed(password, ["annaberg", "Anna Berg", "Norge Borehull AS"])
+
+
+@pytest.mark.parametrize("password", ["a\0bcdefghij klmnop", "quiet granite\tharbour lamp", "\x1b[A granite lamp tide"])
+def test_control_characters_are_refused(password):
+    with pytest.raises(InputError, match=r"the control character U\+00(00|09|1B); take"):
+        hashed(password)
 
 
 @pytest.mark.parametrize("name", ["сергей-иванов", "administrator"])
@@ -81,7 +93,7 @@ def test_one_letter_is_one_letter_however_it_is_typed():
     # an accent as a letter of its own or with its letter; full-width letters of a Chinese keyboard
     stored = hashed(unicodedata.normalize("NFD", "crème brûlée à volonté"))
     assert fits(stored, unicodedata.normalize("NFC", "crème brûlée à volonté"))
-    assert fits(hashed("quiet granite harbour"), "ｑｕｉｅｔ granite harbour")
+    assert fits(hashed("quiet granite harbour lamp"), "ｑｕｉｅｔ granite harbour lamp")
 
 
 def test_a_hash_of_an_older_program_goes_on():

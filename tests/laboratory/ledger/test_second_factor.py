@@ -34,7 +34,7 @@ from inclinometry.laboratory.ledger.users import (
     remove_second_factor,
 )
 
-PASSWORD, OTHER = "a long pass phrase", "quiet granite harbour lamp"
+PASSWORD, OTHER = "adze jib fen quoit", "quiet granite harbour lamp"
 SEED = b"1234567890" * 7
 
 
@@ -150,6 +150,34 @@ def test_a_code_is_asked_for_and_taken_once(ledger, clock, secret):
         assert not check_code(another_bench, "anna", PASSWORD, now_of(secret, clock, -1))
 
 
+def test_the_code_that_set_it_up_is_used(ledger, clock):
+    # RFC 6238, section 5.2
+    text = new_secret()
+    put_second_factor(ledger, "anna", PASSWORD, text, now_of(text, clock))
+    for _ in range(3):
+        assert not check_code(ledger, "anna", PASSWORD, now_of(text, clock))
+        clock.now += timedelta(seconds=10)
+    assert check_code(ledger, "anna", PASSWORD, now_of(text, clock))
+
+
+def test_a_used_code_stays_used_whatever_is_changed(ledger, clock, secret):
+    used = now_of(secret, clock)
+    assert check_code(ledger, "anna", PASSWORD, used)
+    change_password(ledger, "anna", PASSWORD, OTHER)
+    assert not check_code(ledger, "anna", OTHER, used)
+    remove_second_factor(ledger, "anna", author="boris")
+    with pytest.raises(InputError, match="used before; wait for the next"):
+        put_second_factor(ledger, "anna", OTHER, secret, used)
+    assert not find_user(ledger, "anna").second_factor
+
+
+def test_one_is_not_replaced_by_the_password_alone(ledger, clock, secret):
+    text = new_secret()
+    with pytest.raises(InputError, match="remove it first"):
+        put_second_factor(ledger, "anna", PASSWORD, text, now_of(text, clock))
+    assert check_code(ledger, "anna", PASSWORD, now_of(secret, clock))
+
+
 def test_a_code_without_a_second_factor_is_wrong(ledger):
     assert check_code(ledger, "anna", PASSWORD, "")
     assert not check_code(ledger, "anna", PASSWORD, "123456")
@@ -167,6 +195,8 @@ def test_recovery_codes_replace_the_telephone_once_each(ledger, clock):
     assert not check_code(ledger, "anna", PASSWORD, recovery_codes()[0])
     assert recovery_digest(codes[0]) == hashlib.sha256(codes[0].replace("-", "").encode()).hexdigest()
     # a new secret brings new ones, and those before are worth nothing
+    remove_second_factor(ledger, "anna", author="anna")
+    clock.now += timedelta(minutes=1)
     put_second_factor(ledger, "anna", PASSWORD, text, now_of(text, clock))
     assert recovery_left(ledger, "anna") == 10
     assert not check_code(ledger, "anna", PASSWORD, codes[0])
@@ -188,7 +218,7 @@ def test_it_stays_with_the_users_own_new_password(ledger, clock, secret):
     assert check_code(ledger, "anna", OTHER, now_of(secret, clock))
     assert not check_code(ledger, "anna", OTHER, now_of(secret, clock))
     with pytest.raises(InputError, match="current password is wrong"):
-        change_password(ledger, "anna", PASSWORD, "another pass phrase")
+        change_password(ledger, "anna", PASSWORD, "marble otter violin cactus")
 
 
 def test_it_stays_with_another_role_and_goes_with_a_password_set_by_others(ledger, clock, secret):

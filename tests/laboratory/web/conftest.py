@@ -13,7 +13,7 @@ from pathlib import Path
 import httpx
 import pytest
 
-PASSWORD = "a long pass phrase"
+PASSWORD = "adze jib fen quoit"
 ROLES = ("auditor", "operator", "metrologist", "administrator")
 SERVE = Path(__file__).with_name("serve.py")
 

@@ -14,7 +14,7 @@ from inclinometry.laboratory.ledger.admin import create
 from inclinometry.laboratory.ledger.users import ROLES, put_user, users
 from inclinometry.laboratory.web.app import create_app, run
 
-PASSWORD = "a long pass phrase"
+PASSWORD = "adze jib fen quoit"
 
 
 def main(where: str, kind: str) -> None:

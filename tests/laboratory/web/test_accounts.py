@@ -14,7 +14,7 @@ import pytest
 
 from inclinometry.laboratory.ledger.second_factor import code, new_secret, secret_bytes
 
-PASSWORD, OTHER = "a long pass phrase", "quiet granite harbour lamp"
+PASSWORD, OTHER = "adze jib fen quoit", "quiet granite harbour lamp"
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +48,7 @@ def set_up(user):
     wish = {"password": PASSWORD, "secret": secret, "code": now_of(secret)}
     answer = user.put("/api/v1/me/second-factor", json=wish)
     assert answer.status_code == 200, answer.text
-    return secret, answer.json()["recovery_codes"]
+    return secret, answer.json()["recovery_codes"], wish["code"]
 
 
 def now_of(secret, steps=0):
@@ -77,6 +77,24 @@ def test_users_change_their_own_password(server, user):
     assert logged_in(server, user.name, OTHER)
 
 
+def test_control_characters_in_names_and_passwords_are_refused(server, user):
+    with server.client() as plain, server.program("administrator") as administrator:
+        for path, send in (("/api/v1/login", {"json": {}}), ("/login", {"data": {}})):
+            body = {"name": "anna\0", "password": PASSWORD}
+            answer = plain.post(path, **dict.fromkeys(send, body))
+            assert (answer.status_code, "control character" in answer.text) == (422, True), path
+        wish = {"role": "operator", "password": PASSWORD}
+        for name, change in (
+            ("anna%00", {}),
+            ("anna%7F", {}),
+            ("anna", {"full_name": "Anna\x1b[2J"}),
+            ("anna", {"password": "a\0bcdefghij klmnop"}),
+        ):
+            answer = administrator.put(f"/api/v1/users/{name}", json=wish | change)
+            assert (answer.status_code, "control character" in answer.text) == (422, True), (name, change)
+        assert not [one for one in administrator.get("/api/v1/users").json() if one["name"].startswith("anna")]
+
+
 def test_a_browser_found_open_does_not_tell_the_password(server, user):
     for _ in range(5):
         answer = user.put("/api/v1/me/password", json={"password": "guess", "new_password": OTHER})
@@ -86,18 +104,34 @@ def test_a_browser_found_open_does_not_tell_the_password(server, user):
 
 
 def test_a_second_factor_is_set_up_asked_for_and_removed(server, user):
-    secret, recovery = set_up(user)
+    secret, recovery, used = set_up(user)
     with server.client() as plain:
         answer = plain.post("/api/v1/login", json={"name": user.name, "password": PASSWORD})
         assert (answer.status_code, "second factor" in answer.json()["detail"]) == (401, True)
     later = now_of(secret, 1)
+    assert logged_in(server, user.name, code=used) is None  # it has set the factor up
     assert logged_in(server, user.name, code=later)
     assert logged_in(server, user.name, code=later) is None  # replayed
     assert logged_in(server, user.name, code=recovery[0])
     assert logged_in(server, user.name, code=recovery[0]) is None
-    assert user.post("/api/v1/me/second-factor/remove", json={"password": "wrong"}).status_code == 422
-    assert user.post("/api/v1/me/second-factor/remove", json={"password": PASSWORD}).status_code == 204
+    path = "/api/v1/me/second-factor/remove"
+    for wrong in (
+        {"password": PASSWORD},
+        {"password": PASSWORD, "code": later},
+        {"password": PASSWORD, "code": recovery[0]},
+        {"password": "wrong", "code": recovery[1]},
+    ):
+        assert user.post(path, json=wrong).status_code == 422, wrong
+    assert user.post(path, json={"password": PASSWORD, "code": recovery[1]}).status_code == 204
     assert logged_in(server, user.name)
+
+
+def test_codes_are_not_guessed_in_a_browser_found_open(server, user):
+    set_up(user)
+    for number in range(5):
+        wish = {"password": PASSWORD, "code": f"{number}"}
+        assert user.post("/api/v1/me/second-factor/remove", json=wish).status_code == 422
+    assert user.get("/api/v1/me").status_code == 401
 
 
 def test_a_code_that_nobody_asks_for_is_wrong(server, user):
@@ -156,7 +190,7 @@ def test_a_browser_is_known_at_its_next_login(start):
 
 
 def test_the_login_page_asks_for_the_code(server, user):
-    secret, _ = set_up(user)
+    secret, *_ = set_up(user)
     with server.client() as browser:
         form = browser.get("/login").text
         for name in ("username", "current-password", "one-time-code"):  # password managers find their way
@@ -183,7 +217,7 @@ def test_on_a_bench_without_passwords_there_is_no_account(open_server):
         assert (answer.status_code, answer.headers["location"]) == (303, "/")
         for method, path, body in (
             ("PUT", "/api/v1/me/password", {"password": "x", "new_password": OTHER}),
-            ("POST", "/api/v1/me/second-factor/remove", {"password": "x"}),
+            ("POST", "/api/v1/me/second-factor/remove", {"password": "x", "code": "x"}),
         ):
             refused = browser.request(method, path, json=body)
             assert (refused.status_code, "nobody logs in" in refused.json()["detail"]) == (422, True)
@@ -193,10 +227,10 @@ def test_on_a_bench_without_passwords_there_is_no_account(open_server):
 def test_who_was_refused_is_in_the_log_and_no_secret(server, user):
     with server.program("operator") as operator:
         operator.get("/api/v1/users")
-    logged_in(server, "nobody\nat all", "a secret guess")
+    logged_in(server, "nobody at all", "a secret guess")
     log = server.log.read_text()
     assert re.search(r"403 GET '/api/v1/users' for 'operator' from 127\.0\.0\.1", log)
-    assert r"login of 'nobody\nat all' from 127.0.0.1 refused" in log
+    assert "login of 'nobody at all' from 127.0.0.1 refused" in log
     assert "a secret guess" not in log
     assert PASSWORD not in log
 
@@ -232,7 +266,7 @@ def test_a_bench_speaks_no_old_tls(tmp_path, start, monkeypatch):
                     assert secured.version() == spoken
                     secured.sendall(b"POST /login HTTP/1.1\r\nHost: bench.lab\r\nContent-Length: 51\r\n"
                                     b"Content-Type: application/x-www-form-urlencoded\r\nConnection: close\r\n\r\n"
-                                    b"name=operator&password=a+long+pass+phrase&code=    ")  # fmt: skip
+                                    b"name=operator&password=adze+jib+fen+quoit&code=    ")  # fmt: skip
                     answer = b"".join(iter(lambda: secured.recv(65536), b"")).decode()
                     assert answer.startswith("HTTP/1.1 303")
                     assert answer.count("set-cookie: __Host-inclinometry=") == 1

@@ -146,7 +146,7 @@ def test_each_page_for_each_role(users_server, path):
 
 def test_an_operator_cannot_make_himself_anything_else(users_server):
     with users_server.program("operator") as program:
-        wish = {"role": "administrator", "password": "another pass phrase"}
+        wish = {"role": "administrator", "password": "marble otter violin cactus"}
         assert program.put("/api/v1/users/operator", json=wish).status_code == 403
         assert program.put("/api/v1/users/operator", json={**wish, "role": "x"}).status_code == 403
         assert program.get("/api/v1/me").json()["role"] == "operator"

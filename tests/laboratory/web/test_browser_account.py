@@ -37,10 +37,23 @@ def test_a_user_logs_in_and_sets_up_a_second_factor(tmp_path):
         again.send_keys(PASSWORD)
         browser.named("set-up-factor").click()
         browser.wait(lambda: len(browser.find("[data-testid=recovery]")) == 10, "no recovery codes")
-        recovery = browser.find("[data-testid=recovery]")[0].text
+        recovery, another = (one.text for one in browser.find("[data-testid=recovery]")[:2])
         driver.get(f"{server.url}/logout")
         log_in(name="operator", password=PASSWORD)
         browser.wait(lambda: "second factor is missing" in driver.page_source, "no code is asked for")
         log_in(name="operator", password=PASSWORD, code=recovery)
         browser.wait(lambda: driver.current_url == f"{server.url}/", "nobody is logged in")
+        # the password alone does not remove it, and no code does so twice
+        for given, gone in (("", False), (recovery, False), (another, True)):
+            browser.open("/account")
+            fields = browser.find("input")
+            now = next(one for one in fields if one.get_attribute("autocomplete") == "one-time-code")
+            again = [one for one in fields if one.get_attribute("autocomplete") == "current-password"][-1]
+            now.send_keys(given)
+            again.send_keys(PASSWORD)
+            browser.named("remove-factor").click()
+            if gone:
+                browser.wait(lambda: browser.find("[data-testid=secret]"), "it is still there")
+            else:
+                browser.wait(lambda: "missing, wrong or was used before" in driver.page_source, "nothing is said")
         assert not browser.strangers()

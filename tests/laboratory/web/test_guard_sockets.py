@@ -109,7 +109,7 @@ def test_nobody_speaks_for_a_page_of_another_user(users_server):
 
 def test_after_logging_out_a_page_does_nothing_more(users_server):
     with users_server.client() as plain:
-        login = plain.post("/login", data={"name": "operator", "password": "a long pass phrase"})
+        login = plain.post("/login", data={"name": "operator", "password": "adze jib fen quoit"})
         cookie = login.headers["set-cookie"].partition(";")[0]
         plain.headers["Cookie"] = cookie
         page = opened(plain)

@@ -6,7 +6,7 @@ import re
 
 import pytest
 
-PASSWORD = "a long pass phrase"
+PASSWORD = "adze jib fen quoit"
 
 
 @pytest.fixture
@@ -66,7 +66,7 @@ def test_a_password_changed_by_the_administrator_ends_the_login(own):
 
     with own.program("operator") as operator, own.program("administrator") as administrator:
         assert operator.get("/api/v1/me").status_code == 200
-        wish = {"role": "operator", "password": "quite another phrase"}
+        wish = {"role": "operator", "password": "quiet granite harbour lamp"}
         assert administrator.put("/api/v1/users/operator", json=wish).status_code == 200
         until = time.monotonic() + 60.0
         while operator.get("/api/v1/me").status_code == 200 and time.monotonic() < until:

@@ -14,7 +14,7 @@ from inclinometry.laboratory.ledger.ledger import Ledger
 from inclinometry.laboratory.ledger.users import put_user
 from inclinometry.laboratory.registry import RegisteredRig, RegisteredTool, put_rig, put_tool
 
-PASSWORD = "a long pass phrase"
+PASSWORD = "adze jib fen quoit"
 SERIAL = "UP-1"
 BENCH = (
     b"station,azimuth_deg,inclination_deg,toolface_deg,accel_x,accel_y,accel_z,mag_x,mag_y,mag_z\n"

@@ -10,6 +10,7 @@ from typing import Any
 
 from inclinometry.errors import FileError, InputError
 from inclinometry.files import toml_keys
+from inclinometry.opening import whole
 
 LONGEST = 500
 """Characters of one text."""
@@ -179,7 +180,7 @@ def read_logo(path: str | Path) -> bytes | None:
     FileError
         No such file, no PNG or SVG picture that stands by itself.
     """
-    from inclinometry.laboratory.registry import logo_kind
+    from inclinometry.laboratory.registry import LARGEST_LOGO, logo_kind
 
     settings = toml_keys.load(path, (*_LABORATORY, "order", "standards", "ledger", "logo"))
     named = settings.text("logo")
@@ -187,10 +188,12 @@ def read_logo(path: str | Path) -> bytes | None:
         return _of_ledger(settings)[2]
     picture = Path(path).parent / named
     try:
-        data = picture.read_bytes()
+        data = whole(picture, LARGEST_LOGO)
         logo_kind(data)
-    except (OSError, ValueError) as error:
-        raise FileError(f"logo: {getattr(error, 'strerror', None) or error}", path=picture) from None
+    except FileError as error:
+        raise FileError(f"logo: {error.problem}", path=picture) from None
+    except ValueError as error:
+        raise FileError(f"logo: {error}", path=picture) from None
     return data
 
 

@@ -15,6 +15,7 @@ from inclinometry.laboratory.certificate.record import record_bytes, record_dige
 from inclinometry.laboratory.certificate.requirements import missing_said
 from inclinometry.laboratory.certificate.signing import Looked, look, look_at_seal, parse_seal, seal, sign_files
 from inclinometry.laboratory.ledger.keys import Keys, Public, read_public
+from inclinometry.opening import whole
 
 
 def certificate(
@@ -198,14 +199,7 @@ def _given(name: str) -> bytes:
     if parse_seal(name) is not None:
         return name.encode()
     largest = 100_000_000
-    try:
-        with Path(name).open("rb") as stream:
-            data = stream.read(largest + 1)
-    except (OSError, ValueError) as error:
-        raise FileError(f"cannot be read ({getattr(error, 'strerror', error)}); check the name", path=name) from None
-    if len(data) > largest:
-        raise FileError(f"larger than {largest} bytes; no certificate is", path=name)
-    return data
+    return whole(name, largest)
 
 
 def _json(data: bytes) -> dict[str, Any] | None:

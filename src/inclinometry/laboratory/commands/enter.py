@@ -20,6 +20,7 @@ from inclinometry.laboratory.import_file import LARGEST, import_file
 from inclinometry.laboratory.ledger.admin import create
 from inclinometry.laboratory.ledger.ledger import Ledger, Record
 from inclinometry.laboratory.registry import (
+    LARGEST_LOGO,
     RegisteredRig,
     RegisteredStandard,
     RegisteredTool,
@@ -34,6 +35,7 @@ from inclinometry.laboratory.registry import (
     standards,
 )
 from inclinometry.laboratory.results import calibration_of, finish_calibration
+from inclinometry.opening import whole
 
 
 def enter(
@@ -125,12 +127,9 @@ def enter(
 
 
 def _content(file: Path) -> bytes:
-    try:
-        content = file.read_bytes() if file.stat().st_size <= LARGEST else b""
-    except OSError as error:
-        raise FileError(f"cannot be read ({error.strerror}); check the name", path=file) from None
+    content = whole(file, LARGEST)
     if not content:
-        raise FileError(f"empty, or larger than {LARGEST} bytes", path=file)
+        raise FileError("it is empty; give the file of the measurement", path=file)
     return content
 
 
@@ -193,7 +192,7 @@ def laboratory(
         raise InputError("--logo goes with lab.toml, which says whose it is: give both")
     if file is not None:
         known, _, used = read_laboratory(file)
-        picture = logo.read_bytes() if logo is not None else read_logo(file)
+        picture = whole(logo, LARGEST_LOGO) if logo is not None else read_logo(file)
         with create(_where(ledger)) as opened:
             put_laboratory(opened, known, author=_who(), logo=picture)
             for one in used:

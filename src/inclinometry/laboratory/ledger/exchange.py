@@ -23,6 +23,7 @@ from inclinometry.laboratory.ledger import chain
 from inclinometry.laboratory.ledger.chain import LedgerError
 from inclinometry.laboratory.ledger.engine import CHAIN, DOCUMENT, KINDS, TABLES, check, in_words, plain, row_digest
 from inclinometry.laboratory.ledger.ledger import LARGEST_DOCUMENT, Batch, Ledger, add_document
+from inclinometry.opening import opened
 
 Progress = Callable[[float], None]
 FORMAT: Final = "inclinometry/ledger-export"
@@ -138,7 +139,7 @@ def restore(ledger: Ledger, path: str | Path, *, progress: Progress | None = Non
         The ledger is not empty.
     """
     try:
-        with zipfile.ZipFile(path) as archive:
+        with opened(path) as export, zipfile.ZipFile(export) as archive:
             manifest = _manifest(archive, path)
             with ledger.filling() as connection:
                 batch = Batch(connection, chain.Head(0, chain.GENESIS))
@@ -160,8 +161,6 @@ def restore(ledger: Ledger, path: str | Path, *, progress: Progress | None = Non
                     add_document(connection, media_type, data)
     except _DAMAGED as error:
         raise FileError(f"not an export of a ledger, or damaged ({error})", path=path) from None
-    except FileNotFoundError:
-        raise FileError("there is no such file; check the name", path=path) from None
     except OSError as error:
         raise FileError(f"cannot be read ({error.strerror or error})", path=path) from None
     return batch.head

@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from inclinometry.errors import FileError, InputError
 from inclinometry.laboratory.ledger.chain import LedgerError, compact
+from inclinometry.opening import whole
 
 if TYPE_CHECKING:
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
@@ -342,11 +343,7 @@ def read_public(path: str | Path) -> Public:
     from cryptography.hazmat.primitives.serialization import load_pem_public_key
 
     largest = 1_000_000
-    try:
-        with Path(path).open("rb") as stream:
-            data = stream.read(largest)
-    except OSError as error:
-        raise FileError(f"cannot be read ({error.strerror}); name the laboratory's public key", path=path) from None
+    data = whole(path, largest)
     try:
         blocks = re.findall(rb"-----BEGIN PUBLIC KEY-----.*?-----END PUBLIC KEY-----", data, re.DOTALL)
         found = [load_pem_public_key(block) for block in blocks]

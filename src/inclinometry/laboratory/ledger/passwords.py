@@ -1,9 +1,10 @@
 """Passwords: which are taken, how they are kept.
 
-Length counts and nothing else is asked for: no digits, no capitals, no change after some months (NIST SP 800-63B-4,
-3.1.1.2; OWASP ASVS 4.0.3, V2.1). What is refused is what a guesser tries first: common passwords, rows of keys,
-repetitions, the name of the user, the laboratory or the program. zxcvbn (D. Wheeler, USENIX Security 2016; MIT), with
-its 30,000 passwords of leaked lists, estimates how many guesses that takes.
+No digits, no capitals, no change after some months are asked for (NIST SP 800-63B-4, 3.1.1.2; OWASP ASVS 4.0.3, V2.1).
+What is refused is what a guesser tries first: common passwords, rows of keys, repetitions, dates, two or three common
+words, the name of the user, the laboratory or the program. zxcvbn (D. Wheeler, USENIX Security 2016; MIT), with its
+30,000 passwords of leaked lists, estimates how many guesses that takes: of the text as it is typed, of its words
+without what stands between them, and of the keys under Cyrillic letters and signs; the least of these counts.
 """
 
 from __future__ import annotations
@@ -25,9 +26,39 @@ SHORTEST: Final = 15
 LONGEST: Final = 128
 LONGEST_TRIED: Final = 200
 """Older programs took so many."""
-LEAST_GUESSES: Final = 1e8
-"""zxcvbn's scores 3 and 4: what it calls safely unguessable. Beyond that only the length decides."""
+LEAST_GUESSES: Final = 1e12
+"""A hundred times zxcvbn's highest score: for whoever has a copy of the ledger and a thousand processors, at twenty
+argon2id hashes of 64 MB a second each, more than a year; three words drawn by lot from 10,000."""
 _PROGRAM: Final = ("inclinometry", "inclinometer")
+_FIELD: Final = (
+    *("borehole", "calibration", "certificate", "drilling", "gyro", "inclination", "azimuth", "toolface"),
+    *("laboratory", "metrology", "survey", "пароль", "скважина", "密码"),
+    *[
+        "январь",
+        "февраль",
+        "март",
+        "апрель",
+        "май",
+        "июнь",
+        "июль",
+        "август",
+        "сентябрь",
+        "октябрь",
+        "ноябрь",
+        "декабрь",
+    ],
+)
+"""What somebody would try who knows what the program is for."""
+_PUBLISHED: Final = (
+    *("correcthorsebatterystaple", "thequickbrownfoxjumpsoverthelazydog", "maytheforcebewithyou", "tobeornottobe"),
+    *("winteriscoming", "openthepodbaydoors"),
+)
+"""Phrases that everybody has read; zxcvbn knows words."""
+_BETWEEN: Final = re.compile(r"[\s_.,;:-]+")
+_KEYS: Final = str.maketrans(
+    "йцукенгшщзхъфывапролджэячсмитьбюё!@#$%^&*()", "qwertyuiop[]asdfghjkl;'zxcvbnm,.`1234567890"
+)
+"""The keys under Cyrillic letters and under signs."""
 _READ: Final = 72  # zxcvbn's time grows with the square of what it reads
 
 
@@ -50,13 +81,16 @@ def strength(password: str, words: Iterable[str] = ()) -> float:
     from zxcvbn import zxcvbn
 
     names = {*_PROGRAM, *(part for word in words for part in (word, *re.split(r"\W+", word)) if len(part) > 2)}
-    known = [*sorted(names), "password", "passphrase"]
+    known = [*sorted(names), "password", "passphrase", *_FIELD, *_PUBLISHED]
     normal = _normal(password)
     if not normal:
         return 0.0
-    # the better of both ends: a long password is not weak because its beginning is
-    parts = {normal[:_READ], normal[-_READ:]}
-    guesses = max(float(zxcvbn(part, user_inputs=known)["guesses_log10"]) for part in parts)
+    together = _BETWEEN.sub("", normal) or normal
+    guesses = math.inf
+    for text in dict.fromkeys((normal, together, together.casefold().translate(_KEYS))):
+        # the better of both ends: a long password is not weak because its beginning is
+        parts = {text[:_READ], text[-_READ:]}
+        guesses = min(guesses, max(float(zxcvbn(part, user_inputs=known)["guesses_log10"]) for part in parts))
     return max(0.0, min(1.0, guesses / math.log10(LEAST_GUESSES), _length(normal) / SHORTEST, _own(normal, names) / 8))
 
 
@@ -66,9 +100,12 @@ def hashed(password: str, words: Iterable[str] = ()) -> str:
     Raises
     ------
     InputError
-        Too short, too long, among those that are guessed first.
+        Too short, too long, among those that are guessed first; a control character is in it.
     """
     normal = _normal(password)
+    control = next((sign for sign in normal if unicodedata.category(sign) in ("Cc", "Cs")), None)
+    if control is not None:
+        raise InputError(f"the password has the control character U+{ord(control):04X}; take characters that are seen")
     if _length(normal) < SHORTEST or len(normal) > LONGEST:
         raise InputError(
             f"the password has {_length(normal)} characters; allowed {SHORTEST} to {LONGEST}: four or five words are "
@@ -76,8 +113,8 @@ def hashed(password: str, words: Iterable[str] = ()) -> str:
         )
     if strength(normal, words) < 1.0:
         raise InputError(
-            "the password is one of the first to be guessed: a common one, a row of keys, a repetition, or a name; "
-            "take four or five words that do not belong together"
+            "the password is one of the first to be guessed: a common one, a row of keys, a repetition, a date, a name,"
+            " or two or three common words; take four or five words that do not belong together"
         )
     return _hasher().hash(normal)
 
@@ -114,9 +151,8 @@ def key(password: str, salt: bytes, length: int, *, time_cost: int, memory_cost:
 
 def _own(password: str, known: Iterable[str]) -> int:
     """Characters that are left without what is known, forwards and backwards."""
-    between = r"[\s_.,;:-]+"
-    text = re.sub(between, "", password.casefold())
-    names = {re.sub(between, "", word.casefold()) for word in known}
+    text = _BETWEEN.sub("", password.casefold())
+    names = {_BETWEEN.sub("", word.casefold()) for word in known}
     for name in sorted(names, key=len, reverse=True):
         for taken in (name, name[::-1]):
             text = text.replace(taken, "") if taken else text

@@ -63,6 +63,7 @@ def put_user(
     """
     if not name:
         raise InputError("a user needs a name: write the one to log in with")
+    refuse_control(name, full_name)
     if role not in ROLES:
         raise InputError(f"role is {role!r}; allowed: {', '.join(ROLES)}")
     if name == LOCAL.name:
@@ -102,19 +103,28 @@ def change_password(ledger: Ledger, name: str, current: str, new: str) -> User:
 def put_second_factor(ledger: Ledger, name: str, password: str, secret: str, code: str) -> list[str]:
     """Ask this user for a code of the second factor from now on; its recovery codes, of which only digests are kept.
 
+    The code that sets it up is used by that: it opens no login.
+
     Raises
     ------
     InputError
-        The password is wrong, the code is not that of the secret now.
+        The password is wrong, the code is not that of the secret now or was used before, there is a second factor
+        already: what takes it away asks for one of its codes.
     """
     found = second_factor.secret_bytes(secret)
     _, body = _own(ledger, name, password)
-    if second_factor.step_of(found, code, ledger.time().timestamp()) is None:
+    if body.get("second_factor"):
+        raise InputError(f"{name!r} has a second factor; remove it first, then set up another")
+    step = second_factor.step_of(found, code, ledger.time().timestamp())
+    if step is None:
         raise InputError("this is not the code of now; check the clocks of the telephone and of the bench")
     recovery = second_factor.recovery_codes()
     kept = {"recovery": [second_factor.recovery_digest(one) for one in recovery]}
     body["second_factor"] = second_factor.sealed(found, password) | kept
-    _put(ledger, name, body, name, "second factor set up")
+    try:
+        _put(ledger, name, body, name, "second factor set up", once=_code_mark(step))
+    except ConflictError:
+        raise InputError("this code was used before; wait for the next one") from None
     return recovery
 
 
@@ -170,8 +180,7 @@ def check_code(ledger: Ledger, name: str, password: str, given: str) -> bool:
     step = second_factor.step_of(second_factor.opened(factor, password), given, ledger.time().timestamp())
     digest = second_factor.recovery_digest(given)
     if step is not None:
-        # of this secret: a new one begins anew
-        mark = f"code {step} of {factor['salt'][:8]}"
+        mark = _code_mark(step)
     elif digest in factor["recovery"]:
         mark = _recovery_mark(digest)
     else:
@@ -200,6 +209,11 @@ def known_words(ledger: Ledger, name: str, full_name: str = "") -> list[str]:
     return [name, full_name, str(laboratory.get("name", ""))]
 
 
+def _code_mark(step: int) -> str:
+    """Of the user's time step, whatever the secret and its password were: RFC 6238, section 5.2, a code once."""
+    return f"code {step}"
+
+
 def _recovery_mark(digest: str) -> str:
     return f"recovery code {digest[:16]}"
 
@@ -212,11 +226,31 @@ def _own(ledger: Ledger, name: str, password: str) -> tuple[Record, dict[str, An
     return record, dict(record.body)
 
 
-def _put(ledger: Ledger, name: str, body: Mapping[str, Any], author: str, *events: str) -> User:
-    """Record a user, and for those who read what happened, that it happened."""
-    drafts = [Draft("user", {"name": name}, body)]
-    drafts += [Draft("event", {"subject_kind": "user", "subject": name, "action": event}, {}) for event in events]
-    return _user(ledger.append_all(drafts, author=author)[0])
+def _put(
+    ledger: Ledger, name: str, body: Mapping[str, Any], author: str, *events: str, once: str | None = None
+) -> User:
+    """Record a user, and for those who read what happened, that it happened.
+
+    once : an event that must not have happened before; ConflictError when it has.
+    """
+    keys = [
+        {"subject_kind": "user", "subject": name, "action": event} for event in (*events, *([once] if once else []))
+    ]
+    drafts = [Draft("user", {"name": name}, body), *(Draft("event", key, {}) for key in keys)]
+    unless = [Precondition("event", keys[-1], "used")] if once else []
+    return _user(ledger.append_all(drafts, author=author, unless=unless)[0])
+
+
+def refuse_control(*names: str) -> None:
+    """Refuse names with characters that nobody sees.
+
+    Raises
+    ------
+    InputError
+    """
+    for name in names:
+        if not name.isprintable():
+            raise InputError(f"the name {name!r:.60} has a control character; take characters that are seen")
 
 
 def guard_last_administrator(ledger: Ledger, name: str, role: str, active: bool) -> None:

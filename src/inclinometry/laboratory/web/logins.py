@@ -24,7 +24,7 @@ from typing import Final
 
 from inclinometry.errors import InputError
 from inclinometry.laboratory.ledger.ledger import Ledger
-from inclinometry.laboratory.ledger.users import LOCAL, User, check_code, check_password, find_user
+from inclinometry.laboratory.ledger.users import LOCAL, User, check_code, check_password, find_user, refuse_control
 
 IDLE_S: Final = 30 * 60.0
 LONGEST_S: Final = 12 * 3600.0
@@ -119,11 +119,14 @@ class Logins:
 
         Raises
         ------
+        InputError
+            A control character is in the name: nobody's, and nothing is counted.
         TooManyError
             This client, or strangers at this name or address, have guessed wrong too often.
         CodeError
             The password is right, the code is not.
         """
+        refuse_control(name)
         name, network = name[:200], _network(address)
         own = self._known(name, network, known)
         keys = [own] if own else [f"name {name}", f"address {network}"]
@@ -195,23 +198,31 @@ class Logins:
             self.log_out(one.token)
         return bool(found)
 
-    def confirm(self, login: Login, password: str) -> None:
+    def confirm(self, login: Login, password: str, code: str | None = None) -> None:
         """Ask again for the password, before something that whoever finds the browser open is not to do.
+
+        Parameters
+        ----------
+        code : str, optional
+            Ask for a code of the second factor, too, or a recovery code.
 
         Raises
         ------
         InputError
-            It is wrong. After a few of these the login ends; the user's other logins, and new ones, know nothing of it.
+            One is wrong. After a few of these the login ends; the user's other logins, and new ones, know nothing of
+            it.
         """
         with self._turn(True):
-            right = check_password(self._ledger, login.name, password) is not None
-        login.wrong = 0 if right else login.wrong + 1
-        if not right:
-            _LOG.warning(
-                "%s from %s: the current password was asked for and is wrong", ascii(login.name), login.address
-            )
+            wrong = "current password" if check_password(self._ledger, login.name, password) is None else ""
+            if not wrong and code is not None and not check_code(self._ledger, login.name, password, code):
+                wrong = "code"
+        login.wrong = login.wrong + 1 if wrong else 0
+        if wrong:
+            _LOG.warning("%s from %s: the %s was asked for and is wrong", ascii(login.name), login.address, wrong)
             if login.wrong >= FREE_FAILURES:
                 self.log_out(login.token)
+            if wrong == "code":
+                raise CodeError
             raise InputError("the current password is wrong; nothing was changed")
 
     def keep(self, login: Login, user: User) -> None:

@@ -71,10 +71,11 @@ class RecoveryCodes(BaseModel):
 
 
 class Confirmation(BaseModel):
-    """The password again."""
+    """The password again, and a code of now."""
 
     model_config = ConfigDict(extra="forbid")
     password: str = Field(min_length=1, max_length=200)
+    code: str = Field(min_length=1, max_length=60, description="of the second factor, or a recovery code")
 
 
 class Open(BaseModel):
@@ -152,8 +153,8 @@ def set_up_second_factor(request: Request, ledger: TheLedger, user: Reader, body
 
 @router.post("/me/second-factor/remove", status_code=204)
 def remove_own_second_factor(request: Request, ledger: TheLedger, user: Reader, body: Confirmation) -> None:
-    """Ask the caller for the password alone from now on."""
-    current().logins.confirm(_own(request), body.password)
+    """Ask the caller for the password alone from now on; whoever has no code asks an administrator."""
+    current().logins.confirm(_own(request), body.password, body.code)
     remove_second_factor(ledger, user.name, author=user.name)
 
 
