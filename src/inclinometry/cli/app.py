@@ -128,8 +128,8 @@ status 1 where the run contradicts the history. | stations.csv --tool IN-7 --run
 --ledger lab.sqlite --record
 fleet clean | fleet.commands:clean | Remove what nobody needs any more. Never counts. | --days 30
 = Files
-check | check:check | Say what a file is understood to be. Columns, units, rate, and which commands could take it; \
-writes a draft of a profile. | logger.txt -o profile.toml
+check | check:check | Say what a file is understood to be. Columns, units, rate, which commands could take it, and \
+whether a run along a hole can be true (exit status 1 if not); writes a draft of a profile. | logger.txt -o profile.toml
 list | check:list_ | List names: plans, limits, tool codes, profiles, formats, columns, conventions. | profiles
 convert | convert:convert | Turn a survey of one format into another. And say what the other cannot hold. \
 | survey.csv survey.las
