@@ -136,7 +136,9 @@ def doubts(run: Run) -> list[Doubt]:
         others = [one for one in doubts(_taken(kept, rest)) if one.name in ("axes", "columns", "units")]
         found += [*clipped, *(one._replace(stations=tuple(int(rest[k]) for k in one.stations)) for one in others)]
         return _sorted(found, rows)
-    rough = _gains(kept) or _channels(kept) or (_whole(kept) if depths_right else [])
+    rough = _gains(kept)
+    if not any(one.refused for one in rough):  # a small step may be what is left of exchanged channels
+        rough = _channels(kept, stepped=bool(rough)) or rough or (_whole(kept) if depths_right else [])
     found += rough or ([*_units(kept), *_ends(kept)] if depths_right else [])
     if depths_right and not any(one.name in ("columns", "axes", "units", "totals") for one in found):
         found += _local(kept)
@@ -311,8 +313,11 @@ def _gains(run: Run) -> list[Doubt]:
     return []
 
 
-def _channels(run: Run) -> list[Doubt]:
-    """Channels in another order, which the fields show: those of a calibrated tool, or of one triad of six axes."""
+def _channels(run: Run, *, stepped: bool) -> list[Doubt]:
+    """Channels in another order, which the fields show: those of a calibrated tool, or of one triad of six axes.
+
+    Beside a gain that changes midway (`stepped`) a field of a strange size is that gain's.
+    """
     if run.g is None or run.b is None or len(run.md) < 4:
         return []
 
@@ -324,7 +329,7 @@ def _channels(run: Run) -> list[Doubt]:
     if run.fields is None:
         words = explained(dict(zip(VECTORS, (run.g, run.b), strict=True)), None, roughness)
         if not words:
-            unit = misnamed_unit(run.g, run.b)
+            unit = "" if stepped else misnamed_unit(run.g, run.b)
             return [Doubt("units", unit, True)] if unit else []
         sentence = (
             f"the fields are not those of one place and one hole, which with {words} they are: put the names of the "
@@ -338,7 +343,7 @@ def _channels(run: Run) -> list[Doubt]:
             f"{words} they are: put the names of the columns right"
         )
         return [Doubt("axes", sentence, True)]
-    seen = strange(run.g, run.b, known=run.strength_known)
+    seen = "" if stepped else strange(run.g, run.b, known=run.strength_known)
     if seen:
         sentence = (
             f"after the calibration {seen}: channels exchanged or reversed, in another unit, or the calibration of "
