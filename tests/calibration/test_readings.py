@@ -65,9 +65,7 @@ def test_the_table_has_the_names_of_a_file():
     assert table["station"] == list("abcdefg")
     assert table["roll_set"][3] == "s"
     assert {"temperature_degC", "count"} <= set(table)
-    np.testing.assert_array_equal(
-        table["gyro_y_deg_h"], CHANNELS["gyro"][:, 1]
-    )
+    np.testing.assert_array_equal(table["gyro_y_deg_h"], CHANNELS["gyro"][:, 1])
     plain = BenchReadings(CHANNELS).to_dict()
     assert not {"azimuth_deg", "temperature_degC", "count", "roll_set"} & set(plain)
     with pytest.raises(InputError, match="no magnetometer; there are: accelerometer, gyro"):

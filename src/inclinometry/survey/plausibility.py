@@ -519,11 +519,12 @@ def _depths(run: Run) -> list[Doubt]:
         found.append(Doubt("depths", sentence, sure, (len(md) - 1,)))
     one = broken_habit(md)
     if one is not None and not found:
-        beside = f"stations are {one.usual:.3g} m apart, and by that the station at {md[one.k]:.12g} m stands at"
         sentence = (
-            f"{beside} {one.expected:.1f} m, as do all below it: is a digit of the depths wrong from there on?"
+            f"stations are {one.usual:.3g} m apart; by that the one at {md[one.k]:.12g} m stands at {one.expected:.1f} m, "
+            "and all below it as much higher: is a digit of the depths wrong from there on?"
             if one.onwards
-            else f"{beside} {one.expected:.1f} m: is a digit of its depth wrong?"
+            else f"stations are {one.usual:.3g} m apart; by that the one at {md[one.k]:.12g} m stands at "
+            f"{one.expected:.1f} m: is a digit of its depth wrong?"
         )
         rows = range(one.k, len(md)) if one.onwards else (one.k,)
         return [Doubt("depths", sentence, False, tuple(rows))]
