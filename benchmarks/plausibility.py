@@ -309,6 +309,28 @@ def _ten_last(r, one):
     return _changed(one, md=_set(one.md, -1, one.md[-1] * 10.0)), ()
 
 
+def _one_depth(r, one):
+    row = _row(r, one)
+    return _changed(one, md=_set(one.md, row, one.md[row] + r.choice([-10.0, 10.0, 20.0]))), ()
+
+
+def _from_midway(name, size, least=0.0) -> Callable:
+    """An angle, or the depth, is off from the middle of the run on, where the hole is inclined as much there, deg."""
+
+    def fault(r, one):
+        row = one.md.size // 2
+        if one.inclination[row - 1 : row + 1].min() < least:
+            return None, ()
+        values = np.where(np.arange(one.md.size) >= row, getattr(one, name) + size, getattr(one, name))
+        return _changed(one, **{name: values % 360.0 if name == "azimuth" else values}), ()
+
+    return fault
+
+
+def _grads(r, one):
+    return _changed(one, inclination=one.inclination / 0.9, azimuth=one.azimuth / 0.9), ()
+
+
 def _exchanged(r, one):
     return _changed(one, inclination=one.azimuth, azimuth=one.inclination), ()
 
@@ -472,15 +494,27 @@ FAULTS = {
     "depths in feet under metres": Fault(_feet, ("depths",), "where courses are no stand of pipe"),
     "second half of the depths in feet": Fault(_half_feet, ("depths",)),
     "last depth times 10": Fault(_ten_last, ("depths",)),
+    "one depth 10 or 20 m off": Fault(_one_depth, ("depths",), "where courses have no habit"),
+    "depths 100 m off from midway": Fault(_from_midway("md", 100.0), ("depths",), "where courses have no habit"),
     "inclination and azimuth exchanged": Fault(
         _exchanged, ("columns", "units"), "in a straight hole that does not begin at the top"
     ),
     "both angles in radians": Fault(_radians, ("units",)),
+    "both angles in grads": Fault(_grads, ("units",), "azimuths below 360, no level part"),
     "inclination from the horizontal": Fault(_horizon, ("columns",), "in a hole that does not begin vertical"),
     "inclination from the other end": Fault(_other_end, ("columns",), "in a hole shorter than 400 m"),
     "azimuth half a turn off": Fault(_half_turn, ("direction",), "always: the hole is as smooth"),
     "azimuth mirrored": Fault(_mirror, ("direction",), "always: the hole is as smooth"),
     "azimuth of another north": Fault(_magnetic, ("direction",), "always: the hole is as smooth"),
+    "azimuth 6 deg off from midway, inclined over 20 deg": Fault(
+        _from_midway("azimuth", 6.0, 20.0), ("direction",), "a turn of the hole looks so"
+    ),
+    "azimuth 12 deg off from midway, inclined over 20 deg": Fault(
+        _from_midway("azimuth", 12.0, 20.0), ("direction",), "a turn of the hole looks so"
+    ),
+    "azimuth 30 deg off from midway, inclined over 20 deg": Fault(
+        _from_midway("azimuth", 30.0, 20.0), ("direction",), "where the hole turns as sharply elsewhere"
+    ),
     "half the quadrants wrong, the hole turns, over 20 deg": Fault(_quadrant, ("direction", "columns", "station")),
     "one reading at five depths, angles": Fault(_pasted, ("repeats",), "in a straight part with few digits"),
     "one reading at five depths, six axes": Fault(_pasted_axes, ("repeats",)),

@@ -32,6 +32,7 @@ from inclinometry.survey.copies import copied_block, copied_rows
 from inclinometry.survey.exchanged_channels import Fields, explained, strange
 from inclinometry.survey.field_units import misnamed_unit
 from inclinometry.survey.gain_steps import gain_step
+from inclinometry.survey.habits import broken_habit, sharp_turn
 from inclinometry.survey.misread_axis import LEAST_SCATTER, misread_axis
 from inclinometry.survey.path import directions
 from inclinometry.survey.smoothness import FINEST, Smoothness, angle_between, smoothness
@@ -516,6 +517,17 @@ def _depths(run: Run) -> list[Doubt]:
             else f"{end}: is a digit of the last depth, {md[-1]:.12g} m, wrong?"
         )
         found.append(Doubt("depths", sentence, sure, (len(md) - 1,)))
+    one = broken_habit(md)
+    if one is not None and not found:
+        sentence = (
+            f"stations are {one.usual:.3g} m apart; by that the one at {md[one.k]:.12g} m stands at {one.expected:.1f} m, "
+            "and all below it as much higher: is a digit of the depths wrong from there on?"
+            if one.onwards
+            else f"stations are {one.usual:.3g} m apart; by that the one at {md[one.k]:.12g} m stands at "
+            f"{one.expected:.1f} m: is a digit of its depth wrong?"
+        )
+        rows = range(one.k, len(md)) if one.onwards else (one.k,)
+        return [Doubt("depths", sentence, False, tuple(rows))]
     return found
 
 
@@ -632,7 +644,7 @@ def _local(run: Run) -> list[Doubt]:
     """Stations that do not lie between their neighbours, and jumps from which on another convention holds."""
     t = directions(run.inclination, run.azimuth)
     smooth = smoothness(run.md, t)
-    found = _order(run, t, smooth) or [*_parts(run, t, smooth), *_single(run, t, smooth)][:3]
+    found = _order(run, t, smooth) or [*(_parts(run, t, smooth) or _turn(run, t)), *_single(run, t, smooth)][:3]
     return found or _outermost(run, t)
 
 
@@ -816,12 +828,6 @@ def _parts(run: Run, t: Array, smooth: Smoothness) -> list[Doubt]:
             f"it goes on straight (likelihood ratio {power(ratio)}): put these azimuths right"
         )
         return [Doubt("direction", sentence, True, tuple(map(int, rows)))]
-    if dogleg[k] > np.radians(60.0 / 30.0) * course[k] + np.radians(5.0) and _without_both(run.md, t, k):
-        sentence = (
-            f"the hole turns by {np.degrees(dogleg[k]):.0f} deg from {run.md[k]:.12g} to {run.md[k + 1]:.12g} m, where "
-            f"{np.degrees(usual):.2g} deg in a course is usual: another hole, a wrong digit, depths in another unit?"
-        )
-        return [Doubt("direction", sentence, False, (k, k + 1))]
     return []
 
 
@@ -838,11 +844,18 @@ def _turned(t: Array, other: Array) -> Mask:
     return ~chosen if chosen.mean() > 0.5 else chosen
 
 
-def _without_both(md: Array, t: Array, k: int) -> bool:
-    """Whether a jump from k to k + 1 stays when either of the two is left out: no single station makes it."""
-    size = float(angle_between(t[k + 1], t[k]))
-    sides = [(k - 1, k + 1), (k, k + 2)]
-    return all(a >= 0 and b < len(t) and float(angle_between(t[a], t[b])) > 0.5 * size for a, b in sides)
+def _turn(run: Run, t: Array) -> list[Doubt]:
+    """A turn in one course that the hole beside it does not lead up to."""
+    found = sharp_turn(run.md, t)
+    if found is None:
+        return []
+    k = found.k
+    sentence = (
+        f"the hole turns by {np.degrees(found.size):.0f} deg from {run.md[k]:.12g} to {run.md[k + 1]:.12g} m, where "
+        f"{np.degrees(found.usual):.2g} deg in a course is usual: two runs put together, of another reference or of "
+        "another hole, or a wrong digit? Look at the stations from there on"
+    )
+    return [Doubt("direction", sentence, False, (k, k + 1))]
 
 
 # Totals.

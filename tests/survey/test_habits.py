@@ -1,0 +1,71 @@
+"""What a run does all along and breaks once: a turn between two courses, a depth off an even row."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from inclinometry.survey.habits import broken_habit
+from inclinometry.survey.plausibility import Run, doubts
+
+
+def hole(inclination_deg=40.0, turn_deg_30m=0.3, count=60, seed=1):
+    """Courses of 28.7 +- 0.3 m, angles with a tenth of a degree of scatter, radians."""
+    r = np.random.default_rng(seed)
+    md = np.round(np.cumsum(28.7 + r.normal(0.0, 0.3, count)), 2)
+    inclination = inclination_deg + r.normal(0.0, 0.1, count)
+    azimuth = 100.0 + turn_deg_30m * md / 30.0 + r.normal(0.0, 0.1, count)
+    return md, np.radians(inclination), np.radians(azimuth)
+
+
+@pytest.mark.parametrize("shift", [20.0, 45.0, 90.0, -30.0])
+@pytest.mark.parametrize("turn", [0.3, 1.5])
+def test_azimuths_of_another_reference_from_midway_are_warned_of(shift, turn):
+    md, inclination, azimuth = hole(turn_deg_30m=turn)
+    azimuth[30:] += np.radians(shift)
+    (found,) = doubts(Run(md, inclination, azimuth))
+    assert (found.name, found.refused, found.stations) == ("direction", False, (29, 30))
+    assert f"from {md[29]:.12g} to {md[30]:.12g} m" in found.sentence
+    assert "two runs put together" in found.sentence
+
+
+def test_what_holes_do_is_not_doubted():
+    """A wedge of 3 deg; a kick-off; a turn of 5 deg/30 m that begins and goes on; a build of short radius in a course."""
+    for make in (
+        lambda md, i, a: (i, np.where(md > 800.0, a + np.radians(4.0), a)),
+        lambda md, i, a: (i * 0.0 + np.radians(np.clip(md - 500.0, 0.0, 500.0) * 0.15), a),
+        lambda md, i, a: (i, a + np.radians(np.clip(md - 800.0, 0.0, 300.0) * 5.0 / 30.0 / np.sin(np.radians(40.0)))),
+        lambda md, i, a: (np.where(md > 800.0, np.radians(58.0), np.radians(0.5)), a),
+    ):
+        md, inclination, azimuth = hole()
+        assert doubts(Run(md, *make(md, inclination, azimuth))) == []
+
+
+@pytest.mark.parametrize("off", [10.0, 20.0, -10.0])
+def test_one_depth_off_an_even_row(off):
+    md, inclination, azimuth = hole()
+    right = md[20]
+    md[20] += off
+    (found,) = doubts(Run(md, inclination, azimuth))
+    assert (found.name, found.refused, found.stations) == ("depths", False, (20,))
+    assert abs(broken_habit(md).expected - right) < 1.0
+
+
+def test_all_depths_off_by_a_hundred_from_one_on():
+    md, inclination, azimuth = hole()
+    md[21:] += 100.0
+    (found,) = doubts(Run(md, inclination, azimuth))
+    assert (found.name, found.stations) == ("depths", tuple(range(21, 60)))
+
+
+@pytest.mark.parametrize(
+    "md",
+    [
+        np.delete(np.arange(0.0, 1500.0, 25.0), [20, 21, 22, 23]),  # four stations left out: 125 m
+        np.insert(np.arange(0.0, 1500.0, 30.0), 20, 585.0),  # one between two
+        np.append(np.arange(0.0, 1500.0, 30.0), 1497.3),  # the last depth of all
+        np.cumsum(np.random.default_rng(2).uniform(10.0, 40.0, 50)),  # no habit
+    ],
+)
+def test_courses_of_right_runs_are_no_broken_habit(md):
+    assert broken_habit(md) is None
