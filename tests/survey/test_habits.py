@@ -30,7 +30,7 @@ def test_azimuths_of_another_reference_from_midway_are_warned_of(shift, turn):
 
 
 def test_what_holes_do_is_not_doubted():
-    """A wedge of 3 deg; a kick-off; a turn of 5 deg/30 m that begins and goes on; a build of short radius in a course."""
+    """A wedge of 3 deg; a kick-off; a turn of 5 deg/30 m that begins and goes on; a short radius built in a course."""
     for make in (
         lambda md, i, a: (i, np.where(md > 800.0, a + np.radians(4.0), a)),
         lambda md, i, a: (i * 0.0 + np.radians(np.clip(md - 500.0, 0.0, 500.0) * 0.15), a),
