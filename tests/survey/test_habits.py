@@ -18,8 +18,10 @@ def hole(inclination_deg=40.0, turn_deg_30m=0.3, count=60, seed=1):
     return md, np.radians(inclination), np.radians(azimuth)
 
 
-@pytest.mark.parametrize("shift", [20.0, 45.0, 90.0, -30.0])
-@pytest.mark.parametrize("turn", [0.3, 1.5])
+@pytest.mark.parametrize(
+    ("turn", "shift"),
+    [(0.3, 20.0), (0.3, 45.0), (0.3, 90.0), (0.3, -30.0), (1.5, 20.0), (1.5, 45.0), (1.5, -30.0)],
+)
 def test_azimuths_of_another_reference_from_midway_are_warned_of(shift, turn):
     md, inclination, azimuth = hole(turn_deg_30m=turn)
     azimuth[30:] += np.radians(shift)
@@ -29,8 +31,17 @@ def test_azimuths_of_another_reference_from_midway_are_warned_of(shift, turn):
     assert "two runs put together" in found.sentence
 
 
+def test_a_hole_that_turns_and_is_shifted_so_that_its_mirror_goes_on_is_refused():
+    """From 142 deg to 232 deg: 360 minus it is 128 deg, which lies as near as neighbours of a turning hole do."""
+    md, inclination, azimuth = hole(turn_deg_30m=1.5)
+    azimuth[30:] += np.radians(90.0)
+    (found,) = doubts(Run(md, inclination, azimuth))
+    assert (found.name, found.refused) == ("direction", True)
+    assert f"from {md[29]:.12g} to {md[30]:.12g} m" in found.sentence
+
+
 def test_what_holes_do_is_not_doubted():
-    """A wedge of 3 deg; a kick-off; a turn of 5 deg/30 m that begins and goes on; a build of short radius in a course."""
+    """A wedge of 3 deg; a kick-off; a turn of 5 deg/30 m that begins and goes on; a build of short radius."""
     for make in (
         lambda md, i, a: (i, np.where(md > 800.0, a + np.radians(4.0), a)),
         lambda md, i, a: (i * 0.0 + np.radians(np.clip(md - 500.0, 0.0, 500.0) * 0.15), a),
