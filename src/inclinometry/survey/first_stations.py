@@ -91,7 +91,8 @@ def _climbs(md: Array, i: Array, *, axes: bool, at_top: bool) -> Beginning | Non
         begins = np.log((0.6 * 0.95) / (0.95 * 0.05)) if upright else np.log((0.6 * 0.05) / (0.95 * 0.95))
     else:
         begins = np.log(0.4 / 0.05)
-    if of_length(*_WELLS) - of_length(*_UP_HOLES) + float(begins) < np.log(5.0):
+    ratio = of_length(*_WELLS) - of_length(*_UP_HOLES) + float(begins)
+    if ratio < np.log(3.0):
         return None
     ways = (
         "z or all axes of both triads reversed, or inclination counted from the other end"
@@ -102,7 +103,7 @@ def _climbs(md: Array, i: Array, *, axes: bool, at_top: bool) -> Beginning | Non
         f"the hole climbs {climbed:.0f} m, inclination {mean:.0f} deg in the mean, perhaps {ways}: put the column "
         "right, or state the axes with --convention or a profile (--profile)"
     )
-    return Beginning("axes" if axes else "columns", sentence, bool(upright and at_top))
+    return Beginning("axes" if axes else "columns", sentence, bool(upright and at_top and ratio > np.log(5.0)))
 
 
 def _exchanged(md: Array, i: Array, a: Array) -> float:

@@ -696,8 +696,8 @@ def _turn(run: Run, t: Array) -> list[Doubt]:
     k = found.k
     sentence = (
         f"the hole turns by {np.degrees(found.size):.0f} deg from {run.md[k]:.12g} to {run.md[k + 1]:.12g} m, where "
-        f"{np.degrees(found.usual):.2g} deg in a course is usual: perhaps two runs put together, of another reference or "
-        "of another hole, or a wrong digit: look at the stations from there on"
+        f"{np.degrees(found.usual):.2g} deg in a course is usual: perhaps two runs put together, of another reference "
+        "or of another hole, or a wrong digit: look at the stations from there on"
     )
     return [Doubt("direction", sentence, False, (k, k + 1))]
 
