@@ -83,7 +83,7 @@ def _climbs(md: Array, i: Array, *, axes: bool, at_top: bool) -> Beginning | Non
         return None
 
     def of_length(mean: float, sd: float) -> float:
-        return -0.5 * ((np.log(length) - mean) / sd) ** 2 - float(np.log(sd))
+        return -0.5 * float((np.log(length) - mean) / sd) ** 2 - float(np.log(sd))
 
     upright = i[0] > 150.0
     # a well begins vertical, 19 of 20, where its first station lies at the top, and 2 of 5 files begin deeper
