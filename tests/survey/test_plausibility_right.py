@@ -71,7 +71,7 @@ def test_a_last_depth_with_a_wrong_digit(wrong, refused):
 
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("azimuth", [3.0, 5.0, 40.0, 200.0])
-@pytest.mark.parametrize(("along", "across"), [(0.02, 0.2), (0.05, 0.05), (0.05, 0.2), (0.1, 0.05), (0.1, 0.5)])
+@pytest.mark.parametrize(("along", "across"), [(0.02, 0.1), (0.02, 0.2), (0.05, 0.05), (0.05, 0.2), (0.1, 0.05), (0.1, 0.5)])
 def test_a_vertical_hole_at_a_steady_inclination_and_azimuth(seed, azimuth, along, across):
     md = np.arange(0.0, 901.0, 30.0)
     assert doubts(noisy(seed, md, 0.6, azimuth, along, across)) == []
@@ -94,6 +94,17 @@ def test_azimuth_alone_in_radians(seed):
     (found,) = doubts(table(md[deep], inclination[deep], np.radians(azimuth[deep]).round(4)))
     assert (found.name, found.refused) == ("units", False)
     assert "with azimuth in radians this is a usual hole (likelihood ratio 1e" in found.sentence
+
+
+@pytest.mark.parametrize(("inclination", "azimuth"), [(0.8, 200.0), (20.0, 355.0), (45.0, 10.0), (130.0, 80.0)])
+@pytest.mark.parametrize("seed", SEEDS)
+def test_both_angles_of_a_straight_hole_in_radians(seed, inclination, azimuth):
+    md = np.arange(0.0, 301.0, 10.0)
+    run = noisy(seed, md, inclination, azimuth + (40.0 if inclination < 1.0 else 0.3) * np.sin(md))
+    assert doubts(run) == []
+    (found,) = doubts(table(md, run.inclination.round(4), run.azimuth.round(4)))
+    assert (found.name, found.refused) == ("units", True)
+    assert "with angles in radians this is a smooth hole" in found.sentence
 
 
 def test_a_plan_of_a_vertical_hole_is_no_file_in_radians():

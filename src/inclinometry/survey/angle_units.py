@@ -76,7 +76,7 @@ def _in_radians(md: Array, i: Array, a: Array) -> Named | None:
         if len(md) < 8 and not (of_inclination and of_azimuth):
             continue
         if of_inclination:
-            if not 0.3 < i.max() <= np.pi + 1e-3 or np.ptp(i) < 0.3:
+            if i.max() > np.pi + 1e-3 or np.ptp(i) < 1e-3:
                 continue
             ratio -= float(np.log(_VERTICAL_HOLES))
         if of_azimuth:
@@ -90,9 +90,11 @@ def _in_radians(md: Array, i: Array, a: Array) -> Named | None:
             continue
         scaled = steps[0] * factors[0], steps[1] * factors[1]
         ratio += _likelihood(_scatters(md, changed_i, changed_a), scaled, changed_i)
-        if best is None or ratio > best[0]:
+        # both at once are refused, one is warned of
+        enough = np.log(1e4 if of_inclination and of_azimuth else 1e3)
+        if ratio > max(enough, best[0] if best is not None else enough):
             best = ratio, of_inclination, of_azimuth
-    if best is None or best[0] < np.log(1e3):
+    if best is None:
         return None
     ratio, of_inclination, of_azimuth = best
     if of_inclination and of_azimuth:
@@ -101,7 +103,7 @@ def _in_radians(md: Array, i: Array, a: Array) -> Named | None:
             f"angles in radians this is a smooth hole (likelihood ratio {power(ratio)}): name the unit in the "
             "columns, as inclination_rad and azimuth_rad"
         )
-        return Named(sentence, bool(ratio > np.log(1e4)))
+        return Named(sentence, refused=True)
     if of_inclination:
         sentence = (
             f"inclinations reach {i.max():.3g} deg and scatter by {given.along:.1g} deg along the hole, azimuths by "
