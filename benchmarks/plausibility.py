@@ -521,14 +521,16 @@ FAULTS = {
     "second half of the depths in feet": Fault(_half_feet, ("depths",)),
     "last depth times 10": Fault(_ten_last, ("depths",)),
     "one depth 10 or 20 m off": Fault(_one_depth, ("depths",), "where courses have no habit"),
-    "depths 100 m off from midway": Fault(_from_midway("md", 100.0), ("depths",), "where courses have no habit"),
+    "depths 100 m off from midway": Fault(
+        _from_midway("md", 100.0), ("depths",), "courses of no habit, or that divide 100 m"
+    ),
     "depths 20 m less from midway": Fault(_from_midway("md", -20.0), ("depths",), "where courses have no habit"),
     "inclination and azimuth exchanged": Fault(
         _exchanged, ("columns", "units"), "in a straight hole that does not begin at the top"
     ),
     "both angles in radians": Fault(_radians, ("units",)),
-    "inclination alone in radians, over 20 deg": Fault(_one_in_radians("inclination"), ("units",), "in a rough hole"),
-    "azimuth alone in radians, over 20 deg": Fault(_one_in_radians("azimuth"), ("units",), "in an even hole"),
+    "inclination alone in radians, over 20 deg": Fault(_one_in_radians("inclination"), ("units",), "rough readings"),
+    "azimuth alone in radians, over 20 deg": Fault(_one_in_radians("azimuth"), ("units",), "rough azimuths"),
     "both angles in grads": Fault(_grads, ("units",), "azimuths below 360, no level part"),
     "both angles in grads, azimuths below 360": Fault(_grads_below, ("units",), "no level part"),
     "inclination from the horizontal": Fault(_horizon, ("columns",), "in a hole that does not begin vertical"),
