@@ -71,7 +71,9 @@ def test_a_last_depth_with_a_wrong_digit(wrong, refused):
 
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("azimuth", [3.0, 5.0, 40.0, 200.0])
-@pytest.mark.parametrize(("along", "across"), [(0.02, 0.1), (0.02, 0.2), (0.05, 0.05), (0.05, 0.2), (0.1, 0.05), (0.1, 0.5)])
+@pytest.mark.parametrize(
+    ("along", "across"), [(0.02, 0.1), (0.02, 0.2), (0.05, 0.05), (0.05, 0.2), (0.1, 0.05), (0.1, 0.5)]
+)
 def test_a_vertical_hole_at_a_steady_inclination_and_azimuth(seed, azimuth, along, across):
     md = np.arange(0.0, 901.0, 30.0)
     assert doubts(noisy(seed, md, 0.6, azimuth, along, across)) == []
