@@ -123,8 +123,17 @@ def _mine(r):
 
 
 def _up(r):
-    i, a, end = r.uniform(95, 150), r.uniform(0, 360), r.uniform(40, 280)
+    i, a = r.uniform(95, 150), r.uniform(0, 360)
+    end = r.uniform(40, 280) if r.random() < 0.7 else r.uniform(280, 700)
     return [(0, i, a), (end, i + r.uniform(-4, 4), a + r.uniform(-4, 4))]
+
+
+def _slant(r):
+    i, a, end = r.uniform(12, 45), r.uniform(0, 360), r.uniform(500, 2500)
+    if r.random() < 0.3:
+        a = r.uniform(0, 5)
+    turn, hold = r.uniform(-60, 80), r.uniform(0, 0.4) * end
+    return [(0, i, a), (hold, i, a), (end, float(np.clip(i + r.uniform(-8, 25), 10, 60)), a + turn)]
 
 
 def _crossing(r):
@@ -148,6 +157,7 @@ SHAPES = {
     "mine hole": _mine,
     "up hole": _up,
     "river crossing": _crossing,
+    "slant": _slant,
 }
 
 
@@ -176,7 +186,7 @@ def _depths(r, start, end, sharp):
         first = r.integers(2, md.size - 8)
         md = np.delete(md, np.arange(first, first + r.integers(1, 6)))
     if r.random() < 0.3:  # projected to the bit, or the last shot on bottom
-        md = np.append(md, md[-1] + r.uniform(2.0, 25.0))
+        md = np.append(md, md[-1] + (r.uniform(2.0, 25.0) if r.random() < 0.8 else r.uniform(25.0, 400.0)))
     md = md[(md >= 0) & (md <= 14_000)]
     md = np.round(md, int(r.choice([1, 2, 2, 3])))
     return md[np.concatenate([[True], np.diff(md) > 0.05])]
@@ -329,6 +339,22 @@ def _from_midway(name, size, least=0.0) -> Callable:
 
 def _grads(r, one):
     return _changed(one, inclination=one.inclination / 0.9, azimuth=one.azimuth / 0.9), ()
+
+
+def _grads_below(r, one):
+    """Azimuths as of a hole that nowhere heads beyond 324 deg."""
+    if one.azimuth.max() >= 323.0 or one.inclination.max() > 162.0:
+        return None, ()
+    return _grads(r, one)
+
+
+def _one_in_radians(name: str) -> Callable:
+    def fault(r, one):
+        if one.inclination.max() < 20.0:
+            return None, ()
+        return _changed(one, **{name: np.radians(getattr(one, name)).round(4)}), ()
+
+    return fault
 
 
 def _exchanged(r, one):
@@ -495,14 +521,20 @@ FAULTS = {
     "second half of the depths in feet": Fault(_half_feet, ("depths",)),
     "last depth times 10": Fault(_ten_last, ("depths",)),
     "one depth 10 or 20 m off": Fault(_one_depth, ("depths",), "where courses have no habit"),
-    "depths 100 m off from midway": Fault(_from_midway("md", 100.0), ("depths",), "where courses have no habit"),
+    "depths 100 m off from midway": Fault(
+        _from_midway("md", 100.0), ("depths",), "courses of no habit, or that divide 100 m"
+    ),
+    "depths 20 m less from midway": Fault(_from_midway("md", -20.0), ("depths",), "where courses have no habit"),
     "inclination and azimuth exchanged": Fault(
         _exchanged, ("columns", "units"), "in a straight hole that does not begin at the top"
     ),
     "both angles in radians": Fault(_radians, ("units",)),
+    "inclination alone in radians, over 20 deg": Fault(_one_in_radians("inclination"), ("units",), "rough readings"),
+    "azimuth alone in radians, over 20 deg": Fault(_one_in_radians("azimuth"), ("units",), "rough azimuths"),
     "both angles in grads": Fault(_grads, ("units",), "azimuths below 360, no level part"),
+    "both angles in grads, azimuths below 360": Fault(_grads_below, ("units",), "no level part"),
     "inclination from the horizontal": Fault(_horizon, ("columns",), "in a hole that does not begin vertical"),
-    "inclination from the other end": Fault(_other_end, ("columns",), "in a hole shorter than 400 m"),
+    "inclination from the other end": Fault(_other_end, ("columns",), "in a hole of a mine"),
     "azimuth half a turn off": Fault(_half_turn, ("direction",), "always: the hole is as smooth"),
     "azimuth mirrored": Fault(_mirror, ("direction",), "always: the hole is as smooth"),
     "azimuth of another north": Fault(_magnetic, ("direction",), "always: the hole is as smooth"),
@@ -528,8 +560,8 @@ FAULTS = {
     "y and z of both triads exchanged": Fault(_turned([0, 2, 1], 1.0), ("axes",), "a tool that never turns"),
     "x and z of both triads exchanged": Fault(_turned([2, 1, 0], 1.0), ("axes",), "a tool that never turns"),
     "x, y, z of both triads cycled": Fault(_turned([1, 2, 0], 1.0), ("axes",), "a tool that never turns"),
-    "z of both triads reversed": Fault(_turned([0, 1, 2], [1.0, 1.0, -1.0]), ("axes",), "in a hole shorter than 400 m"),
-    "all axes of both triads reversed": Fault(_turned([0, 1, 2], -1.0), ("axes",), "in a hole shorter than 400 m"),
+    "z of both triads reversed": Fault(_turned([0, 1, 2], [1.0, 1.0, -1.0]), ("axes",), "in a hole of a mine"),
+    "all axes of both triads reversed": Fault(_turned([0, 1, 2], -1.0), ("axes",), "in a hole of a mine"),
     "y of both triads reversed": Fault(_turned([0, 1, 2], [1.0, -1.0, 1.0]), ("axes",), "always: the hole is mirrored"),
     "single readings again at other depths": Fault(_copied_readings, ("repeats",), "one reading in a straight part"),
     "one axis of b clipped at 80 %": Fault(_clipped(0.8), ("totals",), "under three stations at the end"),

@@ -206,8 +206,9 @@ def test_a_name_is_of_one_quantity_or_told_apart_by_units():
 
 
 def test_the_factors_of_units():
-    exact = {"deg": np.pi / 180, "deg/h": np.pi / 180 / 3600, "deg/30m": np.pi / 180 / 30, "ftUS": 1200 / 3937,
-             "deg/100ft": np.pi / 180 / 30.48, "deg/10m": np.pi / 1800, "ft2": 0.3048**2}  # fmt: skip
+    exact = {"deg": np.pi / 180, "gon": np.pi / 200, "deg/h": np.pi / 180 / 3600, "deg/30m": np.pi / 180 / 30,
+             "ftUS": 1200 / 3937, "deg/100ft": np.pi / 180 / 30.48, "deg/10m": np.pi / 1800,
+             "ft2": 0.3048**2}  # fmt: skip
     data = tomllib.loads(files("inclinometry.files").joinpath("survey_columns.toml").read_text(encoding="utf-8"))
     found = {label: u["factor"] for d in data["units"].values() for label, u in d.items() if isinstance(u, dict)}
     for label, value in exact.items():

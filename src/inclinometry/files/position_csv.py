@@ -166,7 +166,9 @@ def _angle(table: Table, name: str, low: float, high: float) -> Array:
         row = int(np.argmax(wrong))
         if np.isnan(values[row]):
             raise table.error(f"{name} is empty; a path needs it at every station: give it or remove the row", row)
-        raise table.error(f"{name} is {values[row]:.10g}; allowed {low:g} to {high:g} deg", row)
+        grads = name.replace("_deg", "_gon")
+        allowed = f"allowed {low:g} to {high:g} deg; grads belong in a column {grads}"
+        raise table.error(f"{name} is {values[row]:.10g}; {allowed}", row)
     return frozen(np.radians(values))
 
 

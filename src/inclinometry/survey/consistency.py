@@ -8,7 +8,8 @@ import numpy as np
 
 from inclinometry.arrays import Array
 from inclinometry.rotations import wrap_signed
-from inclinometry.survey.plausibility import Doubt, Run, power
+from inclinometry.survey.plausibility import Doubt, Run
+from inclinometry.survey.smoothness import power
 
 
 def place_doubts(seen: Mapping[str, float], places: Mapping[str, Mapping[str, float]]) -> list[Doubt]:

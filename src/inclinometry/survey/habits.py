@@ -1,4 +1,4 @@
-"""What a run does all along and breaks once: a turn in one course beside an even hole, a depth beside even courses."""
+"""What a run does all along and breaks once: a turn beside an even hole, a depth beside even courses, the last one."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from inclinometry.arrays import Array
+from inclinometry.survey.misread_station import one_digit
 from inclinometry.survey.smoothness import FINEST, angle_between, smoothness
 
 _LEAST: Final = np.radians(4.0)
@@ -106,3 +107,51 @@ def broken_habit(md: Array) -> Break | None:
     if len(longer) == 1 and len(pairs) == 0 and usual < 60.0:
         return Break(longer[0] + 1, usual, float(md[longer[0]]) + usual, onwards=True)
     return None
+
+
+_BEYOND: Final = 3.0
+"""Length of last courses, m: half of those that are longer than the others are longer by no more, 1 in 100 by 300 m."""
+_ANYTHING: Final = 0.2 / 1e4
+"""Density of a last depth that is wrong by no digit alone, 1/m."""
+
+
+class Last(NamedTuple):
+    """A last depth that may be wrong: logarithm of the likelihood ratio; its tenth, m, where that is in line, or 0."""
+
+    ratio: float
+    tenth: float
+
+
+def last_depth(md: Array) -> Last | None:
+    """Whether a digit of the last depth is likelier wrong than the last course long, as to a total depth it may be.
+
+    Depths that differ from it in one digit are held against the habit of the courses: of the right ones 7 of 10 keep
+    it and 3 end before. A course that is longer by x has the density s / (s + x)^2, s = `_BEYOND`.
+
+    Examples
+    --------
+    >>> md = np.arange(0.0, 900.0, 30.0)
+    >>> last_depth(np.append(md, 1148.0)) is None  # on to 278 m below the last station
+    True
+    >>> last_depth(np.append(md, 9000.0)).tenth
+    900.0
+    >>> last_depth(np.append(md, 1900.0)).tenth
+    0.0
+    """
+    course = np.diff(md)
+    if len(course) < 4:
+        return None
+    usual, last, before = float(np.median(course)), float(course[-1]), course[:-1]
+    if last < max(8.0 * usual, 3.0 * float(before.max()), 100.0):
+        return None
+    tenth = float(md[-1]) / 10.0
+    if md[-2] < tenth <= md[-2] + 3.0 * usual:
+        return Last(np.inf, tenth)
+    spread = max(1.4826 * float(np.median(np.abs(before - usual))), 0.01 * usual)
+    digits = one_digit(round(float(md[-1]), 2))
+    ends = np.array(digits) - md[-2]
+    kept = 0.7 / (np.sqrt(2.0 * np.pi) * spread) * np.exp(-0.5 * ((ends - usual) / spread) ** 2)
+    shorter = np.where((ends > 0.0) & (ends <= 1.2 * usual), 0.3 / (1.2 * usual), 0.0)
+    wrong = float(np.sum(kept + shorter)) / len(digits) + _ANYTHING
+    ratio = float(np.log(wrong * (_BEYOND + last) ** 2 / _BEYOND))
+    return Last(ratio, 0.0) if ratio > np.log(100.0) else None

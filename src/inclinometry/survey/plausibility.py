@@ -16,7 +16,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -26,16 +25,26 @@ from inclinometry.arrays import Array, Index, Mask
 from inclinometry.constants import FOOT, VECTORS
 from inclinometry.errors import FileError, InputError
 from inclinometry.orientation import angles, dip_angle
-from inclinometry.rotations import wrap_positive
+from inclinometry.survey.angle_units import misnamed_angles
 from inclinometry.survey.clipped_channels import clipped_channels
 from inclinometry.survey.copies import copied_block, copied_rows
 from inclinometry.survey.exchanged_channels import Fields, explained, strange
 from inclinometry.survey.field_units import misnamed_unit
+from inclinometry.survey.first_stations import strange_beginning
 from inclinometry.survey.gain_steps import gain_step
-from inclinometry.survey.habits import broken_habit, sharp_turn
+from inclinometry.survey.habits import broken_habit, last_depth, sharp_turn
 from inclinometry.survey.misread_axis import LEAST_SCATTER, misread_axis
+from inclinometry.survey.misread_station import misread_station
 from inclinometry.survey.path import directions
-from inclinometry.survey.smoothness import FINEST, Smoothness, angle_between, smoothness
+from inclinometry.survey.smoothness import (
+    FINEST,
+    JUMP,
+    Smoothness,
+    angle_between,
+    power,
+    scatter,
+    smoothness,
+)
 
 CHECKS: Final = ("units", "columns", "axes", "depths", "repeats", "order", "station", "direction", "totals", "place")
 """Names of the checks, as --trust-file takes them."""
@@ -139,7 +148,7 @@ def doubts(run: Run) -> list[Doubt]:
     rough = _gains(kept)
     if not any(one.refused for one in rough):  # a small step may be what is left of exchanged channels
         rough = _channels(kept, stepped=bool(rough)) or rough or (_whole(kept) if depths_right else [])
-    found += rough or ([*_units(kept), *_ends(kept)] if depths_right else [])
+    found += rough or ([*_units(kept), *_begins(kept)] if depths_right else [])
     if depths_right and not any(one.name in ("columns", "axes", "units", "totals") for one in found):
         found += _local(kept)
     found += [] if any(one.name == "totals" for one in found) else _totals(kept)
@@ -192,15 +201,6 @@ def _taken(run: Run, rows: Index) -> Run:
     )
 
 
-def power(log_ratio: float) -> str:
-    """A likelihood ratio in words."""
-    return f"1e{int(min(max(log_ratio / np.log(10.0), 0.0), 99.0))}"
-
-
-_JUMP: Final = np.radians(10.0)
-"""Residual from which a station of a hole is broken: 20 deg of dogleg and back, in one course."""
-
-
 class _Hypothesis(NamedTuple):
     name: str
     words: str
@@ -238,7 +238,7 @@ def _hypotheses(run: Run) -> list[_Hypothesis]:
 def _whole(run: Run) -> list[Doubt]:
     """A run that is rough all over, and the hypothesis that makes it smooth."""
     given = smoothness(run.md, directions(run.inclination, run.azimuth))
-    broken = np.flatnonzero(given.residual > _JUMP)
+    broken = np.flatnonzero(given.residual > JUMP)
     if len(broken) < max(4, 0.06 * len(run.md)):
         return []
     best: tuple[float, _Hypothesis, Smoothness] | None = None
@@ -247,7 +247,7 @@ def _whole(run: Run) -> list[Doubt]:
         if usable.sum() < max(0.9 * len(run.md), 3) or (one.azimuth > 2.0 * np.pi + 1e-9).any():
             continue
         other = smoothness(run.md[usable], directions(one.inclination[usable], one.azimuth[usable]))
-        left = int(np.nansum(other.residual > _JUMP))
+        left = int(np.nansum(other.residual > JUMP))
         if left > 0.1 * len(broken) or np.nanmedian(other.residual) > np.radians(3.0):
             continue
         as_given = Smoothness(given.residual[usable], other.scale)
@@ -324,7 +324,7 @@ def _channels(run: Run, *, stepped: bool) -> list[Doubt]:
     def roughness(g: Array, b: Array) -> float:
         found = angles(g, b)
         residual = smoothness(run.md, directions(found.inclination, found.azimuth)).residual
-        return float(np.mean(residual[1:-1] > _JUMP))
+        return float(np.mean(residual[1:-1] > JUMP))
 
     if run.fields is None:
         words = explained(dict(zip(VECTORS, (run.g, run.b), strict=True)), None, roughness)
@@ -353,122 +353,16 @@ def _channels(run: Run, *, stepped: bool) -> list[Doubt]:
     return []
 
 
-# Units, and where a hole begins.
-
-
-def _scatter(values: Array, md: Array) -> float:
-    """Robust scatter of values about the line of their neighbours, in their own unit."""
-    if len(md) < 5:
-        return 0.0
-    before, after = np.diff(md)[:-1], np.diff(md)[1:]
-    between = (after * values[:-2] + before * values[2:]) / (before + after)
-    return 1.4826 * float(np.median(np.abs(values[1:-1] - between)))
-
-
 def _units(run: Run) -> list[Doubt]:
     """Angles that are degrees by name and radians or grads by size."""
-    inclination, azimuth = np.degrees(run.inclination), np.degrees(wrap_positive(run.azimuth))
-    size, circle = len(run.md), 2.0 * np.pi
-    turned = np.degrees(np.unwrap(run.azimuth))
-    if size < 5 or run.g is not None:
-        return []
-    small = azimuth.max() <= circle + 1e-3 and np.ptp(azimuth) > 0.0
-    across = _scatter(turned, run.md) * np.sin(np.radians(np.median(inclination)))
-    along = _scatter(inclination, run.md)
-    if inclination.max() <= np.pi + 1e-3 and small and inclination.max() > 0.3:
-        # that a hole's azimuths all lie within 6.3 deg of north, east of it, has this chance; no less where it turns
-        radians = smoothness(
-            run.md, directions(np.radians(inclination) * 180.0 / np.pi, np.radians(azimuth) * 180.0 / np.pi)
-        )
-        spread = float(np.ptp(azimuth))
-        rough = int(np.nansum(radians.residual > _JUMP))
-        if rough <= 0.1 * size and (spread > 0.5 or np.ptp(inclination) > 0.3):
-            ratio = np.log(360.0 / circle) * (2.0 if spread > 0.5 else 1.5) + np.log(180.0 / np.pi)
-            sentence = (
-                f"the largest inclination is {inclination.max():.3g} and the largest azimuth {azimuth.max():.3g}, with "
-                f"angles in radians this is a smooth hole (likelihood ratio {power(ratio)}): name the unit in the "
-                "columns, as inclination_rad and azimuth_rad"
-            )
-            return [Doubt("units", sentence, True)]
-    if inclination.max() <= np.pi / 1.8 and np.ptp(inclination) > 0.3 and size >= 8:
-        tilted = inclination > 0.1
-        if tilted.sum() >= 6:
-            finest = _scatter(turned[tilted], run.md[tilted]) * np.radians(float(np.median(inclination[tilted])))
-            if 1e-6 < finest < 0.004:  # deg: no instrument repeats so well
-                sentence = (
-                    f"inclinations up to {inclination.max():.3g} deg with azimuths that scatter by {finest:.1g} deg "
-                    "across the hole only: with inclination in radians this is a usual hole: name the unit in the "
-                    "column, as inclination_rad"
-                )
-                return [Doubt("units", sentence, False)]
-    if small and size >= 8 and along > 0.02 and 1e-9 < across < along / 15.0 and np.ptp(azimuth) > 1e-3:
-        sentence = (
-            f"all azimuths lie between 0 and {azimuth.max():.3g} deg and scatter {along / across:.0f} times less "
-            "across the hole than inclinations do: with azimuth in radians this is a usual hole: name the unit in the "
-            "column, as azimuth_rad"
-        )
-        return [Doubt("units", sentence, False)]
-    lateral = np.abs(inclination - 100.0) < 2.0
-    if (
-        lateral.sum() >= max(8, 0.2 * size)
-        and inclination[0] < 60.0
-        and not (np.abs(inclination - 90.0) < 2.0)[inclination.argmax() :].any()
-    ):
-        level = inclination[lateral]
-        if abs(float(np.median(level)) - 100.0) < 0.7 and float(np.std(level)) < 1.0 and inclination.max() < 103.0:
-            sentence = (
-                f"{int(lateral.sum())} stations lie at an inclination of {np.median(level):.1f} deg: perhaps a level "
-                "hole in grads; name the unit in the columns, as inclination_gon and azimuth_gon"
-            )
-            return [Doubt("units", sentence, False)]
-    return []
+    named = None if run.g is not None else misnamed_angles(run.md, run.inclination, run.azimuth)
+    return [] if named is None else [Doubt("units", named.sentence, named.refused)]
 
 
-_AT_THE_TOP: Final = 100.0
-"""Measured depth, m, up to which a first station tells how a hole begins."""
-_A_WELL: Final = 400.0
-"""Length, m, from which a hole is drilled downwards from the surface: holes up from a mine are shorter."""
-
-
-def _ends(run: Run) -> list[Doubt]:
-    """Holes that begin as none does: upwards, level and then down, or with the azimuth growing from zero."""
-    md, length = run.md, float(run.md[-1] - run.md[0])
-    inclination, azimuth = np.degrees(run.inclination), np.degrees(wrap_positive(run.azimuth))
-    if length < _A_WELL or len(md) < 5:
-        return []
-    course = np.diff(md)
-    mean = float(np.sum(0.5 * (inclination[1:] + inclination[:-1]) * course) / length)
-    at_top = md[0] <= _AT_THE_TOP
-    climbed = -float(np.sum(0.5 * (np.cos(run.inclination[1:]) + np.cos(run.inclination[:-1])) * course))
-    if climbed > 300.0 and mean > 100.0:
-        ways = (
-            "z or all axes of both triads reversed, or inclination counted from the other end"
-            if run.g is not None
-            else "inclination counted from the other end (180 minus it)"
-        )
-        sentence = (
-            f"the hole climbs {climbed:.0f} m, inclination {mean:.0f} deg in the mean, perhaps {ways}: put the column "
-            "right, or state the axes with --convention or a profile (--profile)"
-        )
-        return [Doubt("axes" if run.g is not None else "columns", sentence, bool(inclination[0] > 150.0 and at_top))]
-    first, last = float(np.median(inclination[:3])), float(np.median(inclination[-3:]))
-    if at_top and abs(first - 90.0) < 4.0 and last < 55.0 and np.mean(np.diff(inclination) <= 0.5) > 0.8:
-        sentence = (
-            f"the hole begins level ({first:.1f} deg at {md[0]:.12g} m) and ends at {last:.1f} deg, perhaps "
-            "inclination is counted from the horizontal: convert it to 90 minus the reading"
-        )
-        return [Doubt("columns", sentence, False)]
-    near, beyond = float(np.median(azimuth[:3])), float(np.median(azimuth[-3:]))
-    # an azimuth that turns hardly, or further than any inclination goes
-    steady = float(np.ptp(inclination)) < 60.0 or inclination.max() > 115.0
-    rising = np.mean(np.diff(azimuth) >= -1.5) > 0.8 and azimuth.max() < 125.0
-    if at_top and near < 4.0 and beyond > 20.0 and rising and first > 12.0 and steady:
-        sentence = (
-            f"inclination is {first:.0f} deg at the top while azimuth grows from "
-            f"{near:.1f} to {beyond:.0f} deg, perhaps their columns are exchanged: put their names right"
-        )
-        return [Doubt("columns", sentence, False)]
-    return []
+def _begins(run: Run) -> list[Doubt]:
+    """Holes that begin as hardly any does."""
+    found = strange_beginning(run.md, run.inclination, run.azimuth, axes=run.g is not None)
+    return [] if found is None else [Doubt(*found)]
 
 
 # Depths.
@@ -506,22 +400,21 @@ def _depths(run: Run) -> list[Doubt]:
                 "them, one unit in a column"
             )
             return [Doubt("depths", sentence, True, tuple(range(int(k) + 1, len(md))))]
-    before = course[:-1]
-    if course[-1] > 8.0 * usual and course[-1] > 3.0 * float(before.max()) and course[-1] > 100.0:
-        tenth = md[-1] / 10.0
-        sure = bool(md[-2] < tenth <= md[-2] + 3.0 * usual)
+    last = last_depth(md)
+    if last is not None:
         end = f"the last course is {course[-1]:.0f} m, the others {usual:.3g} m"
         sentence = (
-            f"{end}: the last depth, {md[-1]:.12g} m, is ten times {tenth:.12g} m, which would be in line: put it right"
-            if sure
-            else f"{end}: is a digit of the last depth, {md[-1]:.12g} m, wrong?"
+            f"{end}: the last depth, {md[-1]:.12g} m, is ten times {last.tenth:.12g} m, which would be in line: put it "
+            "right"
+            if last.tenth
+            else f"{end}: is a digit of the last depth, {md[-1]:.12g} m, wrong (likelihood ratio {power(last.ratio)})?"
         )
-        found.append(Doubt("depths", sentence, sure, (len(md) - 1,)))
+        found.append(Doubt("depths", sentence, bool(last.tenth), (len(md) - 1,)))
     one = broken_habit(md)
     if one is not None and not found:
         sentence = (
-            f"stations are {one.usual:.3g} m apart; by that the one at {md[one.k]:.12g} m stands at {one.expected:.1f} m, "
-            "and all below it as much higher: is a digit of the depths wrong from there on?"
+            f"stations are {one.usual:.3g} m apart; by that the one at {md[one.k]:.12g} m stands at "
+            f"{one.expected:.1f} m, and all below it as much higher: is a digit of the depths wrong from there on?"
             if one.onwards
             else f"stations are {one.usual:.3g} m apart; by that the one at {md[one.k]:.12g} m stands at "
             f"{one.expected:.1f} m: is a digit of its depth wrong?"
@@ -570,8 +463,8 @@ def _copied(run: Run) -> list[Doubt]:
         return []
     here, there = slice(block.first, block.first + block.rows), slice(block.copy, block.copy + block.rows)
     if not axes:
-        across = _scatter(np.degrees(np.unwrap(run.azimuth)), run.md) * np.sin(np.median(run.inclination))
-        if max(_scatter(np.degrees(run.inclination), run.md), across) < 0.02:
+        across = scatter(np.degrees(np.unwrap(run.azimuth)), run.md) * np.sin(np.median(run.inclination))
+        if max(scatter(np.degrees(run.inclination), run.md), across) < 0.02:
             return []  # a plan may build twice alike
         if max(_bent(run.md[rows], run.inclination[here], run.azimuth[here]) for rows in (here, there)) == 0.0:
             return []
@@ -621,7 +514,7 @@ def _pasted(run: Run) -> list[Doubt]:
     inclination, azimuth = np.degrees(run.inclination), np.degrees(np.unwrap(run.azimuth))
     steps = np.hypot(np.diff(inclination), np.diff(azimuth) * np.sin(run.inclination[1:]))
     typical = float(np.median(np.delete(steps, range(longest[0], longest[1])))) if len(others) else 0.0
-    around = _scatter(inclination, run.md) + _scatter(azimuth, run.md)
+    around = scatter(inclination, run.md) + scatter(azimuth, run.md)
     if count >= 3 and len(others) >= 5 and not others.any() and typical > 0.25 and around > 0.05:
         sentence = (
             f"inclination and azimuth at {where} are the same at {count} depths, and nowhere else at two, perhaps one "
@@ -724,7 +617,7 @@ def _single(run: Run, t: Array, smooth: Smoothness) -> list[Doubt]:
         scale = float(smooth.scale[k])
         ratio = 2.0 * np.log1p((size / scale) ** 2 / 3.0) - 2.0 * np.log1p((left / scale) ** 2 / 3.0)
         beside = run.md[[max(k - 1, 0), k, min(k + 1, len(t) - 1)]]
-        words, fits = _explained(run, t, int(k), size)
+        words, fits = misread_station(run.md, run.inclination, run.azimuth, k, size)
         if ratio < np.log(1e2 if words else 1e3):
             continue
         where = (
@@ -741,55 +634,6 @@ def _single(run: Run, t: Array, smooth: Smoothness) -> list[Doubt]:
         refused = bool(sharp > np.radians(40.0) and size > np.radians(12.0))
         found.append((size, Doubt("station", sentence, refused, (int(k),))))
     return [one for _, one in sorted(found, key=lambda pair: -pair[0])]
-
-
-def _explained(run: Run, t: Array, k: int, size: float) -> tuple[str, float]:
-    """The reading that would fit at a station, in words, and how much likelier it is than chance, as a logarithm."""
-    inclination, azimuth = (round(float(v), 4) for v in np.degrees([run.inclination[k], wrap_positive(run.azimuth[k])]))
-    tried: list[tuple[str, float, float]] = [
-        (f"azimuth {(azimuth + 180.0) % 360.0:g} (half a turn)", inclination, (azimuth + 180.0) % 360.0),
-        (f"azimuth {(360.0 - azimuth) % 360.0:g} (mirrored)", inclination, (360.0 - azimuth) % 360.0),
-        (f"azimuth {(180.0 - azimuth) % 360.0:g} (another quadrant)", inclination, (180.0 - azimuth) % 360.0),
-        (f"inclination {180.0 - inclination:g} (from the other end)", 180.0 - inclination, azimuth),
-        (f"inclination {abs(90.0 - inclination):g} (from the horizontal)", abs(90.0 - inclination), azimuth),
-    ]
-    if azimuth <= 180.0:
-        tried.append((f"inclination {azimuth:g} and azimuth {inclination:g} (exchanged)", azimuth, inclination))
-    tried += [(f"inclination {v:g} (one digit)", v, azimuth) for v in _one_digit(inclination) if v <= 180.0]
-    tried += [(f"azimuth {v:g} (one digit)", inclination, v) for v in _one_digit(azimuth) if v < 360.0]
-    rows = slice(max(k - 2, 0), min(k + 3, len(t)))
-    changed, places = t[rows].copy(), run.md[rows]
-    best: tuple[float, str] | None = None
-    for words, i, a in tried:
-        changed[k - rows.start] = directions(np.radians([i]), np.radians([a]))[0]
-        left = float(np.nanmax(smoothness(places, changed).residual))
-        if best is None or left < best[0]:
-            best = left, words
-    # of so many readings one lies as near by chance
-    if best is None or best[0] > 0.25 * size:
-        return "", 0.0
-    return best[1], max(float(np.log((size / max(best[0], FINEST)) ** 2 / len(tried))), 0.0)
-
-
-def _one_digit(value: float) -> list[float]:
-    """Numbers that differ from this in one digit, in two neighbouring digits exchanged, or in the decimal point.
-
-    Examples
-    --------
-    >>> 45.3 in _one_digit(55.3), 54.3 in _one_digit(45.3), 4.53 in _one_digit(45.3)
-    (True, True, True)
-    """
-    text = f"{value:.4f}".rstrip("0").rstrip(".")
-    text = text if "." in text else text + ".0"
-    text = text.rjust(len(text.partition(".")[2]) + 4, "0")
-    found = {round(value * 10.0, 5), round(value / 10.0, 5)}
-    for place, old in enumerate(text):
-        if old != ".":
-            found |= {float(text[:place] + new + text[place + 1 :]) for new in "0123456789"}
-    for one, (x, y) in enumerate(pairwise(text)):
-        if "." not in (x, y):
-            found.add(float(text[:one] + y + x + text[one + 2 :]))
-    return sorted(found - {value})
 
 
 def _parts(run: Run, t: Array, smooth: Smoothness) -> list[Doubt]:
@@ -852,8 +696,8 @@ def _turn(run: Run, t: Array) -> list[Doubt]:
     k = found.k
     sentence = (
         f"the hole turns by {np.degrees(found.size):.0f} deg from {run.md[k]:.12g} to {run.md[k + 1]:.12g} m, where "
-        f"{np.degrees(found.usual):.2g} deg in a course is usual: two runs put together, of another reference or of "
-        "another hole, or a wrong digit? Look at the stations from there on"
+        f"{np.degrees(found.usual):.2g} deg in a course is usual: perhaps two runs put together, of another reference "
+        "or of another hole, or a wrong digit: look at the stations from there on"
     )
     return [Doubt("direction", sentence, False, (k, k + 1))]
 

@@ -30,6 +30,8 @@ class Smoothness(NamedTuple):
 
 FINEST: Final = np.radians(0.1)
 """Residual below which none is remarkable."""
+JUMP: Final = np.radians(10.0)
+"""Residual from which a station of a hole is broken: 20 deg of dogleg and back, in one course."""
 
 
 def smoothness(md: Array, t: Array) -> Smoothness:
@@ -62,3 +64,18 @@ def smoothness(md: Array, t: Array) -> Smoothness:
 def angle_between(a: Array, b: Array) -> Array:
     """Angles (...) between vectors of any length."""
     return np.asarray(np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), np.sum(a * b, axis=-1)))
+
+
+def scatter(values: Array, md: Array, weight: Array | float = 1.0) -> float:
+    """Robust scatter of values (n,) about the line of their neighbours, in their own unit, times a weight (n,)."""
+    if len(md) < 5:
+        return 0.0
+    before, after = np.diff(md)[:-1], np.diff(md)[1:]
+    between = (after * values[:-2] + before * values[2:]) / (before + after)
+    off = np.abs(values[1:-1] - between) * np.broadcast_to(weight, len(md))[1:-1]
+    return 1.4826 * float(np.median(off))
+
+
+def power(log_ratio: float) -> str:
+    """A likelihood ratio in words."""
+    return f"1e{int(min(max(log_ratio / np.log(10.0), 0.0), 99.0))}"
