@@ -142,6 +142,20 @@ def test_probability_of_the_due_date_is_the_quadratic_form_s():
     assert (r > requirement.limit**2).mean() == pytest.approx(0.05, abs=0.004)
 
 
+def test_what_shocks_move_a_tool_by_is_in_the_probability():
+    """Drawn errors about a mean that shocks and heat have moved."""
+    requirement, random = Requirement(), np.random.default_rng(4)
+    moved = 0.6 * np.sqrt(np.diagonal(drift_variance())) * np.where(np.arange(24) % 2, 1.0, -1.0)
+    growth = Growth(V12[None, None], drift_variance(), np.ones((1, 1)), np.ones(1), requirement, moved)
+    years = growth.longest(0.05)
+    spread = V12 + years[0] * drift_variance()
+    drawn = years[0] * moved + random.standard_normal((100_000, 24)) @ np.linalg.cholesky(spread).T
+    r = np.einsum("np,pq,nq->n", drawn, azimuth_weight(np.radians([60.0]), DIP)[0], drawn)
+    assert (r > requirement.limit**2).mean() == pytest.approx(0.05, abs=0.006)
+    unmoved = Growth(V12[None, None], drift_variance(), np.ones((1, 1)), np.ones(1), requirement)
+    assert years[0] < 0.95 * unmoved.longest(0.05)[0]
+
+
 def test_due_date_follows_drift_use_and_doses():
     weights = np.where(MULTIPLIERS == 1.0, 1.0, 0.0)
     state = DriftState(weights, np.zeros((9, 24)), np.tile(V12, (9, 1, 1)))

@@ -9,6 +9,7 @@ from scipy.stats import chi2
 from inclinometry.calibration import plans
 from inclinometry.calibration.joint import calibrate_joint
 from inclinometry.calibration.plans import Plan
+from inclinometry.calibration.result import tool_rows
 from inclinometry.calibration.temperature import soaks
 from inclinometry.errors import IdentifiabilityError, InputError
 from inclinometry.sensors import parameter_vector
@@ -60,6 +61,8 @@ def test_degree_and_parameters_are_found(bench, degree, temperatures):
         unit = found.tool.covariance / np.outer(scale, scale)
         total += (error / scale) @ np.linalg.solve(unit, error / scale)
         size += len(error)
+        shown = tool_rows(found.tool)[0][1:]  # at the reference temperature
+        assert [float(cell.split(" ± ")[1]) for cell in shown] == pytest.approx(scale[:4], rel=0.1)
         assert found.tool.temperature_range[0] == pytest.approx(min(temperatures), abs=1.5)
         assert found.tool.temperature_range[1] == pytest.approx(max(temperatures), abs=1.5)
     # honest covariance; estimated variances add some per cent to the spread of chi-square

@@ -43,6 +43,12 @@ def test_downward_and_upward_are_the_same_survey():
     assert not any("from the bottom up" in sentence for sentence in one.warnings)
 
 
+def test_two_stations_from_the_bottom_up_are_turned_round():
+    both = gyro_survey([200.0, 100.0], north(slice(0, 2)))
+    assert both.md.tolist() == [100.0, 200.0]
+    np.testing.assert_allclose(both.inclination, INCLINATION[:2][::-1], atol=1e-9)
+
+
 def test_azimuths_count_from_true_north_unless_the_site_says_grid():
     depth, found = [1.0, 2.0, 3.0], north()
     for site in (None, Site(latitude=LATITUDE), Site(latitude=LATITUDE, north_reference="true", convergence=0.1)):

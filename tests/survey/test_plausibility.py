@@ -8,11 +8,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from inclinometry.errors import FileError, InputError
-from inclinometry.orientation import fields
+from inclinometry.orientation import dip_angle, fields
 from inclinometry.sensors import Triad
 from inclinometry.survey.consistency import angle_doubts, place_doubts
+from inclinometry.survey.misread_axis import misread_axis
 from inclinometry.survey.path import directions
 from inclinometry.survey.plausibility import CHECKS, Run, doubts, settle
 from inclinometry.survey.smoothness import smoothness
@@ -510,3 +512,23 @@ def test_a_check_is_overruled_by_its_name(tmp_path):
     assert settle(found, ("columns",))[0].startswith("overruled by --trust-file columns: the hole climbs")
     with pytest.raises(InputError, match=f"allowed: {', '.join(CHECKS)}"):
         settle(found, ("colums",))
+
+
+def test_the_axis_that_brings_the_totals_back_is_named_and_none_where_two_are_wrong():
+    """Station 4: one axis off, then one axis of each triad, which no single change of a reading explains."""
+    random = np.random.default_rng(2)
+    turned = Rotation.random(12, random_state=3).as_matrix()
+    g, b = 9.81 * turned[:, :, 2], turned @ (50_000.0 * np.array([np.cos(1.2), 0.0, np.sin(1.2)]))
+    g, b = g + random.normal(0.0, 1e-3, g.shape), b + random.normal(0.0, 20.0, b.shape)
+
+    def said():
+        totals = {"g": np.linalg.norm(g, axis=1), "b": np.linalg.norm(b, axis=1), "dip": dip_angle(g, b)}
+        return misread_axis(g, b, totals, 4)
+
+    right = g[4, 1]
+    g[4, 1] += 0.7
+    name, value, unit, *_ = said().split()
+    assert (name, unit) == ("gy", "m/s2")
+    assert float(value) == pytest.approx(right, abs=0.02)
+    b[4, 0] += 6000.0
+    assert said() == ""
