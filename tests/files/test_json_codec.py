@@ -65,7 +65,7 @@ def test_files_that_cannot_be_read_and_a_mark_before_the_text(tmp_path):
 
 def test_another_kind_and_a_newer_version():
     kinds = ("inclinometry/tool", "inclinometry/truth")
-    with pytest.raises(FileError, match=r"it states no schema; needed is a calibration or .* `calibrate -o or simulate"):
+    with pytest.raises(FileError, match=r"it states no schema; needed is a calibration or .* `calibrate -o or sim"):
         of_kind({}, "a.json", *kinds)
     with pytest.raises(FileError, match="this is noise by Allan deviation"):
         of_kind({"schema": "inclinometry/allan"}, "a.json", *kinds)
