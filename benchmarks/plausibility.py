@@ -621,16 +621,20 @@ def _columns(path: Path, names: tuple[str, ...]) -> list[np.ndarray]:
 PLANS = {"twelve": plans.twelve(), "orthogonal": plans.orthogonal(), "half": plans.half(), "two-face": plans.two_face()}
 
 
-def bench(seed: int, *, plan: str | None = None, dials_deg: float | None = None) -> BenchReadings:
-    """A right run at a bench: dials good to 0.02 to 0.5 deg, a stand that leans and is off north, noise of counts."""
+def bench(seed: int, *, plan: str | None = None, dials_deg: float | None = None, visit: int = 0) -> BenchReadings:
+    """A right run at a bench: dials good to 0.02 to 0.5 deg, a stand that leans and is off north, noise of counts.
+
+    Another visit is to the same tool on the same stand, with errors of its own.
+    """
     r = np.random.default_rng(seed)
     p = PLANS[plan or list(PLANS)[seed % len(PLANS)]]
     sd = float(r.choice([0.02, 0.1, 0.2, 0.3, 0.5])) if dials_deg is None else dials_deg
     lean, off, dip = np.radians([r.uniform(0.0, 1.0), r.uniform(-10.0, 10.0), r.uniform(30.0, 80.0)])
-    rig = Rig(dip=dip, setting_sd=np.radians(sd), base_tilt=lean, north_offset=off)
+    toward = float(np.random.default_rng([seed, 1]).uniform(0.0, 2.0 * np.pi))
+    rig = Rig(dip=dip, setting_sd=np.radians(sd), base_tilt=lean, tilt_axis=toward, north_offset=off)
     tool = realistic_tool(seed)
     noise = dict.fromkeys(tool.triads, float(r.choice([0.1, 0.5, 2.0])))
-    run = simulate_bench(tool, rig, p.azimuth, p.inclination, p.toolface, noise=noise, repeats=4, seed=seed)
+    run = simulate_bench(tool, rig, p.azimuth, p.inclination, p.toolface, noise=noise, repeats=4, seed=seed + visit)
     channels = {kind: run.signals[kind].copy() for kind in ("accelerometer", "magnetometer")}
     return BenchReadings(channels, run.azimuth, run.inclination, run.toolface, reference={"dip": dip})
 
@@ -760,13 +764,7 @@ def bench_right(runs: int, visits: int) -> tuple[list[tuple[int, str]], int, int
         moved = {kind: v[order] + r.uniform(-0.3, 0.3, v.shape) for kind, v in first.channels.items()}
         copy = BenchReadings(moved, *(dial[order] for dial in first.dials))
         copies += taken_before(copy, found)
-        plan = PLANS[list(PLANS)[seed % len(PLANS)]]
-        second = simulate_bench(
-            realistic_tool(seed), Rig(dip=first.reference["dip"], setting_sd=np.radians(0.1)), plan.azimuth,
-            plan.inclination, plan.toolface, noise=dict.fromkeys(("accelerometer", "magnetometer"), 0.5), seed=seed + 1,
-        )  # fmt: skip
-        visit = {kind: second.signals[kind] for kind in ("accelerometer", "magnetometer")}
-        again += taken_before(BenchReadings(visit, second.azimuth, second.inclination, second.toolface), found)
+        again += taken_before(bench(seed, dials_deg=0.1, visit=10_000_000), found)
     return alarms, again, copies
 
 

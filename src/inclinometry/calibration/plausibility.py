@@ -562,8 +562,9 @@ def refuse_own_readings(readings: BenchReadings, calibration: Calibration) -> No
         )
     if taken_before(readings, calibration):
         raise InputError(
-            "these are the readings the tool was calibrated with, in another order or hardly changed: no second visit "
-            "to a setting agrees so well; verification needs independent positions"
+            "these are the readings the tool was calibrated with, in another order or hardly changed (a factor, an "
+            "offset, fewer digits): no second visit to a setting agrees so well; verification needs independent "
+            "positions"
         )
     copies = _copies(readings, calibration)
     if copies:
@@ -584,53 +585,169 @@ def taken_before(readings: BenchReadings, calibration: Calibration) -> bool:
     """
     if len(readings) < 6 or len(calibration.residuals.station) < 6:
         return False
-    seen = _agreement(readings, calibration)
+    seen = _against(readings, calibration)
     rare = 5e-4  # chance that a second visit agrees so well
-    return seen is not None and bool(np.mean(seen[0].min(axis=1) < rare) >= 0.7)
+    return seen is not None and (
+        bool(np.mean(_chances(seen).min(axis=1) < rare) >= 0.7) or _same_noise(seen, readings, calibration)
+    )
+
+
+def _same_noise(seen: _Against, readings: BenchReadings, calibration: Calibration) -> bool:
+    """Whether the calibration's noise recurs in readings whose gains and offsets were changed, or that were rounded.
+
+    Noise and settings of two visits are independent, so that their difference scatters sqrt(2) times as much as either;
+    that of a copy by what was done to its digits. Compared are the stations in their order, by their names, and in the
+    order that fits best, each channel less a gain and an offset.
+    """
+    from scipy.optimize import linear_sum_assignment
+    from scipy.special import gammainc, gammaln, ndtr
+
+    count, stations = len(seen.off), calibration.residuals.station
+    same = _same_stations(readings, calibration)
+    orders: list[tuple[Index, float]] = [] if same is None else [(same, 0.0)]
+    if count <= min(len(stations), 200):
+        apart = np.sum((seen.less_gains(seen.off)[:, None] - seen.residual) ** 2 / seen.variance, axis=2)
+        at = linear_sum_assignment(apart)[1]
+        orders.append((at, float(gammaln(len(stations) + 1) - gammaln(len(stations) - count + 1))))
+    freedom = seen.off.shape[1] * (count - 2)
+    for at, ways in orders:
+        raw = seen.off - seen.residual[at]
+        left = seen.less_gains(raw)
+        size = float(np.sum(left**2 / seen.variance))
+        chance = float(np.log(max(float(gammainc(freedom / 2.0, size / 2.0)), 1e-300)))
+        # a ninth of the variance that two visits differ by, however rare: dials may repeat their errors in part
+        if size < 0.12 * freedom and chance + ways < np.log(1e-6):
+            return True
+        # digits were taken off, or a count more or less given: no difference is more than that, as chance makes none
+        least = 0.05 * np.sqrt(seen.variance)
+        for bound in (
+            () if ways else (0.6 * seen.digits + least, np.broadcast_to(1.05 * seen.counts + least, raw.shape))
+        ):
+            inside = 2.0 * ndtr(bound / np.sqrt(seen.variance)) - 1.0
+            close = (np.abs(raw) <= bound).all() or (np.abs(left) <= bound).all()
+            if close and float(np.sum(np.log(inside))) < np.log(1e-6):
+                return True
+    return False
+
+
+def _same_stations(readings: BenchReadings, calibration: Calibration) -> Index | None:
+    """Rows of the calibration at which readings in its order, or of its names, would have been taken; None without."""
+    stations = list(calibration.residuals.station)
+    if len(readings) == len(stations):
+        return np.arange(len(stations))
+    if len(set(stations)) == len(stations) and set(readings.station) <= set(stations):
+        return np.array([stations.index(name) for name in readings.station])
+    return None
+
+
+def repeated_noise(readings: BenchReadings, calibration: Calibration) -> list[str]:
+    """A warning where the calibration's residuals recur at the same stations, though not as a copy's do.
+
+    The correlation of the two, gains and offsets taken off, is held against that of independent visits, of which as
+    many numbers are free as the fit leaves: of each reading where its noise is the sensor's, of three dials a station
+    where it is the settings'.
+    """
+    seen, same = _against(readings, calibration), _same_stations(readings, calibration)
+    if seen is None or same is None or len(readings) < 6:
+        return []
+    sd = np.sqrt(seen.variance)
+    first, second = seen.residual[same] / sd, seen.less_gains(seen.off) / sd
+    alike = float(np.sum(first * second) / np.sqrt(np.sum(first**2) * np.sum(second**2)))
+    count, channels = first.shape
+    fitted, of_dials = 4 * channels + 2, float(np.mean(seen.dials))
+    free = (1.0 - of_dials) * max(count * channels - fitted, 4) + of_dials * max(3 * count - fitted, 4)
+    if np.arctanh(np.clip(alike, -0.999999, 0.999999)) * np.sqrt(free - 3.0) < 4.5:
+        return []
+    return [
+        f"the residuals of the calibration recur in these readings (correlation {alike:.2f}): errors of the stand that "
+        "repeat at the same settings, or the same readings changed; neither is independent: verify at other positions "
+        "(`plan spread`)"
+    ]
+
+
+class _Against(NamedTuple):
+    """Readings against a calibration, all channels side by side.
+
+    off : (n, S) readings less what the tool would have read; signals : (n, S) that.
+    residual : (K, S) of the calibration; variance : (S,) of the difference of two visits.
+    step : (S,) of the converter, or what the fit's arithmetic leaves; counts : (S,) its own, 0 without.
+    digits : (n, S) the last one of each reading, as a power of ten.
+    dials : (S,) share that settings have in the variance.
+    """
+
+    off: Array
+    signals: Array
+    residual: Array
+    variance: Array
+    step: Array
+    counts: Array
+    digits: Array
+    dials: Array
+
+    def less_gains(self, values: Array) -> Array:
+        """Values (n, S) less a gain and an offset of each channel."""
+        designs = [np.column_stack([column, np.ones(len(values))]) for column in self.signals.T]
+        return np.column_stack(
+            [v - d @ np.linalg.lstsq(d, v, rcond=None)[0] for d, v in zip(designs, values.T, strict=True)]
+        )
+
+
+def _last_digit(values: Array) -> Array:
+    """The power of ten that each reading is a multiple of, of 1000 to 1e-9; of zeros that of their channel."""
+    found = np.full(values.shape, 1e-9)
+    for power in range(-9, 4):
+        found[np.abs(np.round(values, -power) - values) <= 1e-10 * np.abs(values)] = 10.0**power
+    zero = values == 0.0
+    least = np.where(zero, np.inf, found).min(axis=0)
+    return np.where(zero, least, found)
 
 
 def _copies(readings: BenchReadings, calibration: Calibration) -> list[tuple[int, int]]:
     """Rows of these readings, and of the calibration's, that agree to the last digit, where the digits prove it."""
-    seen = _agreement(readings, calibration)
+    seen = _against(readings, calibration)
     if seen is None:
         return []
-    chance, by_step = seen
+    # to the last digit, of two numbers: two dials, at the vertical, turn all channels
+    alike = np.log(np.minimum(seen.step / np.sqrt(2.0 * np.pi * seen.variance), 1.0))
+    chance, by_step = _chances(seen), float(np.exp(2.0 * np.mean(alike)))
     found = [(row, int(chance[row].argmin())) for row in range(len(readings)) if chance[row].min() < 1e-9]
     # about two visits to each setting, of which so many agree by chance
     by_chance = (2.0 * len(readings) * by_step) ** len(found)
     return found if len(found) >= 2 and by_chance < 1e-4 else []
 
 
-def _agreement(readings: BenchReadings, calibration: Calibration) -> tuple[Array, float] | None:
-    """Chance (n, K) that a second visit agrees so well with each reading of the calibration, and to the last digit.
+def _chances(seen: _Against) -> Array:
+    """Chance (n, K) that a second visit agrees so well with each reading of the calibration."""
+    from scipy.special import gammainc
 
-    None where it cannot be told. The second is that of two numbers: two dials, at the vertical, turn all channels.
-    """
+    away = np.sum((seen.off[:, None] - seen.residual) ** 2 / seen.variance, axis=2)
+    return np.asarray(gammainc(seen.off.shape[1] / 2.0, away / 2.0))
+
+
+def _against(readings: BenchReadings, calibration: Calibration) -> _Against | None:
+    """Readings against what the calibration keeps of its own; None where it cannot be told."""
     kept, rig = calibration.residuals, calibration.rig
     kinds = [kind for kind in readings.channels if kind in kept.values and kind in calibration.field_directions]
     if not kinds or readings.azimuth is None or not 1 <= len(kept.station) <= 1000:
         return None
     zeros = np.array([rig.nuisance.get(name, (0.0, 0.0))[0] for name in NUISANCE])
     turns = orientation(np.stack(readings.dials, axis=1), zeros)[0]
-    away, freedom = np.zeros((len(readings), len(kept.station))), 0
-    alike: list[Array] = []
+    parts: list[_Against] = []
     for kind in kinds:
-        triad, residual = calibration.tool.triads[kind], kept.values[kind]
-        if residual.shape[1] != readings.channels[kind].shape[1] or (triad.degree and readings.temperature is None):
+        triad, residual, values = calibration.tool.triads[kind], kept.values[kind], readings.channels[kind]
+        if residual.shape[1] != values.shape[1] or (triad.degree and readings.temperature is None):
             return None
         seen = triad.signals(turns @ calibration.field_directions[kind], readings.temperature)
         strength = np.linalg.norm(triad.tensor[0], axis=1)
         # of a second visit: both settings' errors and both readings' noise, as the calibration saw them and as stated
-        stated = np.asarray(calibration.tool.noise.get(kind, 0.0)) ** 2 + (strength * np.mean(rig.sd)) ** 2
+        by_dial = (strength * np.mean(rig.sd)) ** 2
+        stated = np.asarray(calibration.tool.noise.get(kind, 0.0)) ** 2 + by_dial
         variance = 2.0 * np.minimum(np.mean(residual**2, axis=0), stated)
         if (variance < 1e-12 * strength**2).any():
             return None  # exact readings, of an example: every visit is the same
-        apart = (readings.channels[kind] - seen)[:, None] - residual
-        away += np.sum(apart**2 / variance, axis=2)
-        freedom += residual.shape[1]
         # what the fit's own arithmetic leaves of a copy is some 0.03 standard deviations
         step = np.maximum(np.asarray(readings.step[kind]), 0.03 * np.sqrt(variance))
-        alike.append(np.log(np.minimum(step / np.sqrt(2.0 * np.pi * variance), 1.0)))
-    from scipy.special import gammainc
-
-    return np.asarray(gammainc(freedom / 2.0, away / 2.0)), float(np.exp(2.0 * np.mean(np.concatenate(alike))))
+        share = by_dial / np.maximum(stated, 1e-300)
+        counts = np.asarray(readings.step[kind])
+        parts.append(_Against(values - seen, seen, residual, variance, step, counts, _last_digit(values), share))
+    return _Against(*(np.concatenate(column, axis=-1) for column in zip(*parts, strict=True)))

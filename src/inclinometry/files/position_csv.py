@@ -166,7 +166,12 @@ def _angle(table: Table, name: str, low: float, high: float) -> Array:
         row = int(np.argmax(wrong))
         if np.isnan(values[row]):
             raise table.error(f"{name} is empty; a path needs it at every station: give it or remove the row", row)
-        raise table.error(f"{name} is {values[row]:.10g}; allowed {low:g} to {high:g} deg", row)
+        problem = f"{name} is {values[row]:.10g}; allowed {low:g} to {high:g} deg"
+        if name == "inclination_deg" and len(values) > 2:
+            others = table.number("azimuth_deg")
+            if wrong.mean() > 0.1 and (values >= 0.0).all() and ((others >= 0.0) & (others <= 180.0)).all():
+                problem += ": are the columns of inclination and azimuth exchanged?"
+        raise table.error(problem, row)
     return frozen(np.radians(values))
 
 

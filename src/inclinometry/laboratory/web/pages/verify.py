@@ -134,10 +134,13 @@ def show_report(visitor: Visitor, verdict: str, limits: Content, content: Conten
         ui.label(say(f"verdict.{verdict}")).classes("judgement " + (doubted if verdict == "pass" else "bad"))
         if protocol := content.get("protocol"):
             ui.label(say("verify.of_protocol", **{**protocol, "name": plan_words(visitor, str(protocol["name"]))}))
-        for sentence in content.get("reasons", ()):
-            ui.label(visitor.sentence(str(sentence)))
-        for sentence in content.get("warnings", ()):
-            ui.label(visitor.sentence(str(sentence))).classes("warn")
+        reasons = [str(sentence) for sentence in content.get("reasons", ())]
+        for sentence in dict.fromkeys(reasons):
+            # a record of before has what came out as foreseen twice
+            if f"before the first reading: {sentence}" not in reasons:
+                ui.label(visitor.sentence(sentence))
+        for sentence in dict.fromkeys(map(str, content.get("warnings", ()))):
+            ui.label(visitor.sentence(sentence)).classes("warn")
         source = visible(visitor.sentence(str(limits.get("source", ""))))
         against = str(limits.get("name", ""))
         name = say("verify.own_uncertainty") if against == UNCERTAINTY else visitor.sentence(against)
