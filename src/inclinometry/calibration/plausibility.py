@@ -618,14 +618,14 @@ def _same_noise(seen: _Against, readings: BenchReadings, calibration: Calibratio
         # a ninth of the variance that two visits differ by, however rare: dials may repeat their errors in part
         if size < 0.12 * freedom and chance + ways < np.log(1e-6):
             return True
-        # digits were taken off, or a count more or less given: no difference is more than that, as chance makes none
+        # digits were taken off, or a count more or less given: no difference is more than that, as chance makes none;
+        # another visit with as few digits is off by its own noise besides
         least = 0.05 * np.sqrt(seen.variance)
-        for bound in (
-            () if ways else (0.6 * seen.digits + least, np.broadcast_to(1.05 * seen.counts + least, raw.shape))
-        ):
+        counts = np.broadcast_to(1.05 * seen.counts + least, raw.shape)
+        for bound, rare in () if ways else ((0.6 * seen.digits + least, 1e-3), (counts, 1e-6)):
             inside = 2.0 * ndtr(bound / np.sqrt(seen.variance)) - 1.0
             close = (np.abs(raw) <= bound).all() or (np.abs(left) <= bound).all()
-            if close and float(np.sum(np.log(inside))) < np.log(1e-6):
+            if close and float(np.sum(np.log(inside))) < np.log(rare):
                 return True
     return False
 

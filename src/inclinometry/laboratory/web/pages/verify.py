@@ -131,7 +131,8 @@ def show_report(visitor: Visitor, verdict: str, limits: Content, content: Conten
     with ui.card().classes("panel"):
         # green only when nothing below speaks against relying on it
         doubted = "warn" if content.get("warnings") else "good"
-        ui.label(say(f"verdict.{verdict}")).classes("judgement " + (doubted if verdict == "pass" else "bad"))
+        word = "reserved" if verdict == "pass" and doubted == "warn" else verdict
+        ui.label(say(f"verdict.{word}")).classes("judgement " + (doubted if verdict == "pass" else "bad"))
         if protocol := content.get("protocol"):
             ui.label(say("verify.of_protocol", **{**protocol, "name": plan_words(visitor, str(protocol["name"]))}))
         reasons = [str(sentence) for sentence in content.get("reasons", ())]
