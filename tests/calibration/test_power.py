@@ -108,9 +108,13 @@ def test_more_positions_find_more_and_wide_limits_find_nothing(calibration: Cali
     rig = dataclasses.replace(calibration.rig, freedom=np.full(3, 1.0))
     unknown = planned(plans.spread(), dataclasses.replace(calibration, rig=rig))
     assert any("estimated with 1 degrees of freedom" in sentence for sentence in unknown.warnings)
-    # agreed limits far beyond the tool are the customer's business: their risks are said, and small
+    # agreed limits far beyond the tool are the customer's business: risks are small, and what a pass is worth is said
     wide = planned(plans.spread(), calibration, Limits("a", "b", *np.radians([2.0, 9.0, 2.0])))
-    assert wide.warnings == []
+    assert len(wide.warnings) == 1
+    assert "the agreed limits are so wide that 12 positions find" in wide.warnings[0]
+    assert list(wide.reservations) == list(wide.warnings)
+    usual = planned(plans.spread(), calibration, Limits("a", "b", *np.radians([0.3, 0.9, 0.3])))
+    assert usual.warnings == []
     assert wide.power is not None
     assert (wide.power.consumer, wide.power.producer) == (0.0, 0.0)
 

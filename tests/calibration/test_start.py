@@ -5,7 +5,7 @@ import pytest
 
 from inclinometry.calibration import plans
 from inclinometry.calibration.likelihood import tangent_basis
-from inclinometry.calibration.start import _refined, _sphere, linear_start
+from inclinometry.calibration.start import _refined, linear_start, sphere
 from inclinometry.rotations import dcm
 
 A = np.array([0.5, -0.3, np.sqrt(0.66)])
@@ -71,7 +71,7 @@ def test_a_guess_is_refined_to_the_direction(degrees):
 
 
 def test_guesses_lie_all_over_the_sphere():
-    points = _sphere(200)
+    points = sphere(200)
     np.testing.assert_allclose(np.linalg.norm(points, axis=1), 1.0)
     anywhere = np.random.default_rng(2).normal(size=(500, 3))
     anywhere /= np.linalg.norm(anywhere, axis=1, keepdims=True)

@@ -216,3 +216,64 @@ def test_a_place_with_a_longitude_of_the_wrong_sign(run):
     assert "latitude_deg and longitude_deg right" not in run("survey", "run.csv", "--site", "site.toml").err
     Path("site.toml").write_text('north_reference = "true"\n' + day.format(110.0))
     refused(run("survey", "run.csv", "--site", "site.toml"), "the longitude of the other sign", "--trust-file place")
+
+
+def test_a_formula_that_fails_says_first_what_is_doubted_of_the_run(run):
+    """Columns exchanged in a hole that turns: an angle beyond a tool code's range is the smaller half of it."""
+    md = np.arange(0.0, 2500.0, 28.5)
+    inclination, azimuth = np.interp(md, [300, 1000], [0, 60]), np.interp(md, [300, 2500], [20, 170])
+    rows = ["md_m,inclination_deg,azimuth_deg,azimuth_reference"]
+    rows += [f"{m:.2f},{a:.3f},{i:.3f},true" for m, i, a in zip(md, inclination, azimuth, strict=True)]
+    Path("survey.csv").write_text("\n".join(rows) + "\n")
+    Path("site.toml").write_text(SITE.replace("magnetic", "true") + "declination_deg = 3.0\nlatitude_deg = 60.0\n")
+    done = run("position", "survey.csv", "--site", "site.toml", "--tool-code", "spe90408-model-1")
+    refused(done, "perhaps their columns are exchanged", "is made for 0 to 150 deg")
+    assert done.err.index("exchanged") < done.err.index("is made for")
+
+
+def test_inclinations_beyond_half_a_turn_beside_azimuths_within_it_are_exchanged_columns(run):
+    well()
+    text = Path("survey.csv").read_text().splitlines()
+    cells = [line.split(",") for line in text[1:]]
+    text[1:] = [
+        ",".join((md, f"{float(azimuth) + 200.0:.4f}", inclination, north)) for md, inclination, azimuth, north in cells
+    ]
+    Path("survey.csv").write_text("\n".join(text) + "\n")
+    refused(
+        run("position", "survey.csv"), "inclination_deg is 250", "are the columns of inclination and azimuth exchanged?"
+    )
+
+
+def test_verify_says_its_reservation_in_words_and_in_json(run):
+    more = ("--rig-sd-deg", 0.1, "--base-tilt-deg", 0)
+    assert run("simulate", "bench", "--plan", "orthogonal", *more, "-o", "r.csv", "--truth", "t.json").status == 0
+    assert (
+        run("simulate", "bench", "--plan", "spread", "--tool", "t.json", *more, "--seed", 9, "-o", "v.csv").status == 0
+    )
+    assert run("calibrate", "r.csv", "--rig-sd-deg", 0.1, "-o", "tool.json").status == 0
+    limits = 'source = "contract 7"\ninclination_deg = 3.0\nazimuth_deg = 40.0\ntoolface_deg = 9.0\n'
+    Path("wide.toml").write_text(limits)
+    done = run("verify", "v.csv", "--calibration", "tool.json", "--limits", "wide.toml", "-o", "verify.json")
+    assert done.status == 0
+    assert "PASS, WITH RESERVATIONS against" in done.out
+    assert "PASS against" not in done.out
+    assert "azimuth is held against a limit of 40 deg" in done.err.replace("\n", " ")
+    assert "azimuth is held against a limit of 40 deg" in Path("verify.json").read_text()
+    done = run("verify", "v.csv", "--calibration", "tool.json", "--limits", "wide.toml", "--json")
+    assert any("the agreed limits are so wide" in one for one in done.json["reservations"])
+
+
+def test_quality_does_not_call_what_it_could_not_judge_not_passed(run):
+    """Level towards the east |b| and dip do not see the axial field: it is not judged, others pass."""
+    md = np.arange(1500.0, 2100.0, 30.0)
+    r = np.random.default_rng(1)
+    level, east = np.full(md.size, np.radians(89.0)), np.full(md.size, np.radians(90.0))
+    g, b = fields(east, level, r.uniform(0, 6.28, md.size), np.radians(68.0))
+    values = np.column_stack([md, 9.81 * g + r.normal(0, 1e-3, g.shape), 5e4 * b + r.normal(0, 20.0, b.shape)])
+    header = "md_m,gx_m_s2,gy_m_s2,gz_m_s2,bx_nT,by_nT,bz_nT"
+    np.savetxt("run.csv", values, delimiter=",", header=header, comments="", fmt="%.6g")
+    Path("site.toml").write_text(SITE)
+    done = run("quality", "run.csv", "--site", "site.toml")
+    last = done.out.strip().splitlines()[-1]
+    assert "pass: not judged: axial interference seen" in done.out.replace("\n", " "), last
+    assert "not passed" not in done.out

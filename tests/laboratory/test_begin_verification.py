@@ -149,3 +149,13 @@ def test_what_a_protocol_will_find_is_known_before_it_is_opened(laboratory: Ledg
     # the same stand, the same positions, as many samples: the readings change the draws' last digits
     assert found.power is not None
     assert found.power.factor == pytest.approx(told.power.factor, rel=0.02)
+
+
+def test_what_came_out_as_foreseen_is_said_once(laboratory: Ledger, bench: SimpleNamespace, calibration: str) -> None:
+    kept = begin_verification(laboratory, calibration, "spread-12", author="anna")
+    bench.take(laboratory, kept, bench.sensors(realistic_tool(7), 9))
+    record = finish_verification(laboratory, kept.id, calibration, author="anna")
+    reasons = record.body["report"]["reasons"]
+    plain = [said.removeprefix("before the first reading: ") for said in reasons]
+    assert len(set(plain)) == len(plain)
+    assert sum(said.startswith("before the first reading: found with a probability") for said in reasons) == 1

@@ -13,7 +13,7 @@ from inclinometry.calibration.conventions import MisreadError, StandField, check
 from inclinometry.calibration.likelihood import NUISANCE, orientation, tangent_basis
 from inclinometry.calibration.orient import BaseFit, described, fields_seen, fit_base, gravity_elsewhere, leading_kinds
 from inclinometry.calibration.plans import Plan
-from inclinometry.calibration.plausibility import refuse_own_readings
+from inclinometry.calibration.plausibility import refuse_own_readings, repeated_noise
 from inclinometry.calibration.power import Effects, Power, power
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
@@ -25,6 +25,12 @@ from inclinometry.sensors import field_sensitivity
 from inclinometry.tabular import Column, Tabular, check_record, degrees, draw
 
 GUARDS = ("none", "expanded-uncertainty")
+WIDE: Final = np.radians([2.0, 10.0, 10.0])
+"""Limits of inclination, azimuth and toolface, rad, beyond which a pass is reserved: a spirit level and a hand compass
+keep them, so that no inclinometer is told from one by them."""
+WIDE_FROM: Final = np.radians(30.0)
+"""Inclination from either vertical, rad, from which on they are looked at: nearer by azimuth and toolface are uncertain
+by any tool."""
 NEAR_VERTICAL = np.radians(1.0)
 """Azimuth and toolface are never judged nearer to the vertical than this, rad."""
 DERIVED: Final = (
@@ -114,6 +120,7 @@ class Verification(Tabular):
     names : of what is judged: `ANGLES`, but of a tool without gravity's direction the angles to the fields it sees
     notes : what was taken from where, and what this verification cannot see
     power : which tools these positions find, and both risks; None on another stand than the calibration's
+    reservations : why a pass says little of the tool, also among the warnings
     """
 
     station: Sequence[str]
@@ -134,6 +141,12 @@ class Verification(Tabular):
     names: Sequence[str] = ANGLES
     notes: Sequence[str] = ()
     power: Power | None = None
+    reservations: Sequence[str] = ()
+
+    @property
+    def judgement(self) -> str:
+        """The verdict, with the word that a pass is reserved."""
+        return "pass, with reservations" if self.verdict == "pass" and self.reservations else self.verdict
 
     def to_dict(self) -> dict[str, Column]:
         """One row a station: settings; of each angle the error, its standard uncertainty, limit and decision."""
@@ -213,7 +226,9 @@ def verify(
     check_record(readings, BenchReadings, "verify")
     check_record(calibration, Calibration, "verify")
     refuse_own_readings(readings, calibration)
-    return _verified(readings, calibration, limits, stand, second)
+    found = _verified(readings, calibration, limits, stand, second)
+    again = repeated_noise(readings, calibration) if stand is None else []
+    return replace(found, warnings=[*found.warnings, *again], reservations=[*found.reservations, *again])
 
 
 def _verified(
@@ -287,7 +302,13 @@ def _verified(
             "the calibration found that the cradle of this stand is magnetised: what it does to these readings is the "
             "stand's error, not the tool's, and is not taken off; verify in another cradle"
         )
-    found = replace(found, warnings=warnings, notes=[*notes, *_passed_wrongly(found, limits)])
+    wide = _too_wide(found)
+    found = replace(
+        found,
+        warnings=[*warnings, *wide],
+        notes=[*notes, *_passed_wrongly(found, limits)],
+        reservations=wide,
+    )
     return _with_power(found, readings, calibration, limits, where)
 
 
@@ -358,20 +379,47 @@ def _with_power(
     freedom = calibration.rig.freedom[np.isfinite(calibration.rig.freedom)]
     known = float(freedom.sum()) if freedom.size else np.inf
     worth = power(parts, found.names, found.limits, accepted, limits is not None, known)
-    warnings = list(found.warnings)
-    if worth.proves_little:
-        warnings.append(
+    warnings, reserved = list(found.warnings), []
+    if worth.proves_little and limits is not None:
+        reserved.append(
+            f"the agreed limits are so wide that {len(found.station)} positions find with a probability of 90 % only a "
+            f"tool {worth.times} times as bad as its certificate: a pass says that the tool keeps them, not that it is "
+            "as good as its certificate"
+        )
+    elif worth.proves_little:
+        reserved.append(
             f"{len(found.station)} positions find with a probability of 90 % only a tool {worth.times} times as bad as "
             "its certificate: a pass proves little; take more positions, spread over the range of use, or a better "
             "stand"
         )
-        if freedom.size and freedom.min() < 10.0:
-            warnings.append(
-                f"the limits are {found.coverage_factor:.2g} standard uncertainties wide, since how well the dials "
-                f"are set was estimated with {freedom.min():.2g} degrees of freedom: state it at the calibration "
-                "(--rig-sd-deg)"
-            )
-    return replace(found, power=worth, warnings=warnings, notes=[*found.notes, *worth.sentences])
+    warnings += reserved
+    if worth.proves_little and limits is None and freedom.size and freedom.min() < 10.0:
+        warnings.append(
+            f"the limits are {found.coverage_factor:.2g} standard uncertainties wide, since how well the dials "
+            f"are set was estimated with {freedom.min():.2g} degrees of freedom: state it at the calibration "
+            "(--rig-sd-deg)"
+        )
+    reserved = [*found.reservations, *reserved]
+    notes = [*found.notes, *worth.sentences]
+    return replace(found, power=worth, warnings=warnings, reservations=reserved, notes=notes)
+
+
+def _too_wide(found: Verification) -> list[str]:
+    """A reservation where limits are wider than any inclinometer needs, of the worst angle."""
+    away = np.minimum(found.true_inclination, np.pi - found.true_inclination)
+    judged = np.isfinite(found.limits) & (away >= min(WIDE_FROM, away.max()))[:, None]
+    if tuple(found.names) != ANGLES or not judged.any():
+        return []
+    widest = np.where(judged, found.limits, 0.0).max(axis=0)
+    worst = int(np.argmax(widest / WIDE))
+    if widest[worst] <= WIDE[worst]:
+        return []
+    size, most = np.degrees(widest[worst]), np.degrees(WIDE[worst])
+    return [
+        f"{ANGLES[worst]} is held against a limit of {size:.3g} deg, more than the {most:.0f} deg that any level or "
+        "compass keeps: a pass says nothing of this tool; look for what went wrong in its calibration, or state "
+        "narrower limits"
+    ]
 
 
 def _passed_wrongly(found: Verification, limits: Limits | None) -> list[str]:

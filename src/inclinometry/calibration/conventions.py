@@ -32,6 +32,8 @@ Counts: TypeAlias = Literal["clockwise", "counterclockwise"]
 
 MOST_NOISE = 0.15
 """Share of the field beyond which what a fit leaves is no noise: 5 % of noise and a rig good to 3 deg leave 0.07."""
+MUCH_NOISE = 0.03
+"""The same from which it is warned of: dials good to 1 deg leave 0.02."""
 
 
 @dataclass(frozen=True)
@@ -283,8 +285,8 @@ def _single_out(
     return ways[best], others
 
 
-def check_noise(model: Model, state: State, residual: Array, freedom: int) -> None:
-    """Refuse a fit whose residuals are a large share of the field.
+def check_noise(model: Model, state: State, residual: Array, freedom: int) -> list[str]:
+    """Refuse a fit whose residuals are a large share of the field, warn of one that leaves several per cent.
 
     Parameters
     ----------
@@ -295,11 +297,17 @@ def check_noise(model: Model, state: State, residual: Array, freedom: int) -> No
     freedom : int
         Readings minus parameters.
 
+    Returns
+    -------
+    list of warnings
+        Of a gyro none: its noise may be as large as the Earth's rate.
+
     Raises
     ------
     InputError
         More than 15 % of the field is left in a triad, the median over its channels.
     """
+    said: list[str] = []
     first, counted = 0, min(residual.size / max(freedom, 1), 4.0)
     for kind, values in model.signals.items():
         block = residual[:, first : first + values.shape[1]]
@@ -316,6 +324,13 @@ def check_noise(model: Model, state: State, residual: Array, freedom: int) -> No
                 "tried; check the order of the stations, the zero of the inclination dial, the names of the columns, "
                 "and that the tool was still and no iron near"
             )
+        if share > MUCH_NOISE and kind != "gyro":
+            said.append(
+                f"the fit leaves {100.0 * share:.2g} % of the field unexplained in the {kind} (dials good to 1 deg "
+                "leave 2 %): look for a misread dial, exchanged rows, a gain that changed or iron near by, and take "
+                "the run again"
+            )
+    return said
 
 
 def check_axes(

@@ -418,13 +418,14 @@ def _closed(
     name: str = "unnamed",
 ) -> Calibration:
     """Solve every triad, find the variances with the joint model, propagate them."""
+    enough(readings)
+    warnings = check_readings(readings, left_handed=left_handed)
     model, start, free_noise = _joint_model(readings, noise_sd, rig_sd)
     solvers = {kind: solver(kind, start.directions[kind]) for kind in readings.channels}
-    warnings = check_readings(readings, left_handed=left_handed)
     forms = {kind: solvers[kind](values) for kind, values in readings.channels.items()}
     free_rig = not model.rig_known.all()
     best = fit_with_variances(model, start, free_noise, free_rig)
-    check_noise(best.model, best.state, best.marginal_residual(), best.degrees_of_freedom)
+    warnings += check_noise(best.model, best.state, best.marginal_residual(), best.degrees_of_freedom)
     weights = expected_variances(best, free_noise, free_rig)
     spread = reading_covariance(list(forms.values()), *readings.dials, weights.rig_sd, weights.noise_sd)
     joint = covariance(list(solvers.values()), list(readings.channels.values()), spread)

@@ -103,6 +103,42 @@ def expanded(u: Array, k: float = COVERAGE_FACTOR) -> Array:
     return np.asarray(np.minimum(k * u, np.pi))
 
 
+def absurd_uncertainty(calibration: Calibration, stated_dip: float | None = None) -> list[str]:
+    """A warning where the calibration alone leaves an angle less certain than no inclinometer is.
+
+    Parameters
+    ----------
+    calibration : Calibration
+    stated_dip : float, optional
+        As for `expected_uncertainty`.
+    """
+    gravity = calibration.tool.triads.get("accelerometer")
+    # of fewer sensors, and of a gyro at the Earth's rate, an angle may well be no better
+    if gravity is None or not gravity.full or azimuth_triad(calibration.tool) == "gyro":
+        return []
+    found = expected_uncertainty(calibration, ABSURD_FROM, stated_dip=stated_dip)
+    worst: tuple[float, str] | None = None
+    for name, most in ABSURD.items():
+        # of all azimuths and toolfaces together: along the field azimuth is uncertain by any tool
+        u = found.rms("calibration")[:, ALL_ANGLES.index(name)]
+        place = int(np.argmax(u)) if name in found.angles else 0
+        if name in found.angles and u[place] > most and (worst is None or u[place] / most > worst[0]):
+            size, inclination = np.degrees(u[place]), np.degrees(ABSURD_FROM[place])
+            said = (
+                f"the calibration alone leaves the {name} uncertain by {size:.2g} deg at an inclination of "
+                f"{inclination:.0f} deg, as no inclinometer is: look for exchanged rows, a misread dial, a gain "
+                "that changed, iron near by, or positions that tell too little, and do not use this calibration"
+            )
+            worst = float(u[place] / most), said
+    return [worst[1]] if worst else []
+
+
+ABSURD: Final = {"inclination": np.radians(1.0), "azimuth": np.radians(5.0), "toolface": np.radians(5.0)}
+"""Standard uncertainty from the calibration alone that is warned of, rad: a level and a hand compass do better."""
+ABSURD_FROM: Final = np.radians([30.0, 60.0, 90.0])
+"""Inclinations at which it is looked for: nearer to the vertical azimuth and toolface are uncertain by any tool."""
+
+
 def certified_factor(calibration: Calibration) -> float:
     """k of a certificate: for the probability of k = 2 of a normal distribution, 95.45 %, rounded up to two decimals.
 

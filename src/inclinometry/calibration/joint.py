@@ -14,6 +14,7 @@ from inclinometry.arrays import Array, finite, within
 from inclinometry.calibration import direct
 from inclinometry.calibration.causes import UNDETECTED, calibration_shares, parameter_causes
 from inclinometry.calibration.conventions import check_axes, check_noise
+from inclinometry.calibration.expected import absurd_uncertainty
 from inclinometry.calibration.identifiability import null_space
 from inclinometry.calibration.lack_of_fit import lack_of_fit
 from inclinometry.calibration.likelihood import NUISANCE, Model, StandAngle, State, tangent_basis
@@ -172,7 +173,7 @@ def calibrate_joint(
     powers, reference = choose_powers(readings, model, start, temperature_degree)
     model, start = model.with_powers(start, powers)
     warnings += direct.dead_channels(readings)
-    fitted = fit_with_variances(model, start, free_noise, free_rig)
+    fitted = _fitted(model, start, free_noise, free_rig)
     without, kept = fitted, np.arange(len(readings))
     shown: list[Block] = []
     looked_for: list[Evidence] | None = None
@@ -194,7 +195,8 @@ def calibrate_joint(
     used = readings.take(kept)
     named = direct.outlier_warnings(readings, outliers, robust)
     best = fitted if robust or not outliers else without
-    check_noise(best.model, best.state, best.marginal_residual(), best.degrees_of_freedom)
+    noisy = check_noise(best.model, best.state, best.marginal_residual(), best.degrees_of_freedom)
+    warnings += noisy if diagnose else []
     # what is stated of the stand is held against the fit, not against its start
     signed, said = fix_signs(best.state, readings.reference, priors, best.tangents, left_handed=left_handed)
     if any(not np.array_equal(a, best.state.directions[kind]) for kind, a in signed.directions.items()):
@@ -226,15 +228,27 @@ def calibrate_joint(
     size = len(response)
     causes[UNDETECTED] = left[:size, :size]
     found = replace(found, causes=causes)
+    # what leaves much of the field has said so
+    absurd = [] if noisy else absurd_uncertainty(found, readings.reference.get("dip"))
     return replace(
         found,
         outliers=named,
         shares=calibration_shares(found),
         response=response,
         bent=bent(best),
-        warnings=(*found.warnings, *(() if named else lack_of_fit(best, found.residuals, looked_for))),
+        warnings=(*found.warnings, *absurd, *(() if named else lack_of_fit(best, found.residuals, looked_for))),
         notes=(*found.notes, *untold(found.tool, found.field_directions, looked_for, left[:size, :size])),
     )
+
+
+def _fitted(model: Model, start: State, free_noise: Set[str], free_rig: bool) -> Fitted:
+    """The fit; where it fails for dials and readings that do not belong together, that is said."""
+    try:
+        return fit_with_variances(model, start, free_noise, free_rig)
+    except (ConvergenceError, np.linalg.LinAlgError):
+        residual = model.linearise(start).residual
+        check_noise(model, start, residual, residual.size)
+        raise
 
 
 def fit_once(readings: BenchReadings, noise_sd: Mapping[str, ArrayLike], rig_sd: ArrayLike, **more: Any) -> Calibration:

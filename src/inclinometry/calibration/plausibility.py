@@ -3,31 +3,44 @@
 Each hypothesis is the run as it would have been without the mistake: a dial in radians or grads, two stations
 exchanged, a gain that changed midway, a slow drift of offsets or gains. Every triad is fitted as the joint fit is
 started, dials trusted, and the likelihood ratio is that of normal noise of unknown size in each triad, as for the
-dials' conventions (`conventions.check_dials`).
+dials' conventions (`conventions.check_dials`). Thousands of exchanges and gains are ranked by the closed form of what a
+direction of the field leaves (`_least`), and only the best of them are fitted.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from itertools import combinations
+from collections.abc import Iterable, Iterator, Mapping
+from itertools import combinations, islice, permutations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from inclinometry.arrays import Array, Index
-from inclinometry.calibration.conventions import check_dials, figure
-from inclinometry.calibration.likelihood import NUISANCE, orientation
+from inclinometry.calibration.conventions import check_dials, figure, stated_dials
+from inclinometry.calibration.likelihood import NUISANCE, orientation, tangent_basis
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
-from inclinometry.calibration.start import linear_start
+from inclinometry.calibration.start import DOWN, linear_start, sphere
 from inclinometry.errors import InputError
 from inclinometry.rotations import dcm
 
-_DOUBTED, _POOR = 0.01, 0.03
-"""Shares of the field that trusted dials leave, from which units, and from which exchanges and gains are tried: dials
-good to 0.5 deg leave 0.01, to 1 deg 0.02."""
+_DOUBTED = 0.01
+"""Share of the field that trusted dials leave from which mistakes are tried: dials good to 0.5 deg leave 0.01."""
+_FAR = 0.05
+"""The same from which exchanged columns are tried: dials good to 3 deg leave that."""
 _CERTAIN = 25.0
 """Log-likelihood ratio from which another run fits better beyond all chance."""
+
+
+class _Step(NamedTuple):
+    """A gain that changed: triad, first station and its name, channels, and the factor that undoes it."""
+
+    kind: str
+    start: int
+    station: str
+    channels: slice
+    gain: float
 
 
 class _Whole(NamedTuple):
@@ -39,6 +52,7 @@ class _Whole(NamedTuple):
     settings: tuple[Array, Array, Array]
     exchanged: tuple[int, ...] = ()  # rows
     volume: float = 0.0  # logarithm of the factor by which the signals were multiplied, summed over readings
+    step: _Step | None = None
 
 
 def check_readings(readings: BenchReadings, *, left_handed: bool = False) -> list[str]:
@@ -61,7 +75,16 @@ def check_readings(readings: BenchReadings, *, left_handed: bool = False) -> lis
         The mistake is certain; the message names it.
     """
     _refuse_radians(readings)
-    return [*check_dials(readings, left_handed=left_handed), *check_whole(readings)]
+    columns = _exchanged_columns(readings)
+    try:
+        said = check_dials(readings, left_handed=left_handed)
+    except InputError as error:
+        if not columns:
+            raise
+        raise InputError(f"{error} {columns[:1].upper()}{columns[1:]}.") from None
+    if columns:
+        raise InputError(columns)
+    return [*said, *check_whole(readings)]
 
 
 def check_whole(readings: BenchReadings) -> list[str]:
@@ -102,39 +125,71 @@ def check_whole(readings: BenchReadings) -> list[str]:
     own = {kind: _left(kind, values, settings) for kind, values in signals.items()}
     shares = {kind: float(np.sqrt(own[kind] / values.size)) for kind, values in signals.items()}
     kind = max(shares, key=lambda k: shares[k])
-    best: tuple[float, float, _Whole] | None = None
+    best: list[tuple[float, float, _Whole]] = []
     if shares[kind] > _DOUBTED:
-        stations = tuple(readings.station)
-        for mistakes in (
-            _units(signals, settings),
-            _exchanges(signals, settings, stations),
-            _gains(signals, settings, stations),
-        ):
-            for one in mistakes:
-                ratio, times = _compare(signals, own, one)
-                if best is None or ratio > best[0]:
-                    best = ratio, times, one
-            # what takes hundreds of fits is tried where the simpler does not explain it
-            if shares[kind] < _POOR or not _spans(settings) or (best and best[0] > _CERTAIN and best[1] > 4.0):
-                break
+        best = _ranked(signals, own, _units(signals, settings))
+        # what takes many fits is tried where the simpler does not explain it, of so few stations that all are tried
+        simple = bool(best) and best[0][0] > _CERTAIN and best[0][1] > 4.0
+        if not simple and len(readings) <= 60:
+            stations = tuple(readings.station)
+            best += _ranked(signals, own, _exchanges(signals, settings, stations))
+            best += _ranked(signals, own, _gains(signals, settings, stations))
+            best = sorted((_sharpened(signals, own, settings, *one) for one in best), key=lambda one: -one[0])
     likelihood, drift, far = _drift(signals, settings, own)
     if (
-        best is not None
-        and best[0] > max(_CERTAIN, likelihood)
-        and best[1] > 2.0
-        and not _one_misread(signals, settings, best[2])
+        best
+        and best[0][0] > max(_CERTAIN, likelihood)
+        and best[0][1] > 2.0
+        and not _one_misread(signals, settings, best[0][2])
+        and not _step_of_ends(signals, settings, best[0][2])
     ):
-        ratio, times, one = best
+        ratio, times, one = best[0]
+        left = f"{100.0 * shares[kind]:.2g}"
+        # as likely within a factor of twenty
+        alike = [other for near, _, other in best[1:] if ratio - near < 3.0 and other.words != one.words]
         sentence = (
             f"with {one.words} the readings fit {figure(times)} times better (likelihood ratio 1e{_power(ratio)}; as "
-            f"given they leave {100.0 * shares[kind]:.2g} % of the field unexplained in the {kind}): {one.remedy}"
+            f"given they leave {left} % of the field unexplained in the {kind}): {one.remedy}"
         )
-        if best[1] > 4.0:
+        if alike:
+            sentence = (
+                f"with {one.words}, or as well with {alike[0].words}, the readings fit {figure(times)} times better "
+                f"(likelihood ratio 1e{_power(ratio)}; as given they leave {left} % of the field unexplained in the "
+                f"{kind}): {one.remedy}"
+            )
+        if times > 4.0:
             raise InputError(sentence)
         return [sentence]
     if far:
         raise InputError(drift[0])
     return drift
+
+
+def _exchanged_columns(readings: BenchReadings) -> str:
+    """Sentence that names the columns of dials that were exchanged, where that makes the fit four times better."""
+    if len(readings) < 8:
+        return ""
+    signals, (stated, dials) = _in_fields(readings), stated_dials(readings)
+    own = {kind: _left(kind, values, readings.dials) for kind, values in signals.items()}
+    if max(float(np.sqrt(own[kind] / values.size)) for kind, values in signals.items()) < _FAR:
+        return ""
+    names, best = ("azimuth", "inclination", "toolface"), (0.0, 0.0, "")
+    for order in permutations(range(3)):
+        moved = [names[place] for place in range(3) if order[place] != place]
+        if not moved:
+            continue
+        one = _Whole("", "", signals, stated.settings(*(dials[place] for place in order)))
+        ratio, times = _compare(signals, own, one)
+        if ratio > best[0]:
+            of = ", ".join(f"{names[place]} from {names[order[place]]}" for place in range(3) if order[place] != place)
+            best = ratio, times, " and ".join(moved) if len(moved) == 2 else of
+    ratio, times, which = best
+    if ratio < _CERTAIN or times < 4.0:
+        return ""
+    return (
+        f"with the columns of the dials exchanged ({which}) the readings fit {figure(times)} times better (likelihood "
+        f"ratio 1e{_power(ratio)}): put the columns right"
+    )
 
 
 def _power(ratio: float) -> int:
@@ -178,23 +233,116 @@ def _refuse_radians(readings: BenchReadings) -> None:
 def _left(kind: str, values: Array, settings: tuple[Array, Array, Array]) -> float:
     """Sum of squares that the linear fit of a triad leaves."""
     matrix = dcm(*settings)
-    return linear_start(kind, matrix, np.ones((len(matrix), 1)), values)[2]
+    left = linear_start(kind, matrix, np.ones((len(matrix), 1)), values)[2]
+    # where the positions do not give the direction of gravity in closed form it was taken for the vertical
+    return (
+        left
+        if kind != "accelerometer" or _spans(settings)
+        else min(left, float(_least(kind, values[None], matrix[None])[0]))
+    )
+
+
+def _least(kind: str, values: Array, matrix: Array) -> Array:
+    """Sum of squares (H,) that the linear fits of a triad leave, each at the best direction of its field.
+
+    Of values (H, K, m) seen in turns (H, K, 3, 3). For a direction a the sensors' vectors and offsets are a regression
+    on [C a, 1], which leaves s - tr(b' g^-1 b): g = sum (C a)(C a)' is quadratic, b = sum (C a) y' linear in a, with C
+    and y less their means. Gravity is sought near the vertical.
+    """
+    size = len(values)
+    turns, seen = matrix - matrix.mean(axis=1, keepdims=True), values - values.mean(axis=1, keepdims=True)
+    flat, total = turns.reshape(size, -1, 9), np.sum(seen**2, axis=(1, 2))
+    pairs = (flat.swapaxes(1, 2) @ flat).reshape(size, 3, 3, 3, 3).transpose(0, 1, 3, 2, 4).reshape(size, 9, 9)
+    cross = (flat.swapaxes(1, 2) @ seen).reshape(size, 3, 3, -1)
+    ridge = 1e-10 * values.shape[1] * np.eye(3)  # of a field that lies along one axis at every position
+
+    def left(a: Array) -> Array:
+        outer = (a[:, :, :, None] * a[:, :, None, :]).reshape(*a.shape[:2], 9)
+        g = (outer @ pairs.swapaxes(1, 2)).reshape(*a.shape, 3) + ridge
+        b = np.einsum("hnp,hipm->hnim", a, cross)
+        return np.asarray(total[:, None] - np.sum(b * np.linalg.solve(g, b), axis=(2, 3)))
+
+    starts = DOWN[None] if kind == "accelerometer" else sphere(200)[:100]  # of a and -a one
+    rows = np.arange(size)
+    a = starts[left(np.broadcast_to(starts, (size, *starts.shape))).argmin(axis=1)]
+    stencil = np.array([(0.0, 0.0), *((i, j) for i in (-1.0, 0.0, 1.0) for j in (-1.0, 0.0, 1.0) if i or j)])
+    for turn in range(16):  # the points lie 8 deg from any direction; down to 4e-5 rad
+        across = np.stack([tangent_basis(one) for one in a])
+        tried = a[:, None] + 0.12 * 0.6**turn * np.einsum("hxt,nt->hnx", across, stencil)
+        tried /= np.linalg.norm(tried, axis=2, keepdims=True)
+        found = left(tried)
+        a = tried[rows, found.argmin(axis=1)]
+    return np.asarray(np.maximum(found.min(axis=1), 0.0))
+
+
+def _ranked(
+    signals: Mapping[str, Array], own: Mapping[str, float], mistakes: Iterable[_Whole]
+) -> list[tuple[float, float, _Whole]]:
+    """The three best of many mistakes with their log-likelihood ratios and how many times better they fit."""
+    rough: list[tuple[float, _Whole]] = []
+    source = iter(mistakes)
+    while some := list(islice(source, 400)):
+        matrix = np.stack([dcm(*one.settings) for one in some])
+        better = np.array([one.volume for one in some])
+        for kind, values in signals.items():
+            left = _least(kind, np.stack([one.signals[kind] for one in some]), matrix)
+            better = better + _gain(values, own[kind], left)
+        rough += zip(better.tolist(), some, strict=True)
+    rough.sort(key=lambda one: -one[0])
+    return sorted(((*_compare(signals, own, one), one) for _, one in rough[:3]), key=lambda one: -one[0])
+
+
+def _gain(values: Array, own: float, left: Array) -> Array:
+    """Log-likelihood ratio of a triad that leaves less than as given."""
+    least = values.size * 1e-6**2  # share of the field below which a residual is rounding
+    freedom = max(values.size - 4 * values.shape[1] - 2, 1)
+    return np.asarray(0.5 * freedom * np.log((own + least) / (left + least)))
+
+
+def _sharpened(
+    signals: Mapping[str, Array],
+    own: Mapping[str, float],
+    settings: tuple[Array, Array, Array],
+    ratio: float,
+    times: float,
+    one: _Whole,
+) -> tuple[float, float, _Whole]:
+    """A change of gain with the size that fits best."""
+    if one.step is None or ratio < 0.5 * _CERTAIN:
+        return ratio, times, one
+    from scipy.optimize import minimize_scalar
+
+    step = one.step
+
+    def undone(log_gain: float) -> _Whole:
+        return _stepped(signals, settings, step._replace(gain=float(np.exp(log_gain))))
+
+    middle = float(np.log(step.gain))
+    found = minimize_scalar(
+        lambda x: -_compare(signals, own, undone(x))[0],
+        bounds=(middle - 0.4, middle + 0.4),
+        method="bounded",
+        options={"xatol": 1e-3},
+    )
+    best = undone(float(found.x))
+    return (*_compare(signals, own, best), best)
 
 
 def _compare(signals: Mapping[str, Array], own: Mapping[str, float], one: _Whole) -> tuple[float, float]:
     """Log-likelihood ratio of a run without a mistake, and how many times better the worst triad fits."""
     better, times = one.volume, 0.0
     for kind, values in signals.items():
-        least = values.size * 1e-6**2  # share of the field below which a residual is rounding
-        ratio = (own[kind] + least) / (_left(kind, one.signals[kind], one.settings) + least)
-        better += 0.5 * max(values.size - 4 * values.shape[1] - 2, 1) * float(np.log(ratio))
+        least = values.size * 1e-6**2
+        left = _left(kind, one.signals[kind], one.settings)
+        better += float(_gain(values, own[kind], np.asarray(left)))
+        ratio = (own[kind] + least) / (left + least)
         changed = one.signals[kind] is not values
         times = max(times, float(np.sqrt(ratio * np.exp(2.0 * one.volume / values.size * changed))))
     return better, times
 
 
 def _one_misread(signals: Mapping[str, Array], settings: tuple[Array, Array, Array], one: _Whole) -> bool:
-    """Whether the run without one of two exchanged stations fits about as well: then that one alone is wrong."""
+    """Whether the run without one station, of two exchanged ones or any, fits about as well: that alone is wrong."""
 
     def worst(values: Mapping[str, Array], dials: tuple[Array, Array, Array], rest: Index) -> float:
         azimuth, inclination, toolface = (dial[rest] for dial in dials)
@@ -202,7 +350,23 @@ def _one_misread(signals: Mapping[str, Array], settings: tuple[Array, Array, Arr
 
     rows = np.arange(len(settings[0]))
     both = worst(one.signals, one.settings, rows)
-    return any(worst(signals, settings, np.delete(rows, row)) < 2.0 * both + 1e-6**2 for row in one.exchanged)
+    suspects = one.exchanged or (tuple(rows.tolist()) if one.step else ())
+    return any(worst(signals, settings, np.delete(rows, row)) < 2.0 * both + 1e-6**2 for row in suspects)
+
+
+def _step_of_ends(signals: Mapping[str, Array], settings: tuple[Array, Array, Array], one: _Whole) -> bool:
+    """Whether a change of gain is one of stations that rest at an end of a channel: saturation, named elsewhere."""
+    if one.step is None:
+        return False
+    kind = one.step.kind
+    rest = ~_at_ends(signals[kind])
+    if rest.all():
+        return False
+    azimuth, inclination, toolface = (dial[rest] for dial in settings)
+    kept = (azimuth, inclination, toolface)
+    if rest.sum() < 8:
+        return True
+    return _left(kind, signals[kind][rest], kept) < 4.0 * _left(kind, one.signals[kind][rest], kept)
 
 
 def _units(signals: Mapping[str, Array], settings: tuple[Array, Array, Array]) -> Iterator[_Whole]:
@@ -216,10 +380,10 @@ def _units(signals: Mapping[str, Array], settings: tuple[Array, Array, Array]) -
 
 
 def _spans(settings: tuple[Array, Array, Array]) -> bool:
-    """Whether a triad's fit needs no search for the direction of its field, of so few stations that all are tried."""
+    """Whether a triad's fit needs no search for the direction of its field."""
     size = len(settings[0])
     matrix = dcm(*settings).reshape(size, 9)
-    return size <= 60 and bool(np.linalg.matrix_rank(np.column_stack([matrix, np.ones(size)]), 1e-6) == 10)
+    return bool(np.linalg.matrix_rank(np.column_stack([matrix, np.ones(size)]), 1e-6) == 10)
 
 
 def _exchanges(
@@ -246,24 +410,47 @@ def _exchanges(
 def _gains(
     signals: Mapping[str, Array], settings: tuple[Array, Array, Array], stations: tuple[str, ...]
 ) -> Iterator[_Whole]:
-    """The run with a gain that changed midway undone."""
-    size = len(stations)
+    """The run with a gain that changed midway undone: by the usual ranges, and by what fits best."""
+    size, matrix = len(stations), dcm(*settings)
     for kind, values in signals.items():
-        parts = [(kind, slice(0, values.shape[1]))]
-        parts += [(f"{kind} {'xyz'[i] if i < 3 else i + 1}", slice(i, i + 1)) for i in range(values.shape[1])]
+        direction = linear_start(kind, matrix, np.ones((size, 1)), values)[0]
+        basis = np.linalg.qr(np.column_stack([matrix @ direction, np.ones(size)]))[0]
+        parts = [slice(0, values.shape[1]), *(slice(i, i + 1) for i in range(values.shape[1]))]
         for start in range(3, size - 2):
-            for which, channels in parts:
-                for gain in (0.5, 2.0, 0.1, 10.0):
-                    even = values.copy()
-                    even[start:, channels] *= gain
-                    count = (size - start) * (channels.stop - channels.start)
-                    yield _Whole(
-                        f"the {which} {1.0 / gain:g} times as sensitive from station {stations[start]} on",
-                        "look for a change of range or wiring, and take the run again",
-                        {**signals, kind: even},
-                        settings,
-                        volume=count * float(np.log(gain)),
-                    )
+            late = np.arange(size)[:, None] >= start
+            before, after = (part - basis @ (basis.T @ part) for part in (values * ~late, values * late))
+            for channels in parts:
+                a, b, c = (
+                    float(np.sum(x[:, channels] * y[:, channels]))
+                    for x, y in ((before, before), (before, after), (after, after))
+                )
+                # of n of N readings: largest n log s - N/2 log(a + 2 b s + c s^2)
+                total, changed = (
+                    size * (channels.stop - channels.start),
+                    (size - start) * (channels.stop - channels.start),
+                )
+                linear, square = (total - 2 * changed) * b, (total - changed) * c
+                root = (-linear + np.sqrt(linear**2 + 4.0 * square * changed * a)) / max(2.0 * square, 1e-300)
+                for gain in (0.5, 2.0, 0.1, 10.0, float(np.clip(root, 0.05, 20.0))):
+                    yield _stepped(signals, settings, _Step(kind, start, stations[start], channels, gain))
+
+
+def _stepped(signals: Mapping[str, Array], settings: tuple[Array, Array, Array], step: _Step) -> _Whole:
+    """The run with a change of gain undone."""
+    values, channels = signals[step.kind], step.channels
+    even = values.copy()
+    even[step.start :, channels] *= step.gain
+    count = channels.stop - channels.start
+    at = channels.start
+    which = f"{step.kind} {'xyz'[at] if at < 3 else at + 1}" if count < values.shape[1] or count == 1 else step.kind
+    return _Whole(
+        f"the {which} {1.0 / step.gain:.2g} times as sensitive from station {step.station} on",
+        "look for a change of range or wiring, and take the run again",
+        {**signals, step.kind: even},
+        settings,
+        volume=(len(values) - step.start) * count * float(np.log(step.gain)),
+        step=step,
+    )
 
 
 def _drift(
@@ -276,7 +463,7 @@ def _drift(
     """
     warnings: list[str] = []
     best, far = 0.0, False
-    if not _spans(settings):
+    if not _spans(settings) or len(settings[0]) > 60:
         return best, warnings, far  # the lean of the stand, which such positions do not tell apart, would pass for one
     for kind, values in signals.items():
         ratio, largest, what = max(_trends(kind, values, settings, own[kind]))
@@ -315,17 +502,22 @@ def _trends(
         yield ratio, float(np.abs(trend).max()), what
 
 
-def _clipped(kind: str, values: Array, settings: tuple[Array, Array, Array], what: str) -> bool:
-    """Whether a trend is one of channels that rest at their ends alone: saturation, which is named elsewhere.
-
-    A drift parts readings; three that agree at an end of a channel do not drift.
-    """
+def _at_ends(values: Array) -> NDArray[np.bool_]:
+    """Which stations (K,) rest at an end of a channel with others, beyond what chance makes agree."""
     ends = (values == values.max(axis=0)) | (values == values.min(axis=0))
     alike = np.sum(values[:, None] == values[None], axis=1)
     # two at each end are no chance where the digits are so many that no others agree
     fewest = 2 if (alike[~ends] == 1).all() and ((alike - 1) * ends).sum(axis=0).max() >= 4 else 3
     counted = alike >= fewest
-    rest = ~(ends & counted).any(axis=1)
+    return np.asarray((ends & counted).any(axis=1))
+
+
+def _clipped(kind: str, values: Array, settings: tuple[Array, Array, Array], what: str) -> bool:
+    """Whether a trend is one of channels that rest at their ends alone: saturation, which is named elsewhere.
+
+    A drift parts readings; three that agree at an end of a channel do not drift.
+    """
+    rest = ~_at_ends(values)
     if rest.all():
         return False
     azimuth, inclination, toolface = (dial[rest] for dial in settings)
@@ -370,8 +562,9 @@ def refuse_own_readings(readings: BenchReadings, calibration: Calibration) -> No
         )
     if taken_before(readings, calibration):
         raise InputError(
-            "these are the readings the tool was calibrated with, in another order or hardly changed: no second visit "
-            "to a setting agrees so well; verification needs independent positions"
+            "these are the readings the tool was calibrated with, in another order or hardly changed (a factor, an "
+            "offset, fewer digits): no second visit to a setting agrees so well; verification needs independent "
+            "positions"
         )
     copies = _copies(readings, calibration)
     if copies:
@@ -392,53 +585,169 @@ def taken_before(readings: BenchReadings, calibration: Calibration) -> bool:
     """
     if len(readings) < 6 or len(calibration.residuals.station) < 6:
         return False
-    seen = _agreement(readings, calibration)
+    seen = _against(readings, calibration)
     rare = 5e-4  # chance that a second visit agrees so well
-    return seen is not None and bool(np.mean(seen[0].min(axis=1) < rare) >= 0.7)
+    return seen is not None and (
+        bool(np.mean(_chances(seen).min(axis=1) < rare) >= 0.7) or _same_noise(seen, readings, calibration)
+    )
+
+
+def _same_noise(seen: _Against, readings: BenchReadings, calibration: Calibration) -> bool:
+    """Whether the calibration's noise recurs in readings whose gains and offsets were changed, or that were rounded.
+
+    Noise and settings of two visits are independent, so that their difference scatters sqrt(2) times as much as either;
+    that of a copy by what was done to its digits. Compared are the stations in their order, by their names, and in the
+    order that fits best, each channel less a gain and an offset.
+    """
+    from scipy.optimize import linear_sum_assignment
+    from scipy.special import gammainc, gammaln, ndtr
+
+    count, stations = len(seen.off), calibration.residuals.station
+    same = _same_stations(readings, calibration)
+    orders: list[tuple[Index, float]] = [] if same is None else [(same, 0.0)]
+    if count <= min(len(stations), 200):
+        apart = np.sum((seen.less_gains(seen.off)[:, None] - seen.residual) ** 2 / seen.variance, axis=2)
+        at = linear_sum_assignment(apart)[1]
+        orders.append((at, float(gammaln(len(stations) + 1) - gammaln(len(stations) - count + 1))))
+    freedom = seen.off.shape[1] * (count - 2)
+    for at, ways in orders:
+        raw = seen.off - seen.residual[at]
+        left = seen.less_gains(raw)
+        size = float(np.sum(left**2 / seen.variance))
+        chance = float(np.log(max(float(gammainc(freedom / 2.0, size / 2.0)), 1e-300)))
+        # a ninth of the variance that two visits differ by, however rare: dials may repeat their errors in part
+        if size < 0.12 * freedom and chance + ways < np.log(1e-6):
+            return True
+        # digits were taken off, or a count more or less given: no difference is more than that, as chance makes none;
+        # another visit with as few digits is off by its own noise besides
+        least = 0.05 * np.sqrt(seen.variance)
+        counts = np.broadcast_to(1.05 * seen.counts + least, raw.shape)
+        for bound, rare in () if ways else ((0.6 * seen.digits + least, 1e-3), (counts, 1e-6)):
+            inside = 2.0 * ndtr(bound / np.sqrt(seen.variance)) - 1.0
+            close = (np.abs(raw) <= bound).all() or (np.abs(left) <= bound).all()
+            if close and float(np.sum(np.log(inside))) < np.log(rare):
+                return True
+    return False
+
+
+def _same_stations(readings: BenchReadings, calibration: Calibration) -> Index | None:
+    """Rows of the calibration at which readings in its order, or of its names, would have been taken; None without."""
+    stations = list(calibration.residuals.station)
+    if len(readings) == len(stations):
+        return np.arange(len(stations))
+    if len(set(stations)) == len(stations) and set(readings.station) <= set(stations):
+        return np.array([stations.index(name) for name in readings.station])
+    return None
+
+
+def repeated_noise(readings: BenchReadings, calibration: Calibration) -> list[str]:
+    """A warning where the calibration's residuals recur at the same stations, though not as a copy's do.
+
+    The correlation of the two, gains and offsets taken off, is held against that of independent visits, of which as
+    many numbers are free as the fit leaves: of each reading where its noise is the sensor's, of three dials a station
+    where it is the settings'.
+    """
+    seen, same = _against(readings, calibration), _same_stations(readings, calibration)
+    if seen is None or same is None or len(readings) < 6:
+        return []
+    sd = np.sqrt(seen.variance)
+    first, second = seen.residual[same] / sd, seen.less_gains(seen.off) / sd
+    alike = float(np.sum(first * second) / np.sqrt(np.sum(first**2) * np.sum(second**2)))
+    count, channels = first.shape
+    fitted, of_dials = 4 * channels + 2, float(np.mean(seen.dials))
+    free = (1.0 - of_dials) * max(count * channels - fitted, 4) + of_dials * max(3 * count - fitted, 4)
+    if np.arctanh(np.clip(alike, -0.999999, 0.999999)) * np.sqrt(free - 3.0) < 4.5:
+        return []
+    return [
+        f"the residuals of the calibration recur in these readings (correlation {alike:.2f}): errors of the stand that "
+        "repeat at the same settings, or the same readings changed; neither is independent: verify at other positions "
+        "(`plan spread`)"
+    ]
+
+
+class _Against(NamedTuple):
+    """Readings against a calibration, all channels side by side.
+
+    off : (n, S) readings less what the tool would have read; signals : (n, S) that.
+    residual : (K, S) of the calibration; variance : (S,) of the difference of two visits.
+    step : (S,) of the converter, or what the fit's arithmetic leaves; counts : (S,) its own, 0 without.
+    digits : (n, S) the last one of each reading, as a power of ten.
+    dials : (S,) share that settings have in the variance.
+    """
+
+    off: Array
+    signals: Array
+    residual: Array
+    variance: Array
+    step: Array
+    counts: Array
+    digits: Array
+    dials: Array
+
+    def less_gains(self, values: Array) -> Array:
+        """Values (n, S) less a gain and an offset of each channel."""
+        designs = [np.column_stack([column, np.ones(len(values))]) for column in self.signals.T]
+        return np.column_stack(
+            [v - d @ np.linalg.lstsq(d, v, rcond=None)[0] for d, v in zip(designs, values.T, strict=True)]
+        )
+
+
+def _last_digit(values: Array) -> Array:
+    """The power of ten that each reading is a multiple of, of 1000 to 1e-9; of zeros that of their channel."""
+    found = np.full(values.shape, 1e-9)
+    for power in range(-9, 4):
+        found[np.abs(np.round(values, -power) - values) <= 1e-10 * np.abs(values)] = 10.0**power
+    zero = values == 0.0
+    least = np.where(zero, np.inf, found).min(axis=0)
+    return np.where(zero, least, found)
 
 
 def _copies(readings: BenchReadings, calibration: Calibration) -> list[tuple[int, int]]:
     """Rows of these readings, and of the calibration's, that agree to the last digit, where the digits prove it."""
-    seen = _agreement(readings, calibration)
+    seen = _against(readings, calibration)
     if seen is None:
         return []
-    chance, by_step = seen
+    # to the last digit, of two numbers: two dials, at the vertical, turn all channels
+    alike = np.log(np.minimum(seen.step / np.sqrt(2.0 * np.pi * seen.variance), 1.0))
+    chance, by_step = _chances(seen), float(np.exp(2.0 * np.mean(alike)))
     found = [(row, int(chance[row].argmin())) for row in range(len(readings)) if chance[row].min() < 1e-9]
     # about two visits to each setting, of which so many agree by chance
     by_chance = (2.0 * len(readings) * by_step) ** len(found)
     return found if len(found) >= 2 and by_chance < 1e-4 else []
 
 
-def _agreement(readings: BenchReadings, calibration: Calibration) -> tuple[Array, float] | None:
-    """Chance (n, K) that a second visit agrees so well with each reading of the calibration, and to the last digit.
+def _chances(seen: _Against) -> Array:
+    """Chance (n, K) that a second visit agrees so well with each reading of the calibration."""
+    from scipy.special import gammainc
 
-    None where it cannot be told. The second is that of two numbers: two dials, at the vertical, turn all channels.
-    """
+    away = np.sum((seen.off[:, None] - seen.residual) ** 2 / seen.variance, axis=2)
+    return np.asarray(gammainc(seen.off.shape[1] / 2.0, away / 2.0))
+
+
+def _against(readings: BenchReadings, calibration: Calibration) -> _Against | None:
+    """Readings against what the calibration keeps of its own; None where it cannot be told."""
     kept, rig = calibration.residuals, calibration.rig
     kinds = [kind for kind in readings.channels if kind in kept.values and kind in calibration.field_directions]
     if not kinds or readings.azimuth is None or not 1 <= len(kept.station) <= 1000:
         return None
     zeros = np.array([rig.nuisance.get(name, (0.0, 0.0))[0] for name in NUISANCE])
     turns = orientation(np.stack(readings.dials, axis=1), zeros)[0]
-    away, freedom = np.zeros((len(readings), len(kept.station))), 0
-    alike: list[Array] = []
+    parts: list[_Against] = []
     for kind in kinds:
-        triad, residual = calibration.tool.triads[kind], kept.values[kind]
-        if residual.shape[1] != readings.channels[kind].shape[1] or (triad.degree and readings.temperature is None):
+        triad, residual, values = calibration.tool.triads[kind], kept.values[kind], readings.channels[kind]
+        if residual.shape[1] != values.shape[1] or (triad.degree and readings.temperature is None):
             return None
         seen = triad.signals(turns @ calibration.field_directions[kind], readings.temperature)
         strength = np.linalg.norm(triad.tensor[0], axis=1)
         # of a second visit: both settings' errors and both readings' noise, as the calibration saw them and as stated
-        stated = np.asarray(calibration.tool.noise.get(kind, 0.0)) ** 2 + (strength * np.mean(rig.sd)) ** 2
+        by_dial = (strength * np.mean(rig.sd)) ** 2
+        stated = np.asarray(calibration.tool.noise.get(kind, 0.0)) ** 2 + by_dial
         variance = 2.0 * np.minimum(np.mean(residual**2, axis=0), stated)
         if (variance < 1e-12 * strength**2).any():
             return None  # exact readings, of an example: every visit is the same
-        apart = (readings.channels[kind] - seen)[:, None] - residual
-        away += np.sum(apart**2 / variance, axis=2)
-        freedom += residual.shape[1]
         # what the fit's own arithmetic leaves of a copy is some 0.03 standard deviations
         step = np.maximum(np.asarray(readings.step[kind]), 0.03 * np.sqrt(variance))
-        alike.append(np.log(np.minimum(step / np.sqrt(2.0 * np.pi * variance), 1.0)))
-    from scipy.special import gammainc
-
-    return np.asarray(gammainc(freedom / 2.0, away / 2.0)), float(np.exp(2.0 * np.mean(np.concatenate(alike))))
+        share = by_dial / np.maximum(stated, 1e-300)
+        counts = np.asarray(readings.step[kind])
+        parts.append(_Against(values - seen, seen, residual, variance, step, counts, _last_digit(values), share))
+    return _Against(*(np.concatenate(column, axis=-1) for column in zip(*parts, strict=True)))

@@ -16,6 +16,9 @@ PROBABILITY: Final = 0.9
 WORTH: Final = 4.0
 """Factor of degradation from which a verification against the errors' own uncertainty proves little: a tool four times
 as bad as certified has used up a tolerance of the usual ratio of 4 to 1 between tolerance and uncertainty."""
+WORTH_AGREED: Final = 10.0
+"""The same of limits that were agreed: ten times its uncertainty is the widest tolerance that metrology uses (10 to 1);
+a tool that may be worse than that against its certificate is not confirmed by keeping them."""
 DRAWS: Final = 2000
 LARGEST: Final = 100.0
 """Factor beyond which nothing is looked for."""
@@ -70,8 +73,8 @@ class Power:
 
     @property
     def proves_little(self) -> bool:
-        """Whether a pass says little of the tool: no limits were agreed, and only a much worse tool is found."""
-        return self.consumer is None and self.factor > WORTH
+        """Whether a pass says little of the tool: only a much worse tool is found."""
+        return self.factor > (WORTH if self.consumer is None else WORTH_AGREED)
 
     @property
     def sentences(self) -> list[str]:

@@ -445,7 +445,7 @@ def linear_start(kind: str, matrix: Array, powers: Array, readings: Array) -> tu
     direction = _rank_one_direction(matrix, powers, readings)
     if direction is not None:
         return direction, *_linear_fit(matrix, powers, readings, direction)
-    guesses = DOWN[None] if kind == "accelerometer" else _sphere(200)
+    guesses = DOWN[None] if kind == "accelerometer" else sphere(200)
     costs = [_linear_fit(matrix, powers, readings, a)[1] for a in guesses]
     direction = guesses[int(np.argmin(costs))]
     if kind != "accelerometer":
@@ -511,7 +511,7 @@ def _refined(matrix: Array, powers: Array, readings: Array, direction: Array) ->
     return a
 
 
-def _sphere(count: int) -> Array:
+def sphere(count: int) -> Array:
     """Points spread evenly over the sphere (Fibonacci lattice)."""
     index = np.arange(count) + 0.5
     height = 1.0 - 2.0 * index / count

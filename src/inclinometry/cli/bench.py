@@ -736,6 +736,7 @@ def verify(
         output.print_json(
             {
                 "verdict": found.verdict,
+                "reservations": found.reservations,
                 "reasons": found.reasons,
                 "notes": found.notes,
                 "limits": {"name": found.limits_name, "source": found.limits_source},
@@ -870,7 +871,7 @@ def show_verification(found: Verification) -> None:
         verdict = "pass" if bad == 0 else f"{bad} of {len(judged)} not accepted"
         rows.append([name, f"{e:+.3f}", f"{u:.3f}", f"{b:.3f}", verdict])
     output.table(
-        f"{found.verdict.upper()} against {found.limits_name}",
+        f"{found.judgement.upper()} against {found.limits_name}",
         ["angle", "worst error deg", "u deg", "limit deg", "verdict"],
         rows,
         found.limits_source,
@@ -878,4 +879,4 @@ def show_verification(found: Verification) -> None:
     for sentence in (*found.reasons, *found.notes):
         output.say(sentence)
     said = "; ".join(f"{row[0]} {row[4]}, worst {row[1]} deg of {row[3]} allowed" for row in rows if row[1] != "-")
-    output.headline(f"{found.verdict}: {said}")
+    output.headline(f"{found.judgement}: {said}")

@@ -79,10 +79,10 @@ def quality(
         show_failures(judged.quality)
         for sentence in (*run.notes, *judged.quality.notes):
             output.say(sentence)
-        failed = [check.name for check in judged.checks if check.verdict != "pass"]
-        output.headline(
-            f"{judged.verdict}: " + (f"not passed: {', '.join(failed)}" if failed else "every check passed")
-        )
+        failed = [check.name for check in judged.checks if check.verdict == "fail"]
+        left = [check.name for check in judged.checks if check.verdict not in ("pass", "fail")]
+        said = [f"{what}: {', '.join(names)}" for what, names in (("failed", failed), ("not judged", left)) if names]
+        output.headline(f"{judged.verdict}: " + ("; ".join(said) or "every check passed"))
     return 0 if judged.verdict == "pass" else 1
 
 

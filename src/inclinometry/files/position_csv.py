@@ -168,6 +168,10 @@ def _angle(table: Table, name: str, low: float, high: float) -> Array:
             raise table.error(f"{name} is empty; a path needs it at every station: give it or remove the row", row)
         grads = name.replace("_deg", "_gon")
         allowed = f"allowed {low:g} to {high:g} deg; grads belong in a column {grads}"
+        if name == "inclination_deg" and len(values) > 2:
+            others = table.number("azimuth_deg")
+            if wrong.mean() > 0.1 and (values >= 0.0).all() and ((others >= 0.0) & (others <= 180.0)).all():
+                allowed = f"allowed {low:g} to {high:g} deg: are the columns of inclination and azimuth exchanged?"
         raise table.error(f"{name} is {values[row]:.10g}; {allowed}", row)
     return frozen(np.radians(values))
 

@@ -230,10 +230,11 @@ def report(found: Verification, seen: Session) -> dict[str, Any]:
     taken = sum(seen.has(place.number) for place in seen.positions)
     plan = {"name": seen.plan, "taken": taken, "positions": len(seen.positions)}
     made = judged_positions(found)
-    before = [
-        f"before the first reading: {said}" for said in dict(seen.settings.get("settings", {})).get("foreseen", [])
-    ]
-    return {"protocol": plan, **made, "reasons": [*made["reasons"], *before]}
+    foreseen = dict(seen.settings.get("settings", {})).get("foreseen", [])
+    before = [f"before the first reading: {said}" for said in foreseen]
+    # what came out as foreseen is said once
+    found_since = [said for said in made["reasons"] if said not in foreseen]
+    return {"protocol": plan, **made, "reasons": [*found_since, *before]}
 
 
 # Opening a verification on the stand, with the limits it will be judged by.

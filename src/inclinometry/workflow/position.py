@@ -233,8 +233,10 @@ def well_position(
         if code is not None or sources:
             uncertainty = propagate(well, code, sources)
     except InputError as error:
-        lacking = "the site" in str(error)
-        raise _of_site(error, site_path) if lacking else FileError(str(error), path=stations.path) from None
+        if "the site" in str(error):
+            raise _of_site(error, site_path) from None
+        # what is doubted of the whole run explains what a formula says of one station
+        raise FileError("; ".join([*implausible, str(error)]), path=stations.path) from None
     said = []
     if tie_on is None and stations.md[0] > 0.0:
         first = f"{stations.md[0]:g} m"

@@ -450,3 +450,32 @@ def test_records_of_every_version_are_read_and_printed_for_ever(seen: list[dict[
     for key in ("title", "missing", "standards", "as_found"):
         with pytest.raises(FileError, match=key):  # keys of a version are frozen
             checked({**json.loads((folder / "certificate-1.json").read_bytes()), key: None}, "reference")
+
+
+def test_the_sentence_on_the_coverage_factor_names_one_distribution(seen: list[dict[str, str]]) -> None:
+    """Where k is Student's, nothing says that it is the normal one's; a certificate of before, with k = 2, does."""
+    content = record()
+    certificate_pdf(content)
+    assert "k is Student's" in json.dumps(seen[0])
+    assert "normal distribution" not in json.dumps(seen[0])
+    before = copy.deepcopy(content)
+    del before["results"]["uncertainty"]["degrees_of_freedom"]
+    certificate_pdf(before)
+    assert "for a normal distribution" in json.dumps(seen[1])
+    assert "Student" not in json.dumps(seen[1])
+
+
+@pytest.mark.parametrize(("plan", "text"), [("24 positions", "; 24 positions"), ("cube", "; cube, 24 positions")])
+def test_a_plan_named_by_its_number_of_positions_says_it_once(seen: list[dict[str, str]], plan: str, text: str) -> None:
+    certificate_pdf(record(order=replace(ORDER, plan=plan)))
+    (method,) = (said for name, said in seen[0]["facts"]["long"] if "positions" in said)  # type: ignore[index, call-overload]
+    assert method.replace("\u200b", "").endswith(text)
+
+
+def test_the_reservation_of_a_pass_stands_in_the_box(seen: list[dict[str, str]]) -> None:
+    """Limits of tens of degrees, which find only a much worse tool."""
+    certificate_pdf(record(verification=verification(40.0)))
+    box = " ".join(seen[0]["conformity"]).replace("\u200b", "")
+    assert "is held against a limit of 40 deg" in box
+    assert "the agreed limits are so wide" in box
+    assert seen[0]["conformity_colour"] == "#8a5a00"

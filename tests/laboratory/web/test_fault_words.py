@@ -236,3 +236,31 @@ def test_a_record_is_a_table_in_the_language_of_the_page():
         for field, value, _ in rows(language):
             assert not re.search("[A-Za-z]{2,}", field), field
             assert value in ("stand 1", "twelve") or not re.search("[A-Za-z]{2,}", value), value
+
+
+OF_FILES = [
+    "the file is empty; a line of column names and rows of values are needed",
+    "readings.csv, line 3: this row has 7 cells and the header 8; complete or remove it",
+    "the file, line 2: this row has 9 cells and the header 8; with a decimal comma separate columns by semicolons",
+    "the file, line 2: '1,5' in column 'accel_x' may mean 15 or 1.5; write numbers with a decimal point",
+    "the file: column 'azimuth_deg' is missing; columns found: 'a', 'b'",
+    "the file: column 'accel_x' is text; numbers are needed",
+    "the file: column 4 has no name; give it one or remove it",
+    "the file, line 1: there are column names but no rows of values",
+    "the file, line 9: station is empty; give it a name or remove the row",
+    "the file, line 9: count is 0.5; it must be a whole number from 1",
+    "the file: no rig angles; the columns azimuth_deg, inclination_deg, toolface_deg are needed",
+    "the file: nothing is in it (0 bytes); choose another file",
+    "the file: not UTF-8 text (byte 0); a JSON file is needed",
+    "the file: $.tool is 7; it must be a text",
+    "the file: $ has no 'triads'; add it",
+    "the file: $.rig has 'x', which is not known; allowed: sd, errors",
+    "the file: holds a JSON list; an object is needed",
+]
+
+
+@pytest.mark.parametrize("language", ["ru", "zh"])
+def test_what_is_wrong_with_a_file_is_said_in_the_language_of_the_page(language):
+    names = r"'[^']*'|\$[.\w]*|\w+_\w+|\b(readings\.csv|JSON|UTF-8|count|sd|errors|list)\b"
+    left = [sentence(language, text) for text in OF_FILES]
+    assert [said for said in left if re.search("[A-Za-z]{3,}", re.sub(names, "", said))] == []

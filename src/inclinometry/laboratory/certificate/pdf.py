@@ -204,7 +204,8 @@ def _facts(record: Content, say: Words) -> dict[str, list[list[str]]]:
     performed = " – ".join(dict.fromkeys(filter(None, (dates["performed_from"], dates["performed_to"]))))
     place = laboratory.get("place") or method.get("rig_place") or laboratory.get("address", "").replace("\n", ", ")
     positions = say("positions", count=method["positions"])
-    if method["plan"]:
+    # a plan may be named by its number of positions
+    if method["plan"] and not re.fullmatch(rf"{method['positions']} [a-z]+", method["plan"]):
         positions = say("plan_positions", plan=method["plan"], count=method["positions"])
     months = record["interval_months"]
     interval = "" if months is None else say("interval", months=months)

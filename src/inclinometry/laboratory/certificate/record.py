@@ -547,8 +547,11 @@ def uncertainty_section(record: Content, say: Words) -> Content:
         return section(title, [say("no_uncertainty")])
     names = [name for name in LETTERS if f"U_{name}_deg" in found]
     k, probability = found["coverage_factor"], 100.0 * found["coverage_probability"]
-    texts = [say("letters"), say("uncertainty_note", k=f"{k:g}", p=f"{probability:.0f}")]
-    if found.get("degrees_of_freedom") is not None:  # certificates of before had k = 2
+    texts = [say("letters")]
+    if found.get("degrees_of_freedom") is None:  # certificates of before had k = 2
+        texts.append(say("uncertainty_note", k=f"{k:g}", p=f"{probability:.0f}"))
+    else:
+        texts.append(say("uncertainty_of_freedom", k=f"{k:g}"))
         texts.append(say("freedom_note", nu=f"{found['degrees_of_freedom']:g}", p=f"{probability:.0f}"))
     if found["azimuth_from"] is not None:
         key = "dip_assumed" if found["dip_assumed"] else "dip"

@@ -131,13 +131,17 @@ def show_report(visitor: Visitor, verdict: str, limits: Content, content: Conten
     with ui.card().classes("panel"):
         # green only when nothing below speaks against relying on it
         doubted = "warn" if content.get("warnings") else "good"
-        ui.label(say(f"verdict.{verdict}")).classes("judgement " + (doubted if verdict == "pass" else "bad"))
+        word = "reserved" if verdict == "pass" and doubted == "warn" else verdict
+        ui.label(say(f"verdict.{word}")).classes("judgement " + (doubted if verdict == "pass" else "bad"))
         if protocol := content.get("protocol"):
             ui.label(say("verify.of_protocol", **{**protocol, "name": plan_words(visitor, str(protocol["name"]))}))
-        for sentence in content.get("reasons", ()):
-            ui.label(visitor.sentence(str(sentence)))
-        for sentence in content.get("warnings", ()):
-            ui.label(visitor.sentence(str(sentence))).classes("warn")
+        reasons = [str(sentence) for sentence in content.get("reasons", ())]
+        for sentence in dict.fromkeys(reasons):
+            # a record of before has what came out as foreseen twice
+            if f"before the first reading: {sentence}" not in reasons:
+                ui.label(visitor.sentence(sentence))
+        for sentence in dict.fromkeys(map(str, content.get("warnings", ()))):
+            ui.label(visitor.sentence(sentence)).classes("warn")
         source = visible(visitor.sentence(str(limits.get("source", ""))))
         against = str(limits.get("name", ""))
         name = say("verify.own_uncertainty") if against == UNCERTAINTY else visitor.sentence(against)

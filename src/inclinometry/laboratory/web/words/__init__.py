@@ -43,6 +43,8 @@ def say(language: str, key: str, **values: Any) -> str:
 
 _LEFT: Final = re.compile(r"\b[a-z]{3,} [a-z]{2,} [a-z]{2,}\b")
 """English left over: three words of it in a row."""
+_PLACE: Final = re.compile(r"(?P<file>the file|[^\s:;,]+), line (?P<line>\d+): (?P<problem>.+)", re.DOTALL)
+"""A file and a line in it before what is wrong there."""
 _QUOTED: Final = re.compile(r'`[^`]*`|"[^"]*"')
 """Commands, and what the system or the database said, in its own words."""
 
@@ -65,6 +67,13 @@ def sentence(language: str, text: str) -> str:
         return text
     with speaking(language):
         said = translated(text)
+    place = _PLACE.match(text)
+    if place is not None and (f", line {place['line']}" in said or _LEFT.search(_QUOTED.sub("", said))):
+        # no text for file, line and problem together: the place first, then what is wrong there
+        problem = sentence(language, place["problem"])
+        return say(
+            language, "problem.line", file=sentence(language, place["file"]), line=place["line"], problem=problem
+        )
     # half a sentence in each of two languages is worse than an English one
     return text if _LEFT.search(_QUOTED.sub("", said)) else said
 
