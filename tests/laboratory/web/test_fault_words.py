@@ -85,6 +85,23 @@ def _lost(tmp_path) -> list[Fault]:
     return [Fault("witness", "-", text) for text in (*(lost_sentence(tmp_path, p, "77") for p in places), *doubts)]
 
 
+NOTES = [
+    f"signed up to record 7 by the key {KEY} (the laboratory's until it was lost)",
+    f"not proven: it is signed up to record 7 by the key {KEY}, and the key here is 77; name the public key of the "
+    "laboratory whose ledger it is with `inclinometry ledger verify --key PUBLIC.pem`",
+    "/7/public.pem: not a public key any more; `inclinometry ledger key --make` writes it anew from key.pem, or "
+    "restore it from a copy",
+    "/7/changes.jsonl, line 7: not what a laboratory's key signed when it was rotated or lost; restore the file from a "
+    "copy, or take the line out: every ledger has recorded the changes that it knows of",
+]
+
+
+@pytest.mark.parametrize("language", ["ru", "zh"])
+def test_notes_are_said_in_the_language_of_the_page(language):
+    said = [sentence(language, note) for note in NOTES]
+    assert [text for text in said if re.search("[A-Za-z]{3,}", _without_quotations(text).replace("key.pem", ""))] == []
+
+
 @pytest.mark.parametrize("language", ["ru", "zh"])
 def test_faults_are_said_in_the_language_of_the_page(tmp_path, language):
     left = []

@@ -21,7 +21,17 @@ from inclinometry.errors import FileError, InputError
 from inclinometry.files.json_codec import canonical, parse
 from inclinometry.laboratory.certificate.record import record_digest
 from inclinometry.laboratory.ledger.chain import LedgerError
-from inclinometry.laboratory.ledger.keys import Keys, Public, fingerprint, load_private, private_pem, public_pem, right
+from inclinometry.laboratory.ledger.keys import (
+    LARGEST_KEY,
+    Keys,
+    Public,
+    fingerprint,
+    load_private,
+    private_pem,
+    public_pem,
+    right,
+)
+from inclinometry.opening import whole
 
 if TYPE_CHECKING:
     from cryptography.x509 import Certificate
@@ -103,7 +113,7 @@ def document_key(keys: Keys, name: str) -> DocumentKey:
     name = name[:64] or "laboratory"  # the longest common name of X.509
     public = Public((keys.signing().public,), ())
     if path.is_file():
-        data = path.read_bytes()
+        data = whole(path, LARGEST_KEY)
         private = load_private(data, path)
         try:
             found = tuple(x509.load_pem_x509_certificates(data))
@@ -200,7 +210,7 @@ def public_bundle(keys: Keys) -> bytes:
     now = keys.public()
     known = (*([now] if now else []), *keys.former())
     path = keys.folder / "document.pem"
-    found = x509.load_pem_x509_certificates(path.read_bytes()) if path.is_file() else []
+    found = x509.load_pem_x509_certificates(whole(path, LARGEST_KEY)) if path.is_file() else []
     of_others = [one for one in found[:1] if not made_out_by(one, Public(known, ()))]
     return b"".join([*map(public_pem, known), *(one.public_bytes(Encoding.PEM) for one in of_others)])
 

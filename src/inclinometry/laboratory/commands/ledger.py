@@ -69,7 +69,7 @@ def verify(
     json: Json = False,
 ) -> int:
     """Check every record, the chain, signed heads and witnesses: exit status 0 proven, 1 changed or not proven (a
-    witness that was named does not answer), 2 bad input.
+    witness that was named does not answer, another key than the one here signed it), 2 bad input.
 
     Parameters
     ----------
@@ -114,8 +114,8 @@ def verify(
         alone = "" if found.proven else " by what the ledger itself says"
         output.say(f"{records} and {documents} are sound{alone}")
         output.say(f"head {found.head}")
-        if found.proven:
-            return 0
+        if not found.silent:
+            return 0 if found.proven else 1
         who = "a witness" if len(found.silent) == 1 else f"{len(found.silent)} witnesses"
         output.say(
             f"not proven: {who} did not answer, and a cut tail or an older copy may be known there alone; verify again "
