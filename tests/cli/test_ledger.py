@@ -284,3 +284,67 @@ def test_junk_in_the_folder_of_the_keys_is_named(run, tmp_path, monkeypatch):
         assert f"{changes}, line 1: not what a laboratory's key signed" in " ".join(found.err.split())
     changes.unlink()
     assert run("ledger", "verify", "--ledger", "own.sqlite").status == 0
+
+
+def test_a_witness_that_is_dropped_from_the_list_is_missed(run, tmp_path, monkeypatch):
+    """The list lies beside the key, unsigned; that a witness was named, and removed, stands in the ledger."""
+    monkeypatch.setenv("INCLINOMETRY_KEYS", str(tmp_path / "keys"))
+    monkeypatch.setenv("INCLINOMETRY_PASSWORD", PASSWORD)
+    run("ledger", "init", "own.sqlite")
+    own = ("--ledger", "own.sqlite")
+    for name in ("share", "other"):
+        (tmp_path / name).mkdir()
+        assert run("ledger", "witness", name, *own).status == 0
+        assert run("ledger", "witness", name, *own).status == 0
+    with Ledger("own.sqlite", read_only=True) as ledger:
+        named = ledger.find("event", subject_kind="ledger", subject="witness", action="named")
+        signed = ledger.signed_head()
+    assert signed is not None
+    assert [one.body["details"] for one in named] == [
+        {"place": str(tmp_path / name), "ledger": signed.ledger} for name in ("share", "other")
+    ]
+    for name in ("share", "other"):  # both know of all of it
+        (kept,) = (tmp_path / name).iterdir()
+        assert '"size":2' in kept.read_text().splitlines()[-1]
+    listed = tmp_path / "keys" / "witnesses.txt"
+    listed.write_text(f"{tmp_path / 'other'}\n")
+    found = run("ledger", "verify", *own)
+    assert found.status == 1
+    assert f"{tmp_path / 'share'} was named as a witness of this ledger and is not on the list any more" in found.out
+    # by somebody who has no key: a note
+    (tmp_path / "reader").mkdir()
+    (tmp_path / "reader" / "public.pem").write_bytes((tmp_path / "keys" / "public.pem").read_bytes())
+    monkeypatch.setenv("INCLINOMETRY_KEYS", str(tmp_path / "reader"))
+    found = run("ledger", "verify", *own)
+    assert (found.status, f"named {tmp_path / 'share'} as a witness, which is not asked here" in found.out) == (0, True)
+    monkeypatch.setenv("INCLINOMETRY_KEYS", str(tmp_path / "keys"))
+    # named again, or taken off: both mend it
+    assert run("ledger", "witness", "share", *own).status == 0
+    assert run("ledger", "verify", *own).status == 0
+    listed.unlink()
+    for name in ("share", "other"):
+        assert run("ledger", "witness", name, "--remove", *own).status == 0
+    assert run("ledger", "verify", *own).status == 0
+    assert run("ledger", "witness", "share", "--remove", *own).status == 2
+    # what was listed before there were such records is recorded by `init`
+    listed.write_text(f"{tmp_path / 'share'}\n")
+    assert run("ledger", "init", "own.sqlite").status == 0
+    listed.unlink()
+    assert run("ledger", "verify", *own).status == 1
+
+
+def test_a_password_of_a_witness_is_not_recorded(run, tmp_path, monkeypatch):
+    """A ledger in a database as a witness: its place without the password."""
+    from inclinometry.laboratory.ledger.verify import verify
+    from inclinometry.laboratory.ledger.witness import name_others
+
+    monkeypatch.setenv("INCLINOMETRY_KEYS", str(tmp_path / "keys"))
+    run("ledger", "init", "own.sqlite")
+    place = "postgresql://anna:secret@127.0.0.1:9/lab"
+    with Ledger("own.sqlite") as ledger:
+        ledger.record_witness(place, "named", author="anna")
+        (event,) = ledger.find("event", subject="witness")
+        assert "secret" not in str(event.body)
+        assert "is not on the list" in str(verify(ledger).faults)
+        name_others(tmp_path / "keys", [place])
+        assert verify(ledger).ok

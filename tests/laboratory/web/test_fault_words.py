@@ -64,6 +64,12 @@ FAULTS = [
     Fault("chain", "7", "not signed: recorded by something else than this program with the laboratory's key"),
     Fault("head", "7 (8)", f"signed by {KEY}, for which the key before did not sign"),
     Fault("head", "7", f"signed by the key {KEY}, not by the laboratory's, 77"),
+    Fault(
+        "witness",
+        "-",
+        "/7 was named as a witness of this ledger and is not on the list any more; name it again with `inclinometry "
+        "ledger witness /7`, or take it off with --remove",
+    ),
 ]
 
 
@@ -86,6 +92,9 @@ def _lost(tmp_path) -> list[Fault]:
 
 
 NOTES = [
+    "its laboratory named /7 as a witness, which is not asked here",
+    "named",
+    "removed",
     f"signed up to record 7 by the key {KEY} (the laboratory's until it was lost)",
     f"not proven: it is signed up to record 7 by the key {KEY}, and the key here is 77; name the public key of the "
     "laboratory whose ledger it is with `inclinometry ledger verify --key PUBLIC.pem`",

@@ -22,6 +22,7 @@ from inclinometry.laboratory.ledger.users import change_password, find_user, gua
 from inclinometry.laboratory.ledger.users import remove_second_factor as without_second_factor
 from inclinometry.laboratory.ledger.users import users as all_users
 from inclinometry.laboratory.ledger.verify import verify as verify_ledger
+from inclinometry.laboratory.ledger.witness import others
 from inclinometry.laboratory.results import history as history_of
 
 
@@ -54,6 +55,8 @@ def init(
         if accept is not None:
             ledger.accept(accept, author=_who())
         output.say(f"ledger {ledger.shown} holds {output.counted(ledger.head().seq, 'record')}")
+        for place in others(ledger.keys.folder) if ledger.head().seq else ():
+            ledger.record_witness(place, "named", author=_who())
         signed = ledger.signed_head()
         if signed is not None:
             output.say(f"signed by the key {fingerprint(signed.key)} in {ledger.keys.folder}")

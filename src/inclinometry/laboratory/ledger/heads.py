@@ -32,6 +32,8 @@ KEY_EVENT: Final = {"subject_kind": "ledger", "subject": "key"}
 """Keys of the event that records how a key was rotated or lost; its action says which."""
 ACCEPTED: Final = {"subject_kind": "ledger", "subject": "head", "action": "accepted"}
 """Keys of the event by which somebody answers for what verification found, in words, and goes on."""
+WITNESS_EVENT: Final = {"subject_kind": "ledger", "subject": "witness"}
+"""Keys of the event that records that a witness was "named" or "removed"; details: its place, and the ledger."""
 _SPARSE: Final = 256  # records between two rows that keep the peaks: so many are read again when a program starts
 
 

@@ -14,12 +14,12 @@ from sqlalchemy.engine import Connection
 from inclinometry.errors import FileError
 from inclinometry.laboratory.ledger import chain
 from inclinometry.laboratory.ledger.chain import LedgerError
-from inclinometry.laboratory.ledger.engine import HEAD
-from inclinometry.laboratory.ledger.heads import ACCEPTED, KEY_EVENT, SignedHead, head_of, newest_head
+from inclinometry.laboratory.ledger.engine import HEAD, shown
+from inclinometry.laboratory.ledger.heads import ACCEPTED, KEY_EVENT, WITNESS_EVENT, SignedHead, head_of, newest_head
 from inclinometry.laboratory.ledger.keys import descends, explained, fingerprint, genuine
 from inclinometry.laboratory.ledger.ledger import Ledger
 from inclinometry.laboratory.ledger.merkle import Frontier, leaf_hash
-from inclinometry.laboratory.ledger.witness import Testimony, begun_at, lost_sentence, witnessed
+from inclinometry.laboratory.ledger.witness import Testimony, begun_at, lost_sentence, others, witnessed
 
 
 @dataclass(frozen=True)
@@ -94,7 +94,10 @@ class Signatures:
         self._kept, self._notes = testimony.kept, list(testimony.open)
         # only who signs tells a witness: on another computer none is expected
         signs = self.newest is not None and (self.newest.key in ours or self._before_the_break() is not None)
-        own = signs and ledger.keys.there
+        self._own = own = signs and ledger.keys.there
+        self._listed = {shown(one) for one in others(ledger.keys.folder)}
+        # place of a witness -> whether it was named, and not removed since
+        self._named: dict[str, bool] = {}
         name, folder = self.newest.ledger if self.newest else "", ledger.keys.folder
         self._lost_witnesses = [lost_sentence(folder, one, name) for one in testimony.lost] if own else []
         self._tree = Frontier()
@@ -160,6 +163,9 @@ class Signatures:
             return
         if row.subject == KEY_EVENT["subject"] and isinstance(details, dict) and genuine(details):
             self._changes.append(details)
+        here = "" if self.newest is None else self.newest.ledger  # others were imported into this one
+        if row.subject == WITNESS_EVENT["subject"] and isinstance(details, dict) and details.get("ledger") == here:
+            self._named[str(details.get("place"))] = row.action == "named"
         if (row.subject, row.action) == (ACCEPTED["subject"], ACCEPTED["action"]):
             self._accepted.append((str(row.created), str(row.author), reason))
 
@@ -214,6 +220,7 @@ class Signatures:
         ]
         faults += self._unreadable
         faults += [Fault("witness", "-", sentence) for sentence in self._lost_witnesses]
+        faults += self._unlisted()
         faults += self._whole(seq)
         said = max(self._accepted, default=("", "", ""))
         first: dict[str, Fault] = {}
@@ -253,6 +260,18 @@ class Signatures:
                 "a copy that is kept on purpose is verified with --copy"
             )
         self._doubts.append((head.time, Fault("chain", lost, said)))
+
+    def _unlisted(self) -> Iterator[Fault]:
+        """Faults of witnesses that were named, and that somebody took off the list in the folder of the keys."""
+        for place in (place for place, named in self._named.items() if named and place not in self._listed):
+            if self._own:
+                said = (
+                    f"{place} was named as a witness of this ledger and is not on the list any more; name it again "
+                    f"with `inclinometry ledger witness {place}`, or take it off with --remove"
+                )
+                yield Fault("witness", "-", said)
+            else:
+                self._notes.append(f"its laboratory named {place} as a witness, which is not asked here")
 
     def _whole(self, seq: int) -> Iterator[Fault]:
         """Faults of a ledger whose end is not signed, or that is not the one that was here."""
