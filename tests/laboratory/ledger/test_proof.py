@@ -485,6 +485,30 @@ def test_what_has_no_end_is_not_read(tmp_path: Path, keys: Keys, name: str) -> N
         ask()
 
 
+@pytest.mark.parametrize("whose", ["a folder", "this computer"])
+def test_what_has_no_end_is_no_witness(tmp_path: Path, keys: Keys, whose: str) -> None:
+    """A device, or more bytes than heads can be, where a witness kept them: it says nothing, and nothing is proven."""
+    path, share = tmp_path / "lab.sqlite", tmp_path / "share"
+    share.mkdir()
+    name_others(keys.folder, [str(share)])
+    with create(path, keys=keys) as ledger:
+        ledger.append("tool", {"serial": "A"}, TOOL, author="anna")
+    (file,) = (share if whose == "a folder" else keys.folder / "heads").iterdir()
+    file.unlink()
+    for turn, wanted in enumerate(("a device, which has no end", "it has 3,000,000,000 bytes; allowed")):
+        if turn:
+            file.unlink()
+            with file.open("wb") as stream:
+                stream.truncate(3_000_000_000)
+        else:
+            file.symlink_to("/dev/zero")
+        with Ledger(path, keys=keys) as ledger:
+            found = verify(ledger)
+            assert found.ok
+            assert not found.proven
+            assert any(wanted in sentence for sentence in found.silent), found.silent
+
+
 def test_a_whole_folder_lost(opened: Opened, tmp_path: Path, keys: Keys) -> None:
     """Key, public key and witness are gone: a new key can be begun, which names none before it."""
     shutil.rmtree(keys.folder)
