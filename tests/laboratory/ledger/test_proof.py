@@ -440,6 +440,14 @@ def test_junk_in_the_place_of_the_public_key_is_named(opened: Opened, keys: Keys
         ledger.append("tool", {"serial": "NEXT"}, TOOL, author="anna")
         assert keys.public() == public
         assert verify(ledger).proven
+    # and where the private key is lost, too, a new one is begun
+    file.write_bytes(junk)
+    keys.path.unlink()
+    keys.begin_anew("the disk failed")
+    with opened() as ledger:
+        assert any(note.startswith("break") for note in verify(ledger).notes)
+        ledger.append("tool", {"serial": "LAST"}, TOOL, author="anna")
+        assert verify(ledger).proven
 
 
 @pytest.mark.parametrize(

@@ -218,7 +218,10 @@ class Keys:
         from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
         new = SigningKey(Ed25519PrivateKey.generate())
-        before = self.public() if old is None else old.public
+        try:
+            before = self.public() if old is None else old.public
+        except FileError:  # lost, too
+            before = None
         content = {
             "schema": CHANGE,
             "version": 1,
@@ -253,7 +256,11 @@ class Keys:
             It cannot be read, or a line is none of them.
         """
         path = self.folder / "changes.jsonl"
-        if not path.exists():
+        try:
+            there = path.exists()
+        except OSError as error:
+            raise FileError(f"cannot be read ({error.strerror}); check its permissions", path=path) from None
+        if not there:
             return []
         found = []
         for number, line in enumerate(whole(path, LARGEST_SETTINGS).splitlines(), 1):

@@ -282,7 +282,7 @@ class Ledger:
         details = {"place": shown(place), "ledger": newest.ledger}
         known = False
         after = 0
-        while rows := self.find("event", after=after, **WITNESS_EVENT):
+        while rows := self.find("event", after=after, subject_kind="ledger", subject=WITNESS_EVENT["subject"]):
             after = rows[-1].seq
             said = [row.keys["action"] for row in rows if row.body.get("details") == details]
             known = said[-1] == "named" if said else known

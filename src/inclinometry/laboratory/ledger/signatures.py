@@ -95,7 +95,12 @@ class Signatures:
         # only who signs tells a witness: on another computer none is expected
         signs = self.newest is not None and (self.newest.key in ours or self._before_the_break() is not None)
         self._own = own = signs and ledger.keys.there
-        self._listed = {shown(one) for one in others(ledger.keys.folder)}
+        try:
+            self._listed = {shown(one) for one in others(ledger.keys.folder)}
+        except FileError:  # the folder of another user
+            if own:
+                raise
+            self._listed = set()
         # place of a witness -> whether it was named, and not removed since
         self._named: dict[str, bool] = {}
         name, folder = self.newest.ledger if self.newest else "", ledger.keys.folder

@@ -132,11 +132,9 @@ class Witnesses:
 def others(folder: Path) -> list[str]:
     """The witnesses beside the file of this computer, as witnesses.txt names them."""
     path = folder / "witnesses.txt"
-    if not path.exists():
-        return []
     try:
-        lines = whole(path, LARGEST_SETTINGS).decode().splitlines()
-    except UnicodeDecodeError as error:
+        lines = whole(path, LARGEST_SETTINGS).decode().splitlines() if path.exists() else []
+    except (OSError, UnicodeDecodeError) as error:
         raise FileError(f"cannot be read ({error}); restore it or remove it", path=path) from None
     return [line.strip() for line in lines if line.strip()]
 
