@@ -198,6 +198,13 @@ def _another_certificate(signed: Any) -> None:
     signed["certificates"].append(asn1.Certificate.load(pem.unarmor(made)[2]))
 
 
+def _capitals(name: Any) -> Any:
+    """The same name to whoever compares names without regard to case."""
+    from asn1crypto import x509 as asn1
+
+    return asn1.Name.build({"common_name": name.native["common_name"].replace("inclinometry", "Inclinometry")})
+
+
 def _renamed(signed: Any) -> None:
     """The laboratory's own certificate says that another made it out."""
     from asn1crypto import x509 as asn1
@@ -217,6 +224,10 @@ ADDED: dict[str, Callable[[Any], object]] = {
     "a second signer": lambda s: s["signer_infos"].append(s["signer_infos"][0].copy()),
     "another version": lambda s: s.__setitem__("version", "v3"),
     "another issuer": _renamed,
+    "the signer in capitals": lambda s: s["signer_infos"][0]["sid"].chosen.__setitem__(
+        "issuer", _capitals(s["signer_infos"][0]["sid"].chosen["issuer"])
+    ),
+    "another digest": lambda s: s["digest_algorithms"][0].__setitem__("algorithm", "sha512"),
     "another kind of key": _strange_kind,
     "an unknown version": lambda s: s["certificates"][2].chosen["tbs_certificate"].__setitem__("version", 3),
     "no serial number": lambda s: s["certificates"][2].chosen["tbs_certificate"].__setitem__("serial_number", -1),

@@ -578,6 +578,12 @@ def _as_we_sign(data: bytes, one: Any, leaf: Certificate) -> bool:
     signer = signers[0]
     algorithms = (signed["digest_algorithms"][0], signer["digest_algorithm"], signer["signature_algorithm"])
     plain = all(algorithm["parameters"].native is None for algorithm in algorithms)
+    # names are compared without regard to their letters' case elsewhere
+    who, by = signer["sid"], one.signer_cert.issuer.dump()
+    if who.name != "issuer_and_serial_number" or who.chosen["issuer"].dump() != by:
+        return False
+    if signed["digest_algorithms"][0].dump() != signer["digest_algorithm"].dump():
+        return False
     version, about = (signed["version"].native, signer["version"].native), signed["encap_content_info"]
     if not plain or version != ("v1", "v1") or about.native != {"content_type": "data", "content": None}:
         return False
