@@ -230,3 +230,121 @@ def test_a_witness_that_is_gone_is_named(run, lab, tmp_path, monkeypatch):
     assert run("ledger", "verify", "--ledger", "own.sqlite").status == 1
     assert run("ledger", "init", "own.sqlite", "--accept", "the keys came without it").status == 0
     assert run("ledger", "verify", "--ledger", "own.sqlite").status == 0
+
+
+def test_a_lost_key_is_no_change_behind_the_back(run, tmp_path, monkeypatch):
+    """Before and after the next record: a note of the break, exit status 0."""
+    monkeypatch.setenv("INCLINOMETRY_KEYS", str(tmp_path / "keys"))
+    monkeypatch.setenv("INCLINOMETRY_PASSWORD", PASSWORD)
+    run("ledger", "init", "own.sqlite")
+    (tmp_path / "keys" / "key.pem").unlink()
+    assert run("ledger", "key", "--lost", "laptop stolen").status == 0
+    for turn in range(2):
+        found = run("ledger", "verify", "--ledger", "own.sqlite")
+        assert found.status == 0, turn
+        assert "break: from record" in found.out
+        assert "said to be lost: laptop stolen" in found.out
+        assert "behind its back" not in found.out
+        assert run("ledger", "users", "anna", "--role", "administrator", "--ledger", "own.sqlite").status == 0
+
+
+def test_the_ledger_of_another_laboratory_is_verified_by_its_key(run, tmp_path, monkeypatch):
+    """By the key of this computer it is not proven, and the sentence says by which; without any it is compared."""
+    for name in ("theirs", "ours"):
+        monkeypatch.setenv("INCLINOMETRY_KEYS", str(tmp_path / name))
+        assert run("ledger", "init", f"{name}.sqlite").status == 0
+        assert run("ledger", "key", "--public", f"{name}.pem").status == 0
+    found = run("ledger", "verify", "--ledger", "theirs.sqlite")
+    assert found.status == 1
+    assert "not proven: it is signed up to record 0 by the key" in found.out
+    assert "ledger verify --key PUBLIC.pem" in found.out
+    assert "behind its back" not in found.out
+    assert run("ledger", "verify", "--ledger", "theirs.sqlite", "--key", "theirs.pem").status == 0
+    assert run("ledger", "verify", "--ledger", "theirs.sqlite", "--key", "ours.pem").status == 1
+    monkeypatch.setenv("INCLINOMETRY_KEYS", str(tmp_path / "none"))
+    found = run("ledger", "verify", "--ledger", "theirs.sqlite")
+    assert (found.status, "compare it with the laboratory's" in found.out) == (0, True)
+
+
+def test_junk_in_the_folder_of_the_keys_is_named(run, tmp_path, monkeypatch):
+    """File, line and remedy, exit status 2, no traceback; the remedy mends it."""
+    monkeypatch.setenv("INCLINOMETRY_KEYS", str(tmp_path / "keys"))
+    run("ledger", "init", "own.sqlite")
+    public, changes = tmp_path / "keys" / "public.pem", tmp_path / "keys" / "changes.jsonl"
+    public.write_bytes(b"\0junk")
+    for command in (("verify", "--ledger", "own.sqlite"), ("key",), ("witness", "--ledger", "own.sqlite")):
+        found = run("ledger", *command)
+        assert found.status == 2, command
+        assert f"{public}: not a public key any more; `inclinometry ledger key --make`" in " ".join(found.err.split())
+    assert run("ledger", "key", "--make").status == 0
+    changes.write_text("junk\n")
+    for command in (("verify", "--ledger", "own.sqlite"), ("key",), ("head", "--ledger", "own.sqlite")):
+        found = run("ledger", *command)
+        assert found.status == 2, command
+        assert f"{changes}, line 1: not what a laboratory's key signed" in " ".join(found.err.split())
+    changes.unlink()
+    assert run("ledger", "verify", "--ledger", "own.sqlite").status == 0
+
+
+def test_a_witness_that_is_dropped_from_the_list_is_missed(run, tmp_path, monkeypatch):
+    """The list lies beside the key, unsigned; that a witness was named, and removed, stands in the ledger."""
+    monkeypatch.setenv("INCLINOMETRY_KEYS", str(tmp_path / "keys"))
+    monkeypatch.setenv("INCLINOMETRY_PASSWORD", PASSWORD)
+    run("ledger", "init", "own.sqlite")
+    own = ("--ledger", "own.sqlite")
+    for name in ("share", "other"):
+        (tmp_path / name).mkdir()
+        assert run("ledger", "witness", name, *own).status == 0
+        assert run("ledger", "witness", name, *own).status == 0
+    with Ledger("own.sqlite", read_only=True) as ledger:
+        named = ledger.find("event", subject_kind="ledger", subject="witness", action="named")
+        signed = ledger.signed_head()
+    assert signed is not None
+    assert [one.body["details"] for one in named] == [
+        {"place": str(tmp_path / name), "ledger": signed.ledger} for name in ("share", "other")
+    ]
+    for name in ("share", "other"):  # both know of all of it
+        (kept,) = (tmp_path / name).iterdir()
+        assert '"size":2' in kept.read_text().splitlines()[-1]
+    listed = tmp_path / "keys" / "witnesses.txt"
+    listed.write_text(f"{tmp_path / 'other'}\n")
+    found = run("ledger", "verify", *own)
+    assert found.status == 1
+    assert f"{tmp_path / 'share'} was named as a witness of this ledger and is not on the list any more" in found.out
+    # by somebody who has no key: a note
+    (tmp_path / "reader").mkdir()
+    (tmp_path / "reader" / "public.pem").write_bytes((tmp_path / "keys" / "public.pem").read_bytes())
+    monkeypatch.setenv("INCLINOMETRY_KEYS", str(tmp_path / "reader"))
+    found = run("ledger", "verify", *own)
+    assert (found.status, f"named {tmp_path / 'share'} as a witness, which is not asked here" in found.out) == (0, True)
+    monkeypatch.setenv("INCLINOMETRY_KEYS", str(tmp_path / "keys"))
+    # named again, or taken off: both mend it
+    assert run("ledger", "witness", "share", *own).status == 0
+    assert run("ledger", "verify", *own).status == 0
+    listed.unlink()
+    for name in ("share", "other"):
+        assert run("ledger", "witness", name, "--remove", *own).status == 0
+    assert run("ledger", "verify", *own).status == 0
+    assert run("ledger", "witness", "share", "--remove", *own).status == 2
+    # what was listed before there were such records is recorded by `init`
+    listed.write_text(f"{tmp_path / 'share'}\n")
+    assert run("ledger", "init", "own.sqlite").status == 0
+    listed.unlink()
+    assert run("ledger", "verify", *own).status == 1
+
+
+def test_a_password_of_a_witness_is_not_recorded(run, tmp_path, monkeypatch):
+    """A ledger in a database as a witness: its place without the password."""
+    from inclinometry.laboratory.ledger.verify import verify
+    from inclinometry.laboratory.ledger.witness import name_others
+
+    monkeypatch.setenv("INCLINOMETRY_KEYS", str(tmp_path / "keys"))
+    run("ledger", "init", "own.sqlite")
+    place = "postgresql://anna:secret@127.0.0.1:9/lab"
+    with Ledger("own.sqlite") as ledger:
+        ledger.record_witness(place, "named", author="anna")
+        (event,) = ledger.find("event", subject="witness")
+        assert "secret" not in str(event.body)
+        assert "is not on the list" in str(verify(ledger).faults)
+        name_others(tmp_path / "keys", [place])
+        assert verify(ledger).ok

@@ -206,7 +206,7 @@ def test_keys_and_heads_as_a_user_types_them(
     assert "begins with the 0 of" in said
     status, said = run(capsys, "ledger", "verify", "--ledger", "lab.sqlite", "--key", "laboratory.pem")
     assert status == 0, said
-    assert f"witness {tmp_path / 'share'}: agrees up to record 2" in said
+    assert f"witness {tmp_path / 'share'}: agrees up to record 3" in said
     status, said = run(capsys, "ledger", "witness", "nowhere/at/all", "--ledger", "lab.sqlite")
     assert status == 2
     assert "could not be written" in said
@@ -228,7 +228,7 @@ def test_keys_and_heads_as_a_user_types_them(
     status, said = run(capsys, "ledger", "key", "--lost", "stolen")
     assert "was begun, lost was" in said
     content = json.loads((tmp_path / "new.json").read_text())
-    (tmp_path / "new.json").write_text(json.dumps({**content, "size": 3}))
+    (tmp_path / "new.json").write_text(json.dumps({**content, "size": 7}))
     status, said = run(capsys, "ledger", "head", "new.json")
     assert status == 2
     assert "changed or forged" in said

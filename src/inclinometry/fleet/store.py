@@ -15,6 +15,7 @@ from typing import Any, BinaryIO, Final, NamedTuple
 from urllib.parse import quote, unquote
 
 from inclinometry.errors import FileError, InputError
+from inclinometry.opening import opened
 
 STAGED: Final = re.compile(r"^\.[0-9a-f]{16}\.part$")
 """Names of files that are being written."""
@@ -81,13 +82,13 @@ class Store(NamedTuple):
         Raises
         ------
         FileError
-            It is not there or cannot be read.
+            It is not there or cannot be read; it is a device, which has no end.
         """
+        if self.folder is not None:
+            with opened(self.folder / name) as stream:
+                yield stream
+            return
         try:
-            if self.folder is not None:
-                with (self.folder / name).open("rb") as stream:
-                    yield stream
-                return
             system, root = _system(self.address)
             with _said(self.uri(name)), system.open_input_file(f"{root}/{name}") as stream:
                 yield stream

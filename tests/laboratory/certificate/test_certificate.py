@@ -7,9 +7,11 @@ import json
 import re
 import shutil
 import subprocess
+from collections.abc import Callable
 from dataclasses import replace
 from datetime import date
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,7 +22,7 @@ from inclinometry.calibration.expected import expected_uncertainty, tool_tempera
 from inclinometry.constants import STEPS
 from inclinometry.errors import FileError, InputError
 from inclinometry.laboratory.certificate.dcc import dcc_bytes
-from inclinometry.laboratory.certificate.laboratory_toml import Standard
+from inclinometry.laboratory.certificate.laboratory_toml import Laboratory, Standard
 from inclinometry.laboratory.certificate.pdf import certificate_pdf
 from inclinometry.laboratory.certificate.record import (
     certificate_record,
@@ -31,6 +33,7 @@ from inclinometry.laboratory.certificate.record import (
     record_digest,
     words,
 )
+from inclinometry.laboratory.certificate.requirements import missing
 from inclinometry.orientation import fields
 from inclinometry.sensors import angle_sensitivity
 from inclinometry.stability import aged
@@ -339,6 +342,79 @@ def test_it_is_titled_certificate_only_when_nothing_is_missing(seen, key, change
         assert "T2 (2026-05-03)" in said
         assert say("overdue") in dict(seen[1]["facts"]["long"])[say("standards")]
     assert [part["title"] for part in seen[0]["sections"]] == [part["title"] for part in seen[1]["sections"]]
+
+
+# as people fill a form that asks for more than they know
+PLACEHOLDERS = (
+    "-", "--", "–", "—", ".", "...", "?", "???", "/", "*", "_", " ", "n/a", "N/A", "n.a.", "NA", "not stated",
+    "Not Stated.", "unknown", "UNKNOWN", "(unknown)", "N. N.", "N.N.", "NN", "none", "None", "no", "x", "X", "xxx",
+    "tbd", "TBD", "t.b.d.", "to be defined", "null", "-\n-", "n/a\nn/a", "unknown, unknown", "？", "Ｘ",
+    "нет", "Нет", "не указано", "НЕ УКАЗАНО", "не указан", "неизвестно", "н/д", "б/н", "отсутствует", "х",
+    "无", "未知", "不详", "暂无", "未填写", "待定", "不适用", "无。", "（无）",
+)  # fmt: skip
+STATED = (
+    "Na Li", "A", "7", "0017", "T2", "X-7", "No. 7", "X1", "Norway", "Nonet", "Unknown & Sons", "none the worse",
+    "good", "n/a, but sealed", "Нетребко", "х. Северный", "不详路 7 号", "无锡", "TBD-7", "Xavier",
+)  # fmt: skip
+FIELDS: dict[str, Callable[[str], dict[str, Any]]] = {
+    "laboratory": lambda text: {"laboratory": replace(LABORATORY, address=text)},
+    "customer": lambda text: {"order": replace(ORDER, customer=text)},
+    "item": lambda text: {"order": replace(ORDER, serial=text)},
+    "traceability": lambda text: {
+        "laboratory": replace(LABORATORY, traceability=text),
+        "order": replace(ORDER, rig_traceability=text),
+    },
+    "environment": lambda text: {"order": replace(ORDER, environment=text, temperature_degC=None)},
+    "condition": lambda text: {"order": replace(ORDER, condition=text)},
+    "procedure": lambda text: {"laboratory": replace(LABORATORY, procedure=text)},
+    "standards": lambda text: {"standards": (*STANDARDS, Standard("T3", text, date(2027, 3, 1)))},
+    "signatory": lambda text: {"laboratory": replace(LABORATORY, authoriser=text)},
+}
+
+
+@pytest.mark.parametrize("key", FIELDS)
+def test_a_placeholder_is_as_good_as_nothing(key: str) -> None:
+    """A dash, n/a, unknown, in three languages: each earns the title of a report that names what is missing."""
+
+    def lacks(text: str) -> list[str]:
+        text = text if key not in ("procedure", "signatory") else ", ".join(text.splitlines())  # fields of one line
+        given: dict[str, Any] = {"laboratory": LABORATORY, "order": ORDER, "standards": STANDARDS} | FIELDS[key](text)
+        return missing(given["laboratory"], given["order"], given["standards"])
+
+    assert [text for text in PLACEHOLDERS if lacks(text) != [key]] == []
+    assert [text for text in STATED if lacks(text)] == []
+
+
+def test_a_document_of_placeholders_is_a_report() -> None:
+    """What earned the title of a certificate once: every field filled, nothing said."""
+    laboratory = Laboratory("-", "n/a", "XX", authoriser="N. N.", traceability="not stated", procedure=".")
+    order = replace(ORDER, customer="?", condition="unknown", environment="tbd", temperature_degC=None)
+    made = record(laboratory=laboratory, order=order, standards=(Standard("x", "none", date(9999, 12, 31)),))
+    assert made["title"] == "report"
+    wanted = [
+        "laboratory",
+        "customer",
+        "traceability",
+        "environment",
+        "condition",
+        "procedure",
+        "standards",
+        "signatory",
+    ]
+    assert made["missing"] == wanted
+
+
+@pytest.mark.parametrize("code", ["XX", "AA", "ZZ", "QZ", "XA"])
+def test_a_country_that_is_none(code: str) -> None:
+    """Codes that ISO 3166-1 gives to nobody."""
+    assert missing(replace(LABORATORY, country=code), ORDER, STANDARDS) == ["laboratory"]
+    for known in ("NO", "QA", "RU", "CN", "XK", "ZA"):
+        assert missing(replace(LABORATORY, country=known), ORDER, STANDARDS) == []
+
+
+@pytest.mark.parametrize(("year", "lacks"), [(9999, ["standards"]), (2047, ["standards"]), (2046, []), (2027, [])])
+def test_a_due_date_that_nobody_set(year: int, lacks: list[str]) -> None:
+    assert missing(LABORATORY, ORDER, (Standard("T2", "D-17", date(year, 1, 1)),)) == lacks
 
 
 def test_results_are_what_was_verified(seen: list[dict[str, str]]) -> None:

@@ -32,6 +32,7 @@ from inclinometry.laboratory.certificate.signing import (
     sign_files,
     unsigned,
 )
+from inclinometry.laboratory.ledger.chain import LedgerError
 from inclinometry.laboratory.ledger.keys import Keys, Public, fingerprint, read_public
 
 from .certificates import dcc_schema, record
@@ -103,13 +104,25 @@ def test_another_program_finds_the_signature_of_the_pdf_valid(laboratory: Labora
     assert "ETSI.CAdES.detached" in said
 
 
+def room(pdf: bytes) -> tuple[int, int]:
+    """Where the signature of a PDF stands, from its first bracket to behind its last."""
+    found = re.search(rb"/ByteRange *\[ *0 +(\d+) +(\d+)", pdf)
+    assert found is not None
+    return int(found[1]), int(found[2])
+
+
 @pytest.mark.long
 @pytest.mark.parametrize("name", ["pdf", "dcc", "json"])
 def test_no_byte_can_be_changed(laboratory: Laboratory, name: str) -> None:
     """One bit flipped anywhere, a byte taken out or added: never genuine, unless the XML says the same (C14N)."""
     data = getattr(laboratory.files, name)
     random = np.random.default_rng(3)
-    for turn, place in enumerate(random.integers(0, len(data), 150)):
+    places = [*random.integers(0, len(data), 150)]
+    if name == "pdf":  # the room of the signature: its CMS densely, the zeros behind it, both brackets, what is around
+        first, behind = room(data)
+        places += [*range(first - 3, first + 4), *random.integers(first, first + 3600, 300)]
+        places += [*random.integers(first + 3600, behind, 150), *range(behind - 4, behind + 3), len(data) - 1]
+    for turn, place in enumerate(places):
         changed = bytearray(data)
         if turn % 3 == 0:
             del changed[place]
@@ -125,10 +138,6 @@ def test_no_byte_can_be_changed(laboratory: Laboratory, name: str) -> None:
             same = [etree.tostring(etree.fromstring(one), method="c14n") for one in (bytes(changed), data)]
             signature = [re.sub(rb"<ds:Signature .*</ds:Signature>", b"", one, flags=re.DOTALL) for one in same]
             assert signature[0] == signature[1], place
-        elif name == "pdf" and not found.problem:
-            # the blanks that fill up the room of the signature are not signed, nor can they be
-            start = data.index(b"/Contents <3082")
-            assert start < place < start + 30_000, place
         else:
             assert found.problem, place
 
@@ -148,6 +157,106 @@ def test_an_edited_file_is_not_genuine(laboratory: Laboratory, name: str, old: b
     data: bytes = getattr(laboratory.files, name)
     assert old in data
     assert "changed" in look(data.replace(old, new, 1), "file", laboratory.public).problem
+
+
+@pytest.mark.parametrize("put", [b"1", b"A", b" ", b"\n", b">", b"(", b"00>/M(void)<"])
+@pytest.mark.parametrize("place", [-1, -2, -1000, -20_000])
+def test_nothing_but_zeros_fills_the_room_of_a_signature(laboratory: Laboratory, put: bytes, place: int) -> None:
+    """It is signed by nobody: another file, a note, a payload in it would be."""
+    pdf = laboratory.files.pdf
+    assert pdf is not None
+    at = room(pdf)[1] - 1 + place
+    assert pdf[at : at + 1] == b"0"
+    at -= len(put) if at + len(put) > room(pdf)[1] - 1 else 0
+    found = look(pdf[:at] + put + pdf[at + len(put) :], "file", laboratory.public)
+    assert "changed" in found.problem
+    assert len(pdf) == len(pdf[:at] + put + pdf[at + len(put) :])
+
+
+def certificate_of(key: ec.EllipticCurvePrivateKey, name: str = "CN=Somebody") -> bytes:
+    """A certificate that a key made out for itself, PEM."""
+    subject, day = x509.Name.from_rfc4514_string(name), datetime(2026, 1, 1)
+    made = x509.CertificateBuilder().subject_name(subject).issuer_name(subject).public_key(key.public_key())
+    made = made.serial_number(7).not_valid_before(day).not_valid_after(day.replace(year=2090))
+    return made.sign(key, hashes.SHA256()).public_bytes(serialization.Encoding.PEM)
+
+
+def _unsigned_attribute(signed: Any) -> None:
+    from asn1crypto import cms, core
+
+    one = cms.CMSAttribute({"type": "1.3.6.1.4.1.99999.1", "values": [core.OctetString(b"void")]})
+    signed["signer_infos"][0]["unsigned_attrs"] = cms.CMSAttributes([one])
+
+
+def _another_certificate(signed: Any) -> None:
+    """One of the same names by a key of somebody else's."""
+    from asn1crypto import pem
+    from asn1crypto import x509 as asn1
+
+    name = f"CN={signed['certificates'][0].chosen.issuer.native['common_name']}"
+    made = certificate_of(ec.generate_private_key(ec.SECP256R1()), name)
+    signed["certificates"].append(asn1.Certificate.load(pem.unarmor(made)[2]))
+
+
+def _capitals(name: Any) -> Any:
+    """The same name to whoever compares names without regard to case."""
+    from asn1crypto import x509 as asn1
+
+    return asn1.Name.build({"common_name": name.native["common_name"].replace("inclinometry", "Inclinometry")})
+
+
+def _renamed(signed: Any) -> None:
+    """The laboratory's own certificate says that another made it out."""
+    from asn1crypto import x509 as asn1
+
+    signed["certificates"][2].chosen["tbs_certificate"]["issuer"] = asn1.Name.build({"common_name": "Somebody"})
+
+
+def _strange_kind(signed: Any) -> None:
+    one = signed["certificates"][2].chosen["tbs_certificate"]
+    one["subject_public_key_info"]["algorithm"]["algorithm"] = "x448"
+
+
+# what stands in the CMS of a PDF and is signed by nobody
+ADDED: dict[str, Callable[[Any], object]] = {
+    "an unsigned attribute": _unsigned_attribute,
+    "another certificate": _another_certificate,
+    "a second signer": lambda s: s["signer_infos"].append(s["signer_infos"][0].copy()),
+    "another version": lambda s: s.__setitem__("version", "v3"),
+    "another issuer": _renamed,
+    "the signer in capitals": lambda s: s["signer_infos"][0]["sid"].chosen.__setitem__(
+        "issuer", _capitals(s["signer_infos"][0]["sid"].chosen["issuer"])
+    ),
+    "another digest": lambda s: s["digest_algorithms"][0].__setitem__("algorithm", "sha512"),
+    "another kind of key": _strange_kind,
+    "an unknown version": lambda s: s["certificates"][2].chosen["tbs_certificate"].__setitem__("version", 3),
+    "no serial number": lambda s: s["certificates"][2].chosen["tbs_certificate"].__setitem__("serial_number", -1),
+    "the authority broken": lambda s: s["certificates"][2].chosen.__setitem__("signature_value", b"\xff" * 64),
+}
+
+
+@pytest.mark.parametrize("what", ADDED)
+def test_nothing_is_added_to_the_signature_of_a_pdf(laboratory: Laboratory, what: str) -> None:
+    """A CMS leaves room for what its signature does not cover: what we do not write there is refused."""
+    from asn1crypto import cms
+
+    pdf = laboratory.files.pdf
+    assert pdf is not None
+    first, behind = room(pdf)
+    made = cms.ContentInfo.load(bytes.fromhex(pdf[first + 1 : behind - 1].decode()))
+    ADDED[what](made["content"])
+    der = made.dump(force=True)
+    changed = pdf[: first + 1] + der.hex().upper().ljust(behind - first - 2, "0").encode() + pdf[behind - 1 :]
+    assert len(changed) == len(pdf)
+    assert "it was changed" in look(changed, "file", laboratory.public).problem
+
+
+def test_the_digits_of_a_signature_are_spelled_in_one_way(laboratory: Laboratory) -> None:
+    pdf = laboratory.files.pdf
+    assert pdf is not None
+    first, behind = room(pdf)
+    changed = pdf[:first] + pdf[first:behind].lower() + pdf[behind:]
+    assert "changed" in look(changed, "file", laboratory.public).problem
 
 
 def test_more_behind_a_signed_pdf_is_a_change(laboratory: Laboratory) -> None:
@@ -358,6 +467,11 @@ def test_a_certificate_of_an_authority(tmp_path: Path) -> None:
     assert all(problems(files[:2], laboratory.public))
     laboratory.bundle.write_bytes(public_bundle(laboratory.keys))
     assert problems(files, read_public(laboratory.bundle)) == ["", "", ""]
+    # what would not be found genuine is not signed
+    with (tmp_path / "keys" / "document.pem").open("ab") as stream:
+        stream.write(certificate_of(ec.generate_private_key(ec.SECP256R1())))
+    with pytest.raises(LedgerError, match="do not lead from its key's"):
+        sign_files(laboratory.record, None, None, laboratory.seal, laboratory.keys)
 
 
 def test_what_looks_like_a_signature_and_is_none(laboratory: Laboratory) -> None:

@@ -7,6 +7,7 @@ import shutil
 import sqlite3
 import threading
 from collections.abc import Callable, Iterator
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pytest
@@ -18,10 +19,10 @@ from inclinometry.laboratory.ledger.admin import create
 from inclinometry.laboratory.ledger.engine import Draft, engine
 from inclinometry.laboratory.ledger.exchange import backup, export, restore
 from inclinometry.laboratory.ledger.heads import SignedHead, grown, parse_signed, proof_since, signed_by
-from inclinometry.laboratory.ledger.keys import PASSPHRASE, Keys, descends, fingerprint, genuine, read_public
+from inclinometry.laboratory.ledger.keys import CHANGE, PASSPHRASE, Keys, descends, fingerprint, genuine, read_public
 from inclinometry.laboratory.ledger.ledger import Ledger, LedgerError
 from inclinometry.laboratory.ledger.verify import Verdict, verify
-from inclinometry.laboratory.ledger.witness import name_others, witnessed
+from inclinometry.laboratory.ledger.witness import name_others, others, witnessed
 from inclinometry.laboratory.ledger.witness_server import server
 
 TOOL = {"name": "steering tool", "triads": {}}
@@ -153,13 +154,21 @@ def test_another_ledger_in_the_place_is_found(tmp_path: Path, keys: Keys) -> Non
         found = verify(ledger)
     assert "another ledger" in said(found)
     assert "not by the laboratory's" in said(found)
-    # an auditor who has a key of an own looks at it in another place: a sentence, no fault
+    # an auditor who has a key of an own looks at it in another place: no fault, and no proof before --key is given
     with Ledger(other, keys=keys) as ledger:
         found = verify(ledger)
         assert found.ok
-        assert "compare it with the laboratory's" in said(found)
+        assert not found.proven
+        by, here = fingerprint(str(strange.public())), fingerprint(str(keys.public()))
+        assert f"by the key {by}, and the key here is {here}; name the public key" in found.notes[0]
+        assert "--key PUBLIC.pem" in found.notes[0]
         assert not verify(ledger, public=[str(keys.public())]).ok
-        assert verify(ledger, public=[str(strange.public())]).ok
+        assert verify(ledger, public=[str(strange.public())]).proven
+    # who has no key at all compares it
+    with Ledger(other, keys=Keys(tmp_path / "none")) as ledger:
+        found = verify(ledger)
+        assert found.proven
+        assert "compare it with the laboratory's" in said(found)
 
 
 def test_an_older_copy_put_back_is_found(tmp_path: Path, keys: Keys) -> None:
@@ -370,6 +379,142 @@ def test_a_lost_key_is_no_lost_ledger(opened: Opened, keys: Keys) -> None:
         assert not verify(ledger, public=[old]).ok
     with pytest.raises(InputError, match="without a reason"):
         keys.begin_anew("")
+
+
+def test_a_ledger_is_sound_as_soon_as_a_lost_key_is_stated(opened: Opened, keys: Keys, tmp_path: Path) -> None:
+    """Before anything is recorded with the new one: a break that is told; a real change is found all the same."""
+    old = Keys(tmp_path / "thief")
+    shutil.copytree(keys.folder, old.folder)
+    keys.path.unlink()
+    keys.begin_anew("the laptop was stolen")
+    new = fingerprint(str(keys.public()))
+    with opened() as ledger:
+        found = verify(ledger)
+        assert found.proven, found.faults
+        (told,) = [note for note in found.notes if note.startswith("break")]
+        assert told.startswith(f"break: from record 9 on the key is {new}, for which the one before did not sign")
+        assert told.endswith("said to be lost: the laptop was stolen")
+        assert "(the laboratory's until it was lost)" in said(found)
+        assert not verify(ledger, public=[str(keys.public())]).ok
+        # the witness here is missed as before
+        (file,) = (keys.folder / "heads").iterdir()
+        file.rename(tmp_path / "away")
+        assert "is missing" in said(verify(ledger))
+        (tmp_path / "away").rename(file)
+        edit(ledger, "UPDATE tool SET author = 'boris' WHERE seq = 4")
+        assert [fault.row.partition(" ")[0] for fault in verify(ledger).faults] == ["4"]
+        edit(ledger, "UPDATE tool SET author = 'anna' WHERE seq = 4")
+    # whoever has the stolen key goes on with it: that is no head from before the loss
+    late = datetime.now(UTC) + timedelta(minutes=1)
+    with Ledger(ledger.where, keys=old, clock=lambda: late) as stolen:
+        stolen.append("tool", {"serial": "S"}, TOOL, author="anna")
+    with opened() as ledger:
+        assert "not by the laboratory's" in said(verify(ledger))
+
+
+def test_a_loss_that_another_key_states_explains_nothing(opened: Opened, keys: Keys, tmp_path: Path) -> None:
+    """The new key says itself that the old one is lost: whoever has but the folder cannot."""
+    before, forger = str(keys.public()), Keys(tmp_path / "forger").make()
+    own = Keys(tmp_path / "own").make().public
+    content = {"schema": CHANGE, "version": 1, "action": "lost", "before": before, "after": own, "reason": "so",
+               "time": "2099-01-01T00:00:00+00:00"}  # fmt: skip
+    (tmp_path / "own" / "changes.jsonl").write_text(chain.compact(forger.statement(content)) + "\n")
+    with opened() as ledger, Ledger(ledger.where, keys=Keys(tmp_path / "own")) as looked:
+        found = verify(looked)
+        assert not found.proven
+        assert not any(note.startswith("break") for note in found.notes)
+        with pytest.raises(LedgerError, match="nothing was recorded"):
+            looked.append("tool", {"serial": "S"}, TOOL, author="anna")
+
+
+@pytest.mark.parametrize(
+    "junk", [b"", b"junk", b"\xff\0" * 99, b"-----BEGIN PUBLIC KEY-----\nAAAA\n-----END PUBLIC KEY-----"]
+)
+def test_junk_in_the_place_of_the_public_key_is_named(opened: Opened, keys: Keys, junk: bytes) -> None:
+    """Nothing is called sound by what it holds; recording goes on, and writes it anew from the private key."""
+    public, file = keys.public(), keys.folder / "public.pem"
+    file.write_bytes(junk)
+    with opened() as ledger:
+        with pytest.raises(FileError, match=r"public\.pem: not a public key any more; .*ledger key --make"):
+            verify(ledger)
+        ledger.append("tool", {"serial": "NEXT"}, TOOL, author="anna")
+        assert keys.public() == public
+        assert verify(ledger).proven
+    # and where the private key is lost, too, a new one is begun
+    file.write_bytes(junk)
+    keys.path.unlink()
+    keys.begin_anew("the disk failed")
+    with opened() as ledger:
+        assert any(note.startswith("break") for note in verify(ledger).notes)
+        ledger.append("tool", {"serial": "LAST"}, TOOL, author="anna")
+        assert verify(ledger).proven
+
+
+@pytest.mark.parametrize(
+    ("junk", "line"),
+    [(b"junk\n", 2), (b"{}\n", 2), (b"\xff\n", 2), (b"[" * 100_000 + b"\n", 2), (b"\n7", 3), (b'"a"', 2)],
+)
+def test_junk_among_the_changes_of_keys_is_named(opened: Opened, keys: Keys, junk: bytes, line: int) -> None:
+    """With its line, of what was signed and changed since, too; recording with the same key needs none of it."""
+    keys.rotate("every year")
+    with opened() as ledger:
+        ledger.append("tool", {"serial": "NEXT"}, TOOL, author="anna")
+    file = keys.folder / "changes.jsonl"
+    right = file.read_bytes()
+    for data, at in ((right + junk, line), (right.replace(b"every year", b"every hour"), 1)):
+        file.write_bytes(data)
+        with opened() as ledger:
+            with pytest.raises(FileError, match=rf"changes\.jsonl, line {at}: .*restore the file from a copy"):
+                verify(ledger)
+            ledger.append("tool", {"serial": f"NEXT {at}"}, TOOL, author="anna")
+    file.write_bytes(right)
+    with opened() as ledger:
+        assert verify(ledger).proven
+    file.unlink()  # the ledger has recorded it
+    with opened() as ledger:
+        assert verify(ledger).proven
+
+
+@pytest.mark.parametrize("name", ["key.pem", "public.pem", "changes.jsonl", "witnesses.txt"])
+def test_what_has_no_end_is_not_read(tmp_path: Path, keys: Keys, name: str) -> None:
+    """A device, or a file of more bytes than such a one can have, in the place of one of the keys' files."""
+    keys.make()
+    asked = {"key.pem": keys.signing, "public.pem": keys.public, "changes.jsonl": keys.changes}
+    ask = asked.get(name, lambda: others(keys.folder))
+    file = keys.folder / name
+    file.unlink(missing_ok=True)
+    file.symlink_to("/dev/zero")
+    with pytest.raises(FileError, match="a device, which has no end"):
+        ask()
+    file.unlink()
+    with file.open("wb") as stream:
+        stream.truncate(3_000_000_000)
+    with pytest.raises(FileError, match=r"it has 3,000,000,000 bytes; allowed"):
+        ask()
+
+
+@pytest.mark.parametrize("whose", ["a folder", "this computer"])
+def test_what_has_no_end_is_no_witness(tmp_path: Path, keys: Keys, whose: str) -> None:
+    """A device, or more bytes than heads can be, where a witness kept them: it says nothing, and nothing is proven."""
+    path, share = tmp_path / "lab.sqlite", tmp_path / "share"
+    share.mkdir()
+    name_others(keys.folder, [str(share)])
+    with create(path, keys=keys) as ledger:
+        ledger.append("tool", {"serial": "A"}, TOOL, author="anna")
+    (file,) = (share if whose == "a folder" else keys.folder / "heads").iterdir()
+    file.unlink()
+    for turn, wanted in enumerate(("a device, which has no end", "it has 3,000,000,000 bytes; allowed")):
+        if turn:
+            file.unlink()
+            with file.open("wb") as stream:
+                stream.truncate(3_000_000_000)
+        else:
+            file.symlink_to("/dev/zero")
+        with Ledger(path, keys=keys) as ledger:
+            found = verify(ledger)
+            assert found.ok
+            assert not found.proven
+            assert any(wanted in sentence for sentence in found.silent), found.silent
 
 
 def test_a_whole_folder_lost(opened: Opened, tmp_path: Path, keys: Keys) -> None:

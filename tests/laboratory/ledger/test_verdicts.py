@@ -366,22 +366,21 @@ def test_a_key_is_made_once_and_kept_from_others(tmp_path: Path, keys: Keys) -> 
             keys.rotate(words)
 
 
-def test_statements_of_changes_that_were_changed_count_for_nothing(keys: Keys) -> None:
-    """A line that is no statement, or that its key did not sign; a file that is none is named."""
+def test_statements_of_changes_that_were_changed_are_named(keys: Keys) -> None:
+    """A line that is no statement, or that its key did not sign, with its number."""
     keys.make()
     keys.rotate("every year")
     (whole,) = keys.changes()
     file = keys.folder / "changes.jsonl"
-    for wrong in ({**whole, "reason": "another"}, {**whole, "signature": "x"}, {**whole, "key": 7}, [], 7):
-        file.write_text(json.dumps(wrong) + "\n" + json.dumps(whole) + "\n")
-        assert keys.changes() == [whole]
     # one spelling of a signature only
-    spelt = whole["signature"][:-3] + chr(ord(whole["signature"][-3]) + 1) + "=="
-    file.write_text(json.dumps({**whole, "signature": spelt}) + "\n")
-    assert keys.changes() == []
-    file.write_text("{")
-    with pytest.raises(LedgerError, match=r"changes\.jsonl was changed"):
-        keys.changes()
+    spelt = {**whole, "signature": whole["signature"][:-3] + chr(ord(whole["signature"][-3]) + 1) + "=="}
+    for wrong in ({**whole, "reason": "another"}, {**whole, "signature": "x"}, {**whole, "key": 7}, spelt, [], 7):
+        for lines, at in (((wrong, whole), 1), ((whole, wrong), 2)):
+            file.write_text("".join(json.dumps(one) + "\n" for one in lines))
+            with pytest.raises(FileError, match=rf"changes\.jsonl, line {at}: not what a laboratory's key signed"):
+                keys.changes()
+    file.write_text(json.dumps(whole) + "\n\n")
+    assert keys.changes() == [whole]
 
 
 # time

@@ -64,6 +64,12 @@ FAULTS = [
     Fault("chain", "7", "not signed: recorded by something else than this program with the laboratory's key"),
     Fault("head", "7 (8)", f"signed by {KEY}, for which the key before did not sign"),
     Fault("head", "7", f"signed by the key {KEY}, not by the laboratory's, 77"),
+    Fault(
+        "witness",
+        "-",
+        "/7 was named as a witness of this ledger and is not on the list any more; name it again with `inclinometry "
+        "ledger witness /7`, or take it off with --remove",
+    ),
 ]
 
 
@@ -83,6 +89,26 @@ def _lost(tmp_path) -> list[Fault]:
         'the witness http://198.51.100.7:1 cannot be asked ("no route to host")',
     ]
     return [Fault("witness", "-", text) for text in (*(lost_sentence(tmp_path, p, "77") for p in places), *doubts)]
+
+
+NOTES = [
+    "its laboratory named /7 as a witness, which is not asked here",
+    "named",
+    "removed",
+    f"signed up to record 7 by the key {KEY} (the laboratory's until it was lost)",
+    f"not proven: it is signed up to record 7 by the key {KEY}, and the key here is 77; name the public key of the "
+    "laboratory whose ledger it is with `inclinometry ledger verify --key PUBLIC.pem`",
+    "/7/public.pem: not a public key any more; `inclinometry ledger key --make` writes it anew from key.pem, or "
+    "restore it from a copy",
+    "/7/changes.jsonl, line 7: not what a laboratory's key signed when it was rotated or lost; restore the file from a "
+    "copy, or take the line out: every ledger has recorded the changes that it knows of",
+]
+
+
+@pytest.mark.parametrize("language", ["ru", "zh"])
+def test_notes_are_said_in_the_language_of_the_page(language):
+    said = [sentence(language, note) for note in NOTES]
+    assert [text for text in said if re.search("[A-Za-z]{3,}", _without_quotations(text).replace("key.pem", ""))] == []
 
 
 @pytest.mark.parametrize("language", ["ru", "zh"])

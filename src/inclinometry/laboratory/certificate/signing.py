@@ -11,7 +11,7 @@ from __future__ import annotations
 import base64
 import io
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from datetime import UTC, datetime, timedelta
 from threading import Thread
@@ -21,7 +21,17 @@ from inclinometry.errors import FileError, InputError
 from inclinometry.files.json_codec import canonical, parse
 from inclinometry.laboratory.certificate.record import record_digest
 from inclinometry.laboratory.ledger.chain import LedgerError
-from inclinometry.laboratory.ledger.keys import Keys, Public, fingerprint, load_private, private_pem, public_pem, right
+from inclinometry.laboratory.ledger.keys import (
+    LARGEST_KEY,
+    Keys,
+    Public,
+    fingerprint,
+    load_private,
+    private_pem,
+    public_pem,
+    right,
+)
+from inclinometry.opening import whole
 
 if TYPE_CHECKING:
     from cryptography.x509 import Certificate
@@ -103,7 +113,7 @@ def document_key(keys: Keys, name: str) -> DocumentKey:
     name = name[:64] or "laboratory"  # the longest common name of X.509
     public = Public((keys.signing().public,), ())
     if path.is_file():
-        data = path.read_bytes()
+        data = whole(path, LARGEST_KEY)
         private = load_private(data, path)
         try:
             found = tuple(x509.load_pem_x509_certificates(data))
@@ -111,6 +121,11 @@ def document_key(keys: Keys, name: str) -> DocumentKey:
             found = ()
         if not found or found[0].public_key() != private.public_key():
             raise LedgerError(f"{path} holds no certificate for its key; put one there, or remove the file")
+        if not _one_path(found[0], found):
+            raise LedgerError(
+                f"{path} holds certificates that do not lead from its key's to one that made out itself, each made out "
+                "by the next; complete them, or leave in only that of the key"
+            )
         stated = found[0].subject.rfc4514_string() == _name(name).rfc4514_string()
         if stated or not made_out_by(found[0], public):  # of an authority: as it is
             return DocumentKey(private, found)
@@ -195,7 +210,7 @@ def public_bundle(keys: Keys) -> bytes:
     now = keys.public()
     known = (*([now] if now else []), *keys.former())
     path = keys.folder / "document.pem"
-    found = x509.load_pem_x509_certificates(path.read_bytes()) if path.is_file() else []
+    found = x509.load_pem_x509_certificates(whole(path, LARGEST_KEY)) if path.is_file() else []
     of_others = [one for one in found[:1] if not made_out_by(one, Public(known, ()))]
     return b"".join([*map(public_pem, known), *(one.public_bytes(Encoding.PEM) for one in of_others)])
 
@@ -393,6 +408,7 @@ def _look_at_json(data: bytes, where: str, public: Public) -> Looked:
 
 def _look_at_dcc(data: bytes, where: str, public: Public) -> Looked:
     from cryptography import x509
+    from cryptography.exceptions import UnsupportedAlgorithm
     from lxml import etree
     from signxml.exceptions import InvalidCertificate, InvalidDigest, InvalidInput, InvalidSignature
     from signxml.verifier import SignatureConfiguration
@@ -412,7 +428,7 @@ def _look_at_dcc(data: bytes, where: str, public: Public) -> Looked:
         leaf = x509.load_pem_x509_certificate(
             f"-----BEGIN CERTIFICATE-----\n{text}\n-----END CERTIFICATE-----\n".encode()
         )
-    except ValueError:
+    except (ValueError, x509.InvalidVersion):
         return seen._replace(problem="its signature holds no certificate that can be read")
     key = made_out_by(leaf, public)
     if not key:
@@ -420,7 +436,10 @@ def _look_at_dcc(data: bytes, where: str, public: Public) -> Looked:
     here: SignatureConfiguration = XAdESSignatureConfiguration(location="./", require_x509=True)
     try:
         found = XAdESVerifier().verify(data, x509_cert=leaf, expect_config=here)
-    except (InvalidSignature, InvalidDigest, InvalidCertificate, InvalidInput, ValueError, TypeError, etree.LxmlError):
+    except (
+        InvalidSignature, InvalidDigest, InvalidCertificate, InvalidInput, UnsupportedAlgorithm, ValueError, TypeError,
+        etree.LxmlError,
+    ):  # fmt: skip
         return seen._replace(problem="it was changed after it was signed", key=key)
     said = read_dcc(found[0].signed_data, where)
     return seen._replace(number=said.number, digest=said.digest, key=key)
@@ -494,6 +513,7 @@ def _pdf(data: bytes, public: Public) -> Looked:
     import logging
 
     from cryptography import x509
+    from cryptography.exceptions import UnsupportedAlgorithm
     from pyhanko.pdf_utils.misc import PdfError
     from pyhanko.pdf_utils.reader import PdfFileReader
     from pyhanko.sign.validation import validate_pdf_signature
@@ -516,11 +536,82 @@ def _pdf(data: bytes, public: Public) -> Looked:
         key = made_out_by(leaf, public)
         if not key:
             return seen._replace(problem=_by_others(leaf, public))
+        if not _as_we_sign(data, one, leaf):
+            strange = (
+                "its signature is not made as ours are: it was changed, or something was put into it that nobody signed"
+            )
+            return seen._replace(problem=strange, key=key)
         context = ValidationContext(trust_roots=[one.signer_cert], allow_fetching=False)
         status = validate_pdf_signature(one, context)
         whole = status.coverage == SignatureCoverageLevel.ENTIRE_FILE and len(signatures) == 1
-    except (PdfError, ValueError, KeyError, TypeError, AttributeError, IndexError, RecursionError, OSError) as error:
+    except (
+        PdfError, ValueError, KeyError, TypeError, AttributeError, IndexError, RecursionError, OSError,
+        UnsupportedAlgorithm, x509.InvalidVersion,
+    ) as error:  # fmt: skip
         return seen._replace(problem=f"it was changed after it was signed, or is damaged ({type(error).__name__})")
     if not (status.intact and status.valid and status.trusted and whole):
         return seen._replace(problem="it was changed after it was signed", key=key)
     return seen._replace(key=key)
+
+
+def _as_we_sign(data: bytes, one: Any, leaf: Certificate) -> bool:
+    """Whether the room of a PDF's signature, which nothing signs, holds what we write there and nothing else.
+
+    That is the CMS in hexadecimal digits, then zeros; in the CMS one signer, no unsigned attributes, no certificates
+    but those that lead on from the signer's.
+    """
+    from asn1crypto import cms
+    from cryptography import x509
+
+    first, behind = int(one.byte_range[1]), int(one.byte_range[2])
+    room, content = data[first:behind], bytes(one.pkcs7_content)
+    made = cms.ContentInfo.load(content)
+    der = made.dump()
+    # one spelling only: what is read is what stands there, each length in its shortest form
+    if room != b"<%s>" % content.hex().upper().encode() or content[len(der) :].strip(b"\0"):
+        return False
+    if cms.ContentInfo.load(der).dump(force=True) != der:
+        return False
+    signed, signers = made["content"], made["content"]["signer_infos"]
+    if len(signers) != 1 or len(signed["digest_algorithms"]) != 1 or len(signed["crls"]):
+        return False
+    signer = signers[0]
+    algorithms = (signed["digest_algorithms"][0], signer["digest_algorithm"], signer["signature_algorithm"])
+    plain = all(algorithm["parameters"].native is None for algorithm in algorithms)
+    # names are compared without regard to their letters' case elsewhere
+    who, by = signer["sid"], one.signer_cert.issuer.dump()
+    if who.name != "issuer_and_serial_number" or who.chosen["issuer"].dump() != by:
+        return False
+    if signed["digest_algorithms"][0].dump() != signer["digest_algorithm"].dump():
+        return False
+    version, about = (signed["version"].native, signer["version"].native), signed["encap_content_info"]
+    if not plain or version != ("v1", "v1") or about.native != {"content_type": "data", "content": None}:
+        return False
+    if len(signer["unsigned_attrs"]) or any(each.name != "certificate" for each in signed["certificates"]):
+        return False
+    given = [each.chosen for each in signed["certificates"]]
+    if any(each.serial_number <= 0 for each in given):  # not read without a warning
+        return False
+    return _one_path(leaf, [x509.load_der_x509_certificate(each.dump()) for each in given])
+
+
+def _one_path(leaf: Certificate, given: Sequence[Certificate]) -> bool:
+    """Whether certificates are one path: each made out by the next, the last by itself; or there is only the first."""
+    from cryptography.exceptions import InvalidSignature, UnsupportedAlgorithm
+
+    def by(one: Certificate, issuer: Certificate) -> bool:
+        try:
+            one.verify_directly_issued_by(issuer)
+        except (InvalidSignature, UnsupportedAlgorithm, ValueError, TypeError):
+            return False
+        return True
+
+    rest = [one for one in dict.fromkeys(given) if one != leaf]
+    last = leaf
+    while rest:
+        above = next((one for one in rest if by(last, one)), None)
+        if above is None:
+            return False
+        rest.remove(above)
+        last = above
+    return last == leaf or by(last, last)

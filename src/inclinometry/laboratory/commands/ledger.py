@@ -22,6 +22,7 @@ from inclinometry.laboratory.ledger.users import change_password, find_user, gua
 from inclinometry.laboratory.ledger.users import remove_second_factor as without_second_factor
 from inclinometry.laboratory.ledger.users import users as all_users
 from inclinometry.laboratory.ledger.verify import verify as verify_ledger
+from inclinometry.laboratory.ledger.witness import others
 from inclinometry.laboratory.results import history as history_of
 
 
@@ -54,6 +55,8 @@ def init(
         if accept is not None:
             ledger.accept(accept, author=_who())
         output.say(f"ledger {ledger.shown} holds {output.counted(ledger.head().seq, 'record')}")
+        for place in others(ledger.keys.folder) if ledger.head().seq else ():
+            ledger.record_witness(place, "named", author=_who())
         signed = ledger.signed_head()
         if signed is not None:
             output.say(f"signed by the key {fingerprint(signed.key)} in {ledger.keys.folder}")
@@ -69,7 +72,7 @@ def verify(
     json: Json = False,
 ) -> int:
     """Check every record, the chain, signed heads and witnesses: exit status 0 proven, 1 changed or not proven (a
-    witness that was named does not answer), 2 bad input.
+    witness that was named does not answer, another key than the one here signed it), 2 bad input.
 
     Parameters
     ----------
@@ -114,8 +117,8 @@ def verify(
         alone = "" if found.proven else " by what the ledger itself says"
         output.say(f"{records} and {documents} are sound{alone}")
         output.say(f"head {found.head}")
-        if found.proven:
-            return 0
+        if not found.silent:
+            return 0 if found.proven else 1
         who = "a witness" if len(found.silent) == 1 else f"{len(found.silent)} witnesses"
         output.say(
             f"not proven: {who} did not answer, and a cut tail or an older copy may be known there alone; verify again "

@@ -15,6 +15,7 @@ from inclinometry.errors import InputError
 from inclinometry.files.json_codec import canonical
 from inclinometry.files.writing import write_bytes
 from inclinometry.laboratory.commands import LedgerAddress
+from inclinometry.laboratory.commands.ledger import _where, _who
 from inclinometry.laboratory.ledger.chain import LedgerError
 from inclinometry.laboratory.ledger.engine import default_path, shown
 from inclinometry.laboratory.ledger.heads import grown, proof_since, read_head
@@ -215,7 +216,8 @@ def witness(
         A folder, http://host:port of a witness, another ledger, or "print": from now on every new head goes there, and
         `ledger verify` asks it. Without it they are listed.
     remove
-        Take the place off the list; what it keeps stays there.
+        Take the place off the list; what it keeps stays there. Both are recorded in the ledger, when the key here
+        signs it: a place that is taken off in another way is missed by `ledger verify`.
     serve
         Folder to keep the heads of others in: be a witness over HTTP.
     host
@@ -231,20 +233,10 @@ def witness(
     if key is not None:
         raise InputError("--key says whose heads --serve keeps; give --serve FOLDER, too, or leave --key out")
     keys = Keys()
-    named = others(keys.folder)
     if place is not None and remove:
-        if place not in named:
-            raise InputError(f"{place!r} is not on the list: {', '.join(named) or 'there are none'}")
-        name_others(keys.folder, [one for one in named if one != place])
+        _remove(keys, place, ledger)
     elif place is not None:
-        absolute = place if place == PRINT or "://" in place else str(Path(place).resolve())
-        where = str(default_path()) if ledger is None else ledger
-        with Ledger(where, read_only=True) as opened:
-            newest = opened.signed_head()
-        if newest is not None:  # a place that cannot be used is not written down
-            send(absolute, newest, where, keys.folder)
-        if absolute not in named:
-            name_others(keys.folder, [*named, absolute])
+        _name(keys, place, _where(ledger))
     output.say(f"{keys.folder / 'heads'} (this computer)")
     for one in others(keys.folder):
         output.say(shown(one))
@@ -259,6 +251,41 @@ def witness(
     found = witnessed(keys.folder, newest.ledger, where)
     output.warnings([*found.silent, *(lost_sentence(keys.folder, one, newest.ledger) for one in found.lost)])
     return 1 if found.lost or found.silent else 0
+
+
+def _absolute(place: str) -> str:
+    return place if place == PRINT or "://" in place else str(Path(place).resolve())
+
+
+def _name(keys: Keys, place: str, where: str) -> None:
+    """Put a place on the list, and into the ledger that it was put there."""
+    absolute, named = _absolute(place), others(keys.folder)
+    with Ledger(where) as opened:
+        newest = opened.signed_head()
+        if newest is not None:  # a place that cannot be used is not written down
+            send(absolute, newest, where, keys.folder)
+        if absolute not in named:
+            name_others(keys.folder, [*named, absolute])
+        try:
+            opened.record_witness(absolute, "named", author=_who())
+        except InputError:
+            name_others(keys.folder, named)
+            raise
+
+
+def _remove(keys: Keys, place: str, ledger: str | None) -> None:
+    """Take a place off the list, when the ledger says so; also one that somebody else has taken off."""
+    named = others(keys.folder)
+    found = next((one for one in (place, _absolute(place)) if one in named), None)
+    before = after = None
+    if ledger is not None or default_path().is_file():
+        with Ledger(_where(ledger)) as opened:
+            before = opened.head().seq
+            opened.record_witness(found or _absolute(place), "removed", author=_who())
+            after = opened.head().seq
+    if found is None and before == after:
+        raise InputError(f"{place!r} is not on the list: {', '.join(named) or 'there are none'}")
+    name_others(keys.folder, [one for one in named if one != found])
 
 
 def _serve(folder: Path, host: str, port: int, key: Path | None) -> None:

@@ -32,6 +32,8 @@ KEY_EVENT: Final = {"subject_kind": "ledger", "subject": "key"}
 """Keys of the event that records how a key was rotated or lost; its action says which."""
 ACCEPTED: Final = {"subject_kind": "ledger", "subject": "head", "action": "accepted"}
 """Keys of the event by which somebody answers for what verification found, in words, and goes on."""
+WITNESS_EVENT: Final = {"subject_kind": "ledger", "subject": "witness"}
+"""Keys of the event that records that a witness was "named" or "removed"; details: its place, and the ledger."""
 _SPARSE: Final = 256  # records between two rows that keep the peaks: so many are read again when a program starts
 
 
@@ -185,7 +187,8 @@ class Sealing:
         if (head.seq, head.link) != (newest.size, newest.link) or not newest.genuine():
             raise self._doubt(f"its last record is {head.seq}, its last signed head {newest.size}")
         key = self.keys.signing()
-        changes = explained(newest.key, key.public, self.keys.changes())
+        # whoever signs with the same key needs no word about others
+        changes = [] if newest.key == key.public else explained(newest.key, key.public, self.keys.changes())
         if changes is None:
             raise LedgerError(
                 f"{self._where} is signed by the key {fingerprint(newest.key)}, the one in {self.keys.folder} is "

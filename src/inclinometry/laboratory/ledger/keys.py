@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from inclinometry.errors import FileError, InputError
 from inclinometry.laboratory.ledger.chain import LedgerError, compact
-from inclinometry.opening import whole
+from inclinometry.opening import LARGEST_SETTINGS, whole
 
 if TYPE_CHECKING:
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
@@ -32,6 +32,8 @@ FOLDER: Final = "INCLINOMETRY_KEYS"
 PASSPHRASE: Final = "INCLINOMETRY_KEY_PASSPHRASE"
 """Environment: the passphrase of the keys; asked for on a terminal when not given."""
 CHANGE: Final = "inclinometry/key-change"
+LARGEST_KEY: Final = 1_000_000
+"""Bytes of a file of keys, and of certificates."""
 _PREFIX: Final = b"inclinometry signed statement\n"  # no signature of ours can serve another purpose
 
 
@@ -135,9 +137,24 @@ class Keys:
         return self.path.is_file()
 
     def public(self) -> str | None:
-        """The public key, without asking for a passphrase; None where there is none."""
+        """The public key, without asking for a passphrase; None where there is none.
+
+        Raises
+        ------
+        FileError
+            The file holds something else.
+        """
         path = self.folder / "public.pem"
-        return read_public(path).keys[0] if path.is_file() else None
+        if not path.exists():
+            return None
+        try:
+            return read_public(path).keys[0]
+        except NoPublicKeyError:
+            raise FileError(
+                "not a public key any more; `inclinometry ledger key --make` writes it anew from key.pem, or restore "
+                "it from a copy",
+                path=path,
+            ) from None
 
     def former(self) -> list[str]:
         """The public keys that were rotated into the one of now, the newest first."""
@@ -160,7 +177,7 @@ class Keys:
         try:
             found = self.path.stat()
             if self._key is None or self._stamp != (found.st_mtime_ns, found.st_ino):
-                self._key = SigningKey(_private(self.path.read_bytes(), self.path))
+                self._key = SigningKey(_private(whole(self.path, LARGEST_KEY), self.path))
                 self._stamp = (found.st_mtime_ns, found.st_ino)
         except FileNotFoundError:
             raise LedgerError(
@@ -177,7 +194,11 @@ class Keys:
         if not self.there:
             self._write_new(Ed25519PrivateKey.generate(), replace=False)
         found = self.signing()
-        if self.public() != found.public:
+        try:
+            stated = self.public()
+        except FileError:  # what it holds follows from the private key
+            stated = None
+        if stated != found.public:
             self.keep("public.pem", _public_pem(found.private), mode=0o644)
         return found
 
@@ -197,7 +218,10 @@ class Keys:
         from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
         new = SigningKey(Ed25519PrivateKey.generate())
-        before = self.public() if old is None else old.public
+        try:
+            before = self.public() if old is None else old.public
+        except FileError:  # lost, too
+            before = None
         content = {
             "schema": CHANGE,
             "version": 1,
@@ -224,15 +248,36 @@ class Keys:
         (self.folder / "document.pem").unlink(missing_ok=True)
 
     def changes(self) -> list[dict[str, Any]]:
-        """The statements made when keys were rotated or lost, oldest first."""
+        """The statements made when keys were rotated or lost, oldest first.
+
+        Raises
+        ------
+        FileError
+            It cannot be read, or a line is none of them.
+        """
         path = self.folder / "changes.jsonl"
         try:
-            rows = [json.loads(line) for line in path.read_text("utf-8").splitlines()]
-        except FileNotFoundError:
+            there = path.exists()
+        except OSError as error:
+            raise FileError(f"cannot be read ({error.strerror}); check its permissions", path=path) from None
+        if not there:
             return []
-        except (OSError, ValueError):
-            raise LedgerError(f"{path} was changed or cannot be read; restore it from a copy") from None
-        return [row for row in rows if isinstance(row, dict) and genuine(row)]
+        found = []
+        for number, line in enumerate(whole(path, LARGEST_SETTINGS).splitlines(), 1):
+            try:
+                row = json.loads(line) if line.strip() else None
+            except (ValueError, RecursionError):
+                row = ""
+            if isinstance(row, dict) and row.get("schema") == CHANGE and genuine(row):
+                found.append(row)
+            elif row is not None:
+                raise FileError(
+                    "not what a laboratory's key signed when it was rotated or lost; restore the file from a copy, or "
+                    "take the line out: every ledger has recorded the changes that it knows of",
+                    path=path,
+                    line=number,
+                )
+        return found
 
     def _write_new(self, private: Any, *, replace: bool) -> None:
         self.keep("key.pem", private_pem(private), mode=0o600, replace=replace)
@@ -323,6 +368,10 @@ def public_pem(public: str) -> bytes:
     return key.public_bytes(Encoding.PEM, PublicFormat.SubjectPublicKeyInfo)
 
 
+class NoPublicKeyError(FileError):
+    """A file that holds no public key of a laboratory."""
+
+
 class Public(NamedTuple):
     """What a laboratory publishes: its keys, the one of now first, and certificates that others made out for it."""
 
@@ -335,27 +384,29 @@ def read_public(path: str | Path) -> Public:
 
     Raises
     ------
+    NoPublicKeyError
+        No Ed25519 public key is in it.
     FileError
-        No such file, no Ed25519 public key in it.
+        No such file, or too large a one.
     """
     from cryptography import x509
+    from cryptography.exceptions import UnsupportedAlgorithm
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
     from cryptography.hazmat.primitives.serialization import load_pem_public_key
 
-    largest = 1_000_000
-    data = whole(path, largest)
+    data = whole(path, LARGEST_KEY)
     try:
         blocks = re.findall(rb"-----BEGIN PUBLIC KEY-----.*?-----END PUBLIC KEY-----", data, re.DOTALL)
         found = [load_pem_public_key(block) for block in blocks]
         certificates = x509.load_pem_x509_certificates(data) if b"BEGIN CERTIFICATE" in data else []
-    except ValueError:
+    except (ValueError, UnsupportedAlgorithm, x509.InvalidVersion):
         found, certificates = [], []
     keys = tuple(key.public_bytes_raw().hex() for key in found if isinstance(key, Ed25519PublicKey))
     if not keys:
         secret = b"PRIVATE KEY" in data
         remedy = "this is a private key: give nobody this file, but what `inclinometry ledger key --public FILE` writes"
         problem = "not the public key of a laboratory; the file that `inclinometry ledger key --public FILE` writes"
-        raise FileError(remedy if secret else problem, path=path)
+        raise NoPublicKeyError(remedy if secret else problem, path=path)
     return Public(keys, tuple(certificates))
 
 
@@ -371,12 +422,15 @@ def descends(public: str, trusted: str, changes: Iterable[Mapping[str, Any]]) ->
 def explained(before: str, after: str, changes: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]] | None:
     """The changes that lead from one key to another, oldest first; None where none do.
 
-    A key begun where nothing was left of the one before names none, and stands for any.
+    A key begun where nothing was left of the one before names none, and stands for any. The key before signs for the
+    one that it is rotated into, a new one for itself where the other is lost: what others say of them does not count.
     """
+    signer = {"rotated": "before", "lost": "after"}
+    said = [one for one in changes if one.get("key") == one.get(signer.get(str(one.get("action")), ""), "")]
     path: list[Mapping[str, Any]] = []
     wanted = after
     while wanted != before:
-        found = next((one for one in reversed(changes) if one.get("after") == wanted), None)
+        found = next((one for one in reversed(said) if one.get("after") == wanted), None)
         if found is None or found in path:
             return None
         path.append(found)

@@ -36,8 +36,8 @@ from inclinometry.laboratory.ledger.engine import (
     shown,
     translated,
 )
-from inclinometry.laboratory.ledger.heads import ACCEPTED, Sealing, SignedHead, newest_head
-from inclinometry.laboratory.ledger.keys import Keys
+from inclinometry.laboratory.ledger.heads import ACCEPTED, WITNESS_EVENT, Sealing, SignedHead, newest_head
+from inclinometry.laboratory.ledger.keys import Keys, explained
 from inclinometry.laboratory.ledger.merkle import leaf_hash
 from inclinometry.laboratory.ledger.witness import Witnessed, Witnesses, ahead, ahead_elsewhere, place_of
 
@@ -263,6 +263,31 @@ class Ledger:
             signed = self._sealing.after(connection, name, batch.leaves, batch.head, created)
         self._published(signed)
         return record
+
+    def record_witness(self, place: str, action: str, *, author: str) -> None:
+        """Record that a witness was "named" or "removed", where its list cannot be changed without a trace.
+
+        Nothing is recorded where that is known already, in a ledger that is not signed, or not by the key here.
+
+        Raises
+        ------
+        LedgerError
+            As `append`.
+        """
+        newest, public = self.signed_head(), self.keys.public()
+        if newest is None or public is None or not self.keys.there:
+            return
+        if newest.key != public and explained(newest.key, public, self.keys.changes()) is None:
+            return
+        details = {"place": shown(place), "ledger": newest.ledger}
+        known = False
+        after = 0
+        while rows := self.find("event", after=after, subject_kind="ledger", subject=WITNESS_EVENT["subject"]):
+            after = rows[-1].seq
+            said = [row.keys["action"] for row in rows if row.body.get("details") == details]
+            known = said[-1] == "named" if said else known
+        if known != (action == "named"):
+            self.append("event", {**WITNESS_EVENT, "action": action}, {"details": details}, author=author)
 
     def signed_head(self) -> SignedHead | None:
         """The last signed head; None in a ledger that is not signed."""

@@ -4,22 +4,22 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from sqlalchemy import inspect, select
 from sqlalchemy.engine import Connection
 
-from inclinometry.errors import InputError
+from inclinometry.errors import FileError
 from inclinometry.laboratory.ledger import chain
 from inclinometry.laboratory.ledger.chain import LedgerError
-from inclinometry.laboratory.ledger.engine import HEAD
-from inclinometry.laboratory.ledger.heads import ACCEPTED, KEY_EVENT, SignedHead, head_of, newest_head
+from inclinometry.laboratory.ledger.engine import HEAD, shown
+from inclinometry.laboratory.ledger.heads import ACCEPTED, KEY_EVENT, WITNESS_EVENT, SignedHead, head_of, newest_head
 from inclinometry.laboratory.ledger.keys import descends, explained, fingerprint, genuine
 from inclinometry.laboratory.ledger.ledger import Ledger
 from inclinometry.laboratory.ledger.merkle import Frontier, leaf_hash
-from inclinometry.laboratory.ledger.witness import Testimony, begun_at, lost_sentence, witnessed
+from inclinometry.laboratory.ledger.witness import Testimony, begun_at, lost_sentence, others, witnessed
 
 
 @dataclass(frozen=True)
@@ -40,8 +40,9 @@ def asked(ledger: Ledger) -> tuple[str, Testimony]:
         newest = newest_head(connection, readable=True)
     try:
         here = begun_at(ledger.keys.folder, ledger.where)
-    except OSError as error:
-        return "", Testimony([], [f'the witness in {ledger.keys.folder} cannot be asked ("{error.strerror}")'], [], [])
+    except (OSError, FileError) as error:
+        reason = getattr(error, "strerror", None) or error
+        return "", Testimony([], [f'the witness in {ledger.keys.folder} cannot be asked ("{reason}")'], [], [])
     name = here if newest is None else newest.ledger
     return here, witnessed(ledger.keys.folder, name, ledger.where) if name else Testimony([], [], [], [])
 
@@ -50,7 +51,7 @@ def _public(ledger: Ledger) -> tuple[str, ...]:
     try:
         now = ledger.keys.public()
         return () if now is None else (now, *ledger.keys.former())
-    except (InputError, OSError):  # the folder of another user
+    except OSError:  # the folder of another user
         return ()
 
 
@@ -84,11 +85,24 @@ class Signatures:
         self.newest = newest_head(connection, readable=True)
         self._unreadable: list[Fault] = []
         self._given, self._here = tuple(public), here
-        self._wanted = self._given or _public(ledger)
+        ours = _public(ledger)
+        self._wanted = self._given or ours
+        self._own_changes = ledger.keys.changes() if ours else []
         self._copy = copy
+        self.strange = False
+        """Whether the last head is signed by another key than the one here, and nothing says that it should not be."""
         self._kept, self._notes = testimony.kept, list(testimony.open)
         # only who signs tells a witness: on another computer none is expected
-        own = self.newest is not None and self.newest.key in _public(ledger) and ledger.keys.there
+        signs = self.newest is not None and (self.newest.key in ours or self._before_the_break() is not None)
+        self._own = own = signs and ledger.keys.there
+        try:
+            self._listed = {shown(one) for one in others(ledger.keys.folder)}
+        except FileError:  # the folder of another user
+            if own:
+                raise
+            self._listed = set()
+        # place of a witness -> whether it was named, and not removed since
+        self._named: dict[str, bool] = {}
         name, folder = self.newest.ledger if self.newest else "", ledger.keys.folder
         self._lost_witnesses = [lost_sentence(folder, one, name) for one in testimony.lost] if own else []
         self._tree = Frontier()
@@ -154,6 +168,9 @@ class Signatures:
             return
         if row.subject == KEY_EVENT["subject"] and isinstance(details, dict) and genuine(details):
             self._changes.append(details)
+        here = "" if self.newest is None else self.newest.ledger  # others were imported into this one
+        if row.subject == WITNESS_EVENT["subject"] and isinstance(details, dict) and details.get("ledger") == here:
+            self._named[str(details.get("place"))] = row.action == "named"
         if (row.subject, row.action) == (ACCEPTED["subject"], ACCEPTED["action"]):
             self._accepted.append((str(row.created), str(row.author), reason))
 
@@ -208,6 +225,7 @@ class Signatures:
         ]
         faults += self._unreadable
         faults += [Fault("witness", "-", sentence) for sentence in self._lost_witnesses]
+        faults += self._unlisted()
         faults += self._whole(seq)
         said = max(self._accepted, default=("", "", ""))
         first: dict[str, Fault] = {}
@@ -248,6 +266,18 @@ class Signatures:
             )
         self._doubts.append((head.time, Fault("chain", lost, said)))
 
+    def _unlisted(self) -> Iterator[Fault]:
+        """Faults of witnesses that were named, and that somebody took off the list in the folder of the keys."""
+        for place in (place for place, named in self._named.items() if named and place not in self._listed):
+            if self._own:
+                said = (
+                    f"{place} was named as a witness of this ledger and is not on the list any more; name it again "
+                    f"with `inclinometry ledger witness {place}`, or take it off with --remove"
+                )
+                yield Fault("witness", "-", said)
+            else:
+                self._notes.append(f"its laboratory named {place} as a witness, which is not asked here")
+
     def _whole(self, seq: int) -> Iterator[Fault]:
         """Faults of a ledger whose end is not signed, or that is not the one that was here."""
         if self.newest is None:
@@ -264,17 +294,11 @@ class Signatures:
 
     def _of_keys(self, accepted: str) -> Iterator[Fault]:
         """Faults of the keys: one that followed another without a word, or that is not the laboratory's."""
+        if self.newest is not None and not self._known():
+            self._notes += _changed(self.newest.key, self._before_the_break() or (), self.newest.size + 1)
         for (before, _, _), (after, size, time) in zip(self._keys, self._keys[1:], strict=False):
             path = explained(before, after, self._changes)
-            for one in path or ():
-                old, new = fingerprint(before), fingerprint(str(one["after"]))
-                if one["action"] == "rotated" and one["key"] == one["before"]:
-                    self._notes.append(f"from record {size} on the key is {new}; {old} signed for it")
-                else:
-                    self._notes.append(
-                        f"break: from record {size} on the key is {new}, for which the one before did not sign; "
-                        f"said to be lost: {one['reason']}"
-                    )
+            self._notes += _changed(before, path or (), size)
             if path is None and time <= accepted:
                 self._notes.append(
                     f"break: from record {size} on the key is {fingerprint(after)}, accepted by a person"
@@ -282,15 +306,27 @@ class Signatures:
             elif path is None:
                 said = f"signed by {fingerprint(after)}, for which the key before did not sign"
                 yield Fault("head", f"{size} ({time[:19]})", said)
-        if self.newest is None:
+        if self.newest is None or not self._wanted or self._known() or self._before_the_break() is not None:
             return
-        if not self._wanted or self._known():
-            return
-        # another laboratory's ledger is looked at on a computer that has a key of its own
-        if self._given or self._here or self._kept:
+        # one that this laboratory never signed is another's, which is looked at on a computer with a key of its own
+        signed = any(one.head is not None and one.head.key in self._wanted for one in self._kept)
+        self.strange = not (self._given or self._here or signed)
+        if not self.strange:
             wanted = fingerprint(self._wanted[0])
             said = f"signed by the key {fingerprint(self.newest.key)}, not by the laboratory's, {wanted}"
             yield Fault("head", str(self.newest.size), said)
+
+    def _before_the_break(self) -> list[Mapping[str, Any]] | None:
+        """How the key here came after that of the last head, which was lost; None where it did not.
+
+        The new key says so itself, in its folder, until the ledger's next record says it, too.
+        """
+        if self.newest is None or self._given or not self._wanted:
+            return None
+        path = explained(self.newest.key, self._wanted[0], self._own_changes) or []
+        since = next((str(one["time"]) for one in path if one["action"] == "lost"), "")
+        # whoever found the key goes on signing with it
+        return path if self.newest.time[:19] <= since[:19] else None
 
     def _known(self) -> bool:
         """Whether the last head is signed by a key of the laboratory, or by one that such a key signed for."""
@@ -301,9 +337,34 @@ class Signatures:
         if self.newest is None:
             yield "not signed: whoever can write to it can rewrite it; `inclinometry ledger init` begins to sign"
             return
-        whose = "the laboratory's" if self._known() else "compare it with the laboratory's"
-        yield f"signed up to record {self.newest.size} by the key {fingerprint(self.newest.key)} ({whose})"
+        size, by = self.newest.size, fingerprint(self.newest.key)
+        if self.strange:
+            yield (
+                f"not proven: it is signed up to record {size} by the key {by}, and the key here is "
+                f"{fingerprint(self._wanted[0])}; name the public key of the laboratory whose ledger it is with "
+                "`inclinometry ledger verify --key PUBLIC.pem`"
+            )
+        elif self._before_the_break() is not None:
+            yield f"signed up to record {size} by the key {by} (the laboratory's until it was lost)"
+        else:
+            whose = "the laboratory's" if self._known() else "compare it with the laboratory's"
+            yield f"signed up to record {size} by the key {by} ({whose})"
         for witness, size in self._agreed.items():
             yield f"witness {witness}: agrees up to record {size}"
         if not self._agreed:
             yield "no witness of its heads is known here: a cut tail or an older copy would go unnoticed"
+
+
+def _changed(before: str, path: Sequence[Mapping[str, Any]], size: int) -> Iterator[str]:
+    """Sentences: which keys followed one from the record `size` on, and whether each was signed for."""
+    old = fingerprint(before)
+    for one in path:
+        new = fingerprint(str(one["after"]))
+        if one["action"] == "rotated":
+            yield f"from record {size} on the key is {new}; {old} signed for it"
+        else:
+            yield (
+                f"break: from record {size} on the key is {new}, for which the one before did not sign; "
+                f"said to be lost: {one['reason']}"
+            )
+        old = new

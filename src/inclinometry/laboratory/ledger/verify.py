@@ -31,6 +31,7 @@ class Verdict:
     signed : the last signed head; None where the ledger is not signed.
     notes : sentences about signatures and witnesses, what was accepted.
     silent : sentences about the named witnesses that did not answer: what only they know is not found out.
+    strange : the key that signed it is not the one here: it may be another laboratory's, or anybody's.
     """
 
     records: int
@@ -40,6 +41,7 @@ class Verdict:
     signed: SignedHead | None = None
     notes: tuple[str, ...] = ()
     silent: tuple[str, ...] = ()
+    strange: bool = False
 
     @property
     def ok(self) -> bool:
@@ -48,8 +50,8 @@ class Verdict:
 
     @property
     def proven(self) -> bool:
-        """Whether nothing was found and every witness that was named answered."""
-        return not self.faults and not self.silent
+        """Whether nothing was found, every witness that was named answered, and a known key signed it."""
+        return not self.faults and not self.silent and not self.strange
 
 
 def verify(
@@ -101,7 +103,7 @@ def verify(
         faults += _documents(connection)
     head = chain.Head(walk.seq, walk.link)
     shown, silent = tuple(faults[:MOST_FAULTS]), tuple(witnesses[1].silent)
-    return Verdict(walk.records, documents, head, shown, signatures.newest, tuple(notes), silent)
+    return Verdict(walk.records, documents, head, shown, signatures.newest, tuple(notes), silent, signatures.strange)
 
 
 @contextmanager

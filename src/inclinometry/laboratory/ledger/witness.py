@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import ipaddress
 import json
+import os
 import sys
 import threading
 import time
@@ -24,11 +25,14 @@ from inclinometry.errors import FileError, InclinometryError, InputError
 from inclinometry.laboratory.ledger.chain import LedgerError, compact
 from inclinometry.laboratory.ledger.engine import shown
 from inclinometry.laboratory.ledger.heads import SignedHead, parse_signed
+from inclinometry.opening import LARGEST_SETTINGS, opened, whole
 
 PRINT: Final = "print"
 PATIENCE: Final = 5.0
 """Seconds that a witness over HTTP may take, and that the end of a program waits for one."""
 _LONGEST: Final = 10_000_000
+LARGEST_HEADS: Final = 1_000_000_000
+"""Bytes of a file of heads: more than a million of them."""
 
 
 def is_loopback(host: str) -> bool:
@@ -127,12 +131,11 @@ class Witnesses:
 
 def others(folder: Path) -> list[str]:
     """The witnesses beside the file of this computer, as witnesses.txt names them."""
+    path = folder / "witnesses.txt"
     try:
-        lines = (folder / "witnesses.txt").read_text("utf-8").splitlines()
-    except FileNotFoundError:
-        return []
+        lines = whole(path, LARGEST_SETTINGS).decode().splitlines() if path.exists() else []
     except (OSError, UnicodeDecodeError) as error:
-        raise LedgerError(f"{folder / 'witnesses.txt'} cannot be read ({error}); restore it or remove it") from None
+        raise FileError(f"cannot be read ({error}); restore it or remove it", path=path) from None
     return [line.strip() for line in lines if line.strip()]
 
 
@@ -257,7 +260,7 @@ def begun_at(folder: Path, where: str) -> str:
 def _begun_at(folder: Path, place: str) -> str:
     found: tuple[str, str] = ("", "")
     for path in (folder / "heads").glob("*.jsonl"):
-        with path.open("rb") as stream:
+        with opened(path) as stream:
             first = stream.readline(_LONGEST)
             stream.seek(max(0, path.stat().st_size - 4096))
             tail = stream.read().splitlines()
@@ -280,14 +283,16 @@ def ahead(folder: Path, newest: SignedHead, accepted: str) -> Witnessed | None:
         Time until which somebody answered for what is missing; "" for none.
     """
     try:
-        with (folder / "heads" / f"{newest.ledger}.jsonl").open("rb") as stream:
+        path = folder / "heads" / f"{newest.ledger}.jsonl"
+        if not path.exists():
+            return None
+        with opened(path) as stream:
             stream.seek(max(0, stream.seek(0, 2) - 4096))
             last = stream.read().splitlines()[-1:]
             if any(one.head == newest for line in last for one in _lines(line.decode(errors="replace"), "")):
                 return None  # as always: the rest need not be read
-            stream.seek(0)
-            kept = [*_lines(stream.read().decode(errors="replace"), str(folder / "heads"))]
-    except OSError:
+        kept = [*_kept(path, str(folder / "heads"))]
+    except (OSError, FileError):
         return None
     return _farthest(kept, newest, accepted)
 
@@ -373,7 +378,20 @@ def _asked(witness: str, ledger: str) -> list[Witnessed]:
     if _is_ledger(witness):
         return [*_recorded(witness, ledger)]
     path = Path(witness) / f"{ledger}.jsonl"
-    return [*_lines(path.read_text("utf-8", errors="replace"), witness)] if path.is_file() else []
+    return [*_kept(path, witness)] if path.exists() else []
+
+
+def _kept(path: Path, witness: str) -> Iterator[Witnessed]:
+    """The heads of a file, one a line."""
+    with opened(path) as stream:
+        size = os.fstat(stream.fileno()).st_size
+        if size > LARGEST_HEADS:
+            raise FileError(
+                f"it has {size:,} bytes; allowed {LARGEST_HEADS:,}: keep its last lines, and the first, in a new file",
+                path=path,
+            )
+        while line := stream.readline(_LONGEST):
+            yield from _lines(line.decode(errors="replace"), witness)
 
 
 def lost_sentence(folder: Path, witness: str, ledger: str) -> str:
@@ -399,9 +417,9 @@ def lost_sentence(folder: Path, witness: str, ledger: str) -> str:
 def _recorded(witness: str, ledger: str) -> Iterator[Witnessed]:
     from inclinometry.laboratory.ledger.ledger import Ledger
 
-    with Ledger(witness, read_only=True) as opened:
+    with Ledger(witness, read_only=True) as asked:
         after = 0
-        while rows := opened.find("event", after=after, subject_kind="ledger", subject=ledger, action="head"):
+        while rows := asked.find("event", after=after, subject_kind="ledger", subject=ledger, action="head"):
             for row in rows:
                 yield from _lines(compact(row.body.get("details", {})), shown(witness))
             after = rows[-1].seq

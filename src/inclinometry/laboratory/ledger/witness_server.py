@@ -14,6 +14,7 @@ from inclinometry.errors import FileError
 from inclinometry.laboratory.ledger.heads import SignedHead, grown, parse_signed
 from inclinometry.laboratory.ledger.keys import fingerprint
 from inclinometry.laboratory.ledger.witness import keep
+from inclinometry.opening import opened
 
 _LONGEST = 1_000_000
 
@@ -43,8 +44,7 @@ def server(folder: Path, host: str, port: int, public: str | None, say: Callable
             if path is None or not path.is_file():
                 self._answer(404, "no head of such a ledger")
                 return
-            lines = path.read_text("utf-8").splitlines()
-            self._answer(200, "\n".join(lines[-1000:]) + "\n")
+            self._answer(200, "".join(_newest(path)))
 
         def do_POST(self) -> None:
             size = self.headers.get("content-length", "")
@@ -93,8 +93,7 @@ def _refusal(folder: Path, head: SignedHead, body: dict[str, Any], public: str |
             if wrong
             else ""
         )
-    lines = path.read_text("utf-8").splitlines()
-    newest = max((parse_signed(json.loads(line), path) for line in lines[-1000:]), key=lambda one: (one.size, one.time))
+    newest = max((parse_signed(json.loads(line), path) for line in _newest(path)), key=lambda one: (one.size, one.time))
     if head.size < newest.size:
         return f"the ledger had {newest.size} records before: it was cut, or an older copy was put back"
     content = {
@@ -102,3 +101,11 @@ def _refusal(folder: Path, head: SignedHead, body: dict[str, Any], public: str |
         "changes": body.get("changes", []),
     }
     return grown(newest, head, content, None)
+
+
+def _newest(path: Path) -> list[str]:
+    """The last thousand lines of a file of heads, each of which ends."""
+    with opened(path) as stream:
+        stream.seek(max(0, stream.seek(0, 2) - 2_000_000))
+        lines = stream.read(2_000_000).decode("utf-8", errors="replace").splitlines(keepends=True)
+    return [line for line in lines[-1000:] if line.endswith("\n")]
