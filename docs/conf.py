@@ -76,7 +76,7 @@ OUTSIDE = (
     "threading.Event", "sqlalchemy.engine.base.Connection", "sqlalchemy.engine.base.Engine",
     "timedelta", "inclinometry.laboratory.registry.T", "inclinometry.motion.window_filter.Step",
     "inclinometry.files.run_file.RunHeader", "MethodName", "np.int64", "intp", "np.intp", "hashlib._Hash",
-    "Certificate", "Ed25519PrivateKey", "http.server.ThreadingHTTPServer",
+    "Certificate", "Ed25519PrivateKey", "http.server.ThreadingHTTPServer", "io.BufferedReader",
     "Progress", "Numbered", "types.Callable", "dataclasses.Field",
     "inclinometry.files.exchange.Sheet", "inclinometry.files._quantities.Quantity",
     "inclinometry.calibration._field_model.Shots", "inclinometry.calibration._field_model.Unknowns",
