@@ -183,6 +183,8 @@ def test_due_date_follows_drift_use_and_doses():
     still = due_date(state, replace(TYPE, drift=1e-12 * np.eye(24)), day)
     assert still.longest
     assert still.years == pytest.approx(LONGEST, rel=1e-3)
+    # calibrated longer ago than any interval, whatever has been checked since: due on the day
+    assert due_date(state, TYPE, day, calibrated=datetime.date(2019, 1, 1)).date == day
     with pytest.raises(InputError, match="reliability is 2"):
         Requirement(reliability=2.0)
 
