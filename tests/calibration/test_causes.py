@@ -90,6 +90,9 @@ def test_non_linearity_counts_through_calibration_and_reading(bench):
     # the law of the sensors along the tool shows in no roll and is left out: one of three
     np.testing.assert_allclose(stated, measured, rtol=0.5)
     assert (measured > np.radians(0.01)).all()
+    # the roll sets alone show the accelerometers' laws as the fit does
+    by_rolls = error_budget(dataclasses.replace(found, bent={}), readings, AT, DIP).components["non-linearity"]
+    np.testing.assert_allclose(by_rolls[:, 0, 0], budget.components["non-linearity"][:, 0, 0], rtol=0.05)
 
 
 def test_the_causes_of_a_budget_add_up_to_what_is_expected_of_the_tool(bench):

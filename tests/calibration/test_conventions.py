@@ -344,6 +344,8 @@ NORTH, DIP_WORDS = "where the rig's zero points (--north-deg)", "the dip (--dip-
          f"accelerometer y runs against the tool's axes; {MIRRORED} would look so too"),
         ({"accelerometer": -EYE, "magnetometer": EYE}, set(), {}, None),
         ({"accelerometer": -EYE, "magnetometer": EYE}, set(), {"assumed": True}, None),
+        # skewed, it reads specific force: a triad beside it tells, and two gyros say nothing against that
+        ({"accelerometer": -SKEWED, "magnetometer": EYE, "gyro": EYE[:2]}, KNOWN, {}, None),
         ({"magnetometer": np.vstack([np.diag([1.0, 1.0, -1.0]), FOUR[:1]])}, KNOWN, {},
          f"magnetometer 3 runs against the tool's axes; {MIRRORED} would look so too"),
         ({"magnetometer": np.vstack([np.diag([1.0, 1.0, -1.0]), FOUR[:1]])}, set(), {},

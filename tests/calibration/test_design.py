@@ -391,6 +391,18 @@ def test_inclination_alone_may_be_aimed_at_the_vertical():
     assert value < twelve
 
 
+def test_within_a_roll_set_only_the_toolface_changes():
+    for plan in (plans.orthogonal(), plans.two_face(), plans.rotations(), plans.twelve(), plans.six(), plans.half()):
+        settings = np.degrees([plan.azimuth, plan.inclination]).round(9)
+        assert len(plan.roll_set) in (0, len(plan))
+        for name in set(plan.roll_set) - {""}:
+            assert len(np.unique(settings[:, np.array(plan.roll_set) == name], axis=1).T) == 1
+    # a check of a known tool needs no azimuth dial, and no settings between those of its doc
+    six = np.degrees([plans.six().azimuth, plans.six().inclination])
+    assert set(six[0]) == {0.0}
+    assert sorted(six[1]) == [0.0] * 4 + [135.0] * 2
+
+
 def test_positions_visited_twice_show_a_drift_that_the_plan_alone_hides():
     for plan in (plans.twelve(), plans.rotations()):
         with_them = plan.repeated(2)
@@ -398,6 +410,7 @@ def test_positions_visited_twice_show_a_drift_that_the_plan_alone_hides():
         assert least_drift(with_them) < 0.6 * least_drift(plan)
     with pytest.raises(InputError, match="allowed: 0, 1 or 2"):
         plans.twelve().repeated(3)
+    assert plans.twelve().repeated(1).to_dict()["station"] == [str(n) for n in range(1, 14)]
 
 
 ANYWHERE = plans.Plan("any", *np.random.default_rng(1).uniform([[0.0], [0.1], [0.0]], [[6.28], [3.0], [6.28]], (3, 14)))

@@ -167,6 +167,17 @@ class TestClassical:
         # and the components across it as they are: axes 1 to 2 degrees off
         np.testing.assert_allclose(found - np.diag(np.diag(found)), true - np.diag(np.diag(true)), atol=2e-3)
 
+    def test_without_a_dip_it_finds_the_field_itself(self, bench):
+        plates = {
+            kind: Triad(kind, 1e3 * np.diag([1.0, 1.1, 0.9]), [3.0, -2.0, 1.0], "counts", strength)
+            for kind, strength in (("accelerometer", 9.80665), ("magnetometer", 50000.0))
+        }
+        readings, _ = bench(plans.orthogonal(), tool := Tool("true", plates), Rig(), noise={})
+        untold = {name: value for name, value in readings.reference.items() if name != "dip"}
+        found = calibrate_classical(dataclasses.replace(readings, reference=untold), nameplate=tool)
+        for kind, plate in plates.items():
+            np.testing.assert_allclose(found.tool.triads[kind].tensor, plate.tensor, atol=1e-6)
+
     def test_what_it_refuses(self, bench):
         tool = realistic_tool(1, bits=None)
         readings, _ = bench(plans.orthogonal(), tool, Rig(), noise={})

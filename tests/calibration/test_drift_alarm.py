@@ -113,6 +113,16 @@ def test_jumped_tools_are_left_out_of_the_fit():
     assert len(past) == 6 * (40 - len(model.left_out))
 
 
+def test_one_fit_leaves_out_nobody_whoever_jumped():
+    jumps = {(t, 3): 2e-2 * CAUSES["magnetometer x offset"] for t in (1, 2)}
+    made = simulate_fleet(FleetScene(12, V12, calibrations=5, jumps=jumps), seed=9)
+    model, past = fit_without_jumps(made.histories, rounds=1, reproducibility=False, own_drift=False)
+    assert model.left_out == ()
+    assert len(past) == 4 * 12
+    # by which a second one leaves some out
+    assert fit_without_jumps(made.histories, rounds=2, reproducibility=False, own_drift=False)[0].left_out
+
+
 def test_the_rig_that_is_off_is_found_and_one_jump_is_not_a_rig():
     """Rig 2 turns all tools by 0.1 deg about their axis from the last calibration on."""
     shift = np.radians(0.1) * CAUSES["magnetometers turned about z"]
@@ -173,6 +183,8 @@ def test_due_date_follows_drift_use_and_doses():
     still = due_date(state, replace(TYPE, drift=1e-12 * np.eye(24)), day)
     assert still.longest
     assert still.years == pytest.approx(LONGEST, rel=1e-3)
+    # calibrated longer ago than any interval, whatever has been checked since: due on the day
+    assert due_date(state, TYPE, day, calibrated=datetime.date(2019, 1, 1)).date == day
     with pytest.raises(InputError, match="reliability is 2"):
         Requirement(reliability=2.0)
 

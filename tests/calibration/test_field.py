@@ -197,6 +197,7 @@ def test_exact_readings_come_back():
         # what is left is the pull of the priors against readings trusted to 1e-5
         np.testing.assert_allclose(triad.tensor[0], tensor, atol=1e-6 * SCALE[kind])
         np.testing.assert_allclose(triad.offset[0], offset, atol=1e-6 * SCALE[kind])
+        assert np.abs(calibration.residuals.values[kind]).max() < 1e-5 * SCALE[kind]
     assert calibration.rig.nuisance["dip"][0] == pytest.approx(DIP, abs=1e-6)
     # what is set by convention is not uncertain, and what the others are by it; central differences good to 1e-9
     off, share = kept_by_convention(calibration, lambda n: n[0, 1] - n[1, 0])
@@ -322,6 +323,40 @@ def test_given_sd_weights_readings():
     }
     calibration = calibrate_field(BenchReadings(channels, roll_set=readings.roll_set, sd=sd))
     assert normalised_square(calibration, truth)[0] < 60
+    # noisy ones deviate by twice as much, and by as much of their own standard deviation
+    left = calibration.residuals.standardised["accelerometer"]
+    assert np.nanstd(left[1::2]) == pytest.approx(np.nanstd(left[::2]), rel=0.25)
+
+
+def test_a_wild_shot_tells_no_more_than_one_left_out():
+    """The one that points most along the tool, by which the sensor along it is known best."""
+    readings, _ = simulated(np.random.default_rng(4), free=12, sets=3)
+    gravity = readings.channels["accelerometer"]
+    row = int(np.abs(gravity[:12, 2]).argmax())
+    wild = gravity.copy()
+    wild[row] += [3.0, -2.0, 4.0]
+    kept = [i for i in range(len(gravity)) if i != row]
+
+    def known(signals, rows):
+        rolls = [readings.roll_set[i] for i in rows]
+        tool = calibrate_field(BenchReadings({"accelerometer": signals[rows]}, roll_set=rolls)).tool
+        return np.sqrt(np.diagonal(tool.covariance)[10:]) / tool.noise["accelerometer"][2]
+
+    np.testing.assert_allclose(known(wild, list(range(len(gravity)))), known(gravity, kept), rtol=0.02)
+
+
+def test_rotations_between_two_triads_are_distinct_and_the_right_one_is_first():
+    random = np.random.default_rng(26)
+    a, true = random.normal(size=(20, 3)), Rotation.random(random_state=27).as_matrix()
+    a /= np.linalg.norm(a, axis=1, keepdims=True)
+    # b at one angle to each a, whichever way about it
+    across = np.cross(a, random.normal(size=(20, 3)))
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    found = rotations_between(a, (0.8 * a + 0.6 * across) @ true)
+    np.testing.assert_allclose(found[0], true, atol=1e-6)
+    assert len(found) > 1
+    apart = [Rotation.from_matrix(q @ other.T).magnitude() for n, q in enumerate(found) for other in found[:n]]
+    assert np.degrees(min(apart)) > 3.0
 
 
 def test_gyro_lone_sets_and_temperature_are_said():

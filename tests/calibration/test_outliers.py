@@ -225,12 +225,19 @@ class TestKnownVariances:
             level = abs(np.sin(plan.inclination[row])) > 0.5
             assert one.dial == ("toolface" if level else "azimuth or toolface")
 
+    def test_six_stations_leave_too_little_to_tell_which_is_off(self, bench):
+        random = np.random.default_rng(3)
+        settings = random.uniform(0.0, 6.2, 6), random.uniform(0.1, 3.0, 6), random.uniform(0.0, 6.2, 6)
+        here = self.jumped(self.run(bench, plan=plans.Plan("any", *settings)), 3, 4, 3000.0)
+        assert here.cost > 30.0 * here.degrees_of_freedom
+        assert find_outliers(here.model, here, self.NONE, False)[0] == []
+
     def test_a_bump_is_neither_and_as_many_are_sought_as_asked_for(self, bench):
         here = self.run(bench)
         for channel in (0, 2, 5):
             here = self.jumped(here, 3, channel, 40.0 + 7.0 * channel)
         (one,) = find_outliers(here.model, here, self.NONE, False)[0]
-        assert (one.row, one.dial, one.channel) == (3, None, None)
+        assert (one.row, one.dial, one.error, one.channel) == (3, None, 0.0, None)
         for row in (8, 15, 20, 22):
             here = self.jumped(here, row, 1, 30.0 + row)
         found, _ = find_outliers(here.model, here, self.NONE, False, most=2)

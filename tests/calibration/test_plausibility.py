@@ -60,12 +60,13 @@ def test_a_dial_in_grads(dial, words):
 
 
 def test_two_stations_exchanged():
-    right = run()
     rows = np.arange(24)
     rows[[4, 9]] = 9, 4
-    channels = {kind: values[rows] for kind, values in right.channels.items()}
-    with pytest.raises(InputError, match=r"the readings of stations 5 and 10 exchanged"):
-        check_whole(replace(right, channels=channels))
+    # on a poor stand they fit only some ten times better, which is as certain
+    for right in (run(dials_deg=1.5), run()):
+        channels = {kind: values[rows] for kind, values in right.channels.items()}
+        with pytest.raises(InputError, match=r"the readings of stations 5 and 10 exchanged"):
+            check_whole(replace(right, channels=channels))
     azimuth = right.azimuth.copy()
     other = int(np.argmax(np.abs(np.sin((azimuth - azimuth[2]) / 2.0))))
     azimuth[[2, other]] = azimuth[[other, 2]]

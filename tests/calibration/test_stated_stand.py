@@ -139,9 +139,10 @@ class TestPlanThatCannotTell:
             closed.append(azimuth_error(calibrate_rotations(readings), tool))
         assert np.mean(ours) < np.mean(closed)
 
-    def test_north_is_not_assumed_against_the_readings(self):
-        """The zero of the rig lies 40 degrees from north and nobody said so."""
-        readings, tool = run_with_bad_roll(TURNS, 1, north_offset=np.radians(40.0))
+    @pytest.mark.parametrize("off", [13.0, 40.0])
+    def test_north_is_not_assumed_against_the_readings(self, off):
+        """The zero of the rig lies so many degrees from north and nobody said so."""
+        readings, tool = run_with_bad_roll(TURNS, 1, north_offset=np.radians(off))
         untold = BenchReadings(
             readings.channels, *readings.dials, units=readings.units, reference={"dip": readings.reference["dip"]}
         )
