@@ -386,6 +386,17 @@ def test_a_channel_clipped_at_both_ends(plan):
         assert bool(notes) == (sum(ends) - 2 >= 2 and max(ends) >= 2), (seed, ends, notes)
 
 
+def test_two_readings_that_agree_by_chance_say_nothing():
+    # at one end of one channel alone; once more at the other end, and saturation cannot be excluded
+    plan = plans.twelve()
+    values = simulated(plan, 0, 20)["magnetometer"].copy()
+    order = np.argsort(values[:, 1])
+    values[order[-2], 1] = values[order[-1], 1]
+    assert said(plan, "magnetometer", values) == []
+    values[order[1], 1] = values[order[0], 1]
+    assert all("in 2 stations: saturation cannot be excluded" in note for note in said(plan, "magnetometer", values))
+
+
 def test_clipping_in_twelve_positions():
     # the three stations with x up are at one attitude, which the other nine do not predict; only noise tells. A
     # converter of 20 bits has steps far below it; the bound leaves out tools whose other flat stations chance to agree
