@@ -397,6 +397,21 @@ def test_two_readings_that_agree_by_chance_say_nothing():
     assert all("in 2 stations: saturation cannot be excluded" in note for note in said(plan, "magnetometer", values))
 
 
+def test_a_reading_at_the_end_of_a_converter_that_the_others_predict_is_none_clipped():
+    # x points up in three stations and reads 2047, all that 12 bits hold; what lies between foretells the very number
+    rng = np.random.default_rng(3)
+    angles = [np.append(rng.uniform(0.0, np.pi, 40), [one] * 3) for one in (0.0, np.pi / 2.0, 0.0)]
+    gravity = dcm(*angles)[:, :, 2]
+    gravity *= np.sign(gravity[-1, 0])
+    values = np.round(gravity * [2000.0, 1990.0, 1980.0] + [47.0, 10.0, -10.0])
+    assert values[-3:, 0].tolist() == [values[:, 0].max()] * 3 == [2047.0] * 3
+    assert saturation_notes("accelerometer", values, "xyz", tuple(angles), np.arange(43)) == []
+    values[:, 0] = np.minimum(np.round(gravity[:, 0] * 2600.0 + 47.0), 2047.0)
+    assert any(
+        "saturated?" in note for note in saturation_notes("accelerometer", values, "xyz", tuple(angles), np.arange(43))
+    )
+
+
 def test_clipping_in_twelve_positions():
     # the three stations with x up are at one attitude, which the other nine do not predict; only noise tells. A
     # converter of 20 bits has steps far below it; the bound leaves out tools whose other flat stations chance to agree
