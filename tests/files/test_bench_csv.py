@@ -298,6 +298,7 @@ def test_radians_are_recognised_and_degrees_never_mistaken(tmp_path, plan):
         [(0, 0.5 * k, 0) for k in range(7)],
         [(0.01 * k, 2.0 + 0.01 * k, 0.013 * k) for k in range(9)],
         [(0, 3, k) for k in range(7)],
+        [(0, 3, 0.1 + 0.6 * k) for k in range(5)],
         [(0.003 * k, 90, 0.5 + 0.01 * k) for k in range(5)],
         [(0, 1.57, 1.57), (0, 1.57, 3.14), (0, 1.57, 4.71)],
     ],

@@ -14,12 +14,12 @@ from scipy.io import savemat
 
 from inclinometry.constants import STANDARD_GRAVITY
 from inclinometry.errors import FileError, InputError
+from inclinometry.files import layout
 from inclinometry.files.bench_csv import read_bench
 from inclinometry.files.casing_csv import read_casing
 from inclinometry.files.excel import write_excel
 from inclinometry.files.exchange import SurveyFile
 from inclinometry.files.las import write_las
-from inclinometry.files import layout
 from inclinometry.files.layout import find_layout
 from inclinometry.files.log_csv import TO_SI, read_log
 from inclinometry.files.p7 import p7_file, write_p7
@@ -599,7 +599,9 @@ def test_an_error_in_a_later_block_of_a_packed_table_names_its_row(tmp_path, mon
             read_table(tmp_path / "a.json", numeric=lambda _: True)
 
 
-@pytest.mark.parametrize("header", ["md_m;label (of tool, run)", '"md_m";"label (of tool, run)"', '"md_m","label;tool"'])
+@pytest.mark.parametrize(
+    "header", ["md_m;label (of tool, run)", '"md_m";"label (of tool, run)"', '"md_m","label;tool"']
+)
 def test_a_mark_inside_a_name_is_none_between_columns(tmp_path, header):
     path, mark = tmp_path / "a.csv", ";" if '";"' in header or '"' not in header else ","
     path.write_text(f"{header}\n1.5{mark}2\n3.5{mark}4\n")
