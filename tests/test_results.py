@@ -501,7 +501,7 @@ def test_plans_shows_plans() -> None:
     assert "twelve" in dir(im.plans)
 
 
-@pytest.mark.parametrize("room", ["calibration", "gyro", "survey", "position"])
+@pytest.mark.parametrize("room", ["calibration", "gyro", "survey", "position", "files"])
 def test_what_was_found_stays_as_it_is_and_compares_without_an_error(room: str) -> None:
     """No field of a result can be set anew; == of arrays is no truth value; a result prints as the tables do."""
     package = importlib.import_module(f"inclinometry.{room}")
@@ -510,7 +510,7 @@ def test_what_was_found_stays_as_it_is_and_compares_without_an_error(room: str) 
             given = vars(made).get("__dataclass_params__") if isinstance(made, type) else None
             if given is None or made.__module__ != info.name:
                 continue
-            assert given.frozen, name
+            assert given.frozen or room == "files", name  # a reader of a file goes on
             arrays = any("Array" in str(one.type) for one in dataclasses.fields(made))
             assert not (arrays and given.eq), name
             assert not (issubclass(made, Tabular) and given.repr), name

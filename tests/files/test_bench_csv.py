@@ -298,6 +298,7 @@ def test_radians_are_recognised_and_degrees_never_mistaken(tmp_path, plan):
         [(0, 0.5 * k, 0) for k in range(7)],
         [(0.01 * k, 2.0 + 0.01 * k, 0.013 * k) for k in range(9)],
         [(0, 3, k) for k in range(7)],
+        [(0, 3, 0.1 + 0.6 * k) for k in range(5)],
         [(0.003 * k, 90, 0.5 + 0.01 * k) for k in range(5)],
         [(0, 1.57, 1.57), (0, 1.57, 3.14), (0, 1.57, 4.71)],
     ],
@@ -384,6 +385,32 @@ def test_a_channel_clipped_at_both_ends(plan):
         ends = [int((values[:, 1] == end).sum()) for end in (-limit, limit)]
         notes = said(plan, "magnetometer", values)
         assert bool(notes) == (sum(ends) - 2 >= 2 and max(ends) >= 2), (seed, ends, notes)
+
+
+def test_two_readings_that_agree_by_chance_say_nothing():
+    # at one end of one channel alone; once more at the other end, and saturation cannot be excluded
+    plan = plans.twelve()
+    values = simulated(plan, 0, 20)["magnetometer"].copy()
+    order = np.argsort(values[:, 1])
+    values[order[-2], 1] = values[order[-1], 1]
+    assert said(plan, "magnetometer", values) == []
+    values[order[1], 1] = values[order[0], 1]
+    assert all("in 2 stations: saturation cannot be excluded" in note for note in said(plan, "magnetometer", values))
+
+
+def test_a_reading_at_the_end_of_a_converter_that_the_others_predict_is_none_clipped():
+    # x points up in three stations and reads 2047, all that 12 bits hold; what lies between foretells the very number
+    rng = np.random.default_rng(3)
+    angles = [np.append(rng.uniform(0.0, np.pi, 40), [one] * 3) for one in (0.0, np.pi / 2.0, 0.0)]
+    gravity = dcm(*angles)[:, :, 2]
+    gravity *= np.sign(gravity[-1, 0])
+    values = np.round(gravity * [2000.0, 1990.0, 1980.0] + [47.0, 10.0, -10.0])
+    assert values[-3:, 0].tolist() == [values[:, 0].max()] * 3 == [2047.0] * 3
+    assert saturation_notes("accelerometer", values, "xyz", tuple(angles), np.arange(43)) == []
+    values[:, 0] = np.minimum(np.round(gravity[:, 0] * 2600.0 + 47.0), 2047.0)
+    assert any(
+        "saturated?" in note for note in saturation_notes("accelerometer", values, "xyz", tuple(angles), np.arange(43))
+    )
 
 
 def test_clipping_in_twelve_positions():

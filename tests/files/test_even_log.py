@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from inclinometry.calibration.readings import LARGEST
 from inclinometry.errors import FileError
 from inclinometry.files.log_csv import read_even_log
 
@@ -78,3 +79,15 @@ def test_three_samples_are_enough_and_half_an_interval_is_no_gap(tmp_path):
     time[4] += 0.01
     with pytest.raises(FileError, match=r"line 6: time_s 4\.51 is 1\.51 s after the row before it"):
         read_even_log(write(tmp_path, time))
+
+
+def test_date_and_time_are_the_time_of_a_log(tmp_path):
+    time = [f"2026-05-01T10:00:0{k / 2}" for k in range(4)]
+    assert read_even_log(write(tmp_path, time, "time,gyro_x_deg_h,gyro_y_deg_h")).dt == 0.5
+
+
+def test_the_largest_reading_is_allowed_and_the_first_beyond_it_is_named(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text(f"time_s,gyro_x\n0,{LARGEST!r}\n1,0\n2,{-1.5 * LARGEST!r}\n3,{2.0 * LARGEST!r}\n")
+    with pytest.raises(FileError, match=r"line 4: column 'gyro_x' is -1\.5e"):
+        read_even_log(path)

@@ -227,6 +227,15 @@ def test_a_row_number_that_no_sheet_has(book):
         read_excel(path)
 
 
+def test_the_last_row_of_a_sheet_is_read(book, monkeypatch):
+    path = book(["md_m", "tvd_m"], [1, 2], [3, 4])
+    monkeypatch.setattr(excel, "ROWS", 3)
+    assert read_excel(path).md.tolist() == [1.0, 3.0]
+    monkeypatch.setattr(excel, "ROWS", 2)
+    with pytest.raises(FileError, match="a row beyond the 2 of a sheet"):
+        read_excel(path)
+
+
 def test_sheets_that_are_no_tables(tmp_path, book):
     workbook = openpyxl.Workbook()
     workbook.create_chartsheet("picture").add_chart(BarChart())

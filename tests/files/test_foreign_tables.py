@@ -14,6 +14,7 @@ from scipy.io import savemat
 
 from inclinometry.constants import STANDARD_GRAVITY
 from inclinometry.errors import FileError, InputError
+from inclinometry.files import layout
 from inclinometry.files.bench_csv import read_bench
 from inclinometry.files.casing_csv import read_casing
 from inclinometry.files.excel import write_excel
@@ -27,6 +28,7 @@ from inclinometry.files.position_csv import read_well
 from inclinometry.files.profile import PLAIN, Profile, reading_with, with_constants
 from inclinometry.files.run_file import open_run
 from inclinometry.files.six_axis import read_six_axis
+from inclinometry.files.table import read_table
 from inclinometry.files.witsml import write_witsml
 from inclinometry.orientation import fields
 
@@ -575,3 +577,34 @@ def test_a_layout_in_words(content):
     assert words == said
     assert (profile == PLAIN) == (skip is None)
     assert skip is None or profile.skip == skip
+
+
+@pytest.mark.parametrize(
+    "name", ['tool "A"', '"A"', '"', "a, b", "two\rlines", "two\nlines", 'all; of, "them"\r\nhere', "plain"]
+)
+def test_a_text_of_a_packed_table_is_one_cell(tmp_path, name):
+    path = tmp_path / "a.json"
+    path.write_text(json.dumps([{"station": name, "md_m": 1.5}, {"station": "B", "md_m": 2.5}]))
+    table = read_table(path)
+    assert table.text("station") == (name.replace("\r", " ").replace("\n", " "), "B")
+    assert table.number("md_m").tolist() == [1.5, 2.5]
+
+
+def test_an_error_in_a_later_block_of_a_packed_table_names_its_row(tmp_path, monkeypatch):
+    monkeypatch.setattr(layout, "ROWS", 3)
+    for row in range(1, 10):
+        rows = [{"md_m": float(k), "tvd_m": "x" if k == row else float(k)} for k in range(1, 12)]
+        (tmp_path / "a.json").write_text(json.dumps(rows))
+        with pytest.raises(FileError, match=rf"row {row}\b"):
+            read_table(tmp_path / "a.json", numeric=lambda _: True)
+
+
+@pytest.mark.parametrize(
+    "header", ["md_m;label (of tool, run)", '"md_m";"label (of tool, run)"', '"md_m","label;tool"']
+)
+def test_a_mark_inside_a_name_is_none_between_columns(tmp_path, header):
+    path, mark = tmp_path / "a.csv", ";" if '";"' in header or '"' not in header else ","
+    path.write_text(f"{header}\n1.5{mark}2\n3.5{mark}4\n")
+    table = read_table(path, numeric=lambda name: name == "md_m")
+    assert table.number("md_m").tolist() == [1.5, 3.5]
+    assert len(table.columns) == 2

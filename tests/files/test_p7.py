@@ -135,6 +135,7 @@ def test_two_surveys_and_unknown_records(tmp_path):
         (EXAMPLE, "", None, "no M7 or G7"),
         ("Details,1,1,", "Details,1,9,", 3, "unit of depth"),
         ("Details,1,1,", "Details,2,1,", 4, "no unit of depth"),
+        (",AZIM,3,calc,0,0,0,0,,1,1", "", 3, "Survey Details has 13 fields"),
         ("Corrected Depth,1,8", "Corrected Depth,1,9", None, "without a north"),
     ],
 )
@@ -147,6 +148,13 @@ def test_one_error_with_its_line(tmp_path, old, new, line, words):
     with pytest.raises(FileError, match=words) as caught:
         read_p7(path)
     assert caught.value.line == line
+
+
+def test_survey_details_cut_behind_the_north(tmp_path):
+    path = example(tmp_path)
+    wanted = read_p7(path).surveys[1]
+    path.write_text(path.read_text().replace(",3,calc,0,0,0,0,,1,1", ""))
+    assert read_p7(path).surveys[1].same_as(wanted)
 
 
 def test_without_survey_details(tmp_path):

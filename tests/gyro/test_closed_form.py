@@ -324,5 +324,7 @@ def test_bad_input_is_refused() -> None:
         solve_patent([gravity], [[np.nan, 0.0]], rad(45.0))
     with pytest.raises(InputError, match="rate_covariance"):
         solve_patent([gravity], [rate], rad(45.0), rate_covariance=np.eye(4))
+    with pytest.raises(InputError, match="rate_covariance"):
+        solve_patent([gravity] * 2, [rate] * 2, rad(45.0), rate_covariance=np.zeros((1, 2, 2)))
     with pytest.raises(InputError, match="inclination"):
         scale_roots(0.1, 0.1, 2.0, 0.5)

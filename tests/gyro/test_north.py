@@ -263,6 +263,15 @@ def test_singular_places_are_flagged() -> None:
     assert {"down-assumed", "horizontal"} <= set(flat.flags[0])
 
 
+@pytest.mark.parametrize("stated", [0.6, 1.0, 1.5])
+def test_a_scale_is_flagged_beyond_four_of_its_deviations(stated: float) -> None:
+    off = 1.0 + 0.01 * np.array([-5.0, -3.0, 3.0, 5.0])
+    gravity, rate = readings(np.full(4, 0.3), 0.5, 0.1, 0.8, stated * off)
+    quiet = {name: 1e-4 * value for name, value in NOISE.items()}
+    found = estimate_north(gravity, rate, 0.8, **quiet, scale=stated, scale_sd=0.01 * stated)
+    assert ["scale" in flags for flags in found.flags] == [True, False, False, True]
+
+
 def test_scale_and_misfit_are_flagged() -> None:
     gravity, rate = readings([0.3, 0.3], [0.5, 0.5], 0.1, 0.8, [1.05, 1.0])
     found = estimate_north(gravity, rate, 0.8, **NOISE)

@@ -175,9 +175,8 @@ def north(
                 best, best_cost = psi, cost
             elif not same and cost < second_cost:
                 second, second_cost = psi, cost
-        if best_cost == math.inf:  # no valley at all, e.g. nothing measured: wherever the cost is least
-            best = 2.0 * math.pi * np.argmin(lay) / GRID
-            best_cost = lay.min()
+        if best_cost == math.inf:  # no valley at all, as where nothing was measured: all azimuths cost the same
+            best_cost = lay[0]
         _fisher(h, e, best, prior, w, found)
         known = w == math.inf
         own = max(found[3], least)

@@ -18,7 +18,7 @@ from inclinometry.laboratory.ledger import chain
 from inclinometry.laboratory.ledger.admin import create
 from inclinometry.laboratory.ledger.engine import Draft, engine
 from inclinometry.laboratory.ledger.exchange import backup, export, restore
-from inclinometry.laboratory.ledger.heads import SignedHead, grown, parse_signed, proof_since, signed_by
+from inclinometry.laboratory.ledger.heads import KEY_EVENT, SignedHead, grown, parse_signed, proof_since, signed_by
 from inclinometry.laboratory.ledger.keys import CHANGE, PASSPHRASE, Keys, descends, fingerprint, genuine, read_public
 from inclinometry.laboratory.ledger.ledger import Ledger, LedgerError
 from inclinometry.laboratory.ledger.verify import Verdict, verify
@@ -425,6 +425,23 @@ def test_a_loss_that_another_key_states_explains_nothing(opened: Opened, keys: K
         assert not any(note.startswith("break") for note in found.notes)
         with pytest.raises(LedgerError, match="nothing was recorded"):
             looked.append("tool", {"serial": "S"}, TOOL, author="anna")
+
+
+def test_a_rotation_that_the_key_before_did_not_sign_explains_nothing(
+    opened: Opened, keys: Keys, tmp_path: Path
+) -> None:
+    """Whoever writes to the ledger names a key of his own as the one that followed."""
+    before, forger = str(keys.public()), Keys(tmp_path / "forger").make()
+    content = {"schema": CHANGE, "version": 1, "action": "rotated", "before": before, "after": forger.public,
+               "reason": "so", "time": "2026-05-01T00:00:00+00:00"}  # fmt: skip
+    change = {**forger.statement(content), "key": before}
+    with opened() as ledger:
+        ledger.append("event", {**KEY_EVENT, "action": "rotated"}, {"details": change}, author="boris")
+        newest = ledger.signed_head()
+        assert newest is not None
+        edit(ledger, *forged(ledger))
+        edit(ledger, head_row(signed_by(forger, newest.ledger, ledger.head(), b"\0" * 32, newest.time), 100))
+        assert "for which the key before did not sign" in said(verify(ledger))
 
 
 @pytest.mark.parametrize(

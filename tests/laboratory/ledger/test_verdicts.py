@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 from cryptography.hazmat.primitives.asymmetric import ec
-from sqlalchemy import inspect, select
+from sqlalchemy import UniqueConstraint, inspect, select
 
 from inclinometry.errors import FileError, InputError
 from inclinometry.laboratory.ledger import chain
@@ -415,6 +415,9 @@ def test_the_tables_of_the_program_are_those_of_the_migrations(path: Path) -> No
         inspected = inspect(connection)
         for name, table in METADATA.tables.items():
             assert inspected.get_pk_constraint(name)["constrained_columns"] == [key.name for key in table.primary_key]
+            # a constraint without a name is none that alembic compares
+            unique = [list(one.columns.keys()) for one in table.constraints if isinstance(one, UniqueConstraint)]
+            assert sorted(one["column_names"] for one in inspected.get_unique_constraints(name)) == sorted(unique)
 
 
 def asked(address: str, body: object = None, length: str = "") -> tuple[int, str]:
