@@ -52,6 +52,8 @@ GOOD = ("0,0,0,true", "30,5,10,true", "60,8,12,true")
         ((HEAD, GOOD[0], GOOD[2], GOOD[1]), 4, "md_m 30 is less than 60 in line 3"),
         ((HEAD, GOOD[0], GOOD[1], GOOD[1]), 4, "md_m 30 repeats 30 in line 3"),
         ((HEAD, GOOD[0], "30,181,10,true"), 3, "allowed 0 to 180 deg; grads belong in a column inclination_gon"),
+        ((HEAD, GOOD[0], "30,999.25,10,true"), 3, "if it stands for an empty cell, state --null 999.25"),
+        ((HEAD, GOOD[0], "30,-60,10,true", "60,-61,10,true"), 3, "give 90 plus it where down is negative"),
         ((HEAD, GOOD[0], "30,5,700,true"), 3, "azimuth_deg is 700; allowed -360 to 360"),
         (("md_m,inclination_deg,azimuth_deg", "0,0,0", "30,1,2"), 1, "column 'azimuth_reference' is missing"),
         ((HEAD, GOOD[0], "30,5,10,"), 3, "azimuth_reference is ''"),

@@ -159,6 +159,22 @@ def read_well(path: str | Path, *, progress: Progress | None = None) -> WellStat
     )
 
 
+def _remedy(table: Table, name: str, row: int) -> str:
+    """What an angle out of range may be meant as."""
+    values, azimuths = table.number(name), table.number("azimuth_deg")
+    value, upright = float(values[row]), name == "inclination_deg" and len(values) > 2
+    if abs(value) >= 900.0:
+        return f"; if it stands for an empty cell, state --null {value:g}"
+    if upright and -90.0 <= value < 0.0 and (np.abs(values) <= 90.0).all():
+        return (
+            "; of a dip from the horizontal give 90 plus it where down is negative, 90 minus it where down is positive"
+        )
+    turned = (values >= 0.0).all() and np.mean(values > 180.0) > 0.1 and ((azimuths >= 0.0) & (azimuths <= 180.0)).all()
+    if upright and turned:
+        return ": are the columns of inclination and azimuth exchanged?"
+    return "" if value < 0.0 else f"; grads belong in a column {name.replace('_deg', '_gon')}"
+
+
 def _angle(table: Table, name: str, low: float, high: float) -> Array:
     values = table.number(name)
     wrong = ~((values >= low) & (values <= high))
@@ -166,13 +182,9 @@ def _angle(table: Table, name: str, low: float, high: float) -> Array:
         row = int(np.argmax(wrong))
         if np.isnan(values[row]):
             raise table.error(f"{name} is empty; a path needs it at every station: give it or remove the row", row)
-        grads = name.replace("_deg", "_gon")
-        allowed = f"allowed {low:g} to {high:g} deg; grads belong in a column {grads}"
-        if name == "inclination_deg" and len(values) > 2:
-            others = table.number("azimuth_deg")
-            if wrong.mean() > 0.1 and (values >= 0.0).all() and ((others >= 0.0) & (others <= 180.0)).all():
-                allowed = f"allowed {low:g} to {high:g} deg: are the columns of inclination and azimuth exchanged?"
-        raise table.error(f"{name} is {values[row]:.10g}; {allowed}", row)
+        raise table.error(
+            f"{name} is {values[row]:.10g}; allowed {low:g} to {high:g} deg{_remedy(table, name, row)}", row
+        )
     return frozen(np.radians(values))
 
 

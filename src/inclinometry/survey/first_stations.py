@@ -102,6 +102,9 @@ def _climbs(md: Array, i: Array, *, axes: bool, at_top: bool) -> Beginning | Non
     sentence = (
         f"the hole climbs {climbed:.0f} m, inclination {mean:.0f} deg in the mean, perhaps {ways}: put the column "
         "right, or state the axes with --convention or a profile (--profile)"
+        if axes
+        else f"the hole climbs {climbed:.0f} m, inclination {mean:.0f} deg in the mean, perhaps {ways}: put the column "
+        "right"
     )
     return Beginning("axes" if axes else "columns", sentence, bool(upright and at_top and ratio > np.log(5.0)))
 
