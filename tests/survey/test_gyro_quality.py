@@ -205,6 +205,17 @@ def test_the_uncertainty_of_the_horizontal_rate_is_honest(three_axis):
     assert abs(pull - 1.0) < 0.12
 
 
+def test_a_rate_shown_in_another_unit_and_its_scale_are_the_same_stations():
+    gravity, rate = stations(45.0)
+    eye = np.broadcast_to(np.eye(3), (30, 3, 3))
+    given = judge(gravity, rate, 45.0)
+    for scale in (0.3, 2.5):
+        shown = judge(gravity, rate / scale, 45.0, scale=scale, rate_covariance=(SIGMA / scale) ** 2 * eye)
+        for name, check in given.items():
+            assert shown[name].value == pytest.approx(check.value, rel=1e-6, abs=1e-9), name
+            assert shown[name].verdict == check.verdict
+
+
 def test_a_faultless_run_of_many_stations_passes():
     assert verdicts(judge(*stations(45.0, 1500), 45.0)) == ("pass", "pass", "pass")
 

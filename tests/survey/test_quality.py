@@ -107,6 +107,9 @@ def test_good_stations_pass_with_their_figures():
         ((1.0, 1.03), 0.0, {"magnetic field", "distance"}, "interference"),
         ((1.0, 1.0), 3.0, {"dip", "distance"}, "axes and signs"),
         ((1.05, 1.1), 0.0, {"gravity", "magnetic field", "distance"}, "units"),
+        ((1.0, 1.03), 3.0, {"magnetic field", "dip", "distance"}, "b and dip of the site"),
+        ((1.01, 1.0), 3.0, {"gravity", "dip", "distance"}, "an accelerometer is off"),
+        ((1.05, 1.1), 3.0, {"gravity", "magnetic field", "dip", "distance"}, "do not use the station"),
     ],
 )
 def test_what_fails_says_why_and_what_next(scale, dip_off, failing, word):
