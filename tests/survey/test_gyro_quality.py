@@ -131,13 +131,25 @@ def test_with_z_of_the_gyro_alone_reversed_accelerometers_are_told_apart(count):
         assert check.verdict == "fail"
         assert (SAME_SIGN[1] in check.reason) is (d < 0)
         assert (SAME_SIGN[0] in check.reason and SAME_SIGN[2] in check.reason) is (d > 0)
+        assert "all three" not in check.reason
 
 
 def test_a_vertical_tool_without_a_gyro_along_it_cannot_tell_the_sign():
     gravity, rate = stations(50.0, inclination=(0.0, 0.01))
     assert judge(gravity, without_z(rate), -50.0)["latitude sign"].verdict == "not judged"
-    assert judge(gravity, rate, -50.0)["latitude sign"].verdict == "fail"
+    told = judge(gravity, rate, -50.0)["latitude sign"]
+    assert told.verdict == "fail"
+    assert all(text in told.reason for text in (*SAME_SIGN, "any one of these mistakes or all three"))
     assert judge(gravity, without_z(rate), 50.0)["latitude"].verdict == "pass"
+
+
+@pytest.mark.parametrize("latitude", [-30.0, 60.0])
+def test_a_vertical_tool_without_a_gyro_along_it_knows_the_latitude_as_well_as_the_scale(latitude):
+    gravity, rate = stations(latitude, 5, noise=0.0, inclination=(0.0, 0.01))
+    check = judge(gravity, without_z(rate), latitude, scale_sd=0.01)["latitude"]
+    # k cos(latitude) is all that is seen; the scale of a station is its own and one that all share, three of each
+    share = np.sqrt(1.0 + 1.0 / 5.0)
+    assert check.limit == pytest.approx(3.0 * 0.01 * share / np.tan(np.radians(abs(latitude))), rel=0.03)
 
 
 def test_the_equator_has_no_sign():

@@ -62,7 +62,7 @@ def test_two_stations_exchanged_beside_a_wrong_one(of, beside):
     rows = np.arange(len(md))
     rows[[30, 45]] = 45, 30
     inclination, azimuth = inclination[rows], azimuth[rows]
-    inclination[(30, 45)[of] + beside] += 5.0
+    inclination[(30, 45)[of] + beside] += 20.0
     assert ("order", (30, 45)) in [(one.name, one.stations) for one in doubts(table(md, inclination, azimuth))]
 
 
