@@ -217,6 +217,15 @@ def test_the_uncertainty_of_the_horizontal_rate_is_honest(three_axis):
     assert abs(pull - 1.0) < 0.12
 
 
+@pytest.mark.parametrize(("latitude", "seed"), [(30.0, 1), (60.0, 2)])
+def test_hardly_any_noise_hides_no_valley_of_the_azimuth(latitude, seed):
+    """A hundredth of the usual noise: valleys of the misfit are narrower than the grid in which they are looked for."""
+    gravity, rate = stations(latitude, 60, seed, 0.01, (0.0, 180.0))
+    eye = np.broadcast_to(1e-4 * np.eye(3), (60, 3, 3))
+    noise = {"gravity_covariance": TILT**2 * eye, "rate_covariance": SIGMA**2 * eye}
+    assert verdicts(judge(gravity, without_z(rate), latitude, scale_sd=0.01, **noise)) == ("pass", "pass", "pass")
+
+
 def test_a_rate_shown_in_another_unit_and_its_scale_are_the_same_stations():
     gravity, rate = stations(45.0)
     eye = np.broadcast_to(np.eye(3), (30, 3, 3))

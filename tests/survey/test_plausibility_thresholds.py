@@ -67,7 +67,9 @@ def test_two_stations_exchanged_beside_a_wrong_one(of, beside):
 
 
 def test_of_many_wrong_stations_the_three_furthest_off_are_named():
-    run = straight(36, **{f"r{row}": (60.0 + off, 121.0) for row, off in ((5, 7.3), (11, 5.7), (17, 8.9), (23, 6.1), (29, 8.3))})
+    run = straight(
+        36, **{f"r{row}": (60.0 + off, 121.0) for row, off in ((5, 7.3), (11, 5.7), (17, 8.9), (23, 6.1), (29, 8.3))}
+    )
     assert [one.stations for one in doubts(run)] == [(17,), (29,), (5,)]
 
 

@@ -98,6 +98,10 @@ def test_good_stations_pass_with_their_figures():
     assert found.actions == ("", "")
     assert found.reasons[0].startswith("gravity +0.0000 m/s^2, within 0.0")
     assert any("declination" in note for note in found.notes)
+    assert repr(found).startswith("FieldQuality: 2 rows\n")
+    # a judgement is itself and no other, columns are not compared
+    assert found in {found}
+    assert found != judge_fields(with_sensors(stations([30.0, 80.0], [40.0, 60.0]), MWD), SITE)
 
 
 @pytest.mark.parametrize(
