@@ -115,8 +115,9 @@ def test_what_repeats_at_a_depth_is_no_error_of_the_movement():
     assert found.repeated.sum() == 10
 
 
-def test_a_spike_is_flagged_and_widens_what_is_above_it():
-    second = read(sigma=SIGMA, seed=6)
+@pytest.mark.parametrize("bias", [(0.001, 0.001), (0.004, 0.002)])
+def test_a_spike_is_flagged_and_widens_what_is_above_it(bias):
+    second = read(sigma=SIGMA, seed=6, bias=bias)
     runs = second.faces["a"].copy()
     runs[30, 1] += 0.01
     spiked = CasingReading(DEPTH, STEP, {**second.faces, "a": runs})

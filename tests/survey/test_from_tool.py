@@ -96,8 +96,9 @@ def test_strengths_are_taken_from_the_caller_where_the_tool_has_none():
     for missing, given in (("accelerometer", {}), ("magnetometer", {"g": 9.8})):
         with pytest.raises(InputError, match=f"strength of its {missing}; give"):
             stations_from_tool(true.md, true.signals, blind, **given)
-    with pytest.raises(InputError, match="g is 980"):
-        stations_from_tool(true.md, true.signals, blind, g=980.0, b=5e4)
+    for wrong in (980.0, 0.0):
+        with pytest.raises(InputError, match=f"g is {wrong:g}"):
+            stations_from_tool(true.md, true.signals, blind, g=wrong, b=5e4)
     found = stations_from_tool(true.md, true.signals, blind, g=STANDARD_GRAVITY, b=50_000.0)
     np.testing.assert_allclose(found.g, known.g, rtol=1e-12)
     np.testing.assert_allclose(found.field_covariance(), known.field_covariance(), rtol=1e-9)

@@ -131,13 +131,25 @@ def test_with_z_of_the_gyro_alone_reversed_accelerometers_are_told_apart(count):
         assert check.verdict == "fail"
         assert (SAME_SIGN[1] in check.reason) is (d < 0)
         assert (SAME_SIGN[0] in check.reason and SAME_SIGN[2] in check.reason) is (d > 0)
+        assert "all three" not in check.reason
 
 
 def test_a_vertical_tool_without_a_gyro_along_it_cannot_tell_the_sign():
     gravity, rate = stations(50.0, inclination=(0.0, 0.01))
     assert judge(gravity, without_z(rate), -50.0)["latitude sign"].verdict == "not judged"
-    assert judge(gravity, rate, -50.0)["latitude sign"].verdict == "fail"
+    told = judge(gravity, rate, -50.0)["latitude sign"]
+    assert told.verdict == "fail"
+    assert all(text in told.reason for text in (*SAME_SIGN, "any one of these mistakes or all three"))
     assert judge(gravity, without_z(rate), 50.0)["latitude"].verdict == "pass"
+
+
+@pytest.mark.parametrize("latitude", [-30.0, 60.0])
+def test_a_vertical_tool_without_a_gyro_along_it_knows_the_latitude_as_well_as_the_scale(latitude):
+    gravity, rate = stations(latitude, 5, noise=0.0, inclination=(0.0, 0.01))
+    check = judge(gravity, without_z(rate), latitude, scale_sd=0.01)["latitude"]
+    # k cos(latitude) is all that is seen; the scale of a station is its own and one that all share, three of each
+    share = np.sqrt(1.0 + 1.0 / 5.0)
+    assert check.limit == pytest.approx(3.0 * 0.01 * share / np.tan(np.radians(abs(latitude))), rel=0.03)
 
 
 def test_the_equator_has_no_sign():
@@ -203,6 +215,26 @@ def test_the_uncertainty_of_the_horizontal_rate_is_honest(three_axis):
     pull = np.mean(np.square((found - np.cos(np.radians(45.0))) / sd))
     # chi-square of 2000: standard deviation sqrt(2/2000) = 0.032
     assert abs(pull - 1.0) < 0.12
+
+
+@pytest.mark.parametrize(("latitude", "seed"), [(30.0, 1), (60.0, 2)])
+def test_hardly_any_noise_hides_no_valley_of_the_azimuth(latitude, seed):
+    """A hundredth of the usual noise: valleys of the misfit are narrower than the grid in which they are looked for."""
+    gravity, rate = stations(latitude, 60, seed, 0.01, (0.0, 180.0))
+    eye = np.broadcast_to(1e-4 * np.eye(3), (60, 3, 3))
+    noise = {"gravity_covariance": TILT**2 * eye, "rate_covariance": SIGMA**2 * eye}
+    assert verdicts(judge(gravity, without_z(rate), latitude, scale_sd=0.01, **noise)) == ("pass", "pass", "pass")
+
+
+def test_a_rate_shown_in_another_unit_and_its_scale_are_the_same_stations():
+    gravity, rate = stations(45.0)
+    eye = np.broadcast_to(np.eye(3), (30, 3, 3))
+    given = judge(gravity, rate, 45.0)
+    for scale in (0.3, 2.5):
+        shown = judge(gravity, rate / scale, 45.0, scale=scale, rate_covariance=(SIGMA / scale) ** 2 * eye)
+        for name, check in given.items():
+            assert shown[name].value == pytest.approx(check.value, rel=1e-6, abs=1e-9), name
+            assert shown[name].verdict == check.verdict
 
 
 def test_a_faultless_run_of_many_stations_passes():

@@ -56,7 +56,8 @@ def test_interference_across_the_tool_is_found_though_the_prior_is_70_nt(across)
     term = found.parameters["MBX"]
     assert abs(term.value - across) < 3.0 * term.u < 150.0
     assert rms(azimuth_error(found.corrected, azimuth)) < 2.0 * rms(azimuth_u(found.corrected)) < 1.0
-    assert any(text.startswith("MBX") and "widened to what the run shows" in text for text in found.warnings)
+    assert any(text.startswith("MBX is") and "widened to what the run shows" in text for text in found.warnings)
+    assert any(text.startswith("MBX to MBY are together some") for text in found.warnings)
     refuse_beyond(found.parameters)
 
 

@@ -169,6 +169,8 @@ def test_a_survey_with_itself():
     assert np.array_equal(found.md, path.md)
     for name in ("north", "east", "tvd", "separation", "high_side", "lateral", "along_hole", "inclination", "azimuth"):
         assert (getattr(found, name) == 0.0).all()
+        with pytest.raises(ValueError, match="read-only"):
+            getattr(found, name)[0] = 1.0
 
 
 def test_differences_in_the_axes_of_the_hole():

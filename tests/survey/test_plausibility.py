@@ -14,6 +14,8 @@ from inclinometry.errors import FileError, InputError
 from inclinometry.orientation import dip_angle, fields
 from inclinometry.sensors import Triad
 from inclinometry.survey.consistency import angle_doubts, place_doubts
+from inclinometry.survey.copies import copied_block, copied_rows
+from inclinometry.survey.exchanged_channels import explained
 from inclinometry.survey.misread_axis import misread_axis
 from inclinometry.survey.path import directions
 from inclinometry.survey.plausibility import CHECKS, Run, doubts, settle
@@ -326,6 +328,16 @@ def test_channels_of_a_calibrated_tool(change, words):
     one(calibrated(change), "axes", True, words)
 
 
+def test_a_reading_that_is_no_field_in_another_order_is_no_obstacle():
+    run = axes()
+    offset = {"accelerometer": np.array([0.5, -0.3, 0.2]), "magnetometer": np.array([900.0, -400.0, 700.0])}
+    channels = {k: (v + offset[k])[:, [0, 2, 1]] for k, v in zip(offset, (run.g, run.b), strict=True)}
+    # station 1 with x and y exchanged: nothing but the offset
+    channels["accelerometer"][0] = offset["accelerometer"][[1, 0, 2]]
+    found = explained(channels, lambda own: tuple(own[k] - offset[k] for k in offset), lambda *_: 0.0)
+    assert found == "channels y and z of both triads exchanged"
+
+
 @pytest.mark.parametrize(("kind", "axis", "end"), [("b", 0, 15_000.0), ("b", 2, 44_000.0), ("g", 1, 5.0)])
 def test_a_channel_of_six_axes_that_is_clipped(kind, axis, end):
     clipped = []
@@ -371,9 +383,15 @@ def test_exchanged_axes_are_named_beside_a_clipped_channel():
         (1.0 / 9.80665, 1.0, "in g where m/s2 is named: name the unit in the columns, as gx_g"),
         (1000.0 / 9.80665, 1.0, "in mg where m/s2 is named"),
         (9.80665, 1.0, "in m/s2 where g is named"),
+        (9.80665 / 1000.0, 1.0, "in m/s2 where mg is named: name the unit in the columns, as gx_m_s2"),
+        (1000.0, 1.0, "in mg where g is named"),
+        (1.0 / 1000.0, 1.0, "in g where mg is named"),
         (1.0, 1e-3, "in uT where nT is named: name the unit in the columns, as bx_uT"),
         (1.0, 1e-5, "in gauss where nT is named"),
         (1.0, 1e3, "in nT where uT is named"),
+        (1.0, 1e5, "in nT where gauss is named"),
+        (1.0, 1e-2, "in mG or uT where nT or gauss is named"),
+        (1.0, 1e2, "in nT or gauss where mG or uT is named"),
     ],
 )
 def test_a_field_in_another_unit(g_factor, b_factor, words):
@@ -391,6 +409,15 @@ def test_single_readings_given_again(pairs, refused):
     assert found.refused is refused
     assert found.stations == tuple(sorted(row for pair in pairs for row in pair))
     assert "to the last digit those at 342" in found.sentence
+
+
+def test_a_table_that_is_its_first_half_twice():
+    readings = np.random.default_rng(1).normal(size=(20, 6))
+    # not single rows that were copied, but a block
+    assert copied_rows(readings[[*range(20), *range(20)]]) == []
+    assert copied_block(readings[[*range(20), *range(20)]])[:3] == (0, 20, 20)
+    assert copied_block(readings[[*range(4), *range(4)]], 4)[:3] == (0, 4, 4)
+    assert copied_block(readings[[*range(4), *range(3)]], 4) is None
 
 
 def test_attitudes_that_come_again_without_noise_are_no_copies():

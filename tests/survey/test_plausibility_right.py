@@ -27,6 +27,13 @@ def test_a_hole_up_from_a_mine(seed, length, inclination):
     assert doubts(noisy(seed, md, inclination, 200.0 + md / 100.0)) == []
 
 
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("end", [84.0, 75.0, 60.0])
+def test_a_level_hole_of_a_mine_that_dips(seed, end):
+    md = np.arange(0.0, 601.0, 10.0)
+    assert doubts(noisy(seed, md, np.interp(md, [0.0, 100.0, 600.0], [90.0, 90.0, end]), 200.0 + md / 100.0)) == []
+
+
 def test_a_well_that_is_counted_from_the_other_end_climbs_too():
     md, inclination, azimuth = hole()
     for rows in (md < 600.0, md < 1500.0, md > 900.0):

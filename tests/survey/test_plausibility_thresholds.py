@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -53,6 +54,33 @@ def test_two_stations_exchanged_near_and_far(first, apart):
     assert [(one.name, one.stations) for one in found] == [("order", (first, first + apart))]
 
 
+@pytest.mark.parametrize("beside", [-3, 3])
+@pytest.mark.parametrize("of", [0, 1])
+def test_two_stations_exchanged_beside_a_wrong_one(of, beside):
+    md, inclination, azimuth = hole(spacing=30.0, noise_deg=0.02)
+    inclination, azimuth = inclination + 0.004 * (md - 400.0), azimuth + 0.02 * md
+    rows = np.arange(len(md))
+    rows[[30, 45]] = 45, 30
+    inclination, azimuth = inclination[rows], azimuth[rows]
+    inclination[(30, 45)[of] + beside] += 20.0
+    assert ("order", (30, 45)) in [(one.name, one.stations) for one in doubts(table(md, inclination, azimuth))]
+
+
+def test_of_many_wrong_stations_the_three_furthest_off_are_named():
+    run = straight(
+        36, **{f"r{row}": (60.0 + off, 121.0) for row, off in ((5, 7.3), (11, 5.7), (17, 8.9), (23, 6.1), (29, 8.3))}
+    )
+    assert [one.stations for one in doubts(run)] == [(17,), (29,), (5,)]
+
+
+@pytest.mark.parametrize("end", [0, -1])
+def test_a_short_course_at_the_other_end_hides_no_wrong_station(end):
+    run = straight(30, **{f"r{range(30)[end]}": (60.0, 151.0)})
+    md = run.md.copy()
+    md[-1 - end] += -20.0 if end == 0 else 20.0
+    assert [one.stations for one in doubts(replace(run, md=md))] == [(range(30)[end],)]
+
+
 @pytest.mark.parametrize("size", [30, 31])
 @pytest.mark.parametrize("end", [0, -1])
 def test_the_station_at_an_end_is_named_and_no_other(size, end):
@@ -63,7 +91,7 @@ def test_the_station_at_an_end_is_named_and_no_other(size, end):
     assert doubts(straight(size, **{f"r{row}": (60.0, 125.0)})) == []
 
 
-@pytest.mark.parametrize(("above", "below", "refused"), [(30.0, 30.0, False), (6.0, 30.0, True), (30.0, 6.0, True)])
+@pytest.mark.parametrize(("above", "below", "refused"), [(30.0, 30.0, False), (9.0, 30.0, True), (30.0, 9.0, True)])
 @pytest.mark.parametrize("row", [1, 15, 28])
 def test_a_kink_is_refused_where_its_shorter_course_is_too_short_for_it(row, above, below, refused):
     courses = np.full(29, 30.0)

@@ -98,6 +98,10 @@ def test_good_stations_pass_with_their_figures():
     assert found.actions == ("", "")
     assert found.reasons[0].startswith("gravity +0.0000 m/s^2, within 0.0")
     assert any("declination" in note for note in found.notes)
+    assert repr(found).startswith("FieldQuality: 2 rows\n")
+    # a judgement is itself and no other, columns are not compared
+    assert found in {found}
+    assert found != judge_fields(with_sensors(stations([30.0, 80.0], [40.0, 60.0]), MWD), SITE)
 
 
 @pytest.mark.parametrize(
@@ -107,6 +111,9 @@ def test_good_stations_pass_with_their_figures():
         ((1.0, 1.03), 0.0, {"magnetic field", "distance"}, "interference"),
         ((1.0, 1.0), 3.0, {"dip", "distance"}, "axes and signs"),
         ((1.05, 1.1), 0.0, {"gravity", "magnetic field", "distance"}, "units"),
+        ((1.0, 1.03), 3.0, {"magnetic field", "dip", "distance"}, "b and dip of the site"),
+        ((1.01, 1.0), 3.0, {"gravity", "dip", "distance"}, "an accelerometer is off"),
+        ((1.05, 1.1), 3.0, {"gravity", "magnetic field", "dip", "distance"}, "do not use the station"),
     ],
 )
 def test_what_fails_says_why_and_what_next(scale, dip_off, failing, word):

@@ -78,13 +78,13 @@ def stations_from_tool(
     known, history = [], []
     for kind, unit, name, stated in zip(VECTORS, ("m/s^2", "nT"), ("g", "b"), (g, b), strict=True):
         own = tool.triads[kind].field_strength
-        if own is None and stated is None:
-            raise InputError(
-                f"the calibration does not know the field strength of its {kind}; give {name}, that of the "
-                f"calibration stand in {unit}"
-            )
         if own is None:
-            own = float(within(float(stated or 0.0), name, *((9.5, 10.1) if name == "g" else (5e3, 2e5)), unit))
+            if stated is None:
+                raise InputError(
+                    f"the calibration does not know the field strength of its {kind}; give {name}, that of the "
+                    f"calibration stand in {unit}"
+                )
+            own = float(within(stated, name, *((9.5, 10.1) if name == "g" else (5e3, 2e5)), unit))
             history.append(
                 f"field strength at the calibration of the {kind} taken as {own:g} {unit}: totals hang on it"
             )
