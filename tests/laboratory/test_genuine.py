@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+import sqlite3
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -114,6 +115,44 @@ def test_what_was_ended_is_said(issued: SimpleNamespace, capsys: pytest.CaptureF
     assert "not among those" in said
 
 
+def test_two_histories_under_one_key_are_said(
+    issued: SimpleNamespace, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    """A ledger whose void was cut off, begun anew and grown beyond: the larger number does not win."""
+    original = Path(issued.ledger.where)
+    copies = [tmp_path / "cut.sqlite", tmp_path / "other.sqlite"]
+    for copy in copies:
+        with sqlite3.connect(original) as source, sqlite3.connect(copy) as target:
+            source.backup(target)
+    certificates.void(issued.ledger, issued.number, "wrong stand", author="anna")
+    hand_out(issued, capsys)
+    with sqlite3.connect(copies[1]) as database:
+        for (trigger,) in database.execute("SELECT name FROM sqlite_master WHERE type = 'trigger'").fetchall():
+            database.execute(f'DROP TRIGGER "{trigger}"')
+        database.execute("DELETE FROM head")
+    for copy, said_of in zip(copies, ("contradict each other about certificate", "is of the ledger"), strict=True):
+        forged = tmp_path / f"{copy.stem}.json"
+        folder = tmp_path / f"keys of {copy.stem}"
+        shutil.copytree(issued.ledger.keys.folder, folder, ignore=shutil.ignore_patterns("heads"))
+        with Ledger(str(copy), keys=Keys(folder)) as ledger:
+            if ledger.signed_head() is None:
+                ledger.begin_signing()
+            for serial in "ABC":
+                ledger.append("tool", {"serial": serial}, {"name": "tool", "triads": {}}, author="anna")
+            forged.write_text(json.dumps(make_status(ledger)))
+        for statements in ((issued.status, forged), (forged, issued.status)):
+            words = ["certificate", "verify", issued.files[0], *statements, "--key", issued.key]
+            status, said = run(capsys, *words)
+            assert status == 1, said
+            (line,) = [line for line in said.splitlines() if "two histories under one key" in line]
+            assert said_of in line
+            assert str(forged) in line
+            assert str(issued.status) in line
+            assert f"certificate {issued.number}: void (wrong stand), as of" in said
+            assert "two histories" in json.loads(run(capsys, *words, "--json")[1])["problem"]
+        assert run(capsys, "certificate", "verify", issued.files[0], forged, "--key", issued.key)[0] == 0
+
+
 def test_what_was_changed_is_named(issued: SimpleNamespace, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     hand_out(issued, capsys)
     pdf, xml, text = issued.files
@@ -122,6 +161,8 @@ def test_what_was_changed_is_named(issued: SimpleNamespace, capsys: pytest.Captu
     assert status == 1
     assert f"{xml}: DCC of certificate {issued.number}: NOT GENUINE: it was changed after it was signed" in said
     assert said.count("genuine, signed by") == 2
+    # how it stands is asked of a certificate of the laboratory, not of what it did not make
+    assert "not known" not in run(capsys, "certificate", "verify", xml, "--key", issued.key)[1]
     # a key that is another's, rubbish, nothing
     other = Keys(tmp_path / "other")
     other.make()

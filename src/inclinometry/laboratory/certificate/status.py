@@ -7,8 +7,9 @@ by its signature.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, datetime
+from itertools import combinations
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -145,6 +146,40 @@ def _included(entry: Mapping[str, Any], head: SignedHead) -> bool:
     leaf = chain.leaf(*(entry[name] for name in ("seq", "kind", "record", "created", "digest")))
     proof = [bytes.fromhex(one) for one in entry["proof"]]
     return includes(leaf_hash(leaf), entry["seq"] - 1, head.size, proof, bytes.fromhex(head.root))
+
+
+def two_histories(given: Mapping[str, Status]) -> str:
+    """What genuine statements, by their files, say against each other; "" when they can be of one ledger as it grew.
+
+    The key signed all of them: a ledger cut back, or begun anew from a part of it, has issued one of them.
+    """
+    ask = "the laboratory has two histories under one key: ask it which one holds, and why there is another"
+    for (name, one), (other, two) in combinations(given.items(), 2):
+        if one.head.ledger != two.head.ledger:
+            return f"{name} is of the ledger {one.head.ledger}, {other} of the ledger {two.head.ledger}; {ask}"
+        if one.head.size == two.head.size and (one.head.root, one.head.link) != (two.head.root, two.head.link):
+            return f"{name} and {other} speak of other records up to {one.head.size}; {ask}"
+        for number in one.rows.keys() & two.rows.keys():
+            if not _agree(one, two, number):
+                return f"{name} and {other} contradict each other about certificate {number}; {ask}"
+    return ""
+
+
+def _agree(one: Status, two: Status, number: str) -> bool:
+    """Whether a certificate stands the same in two statements of a ledger, as far as both reach."""
+    rows, reach = (one.rows[number], two.rows[number]), min(one.head.size, two.head.size)
+    entries, digests = [{**row["entry"], "proof": None} for row in rows], [row["digest"] for row in rows]
+    ends = [{**row["event"], "proof": None} if row["state"] != "issued" else None for row in rows]
+    known = [(row["state"], end) if end and end["seq"] <= reach else None for row, end in zip(rows, ends, strict=True)]
+    both = ends[0] == ends[1] or None in ends  # a certificate ends once
+    return entries[0] == entries[1] and digests[0] == digests[1] and known[0] == known[1] and both
+
+
+def holding(found: Iterable[Status], number: str) -> Status | None:
+    """The statement by which a certificate stands: the newest by which it ended, or the newest that lists it."""
+    listing = [one for one in found if number in one.rows]
+    ended = [one for one in listing if one.rows[number]["state"] != "issued"]
+    return max(ended or listing, key=lambda one: (one.head.size, one.head.time), default=None)
 
 
 def contradiction(
