@@ -15,8 +15,9 @@ from inclinometry.cli import main
 from inclinometry.errors import FileError
 from inclinometry.laboratory import certificates
 from inclinometry.laboratory.certificate.laboratory_toml import Laboratory
-from inclinometry.laboratory.certificate.signing import seal
+from inclinometry.laboratory.certificate.signing import seal, sign_json
 from inclinometry.laboratory.certificate.status import make_status, read_status
+from inclinometry.laboratory.ledger.chain import compact
 from inclinometry.laboratory.ledger.keys import Keys, read_public
 from inclinometry.laboratory.ledger.ledger import Ledger, LedgerError
 from inclinometry.laboratory.results import finish_calibration
@@ -169,7 +170,9 @@ def test_what_was_changed_is_named(issued: SimpleNamespace, capsys: pytest.Captu
     (tmp_path / "other.pem").write_bytes((other.folder / "public.pem").read_bytes())
     status, said = run(capsys, "certificate", "verify", pdf, "--key", tmp_path / "other.pem")
     assert status == 1
-    assert "did not sign" in said
+    assert "NOT PROVEN: it is signed by the key" in said
+    assert "NOT GENUINE" not in said
+    assert run(capsys, "certificate", "verify", xml, "--key", tmp_path / "other.pem")[1].count("NOT GENUINE") == 1
     for words, problem in (
         (["certificate", "verify", pdf, "--key", pdf], "not the public key of a laboratory"),
         (["certificate", "verify", issued.key, "--key", issued.key], "neither PDF, XML nor JSON"),
@@ -211,8 +214,6 @@ def test_the_record_in_the_statement_is_the_one_in_the_file(
     hand_out(issued, capsys)
     record = dict(certificates.status(issued.ledger, issued.number).record.body["record"])
     record["customer"] = {**record["customer"], "name": "Somebody else"}
-    from inclinometry.laboratory.certificate.signing import sign_json
-
     made = seal(record, issued.ledger.keys)
     issued.files[2].write_bytes(sign_json(record, made, issued.ledger.keys.signing().public))
     status, said = run(capsys, "certificate", "verify", issued.files[2], issued.status, "--key", issued.key)
@@ -221,6 +222,43 @@ def test_the_record_in_the_statement_is_the_one_in_the_file(
     status, said = run(capsys, "certificate", "verify", *issued.files, "--key", issued.key)
     assert status == 1
     assert "different records" in said
+
+
+def test_certificates_of_a_lost_key_are_proven_by_the_statement_of_the_new_one(
+    issued: SimpleNamespace, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    """Rotated, lost, published: without a statement not proven, with it those that the ledger lists and no others."""
+    old = Keys(tmp_path / "stolen")
+    shutil.copytree(issued.ledger.keys.folder, old.folder)
+    record = {**certificates.status(issued.ledger, issued.number).record.body["record"], "number": "2026-0099"}
+    assert run(capsys, "ledger", "key", "--rotate", "every year")[0] == 0
+    assert run(capsys, "ledger", "key", "--lost", "laptop stolen", "--public", issued.key)[0] == 0
+    status, said = run(capsys, "certificate", "verify", *issued.files, "--key", issued.key)
+    assert status == 1
+    assert said.count("NOT PROVEN: it is signed by the key") == 3
+    hand_out(issued, capsys)  # before anything is recorded again
+    status, said = run(capsys, "certificate", "verify", *issued.files, issued.status, "--key", issued.key)
+    assert status == 0, said
+    assert f"certificate {issued.number}: issued, as of" in said
+    forged = tmp_path / "forged.json"
+    forged.write_bytes(sign_json(record, seal(record, old), old.signing().public))
+    status, said = run(capsys, "certificate", "verify", forged, issued.status, "--key", issued.key)
+    assert status == 1
+    assert "which was lost, and no statement lists it" in said
+    # what the lost key signed after its loss, and a key that nothing explains
+    changes = issued.ledger.keys.folder / "changes.jsonl"
+    kept = changes.read_text()
+    moved = {**issued.ledger.keys.changes()[-1], "before": old.signing().public, "time": "2020-01-01T00:00:00+00:00"}
+    bare = {name: value for name, value in moved.items() if name not in ("key", "signature")}
+    for text, wanted in (
+        (compact(issued.ledger.keys.signing().statement(bare)), "which was lost on 2020-01-01T00:00:00 UTC"),
+        ("", "bring the right key there"),
+    ):
+        changes.write_text(text)
+        status, said = run(capsys, "ledger", "status", "-o", issued.status, "--ledger", issued.ledger.where)
+        assert status == 2
+        assert wanted in said
+    changes.write_text(kept)
 
 
 def test_keys_and_heads_as_a_user_types_them(

@@ -23,8 +23,8 @@ from inclinometry.laboratory.certificate.record import record_digest
 from inclinometry.laboratory.ledger import chain
 from inclinometry.laboratory.ledger.chain import LedgerError
 from inclinometry.laboratory.ledger.engine import CHAIN
-from inclinometry.laboratory.ledger.heads import SignedHead, leaves, newest_head, parse_signed
-from inclinometry.laboratory.ledger.keys import Public, descends, fingerprint, genuine
+from inclinometry.laboratory.ledger.heads import SignedHead, leaves, newest_head, parse_signed, signed_by
+from inclinometry.laboratory.ledger.keys import Public, descends, explained, fingerprint, genuine
 from inclinometry.laboratory.ledger.ledger import Ledger, Record
 from inclinometry.laboratory.ledger.merkle import Tree, includes, leaf_hash
 
@@ -50,8 +50,9 @@ def make_status(ledger: Ledger, numbers: Sequence[str] = ()) -> dict[str, Any]:
         if head is None:
             raise LedgerError(f"{ledger.shown} is not signed; `inclinometry ledger init` begins that")
         tree = Tree(leaves(connection, 0, head.size))
-        if tree.root().hex() != head.root:
+        if tree.root().hex() != head.root or not head.genuine():
             raise LedgerError(f"{ledger.shown} is not what was signed; run `inclinometry ledger verify`")
+        head = _of_now(ledger, head)
 
         def entry(record: Record) -> dict[str, Any]:
             row = connection.execute(select(CHAIN).where(CHAIN.c.seq == record.seq)).one()
@@ -89,6 +90,28 @@ def make_status(ledger: Ledger, numbers: Sequence[str] = ()) -> dict[str, Any]:
         "time": datetime.now(UTC).isoformat(timespec="seconds"),
     }
     return ledger.keys.signing().statement(content)
+
+
+def _of_now(ledger: Ledger, head: SignedHead) -> SignedHead:
+    """The head signed by the key of now, where another one signed it last and the change is known."""
+    key, changes = ledger.keys.signing(), ledger.keys.changes()
+    if head.key == key.public:
+        return head
+    path = explained(head.key, key.public, changes)
+    if path is None:
+        raise LedgerError(
+            f"{ledger.shown} is signed by the key {fingerprint(head.key)}, the one in {ledger.keys.folder} is "
+            f"{fingerprint(key.public)}; bring the right key there, or state with `inclinometry ledger init --accept "
+            "REASON` that the ledger goes on with this one"
+        )
+    lost = next((str(one["time"]) for one in path if one["action"] == "lost"), "9999")
+    if head.time[:19] > lost[:19]:  # whoever found the key goes on signing with it
+        raise LedgerError(
+            f"{ledger.shown} was signed on {head.time[:19]} UTC by the key {fingerprint(head.key)}, which was lost on "
+            f"{lost[:19]} UTC; run `inclinometry ledger verify`"
+        )
+    end = chain.Head(head.size, head.link)
+    return signed_by(key, head.ledger, end, bytes.fromhex(head.root), head.time)
 
 
 class Status(NamedTuple):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal
 
@@ -162,9 +163,10 @@ def verify(*files: str, key: Input, json: Json = False) -> int:
     statements = [name for name, data in given if _json(data) is not None and is_status(_json(data) or {})]
     found: dict[str, Status] = {name: read_status(name, public) for name in statements}
     newest = max(found.values(), key=lambda one: (one.head.size, one.head.time), default=None)
-    if newest is not None:  # keys that came after the published one
-        later = [str(one["after"]) for one in newest.changes if one["action"] == "rotated"]
-        public = Public((*public.keys, *(one for one in later if one not in public.keys)), public.certificates)
+    published = public
+    if newest is not None:  # keys that came after the published one, or before it
+        said = [str(one[end]) for one in newest.changes for end in ("before", "after") if one[end]]
+        public = Public(tuple(dict.fromkeys((*public.keys, *said))), public.certificates)
     looked = [(name, data, _look(name, data, public)) for name, data in given if name not in statements]
     if newest is not None and not looked:
         about = output.counted(len(newest.rows), "certificate")
@@ -180,14 +182,17 @@ def verify(*files: str, key: Input, json: Json = False) -> int:
     for name, data, one in looked:
         by = held[one.number]
         row = by.rows.get(one.number) if by is not None else None
-        problem = one.problem
+        whole = {"PDF": "pdf", "DCC": "dcc", "JSON": "json"}.get(one.kind)
+        problem, open_ = one.problem, one.signer is not None
+        if not problem and newest is not None and not _vouched(one.key, row, whole, published, newest.changes):
+            problem, open_ = f"it is signed by the key {one.key}, which was lost, and no statement lists it", True
         if not problem and len(digests[one.number]) > 1:
             problem = f"these files are of different records under the number {one.number}"
         if not problem and row is not None:
-            whole = {"PDF": "pdf", "DCC": "dcc", "JSON": "json"}.get(one.kind)
             problem = contradiction(row, one.digest, one.record, {whole: data} if whole else {})
         rows.append({"file": name, "kind": one.kind, "number": one.number, "digest": one.digest, "key": one.key,
-                     "genuine": not problem, "problem": problem, "state": _state(row, by)})  # fmt: skip
+                     "genuine": not problem, "proven": not open_, "problem": problem,
+                     "state": _state(row, by)})  # fmt: skip
     numbers = sorted(number for number in digests if number)
     mixed = two_histories(found)
     if len(numbers) > 1:
@@ -225,6 +230,21 @@ def _look(name: str, data: bytes, public: Public) -> Looked:
     return look(data, name, public) if made is None else look_at_seal(made, public)
 
 
+def _vouched(key: str, row: Any, kind: str | None, published: Public, changes: Sequence[dict[str, Any]]) -> bool:
+    """Whether a key counts for a file: a published one, one that came from it, or, lost, for what a statement lists."""
+    from inclinometry.laboratory.ledger.keys import descends, fingerprint
+
+    later = [str(one["after"]) for one in changes]
+    trusted = {
+        *published.keys,
+        *(each for each in later if any(descends(each, one, changes) for one in published.keys)),
+    }
+    former = {str(one["before"]) for one in changes if one["before"]} | set(later)
+    if key not in {fingerprint(one) for one in former - trusted}:
+        return True
+    return row is not None and (kind is None or kind in row["body"].get("documents", {}))
+
+
 def _state(row: Any, by: Any) -> str:
     if by is None:
         return "not known"
@@ -234,7 +254,8 @@ def _state(row: Any, by: Any) -> str:
 def _say(rows: list[dict[str, Any]], held: dict[str, Any]) -> None:
     for row in rows:
         number = f" of certificate {row['number']}" if row["number"] else ""
-        said = f"genuine, signed by {row['key']}" if row["genuine"] else f"NOT GENUINE: {row['problem']}"
+        verdict = "NOT GENUINE" if row["proven"] else "NOT PROVEN"
+        said = f"genuine, signed by {row['key']}" if row["genuine"] else f"{verdict}: {row['problem']}"
         name = "square code" if row["kind"] == "square code" else f"{row['file']}: {row['kind']}"
         output.say(f"{name}{number}: {said}")
     if None in held.values():
