@@ -94,7 +94,9 @@ def _called(content: object) -> str:
     """What JSON calls a value that is no object."""
     if content is None or isinstance(content, bool):
         return json.dumps(content)
-    return {str: "a text", list: "a list"}.get(type(content), "a number")
+    if isinstance(content, str):
+        return "a text"
+    return "a list" if isinstance(content, list) else "a number"
 
 
 def parse(text: str | bytes) -> Any:

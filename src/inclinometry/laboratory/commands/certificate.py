@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
@@ -147,14 +147,7 @@ def verify(*files: str, key: Input, json: Json = False) -> int:
     key
         Public key of the laboratory, from the laboratory itself: the file that `ledger key --public` writes.
     """
-    from inclinometry.laboratory.certificate.status import (
-        Status,
-        contradiction,
-        holding,
-        is_status,
-        read_status,
-        two_histories,
-    )
+    from inclinometry.laboratory.certificate.status import Status, holding, is_status, read_status, two_histories
 
     if not files:
         raise InputError("name the files of a certificate: PDF, XML or JSON, or the text of its square code")
@@ -175,25 +168,8 @@ def verify(*files: str, key: Input, json: Json = False) -> int:
             f"record {newest.head.size} of {newest.head.time[:19]} UTC; name the file of a certificate, too"
         )
     held = {one.number: holding(found.values(), one.number) or newest for _, _, one in looked}
-    digests: dict[str, set[str]] = {}
-    for _, _, one in looked:
-        digests.setdefault(one.number, set()).add(one.digest)
-    rows = []
-    for name, data, one in looked:
-        by = held[one.number]
-        row = by.rows.get(one.number) if by is not None else None
-        whole = {"PDF": "pdf", "DCC": "dcc", "JSON": "json"}.get(one.kind)
-        problem, open_ = one.problem, one.signer is not None
-        if not problem and newest is not None and not _vouched(one.key, row, whole, published, newest.changes):
-            problem, open_ = f"it is signed by the key {one.key}, which was lost, and no statement lists it", True
-        if not problem and len(digests[one.number]) > 1:
-            problem = f"these files are of different records under the number {one.number}"
-        if not problem and row is not None:
-            problem = contradiction(row, one.digest, one.record, {whole: data} if whole else {})
-        rows.append({"file": name, "kind": one.kind, "number": one.number, "digest": one.digest, "key": one.key,
-                     "genuine": not problem, "proven": not open_, "problem": problem,
-                     "state": _state(row, by)})  # fmt: skip
-    numbers = sorted(number for number in digests if number)
+    rows = _judged(looked, held, published, () if newest is None else newest.changes)
+    numbers = sorted(number for number in held if number)
     mixed = two_histories(found)
     if len(numbers) > 1:
         apart = f"these are files of different certificates: {', '.join(numbers)}; verify each by itself"
@@ -228,6 +204,36 @@ def _json(data: bytes) -> dict[str, Any] | None:
 def _look(name: str, data: bytes, public: Public) -> Looked:
     made = parse_seal(name)
     return look(data, name, public) if made is None else look_at_seal(made, public)
+
+
+def _judged(
+    looked: Sequence[tuple[str, bytes, Looked]],
+    held: Mapping[str, Any],
+    published: Public,
+    changes: Sequence[dict[str, Any]],
+) -> list[dict[str, Any]]:
+    """What is said of each file; `held` are the statements by which the certificates stand, by number."""
+    from inclinometry.laboratory.certificate.status import contradiction
+
+    digests: dict[str, set[str]] = {}
+    for _, _, one in looked:
+        digests.setdefault(one.number, set()).add(one.digest)
+    rows = []
+    for name, data, one in looked:
+        by = held[one.number]
+        row = by.rows.get(one.number) if by is not None else None
+        whole = {"PDF": "pdf", "DCC": "dcc", "JSON": "json"}.get(one.kind)
+        problem, open_ = one.problem, one.signer is not None
+        if not problem and not _vouched(one.key, row, whole, published, changes):
+            problem, open_ = f"it is signed by the key {one.key}, which was lost, and no statement lists it", True
+        if not problem and len(digests[one.number]) > 1:
+            problem = f"these files are of different records under the number {one.number}"
+        if not problem and row is not None:
+            problem = contradiction(row, one.digest, one.record, {whole: data} if whole else {})
+        rows.append({"file": name, "kind": one.kind, "number": one.number, "digest": one.digest, "key": one.key,
+                     "genuine": not problem, "proven": not open_, "problem": problem,
+                     "state": _state(row, by)})  # fmt: skip
+    return rows
 
 
 def _vouched(key: str, row: Any, kind: str | None, published: Public, changes: Sequence[dict[str, Any]]) -> bool:
