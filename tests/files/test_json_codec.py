@@ -38,7 +38,11 @@ def test_what_json_cannot_hold(content, words):
 @pytest.mark.parametrize(
     ("data", "line", "words"),
     [
-        (b"[1]", None, "holds a JSON list; an object is needed"),
+        (b"[1]", None, "holds a list; an object of JSON is needed"),
+        (b"null", None, "holds null; an object of JSON is needed"),
+        (b"true", None, "holds true; an object of JSON is needed"),
+        (b'"a"', None, "holds a text; an object of JSON is needed"),
+        (b"1.5", None, "holds a number; an object of JSON is needed"),
         (b'{"a": 1,\n"b": }', 2, r"not JSON: Expecting value \(column 6\)"),
         (b'{"a": 1, "a": 2}', None, "key 'a' appears twice in one object"),
         (b'{"a": NaN}', None, "NaN is not a number JSON allows"),

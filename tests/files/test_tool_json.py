@@ -243,7 +243,7 @@ def test_errors_name_the_json_path(tmp_path, change, wanted):
     [
         (b"", "line 1: not JSON"),
         (b"{\n 'a': 1}", "line 2: not JSON"),
-        (b"[1]", "holds a JSON list; an object is needed"),
+        (b"[1]", "holds a list; an object of JSON is needed"),
         (b'{"a": 1, "a": 2}', "key 'a' appears twice"),
         (b'{"a": NaN}', "NaN is not a number JSON allows"),
         (b'{"a": 1e999}', "1e999 is too large"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+import sqlite3
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -14,8 +15,9 @@ from inclinometry.cli import main
 from inclinometry.errors import FileError
 from inclinometry.laboratory import certificates
 from inclinometry.laboratory.certificate.laboratory_toml import Laboratory
-from inclinometry.laboratory.certificate.signing import seal
+from inclinometry.laboratory.certificate.signing import seal, sign_json
 from inclinometry.laboratory.certificate.status import make_status, read_status
+from inclinometry.laboratory.ledger.chain import compact
 from inclinometry.laboratory.ledger.keys import Keys, read_public
 from inclinometry.laboratory.ledger.ledger import Ledger, LedgerError
 from inclinometry.laboratory.results import finish_calibration
@@ -114,6 +116,44 @@ def test_what_was_ended_is_said(issued: SimpleNamespace, capsys: pytest.CaptureF
     assert "not among those" in said
 
 
+def test_two_histories_under_one_key_are_said(
+    issued: SimpleNamespace, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    """A ledger whose void was cut off, begun anew and grown beyond: the larger number does not win."""
+    original = Path(issued.ledger.where)
+    copies = [tmp_path / "cut.sqlite", tmp_path / "other.sqlite"]
+    for copy in copies:
+        with sqlite3.connect(original) as source, sqlite3.connect(copy) as target:
+            source.backup(target)
+    certificates.void(issued.ledger, issued.number, "wrong stand", author="anna")
+    hand_out(issued, capsys)
+    with sqlite3.connect(copies[1]) as database:
+        for (trigger,) in database.execute("SELECT name FROM sqlite_master WHERE type = 'trigger'").fetchall():
+            database.execute(f'DROP TRIGGER "{trigger}"')
+        database.execute("DELETE FROM head")
+    for copy, said_of in zip(copies, ("contradict each other about certificate", "is of the ledger"), strict=True):
+        forged = tmp_path / f"{copy.stem}.json"
+        folder = tmp_path / f"keys of {copy.stem}"
+        shutil.copytree(issued.ledger.keys.folder, folder, ignore=shutil.ignore_patterns("heads"))
+        with Ledger(str(copy), keys=Keys(folder)) as ledger:
+            if ledger.signed_head() is None:
+                ledger.begin_signing()
+            for serial in "ABC":
+                ledger.append("tool", {"serial": serial}, {"name": "tool", "triads": {}}, author="anna")
+            forged.write_text(json.dumps(make_status(ledger)))
+        for statements in ((issued.status, forged), (forged, issued.status)):
+            words = ["certificate", "verify", issued.files[0], *statements, "--key", issued.key]
+            status, said = run(capsys, *words)
+            assert status == 1, said
+            (line,) = [line for line in said.splitlines() if "two histories under one key" in line]
+            assert said_of in line
+            assert str(forged) in line
+            assert str(issued.status) in line
+            assert f"certificate {issued.number}: void (wrong stand), as of" in said
+            assert "two histories" in json.loads(run(capsys, *words, "--json")[1])["problem"]
+        assert run(capsys, "certificate", "verify", issued.files[0], forged, "--key", issued.key)[0] == 0
+
+
 def test_what_was_changed_is_named(issued: SimpleNamespace, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     hand_out(issued, capsys)
     pdf, xml, text = issued.files
@@ -122,13 +162,17 @@ def test_what_was_changed_is_named(issued: SimpleNamespace, capsys: pytest.Captu
     assert status == 1
     assert f"{xml}: DCC of certificate {issued.number}: NOT GENUINE: it was changed after it was signed" in said
     assert said.count("genuine, signed by") == 2
+    # how it stands is asked of a certificate of the laboratory, not of what it did not make
+    assert "not known" not in run(capsys, "certificate", "verify", xml, "--key", issued.key)[1]
     # a key that is another's, rubbish, nothing
     other = Keys(tmp_path / "other")
     other.make()
     (tmp_path / "other.pem").write_bytes((other.folder / "public.pem").read_bytes())
     status, said = run(capsys, "certificate", "verify", pdf, "--key", tmp_path / "other.pem")
     assert status == 1
-    assert "did not sign" in said
+    assert "NOT PROVEN: it is signed by the key" in said
+    assert "NOT GENUINE" not in said
+    assert run(capsys, "certificate", "verify", xml, "--key", tmp_path / "other.pem")[1].count("NOT GENUINE") == 1
     for words, problem in (
         (["certificate", "verify", pdf, "--key", pdf], "not the public key of a laboratory"),
         (["certificate", "verify", issued.key, "--key", issued.key], "neither PDF, XML nor JSON"),
@@ -170,8 +214,6 @@ def test_the_record_in_the_statement_is_the_one_in_the_file(
     hand_out(issued, capsys)
     record = dict(certificates.status(issued.ledger, issued.number).record.body["record"])
     record["customer"] = {**record["customer"], "name": "Somebody else"}
-    from inclinometry.laboratory.certificate.signing import sign_json
-
     made = seal(record, issued.ledger.keys)
     issued.files[2].write_bytes(sign_json(record, made, issued.ledger.keys.signing().public))
     status, said = run(capsys, "certificate", "verify", issued.files[2], issued.status, "--key", issued.key)
@@ -180,6 +222,43 @@ def test_the_record_in_the_statement_is_the_one_in_the_file(
     status, said = run(capsys, "certificate", "verify", *issued.files, "--key", issued.key)
     assert status == 1
     assert "different records" in said
+
+
+def test_certificates_of_a_lost_key_are_proven_by_the_statement_of_the_new_one(
+    issued: SimpleNamespace, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    """Rotated, lost, published: without a statement not proven, with it those that the ledger lists and no others."""
+    old = Keys(tmp_path / "stolen")
+    shutil.copytree(issued.ledger.keys.folder, old.folder)
+    record = {**certificates.status(issued.ledger, issued.number).record.body["record"], "number": "2026-0099"}
+    assert run(capsys, "ledger", "key", "--rotate", "every year")[0] == 0
+    assert run(capsys, "ledger", "key", "--lost", "laptop stolen", "--public", issued.key)[0] == 0
+    status, said = run(capsys, "certificate", "verify", *issued.files, "--key", issued.key)
+    assert status == 1
+    assert said.count("NOT PROVEN: it is signed by the key") == 3
+    hand_out(issued, capsys)  # before anything is recorded again
+    status, said = run(capsys, "certificate", "verify", *issued.files, issued.status, "--key", issued.key)
+    assert status == 0, said
+    assert f"certificate {issued.number}: issued, as of" in said
+    forged = tmp_path / "forged.json"
+    forged.write_bytes(sign_json(record, seal(record, old), old.signing().public))
+    status, said = run(capsys, "certificate", "verify", forged, issued.status, "--key", issued.key)
+    assert status == 1
+    assert "which was lost, and no statement lists it" in said
+    # what the lost key signed after its loss, and a key that nothing explains
+    changes = issued.ledger.keys.folder / "changes.jsonl"
+    kept = changes.read_text()
+    moved = {**issued.ledger.keys.changes()[-1], "before": old.signing().public, "time": "2020-01-01T00:00:00+00:00"}
+    bare = {name: value for name, value in moved.items() if name not in ("key", "signature")}
+    for text, wanted in (
+        (compact(issued.ledger.keys.signing().statement(bare)), "which was lost on 2020-01-01T00:00:00 UTC"),
+        ("", "bring the right key there"),
+    ):
+        changes.write_text(text)
+        status, said = run(capsys, "ledger", "status", "-o", issued.status, "--ledger", issued.ledger.where)
+        assert status == 2
+        assert wanted in said
+    changes.write_text(kept)
 
 
 def test_keys_and_heads_as_a_user_types_them(

@@ -86,8 +86,17 @@ def load(path: str | Path) -> Json:
     except (ValueError, RecursionError) as error:
         raise FileError(f"not usable JSON: {error}", path=path) from None
     if not isinstance(content, dict):
-        raise FileError(f"holds a JSON {type(content).__name__}; an object is needed", path=path)
+        raise FileError(f"holds {_called(content)}; an object of JSON is needed", path=path)
     return content
+
+
+def _called(content: object) -> str:
+    """What JSON calls a value that is no object."""
+    if content is None or isinstance(content, bool):
+        return json.dumps(content)
+    if isinstance(content, str):
+        return "a text"
+    return "a list" if isinstance(content, list) else "a number"
 
 
 def parse(text: str | bytes) -> Any:

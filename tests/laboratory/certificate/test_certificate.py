@@ -351,10 +351,13 @@ PLACEHOLDERS = (
     "tbd", "TBD", "t.b.d.", "to be defined", "null", "-\n-", "n/a\nn/a", "unknown, unknown", "？", "Ｘ",
     "нет", "Нет", "не указано", "НЕ УКАЗАНО", "не указан", "неизвестно", "н/д", "б/н", "отсутствует", "х",
     "无", "未知", "不详", "暂无", "未填写", "待定", "不适用", "无。", "（无）",
+    "0", "000", "name", "Name:", "signature", "Signature", "John Doe", "JOHN DOE", "Max Mustermann",
+    "подпись", "Ф.И.О.", "签名", "姓名",
 )  # fmt: skip
 STATED = (
     "Na Li", "A", "7", "0017", "T2", "X-7", "No. 7", "X1", "Norway", "Nonet", "Unknown & Sons", "none the worse",
     "good", "n/a, but sealed", "Нетребко", "х. Северный", "不详路 7 号", "无锡", "TBD-7", "Xavier",
+    "00-17", "0-1", "John Dow", "Maximilian Muster", "Signe Names", "Подписнов", "张三丰",
 )  # fmt: skip
 FIELDS: dict[str, Callable[[str], dict[str, Any]]] = {
     "laboratory": lambda text: {"laboratory": replace(LABORATORY, address=text)},

@@ -20,6 +20,7 @@ from lxml import etree
 
 from inclinometry.digest import digest_bytes
 from inclinometry.errors import FileError
+from inclinometry.files.json_codec import canonical
 from inclinometry.laboratory.certificate.dcc import dcc_bytes, read_dcc
 from inclinometry.laboratory.certificate.pdf import certificate_pdf
 from inclinometry.laboratory.certificate.record import record_bytes, record_digest
@@ -278,8 +279,46 @@ def test_more_behind_a_signed_pdf_is_a_change(laboratory: Laboratory) -> None:
 def test_another_key_is_named(laboratory: Laboratory, tmp_path: Path) -> None:
     """The wrong public key, and the wrong laboratory under the same name."""
     other = Laboratory(tmp_path / "other")
-    assert all("did not sign" in one or "not by the lab" in one for one in problems(laboratory.files, other.public))
+    given, signer = fingerprint(other.public.keys[0]), fingerprint(laboratory.public.keys[0])
+    for data in (*laboratory.files, str(laboratory.seal).encode()):
+        found = look(data, "file", other.public)
+        assert f"signed by the key {signer}, not by the one given, {given}" in found.problem
+        assert found.signer is not None
     assert all(problems(other.files, laboratory.public))
+
+
+def test_a_broken_signature_of_another_key_is_not_genuine(laboratory: Laboratory, tmp_path: Path) -> None:
+    """It is nobody's, whichever key it names: not what a former key of the laboratory may explain."""
+    other = Keys(tmp_path / "other")
+    other.make()
+    public = Public((str(other.public()),), ())
+    pdf, dcc, text = laboratory.files
+    assert pdf is not None
+    assert dcc is not None
+    content = json.loads(text)
+    forged = {**content["signature"], "key": other.make().public}
+    for data in (
+        pdf.replace(b"/Type /Page\n", b"/Type /Pagf\n") + b"\n%",
+        dcc.replace(b"Client", b"Cliont", 1) if b"Client" in dcc else dcc.replace(b"deg", b"dag", 1),
+        text.replace(b'"2026-0001"', b'"2026-0002"', 1),
+        canonical({**content, "signature": forged}),
+    ):
+        assert data not in laboratory.files
+        found = look(data, "file", public)
+        assert found.problem
+        assert found.signer is None
+        assert "not by the one given" not in found.problem
+
+
+@pytest.mark.parametrize("end", [100, -1000, -10])
+def test_a_pdf_cut_off_is_said_in_words(laboratory: Laboratory, end: int) -> None:
+    assert laboratory.files.pdf is not None
+    found = look(laboratory.files.pdf[:end], "file", laboratory.public)
+    assert "it cannot be read as a whole PDF" in found.problem
+    assert "Error" not in found.problem
+
+
+def test_what_is_no_public_key_is_refused(tmp_path: Path) -> None:
     (tmp_path / "x.pem").write_text("nothing")
     with pytest.raises(FileError, match="not the public key"):
         read_public(tmp_path / "x.pem")

@@ -11,7 +11,7 @@ from __future__ import annotations
 import base64
 import io
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from datetime import UTC, datetime, timedelta
 from threading import Thread
@@ -340,6 +340,7 @@ class Looked(NamedTuple):
     problem : why it is not genuine; "" when it is.
     key : fingerprint of the key that stands behind it.
     record : of a JSON file.
+    signer : by whom it is signed, where that is none of the keys given: nothing is proven then, and nothing disproven.
     """
 
     kind: str
@@ -348,6 +349,7 @@ class Looked(NamedTuple):
     problem: str
     key: str = ""
     record: dict[str, Any] | None = None
+    signer: Public | None = None
 
 
 def look(data: bytes, where: str, public: Public) -> Looked:
@@ -358,6 +360,14 @@ def look(data: bytes, where: str, public: Public) -> Looked:
     FileError
         Neither PDF, digital certificate nor record.
     """
+    found = _look(data, where, public)
+    if found.signer is None or found.kind == "square code":
+        return found
+    own = _look(data, where, found.signer)
+    return own if own.problem else found  # a broken signature is nobody's
+
+
+def _look(data: bytes, where: str, public: Public) -> Looked:
     head = data.lstrip()[:5]
     if data.startswith(b"%PDF"):
         return _look_at_pdf(data, public)
@@ -377,14 +387,23 @@ def look_at_seal(made: Seal, public: Public) -> Looked:
     if not made.signature:
         return Looked("square code", made.number, made.digest, "it bears no signature: its ledger was not signed")
     key = sealed_by(made, public)
-    problem = "" if key else _stranger(made.key, public)
-    return Looked("square code", made.number, made.digest, problem, made.key)
+    seen = Looked("square code", made.number, made.digest, "", made.key)
+    if key:
+        return seen
+    if made.key in map(fingerprint, public.keys):
+        return seen._replace(problem=_FORGED)
+    return seen._replace(problem=_not_given(made.key, public), signer=Public((), ()))
 
 
-def _stranger(key: str, public: Public) -> str:
-    if key in map(fingerprint, public.keys):
-        return "its signature is not that of the laboratory: it was changed or forged"
-    return f"it is signed by the key {key}, not by the laboratory's, {fingerprint(public.keys[0])}"
+_FORGED: Final = "its signature is not that of the laboratory: it was changed or forged"
+
+
+def _not_given(key: str, public: Public) -> str:
+    given = fingerprint(public.keys[0])
+    return (
+        f"it is signed by the key {key}, not by the one given, {given}; only the laboratory can say that {key} was its "
+        "key: ask it for a newer statement (`inclinometry ledger status`) that lists this certificate"
+    )
 
 
 def _look_at_json(data: bytes, where: str, public: Public) -> Looked:
@@ -402,8 +421,13 @@ def _look_at_json(data: bytes, where: str, public: Public) -> Looked:
     same = about == {"seal": str(made), "key": about.get("key")}
     if (made.number, made.digest) != (number, digest) or spelled != data or not same:
         return Looked("JSON", number, digest, "it was changed after it was signed", made.key, record)
-    problem = "" if about["key"] == sealed_by(made, public) != "" else _stranger(made.key, public)
-    return Looked("JSON", number, digest, problem, made.key, record)
+    seen, key = Looked("JSON", number, digest, "", made.key, record), str(about["key"])
+    if key == sealed_by(made, public) != "":
+        return seen
+    its_own = re.fullmatch("[0-9a-f]{64}", key) is not None and fingerprint(key) == made.key
+    if made.key in map(fingerprint, public.keys) or not its_own:
+        return seen._replace(problem=_FORGED)
+    return seen._replace(problem=_not_given(made.key, public), signer=Public((key,), ()))
 
 
 def _look_at_dcc(data: bytes, where: str, public: Public) -> Looked:
@@ -424,15 +448,13 @@ def _look_at_dcc(data: bytes, where: str, public: Public) -> Looked:
     if seen.problem:
         return seen
     try:
-        text = "".join(root.xpath("string((./*/*/*/*[local-name()='X509Certificate'])[1])").split())
-        leaf = x509.load_pem_x509_certificate(
-            f"-----BEGIN CERTIFICATE-----\n{text}\n-----END CERTIFICATE-----\n".encode()
-        )
+        leaf = _certificate(root.xpath("string((./*/*/*/*[local-name()='X509Certificate'])[1])"))
     except (ValueError, x509.InvalidVersion):
         return seen._replace(problem="its signature holds no certificate that can be read")
     key = made_out_by(leaf, public)
     if not key:
-        return seen._replace(problem=_by_others(leaf, public))
+        others = root.xpath("./*[local-name()='Signature']//*[local-name()='X509Certificate']/text()")
+        return _by_others(seen, leaf, (_certificate(text) for text in others), public)
     here: SignatureConfiguration = XAdESSignatureConfiguration(location="./", require_x509=True)
     try:
         found = XAdESVerifier().verify(data, x509_cert=leaf, expect_config=here)
@@ -500,9 +522,35 @@ def _references(info: Any) -> list[tuple[str, bool]]:
     return found
 
 
-def _by_others(leaf: Certificate, public: Public) -> str:
+def _certificate(text: str) -> Certificate:
+    """The certificate of base64 in XML."""
+    from cryptography import x509
+
+    body = "".join(text.split())
+    return x509.load_pem_x509_certificate(f"-----BEGIN CERTIFICATE-----\n{body}\n-----END CERTIFICATE-----\n".encode())
+
+
+def _by_others(seen: Looked, leaf: Certificate, beside: Iterable[Certificate], public: Public) -> Looked:
+    """What a document says whose key none of the given ones made out; `beside` are the certificates that lead on."""
+    from cryptography import x509
+    from cryptography.exceptions import UnsupportedAlgorithm
+    from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
+
+    try:
+        found = [one.public_key() for one in beside]
+    except (ValueError, UnsupportedAlgorithm, x509.InvalidVersion):
+        return seen._replace(problem="its signature holds no certificate that can be read")
+    keys = [one.public_bytes_raw().hex() for one in found if isinstance(one, Ed25519PublicKey)]
+    own = next((one for one in keys if made_out_by(leaf, Public((one,), ()))), "")
+    if own:
+        by = fingerprint(own)
+        return seen._replace(problem=_not_given(by, public), key=by, signer=Public((own,), ()))
     who = leaf.subject.rfc4514_string()
-    return f"it is signed by {who!r:.100}, for whom the laboratory's key, {fingerprint(public.keys[0])}, did not sign"
+    problem = (
+        f"it is signed by {who!r:.100}, for whom the key given, {fingerprint(public.keys[0])}, did not sign; ask the "
+        "laboratory for the file of its public key, which holds the certificates of its documents"
+    )
+    return seen._replace(problem=problem, signer=Public((), (leaf,)))
 
 
 def _look_at_pdf(data: bytes, public: Public) -> Looked:
@@ -535,7 +583,8 @@ def _pdf(data: bytes, public: Public) -> Looked:
         seen = seen._replace(number=made.number, digest=made.digest)
         key = made_out_by(leaf, public)
         if not key:
-            return seen._replace(problem=_by_others(leaf, public))
+            others = (x509.load_der_x509_certificate(each.dump()) for each in one.other_embedded_certs)
+            return _by_others(seen, leaf, others, public)
         if not _as_we_sign(data, one, leaf):
             strange = (
                 "its signature is not made as ours are: it was changed, or something was put into it that nobody signed"
@@ -547,8 +596,8 @@ def _pdf(data: bytes, public: Public) -> Looked:
     except (
         PdfError, ValueError, KeyError, TypeError, AttributeError, IndexError, RecursionError, OSError,
         UnsupportedAlgorithm, x509.InvalidVersion,
-    ) as error:  # fmt: skip
-        return seen._replace(problem=f"it was changed after it was signed, or is damaged ({type(error).__name__})")
+    ):  # fmt: skip
+        return seen._replace(problem="it was changed after it was signed, or cut off: it cannot be read as a whole PDF")
     if not (status.intact and status.valid and status.trusted and whole):
         return seen._replace(problem="it was changed after it was signed", key=key)
     return seen._replace(key=key)

@@ -7,8 +7,9 @@ by its signature.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, datetime
+from itertools import combinations
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -22,8 +23,8 @@ from inclinometry.laboratory.certificate.record import record_digest
 from inclinometry.laboratory.ledger import chain
 from inclinometry.laboratory.ledger.chain import LedgerError
 from inclinometry.laboratory.ledger.engine import CHAIN
-from inclinometry.laboratory.ledger.heads import SignedHead, leaves, newest_head, parse_signed
-from inclinometry.laboratory.ledger.keys import Public, descends, fingerprint, genuine
+from inclinometry.laboratory.ledger.heads import SignedHead, leaves, newest_head, parse_signed, signed_by
+from inclinometry.laboratory.ledger.keys import Public, descends, explained, fingerprint, genuine
 from inclinometry.laboratory.ledger.ledger import Ledger, Record
 from inclinometry.laboratory.ledger.merkle import Tree, includes, leaf_hash
 
@@ -49,8 +50,9 @@ def make_status(ledger: Ledger, numbers: Sequence[str] = ()) -> dict[str, Any]:
         if head is None:
             raise LedgerError(f"{ledger.shown} is not signed; `inclinometry ledger init` begins that")
         tree = Tree(leaves(connection, 0, head.size))
-        if tree.root().hex() != head.root:
+        if tree.root().hex() != head.root or not head.genuine():
             raise LedgerError(f"{ledger.shown} is not what was signed; run `inclinometry ledger verify`")
+        head = _of_now(ledger, head)
 
         def entry(record: Record) -> dict[str, Any]:
             row = connection.execute(select(CHAIN).where(CHAIN.c.seq == record.seq)).one()
@@ -88,6 +90,28 @@ def make_status(ledger: Ledger, numbers: Sequence[str] = ()) -> dict[str, Any]:
         "time": datetime.now(UTC).isoformat(timespec="seconds"),
     }
     return ledger.keys.signing().statement(content)
+
+
+def _of_now(ledger: Ledger, head: SignedHead) -> SignedHead:
+    """The head signed by the key of now, where another one signed it last and the change is known."""
+    key, changes = ledger.keys.signing(), ledger.keys.changes()
+    if head.key == key.public:
+        return head
+    path = explained(head.key, key.public, changes)
+    if path is None:
+        raise LedgerError(
+            f"{ledger.shown} is signed by the key {fingerprint(head.key)}, the one in {ledger.keys.folder} is "
+            f"{fingerprint(key.public)}; bring the right key there, or state with `inclinometry ledger init --accept "
+            "REASON` that the ledger goes on with this one"
+        )
+    lost = next((str(one["time"]) for one in path if one["action"] == "lost"), "9999")
+    if head.time[:19] > lost[:19]:  # whoever found the key goes on signing with it
+        raise LedgerError(
+            f"{ledger.shown} was signed on {head.time[:19]} UTC by the key {fingerprint(head.key)}, which was lost on "
+            f"{lost[:19]} UTC; run `inclinometry ledger verify`"
+        )
+    end = chain.Head(head.size, head.link)
+    return signed_by(key, head.ledger, end, bytes.fromhex(head.root), head.time)
 
 
 class Status(NamedTuple):
@@ -145,6 +169,40 @@ def _included(entry: Mapping[str, Any], head: SignedHead) -> bool:
     leaf = chain.leaf(*(entry[name] for name in ("seq", "kind", "record", "created", "digest")))
     proof = [bytes.fromhex(one) for one in entry["proof"]]
     return includes(leaf_hash(leaf), entry["seq"] - 1, head.size, proof, bytes.fromhex(head.root))
+
+
+def two_histories(given: Mapping[str, Status]) -> str:
+    """What genuine statements, by their files, say against each other; "" when they can be of one ledger as it grew.
+
+    The key signed all of them: a ledger cut back, or begun anew from a part of it, has issued one of them.
+    """
+    ask = "the laboratory has two histories under one key: ask it which one holds, and why there is another"
+    for (name, one), (other, two) in combinations(given.items(), 2):
+        if one.head.ledger != two.head.ledger:
+            return f"{name} is of the ledger {one.head.ledger}, {other} of the ledger {two.head.ledger}; {ask}"
+        if one.head.size == two.head.size and (one.head.root, one.head.link) != (two.head.root, two.head.link):
+            return f"{name} and {other} speak of other records up to {one.head.size}; {ask}"
+        for number in one.rows.keys() & two.rows.keys():
+            if not _agree(one, two, number):
+                return f"{name} and {other} contradict each other about certificate {number}; {ask}"
+    return ""
+
+
+def _agree(one: Status, two: Status, number: str) -> bool:
+    """Whether a certificate stands the same in two statements of a ledger, as far as both reach."""
+    rows, reach = (one.rows[number], two.rows[number]), min(one.head.size, two.head.size)
+    entries, digests = [{**row["entry"], "proof": None} for row in rows], [row["digest"] for row in rows]
+    ends = [{**row["event"], "proof": None} if row["state"] != "issued" else None for row in rows]
+    known = [(row["state"], end) if end and end["seq"] <= reach else None for row, end in zip(rows, ends, strict=True)]
+    both = ends[0] == ends[1] or None in ends  # a certificate ends once
+    return entries[0] == entries[1] and digests[0] == digests[1] and known[0] == known[1] and both
+
+
+def holding(found: Iterable[Status], number: str) -> Status | None:
+    """The statement by which a certificate stands: the newest by which it ended, or the newest that lists it."""
+    listing = [one for one in found if number in one.rows]
+    ended = [one for one in listing if one.rows[number]["state"] != "issued"]
+    return max(ended or listing, key=lambda one: (one.head.size, one.head.time), default=None)
 
 
 def contradiction(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
@@ -142,22 +143,23 @@ def verify(*files: str, key: Input, json: Json = False) -> int:
     files
         PDF, XML and JSON of one certificate, together or each alone, the text of a square code in quotes, and
         statements that `ledger status` wrote: with the newest of these it also says whether it is issued, void or
-        superseded.
+        superseded; statements that contradict each other are two histories, exit status 1.
     key
         Public key of the laboratory, from the laboratory itself: the file that `ledger key --public` writes.
     """
-    from inclinometry.laboratory.certificate.status import Status, contradiction, is_status, read_status
+    from inclinometry.laboratory.certificate.status import Status, holding, is_status, read_status, two_histories
 
     if not files:
         raise InputError("name the files of a certificate: PDF, XML or JSON, or the text of its square code")
     public = read_public(key)
     given = [(name, _given(name)) for name in files]
     statements = [name for name, data in given if _json(data) is not None and is_status(_json(data) or {})]
-    found: list[Status] = [read_status(name, public) for name in statements]
-    newest = max(found, key=lambda one: (one.head.size, one.head.time), default=None)
-    if newest is not None:  # keys that came after the published one
-        later = [str(one["after"]) for one in newest.changes if one["action"] == "rotated"]
-        public = Public((*public.keys, *(one for one in later if one not in public.keys)), public.certificates)
+    found: dict[str, Status] = {name: read_status(name, public) for name in statements}
+    newest = max(found.values(), key=lambda one: (one.head.size, one.head.time), default=None)
+    published = public
+    if newest is not None:  # keys that came after the published one, or before it
+        said = [str(one[end]) for one in newest.changes for end in ("before", "after") if one[end]]
+        public = Public(tuple(dict.fromkeys((*public.keys, *said))), public.certificates)
     looked = [(name, data, _look(name, data, public)) for name, data in given if name not in statements]
     if newest is not None and not looked:
         about = output.counted(len(newest.rows), "certificate")
@@ -165,30 +167,19 @@ def verify(*files: str, key: Input, json: Json = False) -> int:
             f"{', '.join(statements)}: a genuine statement about {about} as of "
             f"record {newest.head.size} of {newest.head.time[:19]} UTC; name the file of a certificate, too"
         )
-    digests: dict[str, set[str]] = {}
-    for _, _, one in looked:
-        digests.setdefault(one.number, set()).add(one.digest)
-    rows = []
-    for name, data, one in looked:
-        row = newest.rows.get(one.number) if newest is not None else None
-        problem = one.problem
-        if not problem and len(digests[one.number]) > 1:
-            problem = f"these files are of different records under the number {one.number}"
-        if not problem and row is not None:
-            whole = {"PDF": "pdf", "DCC": "dcc", "JSON": "json"}.get(one.kind)
-            problem = contradiction(row, one.digest, one.record, {whole: data} if whole else {})
-        rows.append({"file": name, "kind": one.kind, "number": one.number, "digest": one.digest, "key": one.key,
-                     "genuine": not problem, "problem": problem, "state": _state(row, newest)})  # fmt: skip
-    numbers = sorted(number for number in digests if number)
-    mixed = ""
+    held = {one.number: holding(found.values(), one.number) or newest for _, _, one in looked}
+    rows = _judged(looked, held, published, () if newest is None else newest.changes)
+    numbers = sorted(number for number in held if number)
+    mixed = two_histories(found)
     if len(numbers) > 1:
-        mixed = f"these are files of different certificates: {', '.join(numbers)}; verify each by itself"
+        apart = f"these are files of different certificates: {', '.join(numbers)}; verify each by itself"
+        mixed = "\n".join(filter(None, (mixed, apart)))
     ok = not mixed and all(row["genuine"] and row["state"] in ("issued", "not known") for row in rows)
     if json:
-        as_of = None if newest is None else newest.head.statement()
+        as_of = next((one.head.statement() for one in held.values() if one is not None), None)
         output.print_json({"ok": ok, "problem": mixed, "files": rows, "as_of": as_of})
         return 0 if ok else 1
-    _say(rows, newest)
+    _say(rows, held)
     if mixed:
         output.say(mixed)
     return 0 if ok else 1
@@ -215,30 +206,79 @@ def _look(name: str, data: bytes, public: Public) -> Looked:
     return look(data, name, public) if made is None else look_at_seal(made, public)
 
 
-def _state(row: Any, newest: Any) -> str:
-    if newest is None:
+def _judged(
+    looked: Sequence[tuple[str, bytes, Looked]],
+    held: Mapping[str, Any],
+    published: Public,
+    changes: Sequence[dict[str, Any]],
+) -> list[dict[str, Any]]:
+    """What is said of each file; `held` are the statements by which the certificates stand, by number."""
+    from inclinometry.laboratory.certificate.status import contradiction
+
+    digests: dict[str, set[str]] = {}
+    for _, _, one in looked:
+        digests.setdefault(one.number, set()).add(one.digest)
+    rows = []
+    for name, data, one in looked:
+        by = held[one.number]
+        row = by.rows.get(one.number) if by is not None else None
+        whole = {"PDF": "pdf", "DCC": "dcc", "JSON": "json"}.get(one.kind)
+        problem, open_ = one.problem, one.signer is not None
+        if not problem and not _vouched(one.key, row, whole, published, changes):
+            problem, open_ = f"it is signed by the key {one.key}, which was lost, and no statement lists it", True
+        if not problem and len(digests[one.number]) > 1:
+            problem = f"these files are of different records under the number {one.number}"
+        if not problem and row is not None:
+            problem = contradiction(row, one.digest, one.record, {whole: data} if whole else {})
+        rows.append({"file": name, "kind": one.kind, "number": one.number, "digest": one.digest, "key": one.key,
+                     "genuine": not problem, "proven": not open_, "problem": problem,
+                     "state": _state(row, by)})  # fmt: skip
+    return rows
+
+
+def _vouched(key: str, row: Any, kind: str | None, published: Public, changes: Sequence[dict[str, Any]]) -> bool:
+    """Whether a key counts for a file: a published one, one that came from it, or, lost, for what a statement lists."""
+    from inclinometry.laboratory.ledger.keys import descends, fingerprint
+
+    later = [str(one["after"]) for one in changes]
+    trusted = {
+        *published.keys,
+        *(each for each in later if any(descends(each, one, changes) for one in published.keys)),
+    }
+    former = {str(one["before"]) for one in changes if one["before"]} | set(later)
+    if key not in {fingerprint(one) for one in former - trusted}:
+        return True
+    return row is not None and (kind is None or kind in row["body"].get("documents", {}))
+
+
+def _state(row: Any, by: Any) -> str:
+    if by is None:
         return "not known"
     return "not in the ledger" if row is None else str(row["state"])
 
 
-def _say(rows: list[dict[str, Any]], newest: Any) -> None:
+def _say(rows: list[dict[str, Any]], held: dict[str, Any]) -> None:
     for row in rows:
         number = f" of certificate {row['number']}" if row["number"] else ""
-        said = f"genuine, signed by {row['key']}" if row["genuine"] else f"NOT GENUINE: {row['problem']}"
+        verdict = "NOT GENUINE" if row["proven"] else "NOT PROVEN"
+        said = f"genuine, signed by {row['key']}" if row["genuine"] else f"{verdict}: {row['problem']}"
         name = "square code" if row["kind"] == "square code" else f"{row['file']}: {row['kind']}"
         output.say(f"{name}{number}: {said}")
-    if newest is None:
-        output.say(
-            "whether it was voided or superseded since is not known: no statement of the ledger was given "
-            "(`inclinometry ledger status`)"
-        )
+    if None in held.values():
+        if any(row["genuine"] for row in rows):  # what the laboratory did not make it cannot end
+            output.say(
+                "whether it was voided or superseded since is not known: no statement of the ledger was given "
+                "(`inclinometry ledger status`)"
+            )
         return
-    as_of = f"as of record {newest.head.size} of {newest.head.time[:19]} UTC"
-    for number in dict.fromkeys(row["number"] for row in rows if row["number"]):
-        row = newest.rows.get(number)
+    for number, by in held.items():
+        if not number:
+            continue
+        as_of = f"as of record {by.head.size} of {by.head.time[:19]} UTC"
+        row = by.rows.get(number)
         if row is None:
             output.say(f"certificate {number}: not among those that the statement lists, {as_of}")
             continue
-        by = f" by {row['by']}" if row.get("by") else ""
+        other = f" by {row['by']}" if row.get("by") else ""
         why = f" ({row['reason']})" if row.get("reason") else ""
-        output.say(f"certificate {number}: {row['state']}{by}{why}, {as_of}")
+        output.say(f"certificate {number}: {row['state']}{other}{why}, {as_of}")
