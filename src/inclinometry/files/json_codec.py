@@ -196,7 +196,7 @@ def of_kind(content: Json, where: str | Path, *kinds: str, version: int = 1) -> 
     """
     kind, found = content.get("schema"), content.get("version")
     if kind not in kinds:
-        if kind in _KINDS:
+        if isinstance(kind, str) and kind in _KINDS:
             what, command = _KINDS[kind]
             said = f"this is {what} (`{command}`)"
         elif kind is None:
