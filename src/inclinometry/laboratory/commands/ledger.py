@@ -72,7 +72,8 @@ def verify(
     json: Json = False,
 ) -> int:
     """Check every record, the chain, signed heads and witnesses: exit status 0 proven, 1 changed or not proven (a
-    witness that was named does not answer, another key than the one here signed it), 2 bad input.
+    witness that was named does not answer, another key than the one here signed it), 2 bad input. A ledger that was
+    never signed, as far as is known here, ends with 0 too, unless --key is given: nothing in it is proven.
 
     Parameters
     ----------
@@ -107,7 +108,7 @@ def verify(
                 "notes": found.notes,
             }
         )
-        return 0 if found.proven else 1
+        return 0 if found.unsuspected else 1
     for fault in (*found.faults, *found.silent):
         output.say(str(fault))
     for note in found.notes:
@@ -118,7 +119,7 @@ def verify(
         output.say(f"{records} and {documents} are sound{alone}")
         output.say(f"head {found.head}")
         if not found.silent:
-            return 0 if found.proven else 1
+            return 0 if found.unsuspected else 1
         who = "a witness" if len(found.silent) == 1 else f"{len(found.silent)} witnesses"
         output.say(
             f"not proven: {who} did not answer, and a cut tail or an older copy may be known there alone; verify again "

@@ -17,7 +17,7 @@ from inclinometry.laboratory.ledger import chain
 from inclinometry.laboratory.ledger.engine import CHAIN, DOCUMENT, MEDIA, TABLES, row_digest, strange, unprotected
 from inclinometry.laboratory.ledger.heads import SignedHead
 from inclinometry.laboratory.ledger.ledger import Ledger
-from inclinometry.laboratory.ledger.signatures import Fault, Signatures, asked
+from inclinometry.laboratory.ledger.signatures import Fault, Signatures, asked, unsigned
 
 Progress = Callable[[float], None]
 MOST_FAULTS: Final = 100
@@ -51,6 +51,11 @@ class Verdict:
     @property
     def proven(self) -> bool:
         """Whether nothing was found, every witness that was named answered, and a known key signed it."""
+        return self.signed is not None and self.unsuspected
+
+    @property
+    def unsuspected(self) -> bool:
+        """The same, and also of a ledger that is not signed and that nothing here knows as a signed one."""
         return not self.faults and not self.silent and not self.strange
 
 
@@ -101,6 +106,8 @@ def verify(
         faults += _strays(connection)
         documents = connection.execute(select(func.count()).select_from(DOCUMENT)).scalar_one()
         faults += _documents(connection)
+    if signatures.newest is None:
+        notes.insert(0, unsigned(faults))
     head = chain.Head(walk.seq, walk.link)
     shown, silent = tuple(faults[:MOST_FAULTS]), tuple(witnesses[1].silent)
     return Verdict(walk.records, documents, head, shown, signatures.newest, tuple(notes), silent, signatures.strange)
