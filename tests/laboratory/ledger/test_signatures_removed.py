@@ -12,7 +12,7 @@ from inclinometry.laboratory.ledger import chain
 from inclinometry.laboratory.ledger.admin import create
 from inclinometry.laboratory.ledger.engine import KINDS
 from inclinometry.laboratory.ledger.keys import Keys
-from inclinometry.laboratory.ledger.ledger import Ledger
+from inclinometry.laboratory.ledger.ledger import Ledger, LedgerError
 from inclinometry.laboratory.ledger.verify import Verdict, verify
 from inclinometry.laboratory.ledger.witness import name_others
 
@@ -122,5 +122,55 @@ def test_a_ledger_of_before_the_key_is_read_with_a_note(path: Path, keys: Keys, 
     with create(old, keys=keys, sign=True) as ledger:
         ledger.append("tool", {"serial": "B"}, TOOL, author="anna")
     # a copy from before it was signed: what the witness has agrees with it
-    assert "a copy from before it was signed" in "".join(map(str, seen(tmp_path / "kept.sqlite", keys).faults))
-    assert seen(tmp_path / "kept.sqlite", keys, copy=True).ok
+    found = seen(tmp_path / "kept.sqlite", keys, copy=True)
+    assert (found.ok, found.proven) == (True, False)
+    assert not any("ledger init" in note for note in found.notes)
+
+
+def events(path: Path, keys: Keys) -> list[str]:
+    """Reasons for which somebody accepted the ledger."""
+    with Ledger(path, keys=keys, read_only=True) as ledger:
+        return [str(one.body["reason"]) for one in ledger.find("event", action="accepted")]
+
+
+@pytest.mark.parametrize("where", ["in its place", "at another path"])
+def test_nothing_is_recorded_upon_it_and_it_is_not_signed(path: Path, keys: Keys, where: str) -> None:
+    """Before somebody answers for it; then it goes on under its name, and verification says so ever after."""
+    if where == "at another path":
+        path = shutil.copy(path, path.with_name("other.sqlite"))
+    forge(path)
+    with Ledger(path, keys=keys) as ledger:
+        with pytest.raises(LedgerError, match=r"signatures were removed; nothing was recorded .* --accept REASON"):
+            ledger.append("tool", {"serial": "NEXT"}, TOOL, author="anna")
+        assert ledger.head().seq == 4
+    with pytest.raises(LedgerError, match=r"signatures were removed; nothing was recorded .* --accept REASON"):
+        create(path, keys=keys, sign=True)
+    with Ledger(path, keys=keys) as ledger:
+        assert ledger.signed_head() is None
+    with create(path, keys=keys, sign=True, accepted=True) as ledger:
+        assert not verify(ledger).ok  # not yet said by anybody
+        ledger.accept("the disk was repaired", author="anna")
+        ledger.append("tool", {"serial": "NEXT"}, TOOL, author="anna")
+        found = verify(ledger)
+    assert found.proven, found.faults
+    assert any(note.endswith("by anna: the disk was repaired") for note in found.notes)
+    assert "3 signed heads from before that contradict the records" in found.notes
+    assert events(path, keys) == ["the disk was repaired"]
+
+
+def test_a_ledger_that_is_unsigned_on_purpose_is_recorded_in(keys: Keys, tmp_path: Path) -> None:
+    """And signed later, from when on verification says."""
+    where = tmp_path / "plain.sqlite"
+    keys.make()
+    with create(where, keys=keys, sign=False) as ledger:
+        for serial in "ABC":
+            ledger.append("tool", {"serial": serial}, TOOL, author="anna")
+    with create(where, keys=keys, sign=True) as ledger:
+        ledger.append("tool", {"serial": "D"}, TOOL, author="anna")
+        found = verify(ledger)
+    assert found.proven
+    said = "its first 3 records were there before it was signed: what they said until then is not proven"
+    assert said in found.notes
+    with create(tmp_path / "new.sqlite", keys=keys) as ledger:
+        ledger.append("tool", {"serial": "D"}, TOOL, author="anna")
+        assert not any("its first" in note for note in verify(ledger).notes)

@@ -49,7 +49,8 @@ def init(
     unsigned
         Sign nothing: whoever can write to the database can rewrite it without a trace.
     """
-    with create(_where(where), sign=not unsigned) as ledger:
+    answered = accept is not None and accept.strip() != ""
+    with create(_where(where), sign=not unsigned, accepted=answered) as ledger:
         if clock is not None:
             ledger.correct_clock(clock, author=_who())
         if accept is not None:

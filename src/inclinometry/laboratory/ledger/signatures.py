@@ -129,6 +129,7 @@ class Signatures:
         self._link = chain.GENESIS
         self._own_heads = self._stored(connection) if inspect(connection).has_table("head") else iter(())
         self._next = next(self._own_heads, None)
+        self._first = 0 if self._next is None else self._next[0].size
         readable = [(one.head, one.witness, one.place) for one in self._kept if one.head is not None]
         self._elsewhere: dict[str, int] = {}
         self._outside = sorted(readable, key=lambda kept: kept[0].size)
@@ -310,12 +311,14 @@ class Signatures:
                 yield Fault("head", "-", said)
             if self._here:
                 yield Fault("head", "-", "the ledger that was begun in this place is signed, and this one is not")
-            elif self._remembered is not None and self._remembered.head is not None and not self._copy:
+            elif self._remembered is not None and self._remembered.head is not None:
                 known, witness = self._remembered.head, self._remembered.witness
+                if max(self._agreed.values(), default=0) == seq:  # a copy of what was signed later or elsewhere
+                    self._notes.append(f"all its records are those of a head that {witness} keeps, none is in it")
+                    return
                 said = (
                     f"record {known.size} of this ledger was signed, says the head that {witness} keeps, and it holds "
-                    "no signed head: its signatures were removed, or it is a copy from before it was signed, which is "
-                    "verified with --copy"
+                    "no signed head: its signatures were removed"
                 )
                 yield Fault("head", "-", said)
             return
@@ -383,15 +386,18 @@ class Signatures:
         else:
             whose = "the laboratory's" if self._known() else "compare it with the laboratory's"
             yield f"signed up to record {size} by the key {by} ({whose})"
+        first = min([self._first, *(head.size for head, _, _ in self._outside)])
+        if first:
+            yield f"its first {first} records were there before it was signed: what they said until then is not proven"
         for witness, size in self._agreed.items():
             yield f"witness {witness}: agrees up to record {size}"
         if not self._agreed:
             yield "no witness of its heads is known here: a cut tail or an older copy would go unnoticed"
 
 
-def unsigned(faults: Sequence[Fault]) -> str:
+def unsigned(*, doubted: bool) -> str:
     """What a ledger without signatures proves; to sign it is no remedy where something is wrong with it."""
-    if faults:
+    if doubted:
         return "not signed: whoever can write to it can rewrite it"
     return "not signed: whoever can write to it can rewrite it; `inclinometry ledger init` begins to sign"
 

@@ -107,7 +107,7 @@ def verify(
         documents = connection.execute(select(func.count()).select_from(DOCUMENT)).scalar_one()
         faults += _documents(connection)
     if signatures.newest is None:
-        notes.insert(0, unsigned(faults))
+        notes.insert(0, unsigned(doubted=bool(faults) or witnesses[2] is not None))
     head = chain.Head(walk.seq, walk.link)
     shown, silent = tuple(faults[:MOST_FAULTS]), tuple(witnesses[1].silent)
     return Verdict(walk.records, documents, head, shown, signatures.newest, tuple(notes), silent, signatures.strange)
