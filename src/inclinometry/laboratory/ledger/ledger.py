@@ -22,11 +22,13 @@ from inclinometry.laboratory.ledger.engine import (
     DOCUMENT,
     INTEGERS,
     KINDS,
+    STORED,
     TABLES,
     ConflictError,
     Draft,
     Precondition,
     Record,
+    as_stored,
     check,
     default_path,
     engine,
@@ -497,11 +499,11 @@ class Ledger:
     def document(self, digest: str) -> tuple[str, bytes]:
         """Media type and bytes of a file a record refers to; LedgerError when it is not there or was changed."""
         with self._reading() as connection:
-            query = select(DOCUMENT).where(DOCUMENT.c.digest == digest if plain(digest) else false())
+            query = STORED.where(DOCUMENT.c.digest == digest if plain(digest) else false())
             row = connection.execute(query).first()
         if row is None:
             raise LedgerError(f"there is no document {digest!r:.80} in {self.shown}")
-        if digest_bytes(row.data) != digest:
+        if not as_stored(row.data, digest):
             raise LedgerError(f"document {digest} in {self.shown} was changed; run `inclinometry ledger verify`")
         return row.media_type, row.data
 
