@@ -266,6 +266,34 @@ def test_the_ledger_of_another_laboratory_is_verified_by_its_key(run, tmp_path, 
     assert (found.status, "compare it with the laboratory's" in found.out) == (0, True)
 
 
+def test_a_ledger_without_signatures_is_not_proven(run, tmp_path, monkeypatch):
+    """Nothing is said of it where nobody knows it; whoever gives the laboratory's key is told that it is not signed."""
+    monkeypatch.setenv("INCLINOMETRY_PASSWORD", PASSWORD)
+    assert run("ledger", "init", "own.sqlite").status == 0
+    run("ledger", "users", "anna", "--role", "administrator", "--ledger", "own.sqlite")
+    assert run("ledger", "key", "--public", "own.pem").status == 0
+    strip("own.sqlite", "other.sqlite")
+    monkeypatch.setenv("INCLINOMETRY_KEYS", str(tmp_path / "none"))
+    plain = run("ledger", "verify", "--ledger", "other.sqlite", "--json")
+    assert (plain.status, plain.json["ok"], plain.json["proven"]) == (0, True, False)
+    assert "sound by what the ledger itself says" in run("ledger", "verify", "--ledger", "other.sqlite").out
+    found = run("ledger", "verify", "--ledger", "other.sqlite", "--key", "own.pem")
+    assert found.status == 1
+    assert "not signed by the key" in found.out
+    assert "ledger init" not in found.out
+
+
+def strip(source: str, target: str) -> None:
+    """A copy of a ledger without its signed heads."""
+    with sqlite3.connect(source) as raw, sqlite3.connect(target) as copy:
+        raw.backup(copy)
+        (made,) = copy.execute("SELECT sql FROM sqlite_master WHERE name = 'head_delete'").fetchone()
+        for statement in ("DROP TRIGGER head_delete", "DELETE FROM head", made):
+            copy.execute(statement)
+    raw.close()
+    copy.close()
+
+
 def test_junk_in_the_folder_of_the_keys_is_named(run, tmp_path, monkeypatch):
     """File, line and remedy, exit status 2, no traceback; the remedy mends it."""
     monkeypatch.setenv("INCLINOMETRY_KEYS", str(tmp_path / "keys"))

@@ -17,6 +17,7 @@ import pytest
 
 from inclinometry.laboratory.ledger import chain
 from inclinometry.laboratory.ledger.admin import create
+from inclinometry.laboratory.ledger.exchange import export
 from inclinometry.laboratory.ledger.ledger import Draft, Ledger, LedgerError
 from inclinometry.laboratory.ledger.verify import verify
 
@@ -83,6 +84,32 @@ def test_an_edited_row_is_named(path: Path, statement: str, named: str) -> None:
     edit(path, statement)
     found = faults(path)
     assert any(fault.startswith(named) for fault in found), found
+
+
+@pytest.mark.parametrize(
+    ("statement", "named"),
+    [
+        ("UPDATE document SET data = 'text'", "sha256:38523c"),
+        ("UPDATE document SET data = 5", "sha256:38523c"),
+        ("UPDATE document SET data = 9223372036854775807", "sha256:38523c"),
+        ("INSERT INTO document VALUES ('aaaa', 'text/plain', 'junk')", "aaaa"),
+        ("INSERT INTO document VALUES (x'ff', 'text/plain', 2.5)", "b'\\xff'"),
+    ],
+)
+def test_what_is_no_bytes_is_no_document(path: Path, tmp_path: Path, statement: str, named: str) -> None:
+    """SQLite keeps a text or a number in their place: named beside all other faults, and never handed out."""
+    edit(path, statement, "UPDATE tool SET author = 'eve' WHERE seq = 3")
+    found = faults(path)
+    assert [one for one in found if one.startswith(f"document {named}") and one.endswith("its bytes were changed")]
+    assert [one for one in found if one.startswith("tool 3 ")]
+    edit(path, "UPDATE tool SET author = 'a' WHERE seq = 3")
+    with Ledger(path) as ledger:
+        with pytest.raises(LedgerError, match="was changed; run `inclinometry ledger verify`"):
+            export(ledger, tmp_path / "all.zip")
+        if "UPDATE" in statement:
+            with pytest.raises(LedgerError, match="was changed; run `inclinometry ledger verify`"):
+                ledger.document("sha256:38523c087796e5d5dd1cf9bad1fb026781a838dd9dd2cf8af58b9f6502a46778")
+    assert not (tmp_path / "all.zip").exists()
 
 
 def test_a_changed_record_is_not_used(path: Path) -> None:

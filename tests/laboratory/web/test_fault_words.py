@@ -60,6 +60,13 @@ FAULTS = [
         "--copy",
     ),
     Fault("head", "-", "the ledger that was begun in this place is signed, and this one is not"),
+    Fault("head", "-", f"not signed by the key {KEY}: its signatures were removed, or it never had any"),
+    Fault(
+        "head",
+        "-",
+        "record 7 of this ledger was signed, says the head that /7 keeps, and it holds no signed head: its signatures "
+        "were removed",
+    ),
     Fault("head", "-", "another ledger (77) was begun in this place than stands here now"),
     Fault("chain", "7", "not signed: recorded by something else than this program with the laboratory's key"),
     Fault("head", "7 (8)", f"signed by {KEY}, for which the key before did not sign"),
@@ -93,6 +100,9 @@ def _lost(tmp_path) -> list[Fault]:
 
 NOTES = [
     "its laboratory named /7 as a witness, which is not asked here",
+    "not signed: whoever can write to it can rewrite it",
+    "all its records are those of a head that /7 keeps, none is in it",
+    "its first 7 records were there before it was signed: what they said until then is not proven",
     "named",
     "removed",
     f"signed up to record 7 by the key {KEY} (the laboratory's until it was lost)",

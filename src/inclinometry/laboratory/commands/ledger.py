@@ -49,7 +49,8 @@ def init(
     unsigned
         Sign nothing: whoever can write to the database can rewrite it without a trace.
     """
-    with create(_where(where), sign=not unsigned) as ledger:
+    answered = accept is not None and accept.strip() != ""
+    with create(_where(where), sign=not unsigned, accepted=answered) as ledger:
         if clock is not None:
             ledger.correct_clock(clock, author=_who())
         if accept is not None:
@@ -72,7 +73,8 @@ def verify(
     json: Json = False,
 ) -> int:
     """Check every record, the chain, signed heads and witnesses: exit status 0 proven, 1 changed or not proven (a
-    witness that was named does not answer, another key than the one here signed it), 2 bad input.
+    witness that was named does not answer, another key than the one here signed it), 2 bad input. A ledger that was
+    never signed, as far as is known here, ends with 0 too, unless --key is given: nothing in it is proven.
 
     Parameters
     ----------
@@ -107,7 +109,7 @@ def verify(
                 "notes": found.notes,
             }
         )
-        return 0 if found.proven else 1
+        return 0 if found.unsuspected else 1
     for fault in (*found.faults, *found.silent):
         output.say(str(fault))
     for note in found.notes:
@@ -118,7 +120,7 @@ def verify(
         output.say(f"{records} and {documents} are sound{alone}")
         output.say(f"head {found.head}")
         if not found.silent:
-            return 0 if found.proven else 1
+            return 0 if found.unsuspected else 1
         who = "a witness" if len(found.silent) == 1 else f"{len(found.silent)} witnesses"
         output.say(
             f"not proven: {who} did not answer, and a cut tail or an older copy may be known there alone; verify again "

@@ -15,7 +15,7 @@ from inclinometry.laboratory.ledger.keys import Keys
 from inclinometry.laboratory.ledger.ledger import Ledger
 
 
-def create(where: str | Path, *, keys: Keys | None = None, sign: bool | None = None) -> Ledger:
+def create(where: str | Path, *, keys: Keys | None = None, sign: bool | None = None, accepted: bool = False) -> Ledger:
     """Make an empty ledger, or bring an existing one up to date, and open it.
 
     Parameters
@@ -25,11 +25,14 @@ def create(where: str | Path, *, keys: Keys | None = None, sign: bool | None = N
         The laboratory's keys, made where there are none; those of this computer when not given.
     sign : bool, optional
         Whether its heads are signed; when not given a new ledger's are, and an existing one's as they were.
+    accepted : bool
+        Somebody will answer, by `Ledger.accept`, for signatures that were removed.
 
     Raises
     ------
     LedgerError
-        A folder that cannot be written, a database that is not a ledger or of a newer program.
+        A folder that cannot be written, a database that is not a ledger or of a newer program; one to be signed whose
+        signatures were removed.
     """
     if "://" not in str(where):
         path = Path(where)
@@ -63,7 +66,7 @@ def create(where: str | Path, *, keys: Keys | None = None, sign: bool | None = N
     ledger = Ledger(where, keys=keys)
     try:
         if sign or (sign is None and fresh):
-            ledger.begin_signing()
+            ledger.begin_signing(accepted=accepted)
     except BaseException:
         ledger.close()
         raise

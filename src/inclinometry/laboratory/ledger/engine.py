@@ -29,11 +29,14 @@ from sqlalchemy import (
     inspect,
     select,
     table,
+    type_coerce,
 )
 from sqlalchemy.engine import URL, Connection, Engine, make_url
 from sqlalchemy.exc import ArgumentError, DBAPIError, IntegrityError, NoSuchModuleError, SQLAlchemyError
 from sqlalchemy.pool import NullPool
+from sqlalchemy.types import NullType
 
+from inclinometry.digest import digest_bytes
 from inclinometry.errors import InputError
 from inclinometry.laboratory.ledger import chain
 from inclinometry.laboratory.ledger.chain import LedgerError
@@ -383,6 +386,13 @@ DOCUMENT: Final = Table(
     Column("data", LargeBinary, nullable=False),
 )
 """Files that records refer to by their SHA-256: certificates, uploaded logs."""
+STORED: Final = select(DOCUMENT.c.digest, DOCUMENT.c.media_type, type_coerce(DOCUMENT.c.data, NullType()).label("data"))
+"""The documents as they stand: SQLite keeps a text or a number in the place of bytes, which would be converted."""
+
+
+def as_stored(data: object, digest: object) -> bool:
+    """Whether a document is bytes, and those of its digest."""
+    return isinstance(data, bytes) and digest_bytes(data) == digest
 
 
 HEAD: Final = Table(

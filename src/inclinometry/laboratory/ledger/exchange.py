@@ -21,7 +21,17 @@ from inclinometry.errors import FileError, InputError
 from inclinometry.files.writing import replacing
 from inclinometry.laboratory.ledger import chain
 from inclinometry.laboratory.ledger.chain import LedgerError
-from inclinometry.laboratory.ledger.engine import CHAIN, DOCUMENT, KINDS, TABLES, check, in_words, plain, row_digest
+from inclinometry.laboratory.ledger.engine import (
+    CHAIN,
+    KINDS,
+    STORED,
+    TABLES,
+    as_stored,
+    check,
+    in_words,
+    plain,
+    row_digest,
+)
 from inclinometry.laboratory.ledger.ledger import LARGEST_DOCUMENT, Batch, Ledger, add_document
 from inclinometry.opening import opened
 
@@ -50,7 +60,11 @@ def export(ledger: Ledger, path: str | Path, *, progress: Progress | None = None
             for row in _rows(connection, progress):
                 lines.write(chain.compact(row).encode("utf-8") + b"\n")
                 head = chain.Head(row["seq"], row["link"])
-        for found in connection.execution_options(yield_per=1).execute(select(DOCUMENT)):
+        for found in connection.execution_options(yield_per=1).execute(STORED):
+            if not as_stored(found.data, found.digest):
+                raise LedgerError(
+                    f"document {found.digest!s:.80} in {ledger.shown} was changed; run `inclinometry ledger verify`"
+                )
             name = found.digest.removeprefix("sha256:")
             archive.writestr(f"documents/{name}", found.data)
             documents[name] = found.media_type

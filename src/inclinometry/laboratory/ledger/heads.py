@@ -155,11 +155,11 @@ class Sealing:
         self._peaks_at = 0
         self._signed = False
 
-    def begin(self, connection: Connection, head: chain.Head, time: str) -> SignedHead:
-        """The first signed head of a ledger; all records it has are covered by it."""
+    def begin(self, connection: Connection, head: chain.Head, time: str, name: str) -> SignedHead:
+        """The first signed head of a ledger, whose name is made where it has none; it covers all its records."""
         self._tree = Frontier()
         self._tree.extend(leaves(connection, 0, head.seq))
-        return self._write(connection, uuid.uuid4().hex, head, time)
+        return self._write(connection, name or uuid.uuid4().hex, head, time)
 
     def before(self, connection: Connection, head: chain.Head) -> tuple[str, list[Draft]]:
         """Before something is recorded: the ledger's name ("" when it is not signed), what is to be recorded first.

@@ -14,7 +14,7 @@ from sqlalchemy import ColumnElement, Select, Table, and_, false, func, select
 from sqlalchemy.engine import Connection
 
 from inclinometry.digest import digest_bytes
-from inclinometry.errors import InputError
+from inclinometry.errors import FileError, InputError
 from inclinometry.laboratory.ledger import chain
 from inclinometry.laboratory.ledger.chain import LedgerError
 from inclinometry.laboratory.ledger.engine import (
@@ -22,11 +22,13 @@ from inclinometry.laboratory.ledger.engine import (
     DOCUMENT,
     INTEGERS,
     KINDS,
+    STORED,
     TABLES,
     ConflictError,
     Draft,
     Precondition,
     Record,
+    as_stored,
     check,
     default_path,
     engine,
@@ -39,7 +41,16 @@ from inclinometry.laboratory.ledger.engine import (
 from inclinometry.laboratory.ledger.heads import ACCEPTED, WITNESS_EVENT, Sealing, SignedHead, newest_head
 from inclinometry.laboratory.ledger.keys import Keys, explained
 from inclinometry.laboratory.ledger.merkle import leaf_hash
-from inclinometry.laboratory.ledger.witness import Witnessed, Witnesses, ahead, ahead_elsewhere, place_of
+from inclinometry.laboratory.ledger.witness import (
+    Witnessed,
+    Witnesses,
+    ahead,
+    ahead_elsewhere,
+    begun_at,
+    folders_of,
+    place_of,
+    remembered,
+)
 
 LARGEST_DOCUMENT: Final = 100_000_000
 
@@ -154,6 +165,8 @@ class Ledger:
         self._witnesses = Witnesses(self.keys.folder, self.where, alone=alone)
         self._seen = -1
         """Record up to which the ledger was once found not to be behind what this computer saw of it."""
+        self._unknown = False
+        """Whether it holds no signed head, and nothing beside the keys knows it as a signed ledger."""
         self._engine = engine(where, read_only=read_only)
         try:
             with self._reading() as connection:
@@ -217,6 +230,8 @@ class Ledger:
             created = self._now(last, slack)
             name, first = self._sealing.before(connection, head)
             self._not_behind(connection)
+            if not name:
+                self._never_signed(connection)
             batch = Batch(connection, head)
             records = [
                 batch.add(draft.kind, uuid.uuid4().hex, created, author, KINDS[draft.kind].version, draft.keys, body)
@@ -230,13 +245,30 @@ class Ledger:
         self._published(signed)
         return records[len(first) :]
 
-    def begin_signing(self) -> SignedHead | None:
-        """Sign the ledger from now on, all that it holds included; None when it is signed already."""
+    def begin_signing(self, *, accepted: bool = False) -> SignedHead | None:
+        """Sign the ledger from now on, all that it holds included; None when it is signed already.
+
+        Parameters
+        ----------
+        accepted : bool
+            Somebody answers, by `accept`, for a ledger whose signatures were removed: it goes on under its name.
+
+        Raises
+        ------
+        LedgerError
+            It holds records and no signed head, and this computer or a witness knows it as a signed one.
+        """
         with self._writing() as connection:
             if newest_head(connection) is not None:
                 return None
             head = self._tail(connection)[0]
-            signed = self._sealing.begin(connection, head, self._now(None, timedelta.max))
+            name = ""
+            if accepted:
+                known = remembered(connection, folders_of(self.keys.folder, self.where))
+                name = known.head.ledger if known is not None and known.head is not None else ""
+            elif head.seq:
+                self._never_signed(connection, folders_of(self.keys.folder, self.where))
+            signed = self._sealing.begin(connection, head, self._now(None, timedelta.max), name)
         self._published(signed)
         return signed
 
@@ -352,6 +384,26 @@ class Ledger:
                 raise LedgerError(self._behind(newest, lost))
         self._seen = newest.size
 
+    def _never_signed(self, connection: Connection, folders: Sequence[Path] = ()) -> None:
+        """Refuse to go on with a ledger that holds no signed head and is known as a signed one, here or in a folder."""
+        if self._unknown and not folders:
+            return
+        beside = self.keys.folder / "heads"
+        try:
+            known = remembered(connection, folders or [beside])
+            by = str(beside) if known is None else known.witness
+            signed = known is not None or begun_at(self.keys.folder, self.where) != ""
+        except (OSError, FileError):  # the folder of another user
+            signed = False
+        if signed:
+            raise LedgerError(
+                f"{self.shown} holds no signed head, but by the heads in {by} it was signed, or another ledger that "
+                "was begun in this place: signatures were removed; nothing was recorded or signed. Run `inclinometry "
+                "ledger verify` and put the signed ledger back; or, when it is known what happened, state it with "
+                f"`inclinometry ledger init {self.shown} --accept REASON`"
+            )
+        self._unknown = True
+
     def _published(self, signed: SignedHead | None) -> None:
         if signed is not None:
             self._witnesses.publish(signed)
@@ -447,11 +499,11 @@ class Ledger:
     def document(self, digest: str) -> tuple[str, bytes]:
         """Media type and bytes of a file a record refers to; LedgerError when it is not there or was changed."""
         with self._reading() as connection:
-            query = select(DOCUMENT).where(DOCUMENT.c.digest == digest if plain(digest) else false())
+            query = STORED.where(DOCUMENT.c.digest == digest if plain(digest) else false())
             row = connection.execute(query).first()
         if row is None:
             raise LedgerError(f"there is no document {digest!r:.80} in {self.shown}")
-        if digest_bytes(row.data) != digest:
+        if not as_stored(row.data, digest):
             raise LedgerError(f"document {digest} in {self.shown} was changed; run `inclinometry ledger verify`")
         return row.media_type, row.data
 

@@ -19,7 +19,16 @@ from inclinometry.laboratory.ledger.heads import ACCEPTED, KEY_EVENT, WITNESS_EV
 from inclinometry.laboratory.ledger.keys import descends, explained, fingerprint, genuine
 from inclinometry.laboratory.ledger.ledger import Ledger
 from inclinometry.laboratory.ledger.merkle import Frontier, leaf_hash
-from inclinometry.laboratory.ledger.witness import Testimony, begun_at, lost_sentence, others, witnessed
+from inclinometry.laboratory.ledger.witness import (
+    Testimony,
+    Witnessed,
+    begun_at,
+    folders_of,
+    lost_sentence,
+    others,
+    remembered,
+    witnessed,
+)
 
 
 @dataclass(frozen=True)
@@ -34,17 +43,25 @@ class Fault:
         return f"{self.table} {self.row}: {self.problem}"
 
 
-def asked(ledger: Ledger) -> tuple[str, Testimony]:
-    """The ledger last seen in this place, and what the witnesses say of the one that is there."""
+def asked(ledger: Ledger) -> tuple[str, Testimony, Witnessed | None]:
+    """The ledger last seen in this place, what the witnesses say of the one that is there, and by which head it is
+    known where it holds none of its own."""
+    known = None
     with ledger.snapshot() as connection:
         newest = newest_head(connection, readable=True)
-    try:
-        here = begun_at(ledger.keys.folder, ledger.where)
-    except (OSError, FileError) as error:
-        reason = getattr(error, "strerror", None) or error
-        return "", Testimony([], [f'the witness in {ledger.keys.folder} cannot be asked ("{reason}")'], [], [])
+        try:
+            here = begun_at(ledger.keys.folder, ledger.where)
+            if newest is None:
+                known = remembered(connection, folders_of(ledger.keys.folder, ledger.where))
+        except (OSError, FileError) as error:
+            reason = getattr(error, "strerror", None) or error
+            silent = f'the witness in {ledger.keys.folder} cannot be asked ("{reason}")'
+            return "", Testimony([], [silent], [], []), None
     name = here if newest is None else newest.ledger
-    return here, witnessed(ledger.keys.folder, name, ledger.where) if name else Testimony([], [], [], [])
+    if known is not None and known.head is not None:
+        name = known.head.ledger
+    said = witnessed(ledger.keys.folder, name, ledger.where) if name else Testimony([], [], [], [])
+    return here, said, known
 
 
 def _public(ledger: Ledger) -> tuple[str, ...]:
@@ -68,6 +85,8 @@ class Signatures:
         The ledger that was last seen in this place.
     testimony : Testimony
         Of the witnesses.
+    known : Witnessed, optional
+        The head by which a ledger that holds none is known to have been signed.
     copy : bool
         A copy kept on purpose: that it ends before heads which witnesses keep is a note.
     """
@@ -79,12 +98,13 @@ class Signatures:
         public: Sequence[str],
         here: str,
         testimony: Testimony,
+        known: Witnessed | None,
         *,
         copy: bool = False,
     ) -> None:
         self.newest = newest_head(connection, readable=True)
         self._unreadable: list[Fault] = []
-        self._given, self._here = tuple(public), here
+        self._given, self._here, self._remembered = tuple(public), here, known
         ours = _public(ledger)
         self._wanted = self._given or ours
         self._own_changes = ledger.keys.changes() if ours else []
@@ -109,6 +129,7 @@ class Signatures:
         self._link = chain.GENESIS
         self._own_heads = self._stored(connection) if inspect(connection).has_table("head") else iter(())
         self._next = next(self._own_heads, None)
+        self._first = 0 if self._next is None else self._next[0].size
         readable = [(one.head, one.witness, one.place) for one in self._kept if one.head is not None]
         self._elsewhere: dict[str, int] = {}
         self._outside = sorted(readable, key=lambda kept: kept[0].size)
@@ -227,7 +248,8 @@ class Signatures:
         faults += [Fault("witness", "-", sentence) for sentence in self._lost_witnesses]
         faults += self._unlisted()
         faults += self._whole(seq)
-        said = max(self._accepted, default=("", "", ""))
+        # nobody answered for a ledger by a record in it that nobody signed
+        said = max(self._accepted, default=("", "", "")) if self.newest is not None else ("", "", "")
         first: dict[str, Fault] = {}
         excused = 0
         for time, fault in self._doubts:
@@ -281,8 +303,24 @@ class Signatures:
     def _whole(self, seq: int) -> Iterator[Fault]:
         """Faults of a ledger whose end is not signed, or that is not the one that was here."""
         if self.newest is None:
+            if self._given:
+                said = (
+                    f"not signed by the key {fingerprint(self._given[0])}: its signatures were removed, or it never "
+                    "had any"
+                )
+                yield Fault("head", "-", said)
             if self._here:
                 yield Fault("head", "-", "the ledger that was begun in this place is signed, and this one is not")
+            elif self._remembered is not None and self._remembered.head is not None:
+                known, witness = self._remembered.head, self._remembered.witness
+                if max(self._agreed.values(), default=0) == seq:  # a copy of what was signed later or elsewhere
+                    self._notes.append(f"all its records are those of a head that {witness} keeps, none is in it")
+                    return
+                said = (
+                    f"record {known.size} of this ledger was signed, says the head that {witness} keeps, and it holds "
+                    "no signed head: its signatures were removed"
+                )
+                yield Fault("head", "-", said)
             return
         if self._here and self._here != self.newest.ledger:
             yield Fault("head", "-", f"another ledger ({self._here}) was begun in this place than stands here now")
@@ -334,8 +372,7 @@ class Signatures:
 
     def _signed(self) -> Iterator[str]:
         """Sentences: who signed what, which witnesses agree."""
-        if self.newest is None:
-            yield "not signed: whoever can write to it can rewrite it; `inclinometry ledger init` begins to sign"
+        if self.newest is None:  # see `unsigned`
             return
         size, by = self.newest.size, fingerprint(self.newest.key)
         if self.strange:
@@ -349,10 +386,20 @@ class Signatures:
         else:
             whose = "the laboratory's" if self._known() else "compare it with the laboratory's"
             yield f"signed up to record {size} by the key {by} ({whose})"
+        first = min([self._first, *(head.size for head, _, _ in self._outside)])
+        if first:
+            yield f"its first {first} records were there before it was signed: what they said until then is not proven"
         for witness, size in self._agreed.items():
             yield f"witness {witness}: agrees up to record {size}"
         if not self._agreed:
             yield "no witness of its heads is known here: a cut tail or an older copy would go unnoticed"
+
+
+def unsigned(*, doubted: bool) -> str:
+    """What a ledger without signatures proves; to sign it is no remedy where something is wrong with it."""
+    if doubted:
+        return "not signed: whoever can write to it can rewrite it"
+    return "not signed: whoever can write to it can rewrite it; `inclinometry ledger init` begins to sign"
 
 
 def _changed(before: str, path: Sequence[Mapping[str, Any]], size: int) -> Iterator[str]:

@@ -12,12 +12,21 @@ from typing import Any, Final, cast
 from sqlalchemy import func, select
 from sqlalchemy.engine import Connection
 
-from inclinometry.digest import digest_bytes
 from inclinometry.laboratory.ledger import chain
-from inclinometry.laboratory.ledger.engine import CHAIN, DOCUMENT, MEDIA, TABLES, row_digest, strange, unprotected
+from inclinometry.laboratory.ledger.engine import (
+    CHAIN,
+    DOCUMENT,
+    MEDIA,
+    STORED,
+    TABLES,
+    as_stored,
+    row_digest,
+    strange,
+    unprotected,
+)
 from inclinometry.laboratory.ledger.heads import SignedHead
 from inclinometry.laboratory.ledger.ledger import Ledger
-from inclinometry.laboratory.ledger.signatures import Fault, Signatures, asked
+from inclinometry.laboratory.ledger.signatures import Fault, Signatures, asked, unsigned
 
 Progress = Callable[[float], None]
 MOST_FAULTS: Final = 100
@@ -51,6 +60,11 @@ class Verdict:
     @property
     def proven(self) -> bool:
         """Whether nothing was found, every witness that was named answered, and a known key signed it."""
+        return self.signed is not None and self.unsuspected
+
+    @property
+    def unsuspected(self) -> bool:
+        """The same, and also of a ledger that is not signed and that nothing here knows as a signed one."""
         return not self.faults and not self.silent and not self.strange
 
 
@@ -101,6 +115,8 @@ def verify(
         faults += _strays(connection)
         documents = connection.execute(select(func.count()).select_from(DOCUMENT)).scalar_one()
         faults += _documents(connection)
+    if signatures.newest is None:
+        notes.insert(0, unsigned(doubted=bool(faults) or witnesses[2] is not None))
     head = chain.Head(walk.seq, walk.link)
     shown, silent = tuple(faults[:MOST_FAULTS]), tuple(witnesses[1].silent)
     return Verdict(walk.records, documents, head, shown, signatures.newest, tuple(notes), silent, signatures.strange)
@@ -199,10 +215,10 @@ def _strays(connection: Connection) -> Iterator[Fault]:
 def _documents(connection: Connection) -> Iterator[Fault]:
     """Files whose bytes or media type changed, and files that records refer to and that are gone."""
     have: dict[str, tuple[str, bytes]] = {}
-    for row in connection.execution_options(yield_per=1).execute(select(DOCUMENT)):
-        have[row.digest] = row.media_type, bytes(row.data[:5])
-        if digest_bytes(row.data) != row.digest:
-            yield Fault("document", row.digest, "its bytes were changed")
+    for row in connection.execution_options(yield_per=1).execute(STORED):
+        have[row.digest] = row.media_type, row.data[:5] if isinstance(row.data, bytes) else b""
+        if not as_stored(row.data, row.digest):
+            yield Fault("document", str(row.digest), "its bytes were changed")
     for by, digest, media_type in _referred(connection):
         if digest not in have:
             yield Fault("document", digest, f"removed: {by} refers to it")

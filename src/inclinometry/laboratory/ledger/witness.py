@@ -15,15 +15,19 @@ import threading
 import time
 import urllib.error
 import urllib.request
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
+from itertools import islice
 from pathlib import Path
 from typing import Final, NamedTuple
 from urllib.parse import urlsplit
 
+from sqlalchemy import select, tuple_
+from sqlalchemy.engine import Connection
+
 from inclinometry.errors import FileError, InclinometryError, InputError
 from inclinometry.laboratory.ledger.chain import LedgerError, compact
-from inclinometry.laboratory.ledger.engine import shown
+from inclinometry.laboratory.ledger.engine import CHAIN, shown
 from inclinometry.laboratory.ledger.heads import SignedHead, parse_signed
 from inclinometry.opening import LARGEST_SETTINGS, opened, whole
 
@@ -319,6 +323,39 @@ def _farthest(kept: list[Witnessed], newest: SignedHead, accepted: str) -> Witne
     beyond = [(one.head.size, one) for one in kept if one.head is not None and one.head.size > newest.size]
     found = [(size, one) for size, one in beyond if one.head and one.head.time > accepted and one.head.genuine()]
     return max(found, key=lambda pair: pair[0], default=(0, None))[1]
+
+
+def remembered(connection: Connection, folders: Sequence[Path]) -> Witnessed | None:
+    """The head by which a ledger that holds none of its own is known to have been signed; None when nothing knows it.
+
+    It is the same ledger where a link of its chain is one that was signed, or where the record that a head was signed
+    with has its time, to the microsecond: both stay where somebody removed the heads and recomputed what he changed.
+
+    Parameters
+    ----------
+    connection : Connection
+        Of the ledger.
+    folders : sequence of Path
+        Of heads, as `folders_of` names them.
+    """
+    for folder in folders:
+        for path in sorted(folder.glob("*.jsonl")):
+            lines = _kept(path, str(folder))
+            while block := [*islice(lines, 500)]:
+                heads = [one.head for one in block if one.head is not None and 0 < one.head.size < 2**31]
+                # compared by the database: a text that is no longer UTF-8 is a fault to be named elsewhere
+                link = tuple_(CHAIN.c.seq, CHAIN.c.link).in_([(head.size, head.link) for head in heads])
+                created = tuple_(CHAIN.c.seq, CHAIN.c.created).in_([(head.size, head.time) for head in heads])
+                same = {*connection.execute(select(CHAIN.c.seq).where(link | created)).scalars()}
+                for one in block:
+                    if one.head is not None and one.head.size in same and one.head.genuine():
+                        return one
+    return None
+
+
+def folders_of(folder: Path, where: str) -> list[Path]:
+    """The folders of this computer where heads are kept: that beside the keys, and those that are witnesses."""
+    return [folder / "heads", *(Path(one) for one in _asking(folder, where) if "://" not in one and Path(one).is_dir())]
 
 
 class Testimony(NamedTuple):
