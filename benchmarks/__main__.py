@@ -13,10 +13,11 @@ import json
 from pathlib import Path
 
 from benchmarks import figures, stand
+from benchmarks.measure import rewrite
 
 NAMES = (
     "kernel", "closed_forms", "joint", "stand", "conventions", "design", "real_data", "gyro_schemes", "gyro", "path",
-    "msa", "position", "certificate", "motion", "honest_drilling", "motion_findings", "motion_peers", "motion_robust",
+    "msa", "position", "certificate", "motion", "honest_drilling", "motion_findings", "motion_robust",
     "motion_speed",
 )  # fmt: skip
 DRAWS = {"closed_forms": 500, "joint": 800, "stand": 40, "conventions": 3000, "gyro": 600}
@@ -41,7 +42,7 @@ def main() -> None:
     if not options.quick:
         figures.update(results, Path("docs/figures.md"))
         if "stand" in results:
-            stand.update(results["stand"], Path("docs/methods/identification.md"))
+            rewrite(Path("docs/methods/identification.md"), "benchmarks/stand", stand.lines(results["stand"]))
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """The adaptive plan: how many positions until the uncertainty of the 24-position plan is certified.
 
-    python -m benchmarks.adaptive [runs]
+    python -m benchmarks.adaptive [--runs 12] [--json]
 
 By design: with sensors as noisy as stated, the worst U(azimuth) over the range falls below that of the 24 orthogonal
 positions after so many positions, beside the smallest fixed optimal plan that reaches it. In simulation: tools and rigs
@@ -9,12 +9,12 @@ with drawn errors, captured and judged as the bench does it; the sensors' noise 
 
 from __future__ import annotations
 
-import sys
 import tempfile
 from pathlib import Path
 
 import numpy as np
 
+from benchmarks import command
 from inclinometry.calibration import plans
 from inclinometry.calibration.design import NOISE, optimal_plan, plan_value
 from inclinometry.laboratory.ledger.admin import create
@@ -116,4 +116,4 @@ def report(found: dict) -> None:
 
 
 if __name__ == "__main__":
-    report(run(int(sys.argv[1]) if len(sys.argv) > 1 else 12))
+    command(__doc__, run, report)

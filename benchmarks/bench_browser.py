@@ -1,6 +1,6 @@
 """The bench in a real Chromium: from an empty folder to a certificate as the README says it, and five browsers at once.
 
-    python benchmarks/bench_browser.py [--json] [--browsers 5] [--seconds 10]
+    python -m benchmarks.bench_browser [--json] [--browsers 5] [--seconds 10]
 
 The newcomer's time is that of the whole way of README.md with the program's own settings: registering, twelve positions
 of a simulated instrument captured by themselves, result, four rolls, certificate; typing is by program, reading
@@ -10,16 +10,11 @@ reached each page. CPU time is that of the server's process with its simulated i
 
 from __future__ import annotations
 
-import argparse
-import json
 import os
-import re
-import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -38,23 +33,13 @@ from tests.laboratory.web.browser.steps import (
     register,
 )
 
+from benchmarks import command
+from benchmarks.measure import cpu_time, served
+
 WANTED = {"newcomer_s": 600.0, "first_page_s": 1.5, "updates_per_second": 9.0}
+LIVE = ("still", "learning", "few", "turn")
+"""Words of a page whose numbers come in."""
 COUNT = "window.told = 0; const put = window.benchLive; window.benchLive = said => { window.told += 1; put(said); };"
-
-
-@contextmanager
-def served(folder: Path, *words: str) -> Iterator[tuple[str, int]]:
-    """The command as a user starts it, in a folder of its own: address, process."""
-    command = [sys.executable, "-m", "inclinometry", "bench", "--port", "0", "--ledger", "lab.sqlite", *words]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=folder) as process:
-        try:
-            assert process.stdout is not None
-            lines = iter(process.stdout.readline, "")
-            found = next(filter(None, (re.search(r"https?://[\w.:]+", line) for line in lines)))
-            yield found.group(), process.pid
-        finally:
-            process.terminate()
-            process.wait(20.0)
 
 
 def newcomer() -> dict[str, float]:
@@ -91,7 +76,7 @@ def newcomer() -> dict[str, float]:
 
 def _by_itself(browser: Browser, number: int) -> None:
     """Press A and wait."""
-    browser.wait(lambda: browser.state("verdict") in ("still", "learning", "few"), "no live data", 20.0)
+    browser.wait(lambda: browser.state("verdict") in LIVE, "no live data", 20.0)
     browser.press("a")
     browser.wait(lambda: captured(browser) == number, f"{number} positions are not captured", 30.0 * number)
 
@@ -107,11 +92,11 @@ def load(browsers: int, seconds: float) -> dict[str, Any]:
             page.click("Resume")
             page.named("capture")
             page.press(Keys.TAB)
-            page.wait(lambda page=page: page.state("verdict") in ("still", "learning", "few"), "no live data", 20.0)
+            page.wait(lambda page=page: page.state("verdict") in LIVE, "no live data", 20.0)
             page.script(COUNT)
-        before, begin_cpu, starts = time.perf_counter(), _cpu(process), [_told(page) for page in pages]
+        before, begin_cpu, starts = time.perf_counter(), cpu_time(process), [_told(page) for page in pages]
         time.sleep(seconds)
-        ends, end_cpu, after = [_told(page) for page in pages], _cpu(process), time.perf_counter()
+        ends, end_cpu, after = [_told(page) for page in pages], cpu_time(process), time.perf_counter()
         rates = [(e[0] - s[0]) / (e[1] - s[1]) for s, e in zip(starts, ends, strict=True)]
     return {
         "browsers": browsers,
@@ -124,12 +109,6 @@ def _told(page: Browser) -> tuple[int, float]:
     """Updates so far, and the page's own clock, s."""
     told, now = page.script("return [window.told, performance.now()]")
     return int(told), float(now) / 1000.0
-
-
-def _cpu(process: int) -> float:
-    """User and system time of a process and its threads, s."""
-    fields = Path(f"/proc/{process}/stat").read_text("ascii").rpartition(")")[2].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 def run(browsers: int = 5, seconds: float = 10.0) -> dict[str, Any]:
@@ -150,16 +129,5 @@ def report(found: dict[str, Any]) -> None:
     print(f"server's process, of one core: {100.0 * load['share_of_a_core']:.0f} %")
 
 
-def main() -> None:
-    """Command line."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--json", action="store_true")
-    parser.add_argument("--browsers", type=int, default=5)
-    parser.add_argument("--seconds", type=float, default=10.0)
-    options = parser.parse_args()
-    found = run(options.browsers, options.seconds)
-    print(json.dumps(found, indent=1)) if options.json else report(found)
-
-
 if __name__ == "__main__":
-    main()
+    command(__doc__, run, report)

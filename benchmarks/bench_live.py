@@ -1,6 +1,6 @@
 """The live bench page: what the server's process costs with several browsers at ten updates a second.
 
-    python benchmarks/bench_live.py [--json] [--browsers 5] [--seconds 10]
+    python -m benchmarks.bench_live [--json] [--browsers 5] [--seconds 10]
 
 A bench with its demonstration is started as users start it. Each client asks for the page as a browser does, opens the
 page's websocket, and counts the live updates that come. CPU time is that of the server's process, simulated instrument
@@ -9,54 +9,23 @@ included, of one core; idle is the same server without a client.
 
 from __future__ import annotations
 
-import argparse
 import asyncio
 import json
-import os
 import re
 import subprocess
-import sys
 import tempfile
 import time
 import uuid
-from collections.abc import Iterator
-from contextlib import contextmanager
-from pathlib import Path
 from typing import Any
 
 import httpx
 import socketio  # type: ignore[import-untyped]
 
+from benchmarks import command
+from benchmarks.measure import cpu_time, served
+
 WANTED = {"updates_per_second": 9.0, "share_of_a_core": 1.0}
 LIVE = "benchLive("
-
-
-@contextmanager
-def served() -> Iterator[tuple[subprocess.Popen[str], str]]:
-    """A bench of its own on a free port: process and address."""
-    with tempfile.TemporaryDirectory() as folder:
-        command = [sys.executable, "-m", "inclinometry", "bench", "--demo", "--port", "0"]
-        command += ["--ledger", str(Path(folder) / "ledger.sqlite")]
-        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
-            try:
-                yield process, _address(process)
-            finally:
-                process.terminate()
-                process.wait(20.0)
-
-
-def _address(process: subprocess.Popen[str]) -> str:
-    for line in process.stdout or ():
-        found = re.search(r"https?://[\w.:\[\]]+", line)
-        if found:
-            return found.group()
-    raise RuntimeError("the bench did not start")
-
-
-def cpu_time(process: int) -> float:
-    """User and system time of a process and its threads, s."""
-    fields = Path(f"/proc/{process}/stat").read_text("ascii").rpartition(")")[2].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 async def browse(address: str, path: str, seconds: float) -> dict[str, float]:
@@ -91,17 +60,17 @@ async def browse(address: str, path: str, seconds: float) -> dict[str, float]:
 
 def run(browsers: int = 5, seconds: float = 10.0) -> dict[str, Any]:
     """Updates a second of the slowest browser, CPU time, memory."""
-    with served() as (process, address):
+    with tempfile.TemporaryDirectory() as folder, served(folder, "--demo") as (address, process):
         path = re.search(r"/calibrate/[0-9a-f]{32}", httpx.get(address, timeout=30.0).text)
         if path is None:
             raise RuntimeError("no open session on the first page")
         httpx.get(address + path.group(), timeout=30.0)
-        idle = _share(process.pid, seconds / 2.0)
+        idle = _share(process, seconds / 2.0)
 
         async def all_at_once() -> tuple[list[dict[str, float]], float]:
             clients = [asyncio.create_task(browse(address, path.group(), seconds)) for _ in range(browsers)]
             await asyncio.sleep(4.0)
-            share = await asyncio.to_thread(_share, process.pid, max(seconds - 3.0, 1.0))
+            share = await asyncio.to_thread(_share, process, max(seconds - 3.0, 1.0))
             return await asyncio.gather(*clients), share
 
         each, share = asyncio.run(all_at_once())
@@ -116,16 +85,16 @@ def run(browsers: int = 5, seconds: float = 10.0) -> dict[str, Any]:
     }
 
 
-def _share(process: int, seconds: float) -> float:
+def _share(process: subprocess.Popen[str], seconds: float) -> float:
     """CPU time over time."""
     before, begun = cpu_time(process), time.perf_counter()
     time.sleep(seconds)
     return (cpu_time(process) - before) / (time.perf_counter() - begun)
 
 
-def report(found: dict[str, Any]) -> str:
+def report(found: dict[str, Any]) -> None:
     """The figures in words."""
-    return (
+    print(
         f"{found['browsers']} browsers on one bench page: {found['updates_per_second']:.1f} updates a second in the "
         f"slowest (wanted {WANTED['updates_per_second']:g}), {found['bytes_per_update']} bytes each; the page came "
         f"in {found['page_s']:.2f} s, {found['browsers']} asked at once; the server takes "
@@ -133,15 +102,5 @@ def report(found: dict[str, Any]) -> str:
     )
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--json", action="store_true")
-    parser.add_argument("--browsers", type=int, default=5)
-    parser.add_argument("--seconds", type=float, default=10.0)
-    asked = parser.parse_args()
-    found = run(asked.browsers, asked.seconds)
-    print(json.dumps(found) if asked.json else report(found))
-
-
 if __name__ == "__main__":
-    main()
+    command(__doc__, run, report)

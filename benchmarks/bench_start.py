@@ -5,15 +5,13 @@ from __future__ import annotations
 import re
 import signal
 import statistics
-import subprocess
-import sys
 import tempfile
 import time
 import urllib.request
-from pathlib import Path
 from typing import Any
 
-COMMAND = [sys.executable, "-c", "from inclinometry.cli import main; main()", "bench", "--port", "0"]
+from benchmarks import command
+from benchmarks.measure import served
 
 
 def run(rounds: int = 3) -> dict[str, Any]:
@@ -25,19 +23,9 @@ def run(rounds: int = 3) -> dict[str, Any]:
 def _once() -> dict[str, float]:
     with tempfile.TemporaryDirectory() as folder:
         began = time.perf_counter()
-        process = subprocess.Popen(
-            [*COMMAND, "--ledger", str(Path(folder) / "lab.sqlite"), "--instrument", "simulated"],
-            stdout=subprocess.PIPE,
-            text=True,
-        )
-        with process:
-            if process.stdout is None:
-                raise RuntimeError("no standard output")
-            url = re.search(r"http://\S+", process.stdout.readline())
-            if url is None:
-                raise RuntimeError("the bench did not start")
+        with served(folder, "--instrument", "simulated") as (url, process):
             up = time.perf_counter()
-            pages = [_seconds(url.group()) for _ in range(5)]
+            pages = [_seconds(url) for _ in range(5)]
             asked = time.perf_counter()
             process.send_signal(signal.SIGINT)
             process.wait(30)
@@ -70,4 +58,4 @@ def report(found: dict[str, Any]) -> None:
 
 
 if __name__ == "__main__":
-    report(run())
+    command(__doc__, run, report)

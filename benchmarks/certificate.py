@@ -1,6 +1,6 @@
 """A tool's certificate as the error model of a well, against tools drawn from the certificate.
 
-    python benchmarks/certificate.py [--tools 10000] [--json]
+    python -m benchmarks.certificate [--tools 10000] [--json]
 
 A simulated tool is calibrated on a simulated stand (24 positions of the cube, 12 bits); the certificate's covariance is
 propagated to the bottom of the well. Then true tools are drawn from it, each surveys the well with the certificate's
@@ -10,16 +10,11 @@ each principal axis, required within 3 %. One of 10,000 draws is itself known to
 
 from __future__ import annotations
 
-import argparse
-import json
-import os
 import time
-
-for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ.setdefault(_name, "1")  # figures are for one core
 
 import numpy as np
 
+from benchmarks import command
 from inclinometry.calibration import plans
 from inclinometry.calibration.joint import calibrate_joint
 from inclinometry.calibration.readings import BenchReadings
@@ -68,17 +63,8 @@ def certified(degree: int):
     true = simulate_bench(
         random_tool(3, temperature_degree=degree), Rig(), *settings, bits=12, temperature=heat, seed=4
     )
-    readings = BenchReadings(
-        true.signals,
-        true.azimuth,
-        true.inclination,
-        true.toolface,
-        sd=true.sd,
-        count=true.count,
-        temperature=true.temperature,
-        units=true.units,
-        reference=true.reference,
-    )
+    given = {name: getattr(true, name) for name in ("sd", "count", "temperature", "units", "reference")}
+    readings = BenchReadings(true.signals, *settings, **given)
     return calibrate_joint(readings, temperature_degree=degree, name=f"degree {degree}").tool
 
 
@@ -173,15 +159,5 @@ def report(result: dict) -> None:
         )
 
 
-def main() -> None:
-    """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--json", action="store_true", help="print one JSON object instead of tables")
-    parser.add_argument("--tools", type=int, default=TOOLS, help="tools to draw")
-    options = parser.parse_args()
-    result = run(options.tools)
-    print(json.dumps(result, indent=1)) if options.json else report(result)
-
-
 if __name__ == "__main__":
-    main()
+    command(__doc__, run, report)

@@ -1,6 +1,6 @@
 """The closed forms: how fast, how accurate, and whether the claims of the paper can be had.
 
-    python benchmarks/closed_forms.py [--json] [--draws 500]
+    python -m benchmarks.closed_forms [--json] [--draws 500]
 
 Scenarios: random tools with axes turned at random and about 8 degrees out of square, accelerometer 12 bits over
 +-1.25 g with 0.3 mg of white noise, magnetometer 12 bits over +-65 uT with 20 nT, 50 uT, dip 70. Scored on noise-free
@@ -9,17 +9,12 @@ readings of the true tool over toolface and azimuth: what the calibration alone 
 
 from __future__ import annotations
 
-import argparse
-import json
-import os
-import time
 from functools import partial
-
-for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ.setdefault(_name, "1")  # figures are for one core
 
 import numpy as np
 
+from benchmarks import command
+from benchmarks.measure import laps
 from inclinometry.calibration import plans
 from inclinometry.calibration.closed import ClosedForm
 from inclinometry.calibration.twelve import (
@@ -92,16 +87,6 @@ def loop_twelve(signals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.moveaxis(products @ a, 0, 1), u0
 
 
-def best_time(call, repeats: int = 5) -> float:
-    """Shortest of several runs, s."""
-    times = []
-    for _ in range(repeats):
-        start = time.perf_counter()
-        call()
-        times.append(time.perf_counter() - start)
-    return min(times)
-
-
 def speed(tools: int = 100_000, looped: int = 500) -> dict[str, float]:
     """Seconds for a batch of calibrations from twelve positions, against a loop over tools."""
     rng = np.random.default_rng(1)
@@ -112,8 +97,8 @@ def speed(tools: int = 100_000, looped: int = 500) -> dict[str, float]:
     truth = ClosedForm(rng.normal(size=(tools, 3, 3)), rng.normal(size=(tools, 3)), a)
     signals = truth.signals(*dials)
     found = solve_twelve(signals, *dials)
-    batch = best_time(lambda: solve_twelve(signals, *dials))
-    loop = best_time(lambda: [loop_twelve(one) for one in signals[:looped]], 3) * tools / looped
+    batch = min(laps(lambda: solve_twelve(signals, *dials), 5))
+    loop = min(laps(lambda: [loop_twelve(one) for one in signals[:looped]], 3)) * tools / looped
     return {
         "tools": tools,
         "batch_s": batch,
@@ -242,15 +227,5 @@ def run(draws: int = 500) -> dict:
     return {"speed": speed(), "table": tables(draws), "claims": claims(draws)}
 
 
-def main() -> None:
-    """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--json", action="store_true", help="print one JSON object instead of tables")
-    parser.add_argument("--draws", type=int, default=500, help="simulated benches a figure (default 500)")
-    options = parser.parse_args()
-    result = run(options.draws)
-    print(json.dumps(result, indent=1)) if options.json else report(result)
-
-
 if __name__ == "__main__":
-    main()
+    command(__doc__, run, report)

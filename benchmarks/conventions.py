@@ -10,11 +10,11 @@ dials are judged; some go through the whole fit. A case is silent when it is nei
 
 from __future__ import annotations
 
-import argparse
 from collections import Counter
 
 import numpy as np
 
+from benchmarks import command
 from inclinometry.calibration import plans
 from inclinometry.calibration.conventions import Dials, check_axes, check_dials
 from inclinometry.calibration.design import optimal_plan
@@ -22,7 +22,7 @@ from inclinometry.calibration.joint import calibrate_joint
 from inclinometry.calibration.likelihood import Model
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.start import fix_signs, starting_state
-from inclinometry.errors import InclinometryError
+from inclinometry.errors import InclinometryError, settled
 from inclinometry.simulate.bench import Rig, simulate_bench
 from inclinometry.simulate.tool import random_tool, realistic_tool
 
@@ -65,7 +65,7 @@ def judged(readings):
         # the directions as good as a fit finds them; at one azimuth the start takes the stand for level
         u = np.radians(0.3 if np.ptp(settings[:, 0]) else 30.0)
         start, assumed = fix_signs(starting_state(model), readings.reference, {}, u**2 * np.eye(4))
-        said = assumed + check_dials(readings) + check_axes(start)
+        said = settled([*assumed, *check_dials(readings), *check_axes(start)])
     except InclinometryError:
         return "refused"
     return "named" if said else "silent"
@@ -77,7 +77,7 @@ def fitted(readings):
         found = calibrate_joint(readings)
     except InclinometryError:
         return "refused"
-    return "named" if found.warnings else "silent"
+    return "named" if found.remarks else "silent"
 
 
 def run(draws=10_000, fits=40):
@@ -95,7 +95,7 @@ def run(draws=10_000, fits=40):
                 told = judge(case(draw, kinds[plan], way))
                 counts.setdefault(f"{name} {which} {plan}", Counter())[told] += 1
                 if (which, told) in (("right", "refused"), ("misread", "silent")):
-                    print(f"{name}: {which} file {told}: plan {plan}, seed {draw}, {way.words()}", flush=True)
+                    print(f"{name}: {which} file {told}: plan {plan}, seed {draw}, {way.way}", flush=True)
     return {key: dict(value) for key, value in counts.items()}
 
 
@@ -107,8 +107,4 @@ def report(results):
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--draws", type=int, default=10_000)
-    parser.add_argument("--fits", type=int, default=40)
-    options = parser.parse_args()
-    report(run(options.draws, options.fits))
+    command(__doc__, run, report)

@@ -1,6 +1,6 @@
 """Optimal plans beside the classical ones and the figures of the specification.
 
-    python benchmarks/design.py [--json]
+    python -m benchmarks.design [--json]
 
 Standard deviation of azimuth from the calibration alone, at the worst azimuth and toolface, joint model over both
 triads: 0.3 mg and 20 nT in 50 uT, each with the rounding of 12 bits; dip 70; prior of 5 deg on the field directions.
@@ -9,17 +9,14 @@ The criterion is the worst over inclinations 10 to 90 deg. Times are of one core
 
 from __future__ import annotations
 
-import argparse
-import json
-import os
 import statistics
 import time
-
-for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ.setdefault(_name, "1")  # figures are for one core
+from functools import partial
 
 import numpy as np
 
+from benchmarks import command
+from benchmarks.measure import laps
 from inclinometry.calibration import plans
 from inclinometry.calibration.design import evaluate_plan, next_position, optimal_plan, plan_value
 from inclinometry.calibration.start import stand_within
@@ -112,12 +109,7 @@ def times() -> dict:
     captured, candidates = plans.twelve(), len(stand_within().positions())
     taken = {}
     for name, call in (("next position", next_position), ("value of a plan", plan_value)):
-        laps = []
-        for _ in range(15):
-            start = time.perf_counter()
-            call(captured)
-            laps.append(time.perf_counter() - start)
-        taken[name] = statistics.median(laps)
+        taken[name] = statistics.median(laps(partial(call, captured), 15))
     return {"candidates": candidates, "seconds": taken}
 
 
@@ -157,14 +149,5 @@ def _row(values) -> str:
     return "/".join(f"{x:.4f}".removeprefix("0") for x in values)
 
 
-def main() -> None:
-    """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--json", action="store_true", help="print one JSON object instead of tables")
-    options = parser.parse_args()
-    result = run()
-    print(json.dumps(result, indent=1)) if options.json else report(result)
-
-
 if __name__ == "__main__":
-    main()
+    command(__doc__, run, report)

@@ -8,7 +8,6 @@ samples would take follows from the rates measured.
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import random
@@ -25,6 +24,8 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks import command
+from benchmarks.measure import rewrite
 from inclinometry.digest import digest_bytes
 from inclinometry.files.json_codec import canonical
 from inclinometry.files.tool_json import calibration_content
@@ -48,15 +49,9 @@ def content() -> dict[str, Any]:
     from inclinometry.simulate.bench import Rig, simulate_bench
 
     plan = im.plans.twelve()
-    bench = simulate_bench(
-        realistic_tool(1),
-        Rig(np.radians(70.0), setting_sd=0.002),
-        plan.azimuth,
-        plan.inclination,
-        plan.toolface,
-        seed=1,
-    )
-    readings = BenchReadings(bench.signals, bench.azimuth, bench.inclination, bench.toolface, units=bench.units)
+    dials = plan.azimuth, plan.inclination, plan.toolface
+    bench = simulate_bench(realistic_tool(1), Rig(np.radians(70.0), setting_sd=0.002), *dials, seed=1)
+    readings = BenchReadings(bench.signals, *dials, units=bench.units)
     return json.loads(canonical(calibration_content(im.calibrate_joint(readings))))
 
 
@@ -92,14 +87,8 @@ def tasks(folder: Path, runs: list[raw.Raw], product: str, made: dict[str, Any])
     found = []
     for one in runs:
         name = key(one.digest, calibration, product, width)
-        footer = {
-            "product": product,
-            "input": one.digest,
-            "calibration": calibration,
-            "certificate": "",
-            "key": name,
-            "code": "",
-        }
+        footer = {"product": product, "input": one.digest, "calibration": calibration, "key": name}
+        footer |= {"certificate": "", "code": ""}
         target = f"{product}/{one.name.partition('/')[2].rpartition('/')[0]}/part-{name}.parquet"
         found.append(Task(str(folder), one.name, target, product, width, footer, made, one.size))
     return found
@@ -291,19 +280,12 @@ def kill_lines(found: dict[str, dict[str, int]]) -> list[str]:
     return lines + [f"| {way} | {' | '.join(map(str, row.values()))} |" for way, row in found.items()]
 
 
-def update(page: Path, block: str, lines: list[str]) -> None:
-    """Rewrite a block of a page between its markers."""
-    start, end = f"<!-- {block} -->", f"<!-- /{block} -->"
-    before, rest = page.read_text(encoding="utf-8").split(start)
-    page.write_text("\n".join([before + start, "", *lines, "", end + rest.split(end)[1]]), encoding="utf-8")
-
-
 def bookkeeping(folder: Path, files: int = 50_000) -> dict[str, float]:
     """Seconds to commit, list and replace names of many files."""
     store = Store(str(folder))
     current = table(store, "windows")
     names = {f"windows/tool=T{k // 50}/run=R{k % 50}/date=2026-01-01/part-{k:020x}.parquet": k for k in range(files)}
-    added = {n: (1000, 10, (f"T{k // 50}", f"R{k % 50}", "2026-01-01")) for n, k in names.items()}
+    added = {n: (1000, 10, (f"T{k // 50}", f"R{k % 50}", "2026-01-01"), f"{k:064x}") for n, k in names.items()}
     begun = time.perf_counter()
     current.commit(added, (), {})
     commit = time.perf_counter() - begun
@@ -468,36 +450,31 @@ def flips(folder: Path, runs: list[raw.Raw], made: dict[str, Any], number: int =
     return {"flips": number, "found": found, "harmless": harmless, "wrong numbers": wrong}
 
 
-def main() -> None:
-    """Command line."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--files", type=int, default=4)
-    parser.add_argument("--rounds", type=int, default=20, help="of kills, by lanes and by Dask; 0 leaves them out")
-    parser.add_argument("--page", type=Path, help="rewrite the tables of this page")
-    options = parser.parse_args()
+def run(files: int = 4, rounds: int = 20, page: str | None = None) -> None:
+    """Measure and print; rounds of kills by lanes and by Dask, 0 leaves them out; tables of the page are rewritten."""
     made = content()
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch, "fleet")
         folder.mkdir()
-        runs = filled(folder, options.files, ROWS)
+        runs = filled(folder, files, ROWS)
         lines = speed_lines(*speed(folder, runs, made))
         print("\n".join(lines), flush=True)
-        if options.page:
-            update(options.page, "fleet_speed", lines)
+        if page:
+            rewrite(Path(page), "fleet_speed", lines)
         print("bits flipped:", flips(folder, runs, made))
     with tempfile.TemporaryDirectory() as scratch:
         print("50,000 files, s:", {k: round(v, 2) for k, v in bookkeeping(Path(scratch)).items()})
-    if not options.rounds:
+    if not rounds:
         return
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch, "fleet")
         folder.mkdir()
         runs = filled(folder, 40, 500_000)
-        lines = kill_lines({way: kills(folder, runs, made, options.rounds, way) for way in ("lanes", "dask")})
+        lines = kill_lines({way: kills(folder, runs, made, rounds, way) for way in ("lanes", "dask")})
         print("\n".join(lines), flush=True)
-        if options.page:
-            update(options.page, "fleet_kills", lines)
+        if page:
+            rewrite(Path(page), "fleet_kills", lines)
 
 
 if __name__ == "__main__":
-    main()
+    command(__doc__, run, lambda _: None)

@@ -10,16 +10,11 @@ inclinations 5, 30, 60 and 90 deg.
 
 from __future__ import annotations
 
-import argparse
-import json
-import os
 import time
-
-for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ.setdefault(_name, "1")  # figures are for one core
 
 import numpy as np
 
+from benchmarks import command
 from inclinometry.calibration import plans
 from inclinometry.calibration.drift import (
     MULTIPLIERS,
@@ -504,12 +499,4 @@ def report(results: dict) -> None:
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--quick", action="store_true", help="fewer seeds")
-    parser.add_argument("--json", action="store_true")
-    options = parser.parse_args()
-    found = run(options.quick)
-    if options.json:
-        print(json.dumps(found, indent=1))
-    else:
-        report(found)
+    command(__doc__, run, report)

@@ -76,9 +76,9 @@ CASING = """depth_m,a0_digi-25000,a180_digi-25000,b0_digi-25000,b180_digi-25000
 6,321,-306,-120,111
 """
 LIMITS = """source = "a test"
-inclination_deg = 0.5
-azimuth_deg = 2.0
-toolface_deg = 2.0
+inclination_deg = 1.0
+azimuth_deg = 4.0
+toolface_deg = 4.0
 guard = "none"
 min_inclination_deg_for_azimuth = 10
 """
@@ -145,7 +145,6 @@ survey.las | check survey.las
 survey.xlsx | check survey.xlsx
 survey.xml | check survey.xml
 raw.npz | survey raw.npz --calibration tool.json -o OUT.csv
-raw.mat | survey raw.mat --calibration tool.json -o OUT.csv
 raw.h5 | survey raw.h5 --calibration tool.json -o OUT.csv
 raw.json | survey raw.json --calibration tool.json -o OUT.csv
 gyro.csv | gyro north gyro.csv --site gyro.toml -o OUT.csv
@@ -204,12 +203,10 @@ def _arrays(folder: Path) -> None:
     """The raw survey as binary arrays and as a table of JSON."""
     import h5py
     import numpy as np
-    from scipy.io import savemat
 
     names, *rows = [line.split(",") for line in (folder / "raw.csv").read_text().split()]
     columns = dict(zip(names, np.array(rows, dtype=float).T, strict=True))
     np.savez(folder / "raw.npz", **columns)
-    savemat(folder / "raw.mat", columns)
     with h5py.File(folder / "raw.h5", "w") as stored:
         for name, values in columns.items():
             stored[name] = values
@@ -454,7 +451,6 @@ BY_ENDING: dict[str, tuple[Change, ...]] = {
     ".zip": (_inner, _inner, _bits, _cut),
     ".npz": (_inner, _bits, _cut),
     ".h5": (_bits, _bits, _cut, _piece),
-    ".mat": (_bits, _bits, _cut, _piece),
     ".parquet": (_bits, _bits, _cut, _piece),
     ".sqlite": (_bits, _bits, _cut, _piece),
 }

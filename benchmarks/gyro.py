@@ -1,31 +1,30 @@
 """North and scale factor by gyro: methods against the bound, hot runs, the whole grid of attitudes, speed.
 
-    python benchmarks/gyro.py [--json] [--draws 600]
+    python -m benchmarks.gyro [--json] [--draws 600]
 
 Latitude 45, noise 0.015 deg/h on each high-side rate, scale factor N(1, 0.003) in the table of methods; hot runs are
-those of `simulate.gyro.hot_run`: `--draws` of them, and 100 times as many draws for each row of the table.
+those of `simulate.gyro.hot_run`: `--draws` of them, and 100 times as many draws for each row of the table. Scales
+that move, without a thermometer: `--draws` / 75 runs of 60 stations for each law.
 """
 
 from __future__ import annotations
 
-import argparse
-import json
-import os
 import statistics
 import time
-
-for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ.setdefault(_name, "1")  # figures are for one core
+from collections.abc import Iterable
 
 import numpy as np
 from scipy.optimize import minimize_scalar
 
+from benchmarks import command
+from benchmarks.measure import rms_deg
 from inclinometry.constants import EARTH_RATE, STANDARD_GRAVITY
 from inclinometry.earth.rate import earth_rate
 from inclinometry.gyro.closed_form import CHANGE, azimuth_arctan2, scale_roots, solve_patent
 from inclinometry.gyro.joint import earth_in_tool, earth_slopes, solve_joint
 from inclinometry.gyro.north import estimate_north
-from inclinometry.gyro.tracking import quadratic_belief, smooth_scale, track_scale, walking_belief
+from inclinometry.gyro.point_mass import WIDEST, Grid, Rates, ScaleLaw, solve_law, stated
+from inclinometry.gyro.tracking import ScaleTracker, quadratic_belief, smooth_scale
 from inclinometry.rotations import (
     dcm,
     wrap_signed,
@@ -58,11 +57,6 @@ HOT = {0.045: (0.465, 2.209, 0.310, 0.287), 0.015: (0.289, 1.300, 0.112, 0.099),
 REQUIRED = {0.015: 0.105, 0.0045: 0.033}
 READINGS = ("own deviation at each station", "one deviation for the run")  # of "N(0, 0.0005)"
 SINGULAR = {"vertical", "ambiguous", "weak", "horizontal", "down-assumed", "misfit"}
-
-
-def rms(values) -> float:
-    """Root mean square of angles, deg."""
-    return float(np.degrees(np.sqrt(np.mean(np.square(values)))))
 
 
 def isotropic(size: int, axes: int, sigma: float):
@@ -103,7 +97,7 @@ def table(draws: int) -> list[dict]:
             {
                 "inclination_deg": inclination_deg,
                 "azimuth_deg": azimuth_deg,
-                "rms_deg": {name: rms(off) for name, off in error.items()},
+                "rms_deg": {name: rms_deg(off) for name, off in error.items()},
                 "bound_deg": float(bound) if np.isfinite(bound) else None,
                 "specified_deg": specified,
                 "complex": float(np.mean(scale_roots(a, b, slant, LATITUDE)[1] < 0.0)),
@@ -120,11 +114,11 @@ def _one_valley(error, joint) -> dict:
     sure = ~joint.weak & ~joint.ambiguous
     right = np.abs(error) < WRONG
     out = {"wrong valley": np.mean(~right).item(), "wrong valley, not flagged": np.mean(~right & sure).item()}
-    out["rms_deg in the right valley"] = rms(error[right])
+    out["rms_deg in the right valley"] = rms_deg(error[right])
     if np.mean(sure) < 0.5:
         return out | {"rms_deg of unflagged": None, "normalised squared error": None}
     z2 = float(np.mean(error[sure] ** 2 / joint.var_azimuth[sure]))
-    return out | {"rms_deg of unflagged": rms(error[sure]), "normalised squared error": z2}
+    return out | {"rms_deg of unflagged": rms_deg(error[sure]), "normalised squared error": z2}
 
 
 def hot_rates(seed: int, noise_deg_h: float, reading: str):
@@ -158,11 +152,122 @@ def patent_run(rates, inclination, sigma: float):
     return solve_patent(gravity, EARTH_RATE * rates, LATITUDE, **given).azimuth
 
 
-def hot(noise_deg_h: float, reading: str, runs: int) -> dict:
-    """Rms azimuth over all stations of many hot runs, and normalised squared errors of those not flagged."""
+def followed(given, law):
+    """Azimuth (n,) and its standard uncertainty by the densities of the scale factor."""
+    rates, covariance, inclination, latitude = given
+    size, axes = rates.shape
+    high, spread = np.full((size, 3), np.nan), np.full((size, 3, 3), np.nan)
+    high[:, :axes], spread[:, :axes, :axes] = rates, covariance
+    found = solve_law(Rates(high, spread, inclination, latitude), law)
+    return found.found.azimuth, found.azimuth_sd
+
+
+def online(given, heat, belief):
+    """The same station by station, each with what those before it have taught; heat None: no thermometer."""
+    rates, covariance, inclination, latitude = given
+    tracker = ScaleTracker(belief, latitude, thermometer=heat is not None)
+    heats = [None] * len(rates) if heat is None else heat
+    steps = [tracker.add(*station) for station in zip(rates, covariance, inclination, heats, strict=True)]
+    return np.array([step.azimuth for step in steps]), np.array([step.azimuth_sd for step in steps])
+
+
+def whole(given, heat, belief):
+    """The same, each with what all others have taught."""
+    return followed(given, smooth_scale(*given, heat, belief).law)
+
+
+JOINT = {  # name -> estimate, and whether it has a thermometer
+    "no thermometer, online": (online, False),
+    "no thermometer, whole run": (whole, False),
+    "quadratic online": (online, True),
+    "whole run": (whole, True),
+}
+
+
+# laws by which the scale factor moves over 60 stations
+LAWS = {
+    "constant": lambda n, rng: np.ones(n.size),
+    "0.97 to 1.03 slowly": lambda n, rng: np.linspace(0.97, 1.03, n.size),
+    "random walk of 0.002": lambda n, rng: 1.0 + np.cumsum(0.002 * rng.normal(size=n.size)),
+    "1 + 0.03 sin(n/6)": lambda n, rng: 1.0 + 0.03 * np.sin(n / 6.0),
+    "1 + 0.03 sin(n/3)": lambda n, rng: 1.0 + 0.03 * np.sin(n / 3.0),
+    "3 % steps": lambda n, rng: 1.0 + 0.03 * (-1.0) ** (n // 10),
+}
+# rms azimuth, deg, and z of the scale factor that changed by a fixed amount, 2 degC from station to station
+BEFORE = ((0.088, 0.98), (0.092, 0.99), (0.109, 1.16), (0.286, 2.39), (0.510, 4.20), (0.380, 3.36))
+
+
+_ALL = Grid.over(0.8, 1.2, WIDEST)
+ALONE = ScaleLaw(((_ALL, stated(_ALL, np.ones(1), np.full(1, 0.03))[0]),) * 60)  # of 60 stations that learn nothing
+
+
+def moving(seed: int, law: str, latitude_deg=43.8, noise_deg_h=0.015, inclination_deg=(5.0, 60.0), gyros=2):
+    """Azimuth, scale factor, and what `followed` takes, of 60 stations in any direction."""
+    rng = np.random.default_rng([seed, list(LAWS).index(law)])
+    scale = LAWS[law](np.arange(60), rng)
+    psi, inc = rng.uniform(0.0, 2.0 * np.pi, 60), np.radians(rng.uniform(*inclination_deg, 60))
+    sigma, latitude = np.radians(noise_deg_h) / 3600.0 / EARTH_RATE, np.radians(latitude_deg)
+    clean = earth_in_tool(psi, inc, latitude)[:, :gyros] / scale[:, None]
+    return psi, scale, (clean + sigma * rng.normal(size=clean.shape), isotropic(60, gyros, sigma), inc, latitude)
+
+
+def walk_errors(seed: int, law: str, **how) -> dict:
+    """Method -> errors and standard uncertainties (60,) of azimuth, rad; NaN where there is none."""
+    psi, scale, given = moving(seed, law, **how)
+    rates, covariance, inc, latitude = given
+    belief = quadratic_belief(sd=PRIOR)
+    found = {
+        "causal": online(given, None, belief),
+        "smoothed": whole(given, None, belief),
+        "alone": followed(given, ALONE),
+    }
+    gravity = STANDARD_GRAVITY * np.stack([-np.sin(inc), 0.0 * inc, np.cos(inc)], axis=1)
+    noise = EARTH_RATE**2 * covariance[:, :2, :2]
+    known = {"rate_covariance": noise, "history": 1.0, "history_sd": PRIOR, "change_sd": CHANGE}
+    patent = solve_patent(gravity, EARTH_RATE * rates[:, :2], latitude, **known)
+    found["patent"] = patent.azimuth, patent.u("azimuth")
+    exact = solve_joint(*given, scale=scale, scale_sd=0.0)
+    found["scale known"] = exact.azimuth, np.sqrt(exact.var_azimuth)
+    return {name: (wrap_signed(azimuth - psi), sd) for name, (azimuth, sd) in found.items()}
+
+
+def walks(runs: int, pooled: bool = True) -> list[dict]:
+    """Rms azimuth, z and coverage of 95 % of each method for each law, and of the pool of latitudes and noises."""
+
+    def scores(each):
+        error, sd = (np.concatenate(part) for part in zip(*each, strict=True))
+        seen = np.isfinite(error)
+        z = error[seen] / sd[seen]
+        return {
+            "rms_deg": rms_deg(error[seen]), "z": float(np.sqrt(np.mean(z**2))),
+            "coverage": float(np.mean(np.abs(z) < 1.96)),
+            "gross": int(np.sum(np.abs(z) > 5.0)), "stations": int(seen.sum()),
+        }  # fmt: skip
+
+    out = []
+    for law, before in zip(LAWS, BEFORE, strict=True):
+        each = [walk_errors(seed, law) for seed in range(runs)]
+        out.append({"law": law, "before": before} | {name: scores([e[name] for e in each]) for name in each[0]})
+    if not pooled:
+        return out
+    pool = [
+        walk_errors(seed, law, latitude_deg=lat, noise_deg_h=noise, inclination_deg=(2.0, 178.0))
+        for law in LAWS
+        for lat in (0.0, 31.5, 43.8, 60.0, 75.0)
+        for noise in (0.0045, 0.015, 0.05)
+        for seed in range(max(runs // 8, 1))
+    ]
+    return [*out, {"law": "pooled"} | {name: scores([e[name] for e in pool]) for name in pool[0]}]
+
+
+def hot(noise_deg_h: float, reading: str, runs: int, joint: Iterable[str] = JOINT) -> dict:
+    """Rms azimuth over all stations of many hot runs, and normalised squared errors of those not flagged.
+
+    joint : names of `JOINT` to compute.
+    """
     # a deviation of the whole run belongs to the coefficients; the prior at 20 degC covers it
     own = READINGS.index(reading) == 0
-    quadratic = quadratic_belief(jitter=0.0005) if own else quadratic_belief(sd=np.hypot(0.001, 0.0005), jitter=0.0)
+    quadratic = quadratic_belief() if own else quadratic_belief(sd=np.hypot(0.001, 0.0005))
     error: dict[str, list] = {}
     squared: dict[str, list] = {}
     for seed in range(runs):
@@ -173,14 +278,12 @@ def hot(noise_deg_h: float, reading: str, runs: int) -> dict:
             "patent": patent_run(rates, run.inclination, run.noise),
             "patent, nearest root": history_azimuth(rates, run.inclination),
         }
-        tracks = {
-            "random walk online": track_scale(*given, run.temperature, walking_belief(jitter=0.0005 if own else 0.0)),
-            "quadratic online": track_scale(*given, run.temperature, quadratic),
-            "whole run": smooth_scale(*given, run.temperature, quadratic),
-        }
+        for name in joint:
+            estimate, thermometer = JOINT[name]
+            off[name], sd = estimate(given, run.temperature if thermometer else None, quadratic)
+            squared.setdefault(name, []).append((np.sum((wrap_signed(off[name] - run.azimuth) / sd) ** 2), len(sd)))
         known = {"scale known": (run.scale, 0.0)}
-        use = {name: (t.expected, t.expected_sd) for name, t in tracks.items()}
-        for name, (scale, sd) in {"none": (1.0, 0.0), **use, "curve known": (curve, 0.0005 * own), **known}.items():
+        for name, (scale, sd) in {"none": (1.0, 0.0), "curve known": (curve, 0.0005 * own), **known}.items():
             found = solve_joint(*given, scale=scale, scale_sd=sd)
             off[name] = found.azimuth
             if name != "none":
@@ -193,7 +296,7 @@ def hot(noise_deg_h: float, reading: str, runs: int) -> dict:
         "noise_deg_h": noise_deg_h,
         "reading": reading,
         "runs": runs,
-        "rms_deg": {name: rms(np.asarray(v)[~np.isnan(v)]) for name, v in error.items()},
+        "rms_deg": {name: rms_deg(np.asarray(v)[~np.isnan(v)]) for name, v in error.items()},
         "standard error of it": {name: _rms_error(v) for name, v in error.items()},
         "without azimuth": {name: float(np.mean(np.isnan(v))) for name, v in error.items()},
         "normalised squared error": {n: float(np.divide(*np.sum(v, axis=0))) for n, v in squared.items()},
@@ -223,13 +326,7 @@ def far(scale: float, runs: int) -> dict:
             "patent, no statement": solve_patent(*stations, **known).azimuth,
         }
         seen = np.isfinite(found["patent"])
-        for name, heat, belief in (
-            ("joint", np.full(24, 20.0), quadratic_belief(sd=prior)),
-            ("joint, no thermometer", None, walking_belief(sd=prior, jitter=0.0005)),
-        ):
-            track = smooth_scale(*given, heat, belief)
-            joint = solve_joint(*given, scale=track.expected, scale_sd=track.expected_sd)
-            found[name] = np.where(seen, joint.azimuth, np.nan)
+        found["joint"] = np.where(seen, whole(given, None, quadratic_belief(sd=prior))[0], np.nan)
         for name, azimuth in found.items():
             error.setdefault(name, []).append(wrap_signed(azimuth - psi))
     return {
@@ -380,6 +477,7 @@ def run(draws: int = 600) -> dict:
     return {
         "table": table(100 * draws),
         "hot": [hot(noise, reading, draws) for reading in READINGS for noise in HOT],
+        "walks": walks(max(draws // 75, 1)),
         "far": [far(scale, max(draws // 20, 1)) for scale in FAR_SCALES],
         "grid": [grid(a, w, noisy) for noisy in (False, True) for a in (3, 2) for w in (3, 2)],
         "speed": speed(),
@@ -403,6 +501,7 @@ def report(result: dict) -> None:
                 lost = row["without azimuth"][name]
                 tail += f"  of {100 * (1 - lost):.1f} % of the stations, no azimuth at the others" if lost else ""
                 print(f"    {name:20s} {value:.4f} ({row['standard error of it'][name]:.4f}){tail}")
+    report_walks(result["walks"])
     print("\nConstant scale errors, latitude 60, 0.015 deg/h, stated 1 +- 0.3 %: rms azimuth, deg")
     for row in result["far"]:
         cells = ", ".join(f"{name} {value:.3f}" for name, value in row["rms_deg"].items())
@@ -420,6 +519,24 @@ def report(result: dict) -> None:
     print()
     for name, value in result["speed"].items():
         print(f"{name}: {value:.4g}")
+
+
+def report_walks(rows) -> None:
+    """Print the table of scale factors that move."""
+    print(
+        "\nScale factors that move, no thermometer, latitude 43.8, inclination 5 to 60: rms azimuth, deg / z / coverage"
+    )
+    for row in rows:
+        print(f"  {row['law']}", end="")
+        if "before" in row:
+            print(f": before {row['before'][0]:.3f} / {row['before'][1]:.2f}", end="")
+        else:
+            print(": latitudes 0 to 75, inclinations 2 to 178, noises 0.0045 to 0.05 deg/h", end="")
+        print()
+        for name, score in row.items():
+            if isinstance(score, dict):
+                print(f"    {name:12s} {score['rms_deg']:.3f} / {score['z']:.2f} / {score['coverage']:.3f}", end="")
+                print(f"  {score['gross']} over 5 u of {score['stations']} stations")
 
 
 def _slashed(values, form: str) -> str:
@@ -450,14 +567,5 @@ def _method_line(row: dict) -> None:
     print(f"; z2 {row['normalised squared error']:.3f}")
 
 
-def main() -> None:
-    """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--json", action="store_true", help="print one JSON object instead of tables")
-    parser.add_argument("--draws", type=int, default=600, help="hot runs of each kind")
-    result = run((options := parser.parse_args()).draws)
-    print(json.dumps(result, indent=1)) if options.json else report(result)
-
-
 if __name__ == "__main__":
-    main()
+    command(__doc__, run, report)

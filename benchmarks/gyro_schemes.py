@@ -1,6 +1,6 @@
 """Ways of indexing one gyro, beside the figures of the specification.
 
-    python benchmarks/gyro_schemes.py [--json]
+    python -m benchmarks.gyro_schemes [--json]
 
 One fibre-optic gyro in a level tool looks for north: 240 s in all, angle random walk 0.005 deg/sqrt(h), latitude 45,
 1 reading a second, azimuth anywhere; rms azimuth error over the runs, deg. Flicker, drift and warm-up are each added to
@@ -9,15 +9,9 @@ the white noise. The specification's figures come from a few hundred runs and sc
 
 from __future__ import annotations
 
-import argparse
-import json
-import os
-
-for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ.setdefault(_name, "1")  # figures are for one core
-
 import numpy as np
 
+from benchmarks import command
 from inclinometry.earth.rate import horizontal_rate
 from inclinometry.gyro.indexing import SCHEMES, average_index
 from inclinometry.rotations import wrap_signed
@@ -183,14 +177,5 @@ def _figure(value) -> str:
     return "-".join(f"{v:g}" for v in value) if isinstance(value, tuple) else f"{value:.4g}"
 
 
-def main() -> None:
-    """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--json", action="store_true", help="print one JSON object instead of tables")
-    options = parser.parse_args()
-    result = run()
-    print(json.dumps(result, indent=1)) if options.json else report(result)
-
-
 if __name__ == "__main__":
-    main()
+    command(__doc__, run, report)

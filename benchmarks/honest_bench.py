@@ -1,7 +1,7 @@
 """Stated uncertainty of a bench calibration where rig and sensors are worse than the model: a simulator of its own.
 
     python -m benchmarks.honest_bench --runs 60
-    python -m benchmarks.honest_bench --plan twelve --scene "magnetised cradle, 200 nT"
+    python -m benchmarks.honest_bench --plan "12 positions" --scene "magnetised cradle, 200 nT"
 
 Readings are drawn here, without anything of the package: dials that err at random and alike at each value, eccentric,
 with backlash, read wrongly; sensors that bend, drift, wander, feel gravity; a cradle that is magnetised. The tool is
@@ -10,15 +10,15 @@ calibrated as a user does, with nothing stated. Its azimuth and inclination are 
 
 from __future__ import annotations
 
-import argparse
-import json
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from benchmarks import command
+from benchmarks.measure import turn, turned
 from inclinometry.calibration import plans
 from inclinometry.calibration.joint import calibrate_joint
 from inclinometry.calibration.readings import BenchReadings
@@ -90,21 +90,6 @@ SCENES = {
 }
 
 
-def turn_x(a: float) -> np.ndarray:
-    """Coordinates in axes turned about x."""
-    return np.array([[1.0, 0.0, 0.0], [0.0, np.cos(a), np.sin(a)], [0.0, -np.sin(a), np.cos(a)]])
-
-
-def turn_y(a: float) -> np.ndarray:
-    """Coordinates in axes turned about y."""
-    return np.array([[np.cos(a), 0.0, -np.sin(a)], [0.0, 1.0, 0.0], [np.sin(a), 0.0, np.cos(a)]])
-
-
-def turn_z(a: float) -> np.ndarray:
-    """Coordinates in axes turned about z."""
-    return np.array([[np.cos(a), np.sin(a), 0.0], [-np.sin(a), np.cos(a), 0.0], [0.0, 0.0, 1.0]])
-
-
 def stood(dials: np.ndarray, scene: Scene, rng: np.random.Generator) -> np.ndarray:
     """Angles (K, 3) at which the tool stood, rad, when the dials were set to those given."""
     size, found = len(dials), dials.copy()
@@ -136,7 +121,7 @@ def drawn(dials: np.ndarray, scene: Scene, rng: np.random.Generator) -> tuple[di
     size = len(at)
     outer, inner = np.radians(scene.axes) * rng.standard_normal(2)
     tilt = np.radians(2.0) * rng.standard_normal(2)
-    base = turn_x(tilt[0]) @ turn_y(tilt[1]) @ turn_z(np.radians(20.0) * rng.standard_normal())
+    base = turn(tilt[0], 1, 2) @ turn(tilt[1], 2, 0) @ turn(np.radians(20.0) * rng.standard_normal(), 0, 1)
     down, field = base @ [0.0, 0.0, 1.0], base @ [np.cos(DIP), 0.0, np.sin(DIP)]
     held = rng.standard_normal(3)
     held *= scene.cradle / FIELD / np.linalg.norm(held)
@@ -144,11 +129,13 @@ def drawn(dials: np.ndarray, scene: Scene, rng: np.random.Generator) -> tuple[di
     products = scene.products * rng.standard_normal((3, 3))
     seen = {"accelerometer": np.zeros((size, 3)), "magnetometer": np.zeros((size, 3))}
     for k, (azimuth, inclination, toolface) in enumerate(at):
-        turn = turn_z(toolface) @ turn_x(inner) @ turn_y(inclination) @ turn_x(outer) @ turn_z(azimuth)
-        g = turn @ down
+        attitude = (
+            turn(toolface, 0, 1) @ turn(inner, 1, 2) @ turn(inclination, 2, 0) @ turn(outer, 1, 2) @ turn(azimuth, 0, 1)
+        )
+        g = attitude @ down
         moving = np.array([scene.field_drift / FIELD * k / size, 0.0, 0.0])
         seen["accelerometer"][k] = g + products @ (g * np.roll(g, -1))
-        seen["magnetometer"][k] = turn @ (field + moving) + turn_z(toolface) @ held + pulled @ g
+        seen["magnetometer"][k] = attitude @ (field + moving) + turn(toolface, 0, 1) @ held + pulled @ g
     signals, truth = {}, {}
     time = np.linspace(-1.0, 0.0, size)[:, None]  # the tool is that of the end of the run, when it leaves the stand
     of = {
@@ -175,13 +162,10 @@ def drawn(dials: np.ndarray, scene: Scene, rng: np.random.Generator) -> tuple[di
 
 def errors(tool, truth) -> tuple[np.ndarray, np.ndarray]:
     """Errors and stated u (4, 64, 2) of inclination and azimuth, rad, at each of `INCLINATIONS` over 64 attitudes."""
-    turn = np.radians(np.arange(0.0, 360.0, 45.0))
-    inclination, azimuth, toolface = np.meshgrid(np.radians(INCLINATIONS), turn, turn, indexing="ij")
-    seen = {"accelerometer": np.zeros((*azimuth.shape, 3)), "magnetometer": np.zeros((*azimuth.shape, 3))}
-    for place in np.ndindex(azimuth.shape):
-        matrix = turn_z(toolface[place]) @ turn_y(inclination[place]) @ turn_z(azimuth[place])
-        seen["accelerometer"][place] = matrix @ [0.0, 0.0, 1.0]
-        seen["magnetometer"][place] = matrix @ [np.cos(DIP), 0.0, np.sin(DIP)]
+    around = np.radians(np.arange(0.0, 360.0, 45.0))
+    inclination, azimuth, toolface = np.meshgrid(np.radians(INCLINATIONS), around, around, indexing="ij")
+    attitude = turned(azimuth, inclination, toolface)
+    seen = {"accelerometer": attitude @ [0.0, 0.0, 1.0], "magnetometer": attitude @ [np.cos(DIP), 0.0, np.sin(DIP)]}
     read = {}
     for kind, (tensor, offset) in truth.items():
         triad = tool.triads[kind]
@@ -217,23 +201,33 @@ def one(plan: str, scene: Scene, seed: int) -> dict | None:
         "square": np.mean(off**2, axis=1),
         "stated": np.mean(u**2, axis=1),
         "inside": np.mean(np.abs(off) < 1.96 * u, axis=1),
-        "warned": bool(found.warnings),
-        "said": [*found.warnings, *found.notes],
+        "warned": bool(found.remarks),
+        "accused": bool(found.outliers),
+        "causes": [name for one in found.findings for name in _causes(one.values)],
+        "said": [*found.remarks, *(str(one) for one in found.findings if one.severity == "note")],
     }
 
 
-def run(runs: int = 40, scenes: Sequence[str] = tuple(SCENES), of: Sequence[str] = tuple(PLANS)) -> dict:
+def _causes(values: Mapping[str, object]) -> tuple[str, ...]:
+    """Causes that a finding names."""
+    named = values.get("causes", values.get("cause", ()))
+    return (named,) if isinstance(named, str) else named if isinstance(named, tuple) else ()
+
+
+def run(
+    runs: int = 40, scene: Sequence[str] = tuple(SCENES), plan: Sequence[str] = tuple(PLANS), words: bool = False
+) -> dict:
     """Scenes by plans: rms error, u (deg) and coverage of 95 % at each inclination, azimuth and inclination apart."""
     rows = []
-    for name in scenes:
-        for plan in of:
-            if "twice" in plan and name not in OF_TIME:
+    for name in scene:
+        for positions in plan:
+            if "twice" in positions and name not in OF_TIME:
                 continue
-            found = [one(plan, SCENES[name], seed) for seed in range(runs)]
+            found = [one(positions, SCENES[name], seed) for seed in range(runs)]
             kept = [row for row in found if row is not None]
             mean = {key: np.mean([row[key] for row in kept], axis=0) for key in ("square", "stated", "inside")}
             said = Counter(re.sub(r"[-+]?\d[\d.e+-]*", "#", text) for row in kept for text in set(row["said"]))
-            row = {"scene": name, "plan": plan, "runs": runs, "refused": runs - len(kept)}
+            row = {"scene": name, "plan": positions, "runs": runs, "refused": runs - len(kept)}
             for place, angle in ((1, "azimuth"), (0, "inclination")):
                 row[f"{angle}_error"] = np.degrees(np.sqrt(mean["square"][:, place])).tolist()
                 row[f"{angle}_u"] = np.degrees(np.sqrt(mean["stated"][:, place])).tolist()
@@ -242,10 +236,10 @@ def run(runs: int = 40, scenes: Sequence[str] = tuple(SCENES), of: Sequence[str]
             row["worded"] = float(np.mean([bool(entry["said"]) for entry in kept]))
             row["said"] = dict(said.most_common(5))
             rows.append(row)
-    return {"inclinations_deg": list(INCLINATIONS), "rows": rows}
+    return {"inclinations_deg": list(INCLINATIONS), "rows": rows, "words": words}
 
 
-def report(result: dict, *, words: bool = False) -> None:
+def report(result: dict) -> None:
     """One line a scene and plan: error / u (coverage) at each inclination."""
     for row in result["rows"]:
         parts = [f"{row['scene']:38}{row['plan']:22}warned {row['warned']:.2f}, worded {row['worded']:.2f} "]
@@ -253,28 +247,9 @@ def report(result: dict, *, words: bool = False) -> None:
             columns = zip(row[f"{angle}_error"], row[f"{angle}_u"], row[f"{angle}_coverage"], strict=True)
             parts.append(" ".join(f"{error:.3f}/{u:.3f} ({inside:.2f})" for error, u, inside in columns))
         print("  ".join(parts), flush=True)
-        for text, count in row["said"].items() if words else ():
+        for text, count in row["said"].items() if result["words"] else ():
             print(f"      {count:4} {text}")
 
 
-def main() -> None:
-    """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--runs", type=int, default=40, help="runs of each scene and plan")
-    parser.add_argument("--scene", choices=list(SCENES), help="this one only")
-    parser.add_argument("--plan", choices=list(PLANS), help="this one only")
-    parser.add_argument("--words", action="store_true", help="print what the calibrations said")
-    parser.add_argument("--json", action="store_true", help="print one JSON object instead of a table")
-    options = parser.parse_args()
-    total = []
-    for name in [options.scene] if options.scene else SCENES:
-        result = run(options.runs, [name], [options.plan] if options.plan else tuple(PLANS))
-        total += result["rows"]
-        if not options.json:
-            report(result, words=options.words)
-    if options.json:
-        print(json.dumps({"rows": total}, indent=1))
-
-
 if __name__ == "__main__":
-    main()
+    command(__doc__, run, report)

@@ -1,6 +1,6 @@
 """Whether the ellipse that a certificate becomes holds the true well, whose truth was not drawn from the certificate.
 
-    python benchmarks/honest_certificate.py [--tools 400] [--plans 12 24] [--years 1] [--json]
+    python -m benchmarks.honest_certificate [--tools 400] [--plans 12 24] [--years 1] [--json]
 
 Nothing of `simulate` is used. A tool (sensors in any order and sense, factors and offsets off by 1 %, axes by 0.5 deg)
 is calibrated on a stand that points anywhere, whose dials are off by 0.02 to 0.1 deg, independently at every setting:
@@ -14,18 +14,14 @@ the certificate is taken with the stability that is assumed of a tool without a 
 
 from __future__ import annotations
 
-import argparse
-import json
-import os
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 
-for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ.setdefault(_name, "1")  # figures are for one core
-
 import numpy as np
 
+from benchmarks import command
+from benchmarks.measure import turned
 from inclinometry.calibration import plans
 from inclinometry.calibration.joint import calibrate_joint
 from inclinometry.calibration.readings import BenchReadings
@@ -42,20 +38,6 @@ G, B = 9.81, 50_000.0
 NOISE = {"accelerometer": 2e-4, "magnetometer": 4e-4}
 """Of one reading, shares of the field: 0.2 mg, 20 nT."""
 PLANS = {"12": plans.twelve, "24": plans.orthogonal}
-
-
-def turned(azimuth, inclination, toolface):
-    """From north, east, down to tool axes (n, 3, 3); written out here, so that no convention is shared by accident."""
-    ca, sa, ci, si, ct, st = (f(x) for x in (azimuth, inclination, toolface) for f in (np.cos, np.sin))
-    zero, one = np.zeros_like(ca), np.ones_like(ca)
-
-    def stacked(*rows):
-        return np.moveaxis(np.array(rows), (0, 1), (-2, -1))
-
-    about_azimuth = stacked((ca, sa, zero), (-sa, ca, zero), (zero, zero, one))
-    tilted = stacked((ci, zero, -si), (zero, one, zero), (si, zero, ci))
-    rolled = stacked((ct, st, zero), (-st, ct, zero), (zero, zero, one))
-    return rolled @ tilted @ about_azimuth
 
 
 def drawn_tool(rng):
@@ -165,10 +147,10 @@ def one(seed: int, name: str, years: float = 0.0) -> tuple[float, float, bool, b
 
 
 def run(
-    tools: int = 400, names: tuple[str, ...] = ("12", "24"), years: float = 0.0, workers: int = 1
+    tools: int = 400, plans: tuple[str, ...] = ("12", "24"), years: float = 0.0, workers: int = 1
 ) -> Iterator[dict]:
     """A row a plan."""
-    for name in names:
+    for name in plans:
         if workers > 1:
             with ProcessPoolExecutor(workers) as pool:
                 found = np.array(list(pool.map(one, range(tools), [name] * tools, [years] * tools)))
@@ -183,24 +165,13 @@ def run(
         }
 
 
-def main() -> None:
-    """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--tools", type=int, default=400)
-    parser.add_argument("--plans", nargs="+", choices=list(PLANS), default=list(PLANS))
-    parser.add_argument("--years", type=float, default=0.0)
-    parser.add_argument("--workers", type=int, default=1)
-    parser.add_argument("--json", action="store_true", help="print one JSON object a row")
-    options = parser.parse_args()
-    if not options.json:
-        print("positions  tools   NEES 3-D  2-D    within 95 %: 3-D    2-D")
-    for row in run(options.tools, tuple(options.plans), options.years, options.workers):
-        if options.json:
-            print(json.dumps(row), flush=True)
-            continue
+def report(rows: Iterator[dict]) -> None:
+    """A line a plan, as they come."""
+    print("positions  tools   NEES 3-D  2-D    within 95 %: 3-D    2-D")
+    for row in rows:
         (a, b), (c, d) = row["nees"], row["inside"]
         print(f"{row['positions']:9d}{row['tools']:7d}{a:11.2f}{b:6.2f}{c:18.3f}{d:8.3f}", flush=True)
 
 
 if __name__ == "__main__":
-    main()
+    command(__doc__, run, report)

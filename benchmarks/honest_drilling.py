@@ -1,6 +1,6 @@
 """Whether the uncertainty of `dynamic` covers what a drill string really does to a tool.
 
-    python benchmarks/honest_drilling.py [--json] [--tools 60]
+    python -m benchmarks.honest_drilling [--json] [--tools 60]
 
 Tools whose errors are drawn as large as the defaults of `dynamic` say (bias 1 mg, couplings and scale errors 0.1 % of
 the accelerometers and 0.3 % of the magnetometers, lever arm 2 cm, transverse offset 100 nT, axial interference 220 nT,
@@ -13,24 +13,20 @@ and the share of windows that carry a flag which doubts them or were refused.
 
 from __future__ import annotations
 
-import argparse
-import json
-import os
 from collections.abc import Mapping
 from dataclasses import replace
 
-for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ.setdefault(_name, "1")  # figures are for one core
-
 import numpy as np
 
+from benchmarks import command
 from inclinometry.earth.site import Site
 from inclinometry.motion.reference import DIP_SIGMA, STRENGTH_SIGMA
 from inclinometry.motion.result import BITS, Samples
 from inclinometry.rotations import wrap_signed
 from inclinometry.simulate.drilling import SCENARIOS, Scenario, simulate_drilling
 from inclinometry.simulate.drilling.scenario import MagLag, Rotation, StickSlip, Swing, Tone, TriadErrors, Whirl
-from inclinometry.workflow.dynamic import SCALE_SIGMA, DynamicOptions, Rows, attitude_stream
+from inclinometry.workflow.dynamic import Rows, attitude_stream
+from inclinometry.workflow.dynamic_methods import SCALE_SIGMA, DynamicOptions
 
 FIVE = SCENARIOS["vibration-5g"]
 RPM = np.pi / 30.0
@@ -185,15 +181,5 @@ def report(result: dict) -> None:
         print(f"{name:32s} {cells}   {100.0 * one['doubted']:.0f} %")
 
 
-def main() -> None:
-    """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--json", action="store_true", help="print one JSON object instead of the table")
-    parser.add_argument("--tools", type=int, default=60, help="tools of each scenario")
-    options = parser.parse_args()
-    result = run(options.tools)
-    print(json.dumps(result, indent=1)) if options.json else report(result)
-
-
 if __name__ == "__main__":
-    main()
+    command(__doc__, run, report)

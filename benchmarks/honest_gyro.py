@@ -12,20 +12,16 @@ from the sixth station on.
 
 from __future__ import annotations
 
-import argparse
-import json
-import os
 import tempfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ.setdefault(_name, "1")  # figures are for one core
-
 import numpy as np
 
-from benchmarks.honest_certificate import PLANS, bottom, turned
+from benchmarks import command
+from benchmarks.honest_certificate import PLANS, bottom
+from benchmarks.measure import turned
 from inclinometry.calibration.joint import calibrate_joint
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.earth.site import Site
@@ -126,14 +122,14 @@ def one(seed: int, name: str, scene: Scene) -> tuple[float, float, float]:
     )
 
 
-def run(runs: int = 60, names: Sequence[str] = tuple(PLANS), scenes: Sequence[str] = tuple(SCENES)) -> Iterator[dict]:
+def run(runs: int = 60, plans: Sequence[str] = tuple(PLANS), scene: Sequence[str] = tuple(SCENES)) -> Iterator[dict]:
     """A row a scene and plan."""
     limit = float(ellipsoid_factor(0.95, 2)) ** 2
-    for scene in scenes:
-        for name in names:
-            found = np.array([one(seed, name, SCENES[scene]) for seed in range(runs)])
+    for what in scene:
+        for name in plans:
+            found = np.array([one(seed, name, SCENES[what]) for seed in range(runs)])
             yield {
-                "scene": scene,
+                "scene": what,
                 "positions": int(name),
                 "runs": runs,
                 "nees": float(found[:, 0].mean() / 2.0),
@@ -143,20 +139,10 @@ def run(runs: int = 60, names: Sequence[str] = tuple(PLANS), scenes: Sequence[st
             }
 
 
-def main() -> None:
-    """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--runs", type=int, default=60)
-    parser.add_argument("--plans", nargs="+", choices=list(PLANS), default=list(PLANS))
-    parser.add_argument("--scene", choices=list(SCENES), help="this one only")
-    parser.add_argument("--json", action="store_true", help="print one JSON object a row")
-    told = parser.parse_args()
-    if not told.json:
-        print(f"{'scene':34}{'positions':>10}{'runs':>6}{'NEES':>7}{'azimuth':>9}{'inside':>8}{'azimuth, deg':>14}")
-    for row in run(told.runs, told.plans, [told.scene] if told.scene else tuple(SCENES)):
-        if told.json:
-            print(json.dumps(row), flush=True)
-            continue
+def report(rows: Iterator[dict]) -> None:
+    """A line a scene and plan, as they come."""
+    print(f"{'scene':34}{'positions':>10}{'runs':>6}{'NEES':>7}{'azimuth':>9}{'inside':>8}{'azimuth, deg':>14}")
+    for row in rows:
         print(
             f"{row['scene']:34}{row['positions']:10d}{row['runs']:6d}{row['nees']:7.2f}{row['nees_azimuth']:9.2f}"
             f"{row['inside']:8.3f}{row['azimuth_deg']:14.3f}",
@@ -165,4 +151,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    command(__doc__, run, report)

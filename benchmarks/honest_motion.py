@@ -6,25 +6,20 @@ Every row is a motion and a method, over runs whose sensor errors are drawn from
 for a while, then turns about the vertical at a constant rate, with heave of a rig along the tool, or shaken so much
 that the filter begins anew; or it is pulled through a bent hole. Error and u are root mean squares of azimuth over all
 rows that have an attitude, z2 the mean of (error / u)^2 (1 is honest), `coverage` the share within 1.96 u, of azimuth
-and of inclination. A row is flagged where it bears one of `FLAGGED`. VQF stands beside where it is installed.
+and of inclination. A row is flagged where it bears one of `FLAGGED`.
 """
 
 from __future__ import annotations
 
-import argparse
-import json
 from collections.abc import Callable
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
-from benchmarks.broad import peer_readings, vqf
+from benchmarks import command
 from inclinometry.arrays import Array
 from inclinometry.earth.rate import earth_rate
 from inclinometry.earth.site import Site
-from inclinometry.motion.complementary.filter import complementary_attitude
-from inclinometry.motion.complementary.offline.smoothed import complementary_smoothed
 from inclinometry.motion.inertial.filter import gyro_attitude, inertial_attitude
 from inclinometry.motion.inertial.smoother import continuous_survey, smoothed_attitude
 from inclinometry.motion.inertial.state import InertialSettings
@@ -108,27 +103,6 @@ def measured(
     )
 
 
-def handled(seconds: float = 200.0) -> Array:
-    """Matrices of a tool that is turned and tilted by hand."""
-    time = INTERVAL * np.arange(round(seconds / INTERVAL))
-    swing, sway = np.sin(2.0 * np.pi * time / 37.0), np.sin(2.0 * np.pi * time / 11.0)
-    return dcm(
-        np.radians(30.0 + 2.0 * time), np.radians(50.0 + 25.0 * swing), np.radians(100.0 + 5.0 * time + 40 * sway)
-    )
-
-
-def near_steel(matrix: Array, seed: int, strength: float, when: tuple[float, float]) -> Run:
-    """Readings of a tool that meets another field, nT, of random direction, from and to these s, within 2 s."""
-    run = measured(matrix, seed)
-    other = np.random.default_rng([seed, 9]).normal(size=3)
-    other *= strength / np.linalg.norm(other)
-    time = run.samples.time
-    share = np.clip((time - when[0]) / 2.0, 0.0, 1.0) * np.clip((when[1] - time) / 2.0, 0.0, 1.0)
-    assert run.samples.mag is not None
-    mag = run.samples.mag + share[:, None] * (matrix @ other)
-    return run._replace(samples=replace(run.samples, mag=mag))
-
-
 def station(run: Run, place: int) -> Attitude:
     """A north-seeking station at a sample, with its errors drawn."""
     matrix = run.matrix[place]
@@ -162,40 +136,16 @@ def with_field(method: Callable[..., Attitude], bias: float | None = None) -> Ca
     return lambda run: method(run.samples, told, SITE)
 
 
-def complementary(method: Callable[[Samples], Attitude]) -> Callable[[Run], Attitude]:
-    """A method that knows no site."""
-    return lambda run: method(run.samples)
-
-
-class Row(NamedTuple):
-    """A motion and method over all runs; error, u, last and last_u (of the last rows) in degrees."""
-
-    motion: str
-    method: str
-    error: float
-    u: float
-    z2: float
-    coverage: float
-    inclination: float
-    flagged: float
-    refused: float
-    last: float
-    last_u: float
-
-
 MEMS = float(np.radians(0.5))
 SPEEDS = (0.0, 0.005, 0.02, 0.1, 0.2, 0.5, 1.0, 1.8)
 METHODS_OF: dict[str, Callable[[Run], Attitude]] = {
     "filter": with_field(inertial_attitude),
     "smoother": with_field(smoothed_attitude),
-    "complementary": complementary(complementary_attitude),
-    "complementary, smoothed": complementary(complementary_smoothed),
     "gyro alone": gyro_alone,
     "between stations": between_stations,
 }
 TOLD = {"filter": with_field(inertial_attitude, MEMS), "smoother": with_field(smoothed_attitude, MEMS)}
 UNTOLD = {name: METHODS_OF[name] for name in TOLD}
-LIGHT = {name: METHODS_OF[name] for name in ("complementary", "complementary, smoothed")}
 GYRO = {name: METHODS_OF[name] for name in ("gyro alone", "between stations")}
 CASES: dict[str, tuple[Callable[[int], Run], dict[str, Callable[[Run], Attitude]]]] = {
     **{
@@ -214,17 +164,6 @@ CASES: dict[str, tuple[Callable[[int], Run], dict[str, Callable[[Run], Attitude]
         lambda seed: measured(turning(0.1, 40.0, 100.0), seed, heave=0.1, along_tool=True, period=15.0),
         METHODS_OF,
     ),
-    "heave along the tool, 30 s": (
-        lambda seed: measured(turning(0.1, 40.0, 100.0), seed, heave=0.1, along_tool=True, period=30.0),
-        LIGHT,
-    ),
-    "heave of 1 m/s2, 15 s": (
-        lambda seed: measured(turning(0.1, 40.0, 100.0), seed, heave=1.0, along_tool=True, period=15.0),
-        LIGHT,
-    ),
-    "another field of 4000 nT for 40 s": (lambda seed: near_steel(handled(), seed, 4000.0, (60.0, 100.0)), LIGHT),
-    "another field of 8000 nT for 40 s": (lambda seed: near_steel(handled(), seed, 8000.0, (60.0, 100.0)), LIGHT),
-    "another field of 8000 nT to the end": (lambda seed: near_steel(handled(), seed, 8000.0, (60.0, 200.0)), LIGHT),
     "shaken to a restart": (
         lambda seed: measured(turning(0.2, 40.0, 100.0), seed, shaken=(60.0, 75.0)),
         METHODS_OF,
@@ -237,15 +176,8 @@ CASES: dict[str, tuple[Callable[[int], Run], dict[str, Callable[[Run], Attitude]
 """Motion -> readings for a seed, and the methods that reduce them."""
 
 
-def peer(run: Run) -> float:
-    """rad, error of VQF's heading at the last sample."""
-    quaternion = vqf.VQF(INTERVAL).updateBatch(*peer_readings(run.samples))["quat9D"][-1]
-    matrix = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]) @ dcm_from_quaternion(quaternion)
-    return float(rotation_log(matrix @ run.matrix[-1])[2])
-
-
-def score(motion: str, method: str, found: list[tuple[Attitude, Run]]) -> Row:
-    """Of all rows but those of the first five seconds."""
+def score(motion: str, method: str, found: list[tuple[Attitude, Run]]) -> dict:
+    """Of all rows but those of the first five seconds; error, u, last and last_u (of the last rows) in degrees."""
     error, u, tilt, flagged, refused, last = [], [], [], [], [], []
     for rows, run in found:
         true = run.matrix[np.rint(rows.time / INTERVAL).astype(int)]
@@ -267,22 +199,22 @@ def score(motion: str, method: str, found: list[tuple[Attitude, Run]]) -> Row:
         return float(np.degrees(np.sqrt(np.mean(np.square(values)))))
 
     ends = np.array(last)
-    return Row(
-        motion,
-        method,
-        error=rms(e),
-        u=rms(s),
-        z2=float(np.mean((e / s) ** 2)),
-        coverage=float(np.mean(np.abs(e) < 1.96 * s)),
-        inclination=float(np.mean(np.abs(np.concatenate(tilt)) < 1.96)),
-        flagged=float(np.mean(np.concatenate(flagged))),
-        refused=float(np.mean(np.concatenate(refused))),
-        last=rms(ends[:, 0]),
-        last_u=rms(ends[:, 1]),
-    )
+    return {
+        "motion": motion,
+        "method": method,
+        "error": rms(e),
+        "u": rms(s),
+        "z2": float(np.mean((e / s) ** 2)),
+        "coverage": float(np.mean(np.abs(e) < 1.96 * s)),
+        "inclination": float(np.mean(np.abs(np.concatenate(tilt)) < 1.96)),
+        "flagged": float(np.mean(np.concatenate(flagged))),
+        "refused": float(np.mean(np.concatenate(refused))),
+        "last": rms(ends[:, 0]),
+        "last_u": rms(ends[:, 1]),
+    }
 
 
-def run(runs: int = 8, only: str = "") -> list[Row]:
+def run(runs: int = 8, only: str = "") -> list[dict]:
     """All motions whose name contains `only`."""
     rows = []
     for motion, (drawn, methods) in CASES.items():
@@ -290,29 +222,16 @@ def run(runs: int = 8, only: str = "") -> list[Row]:
             continue
         records = [drawn(seed) for seed in range(runs)]
         rows += [score(motion, name, [(method(r), r) for r in records]) for name, method in methods.items()]
-        if vqf is not None and "complementary" in methods:
-            off = float(np.degrees(np.sqrt(np.mean([peer(r) ** 2 for r in records]))))
-            rows.append(Row(motion, "VQF", *[np.nan] * 7, off, np.nan))
     return rows
 
 
-def main() -> None:
-    """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--runs", type=int, default=8)
-    parser.add_argument("--only", default="", help="part of a motion's name")
-    parser.add_argument("--json", action="store_true")
-    told = parser.parse_args()
-    rows = run(told.runs, told.only)
-    if told.json:
-        print(json.dumps([row._asdict() for row in rows]))
-        return
-    print(f"{'motion':38}{'method':25}" + "".join(f"{name:>9}" for name in ROWS))
-    for row in rows:
-        print(f"{row.motion:38}{row.method:25}" + "".join(f"{value:9.3f}" for value in row[2:]))
+def report(rows: list[dict]) -> None:
+    """One line a motion and method."""
+    names = ("error", "u", "z2", "cover", "incl.", "flagged", "refused", "last", "u last")
+    print(f"{'motion':38}{'method':25}" + "".join(f"{name:>9}" for name in names))
+    for motion, method, *values in map(dict.values, rows):
+        print(f"{motion:38}{method:25}" + "".join(f"{value:9.3f}" for value in values))
 
-
-ROWS = ("error", "u", "z2", "cover", "incl.", "flagged", "refused", "last", "u last")
 
 if __name__ == "__main__":
-    main()
+    command(__doc__, run, report)

@@ -14,20 +14,16 @@ better than the analysis'.
 
 from __future__ import annotations
 
-import argparse
-import json
-import os
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 from typing import NamedTuple
 
-for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ.setdefault(_name, "1")  # figures are for one core
-
 import numpy as np
 from scipy.optimize import least_squares
 
+from benchmarks import command
+from benchmarks.measure import turned
 from inclinometry.errors import IdentifiabilityError
 from inclinometry.orientation import angles_jacobian
 from inclinometry.survey.multistation import multistation
@@ -84,24 +80,16 @@ SCENES |= {
 """What the model has, then what it has not."""
 
 
-def turn(angle, i, j):
-    """Passive rotations (n, 3, 3) in the plane of axes i and j."""
-    found = np.tile(np.eye(3), (len(angle), 1, 1))
-    found[:, i, i] = found[:, j, j] = np.cos(angle)
-    found[:, i, j], found[:, j, i] = np.sin(angle), -np.sin(angle)
-    return found
-
-
 def drawn(scene: Scene, rng: np.random.Generator):
     """Readings (n, 3), (n, 3), true azimuth (n,) and the reference given of one run."""
     part = np.linspace(0.0, 1.0, scene.count)
-    along, turned = part, part
+    along, across = part, part
     if scene.wanders:
-        along, turned = (0.5 + 0.5 * np.sin(np.arange(scene.count) * rate) for rate in (0.9, 0.47))
+        along, across = (0.5 + 0.5 * np.sin(np.arange(scene.count) * rate) for rate in (0.9, 0.47))
     inclination = np.radians(scene.inclination[0] + along * np.diff(scene.inclination))
-    azimuth = np.radians(scene.azimuth[0] + turned * np.diff(scene.azimuth))
+    azimuth = np.radians(scene.azimuth[0] + across * np.diff(scene.azimuth))
     toolface = rng.uniform(0.0, 2.0 * np.pi, scene.count)
-    attitude = turn(toolface, 0, 1) @ turn(inclination, 2, 0) @ turn(azimuth, 0, 1)
+    attitude = turned(azimuth, inclination, toolface)
     g, b = attitude @ [0.0, 0.0, G], attitude @ [B * np.cos(DIP), 0.0, B * np.sin(DIP)]
     sd = {name: scene.sensors * size for name, size in SENSORS.items()}
     gain_g, gain_b = (np.eye(3) + np.diag(sd[name] * rng.normal(size=3)) for name in ("AS", "MS"))
@@ -175,15 +163,14 @@ def one(scene: Scene, rng: np.random.Generator) -> dict[str, float]:
     }
 
 
-def run(runs: int = 60, scenes: Sequence[str] = tuple(SCENES)) -> dict:
+def run(runs: int = 60, scene: Sequence[str] = tuple(SCENES)) -> dict:
     """Scenes: root mean squares over their runs, and medians of the runs' own."""
     results = {}
-    for name in scenes:
-        scene = SCENES[name]
+    for name in scene:
         rows = []
         for number in range(runs):
             with suppress(IdentifiabilityError):  # few stations may all have one toolface
-                rows.append(one(scene, np.random.default_rng([15, number])))
+                rows.append(one(SCENES[name], np.random.default_rng([15, number])))
         column = {key: np.array([row[key] for row in rows]) for key in rows[0]}
         angles = ("raw", "error", "u", "told", "biases")
         results[name] = {k: float(np.sqrt(v.mean()) if k in angles else v.mean()) for k, v in column.items()}
@@ -212,16 +199,5 @@ def report(result: dict) -> None:
     print(f"\n{result['runs']} runs a scene; azimuth, deg, root mean squares and (medians of the runs)")
 
 
-def main() -> None:
-    """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--runs", type=int, default=60, help="runs of each scene")
-    parser.add_argument("--scene", choices=list(SCENES), help="this one only")
-    parser.add_argument("--json", action="store_true", help="print one JSON object instead of a table")
-    options = parser.parse_args()
-    result = run(options.runs, [options.scene] if options.scene else tuple(SCENES))
-    print(json.dumps(result, indent=1)) if options.json else report(result)
-
-
 if __name__ == "__main__":
-    main()
+    command(__doc__, run, report)

@@ -1,6 +1,6 @@
 """A day of live data with faults through the real transport: what is lost, what is doubled, and the memory.
 
-    python benchmarks/instrument.py [--json] [--hours 24] [--protocol csv-line]
+    python -m benchmarks.instrument [--json] [--hours 24] [--protocol csv-line]
 
 A simulated instrument sends ten samples a second of its own time, as fast as the reader takes them, with garbage,
 cut lines, drop-outs, repeated lines, values out of range and lost connections. The server keeps the number of each
@@ -13,26 +13,19 @@ returned; all of them must be in the ledger when it is opened again.
 
 from __future__ import annotations
 
-import argparse
-import json
 import os
 import tempfile
 import threading
 import time
 from pathlib import Path
 
-for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ.setdefault(_name, "1")  # figures are for one core
-
 import numpy as np
+from tests.laboratory.instruments.faulty_instrument import FaultyInstrument
 
+from benchmarks import command
 from inclinometry.calibration.plans import Plan
 from inclinometry.laboratory.instruments.protocol import Sample
 from inclinometry.laboratory.instruments.protocol_toml import read_protocol
-from inclinometry.laboratory.instruments.simulated_instrument import (
-    SimulatedInstrument,
-    parse_faults,
-)
 from inclinometry.laboratory.ledger.admin import create
 from inclinometry.laboratory.ledger.ledger import Ledger
 from inclinometry.laboratory.ledger.verify import verify
@@ -46,9 +39,16 @@ from inclinometry.laboratory.registry import (
 from inclinometry.laboratory.session import capture, load_session, open_session
 
 RATE = 10.0
-FAULTS = (
-    "garbage=0.01,dropout=0.01,partial=0.005,encoding=0.005,endless=0.0005,repeat=0.005,outside=0.002,disconnect=600"
-)
+FAULTS = {
+    "garbage": 0.01,
+    "dropout": 0.01,
+    "partial": 0.005,
+    "encoding": 0.005,
+    "endless": 0.0005,
+    "repeat": 0.005,
+    "outside": 0.002,
+}
+DISCONNECT = 600.0  # s of the simulation
 CAPTURE_EVERY = 900.0  # s of the simulation
 WANTED = {"lost": 0, "doubled": 0, "unacknowledged": 0, "memory_growth_MB": 16.0}
 
@@ -148,13 +148,26 @@ def run(hours: float = 24.0, protocol: str = "csv-line", seed: int = 1) -> dict:
     account, start, sizes = Account(count), time.perf_counter(), []
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, "ledger.sqlite")
-        with SimulatedInstrument(
-            protocol, seed=seed, rate=RATE, speed=0.0, faults=parse_faults(FAULTS), on_line=account.sent, last=count
-        ) as instrument:
-            feed = LiveFeed(
+        faulty = FaultyInstrument(
+            FAULTS,
+            protocol,
+            seed=seed,
+            rate=RATE,
+            speed=0.0,
+            disconnect=DISCONNECT,
+            on_line=account.sent,
+            last=count,
+        )
+        with faulty as instrument:
+
+            class Counted(LiveFeed):
+                def put(self, sample: Sample) -> None:
+                    super().put(sample)
+                    account.take(sample)
+
+            feed = Counted(
                 instrument.url, instrument.protocol, clock=lambda: account.received / RATE, backoff=(0.01, 0.1)
             )
-            feed.subscribe(account.take, 1000.0)
             captures = Captures(path, feed, max(int(hours * 3600.0 / CAPTURE_EVERY), 1))
             with feed:
                 captures.start()
@@ -182,7 +195,7 @@ def run(hours: float = 24.0, protocol: str = "csv-line", seed: int = 1) -> dict:
     return result
 
 
-def _follow(instrument: SimulatedInstrument, feed: LiveFeed, account: Account, count: int) -> list[float]:
+def _follow(instrument: FaultyInstrument, feed: LiveFeed, account: Account, count: int) -> list[float]:
     """Wait for the last sample; the memory at equal shares of the way."""
     sizes: list[float] = []
     quiet = time.monotonic()
@@ -200,7 +213,7 @@ def _follow(instrument: SimulatedInstrument, feed: LiveFeed, account: Account, c
 
 def report(result: dict) -> None:
     """Print the table."""
-    print(f"{result['hours']:g} h of {result['protocol']}, faults {FAULTS}")
+    print(f"{result['hours']:g} h of {result['protocol']}, faults {FAULTS}, disconnected every {DISCONNECT:g} s")
     rate = result["samples_sent"] / result["seconds"]
     print(f"  {result['samples_sent']} samples sent in {result['seconds']:.1f} s ({rate:.0f} a second)")
     print(f"  {result['samples_received']} received: {result['lost']} lost, {result['doubled']} doubled")
@@ -212,16 +225,5 @@ def report(result: dict) -> None:
     print("fulfilled: " + ", ".join(f"{name} {verdict[bool(ok)]}" for name, ok in result["fulfilled"].items()))
 
 
-def main() -> None:
-    """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--json", action="store_true", help="print one JSON object instead of a table")
-    parser.add_argument("--hours", type=float, default=24.0, help="of the instrument's time (default 24)")
-    parser.add_argument("--protocol", default="csv-line", help="a protocol that streams (default csv-line)")
-    options = parser.parse_args()
-    result = run(options.hours, options.protocol)
-    print(json.dumps(result, indent=1)) if options.json else report(result)
-
-
 if __name__ == "__main__":
-    main()
+    command(__doc__, run, report)

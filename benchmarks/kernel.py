@@ -1,6 +1,6 @@
 """The batch kernel, six channels to three angles, against numpy and against the machine's memory and arithmetic.
 
-    python benchmarks/kernel.py [--json] [--rounds 15]
+    python -m benchmarks.kernel [--json] [--rounds 15]
 
 Every figure that is judged is a ratio of two measurements of the same round; rounds alternate between all measurements
 and medians are given, so that a slow minute of a shared machine hits both sides. One core unless the name says
@@ -13,20 +13,17 @@ this machine runs a loop of nothing else, one kind after the other: 104 addition
 
 from __future__ import annotations
 
-import argparse
-import json
 import math
 import os
 import statistics
-import time
 from collections.abc import Callable
-
-for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ.setdefault(_name, "1")  # figures are for one core
+from functools import partial
 
 import numba
 import numpy as np
 
+from benchmarks import command
+from benchmarks.measure import alternating
 from inclinometry import compiled as _kernels
 from inclinometry.channels import angles_from_channels
 
@@ -172,14 +169,13 @@ def agreement() -> float:
 def measure(rounds: int) -> dict[str, list[float]]:
     """Name -> seconds an element, one figure a round; the first round only warms up."""
     table = measurements()
-    times: dict[str, list[float]] = {name: [] for name in table}
-    for _ in range(rounds + 1):
-        for name, (call, calls, elements) in table.items():
-            start = time.perf_counter()
-            for _ in range(calls):
-                call()
-            times[name].append((time.perf_counter() - start) / (calls * elements))
-    return {name: values[1:] for name, values in times.items()}
+
+    def repeated(call: Callable[[], object], calls: int) -> None:
+        for _ in range(calls):
+            call()
+
+    found = alternating({name: partial(repeated, call, calls) for name, (call, calls, _) in table.items()}, rounds)
+    return {name: [t / (table[name][1] * table[name][2]) for t in times] for name, times in found.items()}
 
 
 def evaluate(times: dict[str, list[float]]) -> dict[str, object]:
@@ -233,15 +229,5 @@ def run(rounds: int = 15) -> dict:
     return evaluate(measure(rounds))
 
 
-def main() -> None:
-    """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--json", action="store_true", help="print one JSON object instead of a table")
-    parser.add_argument("--rounds", type=int, default=15, help="alternating repeats (default 15)")
-    options = parser.parse_args()
-    result = run(options.rounds)
-    print(json.dumps(result, indent=1)) if options.json else report(result)
-
-
 if __name__ == "__main__":
-    main()
+    command(__doc__, run, report)

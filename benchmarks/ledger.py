@@ -8,7 +8,6 @@ of five after one that warms up.
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import resource
@@ -22,6 +21,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from benchmarks import command
 from benchmarks.postgresql import Server, programs, server
 from inclinometry.digest import digest_bytes
 from inclinometry.laboratory.ledger.admin import create
@@ -234,17 +234,5 @@ def report(found: dict[str, Any]) -> None:
     print(f"\nall as wanted: {found['ok']}")
 
 
-def main() -> None:
-    """Command line."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--json", action="store_true")
-    parser.add_argument("--kills", type=int, default=200)
-    parser.add_argument("--readings", type=int, default=1_000_000)
-    parser.add_argument("--calibrations", type=int, default=10_000)
-    options = parser.parse_args()
-    found = run(options.kills, options.readings, options.calibrations)
-    print(json.dumps(found, indent=1)) if options.json else report(found)
-
-
 if __name__ == "__main__":
-    main()
+    command(__doc__, run, report)

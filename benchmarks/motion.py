@@ -1,6 +1,6 @@
 """Attitude while drilling: every method on the named scenarios, against the truth and the reference figures.
 
-    python benchmarks/motion.py [--json] [--draws 5]
+    python -m benchmarks.motion [--json] [--draws 5]
 
 Runs of 60 s at 200 Hz, `--draws` seeds of each scenario; the error is the rms over windows and seeds. A row that is
 refused has no error and is counted apart. The normalised squared error is the mean of e' P^-1 e / 3, e the small
@@ -9,17 +9,13 @@ rotation between found and true attitude and P its stated covariance: 1 is hones
 
 from __future__ import annotations
 
-import argparse
-import json
-import os
 from collections.abc import Callable
 from dataclasses import replace
 
-for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ.setdefault(_name, "1")  # figures are for one core
-
 import numpy as np
 
+from benchmarks import command
+from benchmarks.measure import rms_deg
 from inclinometry.earth.site import Site
 from inclinometry.motion.choose import ChooserSettings, choose_attitude
 from inclinometry.motion.inertial.filter import inertial_attitude
@@ -188,15 +184,10 @@ def scored(found: list[Attitude], runs: list) -> dict:
     result = {"rows": rows, "refused": refused / rows if rows else None}
     result["why refused"] = {name: count for name, count in flags.items() if count}
     if squared:
-        result |= {f"{name}_deg": rms(values) for name, values in angles.items()}
-        result |= {f"u_{name}_deg": rms(values) for name, values in stated.items()}
+        result |= {f"{name}_deg": rms_deg(np.concatenate(values)) for name, values in angles.items()}
+        result |= {f"u_{name}_deg": rms_deg(np.concatenate(values)) for name, values in stated.items()}
         result["normalised squared error"] = float(np.mean(np.concatenate(squared)))
     return result
-
-
-def rms(parts: list) -> float:
-    """Root mean square, deg."""
-    return float(np.degrees(np.sqrt(np.mean(np.concatenate(parts) ** 2))))
 
 
 def run(draws: int = 5, tools: int = 20) -> dict:
@@ -264,14 +255,5 @@ def _beside(result: dict, name: str, way: str) -> str:
     return "" if pair is None else f"  reference {pair[0]:g} / {pair[1]:g}"
 
 
-def main() -> None:
-    """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--json", action="store_true", help="print one JSON object instead of tables")
-    parser.add_argument("--draws", type=int, default=5, help="seeds of each scenario")
-    result = run((options := parser.parse_args()).draws)
-    print(json.dumps(result, indent=1)) if options.json else report(result)
-
-
 if __name__ == "__main__":
-    main()
+    command(__doc__, run, report)

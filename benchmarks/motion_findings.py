@@ -8,19 +8,15 @@ methods refuse or avoid each of these mistakes. The truth is synthetic.
 
 from __future__ import annotations
 
-import argparse
-import json
-import os
 from dataclasses import replace
 from functools import partial
-
-for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ.setdefault(_name, "1")  # figures are for one core
 
 import numpy as np
 from scipy.linalg import expm
 from scipy.signal import savgol_filter
 
+from benchmarks import command
+from benchmarks.measure import rms_deg
 from benchmarks.motion import swinging
 from inclinometry.constants import STANDARD_GRAVITY
 from inclinometry.orientation import angles
@@ -43,11 +39,6 @@ SPECIFIED = {
     "600 rpm": ((0.190, 0.396), (0.136, 0.283)),
     "walking filters": (2.5, 12.7),
 }
-
-
-def rms(values) -> float:
-    """Root mean square of angles, deg."""
-    return float(np.degrees(np.sqrt(np.mean(np.square(values)))))
 
 
 def runs(scenario, draws: int, duration: float | None = None) -> list:
@@ -134,7 +125,7 @@ def windows(run, length: float, estimator) -> tuple:
 def window_rms(cases: list, length: float, estimator) -> tuple[float, float]:
     """Rms errors over all windows of all runs, deg."""
     off = [windows(run, length, estimator) for run in cases]
-    return rms(np.concatenate([o[0] for o in off])), rms(np.concatenate([o[1] for o in off]))
+    return rms_deg(np.concatenate([o[0] for o in off])), rms_deg(np.concatenate([o[1] for o in off]))
 
 
 # ---- the findings ----------------------------------------------------------------------------------------------------
@@ -145,8 +136,8 @@ def instantaneous(cases: list) -> dict:
     found = [angles(run.accel, run.mag) for run in cases]
     pairs = list(zip(found, cases, strict=True))
     return {
-        "inclination_deg": rms(np.concatenate([a.inclination - run.truth.inclination for a, run in pairs])),
-        "azimuth_deg": rms(np.concatenate([wrap_signed(a.azimuth - run.truth.azimuth) for a, run in pairs])),
+        "inclination_deg": rms_deg(np.concatenate([a.inclination - run.truth.inclination for a, run in pairs])),
+        "azimuth_deg": rms_deg(np.concatenate([wrap_signed(a.azimuth - run.truth.azimuth) for a, run in pairs])),
     }
 
 
@@ -211,7 +202,7 @@ def short_arc(draws: int) -> list[dict]:
             {
                 "arc_deg": float(np.mean(arcs)),
                 "left alone_deg": window_rms(cases, 30.0, hann_mean)[1],
-                "circle_deg": rms(off),
+                "circle_deg": rms_deg(off),
                 "largest_deg": float(np.degrees(np.abs(off).max())),
             }
         )
@@ -307,7 +298,7 @@ def walking_filters(draws: int) -> dict:
                         wrap_signed(level.azimuth - run.truth.azimuth[late]),
                     ]
                 )
-            found.setdefault(way, {})[name] = (rms([o[0] for o in off]), rms([o[1] for o in off]))
+            found.setdefault(way, {})[name] = (rms_deg([o[0] for o in off]), rms_deg([o[1] for o in off]))
     return found
 
 
@@ -384,14 +375,5 @@ def _pair(pair) -> str:
     return " / ".join(f"{v:.3f}" for v in pair)
 
 
-def main() -> None:
-    """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--json", action="store_true", help="print one JSON object instead of sentences")
-    parser.add_argument("--draws", type=int, default=6, help="seeds of each scenario")
-    result = run((options := parser.parse_args()).draws)
-    print(json.dumps(result, indent=1)) if options.json else report(result)
-
-
 if __name__ == "__main__":
-    main()
+    command(__doc__, run, report)

@@ -1,6 +1,6 @@
 """A run of any length through `inclinometry dynamic`: peak memory and rate, Parquet and CSV.
 
-    python -m benchmarks.motion_long [SAMPLES] [--method auto] [--csv SAMPLES] [--keep FOLDER]
+    python -m benchmarks.motion_long [--samples 1e7] [--csv 1e6] [--method auto] [--keep FOLDER]
 
 The run is simulated block by block straight into a file; the command then runs in a process of its own, whose peak
 resident memory is what the system counted. 1e7 samples at 200 Hz are 14 hours, 1e8 are six days.
@@ -8,7 +8,6 @@ resident memory is what the system counted. 1e7 samples at 200 Hz are 14 hours, 
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import re
@@ -17,20 +16,17 @@ import tempfile
 import time
 from pathlib import Path
 
+from benchmarks import command
 from inclinometry.workflow.simulate_drilling import DrillingRequest, site_text, write_drilling
 
-SAMPLES = 1e7
-CSV = 1e6
 SCENARIO = "stick-slip"
 MOST_MB = 1000.0
 
 
-def run(
-    samples: float = SAMPLES, csv: float = CSV, method: str = "auto", folder: str | None = None
-) -> dict[str, object]:
-    """Simulate, reduce, and say how much memory and time it took."""
-    if folder is not None:
-        return _run(samples, csv, method, Path(folder))
+def run(samples: float = 1e7, csv: float = 1e6, method: str = "auto", keep: str | None = None) -> dict[str, object]:
+    """Simulate, reduce, and say how much memory and time it took; `keep`: folder where files are left and found."""
+    if keep is not None:
+        return _run(samples, csv, method, Path(keep))
     with tempfile.TemporaryDirectory() as scratch:
         return _run(samples, csv, method, Path(scratch))
 
@@ -52,9 +48,9 @@ def _measured(folder: Path, ending: str, samples: float, method: str) -> dict[st
     count = path.exists() or write_drilling(request, path)
     simulated = time.perf_counter() - start
     (folder / "site.toml").write_text(site_text(request.chosen.hole), encoding="utf-8")
-    command = ["dynamic", str(path), "--site", str(folder / "site.toml"), "--method", method, "--json"]
-    command += ["-o", str(folder / "attitude.parquet"), "--report", str(folder / "dynamic.html")]
-    seconds, peak, printed = _watched(command, folder / "said.json")
+    words = ["dynamic", str(path), "--site", str(folder / "site.toml"), "--method", method, "--json"]
+    words += ["-o", str(folder / "attitude.parquet"), "--report", str(folder / "dynamic.html")]
+    seconds, peak, printed = _watched(words, folder / "said.json")
     said = json.loads(re.sub(r"^[^{]*", "", printed))
     return {
         "samples": said["samples"],
@@ -68,14 +64,14 @@ def _measured(folder: Path, ending: str, samples: float, method: str) -> dict[st
     }
 
 
-def _watched(command: list[str], out: Path) -> tuple[float, float, str]:
+def _watched(words: list[str], out: Path) -> tuple[float, float, str]:
     """Seconds, peak resident memory (MB) and output of the command in a process of its own."""
     start = time.perf_counter()
     child = os.fork()
     if child == 0:
         with out.open("wb") as stream:
             os.dup2(stream.fileno(), 1)
-        os.execv(sys.executable, [sys.executable, "-m", "inclinometry", *command])
+        os.execv(sys.executable, [sys.executable, "-m", "inclinometry", *words])
     _, status, usage = os.wait4(child, 0)
     if status:
         raise SystemExit(f"the command ended with status {os.waitstatus_to_exitcode(status)}")
@@ -94,21 +90,9 @@ def report(found: dict[str, object]) -> None:
                 f"{each['samples_per_s'] / 1e6:.3f} M samples/s, peak {each['peak_mb']:.0f} MB "
                 f"(wanted < {found['most_mb']:.0f}), {each['windows']} windows, {each['refused']} refused"
             )
-
-
-def main() -> None:
-    """Command line."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("samples", nargs="?", type=float, default=SAMPLES)
-    parser.add_argument("--csv", type=float, default=CSV)
-    parser.add_argument("--method", default="auto")
-    parser.add_argument("--keep", metavar="FOLDER", help="where the files are left, and found by the next call")
-    options = parser.parse_args()
-    found = run(options.samples, options.csv, options.method, options.keep)
-    report(found)
-    if any(isinstance(each, dict) and each["peak_mb"] > MOST_MB for each in found.values()):
-        raise SystemExit(f"more than {MOST_MB:.0f} MB were needed")
+            if each["peak_mb"] > MOST_MB:
+                raise SystemExit(f"more than {MOST_MB:.0f} MB were needed")
 
 
 if __name__ == "__main__":
-    main()
+    command(__doc__, run, report)

@@ -9,16 +9,11 @@ attitude, 1 for an honest covariance.
 
 from __future__ import annotations
 
-import argparse
-import json
-import os
 from collections.abc import Iterator
-
-for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ.setdefault(_name, "1")  # figures are for one core
 
 import numpy as np
 
+from benchmarks import command
 from inclinometry.constants import STANDARD_GRAVITY
 from inclinometry.motion.magnetic.window import magnetic_attitude
 from inclinometry.motion.result import (
@@ -251,15 +246,5 @@ def report(result: dict) -> None:
         print(f"    {scenario:14s} " + "   ".join(cells))
 
 
-def main() -> None:
-    """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--json", action="store_true", help="print one JSON object instead of tables")
-    parser.add_argument("--seeds", type=int, default=6, help="runs a case (default 6)")
-    options = parser.parse_args()
-    result = run(options.seeds)
-    print(json.dumps(result, indent=1)) if options.json else report(result)
-
-
 if __name__ == "__main__":
-    main()
+    command(__doc__, run, report)

@@ -10,18 +10,13 @@ is a prediction, a measurement of the field and the running sums for gravity, wi
 
 from __future__ import annotations
 
-import argparse
-import json
-import os
 import statistics
 import time
 from collections.abc import Callable
 
-for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ.setdefault(_name, "1")  # figures are for one core
-
 import numpy as np
 
+from benchmarks import command
 from inclinometry.earth.site import Site
 from inclinometry.motion.inertial.filter import InertialStream, inertial_attitude
 from inclinometry.motion.inertial.state import (
@@ -215,16 +210,5 @@ def report(results: dict) -> None:
     print("600 rpm: " + ", ".join(f"{name} {value:.6g}" for name, value in results["endurance"].items()))
 
 
-def main() -> None:
-    """Command line."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--json", action="store_true")
-    parser.add_argument("--rounds", type=int, default=7)
-    parser.add_argument("--steps", type=float, default=1e7)
-    options = parser.parse_args()
-    results = run(options.rounds, int(options.steps))
-    print(json.dumps(results, indent=1)) if options.json else report(results)
-
-
 if __name__ == "__main__":
-    main()
+    command(__doc__, run, report)

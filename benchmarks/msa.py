@@ -1,6 +1,6 @@
 """Multi-station analysis of the forty shipped runs: errors against the truth, and time beside plain least squares.
 
-    python benchmarks/msa.py [--json]
+    python -m benchmarks.msa [--json]
 
 Root mean square azimuth errors, deg, medians of ten runs of each well; required is 5 % above a first estimate of the
 same kind. The plain solution is `scipy.optimize.least_squares` of the same residuals with numerical derivatives and
@@ -9,21 +9,16 @@ without a covariance of the result; times of one core, in the same run of this p
 
 from __future__ import annotations
 
-import argparse
 import csv
-import json
-import os
 import statistics
 import time
 from pathlib import Path
 
-for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ.setdefault(_name, "1")  # figures are for one core
-
 import numpy as np
 from scipy.optimize import least_squares
 
-from inclinometry.conventions import named, to_native
+from benchmarks import command
+from inclinometry.conventions import named
 from inclinometry.orientation import angles, angles_jacobian, dip_angle, dip_jacobian
 from inclinometry.rotations import wrap_signed
 from inclinometry.survey.multistation import multistation
@@ -45,7 +40,8 @@ def runs():
         grouped.setdefault((row["geometry"], row["run"]), []).append([float(x) for x in list(row.values())[2:]])
     for (geometry, _), values in grouped.items():
         table = np.array(values)
-        stations = Stations(table[:, 0], *to_native(named("iscwsa"), table[:, 1:4], table[:, 4:7]))
+        turn = named("iscwsa").matrix("accelerometer").T  # both triads alike
+        stations = Stations(table[:, 0], table[:, 1:4] @ turn, table[:, 4:7] @ turn)
         g, b, dip = table[0, 7:10]
         sigma = {"g_sigma": 0.01, "b_sigma": 130.0, "dip_sigma": np.radians(0.2)}
         yield geometry, stations, FieldReference(g=g, b=b, dip=np.radians(dip), **sigma), np.radians(table[:, 11])
@@ -149,14 +145,5 @@ def report(result: dict) -> None:
     )
 
 
-def main() -> None:
-    """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--json", action="store_true", help="print one JSON object instead of tables")
-    options = parser.parse_args()
-    result = run()
-    print(json.dumps(result, indent=1)) if options.json else report(result)
-
-
 if __name__ == "__main__":
-    main()
+    command(__doc__, run, report)

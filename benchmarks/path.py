@@ -1,6 +1,6 @@
 """Minimum curvature beside wellpathpy and welleng: times, and how far apart they end.
 
-    python benchmarks/path.py [--json] [--rounds 9]
+    python -m benchmarks.path [--json] [--rounds 9]
 
 Every figure that is judged is a ratio of two measurements of the same round; rounds alternate between the programs and
 medians are given. Each program is called as its users do, with what it wants: wellpathpy in degrees, welleng's
@@ -9,20 +9,15 @@ geometry alone (no error model), ours with its checks. One core.
 
 from __future__ import annotations
 
-import argparse
-import json
-import os
 import statistics
-import time
 from collections.abc import Callable
-
-for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ.setdefault(_name, "1")  # figures are for one core
 
 import numpy as np
 import wellpathpy
 from welleng.utils import MinCurve
 
+from benchmarks import command
+from benchmarks.measure import alternating
 from inclinometry.survey.path import interpolate, minimum_curvature
 
 STATIONS = 1_000_000
@@ -85,20 +80,9 @@ def extended(count: int) -> np.ndarray:
     return np.concatenate([np.zeros((3, 1), np.longdouble), np.cumsum(step, axis=1)], axis=1)
 
 
-def measure(table: dict[str, Callable[[], np.ndarray]], rounds: int) -> dict[str, list[float]]:
-    """Name -> seconds a call, one figure a round; the first round only warms up."""
-    times: dict[str, list[float]] = {name: [] for name in table}
-    for _ in range(rounds + 1):
-        for name, call in table.items():
-            start = time.perf_counter()
-            call()
-            times[name].append(time.perf_counter() - start)
-    return {name: values[1:] for name, values in times.items()}
-
-
 def evaluate(table: dict[str, Callable[[], np.ndarray]], rounds: int) -> dict:
     """Medians of times and of ratios taken round by round, and largest distances to us along one axis."""
-    times = measure(table, rounds)
+    times = alternating(table, rounds)
     ours, own = np.array(table["inclinometry"]()), times["inclinometry"]
     peers = [name for name in table if name != "inclinometry"]
     ratios = {
@@ -147,15 +131,5 @@ def report(result: dict) -> None:
     print("fulfilled: " + ", ".join(f"{name} {verdict[ok]}" for name, ok in result["fulfilled"].items()))
 
 
-def main() -> None:
-    """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--json", action="store_true", help="print one JSON object instead of tables")
-    parser.add_argument("--rounds", type=int, default=9, help="alternating repeats (default 9)")
-    options = parser.parse_args()
-    result = run(options.rounds)
-    print(json.dumps(result, indent=1)) if options.json else report(result)
-
-
 if __name__ == "__main__":
-    main()
+    command(__doc__, run, report)

@@ -12,15 +12,10 @@ from __future__ import annotations
 import argparse
 import csv
 import json
-import os
-import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Final, NamedTuple
-
-for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ.setdefault(_name, "1")
 
 import numpy as np
 
@@ -28,11 +23,13 @@ from inclinometry.calibration import plans
 from inclinometry.calibration.joint import calibrate_joint
 from inclinometry.calibration.plausibility import check_whole, taken_before
 from inclinometry.calibration.readings import BenchReadings
-from inclinometry.errors import InclinometryError
+from inclinometry.errors import InclinometryError, settled
 from inclinometry.files.bench_csv import saturation_notes
+from inclinometry.findings import Finding
 from inclinometry.simulate.bench import Rig, simulate_bench
 from inclinometry.simulate.tool import realistic_tool
-from inclinometry.survey.plausibility import Doubt, Run, doubts
+from inclinometry.survey.plausibility import check_run
+from inclinometry.survey.run import Run
 
 RIGHT_SEED = 1_000_000
 """Seeds of the right runs begin here, those of the faults at 0."""
@@ -589,9 +586,9 @@ FAULTS = {
 }
 
 
-def named(found: list[Doubt], fault: Fault, rows: tuple[int, ...]) -> bool:
-    """Whether a doubt is of a check that is meant, and of one of the stations that are wrong."""
-    return any(one.name in fault.names and (not rows or set(rows) & set(one.stations)) for one in found)
+def named(found: list[Finding], fault: Fault, rows: tuple[int, ...]) -> bool:
+    """Whether a finding is of the group that is meant, and of one of the stations that are wrong."""
+    return any(one.group in fault.names and (not rows or set(rows) & set(one.rows)) for one in found)
 
 
 def faults(runs: int) -> list[dict[str, object]]:
@@ -608,29 +605,29 @@ def faults(runs: int) -> list[dict[str, object]]:
             if made is REFUSED:  # a range that the reader of the file keeps
                 meant, said, refused = meant + 1, said + 1, refused + 1
                 continue
-            found = doubts(made)
+            found = check_run(made)
             said += bool(found)
-            refused += any(one.refused for one in found)
+            refused += any(one.severity == "refused" for one in found)
             meant += named(found, fault, stations)
         rows.append({"fault": words, "runs": count, "named": meant / max(count, 1), "said": said / max(count, 1),
                      "refused": refused / max(count, 1), "honest": fault.honest})  # fmt: skip
     return rows
 
 
-def right(runs: int, first: int = RIGHT_SEED) -> list[tuple[int, str, str, Doubt]]:
+def right(runs: int, first: int = RIGHT_SEED) -> list[tuple[int, str, str, Finding]]:
     """False alarms: seed, shape, "angles", "axes" or "raw channels", and the doubt."""
     found = []
     for seed in range(first, first + runs):
         one = well(seed)
         for what, run in (("angles", table(one)), ("axes", axes(one)), ("raw channels", raw(one, seed))):
-            found += [(seed, one.shape, what, doubt) for doubt in doubts(run)]
+            found += [(seed, one.shape, what, doubt) for doubt in check_run(run)]
     return found
 
 
 REFERENCE: Final = Path(__file__).parents[1] / "tests" / "reference"
 
 
-def real() -> tuple[int, list[tuple[str, Doubt]]]:
+def real() -> tuple[int, list[tuple[str, Finding]]]:
     """Real and published runs that come with the tests: how many, and what was doubted of them."""
     runs: dict[str, Run] = {}
     for path in sorted((REFERENCE / "iscwsa-mwd").glob("well?.csv")):
@@ -640,7 +637,7 @@ def real() -> tuple[int, list[tuple[str, Doubt]]]:
     numbers = np.stack(_columns(REFERENCE / "msa" / "msa_runs.csv", places), axis=1)
     for k, part in enumerate(np.split(numbers, np.flatnonzero(np.diff(numbers[:, 0])) + 1), 1):
         runs[f"six axes {k}"] = Run.of_fields(part[:, 1], part[:, 2:5], part[:, 5:])
-    return len(runs), [(name, doubt) for name, run in runs.items() for doubt in doubts(run)]
+    return len(runs), [(name, doubt) for name, run in runs.items() for doubt in check_run(run)]
 
 
 def _columns(path: Path, names: tuple[str, ...]) -> list[np.ndarray]:
@@ -770,11 +767,13 @@ BENCH_FAULTS = (
     "inclination and toolface exchanged",
 )
 
-SPOKEN = re.compile(
-    r"times better|drift by|left-handed|against the tool's axes|axes: the readings would fit|the fit leaves"
-    r"|the calibration alone|instead of|stated is|satur|range"
-)
-"""Warnings that name a mistake: what is said of every run of such positions does not count."""
+_SPOKEN = {
+    "bench-dials-otherwise", "bench-dials-grads", "bench-rows-exchanged", "bench-gain-changed", "bench-offsets-drift",
+    "bench-gains-drift", "bench-left-handed", "bench-axes-against", "bench-axes-against-dials", "bench-axes-skewed",
+    "bench-axes-skewed-stand", "bench-fit-poor", "bench-uncertainty-absurd", "bench-angle-contradicted",
+    "bench-direction-contradicted",
+}  # fmt: skip
+"""Findings that name a mistake: what is said of every run of such positions does not count."""
 
 
 def bench_faults(runs: int) -> list[dict[str, object]]:
@@ -787,7 +786,7 @@ def bench_faults(runs: int) -> list[dict[str, object]]:
             mag = run.channels["magnetometer"]
             rail = saturation_notes("magnetometer", mag, "xyz", run.dials, np.arange(len(run)))  # as the file's reader
             try:
-                said += any(map(SPOKEN.search, calibrate_joint(run).warnings)) or bool(rail)
+                said += bool(_SPOKEN & {one.code for one in calibrate_joint(run).findings}) or bool(rail)
             except InclinometryError:
                 refused, said = refused + 1, said + 1
         rows.append({"fault": words, "runs": runs, "refused": refused / runs, "said": said / runs})
@@ -798,7 +797,7 @@ def _said(run: BenchReadings) -> list[str]:
     """What is said of a run before its fit, as it is and in whole counts."""
     counts = [values for raw in run.channels.values() for values in (raw, np.round(raw))]
     rails = [saturation_notes("magnetometer", values, "xyz", run.dials, np.arange(len(run))) for values in counts]
-    return [*check_whole(run), *(note for notes in rails for note in notes)]
+    return [*map(str, settled(check_whole(run))), *(note for notes in rails for note in notes)]
 
 
 def bench_right(runs: int, visits: int) -> tuple[list[tuple[int, str]], int, int]:
@@ -838,7 +837,7 @@ def main() -> None:
     if options.real:
         count, found = real()
         for name, doubt in found:
-            print(name, doubt.name, doubt.refused, doubt.sentence)
+            print(name, doubt.severity, doubt.code, doubt)
         print(f"false alarms {len({name for name, _ in found})} of {count} real and published runs")
         return
     if options.bench:
@@ -862,7 +861,7 @@ def main() -> None:
         shares = " ".join(f"{name} {row[name]:.2f}" for name in ("named", "said", "refused"))
         print(f"{row['fault']:54} {row['runs']:4} {shares}")
     for seed, shape, what, doubt in alarms[:60]:
-        print(seed, shape, what, doubt.name, doubt.refused, doubt.sentence)
+        print(seed, shape, what, doubt.severity, doubt.code, doubt)
     print(f"false alarms {100.0 * false:.2f} % of {3 * options.right} runs")
 
 

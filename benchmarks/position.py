@@ -1,25 +1,22 @@
 """Position uncertainty beside a peer: 10,000 stations with the 35 sources of the ISCWSA's MWD Rev 5.1.
 
-    python benchmarks/position.py [--json]
+    python -m benchmarks.position [--json]
 
-Both programs run in turns in this process, on one core, and give the covariance of every source at every station; the
-median of the ratios counts. The peer (welleng) is a dependency of the benchmarks alone.
+Both programs run in turns in this process, on one core, and give the covariance of all sources together at every
+station; the peer computes that of each besides, ours when it is asked for. The median of the ratios counts. The peer
+(welleng) is a dependency of the benchmarks alone.
 """
 
 from __future__ import annotations
 
-import argparse
-import json
-import os
 import statistics
-import time
 import warnings
-
-for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ.setdefault(_name, "1")  # figures are for one core
+from functools import partial
 
 import numpy as np
 
+from benchmarks import command
+from benchmarks.measure import alternating
 from inclinometry.earth.site import Site
 from inclinometry.files.tool_code_json import load_tool_code
 from inclinometry.position.propagation import propagate
@@ -41,7 +38,7 @@ CODE = load_tool_code("iscwsa-mwd-rev5.1")  # the peer keeps its error models, t
 
 
 def ours(md, inclination_deg, azimuth_deg):
-    """Total covariance and the covariance of each source."""
+    """Total covariance, and the sources."""
     site = Site(
         latitude=np.radians(LATITUDE_DEG),
         g=G,
@@ -78,15 +75,8 @@ def run() -> dict:
     """Everything this benchmark measures."""
     warnings.simplefilter("ignore")  # the peer's
     columns = well()
-    taken: dict[str, list[float]] = {"inclinometry": [], "welleng": []}
-    results = {}
-    for lap in range(LAPS + 1):
-        for name, call in (("inclinometry", ours), ("welleng", peer)):
-            start = time.perf_counter()
-            results[name] = call(*columns)
-            if lap:  # the first of each loads and compiles
-                taken[name].append(time.perf_counter() - start)
-    (mine, sources), (theirs, _) = results["inclinometry"], results["welleng"]
+    taken = alternating({"inclinometry": partial(ours, *columns), "welleng": partial(peer, *columns)}, LAPS)
+    (mine, sources), (theirs, _) = ours(*columns), peer(*columns)
     ratios = [theirs / mine for mine, theirs in zip(taken["inclinometry"], taken["welleng"], strict=True)]
     return {
         "stations": STATIONS,
@@ -107,14 +97,5 @@ def report(result: dict) -> None:
     print(f"largest difference of the totals, relative to the largest variance: {result['largest_difference']:.1e}")
 
 
-def main() -> None:
-    """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--json", action="store_true", help="print one JSON object instead of a table")
-    options = parser.parse_args()
-    result = run()
-    print(json.dumps(result, indent=1)) if options.json else report(result)
-
-
 if __name__ == "__main__":
-    main()
+    command(__doc__, run, report)

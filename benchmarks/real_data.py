@@ -1,6 +1,6 @@
 """Real measurements: what this project gets beside what others published.
 
-    python benchmarks/real_data.py [--json] [--roll-test FILE.csv]
+    python -m benchmarks.real_data [--json] [--roll-test-file FILE.csv]
 
 Xsens MTi log (Tedaldi, Pretto, Menegatti 2014), two MPU-9150 (Mikov, Reginya, Moschevikin 2020), four cave-survey
 instruments (Underwood); the logs come with the project, their origins are in the ORIGIN.md beside them. The roll test
@@ -10,19 +10,16 @@ known. The cave figures published are means over both ways round (either roll se
 
 from __future__ import annotations
 
-import argparse
 import gzip
 import json
-import os
 import time
 from importlib.resources import files
 from pathlib import Path
 
-for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ.setdefault(_name, "1")  # figures are for one core
-
 import numpy as np
 
+from benchmarks import command
+from benchmarks.measure import laps
 from inclinometry.calibration.field import calibrate_field
 from inclinometry.calibration.norm import NormFit, calibrate_norm
 from inclinometry.calibration.readings import BenchReadings
@@ -61,16 +58,6 @@ ROLL_TEST = {
 def table_of(source: bytes, columns: int) -> np.ndarray:
     """Numbers of a compressed log."""
     return np.array(gzip.decompress(source).split(), dtype=float).reshape(-1, columns)
-
-
-def best_time(call, repeats: int = 15) -> float:
-    """Least of several runs, s."""
-    found = []
-    for _ in range(repeats):
-        begin = time.perf_counter()
-        call()
-        found.append(time.perf_counter() - begin)
-    return min(found)
 
 
 def poses_like_imu_tk(t: np.ndarray, x: np.ndarray) -> list[tuple[int, int]]:
@@ -113,7 +100,7 @@ def xsens() -> dict:
     fit = calibrate_norm(samples, GRAVITY)
     means = np.linalg.norm(fit.field(np.array([x[a:b].mean(axis=0) for a, b in poses])), axis=1) - GRAVITY
     ours = {**figures_of(fit), "pose-mean rms, m/s2": [float(np.sqrt(np.mean(means**2)))]}
-    seconds = best_time(lambda: calibrate_norm(samples, GRAVITY))
+    seconds = min(laps(lambda: calibrate_norm(samples, GRAVITY), 15))
     readings, found = stations_from_log(t, {"accelerometer": x})
     first = calibrate_norm(np.array([x[a : a + 100].mean(axis=0) for a, _ in found.pairs()]), GRAVITY)
     whole = calibrate_norm(readings.channels["accelerometer"], GRAVITY)
@@ -126,7 +113,7 @@ def xsens() -> dict:
         "ratio": seconds / IMU_TK_FIT_S,
         "own_detector": {
             "poses": len(readings),
-            "seconds": best_time(lambda: still_intervals(t, x), 3),
+            "seconds": min(laps(lambda: still_intervals(t, x), 3)),
             "sigmas_first_100_samples": in_sigmas(first),
             "sigmas_whole_poses": in_sigmas(whole),
             "whole_pose_rms": whole.rms,
@@ -163,7 +150,7 @@ def mpu9150(name: str) -> dict:
         "largest_difference": float(np.max(np.abs(ours - published))),
         "rms": [before, fit.rms],
         "published_rms": list(MPU_RMS[name]),
-        "fit_s": best_time(lambda: calibrate_norm(samples, 9.81)),
+        "fit_s": min(laps(lambda: calibrate_norm(samples, 9.81), 15)),
         "published_fit_s": float(printed[0].split(":")[1].split()[0]),
     }
 
@@ -231,7 +218,7 @@ def roll_test(path: Path) -> dict:
     return {"ours": ours, "published": ROLL_TEST}
 
 
-def run(roll_test_file: Path | None = None) -> dict:
+def run(roll_test_file: str | None = None) -> dict:
     """Everything, as one record."""
     result = {
         "xsens": xsens(),
@@ -239,7 +226,7 @@ def run(roll_test_file: Path | None = None) -> dict:
         "cave": {name: cave(name) for name in CAVE},
     }
     if roll_test_file is not None:
-        result["roll_test"] = roll_test(roll_test_file)
+        result["roll_test"] = roll_test(Path(roll_test_file))
     return result
 
 
@@ -281,18 +268,5 @@ def report(result: dict) -> None:
         row(f"roll test: {name}", f"{ours:.6g}", f"{result['roll_test']['published'][name]:.6g}")
 
 
-def main() -> None:
-    """Command line."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--json", action="store_true", help="print the record instead of the table")
-    parser.add_argument("--roll-test", type=Path, metavar="FILE", help="angle_deg,counts of a roll test")
-    options = parser.parse_args()
-    result = run(options.roll_test)
-    if options.json:
-        print(json.dumps(result, indent=1))
-    else:
-        report(result)
-
-
 if __name__ == "__main__":
-    main()
+    command(__doc__, run, report)

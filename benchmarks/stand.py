@@ -1,6 +1,6 @@
 """What it is worth to state what is known of the stand: the joint fit against the closed form of each shipped plan.
 
-    python benchmarks/stand.py [--json] [--draws 40]
+    python -m benchmarks.stand [--json] [--draws 40]
 
 Random tools near their nominal axes (0.3 mg, 20 nT, no converter), dip 70. The stand is level, pointed at north and its
 dip known within 0.05 degrees, drawn anew for each tool; the closed form takes these angles as they are stated, the
@@ -11,16 +11,9 @@ and 70.
 
 from __future__ import annotations
 
-import argparse
-import json
-import os
-from pathlib import Path
-
-for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ.setdefault(_name, "1")
-
 import numpy as np
 
+from benchmarks import command
 from inclinometry.calibration import plans
 from inclinometry.calibration.direct import (
     calibrate_orthogonal,
@@ -50,7 +43,6 @@ PLANS = {
 # standard deviation of azimuth, inclination, toolface in degrees
 DIALS = {"0": (0.0,) * 3, "0.1": (0.1,) * 3, "0.3": (0.3,) * 3, "roll +-1": (0.0, 0.0, 1.0 / np.sqrt(3.0))}
 METHODS = ("default", "stated", "closed form")
-START, END = "<!-- benchmarks/stand -->", "<!-- /benchmarks/stand -->"
 
 
 def one(plan: plans.Plan, closed, dials: str, seed: int) -> tuple[dict[str, np.ndarray], int]:
@@ -129,25 +121,5 @@ def report(result: dict) -> None:
     print(" (allowed 1.05)")
 
 
-def update(result: dict, page: Path) -> None:
-    """Rewrite the table of the methods' page between its markers."""
-    before, rest = page.read_text(encoding="utf-8").split(START)
-    after = rest.split(END)[1]
-    page.write_text("\n".join([before + START, "", *lines(result), "", END + after]), encoding="utf-8")
-
-
-def main() -> None:
-    """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--json", action="store_true", help="print one JSON object instead of tables")
-    parser.add_argument("--draws", type=int, default=40, help="simulated benches a figure (default 40)")
-    parser.add_argument("--page", type=Path, help="rewrite the table of this page")
-    options = parser.parse_args()
-    result = run(options.draws)
-    print(json.dumps(result, indent=1)) if options.json else report(result)
-    if options.page:
-        update(result, options.page)
-
-
 if __name__ == "__main__":
-    main()
+    command(__doc__, run, report)

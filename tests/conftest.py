@@ -10,6 +10,7 @@ import os
 import signal
 import tempfile
 from pathlib import Path
+from types import MappingProxyType
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
@@ -17,6 +18,8 @@ if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
 
 import pytest
 from hypothesis import HealthCheck, settings
+
+from inclinometry.findings import Finding, rule
 
 UNHURRIED = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow], "print_blob": True, "database": None}
 settings.register_profile("same", derandomize=True, **UNHURRIED)
@@ -45,3 +48,17 @@ def pytest_runtest_protocol(item):
 # keys and witnesses of the ledgers that tests make: never those of who runs them
 _KEYS = tempfile.TemporaryDirectory(prefix="inclinometry-keys-")
 os.environ["INCLINOMETRY_KEYS"] = _KEYS.name
+
+
+@pytest.fixture(autouse=True, scope="session")
+def findings_are_whole():
+    """Every finding that any test makes has the values of its example in the catalogue, no more and no fewer."""
+    made = Finding.__new__
+
+    def checked(cls, code, values=MappingProxyType({}), *more, **named):
+        assert set(values) == set(rule(code).example), (code, sorted(set(values) ^ set(rule(code).example)))
+        return made(cls, code, values, *more, **named)
+
+    Finding.__new__ = checked
+    yield
+    Finding.__new__ = made

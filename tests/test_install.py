@@ -1,5 +1,6 @@
 """The core alone runs the commands of a field laptop and is small; each extra brings what it says."""
 
+import ast
 import os
 import re
 import shlex
@@ -49,7 +50,7 @@ convert path.csv path.xlsx | openpyxl | formats
 convert path.csv path.las | lasio | formats
 convert path.csv path.witsml | lxml | formats
 simulate drilling --seed 1 -o run.parquet | pyarrow | formats
-certificate tool.json -o certificate.pdf | typst | laboratory
+certificate tool.json -o certificate.pdf | annotated-types | laboratory
 ledger init lab.sqlite | sqlalchemy | laboratory
 bench --ledger lab.sqlite | sqlalchemy | laboratory
 fleet add still.csv --tool IN-1 --date 2026-03-04 | deltalake | fleet
@@ -139,10 +140,20 @@ def test_every_optional_package_is_known_to_its_extra():
     of_user = set(named) - {"all", "test", "bench", "docs"}
     for module, (package, extra) in EXTRAS.items():
         assert package in named[extra], module
-    known = {needed.package for needed in EXTRAS.values()}
+    known = {package for package, _ in EXTRAS.values()}
     for extra in of_user - NEVER_MISSED:
         assert named[extra] - {"inclinometry"} <= known, extra
     assert set(re.findall(r"\w+", extras["all"][0].partition("[")[2])) == of_user - {"postgresql"}
+
+
+def test_every_import_is_of_the_core_or_known_to_an_extra():
+    core = tomllib.loads(ROOT.joinpath("pyproject.toml").read_text())["project"]["dependencies"]
+    known = {re.split(r"[<>=]", one)[0] for one in core} | {*EXTRAS, *sys.stdlib_module_names, "inclinometry", "numba"}
+    for file in ROOT.joinpath("src").rglob("*.py"):
+        for node in ast.walk(ast.parse(file.read_bytes())):
+            modules = [node.module or ""] if isinstance(node, ast.ImportFrom) and not node.level else []
+            modules += [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+            assert {module.partition(".")[0] for module in modules} <= known, file
 
 
 class Installed:

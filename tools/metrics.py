@@ -1,9 +1,10 @@
-"""The project in figures: how many files, records, names and imports a successor has to hold in the head.
+"""The project in figures: how much a successor has to hold in the head.
 
-    python tools/metrics.py [--static] [--write]
+    python tools/metrics.py            print them beside the table of CONTRIBUTING.md; exit 1 where one has risen
+    python tools/metrics.py --write    write them into the table; a figure that rose needs --why "its reason"
 
-Standard library only; reads `src/inclinometry` beside this folder. `calibrate` is run once, in a process of its own, to
-count the modules it imports and the processor time it takes. CONTRIBUTING.md shows the table.
+Standard library only; reads `src/inclinometry` beside this folder. `calibrate` is run in a process of its own, to count
+the modules it imports and the processor time it takes. Times are printed and never fail: machines are noisy.
 """
 
 from __future__ import annotations
@@ -11,123 +12,186 @@ from __future__ import annotations
 import argparse
 import ast
 import collections
+import functools
 import json
 import os
 import re
-import statistics
 import subprocess
 import sys
 import tempfile
 import time
-import tokenize
 from pathlib import Path
 
-SOURCE = Path(__file__).resolve().parents[1] / "src" / "inclinometry"
+ROOT = Path(__file__).resolve().parents[1]
+SOURCE = ROOT / "src" / "inclinometry"
+PAGE = ROOT / "CONTRIBUTING.md"
 
-LABORATORY = "laboratory/"
-"""Folder of the laboratory's wing."""
+WING = ("laboratory", "fleet")
+"""Folders of the laboratory's wing."""
 
 FORMULAS = {
     # textbook name: (how its file may be called, what stands beside the formula)
     "XYM3": (r"weights?|xym\d?|tool_codes?|iscwsa", r"XYM3"),
     "Allan deviation": (r"allan", r"cumsum|np\.diff|\[2 \* m|m\*\*2"),
-    "expanded uncertainty of a certificate": (r"expected|expanded|capability", r"COVERAGE_FACTOR"),
+    "expanded uncertainty of a certificate": (r"expected|expanded|capability", r"return .*\bk \* |coverage_factor\("),
     "sag": (r"sag", r"moment|stiffness|solve\("),
     "Davenport's q": (r"wahba|davenport", r"eigh\("),
-    "the patent's root": (r"closed_form|patent|scale", r"sqrt\("),
-    "minimum curvature": (r"minimum_curvature|path", r"tan\("),
+    "the patent's root": (r"closed_form|patent|scale", r"sqrt\(discriminant\)"),
+    "minimum curvature": (r"minimum_curvature|path", r"tan\(beta ?/ ?2\)"),
     "equation (25) of Rogatykh": (r"twelve|closed_forms", r"\(25\)"),
 }
 """Eight formulas a newcomer looks for: found when one of two files with the formula's name holds its arithmetic."""
 
+LONG_DOCSTRING = 6
+LONG_FUNCTION = 60
+"""Lines of an internal docstring, of a function without its docstring, from which on it counts as long."""
 
-TO_REACH = {
-    "lines: core and command line / laboratory": "<= 50,000 / <= 14,000",
-    "files: core and command line / laboratory": "<= 200 / <= 60",
-    "file median / p95 / largest": "200-300 / <= 650 / <= 900",
-    "private functions called once": "<= 15 %",
-    "dataclasses and named tuples / upper-case constants": "<= 200 / <= 400",
-    "import lines / comments": "<= 3.5 % / >= 3 %",
-    "eight formulas found in two guesses": "8 of 8",
-    "modules a calibrate run imports": "<= 40",
-    "calibrate of 24 stations, processor time": "<= 0.8 s",
-    "--help, in starts of a bare interpreter": "<= 12",
-}
-WAS = {
-    "lines: core and command line / laboratory": "76,900 together",
-    "files: core and command line / laboratory": "515 together",
-    "file median / p95 / largest": "142 / 316 / 394",
-    "private functions called once": "29 %",
-    "dataclasses and named tuples / upper-case constants": "372 / 1,245",
-    "import lines / comments": "6.8 % / 0.5 %",
-    "eight formulas found in two guesses": "5 of 8",
-    "modules a calibrate run imports": "80",
-    "calibrate of 24 stations, processor time": "",
-    "--help, in starts of a bare interpreter": "",
-}
-"""The house at 0134526, and what the second plan of it asks for."""
+FALLS = {"eight formulas found in two guesses"}
+"""Figures that are good when they are high."""
+
+TIMES = {"calibrate of 24 stations, processor time, s", "--help, in starts of a bare interpreter"}
+"""Figures that are printed and not held."""
 
 
-def parsed() -> dict[Path, tuple[str, ast.Module]]:
-    """Text and syntax tree of every module."""
-    texts = {path: path.read_text(encoding="utf-8") for path in sorted(SOURCE.rglob("*.py"))}
-    return {path: (text, ast.parse(text)) for path, text in texts.items()}
+@functools.cache
+def public_names() -> set[str]:
+    """Names that `inclinometry` offers."""
+    return set(re.findall(r'"(\w+)"', (SOURCE / "__init__.py").read_text(encoding="utf-8"))) | set(
+        re.findall(r"\b(\w+) as \1\b", "".join(p.read_text(encoding="utf-8") for p in SOURCE.glob("__init__.pyi")))
+    )
 
 
-def static_figures() -> dict[str, str]:
+@functools.cache
+def commands() -> set[tuple[str, str]]:
+    """Module and function of every command in the table of `cli/app.py`."""
+    return set(re.findall(r"\| ([\w.]+):(\w+) \|", (SOURCE / "cli" / "app.py").read_text(encoding="utf-8")))
+
+
+def static_figures() -> dict[str, float]:
     """What can be counted without running anything."""
-    modules = parsed()
-    lines = {path: text.count("\n") for path, (text, _) in modules.items()}
-    wing = {path for path in modules if path.relative_to(SOURCE).as_posix().startswith(LABORATORY)}
-    sizes = sorted(lines.values())
-    records = constants = imports = comments = 0
-    functions = 0
-    defined: dict[tuple[Path, str], int] = {}
-    used: collections.Counter[tuple[Path, str]] = collections.Counter()
+    texts = {path: path.read_text(encoding="utf-8") for path in sorted(SOURCE.rglob("*.py"))}
+    modules = {path: (text, ast.parse(text)) for path, text in texts.items()}
+    lines = {path: text.count("\n") for path, text in texts.items()}
+    wing = {path for path in modules if path.relative_to(SOURCE).parts[0] in WING}
+    count: collections.Counter[str] = collections.Counter()
     for path, (_, tree) in modules.items():
         for node in ast.walk(tree):
             if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
-                functions += 1
-                if node.name.startswith("_") and not node.name.startswith("__"):
-                    defined[path, node.name] = node.lineno
+                count["long functions"] += body_lines(node) > LONG_FUNCTION
+                if node.name == "calibrate_joint":
+                    count["calibrate_joint"] = body_lines(node)
             elif isinstance(node, ast.ClassDef):
                 made = [ast.unparse(d) for d in node.decorator_list] + [ast.unparse(b) for b in node.bases]
-                records += any("dataclass" in m or m.endswith("NamedTuple") for m in made)
-            elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Load):
-                used[path, node.id] += 1
-            elif isinstance(node, ast.Attribute):
-                used[path, node.attr] += 1
-            elif isinstance(node, ast.Import | ast.ImportFrom):
-                imports += (node.end_lineno or node.lineno) - node.lineno + 1
+                count["records"] += any("dataclass" in m or m.endswith("NamedTuple") for m in made)
         for node in tree.body:
             if isinstance(node, ast.Assign | ast.AnnAssign):
                 targets = node.targets if isinstance(node, ast.Assign) else [node.target]
-                constants += sum(isinstance(t, ast.Name) and t.id.isupper() for t in targets)
-        with path.open("rb") as stream:
-            tokens = [t for t in tokenize.tokenize(stream.readline) if t.type == tokenize.COMMENT]
-        comments += sum(t.line.lstrip().startswith("#") for t in tokens)
-    total = sum(sizes)
-    once = sum(used[key] == 1 for key in defined)
-    found = [name for name, where in FORMULAS.items() if _found(modules, *where)]
-    missing = sorted(set(FORMULAS) - set(found))
-    in_wing = sum(lines[p] for p in wing)
+                count["constants"] += sum(isinstance(t, ast.Name) and t.id.isupper() for t in targets)
+        count["long docstrings"] += len(long_docstrings(path, tree))
+    total = sum(lines.values())
+    in_wing = sum(lines[path] for path in wing)
+    translations = SOURCE / "report" / "translations.json"
+    found = sum(_found(texts, *where) for where in FORMULAS.values())
     return {
-        "lines: core and command line / laboratory": f"{total - in_wing} / {in_wing}",
-        "files: core and command line / laboratory": f"{len(modules) - len(wing)} / {len(wing)}",
-        "file median / p95 / largest": f"{statistics.median(sizes):g} / {sizes[int(0.95 * len(sizes))]} / {sizes[-1]}",
-        "private functions called once": f"{100 * once / functions:.0f} %",
-        "dataclasses and named tuples / upper-case constants": f"{records} / {constants}",
-        "import lines / comments": f"{100 * imports / total:.1f} % / {100 * comments / total:.1f} %",
-        "eight formulas found in two guesses": f"{len(found)} of {len(FORMULAS)}"
-        + (f" (not {', '.join(missing)})" if missing else ""),
+        "lines": total,
+        "lines: core and command line": total - in_wing,
+        "lines: laboratory and fleet": in_wing,
+        "lines: tests": sum(p.read_text(encoding="utf-8").count("\n") for p in (ROOT / "tests").rglob("*.py")),
+        "files": len(modules),
+        "longest file": max(lines.values()),
+        "records": count["records"],
+        "upper-case constants": count["constants"],
+        "functions over 60 lines": count["long functions"],
+        "lines of calibrate_joint": count["calibrate_joint"],
+        "internal docstrings over six lines": count["long docstrings"],
+        "patterns that translate sentences": len(json.loads(translations.read_text(encoding="utf-8")))
+        if translations.exists()
+        else 0,
+        "import circles, function-level imports included": len(circles({p: tree for p, (_, tree) in modules.items()})),
+        "eight formulas found in two guesses": found,
     }
 
 
-def _found(modules: dict[Path, tuple[str, ast.Module]], stem: str, formula: str) -> bool:
+def body_lines(node: ast.FunctionDef | ast.AsyncFunctionDef) -> int:
+    """Lines of a function's body after its docstring."""
+    body = node.body[1:] if ast.get_docstring(node) else node.body
+    return (body[-1].end_lineno or 0) - body[0].lineno + 1 if body else 0
+
+
+def long_docstrings(path: Path, tree: ast.Module) -> list[tuple[str, int]]:
+    """Qualified name and line of long docstrings, those of public names and commands (their help texts) left out."""
+    module = ".".join(path.relative_to(SOURCE).with_suffix("").parts).removeprefix("cli.")
+    found = []
+
+    def visit(node: ast.AST, within: str) -> None:
+        for child in ast.iter_child_nodes(node):
+            if isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
+                name = f"{within}{child.name}"
+                if len((ast.get_docstring(child) or "").splitlines()) > LONG_DOCSTRING:
+                    found.append((name, child.lineno))
+                visit(child, f"{name}.")
+
+    visit(tree, "")
+    public = public_names()
+    return [(name, at) for name, at in found if name.split(".")[0] not in public and (module, name) not in commands()]
+
+
+def circles(modules: dict[Path, ast.Module]) -> list[list[str]]:
+    """Groups of modules that import each other, imports inside functions included, those for types only left out."""
+    names = {".".join(("inclinometry", *p.relative_to(SOURCE).with_suffix("").parts)): p for p in modules}
+    names = {name.removesuffix(".__init__"): path for name, path in names.items()}
+    edges: dict[str, set[str]] = {}
+    for name, path in names.items():
+        for_types = {
+            id(inner)
+            for node in ast.walk(modules[path])
+            if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test)
+            for inner in ast.walk(node)
+        }
+        wanted = edges[name] = set()
+        for node in ast.walk(modules[path]):
+            if id(node) in for_types:
+                continue
+            if isinstance(node, ast.ImportFrom) and node.module:
+                wanted |= {full if (full := f"{node.module}.{a.name}") in names else node.module for a in node.names}
+            elif isinstance(node, ast.Import):
+                wanted |= {alias.name for alias in node.names}
+        wanted &= names.keys() - {name, "inclinometry"}
+    return [sorted(group) for group in _strongly_connected(edges) if len(group) > 1]
+
+
+def _strongly_connected(edges: dict[str, set[str]]) -> list[list[str]]:
+    """Tarjan's components of a graph."""
+    index: dict[str, int] = {}
+    low: dict[str, int] = {}
+    stack: list[str] = []
+    found: list[list[str]] = []
+
+    def visit(node: str) -> None:
+        index[node] = low[node] = len(index)
+        stack.append(node)
+        for other in edges[node]:
+            if other not in index:
+                visit(other)
+                low[node] = min(low[node], low[other])
+            elif other in stack:
+                low[node] = min(low[node], index[other])
+        if low[node] == index[node]:
+            place = stack.index(node)
+            found.append(stack[place:])
+            del stack[place:]
+
+    for node in edges:
+        if node not in index:
+            visit(node)
+    return found
+
+
+def _found(texts: dict[Path, str], stem: str, formula: str) -> bool:
     """Whether one of the first two files of that name, in the order of the alphabet, holds the formula."""
-    named = [path for path in modules if re.search(stem, path.stem) and not path.stem.startswith("_")]
+    named = [path for path in texts if re.search(stem, path.stem) and not path.stem.startswith("_")]
     exact = [path for path in named if re.fullmatch(stem, path.stem)] or named
-    return any(re.search(formula, modules[path][0]) for path in exact[:2])
+    return any(re.search(formula, texts[path]) for path in exact[:2])
 
 
 _RUN = """
@@ -139,11 +203,11 @@ try:
 except SystemExit:
     pass
 mine = sum(name.split(".")[0] == "inclinometry" for name in sys.modules)
-print("\\n" + json.dumps({"modules": mine, "seconds": time.process_time(), "numba": "numba" in sys.modules}))
+print("\\n" + json.dumps({"modules": mine, "seconds": time.process_time()}))
 """
 
 
-def running_figures() -> dict[str, str]:
+def running_figures() -> dict[str, float]:
     """What needs the package to run: modules a calibration imports, processor time, start beside a bare interpreter."""
     with tempfile.TemporaryDirectory() as folder:
         # compiled once and kept, as where the program is installed, whatever the environment says
@@ -156,7 +220,7 @@ def running_figures() -> dict[str, str]:
             return json.loads(done.stdout.splitlines()[-1])
 
         run("simulate", "bench", "--plan", "orthogonal", "-o", "readings.csv")
-        calibrate = run("calibrate", "readings.csv", "-o", "tool.json")
+        run("calibrate", "readings.csv", "-o", "tool.json")
         calibrate = run("calibrate", "readings.csv", "-o", "again.json")
         # in turn, so that both meet the same load
         starts = [
@@ -168,9 +232,9 @@ def running_figures() -> dict[str, str]:
         ]
     bare, help_ = (min(times) for times in zip(*starts, strict=True))
     return {
-        "modules a calibrate run imports": f"{calibrate['modules']}",
-        "calibrate of 24 stations, processor time": f"{calibrate['seconds']:.2f} s",
-        "--help, in starts of a bare interpreter": f"{help_ / bare:.1f}",
+        "modules a calibrate run imports": calibrate["modules"],
+        "calibrate of 24 stations, processor time, s": round(calibrate["seconds"], 2),
+        "--help, in starts of a bare interpreter": round(help_ / bare, 1),
     }
 
 
@@ -180,23 +244,52 @@ def _wall(command: list[str], environment: dict[str, str]) -> float:
     return time.perf_counter() - start
 
 
-def main() -> None:
-    """Print the table."""
+_TABLE = re.compile(r"(<!-- metrics -->\n)(.*?)(<!-- /metrics -->)", re.S)
+
+
+def read_table() -> tuple[list[str], dict[str, list[str]]]:
+    """Head of the table of CONTRIBUTING.md, and its rows: name -> was, is, to reach, why it rose."""
+    block = _TABLE.search(PAGE.read_text(encoding="utf-8"))
+    if block is None:
+        raise SystemExit(f"{PAGE.name} has no table between <!-- metrics --> and <!-- /metrics -->")
+    head, rule, *rows = block[2].splitlines()
+    cells = [[cell.strip() for cell in row.strip("|").split("|")] for row in rows]
+    return [head, rule], {name: rest for name, *rest in cells}
+
+
+def main() -> int:
+    """Print the figures; the exit status says whether one rose."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--write", action="store_true", help="write the table into CONTRIBUTING.md")
+    parser.add_argument("--write", action="store_true", help="write the figures into the table of CONTRIBUTING.md")
+    parser.add_argument("--why", default="", help="why figures rose, written into their rows")
     parser.add_argument("--static", action="store_true", help="only what can be counted without running anything")
+    parser.add_argument("--docstrings", action="store_true", help="list the internal docstrings over six lines")
     given = parser.parse_args()
+    if given.docstrings:
+        for path in sorted(SOURCE.rglob("*.py")):
+            for name, line in long_docstrings(path, ast.parse(path.read_text(encoding="utf-8"))):
+                print(f"{path.relative_to(ROOT)}:{line} {name}")
+        return 0
+    head, rows = read_table()
     figures = static_figures() | ({} if given.static else running_figures())
+    risen = []
     for name, value in figures.items():
-        print(f"{name:54} {value:22} {TO_REACH[name]}")
-    if given.write:
-        rows = [f"| {name} | {WAS[name]} | {value} | {TO_REACH[name]} |" for name, value in figures.items()]
-        table = "\n".join(["| | was | is | to reach |", "|---|---|---|---|", *rows])
-        page = SOURCE.parents[1] / "CONTRIBUTING.md"
-        text = page.read_text(encoding="utf-8")
-        block = f"<!-- metrics -->\n{table}\n<!-- /metrics -->"
-        page.write_text(re.sub(r"<!-- metrics -->.*<!-- /metrics -->", block, text, flags=re.S), encoding="utf-8")
+        was, before, goal, why = rows.setdefault(name, ["", f"{value:g}", "", ""])
+        worse = value < float(before) if name in FALLS else value > float(before)
+        if worse and name not in TIMES:
+            risen.append(f"{name}: {before} in the table, now {value:g}")
+        print(f"{name:50} {value:8g}   table {before:>7}   to reach {goal}")
+        rows[name] = [was, f"{value:g}", goal, given.why if worse and name not in TIMES else why]
+    if given.write and (given.why or not risen):
+        table = "\n".join([*head, *(f"| {name} | {' | '.join(row)} |" for name, row in rows.items())])
+        text = PAGE.read_text(encoding="utf-8")
+        PAGE.write_text(_TABLE.sub(lambda m: f"{m[1]}{table}\n{m[3]}", text), encoding="utf-8")
+        return 0
+    if risen:
+        print("\nrisen: " + "\n       ".join(risen))
+        print('take something away, or run tools/metrics.py --write --why "the reason"')
+    return int(bool(risen))
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

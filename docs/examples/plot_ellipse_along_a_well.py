@@ -24,9 +24,9 @@ from inclinometry.survey.path import minimum_curvature
 from inclinometry.workflow.simulate import bench, well
 
 dip = np.radians(70.0)
-stand = bench(plans.orthogonal(), seed=7, rig=Rig(dip=dip, setting_sd=np.radians(0.1)))
-tool = calibrate_joint(stand.readings, name="simulated 7").tool
-true = well(stand.truth, seed=7)
+readings, truth, _ = bench(plans.orthogonal(), seed=7, rig=Rig(dip=dip, setting_sd=np.radians(0.1)))
+tool = calibrate_joint(readings, name="simulated 7").tool
+true = well(truth, seed=7)
 site = Site(
     g=9.80665,
     b=50_000.0,

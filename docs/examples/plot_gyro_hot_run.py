@@ -49,7 +49,7 @@ online = track_scale(rates, spread, run.inclination, run.latitude, run.temperatu
 
 figure, axes = plt.subplots(figsize=(7, 3.6))
 heat = np.linspace(run.temperature.min(), run.temperature.max(), 100)
-shown = (("calibration alone", before, "0.9"), ("after the run", online.belief, "0.75"))
+shown = (("before the run", before, "0.9"), ("after the run", online.belief, "0.75"))
 for name, belief, colour in shown:
     scale, sd = belief.predict(heat)
     axes.fill_between(heat, 100.0 * (scale - 2 * sd - 1.0), 100.0 * (scale + 2 * sd - 1.0), color=colour, label=name)

@@ -46,10 +46,10 @@ def methods(readings, noise_sd):
 
 squares = {}
 for seed in range(DRAWS):
-    run = bench(plans.twelve(), seed, rig=Rig(dip=DIP, setting_sd=RIG_SD), layout="random", bits=12)
-    noise_sd = {kind: np.hypot(run.truth.noise[kind], 1.0 / np.sqrt(12.0)) for kind in KINDS}  # white and rounding
-    for name, tool in methods(run.readings, noise_sd).items():
-        squares.setdefault(name, []).append(true_errors(tool, run.truth, DIP, INCLINATION) ** 2)
+    readings, truth, _ = bench(plans.twelve(), seed, rig=Rig(dip=DIP, setting_sd=RIG_SD), layout="random", bits=12)
+    noise_sd = {kind: np.hypot(truth.noise[kind], 1.0 / np.sqrt(12.0)) for kind in KINDS}  # white and rounding
+    for name, tool in methods(readings, noise_sd).items():
+        squares.setdefault(name, []).append(true_errors(tool, truth, DIP, INCLINATION) ** 2)
 
 figure, (left, right) = plt.subplots(1, 2, figsize=(8, 3.6))
 print("rms error of azimuth, deg, at inclination 1, 5, 30, 60, 90 deg")

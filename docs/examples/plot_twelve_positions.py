@@ -17,8 +17,8 @@ from inclinometry.workflow.simulate import bench
 
 DIP = np.radians(70.0)
 rig = Rig(dip=DIP, setting_sd=np.radians(0.1), base_tilt=np.radians(5.0))
-run = bench(plans.twelve(), seed=4, rig=rig, layout="random", bits=12)
-found = calibrate_joint(run.readings, name="simulated")
+readings, truth, _ = bench(plans.twelve(), seed=4, rig=rig, layout="random", bits=12)
+found = calibrate_joint(readings, name="simulated")
 print(found)
 
 # %%
@@ -41,7 +41,7 @@ axes.legend()
 
 inclination = np.radians(np.linspace(2.0, 90.0, 45))
 stated = np.degrees(expected_uncertainty(found, inclination, DIP).from_calibration)
-actual = np.degrees(true_errors(found.tool, run.truth, DIP, inclination))
+actual = np.degrees(true_errors(found.tool, truth, DIP, inclination))
 figure, axes = plt.subplots(figsize=(7, 3.2))
 for column, name in enumerate(("inclination", "azimuth", "toolface")):
     axes.semilogy(np.degrees(inclination), stated[:, column], color=f"C{column}", label=f"u({name}), worst")

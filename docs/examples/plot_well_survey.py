@@ -16,10 +16,10 @@ from inclinometry.simulate.bench import Rig
 from inclinometry.workflow.simulate import bench, well
 
 rig = Rig(dip=np.radians(70.0), setting_sd=np.radians(0.1), base_tilt=np.radians(1.0))
-stand = bench(plans.twelve(), seed=7, rig=rig)
-calibration = calibrate_joint(stand.readings, name="simulated 7")
-true = well(stand.truth, seed=7)
-found = reduce_survey(true.md, true.signals, calibration.tool, calibration_dip=stand.readings.reference["dip"])
+readings, truth, _ = bench(plans.twelve(), seed=7, rig=rig)
+calibration = calibrate_joint(readings, name="simulated 7")
+true = well(truth, seed=7)
+found = reduce_survey(true.md, true.signals, calibration.tool, calibration_dip=readings.reference["dip"])
 print(found)
 
 # %%

@@ -12,6 +12,7 @@ from pathlib import Path
 from types import ModuleType
 
 import inclinometry
+from support import finding_page
 
 FLOORS = (
     ("fleet",),
@@ -28,7 +29,7 @@ FLOORS = (
 GROUND = (
     *("history", "stability", "sensors", "uncertainty", "allan", "channels", "wahba", "conventions", "orientation"),
     "rotations",
-    *("least_squares", "tabular", "settings", "digest", "opening", "arrays", "errors", "constants"),
+    *("least_squares", "tabular", "settings", "digest", "opening", "arrays", "errors", "findings", "constants"),
 )
 """Modules of the package itself, on which all folders stand."""
 LEFT_OUT = ("migrations", "web", "commands")
@@ -37,7 +38,7 @@ LEFT_OUT = ("migrations", "web", "commands")
 
 def write(folder: Path) -> None:
     """Write the pages; those that would not change are left alone, so that builds stay quick."""
-    pages = {"api/index.md": _index(), "commands.md": _commands()}
+    pages = {"api/index.md": _index(), "commands.md": _commands(), "findings.md": finding_page.page()}
     for room in (room for floor in FLOORS for room in floor):
         pages[f"api/{room}.md"] = _room(room)
     pages["api/ground.md"] = _page("ground", "What all folders stand on.", [f"inclinometry.{name}" for name in GROUND])
@@ -57,11 +58,7 @@ def _summary(thing: object) -> str:
 
 def _home(name: str) -> tuple[str, object]:
     """Where a public name is documented, and the thing itself."""
-    place, _, there = inclinometry._CONTENTS[name].partition(":")
-    module, there = importlib.import_module(f"inclinometry.{place}"), there or name
-    if not hasattr(module, there):  # `plans` is a module itself
-        return module.__name__, module
-    return f"{module.__name__}.{there}", getattr(module, there)
+    return ".".join(inclinometry._public()[name]), getattr(inclinometry, name)
 
 
 def _index() -> str:

@@ -175,7 +175,7 @@ def identifiability() -> dict[str, str]:
     rows = []
     for name, plan in PLANS.items():
         blind = null_space(*_model(plan, np.zeros(4)))
-        said = "; ".join(s.removeprefix("this plan cannot see ") for s in blind.sentences) or "nothing"
+        said = "; ".join(map(str, blind.unseen)) or "nothing"
         rows.append([name, f"{blind.rank}/{blind.size}", said, *(f"{100 * v:.0f} %" for v in share_left(plan))])
     head = ["plan", "rank", "cannot see", "inclination zero", "toolface zero", "outer axes", "inner axes"]
     cube = share_left(plans.orthogonal())[0]

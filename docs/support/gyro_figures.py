@@ -16,19 +16,19 @@ from inclinometry.gyro.closed_form import patent_azimuth, printed_toolface, scal
 from inclinometry.gyro.joint import BENT, RIVAL
 from inclinometry.gyro.planning import GyroSetup, standstill_time
 from inclinometry.gyro.result import FLAGS
-from inclinometry.gyro.tracking import UNSEEN
 from inclinometry.orientation import fields
 from inclinometry.rotations import wrap_signed
 from support.figures import table
 
 LATITUDE = np.radians(45.0)
-DRAWS, RUNS, FAR_RUNS = 40_000, 150, 30
+DRAWS, RUNS, FAR_RUNS, WALK_RUNS = 40_000, 40, 30, 4
 HOT_NAMES = {
     "none, arctangent": "uncompensated, classical closed form",
     "none": "uncompensated, least squares",
     "patent": "patent, nearest root by distance and rate of change",
     "patent, nearest root": "patent, root nearest to the last",
-    "random walk online": "joint, random walk, online",
+    "no thermometer, online": "joint, no thermometer, online",
+    "no thermometer, whole run": "joint, no thermometer, whole run",
     "quadratic online": "joint, quadratic in temperature, online",
     "whole run": "joint, quadratic in temperature, whole run",
     "scale known": "scale factor known exactly",
@@ -40,7 +40,6 @@ def flags() -> dict[str, str]:
     low, high = BENT
     return {
         "rival": f"{RIVAL:g}",
-        "unseen": f"{UNSEEN:g}",
         "bent": f"less than {low:g}, or more than {high:g}",
         "gyro_flags": table(["flag", "meaning"], [[f"`{name}`", text] for name, text in FLAGS.items()]),
     }
@@ -209,6 +208,19 @@ def hot() -> dict[str, str]:
     }
 
 
+def walks() -> dict[str, str]:
+    """Scale factors that move, no thermometer: rms azimuth and z of each method."""
+    ways = {
+        "joint, whole run": "smoothed", "joint, online": "causal", "each station alone": "alone", "patent": "patent",
+        "scale known": "scale known",
+    }  # fmt: skip
+    rows = [
+        [one["law"], *(f"{one[way]['rms_deg']:.3f} / {one[way]['z']:.2f}" for way in ways.values())]
+        for one in gyro.walks(WALK_RUNS, pooled=False)
+    ]
+    return {"walk_table": table(["scale factor", *ways], rows), "walk_runs": str(WALK_RUNS)}
+
+
 def far() -> dict[str, str]:
     """Constant scale errors far from what was stated."""
     found = [gyro.far(scale, FAR_RUNS) for scale in gyro.FAR_SCALES]
@@ -260,7 +272,21 @@ def _minutes(seconds: float) -> str:
 def everything() -> dict[str, str]:
     """All of them."""
     found: dict[str, str] = {}
-    for part in (flags, schemes, printed, signs, roots, scale_cost, methods, level_east, hot, far, grid, planner):
+    for part in (
+        flags,
+        schemes,
+        printed,
+        signs,
+        roots,
+        scale_cost,
+        methods,
+        level_east,
+        hot,
+        walks,
+        far,
+        grid,
+        planner,
+    ):
         found |= part()
     return found
 

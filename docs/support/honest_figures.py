@@ -143,15 +143,6 @@ def invisible() -> dict[str, str]:
     across = np.array([1.0, 0.0, 0.0])
     aged = _moved(lambda g: g + 0.002 / 9.81 * across, lambda g, b, t: b + 35.0 / FIELD * across, at=60.0)
     add("any: zeros aged by half of the ISCWSA's AB, MB", "2 mm/s², 35 nT", *aged, "six positions; the tool's history")
-    level = np.array([0.0, 4000.0 / FIELD, 0.0])  # east, where it turns the azimuth most
-    east = np.degrees(np.arctan2(level[1], np.cos(DIP)))
-    add(
-        "free motion: another field from the first second on",
-        "4000 nT",
-        0.0,
-        float(east),
-        "the site's strength and dip (`dynamic` of a hole); a start elsewhere",
-    )
     head = ["effect", "ordinary size", "inclination, deg", "azimuth, deg", "what shows it"]
     return {"invisible": table(head, rows)}
 

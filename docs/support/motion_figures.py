@@ -8,7 +8,7 @@ prints them. All come from the benchmarks, with the seeds the page names.
 from __future__ import annotations
 
 import numpy as np
-from benchmarks import broad, honest_drilling, honest_motion, motion, motion_findings, motion_robust
+from benchmarks import honest_drilling, honest_motion, motion, motion_findings, motion_robust
 
 from inclinometry.motion.magnetic.phase import MagneticSettings
 from inclinometry.motion.result import FLAGS
@@ -23,7 +23,7 @@ VQF = {
     "offline VQF": {"smooth": (0.014, 0.966), "vibration-5g": (0.025, 0.999), "stick-slip": (0.086, 1.465),
                     "sliding": (0.012, 2.631), "fast": (0.045, 5.472)},
 }  # fmt: skip
-"""vqf 2.1.2, where it is not installed: what `python benchmarks/motion_findings.py` measured with it."""
+"""vqf 2.1.2, where it is not installed: what `python -m benchmarks.motion_findings` measured with it."""
 
 
 def pair(values: tuple[float, float], places: int = 3) -> str:
@@ -204,28 +204,16 @@ def robust() -> dict[str, str]:
     }
 
 
-def real_motion() -> dict[str, str]:
-    """Three trials of BROAD (CC BY 4.0) by its own metric: total / heading / inclination, deg, rms over the motion."""
-    rows = []
-    for name, known in broad.KNOWN.items():
-        trial = broad.shipped(broad.FOLDER / f"{name}.npz")
-        own = [broad.score(broad.METHODS[way](trial.samples), trial) for way in ("ours", "ours, offline")]
-        cells = [" / ".join(f"{value:.2f}" for value in errors) for errors in own]
-        rows.append([name.replace("_", " "), *cells, *(f"{known[way][0]:.2f}" for way in ("VQF", "VQF, offline"))])
-    head = ["trial", "complementary, real time", "smoothed", "VQF, total", "offline VQF, total"]
-    return {"broad_table": table(head, rows)}
-
-
 def slow() -> dict[str, str]:
     """Motions by methods: is the stated uncertainty honest where a tool hardly turns, heaves, or is shaken?"""
-    rows = [row for row in honest_motion.run(SLOW_RUNS) if row.method != "VQF"]
+    rows = honest_motion.run(SLOW_RUNS)
     head = ["motion", "method", "error", "u", "z²", "within 1.96 u", "the same, inclination", "flagged", "refused"]
     cells = [
         [
-            row.motion,
-            row.method,
-            *(f"{value:.2f}" for value in (row.error, row.u, row.z2, row.coverage, row.inclination)),
-            *(f"{100.0 * share:.0f} %" for share in (row.flagged, row.refused)),
+            row["motion"],
+            row["method"],
+            *(f"{row[name]:.2f}" for name in ("error", "u", "z2", "coverage", "inclination")),
+            *(f"{100.0 * row[name]:.0f} %" for name in ("flagged", "refused")),
         ]
         for row in rows
     ]
@@ -234,7 +222,7 @@ def slow() -> dict[str, str]:
 
 def everything() -> dict[str, str]:
     """All of them."""
-    return words() | scenarios() | strings() | robust() | findings() | slow() | real_motion()
+    return words() | scenarios() | strings() | robust() | findings() | slow()
 
 
 if __name__ == "__main__":

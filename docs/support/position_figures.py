@@ -216,9 +216,9 @@ DIP = np.radians(70.0)
 
 def surveyed() -> tuple[Tool, WellSurvey, dict[str, Array], Array]:
     """A tool calibrated in 24 positions, a well, what the tool shows there without error, fields (2, n, 3)."""
-    stand = simulate.bench(plans.orthogonal(), seed=7, rig=Rig(dip=DIP, setting_sd=np.radians(0.1)))
-    tool = calibrate_joint(stand.readings, name="simulated").tool
-    path = simulate.well(stand.truth, seed=7)
+    readings, truth, _ = simulate.bench(plans.orthogonal(), seed=7, rig=Rig(dip=DIP, setting_sd=np.radians(0.1)))
+    tool = calibrate_joint(readings, name="simulated").tool
+    path = simulate.well(truth, seed=7)
     seen = dict(zip(VECTORS, fields(path.azimuth, path.inclination, path.toolface, DIP), strict=True))
     site = Site(g=9.80665, b=50_000.0, dip=DIP, declination=np.radians(4.0))
     survey = well_survey(path.md, path.inclination, path.azimuth, site, "magnetic")

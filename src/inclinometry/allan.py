@@ -37,7 +37,6 @@ from inclinometry.tabular import Column, Tabular, draw
 #
 # G gives the mean as well: v_m = (6 G(0) - 8 G(m) + 2 G(2 m)) / (2 m^2), the usual terms of IEEE Std 952-1997, annex C.
 
-_WEIGHTS = np.array([1.0, -2.0, 1.0])
 _STEPS = np.unique(np.concatenate([np.arange(9), np.round(9.0 * 1.15 ** np.arange(90))]).astype(np.int64))
 
 
@@ -89,7 +88,7 @@ def _cross(lag: Index, m: int, other: int) -> Array:
     """c at each lag for the four random terms, (4, n)."""
     place = np.arange(3)
     t = lag + np.asarray(other * place[:, None] - m * place)[..., None].astype(np.float64)
-    weights = np.multiply.outer(_WEIGHTS, _WEIGHTS)
+    weights = np.outer([1.0, -2.0, 1.0], [1.0, -2.0, 1.0])
     size = np.abs(t)
     with np.errstate(divide="ignore", invalid="ignore"):
         flicker = np.where(size > 0.0, t * t * np.log(size), 0.0) / (2.0 * np.pi)
@@ -109,19 +108,15 @@ FLAT = float(np.sqrt(2.0 * np.log(2.0) / np.pi))
 SHORTEST = 64
 """Samples below which nothing is fitted."""
 _NAMES = ("angle_random_walk", "bias_instability", "rate_random_walk", "quantisation", "ramp")
-_SEEN = 2.0
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class AllanCurve(Tabular):
-    """Overlapping Allan deviation.
+    """Overlapping Allan deviation of `samples` values, `dt` s apart.
 
-    tau : (t,) averaging time, s.
+    tau : (t,) averaging times, `factor` x dt, s.
     deviation : (t,) or (t, m) in the unit of the record, m channels.
     edf : (t,) equivalent degrees of freedom for white noise (NIST SP 1065, section 5.4).
-    factor : (t,) averaging factors, tau = factor x dt.
-    dt : s.
-    samples : length of the record.
     """
 
     tau: Array
@@ -211,17 +206,12 @@ class NoiseModel:
     def parts(self, t: ArrayLike) -> dict[str, Array]:
         """Allan deviation of each coefficient that was seen, over averaging times t, s."""
         time = _positive(t, "t")
-        variances = design(np.atleast_1d(time))
-        seen = {name: c for name, c in self.coefficients.items() if c.seen}
-        return {
-            name: c.value * np.sqrt(variances[:, _NAMES.index(name)]).reshape(time.shape) for name, c in seen.items()
-        }
+        deviations = np.sqrt(design(np.ravel(time))).T.reshape(-1, *time.shape)
+        return {name: c.value * deviations[_NAMES.index(name)] for name, c in self.coefficients.items() if c.seen}
 
     def deviation(self, t: ArrayLike) -> Array:
         """Allan deviation of the whole model over averaging times t, s, same shape."""
-        parts = self.parts(t)
-        shape = np.shape(np.asarray(t))
-        return np.asarray(np.sqrt(sum((part**2 for part in parts.values()), np.zeros(shape))))
+        return self._deviation(t, _NAMES)
 
     def rate_sigma(self, t: ArrayLike) -> Array:
         """Standard deviation of a mean rate over t seconds, same shape as t, in the unit of the record.
@@ -230,9 +220,11 @@ class NoiseModel:
         the same length before it (flicker has no standard deviation of its own); from a random walk that starts where
         the reading does. Coefficients that were not seen count as zero.
         """
-        wanted = ("angle_random_walk", "bias_instability", "rate_random_walk")
-        parts = [part**2 for name, part in self.parts(t).items() if name in wanted]
-        return np.asarray(np.sqrt(sum(parts, np.zeros(np.shape(np.asarray(t))))))
+        return self._deviation(t, _NAMES[:3])
+
+    def _deviation(self, t: ArrayLike, names: Sequence[str]) -> Array:
+        parts = [part**2 for name, part in self.parts(t).items() if name in names]
+        return np.asarray(np.sqrt(sum(parts, np.zeros(np.shape(t)))))
 
 
 def allan_deviation(rate: ArrayLike, dt: float, taus: ArrayLike | None = None) -> AllanCurve:
@@ -275,7 +267,7 @@ def allan_deviation(rate: ArrayLike, dt: float, taus: ArrayLike | None = None) -
         raise InputError(f"rate has shape {record.shape}; expected (n,) or (n, m) with n of 3 or more")
     step = float(_positive(dt, "dt"))
     size = len(record)
-    factor = _default_factors(size) if taus is None else _factors(taus, step, size)
+    factor = _factors(taus, step, size)
     phase = np.concatenate([np.zeros((1, *record.shape[1:])), np.cumsum(record - record.mean(axis=0), axis=0)])
     rows = []
     for m in factor.tolist():
@@ -339,9 +331,8 @@ def fit_noise(curve: AllanCurve, *, quantisation: bool = False, ramp: bool = Fal
     spread = gain @ covariance @ gain.T
     left = variance / unit - functions @ squares
     chi_square = float(left @ _inverse(covariance) @ left)
-    # power of the sampling interval that takes a coefficient from samples to seconds
-    time_power = (0.5, 0.0, -0.5, 1.0, -1.0)
-    scale = np.sqrt(unit) * np.array([curve.dt ** time_power[term] for term in terms])
+    # powers of the sampling interval that take the coefficients from samples to seconds
+    scale = np.sqrt(unit) * np.array([curve.dt ** (0.5, 0.0, -0.5, 1.0, -1.0)[term] for term in terms])
     found = [
         _coefficient(place, squares, gain, tensor, float(spread[place, place]), float(scale[place]))
         for place in range(len(terms))
@@ -401,7 +392,7 @@ def _coefficient(place: int, squares: Array, gain: Array, tensor: Array, varianc
     # (limit - square)^2 = z^2 (null + crossed limit) + (lost limit)^2
     half = least + z2 * max(both - null - own, 0.0) / 2.0
     limit = scale * float(np.sqrt((half + np.sqrt(half**2 - room * (least**2 - z2 * null))) / room))
-    if square <= _SEEN * np.sqrt(null):
+    if square <= 2.0 * np.sqrt(null):
         return Coefficient(float("nan"), float("nan"), limit)
     value = float(np.sqrt(square))
     return Coefficient(scale * value, scale * float(np.sqrt(variance)) / (2.0 * value), limit)
@@ -414,13 +405,10 @@ def _positive(value: ArrayLike, name: str) -> Array:
     return found
 
 
-def _default_factors(samples: int) -> Index:
-    longest = max(samples // 3, 1)
-    number = int(10 * np.log10(longest)) + 2
-    return np.unique(np.round(np.geomspace(1, longest, number)).astype(np.intp))
-
-
-def _factors(taus: ArrayLike, dt: float, samples: int) -> Index:
+def _factors(taus: ArrayLike | None, dt: float, samples: int) -> Index:
+    if taus is None:
+        longest = max(samples // 3, 1)
+        return np.unique(np.round(np.geomspace(1, longest, int(10 * np.log10(longest)) + 2)).astype(np.intp))
     wanted = np.atleast_1d(_positive(taus, "taus"))
     longest = samples // 2
     if wanted.max() > (longest + 0.5) * dt or wanted.min() < 0.5 * dt:

@@ -17,29 +17,7 @@ Mask: TypeAlias = NDArray[np.bool_]
 
 
 def finite(value: ArrayLike, name: str, shape: tuple[int | None, ...] | None = None) -> Array:
-    """Return `value` as a float64 array of the given trailing shape, every element finite.
-
-    Parameters
-    ----------
-    value : array_like
-    name : str
-        What the caller calls it, for the message.
-    shape : tuple, optional
-        Required trailing dimensions; None where any length will do. Leading dimensions are free.
-
-    Raises
-    ------
-    InputError
-        Naming the argument, the first offending index and its value.
-
-    Examples
-    --------
-    >>> finite([[0, 0, 1]], "g", (3,)).shape
-    (1, 3)
-    >>> finite([0, float("nan"), 1], "g", (3,))
-    Traceback (most recent call last):
-    inclinometry.errors.InputError: g[1] is nan; every value must be finite
-    """
+    """`value` as a float64 array of the given trailing shape (None: any length), every element finite."""
     try:
         array = np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError) as error:
@@ -78,19 +56,7 @@ def within(value: ArrayLike, name: str, low: float, high: float, unit: str = "")
 
 
 def not_degrees(value: ArrayLike, name: str) -> Array:
-    """Return `value`, an inclination or dip in rad, as finite float64.
-
-    Raises
-    ------
-    InputError
-        More than two turns, which degrees are and radians hardly ever.
-
-    Examples
-    --------
-    >>> not_degrees([0.0, 90.0], "inclination")
-    Traceback (most recent call last):
-    inclinometry.errors.InputError: inclination reaches 90 rad; it looks like degrees: convert with numpy.radians
-    """
+    """`value`, an inclination or dip in rad, as finite float64; more than two turns are refused as degrees."""
     array = finite(value, name)
     largest = np.abs(array).max(initial=0.0)
     if largest > 4.0 * np.pi:

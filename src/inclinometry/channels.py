@@ -16,8 +16,6 @@ from inclinometry.arrays import Array, finite
 from inclinometry.errors import InputError
 from inclinometry.rotations import wrap_positive
 
-WORTH_LOADING: Final = 20_000
-"""Samples below which numpy answers sooner than numba can be imported."""
 WORTH_THREADS: Final = 1_000_000
 """Samples above which several threads share the work."""
 
@@ -97,8 +95,8 @@ def angles_from_channels(
     coefficients = _coefficients(matrix_g, offset_g, matrix_b, offset_b)
     result = ChannelAngles(*(np.empty(count) for _ in range(3))) if out is None else _checked_out(out, count, source)
     workers = _workers(threads)
-    kernel_module = "inclinometry.compiled"
-    if (count < WORTH_LOADING and kernel_module not in sys.modules) or not _compiled():
+    # of fewer samples numpy answers sooner than numba can be imported
+    if (count < 20_000 and "inclinometry.compiled" not in sys.modules) or not _compiled():
         _plain(source, coefficients, result)
     elif count <= WORTH_THREADS or workers == 1:
         _kernel(source, coefficients, result)
@@ -136,15 +134,10 @@ def _numbers(value: ArrayLike, name: str) -> Array:
 
 def _coefficients(matrix_g: ArrayLike, offset_g: ArrayLike, matrix_b: ArrayLike, offset_b: ArrayLike) -> Array:
     """Everything the kernel needs in one (24,) array: matrices by rows, then offsets."""
-    parts: list[Array] = []
-    wanted: tuple[tuple[ArrayLike, str, tuple[int, ...]], ...] = (
-        (matrix_g, "matrix_g", (3, 3)),
-        (matrix_b, "matrix_b", (3, 3)),
-        (offset_g, "offset_g", (3,)),
-        (offset_b, "offset_b", (3,)),
-    )
-    for value, name, shape in wanted:
-        array = finite(value, name)
+    given = {"matrix_g": matrix_g, "matrix_b": matrix_b, "offset_g": offset_g, "offset_b": offset_b}
+    parts = []
+    for name, value in given.items():
+        array, shape = finite(value, name), (3, 3) if name.startswith("matrix") else (3,)
         if array.shape != shape:
             raise InputError(f"{name} has shape {array.shape}; expected {shape}")
         parts.append(array.ravel())
@@ -235,11 +228,9 @@ def _plain(source: Array | Channels, coefficients: Array, result: ChannelAngles)
             inclination = np.arctan2(np.sqrt(level), g[2])
             azimuth = wrap_positive(np.arctan2(sine, cosine))
             toolface = wrap_positive(np.arctan2(toolface_sine, toolface_cosine))
-            undefined = (
-                (vertical & (g[2] == 0.0))
-                | ((sine == 0.0) & (cosine == 0.0))
-                | ((toolface_sine == 0.0) & (toolface_cosine == 0.0))
-            )
+            undefined = vertical & (g[2] == 0.0)
+            undefined |= (sine == 0.0) & (cosine == 0.0)
+            undefined |= (toolface_sine == 0.0) & (toolface_cosine == 0.0)
             spoilt = np.where(undefined, np.nan, (inclination + azimuth + toolface) * 0.0)
             angles = inclination + spoilt, azimuth + spoilt, toolface + spoilt
         for into, angle in zip(result, angles, strict=True):

@@ -26,11 +26,9 @@ FOOT: Final = 0.3048
 KINDS: Final = ("accelerometer", "magnetometer", "gyro")
 """The kinds of triad, in the order every table, vector and file uses."""
 
-AXIAL_INTERFERENCE: Final = 220.0
-"""nT, standard deviation of the field that a drill string adds along the tool: term AMIL of the ISCWSA MWD model."""
-
 STRING_INTERFERENCE: Final = 310.0
-"""nT, the same of a string of which nothing is known: 600 nT, of a string not spaced for less, lie within its 95 %."""
+"""nT, standard deviation of the field along the tool of a drill string of which nothing is known: 600 nT, of a string
+not spaced for less, lie within its 95 %. Term AMIL of the ISCWSA MWD model, of one that is spaced, is 220 nT."""
 
 DEG_PER_HOUR: Final = math.pi / 180.0 / 3600.0
 """One degree an hour, rad/s."""

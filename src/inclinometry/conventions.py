@@ -26,18 +26,7 @@ AXES: Final[Axes] = ("+x", "+y", "+z")
 
 
 def axes_matrix(axes: Axes) -> Array:
-    """Signed permutation matrix (3, 3) of axis names; its rows pick the vendor's channels.
-
-    Raises
-    ------
-    InputError
-        When the names are not x, y and z once each with a sign.
-
-    Examples
-    --------
-    >>> axes_matrix(("+y", "-x", "+z")) @ [1.0, 2.0, 3.0]
-    array([ 2., -1.,  3.])
-    """
+    """Signed permutation matrix (3, 3) of axis names; its rows pick the vendor's channels."""
     letters = sorted(axis[-1:] for axis in axes)
     if letters != ["x", "y", "z"] or any(axis[:-1] not in ("+", "-", "") for axis in axes):
         raise InputError(f"axes are {tuple(axes)}; give x, y and z once each with a sign, e.g. ('+y', '-x', '+z')")
@@ -65,28 +54,9 @@ def axes_names(matrix: ArrayLike) -> Axes:
 class Convention:
     """How a vendor's three channels per triad become components in tool axes.
 
-    Parameters
-    ----------
-    name : str
-    accelerometer, magnetometer, gyro : (str, str, str)
-        Vendor channels that are the tool's x, y, z, e.g. ("+y", "-x", "+z"). The gyro's default is the
-        magnetometer's.
-    specific_force : bool
-        True when an accelerometer that points up at rest reads positive (it reports the reaction to gravity).
-    accelerometer_toolface_offset, magnetometer_toolface_offset, gyro_toolface_offset : float
-        rad, to be added to the toolface of the triad's own index mark to give the tool's.
-
-    Raises
-    ------
-    InputError
-        When axes are not a signed permutation of x, y, z or an offset is not finite.
-
-    Examples
-    --------
-    >>> named("z-up").matrix("accelerometer") + 0.0
-    array([[-1.,  0.,  0.],
-           [ 0.,  1.,  0.],
-           [ 0.,  0.,  1.]])
+    accelerometer, magnetometer, gyro : vendor channels that are x, y, z, e.g. ("+y", "-x", "+z"); gyro as magnetometer.
+    specific_force : an accelerometer that points up at rest reads positive (it reports the reaction to gravity).
+    accelerometer_toolface_offset and so on : rad, added to the toolface of the triad's index mark to give the tool's.
     """
 
     name: str
@@ -124,34 +94,20 @@ CONVENTIONS: Final[tuple[Convention, ...]] = (
 mark, x 90 deg before it).
 """
 
-OLD_NATIVE: Final = "house"
-"""What "native" was called once: read wherever it was stored or is typed, never written."""
-
 
 def current_name(name: str) -> str:
-    """The name by which a convention goes today: "native" for "house", any other text as it is.
+    """The name by which a convention goes today: "native" for "house", as it was stored once, any other text as it is.
 
     Examples
     --------
     >>> current_name("house"), current_name("z-up")
     ('native', 'z-up')
     """
-    return "native" if name.strip().lower() == OLD_NATIVE else name
+    return "native" if name.strip().lower() == "house" else name
 
 
 def named(name: str) -> Convention:
-    """Look a convention up by name; upper and lower case are the same, and "house" is "native".
-
-    Raises
-    ------
-    InputError
-        When there is none of that name; the message lists those there are.
-
-    Examples
-    --------
-    >>> named("ISCWSA").magnetometer
-    ('+y', '-x', '+z')
-    """
+    """The convention of a name, in upper or lower case; "house" is "native"."""
     for convention in CONVENTIONS:
         if convention.name == current_name(name).strip().lower():
             return convention
@@ -159,104 +115,24 @@ def named(name: str) -> Convention:
     raise InputError(f"there is no convention {name!r}; known: {known}")
 
 
-def to_native(convention: Convention, accelerometer: ArrayLike, magnetometer: ArrayLike) -> tuple[Array, Array]:
-    """Gravity and magnetic field in tool axes from a vendor's channels.
-
-    Parameters
-    ----------
-    convention : Convention
-    accelerometer, magnetometer : (..., 3) array_like
-        Calibrated channels x, y, z of the vendor, any unit (kept).
-
-    Returns
-    -------
-    g, b : (..., 3) ndarray
-
-    Examples
-    --------
-    A vertical tool that reports specific force in axes with z up reads +1 g on z:
-
-    >>> g, b = to_native(named("z-up"), [0.0, 0.0, 1.0], [0.4, 0.0, -0.9])
-    >>> g + 0.0, b + 0.0
-    (array([0., 0., 1.]), array([0.4, 0. , 0.9]))
-    """
-    a = finite(accelerometer, "accelerometer", (3,))
-    m = finite(magnetometer, "magnetometer", (3,))
-    return (
-        np.asarray(a @ convention.matrix("accelerometer").T),
-        np.asarray(m @ convention.matrix("magnetometer").T),
-    )
-
-
 @dataclass(frozen=True)
 class Mapping:
     """One signed permutation: the magnetometer channels that lie along the accelerometer's x, y, z."""
 
     axes: Axes
-    dip: float  # mean over the attitudes, rad, positive down
-    scatter: float  # standard deviation over the attitudes, rad
-    right_handed: bool  # False for a mapping that mirrors the triad
-
-    @property
-    def matrix(self) -> Array:
-        """Matrix (3, 3) from magnetometer channels to accelerometer axes."""
-        return axes_matrix(self.axes)
-
-
-@dataclass(frozen=True)
-class MappingRanking:
-    """All mappings, best first, and what can be said of the choice."""
-
-    mappings: tuple[Mapping, ...]
-    ambiguous: bool
-    explanation: str
-
-    @property
-    def best(self) -> Mapping:
-        """The mapping with the least scatter; of a pair of opposite sign the one explained in `find_mapping`."""
-        return self.mappings[0]
+    dip: float  #: mean over the attitudes, rad, positive down
+    scatter: float  #: standard deviation over the attitudes, rad
+    right_handed: bool  #: False for a mapping that mirrors the triad
 
 
 def find_mapping(
     accelerometer: ArrayLike, magnetometer: ArrayLike, *, dip: float | None = None, tolerance: float = 0.01
-) -> MappingRanking:
-    """Rank the 48 signed permutations from magnetometer to accelerometer axes by the scatter of the dip.
+) -> tuple[tuple[Mapping, ...], bool, str]:
+    """The 48 mappings of magnetometer to accelerometer axes by scatter of the dip, K >= 4; whether and why ambiguous.
 
-    Parameters
-    ----------
-    accelerometer : (K, 3) array_like
-        Gravity in K >= 4 well spread attitudes, any unit. Opposite for accelerometers that report specific force.
-    magnetometer : (K, 3) array_like
-        Magnetometer channels in the same attitudes, any unit.
-    dip : float, optional
-        Expected dip, rad. It settles the sign of all three channels together, to which constancy of the dip is blind:
-        reversed channels give a dip as constant, of opposite sign. Without it the mapping between two right-handed
-        triads comes first.
-    tolerance : float
-        Scatter, rad, that noise and calibration errors may cause (default 0.01 rad, about 0.6 deg).
-
-    Returns
-    -------
-    MappingRanking
-        `ambiguous` is True when a second pair of mappings scatters less than 3 times the best or less than
-        `tolerance`, or when the best itself scatters more than `tolerance`; `explanation` says which.
-
-    Raises
-    ------
-    InputError
-        Fewer than four attitudes, unequal counts, a zero vector.
-
-    Notes
-    -----
-    A rotation common to both triads leaves the dip alone and cannot be seen here.
-
-    Examples
-    --------
-    >>> from inclinometry.orientation import fields
-    >>> g, b = fields([0.1, 1.0, 2.5, 4.0], [0.3, 1.2, 2.0, 0.8], [0.5, 3.0, 1.0, 5.0], 1.2)
-    >>> ranking = find_mapping(g, b[:, [1, 0, 2]])
-    >>> ranking.best.axes, ranking.best.right_handed, ranking.ambiguous
-    (('-y', '-x', '-z'), True, False)
+    `dip` decides the sign of all channels together: reversed channels give an equally constant dip of opposite sign.
+    Without it right-handed mappings come first. Ambiguous: a second pair scatters less than 3 times the best or less
+    than `tolerance`, rad, or the best more than it. A rotation common to both triads cannot be seen.
     """
     a = finite(accelerometer, "accelerometer", (3,))
     m = finite(magnetometer, "magnetometer", (3,))
@@ -265,39 +141,23 @@ def find_mapping(
             f"accelerometer has shape {a.shape}, magnetometer {m.shape}; both must be (K, 3) with K >= 4 attitudes"
         )
     wanted = None if dip is None else float(within(dip, "dip", -np.pi / 2, np.pi / 2, "rad"))
-    found = [_mapping(a, m, matrix) for matrix in _signed_permutations()]
-    # a mapping and its opposite scatter alike but for rounding: rank the pairs, then order each pair
-    pairs = sorted((_ordered(one, _opposite(one, found), wanted) for one in found[:24]), key=lambda p: p[0].scatter)
-    ranked = tuple(mapping for pair in pairs for mapping in pair)
-    ambiguous, explanation = _judge(pairs, wanted, tolerance)
-    return MappingRanking(ranked, ambiguous, explanation)
-
-
-def _signed_permutations() -> list[Array]:
-    """All 48, the right-handed ones first."""
-    matrices = [
-        np.eye(3)[list(order)] * np.array(signs)[:, None]
-        for order in permutations(range(3))
-        for signs in product((1.0, -1.0), repeat=3)
-    ]
-    return sorted(matrices, key=lambda matrix: -np.linalg.det(matrix))
+    pairs = []
+    for order in permutations(range(3)):
+        for signs in product((1.0, -1.0), repeat=3):
+            matrix = np.eye(3)[list(order)] * np.array(signs)[:, None]
+            if np.linalg.det(matrix) > 0.0:
+                pair = (_mapping(a, m, matrix), _mapping(a, m, -matrix))
+                # the right-handed one first, unless the expected dip says otherwise
+                turned = wanted is not None and abs(pair[1].dip - wanted) < abs(pair[0].dip - wanted)
+                pairs.append(pair[::-1] if turned else pair)
+    # a mapping and its opposite scatter alike but for rounding: the pairs are ranked
+    pairs.sort(key=lambda pair: pair[0].scatter)
+    return tuple(mapping for pair in pairs for mapping in pair), *_judge(pairs, wanted, tolerance)
 
 
 def _mapping(a: Array, m: Array, matrix: Array) -> Mapping:
     dips = dip_angle(a, m @ matrix.T)
     return Mapping(axes_names(matrix), float(dips.mean()), float(dips.std(ddof=1)), bool(np.linalg.det(matrix) > 0.0))
-
-
-def _opposite(one: Mapping, others: list[Mapping]) -> Mapping:
-    axes = axes_names(-one.matrix)
-    return next(other for other in others if other.axes == axes)
-
-
-def _ordered(one: Mapping, other: Mapping, dip: float | None) -> tuple[Mapping, Mapping]:
-    """The right-handed one first, unless the expected dip says otherwise."""
-    if dip is not None and abs(other.dip - dip) < abs(one.dip - dip):
-        return other, one
-    return one, other
 
 
 def _judge(pairs: list[tuple[Mapping, Mapping]], dip: float | None, tolerance: float) -> tuple[bool, str]:

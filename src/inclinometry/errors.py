@@ -1,47 +1,53 @@
 """The few errors of the package; each is a child of the builtin a caller expects.
 
-A message gives the value found, the range allowed and the remedy; a file's error also names file and line.
+A message gives the value found, the range allowed and the remedy; a file's error also names file and line. An error
+carries a finding, whose sentence is its message; a plain text where a room is not yet converted.
 """
 
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
-_LONG = re.compile(r"((?<!\w)'[^'\n]{60})[^'\n]{60,}'(?!\w)")  # a value in quotes
+from inclinometry.findings import Finding, Value, codes
 
 
 class InclinometryError(Exception):
     """Everything this package raises on purpose."""
+
+    finding: Finding | None = None
+
+    def __init__(self, said: Finding | str = "") -> None:
+        super().__init__(str(said))
+        self.finding = said if isinstance(said, Finding) else None
 
 
 class InputError(InclinometryError, ValueError):
     """A value that cannot be used: wrong shape, not finite, out of range, contradictory."""
 
 
+class SiteError(InputError):
+    """A site that states too little; the remedy belongs in its file."""
+
+
+def refused(code: str, values: Mapping[str, Value] | None = None) -> InputError:
+    """The error of a finding."""
+    return InputError(Finding(code, values or {}, severity="refused"))
+
+
 class FileError(InputError):
-    """A file that cannot be used; the message names the file and, where there is one, the line, or row of an array.
+    """A file that cannot be used; the message names the file and, where there is one, the line, or row of an array."""
 
-    Examples
-    --------
-    >>> str(FileError("no column 'accel_y'; add it", path="bench.csv", line=1))
-    "bench.csv, line 1: no column 'accel_y'; add it"
-
-    A value longer than anybody wants to read is cut:
-
-    >>> str(FileError(f"{9000 * '2.6'!r} is not a number", path="a.las"))
-    "a.las: '2.62.62.62.62.62.62.62.62.62.62.62.62.62.62.62.62.62.62.62.6…' is not a number"
-    """
-
-    def __init__(self, problem: str, *, path: str | Path, line: int | None = None, row: int | None = None) -> None:
+    def __init__(
+        self, problem: Finding | str, *, path: str | Path, line: int | None = None, row: int | None = None
+    ) -> None:
         where = f"{path}" + (f", line {line}" if line is not None else f", row {row}" if row is not None else "")
-        problem = _LONG.sub(r"\1…'", problem)  # a damaged file has values of thousands of characters
-        super().__init__(f"{where}: {problem}")
-        self.path, self.line, self.problem = Path(path), line, problem
-
-    def of_rows(self) -> FileError:
-        """The same of a file that has rows and no lines: its names are no line."""
-        return FileError(self.problem, path=self.path, row=self.line or None)
+        # a damaged file has values, in quotes, of thousands of characters
+        text = re.sub(r"((?<!\w)'[^'\n]{60})[^'\n]{60,}'(?!\w)", r"\1…'", str(problem))
+        super().__init__(f"{where}: {text}")
+        self.path, self.line, self.problem = Path(path), line, text
+        self.finding = problem if isinstance(problem, Finding) else None
 
 
 class IdentifiabilityError(InclinometryError, ValueError):
@@ -50,3 +56,22 @@ class IdentifiabilityError(InclinometryError, ValueError):
 
 class ConvergenceError(InclinometryError, ArithmeticError):
     """An iteration did not settle; nothing half-fitted is returned."""
+
+
+def settled(
+    found: Iterable[Finding], ignored: Sequence[str] = (), path: str | Path | None = None
+) -> tuple[Finding, ...]:
+    """Findings after --ignore, whose names are codes or groups; the first that is still refused raises."""
+    rules = {code: rule for code, rule in codes().items() if rule.group} if ignored else {}
+    groups = tuple(dict.fromkeys(rule.group for rule in rules.values()))
+    if unknown := sorted(set(ignored) - set(rules) - set(groups)):
+        raise InputError(Finding("input-ignore-unknown", {"name": unknown[0], "allowed": groups}, severity="refused"))
+    kept = []
+    for one in found:
+        if one.code in ignored or one.group in ignored:
+            kept.append(one._replace(severity="ignored"))
+        elif one.severity == "refused":
+            raise InputError(one) if path is None else FileError(one, path=path)
+        else:
+            kept.append(one)
+    return tuple(kept)

@@ -10,15 +10,15 @@ from __future__ import annotations
 
 import datetime
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
 from inclinometry.arrays import Array, finite, frozen
-from inclinometry.constants import KIND_PREFIX, VECTORS
+from inclinometry.constants import GRAVITY_SPREAD, KIND_PREFIX, VECTORS
 from inclinometry.errors import InputError
-from inclinometry.sensors import Tool, Triad
+from inclinometry.sensors import Tool, Triad, in_field_of
 from inclinometry.tabular import Column, Tabular
 
 PARAMETERS: Final = tuple(
@@ -162,30 +162,15 @@ class ToolHistory(Tabular):
 
 
 def relative_parameters(tool: Tool, reference: Tool) -> tuple[Array, Array]:
-    """Parameters of a tool relative to a reference, (24,), and their covariance (24, 24).
+    """Parameters of a tool relative to a reference, (24,), and their covariance (24, 24), at its reference temperature.
 
-    Parameters
-    ----------
-    tool, reference : Tool
-        Each with three accelerometers and three magnetometers; of a tool that knows temperature the parameters at its
-        reference temperature.
-
-    Raises
-    ------
-    InputError
-        Another number of sensors; signals in another unit; another reference temperature.
-
-    Notes
-    -----
-    E = N_r^-1 N - I, o = N_r^-1 (U0 - U0_r).
-
-    Examples
-    --------
-    >>> old, new = (Tool("1", {k: Triad(k, s * np.eye(3), np.zeros(3)) for k in VECTORS}) for s in (1000.0, 1001.0))
-    >>> relative_parameters(new, old)[0][:5].round(6)
-    array([0.001, 0.   , 0.   , 0.   , 0.   ])
+    E = N_r^-1 N - I, o = N_r^-1 (U0 - U0_r), N for the field of the reference. Where one of the two does not state the
+    strength of its field, the common scale of the triad is unknown (`scale_unseen`); it turns no angle.
     """
     values, blocks, rows = [], [], []
+    for kind in VECTORS:
+        _triad(tool, kind), _triad(reference, kind)
+    tool, unknown = in_field_of(tool, reference)
     for kind in VECTORS:
         one, other = _triad(tool, kind), _triad(reference, kind)
         if one.unit != other.unit:
@@ -204,20 +189,25 @@ def relative_parameters(tool: Tool, reference: Tool) -> tuple[Array, Array]:
     turn = np.zeros((24, 24))
     turn[:12, :12], turn[12:, 12:] = blocks
     kept = np.concatenate(rows)
-    return np.concatenate(values), np.asarray(turn @ tool.covariance[np.ix_(kept, kept)] @ turn.T)
+    covariance = turn @ tool.covariance[np.ix_(kept, kept)] @ turn.T
+    return np.concatenate(values), np.asarray(covariance + scale_unseen(unknown))
+
+
+def scale_unseen(kinds: Sequence[str]) -> Array:
+    """Covariance (24, 24) of the common scale of triads whose field is not known: gravity's spread, else `UNSEEN`."""
+    found = np.zeros((len(PARAMETERS), len(PARAMETERS)))
+    for place, kind in enumerate(VECTORS):
+        common = 12 * place + np.array([0, 5, 10])
+        if kind in kinds:
+            sd = np.sqrt(2.0) * GRAVITY_SPREAD if kind == "accelerometer" else UNSEEN
+            found[np.ix_(common, common)] = sd**2
+    return found
 
 
 def tool_from_relative(reference: Tool, values: Array, covariance: Array, name: str = "") -> Tool:
-    """The tool with these relative parameters (24,) and covariance (24, 24): inverse of `relative_parameters`.
+    """The tool with these relative parameters (24,) and covariance: inverse of `relative_parameters`.
 
-    What the reference says of temperature and noise is kept.
-
-    Examples
-    --------
-    >>> old = Tool("1", {k: Triad(k, 1000.0 * np.eye(3), np.zeros(3)) for k in VECTORS})
-    >>> new = tool_from_relative(old, np.full(24, 1e-3), 1e-8 * np.eye(24))
-    >>> new.triads["magnetometer"].offset[0], round(float(new.covariance[0, 0]), 6)
-    (array([1., 1., 1.]), 0.01)
+    Temperature coefficients and noise are those of the reference.
     """
     triads, stated = dict(reference.triads), np.array(reference.covariance)
     turn = np.zeros((24, 24))
@@ -229,9 +219,7 @@ def tool_from_relative(reference: Tool, values: Array, covariance: Array, name: 
         tensor, offset = np.array(triad.tensor), np.array(triad.offset)
         tensor[0] += change[:, :3]
         offset[0] += change[:, 3]
-        triads[kind] = Triad(
-            kind, tensor, offset, triad.unit, triad.field_strength, triad.reference_temperature, triad.g_sensitivity
-        )
+        triads[kind] = replace(triad, tensor=tensor, offset=offset)
         turn[12 * place : 12 * place + 12, 12 * place : 12 * place + 12] = np.kron(triad.tensor[0], np.eye(4))
         start = reference.slices[kind].start
         rows.append(np.arange(start, start + 12))

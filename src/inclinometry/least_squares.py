@@ -21,10 +21,10 @@ State = TypeVar("State")
 class Normal(NamedTuple):
     """Half the cost's gradient and Gauss-Newton Hessian at one state."""
 
-    cost: float  # sum of squared weighted residuals
-    gradient: Array  # (p,) J' W r
-    hessian: Array  # (p, p) J' W J
-    eliminated: float = 0.0  # decrement of parameters the problem has eliminated and steps on its own in `retract`
+    cost: float  #: sum of squared weighted residuals
+    gradient: Array  #: (p,) J' W r
+    hessian: Array  #: (p, p) J' W J
+    eliminated: float = 0.0  #: decrement of parameters the problem has eliminated and steps on its own in `retract`
 
 
 @dataclass(frozen=True)
@@ -47,35 +47,8 @@ def levenberg_marquardt(
 ) -> Fit[State]:
     """Minimise sum of squares from `start`; steps are scaled by the Hessian's diagonal.
 
-    Parameters
-    ----------
-    normal : callable
-        state -> Normal(cost, gradient, hessian)
-    start : State
-    retract : callable
-        (state, step (p,)) -> state
-    tolerance : float
-        Stop when the Newton decrement g' H^-1 g falls below tolerance^2 (1 + cost), i.e. when the remaining step is a
-        negligible part of a standard deviation.
-
-    Raises
-    ------
-    ConvergenceError
-        When the cost is not finite or the loop does not settle.
-
-    Notes
-    -----
-    Damping after Nielsen, "Damping parameter in Marquardt's method", IMM-REP-1999-05.
-
-    Examples
-    --------
-    >>> t = np.arange(4.0); y = np.exp(-0.5 * t)
-    >>> def normal(x):
-    ...     model = np.exp(-x[0] * t); jac = (-t * model)[:, None]; r = model - y
-    ...     return Normal(float(r @ r), jac.T @ r, jac.T @ jac)
-    >>> fit = levenberg_marquardt(normal, np.array([1.0]), lambda x, d: x + d)
-    >>> round(float(fit.estimate[0]), 9)
-    0.5
+    Ends when the Newton decrement g' H^-1 g is below tolerance^2 (1 + cost): the remaining step is a negligible part of
+    a standard deviation. Damping after Nielsen, "Damping parameter in Marquardt's method", IMM-REP-1999-05.
     """
     state, here = start, normal(start)
     damping, growth = 1e-6, 2.0

@@ -12,45 +12,29 @@ from typing import Final
 
 from inclinometry.errors import FileError
 
-LARGEST_RECORD: Final = 20_000_000
-"""Bytes of a JSON record of ours; in memory it takes up to twenty times as much."""
 LARGEST_SETTINGS: Final = 2_000_000
 """Bytes of a TOML file, which people write."""
 
 
 @contextmanager
 def opened(path: str | Path) -> Iterator[BufferedReader]:
-    """The bytes of a file, or of a pipe, as a stream.
-
-    Raises
-    ------
-    FileError
-        None is there; a folder; a device, which has no end; it cannot be opened.
-
-    Examples
-    --------
-    >>> with opened("/dev/zero") as stream:
-    ...     stream.read()
-    Traceback (most recent call last):
-    inclinometry.errors.FileError: /dev/zero: this is a device, which has no end; give the name of a file
-    """
+    """The bytes of a file as a stream; folders, pipes and devices are refused."""
     try:
         mode = os.stat(path).st_mode  # noqa: PTH116
-        ends = stat.S_ISREG(mode) or stat.S_ISFIFO(mode)
-        stream = Path(path).open("rb") if ends else None  # noqa: SIM115
+        stream = Path(path).open("rb") if stat.S_ISREG(mode) else None  # noqa: SIM115
     except FileNotFoundError:
         raise FileError("there is no such file; check the name", path=path) from None
     except (OSError, ValueError) as error:  # ValueError: a zero byte in the name
         raise FileError(f"cannot be read ({getattr(error, 'strerror', None) or error})", path=path) from None
     if stream is None:
-        what = "a folder" if stat.S_ISDIR(mode) else "a device, which has no end"
+        what = "a folder" if stat.S_ISDIR(mode) else "a pipe" if stat.S_ISFIFO(mode) else "a device, which has no end"
         raise FileError(f"this is {what}; give the name of a file", path=path)
     with stream:
         yield stream
 
 
 def whole(path: str | Path, largest: int, remedy: str = "is it the right file?") -> bytes:
-    """All bytes of a file, or of a pipe; never more than `largest` are in memory.
+    """All bytes of a file; never more than `largest` are in memory.
 
     Raises
     ------
@@ -60,10 +44,9 @@ def whole(path: str | Path, largest: int, remedy: str = "is it the right file?")
     with opened(path) as stream:
         size = os.fstat(stream.fileno()).st_size
         try:
-            data = b"" if size > largest else stream.read(largest + 1)
+            data = b"" if size > largest else stream.read()
         except OSError as error:
             raise FileError(f"cannot be read ({error.strerror or error})", path=path) from None
-    if size > largest or len(data) > largest:
-        found = f"{size:,}" if size > largest else f"more than {largest:,}"
-        raise FileError(f"it has {found} bytes; allowed {largest:,}: {remedy}", path=path)
+    if size > largest:
+        raise FileError(f"it has {size:,} bytes; allowed {largest:,}: {remedy}", path=path)
     return data

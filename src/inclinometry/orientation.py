@@ -38,8 +38,8 @@ class _Triad(NamedTuple):
     north: Array
     east: Array
     down: Array
-    strength: Array  # |g|
-    b_north: Array  # horizontal and downward parts of b
+    strength: Array  #: |g|
+    b_north: Array  #: horizontal and downward parts of b
     b_down: Array
 
 
@@ -89,36 +89,12 @@ def angles(g: ArrayLike, b: ArrayLike) -> Angles:
 
 
 def angles_jacobian(g: ArrayLike, b: ArrayLike) -> Array:
-    """Derivatives of `angles` by the six field components.
+    """Derivatives (..., 4, 6) of inclination, azimuth, toolface, magnetic toolface by gx..gz and bx..bz, rad per unit.
 
-    Parameters
-    ----------
-    g, b : (..., 3) array_like
-        As for `angles`.
-
-    Returns
-    -------
-    (..., 4, 6) ndarray
-        Rows inclination, azimuth, toolface, magnetic toolface; columns gx, gy, gz (rad per unit of g), bx, by, bz (rad
-        per unit of b). Exactly vertical, the rows of azimuth and toolface are NaN (no derivative exists; the error is
-        unbounded), and so is magnetic toolface in a tool that points straight up; inclination is then differentiated
-        in the direction of the toolface that `angles` reports.
-
-    Notes
-    -----
-    Small changes of g and b turn the triad north, east, down by
-
-        theta = d x dg/|g| + d [e.db - (b_down/|g|) e.dg] / b_north
-
-    and with h = (-cos T, sin T, 0), u = (sin T, cos T, 0) the angles change by
-
-        dI = -u.theta,  dA = -h.theta / sin I,  dT = -theta_z + cot I h.theta,  d(A + T) = -theta_z - tan(I/2) h.theta.
-
-    Examples
-    --------
-    >>> jacobian = angles_jacobian([0.0, 0.0, 9.8], [20000.0, 0.0, 40000.0])
-    >>> jacobian.shape, bool(np.isnan(jacobian[1]).all()), bool(np.isfinite(jacobian[3]).all())
-    ((4, 6), True, True)
+    North, east, down turn by theta = d x dg/|g| + d [e.db - (b_down/|g|) e.dg] / b_north. With h = (-cos T, sin T, 0),
+    u = (sin T, cos T, 0): dI = -u.theta, dA = -h.theta / sin I, dT = -theta_z + cot I h.theta, d(A + T) = -theta_z -
+    tan(I/2) h.theta. Vertical: azimuth and toolface are NaN (up: magnetic toolface too), inclination follows the
+    toolface of `angles`.
     """
     t = _triad(g, b)
     theta = _triad_rotation(t)
@@ -140,53 +116,18 @@ def angles_jacobian(g: ArrayLike, b: ArrayLike) -> Array:
 
 
 def attitude_jacobian(g: ArrayLike, b: ArrayLike) -> Array:
-    """Derivatives of the whole attitude by the six field components, regular at every inclination.
+    """Derivatives (..., 3, 6) of the attitude by the six field components, regular at every inclination.
 
-    Parameters
-    ----------
-    g, b : (..., 3) array_like
-        As for `angles`.
-
-    Returns
-    -------
-    (..., 3, 6) ndarray
-        Small rotation theta, rad, in tool axes, of north, east and down as seen from the tool: dn = theta x n and so
-        on.
-
-    Examples
-    --------
-    >>> attitude_jacobian([0.0, 0.0, 10.0], [20000.0, 0.0, 40000.0])[:2, :2].round(3) + 0.0
-    array([[ 0. , -0.1],
-           [ 0.1,  0. ]])
+    Of the small rotation theta, rad, in tool axes, of north, east and down as seen from the tool: dn = theta x n.
     """
     return _triad_rotation(_triad(g, b))
 
 
 def axis_jacobian(g: ArrayLike, b: ArrayLike) -> Array:
-    """Derivatives of the direction of the tool axis (z) by the six field components.
+    """Derivatives (..., 3, 6) of the north, east, down components of the tool axis; columns as in `angles_jacobian`.
 
-    Parameters
-    ----------
-    g, b : (..., 3) array_like
-        As for `angles`.
-
-    Returns
-    -------
-    (..., 3, 6) ndarray
-        Rows north (of the second field), east, down; columns as in `angles_jacobian`. Defined at every inclination: a
-        vertical tool has no azimuth, but its axis has a direction.
-
-    Notes
-    -----
-    North, east and down seen from the tool turn by theta, of which `angles_jacobian` tells; their components along z by
-    those of theta x n, theta x e, theta x d.
-
-    Examples
-    --------
-    >>> axis_jacobian([0.0, 0.0, 10.0], [20000.0, 0.0, 40000.0])[:, :2] + 0.0
-    array([[-0.1,  0. ],
-           [ 0. , -0.1],
-           [ 0. ,  0. ]])
+    Defined at every inclination. North, east and down turn by theta of `angles_jacobian`; their components along z
+    change by those of theta x n, theta x e, theta x d.
     """
     t = _triad(g, b)
     theta = _triad_rotation(t)
@@ -195,18 +136,7 @@ def axis_jacobian(g: ArrayLike, b: ArrayLike) -> Array:
 
 
 def inclination_toolface(g: ArrayLike) -> tuple[Array, Array]:
-    """Inclination and toolface, rad, from gravity (..., 3) alone; toolface is given as 0 where exactly vertical.
-
-    Raises
-    ------
-    InputError
-        When g is zero.
-
-    Examples
-    --------
-    >>> [float(np.degrees(x).round(9)) for x in inclination_toolface([0.0, 1.0, 1.0])]
-    [45.0, 90.0]
-    """
+    """Inclination and toolface, rad, from gravity (..., 3) alone; toolface is given as 0 where exactly vertical."""
     d, _ = _unit(g, "g")
     level = np.hypot(d[..., 0], d[..., 1])
     toolface = np.where(level < PLUMB, 0.0, wrap_positive(np.arctan2(d[..., 1], -d[..., 0])))
@@ -214,18 +144,7 @@ def inclination_toolface(g: ArrayLike) -> tuple[Array, Array]:
 
 
 def dip_angle(g: ArrayLike, b: ArrayLike) -> Array:
-    """Angle of b below the horizon, rad, positive down, shape (...).
-
-    Raises
-    ------
-    InputError
-        When g or b is zero.
-
-    Examples
-    --------
-    >>> float(np.degrees(dip_angle([0, 0, 9.8], [1.0, 0.0, 1.0])).round(9))
-    45.0
-    """
+    """Angle of b below the horizon, rad, positive down, shape (...)."""
     d, _ = _unit(g, "g")
     m, _ = _unit(b, "b")
     return np.asarray(np.arctan2(np.sum(d * m, axis=-1), np.linalg.norm(np.cross(d, m), axis=-1)))
@@ -234,19 +153,7 @@ def dip_angle(g: ArrayLike, b: ArrayLike) -> Array:
 def dip_jacobian(g: ArrayLike, b: ArrayLike) -> Array:
     """Derivatives (..., 6) of `dip_angle` by gx, gy, gz (rad per unit of g), bx, by, bz (rad per unit of b).
 
-    Raises
-    ------
-    InputError
-        When g or b is zero or they are parallel (the dip has a corner there).
-
-    Notes
-    -----
-    d(dip) = n.dg/|g| + (b_north d - b_down n).db/|b|^2.
-
-    Examples
-    --------
-    >>> dip_jacobian([0, 0, 1], [1, 0, 0]) + 0.0
-    array([1., 0., 0., 0., 0., 1.])
+    d(dip) = n.dg/|g| + (b_north d - b_down n).db/|b|^2; g and b parallel are refused (the dip has a corner there).
     """
     t = _triad(g, b)
     strength = np.hypot(t.b_north, t.b_down)[..., None]

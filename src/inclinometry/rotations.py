@@ -36,22 +36,7 @@ def wrap_signed(angle: ArrayLike) -> Array:
 
 
 def rotation_x(angle: ArrayLike) -> Array:
-    """Passive rotation by `angle` about x: components of a fixed vector in axes turned by `angle`.
-
-    Parameters
-    ----------
-    angle : (...) array_like
-        rad.
-
-    Returns
-    -------
-    (..., 3, 3) ndarray
-
-    Examples
-    --------
-    >>> (rotation_x(np.pi / 2) @ [0, 1, 0]).round(12)
-    array([ 0.,  0., -1.])
-    """
+    """Passive rotation (..., 3, 3) by rad about x: components of a fixed vector in axes turned by `angle`."""
     a = finite(angle, "angle")
     c, s, o, i = np.cos(a), np.sin(a), np.zeros_like(a), np.ones_like(a)
     return _matrix([[i, o, o], [o, c, s], [o, -s, c]])
@@ -110,28 +95,9 @@ def dcm(azimuth: ArrayLike, inclination: ArrayLike, toolface: ArrayLike) -> Arra
 
 
 def dcm_derivatives(azimuth: ArrayLike, inclination: ArrayLike, toolface: ArrayLike) -> Array:
-    """Derivatives of `dcm` by azimuth, inclination and toolface.
+    """Derivatives (..., 3, 3, 3) of `dcm` by azimuth, inclination, toolface: [..., d, i, j] of C_tn[i, j], per rad.
 
-    Parameters
-    ----------
-    azimuth, inclination, toolface : (...) array_like
-        rad; broadcast together.
-
-    Returns
-    -------
-    (..., 3, 3, 3) ndarray
-        Element [..., d, i, j] is the derivative of C_tn[i, j] by (azimuth, inclination, toolface)[d], per rad.
-
-    Notes
-    -----
     dR_k(a)/da = -[k x] R_k(a) for a passive rotation about the unit vector k.
-
-    Examples
-    --------
-    >>> dcm_derivatives(0.0, 0.0, 0.0)[1] + 0.0
-    array([[ 0.,  0., -1.],
-           [ 0.,  0.,  0.],
-           [ 1.,  0.,  0.]])
     """
     rz_t, ry, rz_a = rotation_z(toolface), rotation_y(inclination), rotation_z(azimuth)
     minus_y, minus_z = -cross_matrix([0.0, 1.0, 0.0]), -cross_matrix([0.0, 0.0, 1.0])
@@ -157,14 +123,7 @@ def cross_matrix(v: ArrayLike) -> Array:
 def rotation_exp(vector: ArrayLike) -> Array:
     """Active rotation by |v| about v: the matrix exponential of [v x]; (..., 3) in rad gives (..., 3, 3).
 
-    Notes
-    -----
     Rodrigues' formula with sinc, exact at zero. A passive rotation is its transpose: R_z(a) = exp([-a z x]).
-
-    Examples
-    --------
-    >>> (rotation_exp([0, 0, np.pi / 2]) @ [1, 0, 0]).round(12)
-    array([0., 1., 0.])
     """
     v = finite(vector, "vector", (3,))
     angle = np.linalg.norm(v, axis=-1)[..., None, None]
@@ -173,40 +132,15 @@ def rotation_exp(vector: ArrayLike) -> Array:
 
 
 def rotation_log(matrix: ArrayLike) -> Array:
-    """Rotation vector (..., 3), |v| <= pi rad, of rotation matrices (..., 3, 3): the inverse of `rotation_exp`.
-
-    Raises
-    ------
-    InputError
-        When a matrix is not a proper rotation.
-
-    Examples
-    --------
-    >>> rotation_log(rotation_exp([0.1, -0.2, 0.3])).round(12)
-    array([ 0.1, -0.2,  0.3])
-    """
+    """Rotation vector (..., 3), |v| <= pi rad, of rotation matrices (..., 3, 3): the inverse of `rotation_exp`."""
     return quaternion_log(quaternion_from_dcm(matrix))
 
 
 def quaternion_from_dcm(matrix: ArrayLike) -> Array:
     """Unit quaternion (..., 4), scalar first and not negative, of rotation matrices (..., 3, 3).
 
-    The product follows the matrices: the quaternion of A @ B is `quaternion_multiply` (a, b).
-
-    Raises
-    ------
-    InputError
-        When a matrix differs from a proper rotation by more than 1e-6.
-
-    Notes
-    -----
-    The largest row of 4 q q', linear in the matrix (Shepperd, J. Guidance and Control 1, 1978): no division by a
-    small number for any rotation.
-
-    Examples
-    --------
-    >>> quaternion_from_dcm(np.diag([1.0, -1.0, -1.0]))
-    array([0., 1., 0., 0.])
+    The quaternion of A @ B is `quaternion_multiply` (a, b). The largest row of 4 q q', linear in the matrix (Shepperd,
+    J. Guidance and Control 1, 1978): no division by a small number. Off a rotation by more than 1e-6 is refused.
     """
     m = _proper(finite(matrix, "matrix", (3, 3)))
     xx, yy, zz = m[..., 0, 0], m[..., 1, 1], m[..., 2, 2]
@@ -260,17 +194,6 @@ def quaternion_multiply(left: ArrayLike, right: ArrayLike) -> Array:
     product[..., 2] = p0 * q2 + q0 * p2 + (p3 * q1 - p1 * q3)
     product[..., 3] = p0 * q3 + q0 * p3 + (p1 * q2 - p2 * q1)
     return product
-
-
-def quaternion_conjugate(quaternion: ArrayLike) -> Array:
-    """Conjugate of quaternions (..., 4); the inverse of a unit quaternion.
-
-    Examples
-    --------
-    >>> quaternion_conjugate([1, 2, 3, 4])
-    array([ 1., -2., -3., -4.])
-    """
-    return np.asarray(finite(quaternion, "quaternion", (4,)) * np.array([1.0, -1.0, -1.0, -1.0]))
 
 
 def quaternion_exp(vector: ArrayLike) -> Array:

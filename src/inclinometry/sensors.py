@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Final, NamedTuple
 
@@ -11,14 +11,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from inclinometry.arrays import Array, finite, frozen
-from inclinometry.constants import KIND_PREFIX, KINDS
+from inclinometry.constants import EARTH_RATE, KIND_PREFIX, KINDS
 from inclinometry.errors import InputError
 from inclinometry.orientation import angles_jacobian
 from inclinometry.rotations import wrap_positive
 from inclinometry.tabular import Column, Tabular, axes
-
-_IN_PLANE = 1e-6
-"""Share of the field across the plane of two sensors below which they do not tell how it changes there."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -133,9 +130,7 @@ class Triad(Tabular):
     def signals(self, direction: ArrayLike, temperature: ArrayLike | None = None) -> Array:
         """Signals (..., m) for field directions (..., 3); equation (11)."""
         a = finite(direction, "direction", (3,))
-        powers = self.basis(temperature)
-        tensor = np.tensordot(powers, self.tensor, axes=1)
-        return np.asarray((tensor @ a[..., None])[..., 0] + powers @ self.offset)
+        return np.asarray((self._tensor_at(temperature) @ a[..., None])[..., 0] + self.basis(temperature) @ self.offset)
 
     def field(self, signals: ArrayLike, temperature: ArrayLike | None = None) -> Array:
         """Field (..., 3) in tool axes, in units of the calibration's field; equation (12), pseudo-inverse when m > 3.
@@ -146,9 +141,8 @@ class Triad(Tabular):
         u = finite(signals, f"{self.kind} signals", (self.count,))
         if self.degree == 0:
             return np.asarray((u - self.offset[0]) @ self._inverse.T)
-        powers = self.basis(temperature)
-        tensor = np.tensordot(powers, self.tensor, axes=1)
-        return np.asarray((np.linalg.pinv(tensor) @ (u - powers @ self.offset)[..., None])[..., 0])
+        u = u - self.basis(temperature) @ self.offset
+        return np.asarray((self.inverse(temperature) @ u[..., None])[..., 0])
 
     def field_of_length(
         self, signals: ArrayLike, side: ArrayLike, temperature: ArrayLike | None = None, length: ArrayLike = 1.0
@@ -191,8 +185,7 @@ class Triad(Tabular):
         if self.rank != 2:
             raise InputError(f"the {self.kind} sees {self.rank} components; a known length adds the third to two")
         part = self.field(signals, temperature)
-        tensor = np.tensordot(self.basis(temperature), self.tensor, axes=1)
-        across = np.linalg.svd(tensor)[2][..., 2, :]
+        across = np.linalg.svd(self._tensor_at(temperature))[2][..., 2, :]
         across = across * np.where(np.sum(across * finite(side, "side", (3,)), axis=-1) < 0.0, -1.0, 1.0)[..., None]
         rest = np.maximum(np.asarray(length, dtype=np.float64) ** 2 - np.sum(part**2, axis=-1), 0.0)
         across = np.broadcast_to(across, part.shape)
@@ -208,10 +201,8 @@ class Triad(Tabular):
         if self.rank != 2:
             return inverse
         a = finite(field, "field", (3,))
-        n = np.linalg.svd(np.tensordot(self.basis(temperature), self.tensor, axes=1))[2][..., 2, :]
-        along = np.sum(a * n, axis=-1)
-        along = np.where(np.abs(along) < _IN_PLANE, np.nan, along)[..., None, None]
-        return np.asarray(inverse - n[..., :, None] * (a[..., None, :] @ inverse) / along)
+        n, along = self._across(a, temperature)
+        return np.asarray(inverse - n[..., :, None] * (a[..., None, :] @ inverse) / along[..., None])
 
     def by_length(self, field: ArrayLike, temperature: ArrayLike | None = None) -> Array:
         """Derivative (..., 3) of a field of known length by the logarithm of that length: |a|^2 n / (a.n).
@@ -221,17 +212,23 @@ class Triad(Tabular):
         a = finite(field, "field", (3,))
         if self.rank != 2:
             return np.zeros_like(a)
-        n = np.linalg.svd(np.tensordot(self.basis(temperature), self.tensor, axes=1))[2][..., 2, :]
-        along = np.sum(a * n, axis=-1, keepdims=True)
-        return np.asarray(
-            np.sum(a * a, axis=-1, keepdims=True) * n / np.where(np.abs(along) < _IN_PLANE, np.nan, along)
-        )
+        n, along = self._across(a, temperature)
+        return np.asarray(np.sum(a * a, axis=-1, keepdims=True) * n / along)
+
+    def _across(self, field: Array, temperature: ArrayLike | None) -> tuple[Array, Array]:
+        """Unit vector n across the plane that two sensors see, and a.n; NaN where that is too little of the field."""
+        n = np.linalg.svd(self._tensor_at(temperature))[2][..., 2, :]
+        along = np.sum(field * n, axis=-1, keepdims=True)
+        return n, np.where(np.abs(along) < 1e-6, np.nan, along)
+
+    def _tensor_at(self, temperature: ArrayLike | None) -> Array:
+        return np.asarray(np.tensordot(self.basis(temperature), self.tensor, axes=1))
 
     def inverse(self, temperature: ArrayLike | None = None) -> Array:
         """N^-1 (or pseudo-inverse), shape (..., 3, m), at a temperature."""
         if self.degree == 0:
             return self._inverse
-        return np.asarray(np.linalg.pinv(np.tensordot(self.basis(temperature), self.tensor, axes=1)))
+        return np.asarray(np.linalg.pinv(self._tensor_at(temperature)))
 
     def inverse_powers(self, low: float, high: float) -> Array:
         """N^-1 as coefficients (p + 1, 3, m) of the powers of (T - reference), good to 1e-8 of itself from low to high.
@@ -302,32 +299,12 @@ class Triad(Tabular):
 
 @dataclass(frozen=True, eq=False)
 class ClassicalView:
-    """What a data sheet says of a triad; computed from the tensor, never estimated.
+    """What a data sheet states of a triad, from its tensor: scale k and unit axis c of each sensor, N = k |F| c.
 
-    Parameters
-    ----------
-    scale : (m,)
-        Conversion factor k, signal per unit of field (per full field where the field's strength is not known).
-    axes : (m, 3)
-        Sensitive axes c, unit vectors in tool axes: N = k |F| c.
-    nominal : (m, 3)
-        The axis of the tool nearest to each, in either sense.
-    misalignment : (m,)
-        Angle between the sensitive axis and its nominal place, rad: the installation angle I of well-logging texts, in
-        which the main coefficient is k cos I.
-    phase : (m,)
-        Its installation phase: where the axis leans, counted about the nominal axis from the next axis of the tool in
-        the order x, y, z, x toward the one after, rad in [0, 2 pi); so for a sensor along z about z from x.
-    from_z, about_z : (m,)
-        The same for any axis: its angle from the tool's z and the phase about z from x, rad.
-    misalignment_angles : (m, 2)
-        The small angles d1, d2 of the axis toward the two other axes of the tool, in the order x, y, z, rad. Positive
-        toward the positive axis.
-    orthogonality : (m, m)
-        Angle between two sensitive axes less 90 degrees, rad, for axes turned to the positive sense of their nominal
-        place; the diagonal is 0.
-    bias : (m,)
-        U0 over k: the offset in units of the field.
+    misalignment, phase : angle to the nearest tool axis (the installation angle of well logging) and where it leans,
+        counted about that axis from the next one of x, y, z, x; from_z, about_z the same about z. Angles in rad.
+    misalignment_angles : (m, 2) small angles toward the two other axes. orthogonality : (m, m) angle between axes less
+        90 deg, in the positive sense of their nominal places. bias : U0 / k, in units of the field.
     """
 
     scale: Array
@@ -343,25 +320,10 @@ class ClassicalView:
 
 
 def classical_view(triad: Triad, temperature: ArrayLike | None = None) -> ClassicalView:
-    """Scale, misalignment and orthogonality of a triad at one temperature.
+    """Scale, misalignment and orthogonality of a triad at one temperature, degC; its reference temperature by default.
 
-    Parameters
-    ----------
-    triad : Triad
-    temperature : float, optional
-        degC; the reference temperature when not given.
-
-    Notes
-    -----
-    d1 and d2 are atan2(component, component along the nominal axis), which is the small angle of the classical model
-    where it is small and keeps its meaning where it is not.
-
-    Examples
-    --------
-    >>> triad = Triad("accelerometer", [[200.0, 2.0, 0.0], [0.0, 0.0, -100.0], [0.0, 50.0, 0.0]], [4.0, 0.0, 0.0])
-    >>> view = classical_view(triad)
-    >>> view.scale.round(2), view.nominal[1] + 0.0, np.degrees(view.misalignment_angles[0]).round(3)
-    (array([200.01, 100.  ,  50.  ]), array([ 0.,  0., -1.]), array([0.573, 0.   ]))
+    The misalignment angles are atan2(component, component along the nominal axis): the small angles of the classical
+    model where they are small, and still defined where they are not.
     """
     at = triad.reference_temperature if temperature is None else temperature
     powers = triad.basis(at)
@@ -401,20 +363,13 @@ def parameter_names(triad: Triad) -> tuple[str, ...]:
     """Names of a triad's parameters in the order of every covariance matrix.
 
     For each power of temperature, for each sensor: its three tensor elements, then its offset.
-
-    Examples
-    --------
-    >>> triad = Triad("gyro", np.eye(3), np.zeros(3))
-    >>> parameter_names(triad)[:4]
-    ('gyro.tensor[0,0]', 'gyro.tensor[0,1]', 'gyro.tensor[0,2]', 'gyro.offset[0]')
     """
-    names: list[str] = []
-    for power in range(triad.degree + 1):
-        tail = f".T{power}" if power else ""
-        for sensor in range(triad.count):
-            names += [f"{triad.kind}.tensor[{sensor},{axis}]{tail}" for axis in range(3)]
-            names.append(f"{triad.kind}.offset[{sensor}]{tail}")
-    return tuple(names)
+    return tuple(
+        f"{triad.kind}.{part}{f'.T{power}' if power else ''}"
+        for power in range(triad.degree + 1)
+        for k in range(triad.count)
+        for part in (f"tensor[{k},0]", f"tensor[{k},1]", f"tensor[{k},2]", f"offset[{k}]")
+    )
 
 
 def parameter_vector(triad: Triad) -> Array:
@@ -425,15 +380,7 @@ def parameter_vector(triad: Triad) -> Array:
 def triad_from_vector(like: Triad, vector: Array) -> Triad:
     """Inverse of `parameter_vector`, everything else taken from `like`."""
     block = np.reshape(vector, (like.degree + 1, like.count, 4))
-    return Triad(
-        like.kind,
-        block[..., :3],
-        block[..., 3],
-        like.unit,
-        like.field_strength,
-        like.reference_temperature,
-        like.g_sensitivity,
-    )
+    return replace(like, tensor=block[..., :3], offset=block[..., 3])
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -518,6 +465,66 @@ class Tool(Tabular):
         return found | {"noise": np.concatenate(list(self.noise.values()))}
 
 
+def strength_ratio(triad: Triad, other: Triad) -> float | None:
+    """Strength of the field at the calibration of `other` in units of that of `triad`; None where it is not stated.
+
+    That of a gyro is the Earth rate where nothing else is stated.
+    """
+    usual = EARTH_RATE if triad.kind == "gyro" else None
+    here, there = triad.field_strength or usual, other.field_strength or usual
+    return None if here is None or there is None else there / here
+
+
+def in_field_of(tool: Tool, other: Tool) -> tuple[Tool, tuple[str, ...]]:
+    """A tool with its tensors for the field of another calibration, and the kinds where that is unknown.
+
+    N is the signal of the full field at the calibration: two calibrations compare for one field only. Where one of the
+    strengths is not stated, the common scale of the triad is set to that of the other, so that the rest is comparable:
+    ratios and directions of the axes, offsets.
+    """
+    common = {kind: (triad, other.triads[kind]) for kind, triad in tool.triads.items() if kind in other.triads}
+    ratios = {kind: strength_ratio(*pair) for kind, pair in common.items()}
+    unknown = tuple(kind for kind, ratio in ratios.items() if ratio is None)
+    factors = {
+        kind: _mean_scale(there) / _mean_scale(here) if ratios[kind] is None else float(ratios[kind] or 1.0)
+        for kind, (here, there) in common.items()
+    }
+    scaled = with_scale(tool, factors)
+    triads = {
+        kind: replace(triad, field_strength=other.triads[kind].field_strength) if kind in common else triad
+        for kind, triad in scaled.triads.items()
+    }
+    return replace(scaled, triads=triads), unknown
+
+
+def relative_scales(tool: Tool, kind: str) -> tuple[Array, Array]:
+    """Scale (m,) of each sensor in % of the mean of its triad, and its standard uncertainty: the field drops out."""
+    triad, here = tool.triads[kind], tool.slices[kind]
+    scale = np.linalg.norm(triad.tensor[0], axis=1)
+    slope = np.zeros((triad.count, triad.count, 4))
+    slope[np.arange(triad.count), np.arange(triad.count), :3] = triad.tensor[0] / scale[:, None]
+    by_scale = 100.0 * (np.eye(triad.count) - scale[:, None] / scale.sum()) / scale.mean()
+    turn = np.tensordot(by_scale, slope, axes=1).reshape(triad.count, -1)
+    # what temperature does is left out
+    own = tool.covariance[here, here][: turn.shape[1], : turn.shape[1]]
+    return 100.0 * scale / scale.mean(), np.sqrt(np.maximum(np.diagonal(turn @ own @ turn.T), 0.0))
+
+
+def with_scale(tool: Tool, factors: Mapping[str, float]) -> Tool:
+    """The tool with the tensors of some kinds times a factor, offsets as they are; its covariances follow."""
+    of = {kind: factors.get(kind, 1.0) for kind in tool.triads}
+    turn = np.concatenate(
+        [np.tile([of[k], of[k], of[k], 1.0], t.count * (t.degree + 1)) for k, t in tool.triads.items()]
+    )
+    triads = {kind: replace(triad, tensor=of[kind] * triad.tensor) for kind, triad in tool.triads.items()}
+    spread = {part: turn[:, None] * getattr(tool, part) * turn for part in ("covariance", "stability")}
+    return replace(tool, triads=triads, **spread)
+
+
+def _mean_scale(triad: Triad) -> float:
+    return float(np.linalg.norm(triad.tensor[0], axis=1).mean())
+
+
 GRAVITY: Final = "strength of gravity"
 """What the third component of two accelerometers hangs on, among the causes of an uncertainty."""
 
@@ -544,7 +551,7 @@ class Sensitivity(NamedTuple):
         """
         noise = np.concatenate([tool.noise[kind] for kind in self.kinds])
         spread = self.by_signal * noise
-        moved = self.by_parameter @ tool.covariance
+        moved = np.tensordot(self.by_parameter, tool.covariance, axes=1)
         found = {
             "calibration": moved @ np.swapaxes(self.by_parameter, -1, -2),
             "sensor noise": spread @ np.swapaxes(spread, -1, -2),
@@ -560,30 +567,10 @@ class Sensitivity(NamedTuple):
 def angle_sensitivity(
     tool: Tool, fields: Mapping[str, Array], temperature: ArrayLike | None = None, second: str = "magnetometer"
 ) -> Sensitivity:
-    """Sensitivity of the angles of a tool at given fields.
+    """Sensitivity of the angles of a tool at given fields (..., 3), as `Triad.field` returns them.
 
-    Parameters
-    ----------
-    tool : Tool
-        With an accelerometer, and a second triad for the azimuth, of three seen components each.
-    fields : mapping of kind to (..., 3)
-        Fields in tool axes as `Triad.field` returns them (unit length at the calibration's strength). Without the
-        second field the rows of azimuth and magnetic toolface are NaN.
-    temperature : (...) array_like, optional
-        degC, for tools whose parameters depend on it.
-    second : str
-        Which triad gives the azimuth.
-
-    Notes
-    -----
-    From U = N a + U0: da = N^-1 (dU - dN a - dU0), then the Jacobian of the angles by the two fields.
-
-    Examples
-    --------
-    >>> tool = Tool("1", {k: Triad(k, np.eye(3), np.zeros(3)) for k in ("accelerometer", "magnetometer")})
-    >>> here = {"accelerometer": np.array([0.0, 0.0, 1.0]), "magnetometer": np.array([0.6, 0.0, 0.8])}
-    >>> angle_sensitivity(tool, here).by_parameter.shape
-    (4, 24)
+    From U = N a + U0: da = N^-1 (dU - dN a - dU0), then the Jacobian of the angles by the two fields. Without the field
+    of the `second` triad the rows of azimuth and magnetic toolface are NaN.
     """
     g = fields["accelerometer"]
     kinds = ("accelerometer", second) if second in fields else ("accelerometer",)
@@ -602,19 +589,7 @@ def field_sensitivity(
     fields: Mapping[str, Array],
     temperature: ArrayLike | None = None,
 ) -> Sensitivity:
-    """Sensitivity of whatever depends on the fields.
-
-    Parameters
-    ----------
-    tool : Tool
-    kinds : tuple of str
-        The triads in the order of the columns of `jacobian`.
-    jacobian : (..., r, 3 k) ndarray
-        Derivatives of r quantities by the components of the k fields.
-    fields : mapping of kind to (..., 3)
-    temperature : (...) array_like, optional
-        degC.
-    """
+    """Sensitivity of r quantities whose `jacobian` (..., r, 3 k) by the fields of k `kinds` is known."""
     parameters = np.zeros((*jacobian.shape[:-1], len(tool.parameter_names)))
     signals, by_gravity = [], np.zeros(jacobian.shape[:-1])
     for place, kind in enumerate(kinds):
@@ -629,33 +604,10 @@ def field_sensitivity(
 
 
 def by_parameter(triad: Triad, field: Array, by_signal: Array, temperature: ArrayLike | None = None) -> Array:
-    """Derivatives by a triad's parameters of what depends on its signals.
+    """Derivatives (..., k, p) by a triad's parameters of quantities whose derivatives by its signals are (..., k, m).
 
-    Parameters
-    ----------
-    triad : Triad
-    field : (..., 3) ndarray
-        As `Triad.field` returns it.
-    by_signal : (..., k, m) ndarray
-        Derivatives of the k quantities by the m signals; `triad.inverse(temperature)` for the field itself.
-    temperature : (...) array_like, optional
-        degC.
-
-    Returns
-    -------
-    (..., k, p) ndarray
-        In the order of `inclinometry.sensors.parameter_names`.
-
-    Notes
-    -----
-    U = N a + U0 with U as read: a parameter of sensor s acts as a change of that sensor's signal alone, by minus its
-    power of temperature times its regressor (a, 1).
-
-    Examples
-    --------
-    >>> triad = Triad("accelerometer", 2.0 * np.eye(3), np.zeros(3))
-    >>> by_parameter(triad, np.array([0.0, 0.0, 1.0]), triad.inverse())[2, 8:]  # of gz, by the third sensor
-    array([-0. , -0. , -0.5, -0.5])
+    U = N a + U0 with U as read: a parameter of a sensor acts as a change of its signal, by minus its power of
+    temperature times its regressor (a, 1). `by_signal` is `triad.inverse(temperature)` for the field itself.
     """
     powers = triad.basis(temperature)
     regressor = np.concatenate([field, np.ones((*field.shape[:-1], 1))], axis=-1)

@@ -16,18 +16,7 @@ class Range(NamedTuple):
 
 
 class Settings:
-    """Base of frozen dataclasses whose fields are `Annotated[type, Range(...), "what it is"]`; ranges are checked.
-
-    Examples
-    --------
-    >>> from dataclasses import dataclass
-    >>> @dataclass(frozen=True, kw_only=True)
-    ... class Filter(Settings):
-    ...     window: Annotated[float, Range(0.2, 600.0, "s"), "between two updates"] = 5.0
-    >>> Filter(window=0.01)
-    Traceback (most recent call last):
-    inclinometry.errors.InputError: window is 0.01 s; allowed 0.2 to 600 s
-    """
+    """Base of frozen dataclasses whose fields are `Annotated[type, Range(...), "what it is"]`; ranges are checked."""
 
     _ranges: ClassVar[dict[str, Range]] = {}
 

@@ -9,24 +9,21 @@ from typing import Final
 import numpy as np
 
 from inclinometry.arrays import Array, within
-from inclinometry.constants import STANDARD_GRAVITY, VECTORS
+from inclinometry.constants import KIND_PREFIX, STANDARD_GRAVITY
 from inclinometry.errors import InputError
 from inclinometry.history import DAYS_PER_YEAR, PARAMETERS
 from inclinometry.sensors import Tool
 
-ORDINARY_FIELD: Final = 50_000.0
-"""nT, for a calibration that does not know the strength of the magnetic field at its stand."""
+_FIELDS: Final = {"accelerometer": STANDARD_GRAVITY, "magnetometer": 50_000.0}
+"""m/s^2 and nT, for a calibration that does not know the strength of the field at its stand."""
 
 
 @dataclass(frozen=True)
 class Stability:
-    """Standard deviations of what the sensors have moved by a year after their calibration.
+    """Standard deviations of the change of sensors in a year after their calibration; `source` names their origin.
 
-    accelerometer_offset : m/s^2, of each axis.
-    accelerometer_scale : relative, of each axis.
-    accelerometer_axis : rad, of each sensitive axis toward each of the two others.
-    magnetometer_offset : nT; magnetometer_scale; magnetometer_axis.
-    source : where they come from.
+    accelerometer_offset, magnetometer_offset : m/s^2 and nT, of each axis. Scales are relative.
+    accelerometer_axis, magnetometer_axis : rad, of each sensitive axis toward each of the two others.
     """
 
     accelerometer_offset: float
@@ -51,51 +48,17 @@ are of tools in service, calibrated some time ago; half of them in the first yea
 
 
 def aged(tool: Tool, years: float, stability: Stability = ASSUMED) -> Tool:
-    """The tool with what its parameters may have moved by since the calibration, beside the calibration's covariance.
+    """The tool with the covariance of its change since the calibration, 0 to 50 years, as `stability`; gyros have none.
 
-    Parameters
-    ----------
-    tool : Tool
-        As calibrated.
-    years : float
-        Since then, 0 to 50.
-    stability : Stability
-
-    Returns
-    -------
-    Tool
-        Its `stability` is the covariance of that move; of gyros nothing is known, theirs is zero.
-
-    Raises
-    ------
-    InputError
-        A time out of range.
-
-    Notes
-    -----
-    A random walk, as `inclinometry.calibration.drift` follows it, equation (1): variance grows with time. The field b
-    that the sensors have come to see of the field a is (I + E) a + o; from U = N b + U0 follow dN = N E and dU0 = N o.
-
-    Examples
-    --------
-    >>> from inclinometry.sensors import Triad
-    >>> tool = aged(Tool("1", {"magnetometer": Triad("magnetometer", np.eye(3), np.zeros(3), field_strength=5e4)}), 4.0)
-    >>> float(np.sqrt(tool.stability[3, 3]) * 5e4)  # offset of x, nT: twice that of a year
-    70.0
+    A random walk, `inclinometry.calibration.drift`, equation (1): variance grows with time. The sensors now see the
+    field b = (I + E) a + o of the field a; from U = N b + U0 follow dN = N E and dU0 = N o.
     """
     since = float(within(years, "time since the calibration", 0.0, 50.0, "years"))
     found = np.zeros_like(tool.covariance)
-    for kind, (offset, scale, axis), field in zip(
-        VECTORS,
-        (
-            (stability.accelerometer_offset, stability.accelerometer_scale, stability.accelerometer_axis),
-            (stability.magnetometer_offset, stability.magnetometer_scale, stability.magnetometer_axis),
-        ),
-        (STANDARD_GRAVITY, ORDINARY_FIELD),
-        strict=True,
-    ):
+    for kind, field in _FIELDS.items():
         if kind not in tool.triads:
             continue
+        offset, scale, axis = (getattr(stability, f"{kind}_{name}") for name in ("offset", "scale", "axis"))
         triad = tool.triads[kind]
         relative = np.full((3, 4), axis**2)
         relative[:, :3][np.eye(3, dtype=bool)] = scale**2
@@ -109,23 +72,12 @@ def aged(tool: Tool, years: float, stability: Stability = ASSUMED) -> Tool:
 def from_drift(drift: Array, source: str) -> Stability:
     """The stability of a type of tools by the drift of its fleet, axes of a kind pooled.
 
-    Parameters
-    ----------
-    drift : (24, 24) ndarray
-        Variance of the relative parameters a year, `inclinometry.calibration.drift.DriftModel.drift`, times that of the
-        tool's own multiplier where it has one.
-    source : str
-
-    Examples
-    --------
-    >>> from inclinometry.simulate.fleet import drift_variance
-    >>> found = from_drift(drift_variance(), "simulated fleet")
-    >>> round(found.magnetometer_offset), round(found.accelerometer_offset, 5)
-    (60, 0.00294)
+    drift : (24, 24) variance a year of the relative parameters, times the tool's own multiplier where it has one.
     """
     variance = np.diagonal(drift)
     sd: dict[str, float] = {}
-    for kind, prefix, field in zip(VECTORS, ("accel", "mag"), (STANDARD_GRAVITY, ORDINARY_FIELD), strict=True):
+    for kind, field in _FIELDS.items():
+        prefix = KIND_PREFIX[kind]
         places = {"offset": [f"{prefix}_{axis}_offset" for axis in "xyz"]}
         places["scale"] = [f"{prefix}_{axis}_{axis}" for axis in "xyz"]
         places["axis"] = [f"{prefix}_{axis}_{other}" for axis in "xyz" for other in "xyz" if axis != other]

@@ -20,30 +20,9 @@ from inclinometry.constants import KIND_PREFIX, UNIT_LABELS
 
 Column: TypeAlias = "np.ndarray[Any, Any] | list[Any]"
 
-_INSTALL: Final = {
-    "matplotlib": 'pip install "inclinometry[report]"',
-    "pandas": "pip install pandas",
-    "pyarrow": 'pip install "inclinometry[formats]"',
-}
-"""What brings a package that a result can do without."""
-
-_SHOWN: Final = 10
-"""Rows of a table at a prompt or in a notebook; of a longer one the first and last."""
-_WIDE: Final = 8
-"""Columns of a table at a prompt; the others are named."""
-
 
 class Tabular:
-    """A record with rows: stations, sensors, windows or whatever `to_dict` says; it can be pickled and copied.
-
-    Examples
-    --------
-    >>> from inclinometry.survey.path import minimum_curvature
-    >>> path = minimum_curvature([0.0, 30.0], [0.0, 0.0], [0.0, 0.0])
-    >>> path.to_dict()["tvd_m"]
-    array([ 0., 30.])
-    >>> table = path.to_dataframe()                       # polars.DataFrame(path) works as well   # doctest: +SKIP
-    """
+    """A record with rows: stations, sensors, windows or whatever `to_dict` returns; it can be pickled and copied."""
 
     def to_dict(self) -> dict[str, Column]:
         """Columns, all of one length, with their units in their names; angles in degrees."""
@@ -75,26 +54,21 @@ class Tabular:
 
     def __repr__(self) -> str:
         columns = self.to_dict()
-        shown = dict(list(columns.items())[:_WIDE])
+        shown = dict(list(columns.items())[:8])  # the others are named
         cells = [[_cell(column[row]) if row >= 0 else "…" for column in shown.values()] for row in _chosen(columns)]
         lines = [_title(self, columns), *aligned(list(shown), cells)]
         if len(shown) < len(columns):
-            lines.append(f"and {', '.join(list(columns)[_WIDE:])}")
+            lines.append(f"and {', '.join(list(columns)[8:])}")
         return "\n".join([*lines, *(f"warning: {sentence}" for sentence in getattr(self, "warnings", ()))])
 
     def __getstate__(self) -> dict[str, Any]:
         # a copy of an array is writable: which ones were not goes along
-        kept = frozenset(name for name, value in self.__dict__.items() if is_read_only(value))
-        return {**self.__dict__, _READ_ONLY: kept}
+        return {**self.__dict__, "read only": {name for name, value in self.__dict__.items() if is_read_only(value)}}
 
     def __setstate__(self, state: Mapping[str, Any]) -> None:
-        kept = state[_READ_ONLY]
         for name, value in state.items():
-            if name != _READ_ONLY:
-                object.__setattr__(self, name, read_only(value) if name in kept else value)
-
-
-_READ_ONLY: Final = "read only"
+            if name != "read only":
+                object.__setattr__(self, name, read_only(value) if name in state["read only"] else value)
 
 
 def degrees(angle: ArrayLike) -> Array:
@@ -147,15 +121,7 @@ def axes(count: int) -> list[str]:
 
 
 def aligned(header: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
-    """Lines of right-aligned columns, the first left-aligned.
-
-    Examples
-    --------
-    >>> print(*aligned(["a", "value"], [["x", "1.0"], ["long", "-12"]]), sep="\\n")
-    a     value
-    x       1.0
-    long    -12
-    """
+    """Lines of right-aligned columns, the first left-aligned."""
     table = [list(header), *map(list, rows)]
     widths = [max(len(row[i]) for row in table) for i in range(len(header))]
     return [
@@ -183,14 +149,7 @@ def draw(
 
 
 def check_record(value: object, kind: type | tuple[type, ...], function: str) -> None:
-    """TypeError where a public function is given something else than the record it takes, a file's name above all.
-
-    Examples
-    --------
-    >>> check_record("path.csv", Tabular, "interpolate")
-    Traceback (most recent call last):
-    TypeError: interpolate takes a Tabular, not a str
-    """
+    """TypeError where a public function is given something else than the record it takes, a file's name above all."""
     if isinstance(value, kind):
         return
     name = (kind[0] if isinstance(kind, tuple) else kind).__name__
@@ -235,7 +194,8 @@ def _optional(name: str, what: str, module: str = "") -> ModuleType:
     except ModuleNotFoundError as error:
         if (error.name or "").partition(".")[0] != name:
             raise
-        raise ModuleNotFoundError(f"{what} needs {name}: {_INSTALL[name]}", name=name) from None
+        extra = {"matplotlib": '"inclinometry[report]"', "pyarrow": '"inclinometry[formats]"'}.get(name, name)
+        raise ModuleNotFoundError(f"{what} needs {name}: pip install {extra}", name=name) from None
 
 
 def _title(record: object, columns: Mapping[str, Column]) -> str:
@@ -246,12 +206,9 @@ def _title(record: object, columns: Mapping[str, Column]) -> str:
 
 
 def _chosen(columns: Mapping[str, Column]) -> list[int]:
-    """Rows to show; -1 stands for those left out."""
+    """Rows to show: of more than 10 the first and last; -1 stands for those left out."""
     size = len(next(iter(columns.values()), ()))
-    if size <= _SHOWN:
-        return list(range(size))
-    half = _SHOWN // 2
-    return [*range(half), -1, *range(size - half, size)]
+    return list(range(size)) if size <= 10 else [*range(5), -1, *range(size - 5, size)]
 
 
 def _cell(value: object) -> str:

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
-from types import MappingProxyType
+from collections.abc import Callable, Iterable, Mapping
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from inclinometry.arrays import Array, finite, frozen, within
+from inclinometry.arrays import Array, finite, within
 from inclinometry.constants import COVERAGE_FACTOR
 from inclinometry.errors import InputError
 
@@ -19,30 +17,7 @@ from inclinometry.errors import InputError
 def coverage_factor(probability: float, degrees_of_freedom: ArrayLike = np.inf) -> Array:
     """Factor k such that y +- k u covers the value with the given probability, one quantity.
 
-    Parameters
-    ----------
-    probability : float
-        Between 0 and 1, e.g. 0.95.
-    degrees_of_freedom : (...) array_like
-        Of u; infinite when u is exactly known (then k is the normal distribution's).
-
-    Returns
-    -------
-    (...) ndarray
-
-    Raises
-    ------
-    InputError
-        A probability outside (0, 1), degrees of freedom that are not positive.
-
-    Notes
-    -----
     Student's t, two-sided; JCGM 100:2008 (GUM), annex G.3, without truncating the degrees of freedom to integers.
-
-    Examples
-    --------
-    >>> coverage_factor(0.95, [4, np.inf]).round(3)
-    array([2.776, 1.96 ])
     """
     from scipy.special import ndtri, stdtrit
 
@@ -55,26 +30,9 @@ def coverage_factor(probability: float, degrees_of_freedom: ArrayLike = np.inf) 
 def ellipsoid_factor(probability: float, dimension: int, degrees_of_freedom: ArrayLike = np.inf) -> Array:
     """Factor on the one-sigma ellipsoid of `dimension` quantities that covers them jointly.
 
-    Parameters
-    ----------
-    probability : float
-    dimension : int
-    degrees_of_freedom : (...) array_like
-        From which the variances are known; infinite where they are. The covariance is the mean over what is not known
-        of them, as that of a joint fit, and so contains nu / (nu - 2) already; fewer than 3 count as 3.
-
-    Notes
-    -----
-    A root of the chi-square quantile; of Student's distribution in d dimensions with matched covariance k^2 =
-    d (nu - 2) / nu F, F the quantile of Fisher's distribution of (d, nu) degrees of freedom (Hotelling). Never less
-    than the first.
-
-    Examples
-    --------
-    >>> float(ellipsoid_factor(0.95, 2).round(4)), float(ellipsoid_factor(0.95, 3).round(4))
-    (2.4477, 2.7955)
-    >>> ellipsoid_factor(0.95, 2, [6.0, 12.0]).round(3)
-    array([2.619, 2.545])
+    Root of the chi-square quantile, or of Student's distribution in d dimensions: k^2 = d (nu - 2) / nu F, F Fisher's
+    quantile of (d, nu) (Hotelling), never less than the first. The covariance is a mean over its own uncertainty, as
+    from a joint fit: it contains nu / (nu - 2) already; fewer degrees of freedom than 3 count as 3.
     """
     from scipy.special import fdtri
 
@@ -99,34 +57,14 @@ def coverage_probability(k: float) -> float:
 def expanded_factor(degrees_of_freedom: ArrayLike = np.inf) -> Array:
     """k of an expanded uncertainty: for the probability of k = 2 of a normal distribution, 95.45 %, two decimals up.
 
-    Parameters
-    ----------
-    degrees_of_freedom : (...) array_like
-        From which u is known; u is already the mean over what is not known of it, see `ellipsoid_factor`.
-
-    Examples
-    --------
-    >>> expanded_factor([6.0, 12.0, np.inf])
-    array([2.06, 2.04, 2.  ])
+    u is already the mean over its own uncertainty, see `ellipsoid_factor`.
     """
     k = ellipsoid_factor(coverage_probability(COVERAGE_FACTOR), 1, degrees_of_freedom)
     return np.asarray(np.ceil(100.0 * k - 1e-6) / 100.0)[()]
 
 
 def chi_square_limit(probability: float, degrees_of_freedom: ArrayLike) -> Array:
-    """Value that a chi-square variable stays below with the given probability.
-
-    Parameters
-    ----------
-    probability : float
-    degrees_of_freedom : (...) array_like
-        Positive and finite.
-
-    Examples
-    --------
-    >>> chi_square_limit(0.95, [1, 10]).round(3)
-    array([ 3.841, 18.307])
-    """
+    """Value that a chi-square variable stays below with the given probability."""
     from scipy.special import gammaincinv
 
     nu = finite(_freedom(degrees_of_freedom), "degrees_of_freedom")
@@ -147,60 +85,11 @@ def chi_square_tail(value: ArrayLike, degrees_of_freedom: ArrayLike) -> Array:
     return np.asarray(gammaincc(0.5 * nu, 0.5 * within(value, "value", 0.0, np.inf)))
 
 
-def welch_satterthwaite(uncertainties: ArrayLike, degrees_of_freedom: ArrayLike) -> Array:
-    """Effective degrees of freedom of a sum of independent contributions.
-
-    Parameters
-    ----------
-    uncertainties : (..., n) array_like
-        Standard uncertainty of each contribution, in the unit of the sum; NaN gives NaN.
-    degrees_of_freedom : (n,) or (..., n) array_like
-        Of each; infinite allowed.
-
-    Returns
-    -------
-    (...) ndarray
-        Infinite when no contribution of finite degrees of freedom matters.
-
-    Raises
-    ------
-    InputError
-        A negative or infinite uncertainty, degrees of freedom that are not positive.
-
-    Notes
-    -----
-    JCGM 100:2008 (GUM), equation (G.2b): u^4 / sum(u_i^4 / nu_i). It does not hold for correlated contributions.
-
-    Examples
-    --------
-    >>> float(welch_satterthwaite([1.0, 1.0], [10, 10]))
-    20.0
-    """
-    u = np.asarray(uncertainties, dtype=np.float64)
-    if (u < 0.0).any() or np.isinf(u).any():
-        raise InputError("an uncertainty is negative or infinite; give standard uncertainties >= 0")
-    nu = _freedom(degrees_of_freedom)
-    # shares of the variance first: fourth powers of 1e-90 would underflow
-    variance = (u / np.maximum(u.max(axis=-1, keepdims=True), np.finfo(float).tiny)) ** 2
-    denominator = np.sum(variance**2 / nu, axis=-1)
-    total = np.sum(variance, axis=-1) ** 2
-    return np.where(denominator == 0.0, np.inf, total / np.where(denominator == 0.0, 1.0, denominator))
-
-
 def pooled_freedom(parts: Iterable[tuple[Array, float]]) -> Array:
     """Effective degrees of freedom (...) of a sum of variances, each with its own degrees of freedom.
 
-    Those of one finite number hang on the same estimate (a calibration and the noise of its tool) and count as one in
-    the formula of Welch and Satterthwaite, which wants them independent (JCGM 100:2008, G.4).
-
-    Parameters
-    ----------
-    parts : pairs of variances (...) and degrees of freedom, which may be infinite
-
-    Examples
-    --------
-    >>> float(pooled_freedom([(np.array(3.0), 12.0), (np.array(1.0), 12.0), (np.array(4.0), np.inf)]))
-    48.0
+    Those of one finite number come from the same estimate (a calibration and the noise of its tool) and count as one:
+    Welch and Satterthwaite need independent ones (JCGM 100:2008, G.4).
     """
     total: Array = np.zeros(())
     estimated: dict[float, Array] = {}
@@ -232,26 +121,7 @@ UNKNOWN = np.pi / np.sqrt(3.0)
 
 
 def covariance_matrix(value: ArrayLike, name: str = "covariance") -> Array:
-    """Return `value` as (..., n, n), checked to be symmetric and positive semidefinite.
-
-    Parameters
-    ----------
-    value : (..., n, n) array_like
-    name : str
-        For the message.
-
-    Raises
-    ------
-    InputError
-        Not square, not symmetric, or with an eigenvalue below zero by more than rounding, judged in units where the
-        diagonal is one.
-
-    Examples
-    --------
-    >>> covariance_matrix([[1.0, 2.0], [2.0, 1.0]])
-    Traceback (most recent call last):
-    inclinometry.errors.InputError: covariance has correlation eigenvalue -1; ...
-    """
+    """`value` as (..., n, n), symmetric and positive semidefinite to rounding, in units where the diagonal is one."""
     matrix = finite(value, name, (None, None))
     if matrix.shape[-1] != matrix.shape[-2]:
         raise InputError(f"{name} has shape {matrix.shape}; expected (..., n, n)")
@@ -310,18 +180,7 @@ def propagate(jacobian: ArrayLike, covariance: ArrayLike) -> Array:
 
 
 def standard_deviations(covariance: ArrayLike) -> Array:
-    """Square roots of the diagonal of (..., n, n), shape (..., n); NaN stays NaN.
-
-    Raises
-    ------
-    InputError
-        A negative variance.
-
-    Examples
-    --------
-    >>> standard_deviations(np.diag([4.0, 9.0]))
-    array([2., 3.])
-    """
+    """Square roots of the diagonal of (..., n, n), shape (..., n); NaN stays NaN."""
     variance = np.diagonal(np.asarray(covariance, dtype=np.float64), axis1=-2, axis2=-1)
     if (variance < 0.0).any():
         raise InputError(f"a variance is {np.nanmin(variance):g}; variances must not be negative")
@@ -329,14 +188,7 @@ def standard_deviations(covariance: ArrayLike) -> Array:
 
 
 def correlation(covariance: ArrayLike) -> Array:
-    """Correlation matrices (..., n, n); zero beside a variable of no variance, one on the diagonal.
-
-    Examples
-    --------
-    >>> correlation([[4.0, 3.0], [3.0, 9.0]])
-    array([[1. , 0.5],
-           [0.5, 1. ]])
-    """
+    """Correlation matrices (..., n, n); zero beside a variable of no variance, one on the diagonal."""
     c = covariance_matrix(covariance)
     sigma = standard_deviations(c)
     scale = np.where(sigma > 0.0, sigma, 1.0)
@@ -393,12 +245,7 @@ def numerical_jacobian(function: Callable[[Array], Array], x: ArrayLike, steps: 
 def angle_sd(components: Mapping[str, Array], column: int) -> Array:
     """Standard uncertainty (n,) of an angle, rad, from the variances (n, m) that each cause gives to m angles.
 
-    Never more than that of an angle about which nothing is known; causes that are not finite count as that.
-
-    Examples
-    --------
-    >>> angle_sd({"noise": np.array([[9.0e-6]]), "calibration": np.array([[1.6e-5]])}, 0)
-    array([0.005])
+    At most that of an angle about which nothing is known; causes that are not finite count as that.
     """
     total = np.asarray(sum(part[:, column] for part in components.values()))
     return np.asarray(np.minimum(np.sqrt(np.where(np.isfinite(total), total, np.inf)), UNKNOWN))
@@ -418,150 +265,8 @@ class AngleErrors(NamedTuple):
     shared: bool
 
 
-class BudgetRow(NamedTuple):
-    """One line of a budget's table."""
-
-    quantity: str
-    component: str
-    uncertainty: float  # standard, in the quantity's unit
-    share: float  # of the quantity's variance, 0 to 1
-
-
-@dataclass(frozen=True, eq=False)
-class Budget:
-    """Named contributions to the covariance of a few quantities, independent of each other.
-
-    Parameters
-    ----------
-    quantities : tuple of str
-        Names of the n quantities, in the order of the matrices.
-    components : mapping of str to (..., n, n) array_like
-        Covariance contributed by each source, the same leading axes for all (e.g. stations). Sources that are
-        correlated with each other must share one component. NaN where a contribution is not defined.
-    degrees_of_freedom : mapping of str to float, optional
-        Of components known from few readings; infinite when not given.
-
-    Raises
-    ------
-    InputError
-        No component, wrong shapes, a negative variance, degrees of freedom for an unknown component.
-
-    Examples
-    --------
-    >>> b = Budget(("inclination",), {"noise": [[4.0]], "calibration": [[12.0]]})
-    >>> b.standard_uncertainty, b.shares["noise"]
-    (array([4.]), array([0.25]))
-    """
-
-    quantities: tuple[str, ...]
-    components: Mapping[str, Array]
-    degrees_of_freedom: Mapping[str, float] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        quantities = tuple(self.quantities)
-        if not self.components or len(set(quantities)) != len(quantities):
-            raise InputError(f"a budget of {quantities} needs at least one component and each quantity once")
-        parts = {name: np.asarray(value, dtype=np.float64) for name, value in self.components.items()}
-        size = len(quantities)
-        shape = np.broadcast_shapes(*(part.shape[:-2] for part in parts.values()))
-        for name, part in parts.items():
-            if part.shape[-2:] != (size, size):
-                raise InputError(f"component {name!r} has shape {part.shape}; expected (..., {size}, {size})")
-            if (np.diagonal(part, axis1=-2, axis2=-1) < 0.0).any():
-                raise InputError(f"component {name!r} has a negative variance")
-            parts[name] = frozen(np.broadcast_to(part, (*shape, size, size)))
-        freedoms = {name: float(value) for name, value in self.degrees_of_freedom.items()}
-        if set(freedoms) - set(parts) or any(not value > 0.0 for value in freedoms.values()):
-            raise InputError(
-                f"degrees of freedom {freedoms}; give positive numbers for components {sorted(parts)} only"
-            )
-        object.__setattr__(self, "quantities", quantities)
-        object.__setattr__(self, "components", MappingProxyType(parts))
-        object.__setattr__(self, "degrees_of_freedom", MappingProxyType(freedoms))
-
-    @property
-    def total(self) -> Array:
-        """Covariance (..., n, n) of the quantities: the sum of all components."""
-        return np.asarray(sum(self.components.values()))
-
-    @property
-    def standard_uncertainty(self) -> Array:
-        """Standard uncertainty (..., n) of each quantity."""
-        return np.sqrt(_variance(self.total))
-
-    @property
-    def shares(self) -> dict[str, Array]:
-        """Part (..., n) of each quantity's variance that each component brings; they sum to one (0 of nothing is 0)."""
-        total = _variance(self.total)
-        whole = np.where(total == 0.0, 1.0, total)
-        return {name: _variance(part) / whole for name, part in self.components.items()}
-
-    @property
-    def effective_degrees_of_freedom(self) -> Array:
-        """Welch-Satterthwaite degrees of freedom (..., n) of each quantity."""
-        parts = np.stack([np.sqrt(_variance(part)) for part in self.components.values()], axis=-1)
-        return welch_satterthwaite(parts, [self.degrees_of_freedom.get(name, np.inf) for name in self.components])
-
-    def only(self, names: Sequence[str]) -> Budget:
-        """The budget of some components, e.g. those that do not change from station to station."""
-        missing = [name for name in names if name not in self.components]
-        if missing:
-            raise InputError(f"no component {missing[0]!r}; the budget has {', '.join(self.components)}")
-        freedoms = {name: self.degrees_of_freedom[name] for name in names if name in self.degrees_of_freedom}
-        return Budget(self.quantities, {name: self.components[name] for name in names}, freedoms)
-
-    def rows(self, scale: float = 1.0) -> list[BudgetRow]:
-        """Table of a budget without leading axes: per quantity the components, largest first, then their total.
-
-        Parameters
-        ----------
-        scale : float
-            Unit of the table per unit of the quantities, e.g. 180/pi for degrees.
-        """
-        if self.total.ndim != 2:
-            raise InputError(f"the budget holds a stack of shape {self.total.shape[:-2]}; make a table of one item")
-        shares, table = self.shares, []
-        for k, quantity in enumerate(self.quantities):
-            lines = [
-                BudgetRow(quantity, name, scale * float(np.sqrt(part[k, k])), float(shares[name][k]))
-                for name, part in self.components.items()
-            ]
-            table += sorted(lines, key=lambda row: -row.uncertainty)
-            table.append(BudgetRow(quantity, "total", scale * float(self.standard_uncertainty[k]), 1.0))
-        return table
-
-    def item(self, index: int | tuple[int, ...]) -> Budget:
-        """The budget of one element of the leading axes."""
-        parts = {name: part[index] for name, part in self.components.items()}
-        return Budget(self.quantities, parts, self.degrees_of_freedom)
-
-    def table(self, scale: float = 1.0, unit: str = "") -> str:
-        """The rows as text.
-
-        Examples
-        --------
-        >>> print(Budget(("azimuth",), {"noise": [[4.0]], "tool": [[12.0]]}).table(unit="deg"))
-        quantity  component  u / deg  share
-        azimuth   tool        3.4641  75.0%
-        azimuth   noise            2  25.0%
-        azimuth   total            4
-        """
-        head = ("quantity", "component", f"u / {unit}" if unit else "u", "share")
-        body = [
-            (
-                row.quantity,
-                row.component,
-                f"{row.uncertainty:.5g}",
-                "" if row.component == "total" else f"{row.share:.1%}",
-            )
-            for row in self.rows(scale)
-        ]
-        lines = [head, *body]
-        widths = [max(len(line[column]) for line in lines) for column in range(4)]
-        return "\n".join(
-            f"{a:<{widths[0]}}  {b:<{widths[1]}}  {c:>{widths[2]}}  {d:>{widths[3]}}".rstrip() for a, b, c, d in lines
-        )
-
-
-def _variance(covariance: Array) -> Array:
-    return np.asarray(np.diagonal(covariance, axis1=-2, axis2=-1))
+def shares(parts: Mapping[str, Array]) -> dict[str, Array]:
+    """Part (..., n) of the variances that each of several covariances (..., n, n) brings to their sum; 0 of nothing."""
+    each = {name: np.diagonal(part, axis1=-2, axis2=-1) for name, part in parts.items()}
+    total = np.asarray(sum(each.values()))
+    return {name: own / np.where(total == 0.0, 1.0, total) for name, own in each.items()}

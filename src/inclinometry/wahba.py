@@ -20,27 +20,11 @@ from inclinometry.tabular import Column, Tabular, degrees
 
 @dataclass(frozen=True, eq=False, repr=False)
 class VectorAttitude(Tabular):
-    """Attitude from directions.
+    """Attitude from n directions: dcm (..., 3, 3), reference to tool components, with 2 n - 3 degrees of freedom.
 
-    Attributes
-    ----------
-    dcm : (..., 3, 3) ndarray
-        Reference components to tool components.
-    covariance : (..., 3, 3) ndarray
-        Of the small rotation vector e, tool axes, rad^2: dcm = (1 + [e x]) true dcm. It is the covariance of the
-        estimate when each measured direction errs independently, equally in the two directions across it, by the
-        stated sigma (small against 1 and against the angle between directions) and the reference directions are
-        exact. It is not scaled by the residuals: look at `loss` first. It does not hold near the limit of
-        observability, nor for errors shared by several directions (a common misalignment).
-    loss : (...) ndarray
-        Sum of |measured - predicted direction|^2 / sigma^2. Under those same conditions chi-square distributed with
-        `degrees_of_freedom`.
-    degrees_of_freedom : int
-        2 n - 3 for n directions.
-    observability : (...) ndarray
-        Smallest over largest eigenvalue of the Fisher information: 1/2 for two perpendicular directions of equal
-        weight, 0 when all directions lie along one line.
-    method : str
+    covariance : of the rotation e, tool axes, rad^2: dcm = (1 + [e x]) true dcm. For small independent errors, equal
+        across each direction, and exact references; not scaled by `loss`, which is then chi-square.
+    observability : smallest over largest eigenvalue of the Fisher information, 0 for directions on one line.
     """
 
     dcm: Array
@@ -62,38 +46,11 @@ class VectorAttitude(Tabular):
 
 
 def solve_triad(tool: ArrayLike, reference: ArrayLike, sigmas: ArrayLike) -> VectorAttitude:
-    """Attitude from exactly two directions, the first reproduced exactly.
+    """Attitude from exactly two directions, the first (the better one) reproduced exactly; sigmas across each, rad.
 
-    Parameters
-    ----------
-    tool, reference : (..., 2, 3) array_like
-        The two vectors in tool axes and in reference axes; only directions count. Put the better one first.
-    sigmas : (..., 2) array_like
-        Standard deviation of each measured direction, rad, in either direction across it.
-
-    Raises
-    ------
-    InputError
-        Wrong shapes, a zero vector, a sigma that is not positive.
-    IdentifiabilityError
-        When the two directions are parallel or opposite.
-
-    Notes
-    -----
     Shuster M.D., Oh S.D., "Three-axis attitude determination from vector observations", J. Guidance and Control 4(1),
-    1981, pp. 70-77; covariance in the tool frame: with c = w1.w2
-
-        P = s1^2 1 + [(s2^2 - s1^2) w1 w1' + s1^2 c (w1 w2' + w2 w1')] / |w1 x w2|^2.
-
-    Examples
-    --------
-    >>> found = solve_triad([[0, 0, 1], [0, -1, 0.0]], [[0, 0, 1], [1, 0, 0]], [1e-4, 1e-3])
-    >>> found.dcm + 0.0
-    array([[ 0.,  1.,  0.],
-           [-1.,  0.,  0.],
-           [ 0.,  0.,  1.]])
-    >>> np.sqrt(found.covariance.diagonal()).round(6)
-    array([0.0001, 0.0001, 0.001 ])
+    1981, pp. 70-77; covariance in the tool frame, with c = w1.w2:
+    P = s1^2 1 + [(s2^2 - s1^2) w1 w1' + s1^2 c (w1 w2' + w2 w1')] / |w1 x w2|^2
     """
     w, v, sigma = _inputs(tool, reference, sigmas)
     if w.shape[-2] != 2:
@@ -155,32 +112,10 @@ def solve_davenport(tool: ArrayLike, reference: ArrayLike, sigmas: ArrayLike) ->
 
 
 def solve_svd(tool: ArrayLike, reference: ArrayLike, sigmas: ArrayLike) -> VectorAttitude:
-    """Maximum-likelihood attitude from n >= 2 directions by a singular value decomposition.
+    """Maximum-likelihood attitude from n >= 2 directions by a singular value decomposition; sigmas across each, rad.
 
-    Parameters
-    ----------
-    tool, reference : (..., n, 3) array_like
-        Vectors in tool axes and in reference axes; only directions count.
-    sigmas : (..., n) array_like
-        Standard deviation of each measured direction, rad, in either direction across it.
-
-    Raises
-    ------
-    InputError
-        Wrong shapes, a zero vector, a sigma that is not positive.
-    IdentifiabilityError
-        When the directions lie along one line, or contradict each other so that two attitudes fit alike.
-
-    Notes
-    -----
-    Markley F.L., "Attitude determination using vector observations and the singular value decomposition",
-    J. Astronautical Sciences 36(3), 1988. Same estimate and covariance as `solve_davenport`.
-
-    Examples
-    --------
-    >>> found = solve_svd([[0, 0, 2.0], [1, 0, 1]], [[0, 0, 1], [0, 1, 1]], [1e-3, 1e-3])
-    >>> float(np.degrees(found.angles.magnetic_toolface).round(9)), float(found.loss.round(9))
-    (90.0, 0.0)
+    Markley F.L., "Attitude determination using vector observations and the singular value decomposition", J.
+    Astronautical Sciences 36(3), 1988. Same estimate and covariance as `solve_davenport`.
     """
     w, v, sigma = _inputs(tool, reference, sigmas)
     left, _, right = np.linalg.svd(_profile(w, v, sigma))

@@ -1,9 +1,12 @@
 """Simulated bench runs as readings, for the tests of this room."""
 
+from contextlib import contextmanager
+
 import numpy as np
 import pytest
 
 from inclinometry.calibration.readings import BenchReadings
+from inclinometry.errors import InputError
 from inclinometry.simulate.bench import simulate_bench
 
 
@@ -38,3 +41,19 @@ def sensor_noise():
         return {kind: np.hypot(sd, step) for kind, sd in tool.noise.items()}
 
     return of
+
+
+@pytest.fixture(scope="session")
+def refused():
+    """(code, error) -> a block in which that finding is refused; the list it gives has the finding afterwards."""
+
+    @contextmanager
+    def block(code, error=InputError):
+        said = []
+        with pytest.raises(error) as caught:
+            yield said
+        assert caught.value.finding is not None, caught.value
+        assert caught.value.finding.code == code
+        said.append(caught.value.finding)
+
+    return block

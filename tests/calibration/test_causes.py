@@ -73,7 +73,7 @@ def test_one_dial_alone_moves_the_angles_as_budgeted(bench, dial):
             budget = error_budget(found, readings, AT, DIP)
         squares.append(angle_errors(found.tool, tool) ** 2)
     name = ("azimuth dial", "inclination dial", "toolface dial")[dial]
-    stated = np.sqrt(np.diagonal(budget.components[f"calibration: {name}"], axis1=1, axis2=2))[:, :2]
+    stated = np.sqrt(np.diagonal(budget[f"calibration: {name}"], axis1=1, axis2=2))[:, :2]
     measured = np.sqrt(np.mean(squares, axis=0))
     np.testing.assert_allclose(measured, stated, rtol=0.6, atol=np.radians(1e-3))
 
@@ -85,14 +85,14 @@ def test_non_linearity_counts_through_calibration_and_reading(bench):
     readings, _ = bench(plans.twelve(8, 3), tool, Rig(dip=DIP), noise=noise, characteristic=dict.fromkeys(KINDS, law))
     found = calibrate_joint(readings, rig_sd=0.0)
     budget = error_budget(found, readings, AT, DIP)
-    stated = np.sqrt(np.diagonal(budget.components["non-linearity"], axis1=1, axis2=2))[:, :2]
+    stated = np.sqrt(np.diagonal(budget["non-linearity"], axis1=1, axis2=2))[:, :2]
     measured = angle_errors(found.tool, tool, law)
     # the law of the sensors along the tool shows in no roll and is left out: one of three
     np.testing.assert_allclose(stated, measured, rtol=0.5)
     assert (measured > np.radians(0.01)).all()
     # the roll sets alone show the accelerometers' laws as the fit does
-    by_rolls = error_budget(dataclasses.replace(found, bent={}), readings, AT, DIP).components["non-linearity"]
-    np.testing.assert_allclose(by_rolls[:, 0, 0], budget.components["non-linearity"][:, 0, 0], rtol=0.05)
+    by_rolls = error_budget(dataclasses.replace(found, bent={}), readings, AT, DIP)["non-linearity"]
+    np.testing.assert_allclose(by_rolls[:, 0, 0], budget["non-linearity"][:, 0, 0], rtol=0.05)
 
 
 def test_the_causes_of_a_budget_add_up_to_what_is_expected_of_the_tool(bench):
@@ -105,7 +105,7 @@ def test_the_causes_of_a_budget_add_up_to_what_is_expected_of_the_tool(bench):
     expected = expected_uncertainty(found, AT, DIP, **turns)
 
     def brought(start):
-        parts = [part for name, part in budget.components.items() if name.startswith(start)]
+        parts = [part for name, part in budget.items() if name.startswith(start)]
         return np.sqrt(np.diagonal(sum(parts), axis1=1, axis2=2))
 
     assert np.trace(found.tool.covariance) > 1.08 * np.trace(sum(found.causes.values()))
@@ -128,10 +128,10 @@ def test_the_share_of_the_converter_is_that_of_its_variance(bench):
     both = found.causes["converter"] + found.causes["sensor noise"]
     np.testing.assert_allclose(found.causes["converter"], both / 48.0, rtol=1e-6)
     # each share that of the cause where one reading is least certain; together all of it
-    shares = calibration_shares(found)
+    whole = expected_uncertainty(found, SHORT_INCLINATIONS)
+    shares = calibration_shares(found, whole)
     assert set(shares) == set(found.causes) == set(found.shares)
     np.testing.assert_allclose(sum(shares.values()), 1.0)
-    whole = expected_uncertainty(found, SHORT_INCLINATIONS)
     brought = {}
     for name, cause in found.causes.items():
         own = dataclasses.replace(found.tool, covariance=cause)

@@ -1,5 +1,7 @@
 """Two calibrations of one tool: coefficients, and what the angles of one differ by from those of the other."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -67,14 +69,50 @@ def test_coefficients_are_those_of_the_classical_equation_with_their_uncertainti
     np.testing.assert_allclose(np.subtract(table["second"], table["first"]), table["difference"])
 
 
-def test_where_one_field_is_not_known_both_are_per_field_of_their_stand():
-    for strengths in ((50e3, None), (None, None)):
-        made = [calibrated({"magnetometer": (5e3 * SKEWED, OFFSET, strength)}) for strength in strengths]
+def test_where_one_field_is_not_known_scales_are_compared_with_each_other():
+    """The second stand's field is 3 % stronger, which is stated or not: the sensors are the same."""
+    random = np.random.default_rng(3)
+    root = random.normal(size=(12, 12))
+    length = np.linalg.norm(SKEWED, axis=1)
+    for strengths in ((50e3, None), (None, 51.5e3), (None, None)):
+        rows = zip((5e3, 5.15e3), strengths, strict=True)
+        made = [
+            calibrated({"magnetometer": (scale * SKEWED, OFFSET, b)}, covariance=root @ root.T) for scale, b in rows
+        ]
         found = compare_calibrations(*made)
-        for row, n in zip(column(found, "K"), SKEWED, strict=True):
-            assert row.values == pytest.approx((5e3 * np.linalg.norm(n),) * 2)
-            assert row.unit == "counts per field of the stand"
-            assert np.isnan(row.sigmas)
+        for row, own in zip(column(found, "K"), 100.0 * length / length.mean(), strict=True):
+            assert row.values == pytest.approx((own, own))
+            assert row.unit == "% of the mean"
+            assert row.sigmas == pytest.approx(0.0, abs=1e-9)
+        for row in column(found, "bias"):
+            assert (row.difference, row.unit) == (0.0, "counts")
+        # the uncertainty of a ratio by finite differences
+        values = np.column_stack([5e3 * SKEWED, OFFSET]).ravel()
+
+        def ratio(x):
+            scale = np.linalg.norm(x.reshape(3, 4)[:, :3], axis=1)
+            return 100.0 * scale / scale.mean()
+
+        slope = np.array([(ratio(values + e) - ratio(values - e)) / 2e-2 for e in 1e-2 * np.eye(12)]).T
+        spread = np.sqrt(np.diagonal(slope @ root @ root.T @ slope.T))
+        # of the scale of the second stand the first one's covariance takes 1.03
+        assert [row.u[0] for row in column(found, "K")] == pytest.approx(list(spread), rel=0.05)
+
+
+def test_two_methods_on_the_same_readings_have_seen_one_field():
+    made = [replace(calibrated({"magnetometer": (5e3 * SKEWED, OFFSET, b)}), inputs={"readings": "sha256:1"})
+            for b in (None, None)]  # fmt: skip
+    for row, n in zip(column(compare_calibrations(*made), "K"), SKEWED, strict=True):
+        assert row.values == pytest.approx((5e3 * np.linalg.norm(n),) * 2)
+        assert row.unit == "counts per field of the stand"
+
+
+def test_two_accelerometers_have_the_third_component_from_gravity_at_their_stand():
+    """Calibrated where gravity is 0.3 % stronger the same tool gives the same angles."""
+    made = [calibrated({"accelerometer": (1e3 * g * SKEWED[:2], OFFSET[:2], g)}) for g in (9.80, 9.83)]
+    found = compare_calibrations(*made)
+    np.testing.assert_allclose(found.difference[:, [0, 2]], 0.0, atol=1e-9)
+    np.testing.assert_allclose([row.difference for row in column(found, "K")], 0.0, atol=1e-9)
 
 
 @pytest.mark.parametrize("kinds", [("accelerometer", "magnetometer"), ("accelerometer", "gyro"), ("accelerometer",)])

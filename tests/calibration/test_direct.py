@@ -192,7 +192,7 @@ class TestClassical:
         with pytest.raises(InputError, match="4 numbers, the readings 3 sensors"):
             calibrate_classical(readings, nameplate=four)
         nowhere = dataclasses.replace(readings, reference={})
-        with pytest.raises(InputError, match="b_nT in a site file"):
+        with pytest.raises(InputError, match="b_nT of the site"):
             calibrate_classical(nowhere, nameplate=tool)
         small = {kind: dataclasses.replace(t, tensor=t.tensor / 800.0) for kind, t in tool.triads.items()}
         with pytest.raises(InputError, match=r"swings .* times as far as its nameplate says"):

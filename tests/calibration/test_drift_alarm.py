@@ -95,6 +95,13 @@ def test_p_values_are_uniform_and_monotonic():
     assert threshold(past[:50], 1e-3, tail=False) == np.inf
 
 
+def test_the_tail_goes_on_beyond_the_largest_of_the_past():
+    past = -2.0 * np.log(np.linspace(1.0, 0.001, 999))  # chi-square of two degrees of freedom
+    assert p_values(np.array([2.0, 20.0]), past) == pytest.approx(np.exp([-1.0, -10.0]), rel=0.25)
+    assert threshold(past, 0.01, tail=False) == pytest.approx(-2.0 * np.log(0.01), abs=0.01)
+    assert threshold(past, 1e-4) == pytest.approx(-2.0 * np.log(1e-4), rel=0.03)
+
+
 def test_a_list_has_few_false_discoveries():
     random = np.random.default_rng(2)
     p = np.concatenate([random.uniform(size=950), 1e-5 * random.uniform(size=50)])

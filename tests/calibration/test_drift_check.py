@@ -1,6 +1,7 @@
 """A check of few positions with the tool's history, from readings to a calibration."""
 
 import datetime
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,7 +9,6 @@ import pytest
 from inclinometry.calibration import plans
 from inclinometry.calibration.drift import SHOWN, DriftModel, azimuth_sd, azimuth_weight, drift_states
 from inclinometry.calibration.drift_check import (
-    METHOD,
     after_check,
     check_with_prior,
     chosen_positions,
@@ -18,7 +18,7 @@ from inclinometry.calibration.joint import calibrate_joint
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.constants import DIP, VECTORS
 from inclinometry.errors import InputError
-from inclinometry.history import CalibrationRecord, relative_parameters, tool_from_relative, tool_history
+from inclinometry.history import UNSEEN, CalibrationRecord, relative_parameters, tool_from_relative, tool_history
 from inclinometry.simulate.bench import Rig
 from inclinometry.simulate.fleet import drift_variance, mounting_variance, simulate_calibrations
 from inclinometry.simulate.tool import realistic_tool
@@ -132,7 +132,7 @@ def test_check_from_readings_is_a_calibration_with_its_covariance():
     check = check_with_prior(readings, tool, prior, model_of())
     assert not check.alarm.raised
     assert check.refusal == ""
-    assert check.calibration.method == METHOD
+    assert check.calibration.method == "joint with prior"
     assert check.calibration.tool.name == tool.name
     named = check_with_prior(readings, tool, prior, model_of(), name="A7")
     assert named.calibration.tool.name == "A7"
@@ -229,3 +229,46 @@ def test_checks_are_honest_over_many_tools():
         said.append(np.einsum("npq,pq->n", weight, covariance))
     assert 0.8 < np.mean(nees) < 1.2  # sd of the mean 0.065
     np.testing.assert_allclose(np.mean(made, axis=0), np.mean(said, axis=0), rtol=0.6)
+
+
+@pytest.mark.parametrize("stated", [True, False])
+def test_a_stronger_field_at_the_stand_is_no_drift(stated):
+    """The six readings where the magnetic field is 2 % stronger, twenty times what a scale drifts by."""
+    tool = realistic_tool(5)
+    truth, history, readings = life(tool, 5)
+    prior = drift_states([history], model_of())[0][-1].predicted(model_of(), 0.5)
+    offset = tool_from_relative(tool, truth[-1], ZERO).triads["magnetometer"].offset[0]
+    signals = dict(readings.channels)
+    signals["magnetometer"] = offset + 1.02 * (signals["magnetometer"] - offset)
+    checks = []
+    for factor, channels in ((1.0, readings.channels), (1.02, signals)):
+        b = {"b": factor * readings.reference["b"]} if stated else {}
+        reference = {name: value for name, value in readings.reference.items() if name != "b"} | b
+        there = BenchReadings(channels, *readings.dials, units=readings.units, reference=reference)
+        checks.append(check_with_prior(there, tool, prior, model_of()))
+    here, check = checks
+    assert not check.alarm.raised
+    found = [relative_parameters(one.calibration.tool, tool)[0] for one in (here, check)]
+    if not stated:  # how strong the field is drops out of every angle, and out of what is compared
+        for values in found:
+            values[[12, 17, 22]] -= values[[12, 17, 22]].mean()
+    spread = np.sqrt(np.diagonal(relative_parameters(check.calibration.tool, tool)[1]))
+    # noise that grew by 2 % as well weighs a little less
+    assert np.max(np.abs(found[1] - found[0]) / spread) < 0.1
+
+
+def test_a_stronger_field_is_no_change_of_the_tool():
+    """Two certificates of one tool, at stands 2 % apart in their fields: stated, or of unknown common scale."""
+    tool = realistic_tool(5)
+    triad = tool.triads["magnetometer"]
+    for strength in (1.02 * triad.field_strength, None):
+        there = replace(triad, tensor=1.02 * triad.tensor, field_strength=strength)
+        moved = replace(tool, triads={**tool.triads, "magnetometer": there}, covariance=1e-9 * np.eye(24))
+        values, covariance = relative_parameters(moved, tool)
+        np.testing.assert_allclose(values, 0.0, atol=1e-12)
+        common = np.zeros(24)
+        common[[12, 17, 22]] = 1.0 / np.sqrt(3.0)
+        # along the common scale as good as unknown, otherwise as certified
+        assert common @ covariance @ common == pytest.approx(0.0 if strength else 3.0 * UNSEEN**2, abs=1e-6)
+        across = np.eye(24) - np.outer(common, common)
+        assert np.abs(across @ covariance @ across).max() < 1e-6

@@ -9,7 +9,7 @@ import pytest
 
 import inclinometry
 from inclinometry.calibration import plans
-from inclinometry.calibration.expected import ALL_ANGLES, expected_uncertainty
+from inclinometry.calibration.expected import ALL_ANGLES, expected_uncertainty, field_dip
 from inclinometry.calibration.joint import calibrate_joint, fit_once
 from inclinometry.constants import DIP, STEPS
 from inclinometry.errors import InputError
@@ -100,13 +100,6 @@ def test_a_finer_grid_finds_nothing_much_worse(calibrated):
     # the variance is a trigonometric polynomial of low degree in both angles
     assert (fine >= coarse * (1 - 1e-12)).all()
     np.testing.assert_allclose(fine, coarse, rtol=0.05)
-
-
-def test_variances_scale_with_the_covariance():
-    root = np.random.default_rng(1).normal(size=(24, 24)) * 1e-4
-    one = expected_uncertainty(perfect(root @ root.T), np.radians([40.0]), DIP)
-    four = expected_uncertainty(perfect(4.0 * root @ root.T), np.radians([40.0]), DIP)
-    np.testing.assert_allclose(four.of_one_reading, 2.0 * one.of_one_reading, rtol=1e-12)
 
 
 @pytest.mark.parametrize("dip", [-60.0, 0.0, 20.0])
@@ -207,3 +200,8 @@ def test_the_defaults_are_defined_once():
     found = [line for line in found if not line.startswith("scenario.py: dip: ")]
     assert {line.split(":")[0] for line in found} == {"constants.py"}, found
     assert len(found) == 7  # those of core.constants, each once
+
+
+def test_dip_of_a_field_is_from_the_horizontal_of_gravity():
+    directions = {"accelerometer": np.array([0.0, 0.0, 1.0]), "magnetometer": np.array([0.6, 0.0, 0.8])}
+    assert np.sin(field_dip(directions, "magnetometer")) == pytest.approx(0.8)

@@ -13,7 +13,6 @@ from scipy.special import fdtri
 from inclinometry.calibration._field_model import (
     Estimate,
     FieldProblem,
-    Prior,
     Shots,
     Unknowns,
     bad_shots,
@@ -441,7 +440,7 @@ def problem():
         pointing / np.linalg.norm(pointing, axis=1, keepdims=True),
         Rotation.random(10, random_state=rng).as_matrix(),
     )
-    return FieldProblem(shots, Prior(0.1, 0.1), first_levels(2, member)), at
+    return FieldProblem(shots, (0.1, 0.1), first_levels(2, member)), at
 
 
 def moved(at, shots, step, turn):
@@ -501,7 +500,7 @@ def test_slopes_against_finite_differences(problem):
 def test_prior_slopes_against_finite_differences():
     rng = np.random.default_rng(17)
     shots = Shots(["magnetometer"], [rng.normal(size=(5, 3))], [np.ones((5, 3))], np.zeros(5, int), 1)
-    problem = FieldProblem(shots, Prior(0.1, 0.2), first_levels(1, shots.member))
+    problem = FieldProblem(shots, (0.1, 0.2), first_levels(1, shots.member))
     at = Unknowns(
         [np.eye(3) + rng.normal(0, 0.2, (3, 3))], [np.zeros(3)], 0.0, np.array([[0, 0, 1.0]]), np.eye(3)[None]
     )
@@ -521,7 +520,7 @@ def test_prior_slopes_against_finite_differences():
 def test_a_block_tells_what_student_s_t_of_eight_degrees_of_freedom_tells():
     """Expected information of a location in q dimensions, of normal noise of the same scale, by its integral."""
     shots = _shots(simulated(np.random.default_rng(22), noise=1e-3)[0], [])[0]
-    prior = Prior(0.1, 0.1)
+    prior = (0.1, 0.1)
     begin = _begin(shots, prior, {}, None, [])[0]
     found = estimate(FieldProblem(shots, prior, first_levels(2, shots.member)), begin)
     some = (slice(0, 24, 8), 0)  # of free shots
@@ -558,14 +557,6 @@ def test_eliminating_the_attitudes_is_the_full_solution(problem):
     gradient = rhs[:size] - normal[:size, size:] @ np.linalg.solve(normal[size:, size:], rhs[size:])
     ours = np.einsum("knp,kn->p", linear.shared, residual)
     np.testing.assert_allclose(ours, gradient, atol=1e-9 * np.abs(gradient).max())
-
-
-def test_rotation_between_triads_from_the_dip_alone():
-    rng = np.random.default_rng(18)
-    attitude = Rotation.random(12, random_state=rng).as_matrix()
-    true = Rotation.random(random_state=rng).as_matrix()
-    a, b = attitude[:, :, 2], attitude @ [np.cos(DIP), 0, np.sin(DIP)]
-    np.testing.assert_allclose(rotations_between(a, b @ true)[0], true, atol=1e-9)
 
 
 def test_mirrored_first_two_sensors_still_have_a_convention():

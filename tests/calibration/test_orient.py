@@ -7,10 +7,10 @@ import pytest
 
 from inclinometry.calibration import plans
 from inclinometry.calibration.joint import fit_once
-from inclinometry.calibration.orient import orient_rig
+from inclinometry.calibration.orient import described, orient_rig
 from inclinometry.calibration.plans import Plan
 from inclinometry.errors import InputError
-from inclinometry.rotations import wrap_signed
+from inclinometry.rotations import rotation_exp, wrap_signed
 from inclinometry.simulate.bench import Rig
 from inclinometry.simulate.tool import random_tool, realistic_tool
 
@@ -123,3 +123,7 @@ def test_too_little_is_refused(bench):
     alone, magnetic, more = calibrated(bench, 1, {"magnetometer": 3})
     with pytest.raises(InputError, match="no accelerometer"):
         orient_rig(bench(settings(8), alone, Rig(), seed=3, **more)[0], magnetic)
+
+
+def test_a_base_turned_about_north_leans_west():
+    assert np.degrees(described(rotation_exp([np.radians(3.0), 0.0, 0.0]))) == pytest.approx([3.0, 270.0, 0.0])

@@ -5,7 +5,7 @@ import pytest
 
 from inclinometry.calibration.likelihood import State
 from inclinometry.calibration.start import fix_signs, handedness, nearest_axes
-from inclinometry.errors import InputError
+from inclinometry.findings import Finding
 from inclinometry.rotations import rotation_x, rotation_z
 
 TENSOR = np.array([[[3.0, 1.0, 0.0, 5.0], [0.0, 2.0, 0.0, -6.0], [0.5, 0.0, 4.0, 7.0]]])
@@ -37,9 +37,16 @@ def test_gravity_points_down(direction):
 
 
 def test_gravity_across_the_rig_is_named():
-    sign, (warning,) = signed("accelerometer", unit(1.0, 0.0, 0.05))
-    assert sign == 1.0
-    assert "gravity lies 87.1 deg from the rig's vertical" in warning
+    sign, (said,) = signed("accelerometer", unit(1.0, 0.0, 0.05))
+    assert (sign, said.code) == (1.0, "bench-down-assumed")
+    assert said.values["off_deg"] == pytest.approx(87.1, abs=0.05)
+
+
+def assumed(kind, found_deg):
+    """The finding of a sign that was assumed where nothing is stated."""
+    angle = {"magnetometer": "dip", "gyro": "latitude"}[kind]
+    found = pytest.approx(found_deg, abs=0.05)
+    return Finding("bench-sign-assumed", {"angle": angle, "kind": kind, "found_deg": found})
 
 
 def tilted(tilt, axis, north, *vectors):
@@ -84,45 +91,42 @@ def test_where_the_invariant_vanishes_the_side_of_the_zero_decides_or_the_assump
     stated = {"dip": 0.01, "latitude": -0.01}
     for way in (field, -field):
         assert decided(kind, (g, way), {**stated, "north": np.radians(140.0)}) == (np.sign(way @ field), [])
-        sign, (warning,) = decided(kind, (g, way), stated)
+        sign, (said,) = decided(kind, (g, way), stated)
         assert sign == -np.sign(way @ field)  # towards the rig's zero, which is wrong here
-        assert "is assumed, towards the rig's azimuth 0" in warning
-        assert "the rig's zero -30." in warning or "the rig's zero -29." in warning
-        assert "--north-deg" in warning
+        assert (said.code, said.values["kind"]) == ("bench-zero-assumed", kind)
+        assert said.values["zero_deg"] == pytest.approx(-30.0, abs=1.0)
+        # a zero that is known, and at right angles to the field
+        sign, (said,) = decided(kind, (g, way), {**stated, "north": np.radians(60.0)})
+        assert said.code == "bench-zero-sideways"
 
 
 def test_nothing_stated_is_named_with_what_was_found_and_what_to_state():
     g, b = np.array([0.0, 0.0, 1.0]), unit(0.4, 0.1, 0.9)
     for way in (b, -b):
-        sign, (warning,) = decided("magnetometer", (g, way), {})
+        sign, said = decided("magnetometer", (g, way), {})
         assert sign == np.sign(way @ b)
-        assert "dip +65.4 deg, the rig's zero -14.0 deg from magnetic north" in warning
-        assert "reference_dip_deg" in warning
+        assert said == [assumed("magnetometer", 65.4)]
 
 
 @pytest.mark.parametrize(
-    ("kind", "field", "kept", "why"),
+    ("kind", "field", "kept"),
     [
-        ("magnetometer", (0.5, 0.2, 0.7), 1.0, "towards the rig's azimuth 0"),
-        ("magnetometer", (0.2, 0.1, -0.9), -1.0, "downwards"),
-        ("magnetometer", (0.9, 0.1, -0.4), 1.0, "towards the rig's azimuth 0"),
-        ("magnetometer", (0.02, 0.9, -0.4), -1.0, "downwards"),
-        ("magnetometer", (-0.06, 0.9, 0.02), -1.0, "towards the rig's azimuth 0"),
-        ("gyro", (0.2, 0.1, -0.9), 1.0, "towards the rig's azimuth 0"),
+        ("magnetometer", (0.5, 0.2, 0.7), 1.0),
+        ("magnetometer", (0.2, 0.1, -0.9), -1.0),
+        ("magnetometer", (0.9, 0.1, -0.4), 1.0),
+        ("magnetometer", (0.02, 0.9, -0.4), -1.0),
+        ("magnetometer", (-0.06, 0.9, 0.02), -1.0),
+        ("gyro", (0.2, 0.1, -0.9), 1.0),
     ],
 )
-def test_what_is_assumed_where_nothing_is_stated(kind, field, kept, why):
+def test_what_is_assumed_where_nothing_is_stated(kind, field, kept):
     """Most likely ahead and down; where both cannot be, what is the clearer of the two; a gyro's pole is no guide."""
     for way in (1.0, -1.0):
-        sign, (warning,) = decided(kind, (np.array([0.0, 0.0, 1.0]), way * unit(*field)), {})
+        sign, said = decided(kind, (np.array([0.0, 0.0, 1.0]), way * unit(*field)), {})
         assert sign == way * kept
-        assert f"is assumed, {why}, as no" in warning
-        x, y, z = kept * unit(*field)
+        _, _, z = kept * unit(*field)
         angle = np.degrees(np.arcsin(z)) * (1.0 if kind == "magnetometer" else -1.0)
-        zero = np.degrees(np.arctan2(-y, x))
-        other = (zero + 360.0) % 360.0 - 180.0
-        assert f" {angle:+.1f} deg, the rig's zero {zero:.1f} deg from" in warning
-        assert f"if that is wrong it is {-angle:+.1f} and {other:.1f} deg" in warning
+        assert said == [assumed(kind, angle)]
 
 
 def test_north_decides_only_where_field_and_zero_are_level():
@@ -144,9 +148,7 @@ def test_north_decides_only_where_field_and_zero_are_level():
 def test_channels_along_the_tools_axes_are_right_handed_where_nothing_else_decides():
     g, b = tilted(0.0, 0.0, np.radians(120.0), np.array([0.0, 0.0, 1.0]), np.array([0.966, 0.0, 0.259]))
     wired = np.concatenate([np.diag([3.0, 2.0, 4.0]), np.ones((3, 1))], axis=1)[None]
-    sign, (warning,) = decided("magnetometer", (g, b), {}, rows=wired)
-    assert sign == 1.0
-    assert "right-handed" in warning
+    assert decided("magnetometer", (g, b), {}, rows=wired) == (1.0, [assumed("magnetometer", 15.0)])
     reversed_ = wired * [-1.0, -1.0, -1.0, 1.0]
     assert decided("magnetometer", (g, -b), {}, rows=reversed_)[0] == -1.0
     # a start refuses and says nothing
@@ -155,12 +157,15 @@ def test_channels_along_the_tools_axes_are_right_handed_where_nothing_else_decid
 
 def test_a_contradiction_is_refused_with_both_numbers():
     g, b = np.array([0.0, 0.0, 1.0]), np.array([np.cos(0.7), 0.0, np.sin(0.7)])
-    with pytest.raises(InputError, match=r"dip \+40\.11 deg at the stand, stated is \+70\.00 deg: 29\.9 deg apart"):
-        decided("magnetometer", (g, b), {"dip": np.radians(70.0)})
-    with pytest.raises(InputError, match=r"latitude -40\.11 deg at the stand, stated is -55\.00 deg"):
-        decided("gyro", (g, b), {"latitude": np.radians(-55.0)})
-    with pytest.raises(InputError, match=r"zero was found 0\.0 deg from magnetic north .* stated is 170\.0 deg"):
-        decided("magnetometer", (g, b), {"dip": 0.7, "north": np.radians(170.0)})
+    for kind, angle, found, stated in (("magnetometer", "dip", 40.11, 70.0), ("gyro", "latitude", -40.11, -55.0)):
+        _, (said,) = decided(kind, (g, b), {angle: np.radians(stated)})
+        assert (said.code, said.severity) == (f"bench-{angle}-contradicted", "refused")
+        assert said.values["found_deg"] == pytest.approx(found, abs=0.01)
+        assert said.values["stated_deg"] == pytest.approx(stated)
+        assert said.values["off_deg"] == pytest.approx(abs(stated - found), abs=0.01)
+    _, (said,) = decided("magnetometer", (g, b), {"dip": 0.7, "north": np.radians(170.0)})
+    assert (said.code, said.severity) == ("bench-zero-opposite", "refused")
+    assert [said.values[name] for name in ("zero_deg", "stated_deg")] == [pytest.approx(0.0), pytest.approx(170.0)]
     # within three standard uncertainties of 2 deg it is not refused
     assert decided("magnetometer", (g, b), {"dip": 0.7 + np.radians(5.9)}) == (1.0, [])
 
@@ -170,14 +175,14 @@ def test_the_fits_part_of_what_is_allowed_is_that_of_the_angle_between_both_fiel
     down = np.array([0.0, 0.0, 1.0])
     for dip in np.radians([40.0, 89.0, 90.0]):
         field = np.array([np.cos(dip), 0.0, np.sin(dip)]) if dip < 1.57 else down
-        with pytest.raises(
-            InputError, match=r"deg apart, allowed 6\.0 \(3 standard uncertainties, 0\.16 deg of the fit"
-        ):
-            decided("magnetometer", (down, field), {"dip": 0.3})
+        _, (said,) = decided("magnetometer", (down, field), {"dip": 0.3})
+        assert said.values["allowed_deg"] == pytest.approx(6.0, abs=0.05)
+        assert said.values["u_deg"] == pytest.approx(0.16, abs=0.005)
     # a rig taken to be level, where no accelerometer says so: 5 deg beside the 5 of the fit
     state = State({"gyro": SKEWED}, {"gyro": unit(1.0, 0.0, -1.0)}, np.zeros((1, 3)), np.zeros(4))
-    with pytest.raises(InputError, match=r"latitude \+45\.00 deg at the stand, stated is .* 7\.07 deg of the fit"):
-        fix_signs(state, {"latitude": 1.4}, {}, np.radians(5.0) ** 2 * np.eye(2))
+    _, (said,) = fix_signs(state, {"latitude": 1.4}, {}, np.radians(5.0) ** 2 * np.eye(2))
+    assert (said.code, said.severity) == ("bench-latitude-contradicted", "refused")
+    assert said.values["u_deg"] == pytest.approx(7.07, abs=0.01)
 
 
 @pytest.mark.long

@@ -5,7 +5,7 @@ import pytest
 
 from inclinometry.calibration import plans
 from inclinometry.calibration.likelihood import tangent_basis
-from inclinometry.calibration.start import _refined, linear_start, sphere
+from inclinometry.calibration.start import _refined, linear_start, sphere, zero_from_north
 from inclinometry.rotations import dcm
 
 A = np.array([0.5, -0.3, np.sqrt(0.66)])
@@ -77,3 +77,9 @@ def test_guesses_lie_all_over_the_sphere():
     anywhere /= np.linalg.norm(anywhere, axis=1, keepdims=True)
     # 200 caps of 8.1 deg would cover it: none is further away than one and a half times that
     assert np.degrees(np.arccos((anywhere @ points.T).max(axis=1))).max() < 12.5
+
+
+def test_the_zero_of_a_level_rig_is_counted_clockwise_from_north():
+    to_east = np.radians(30.0)
+    field = np.array([np.cos(to_east), -np.sin(to_east), 2.0]) / np.sqrt(5.0)
+    assert np.degrees(zero_from_north(np.array([0.0, 0.0, 1.0]), field)) == pytest.approx(30.0)

@@ -134,7 +134,8 @@ class TestPlanThatCannotTell:
         for seed in (1, 2):
             readings, tool = run_with_bad_roll(TURNS, seed)
             found = calibrate_joint(readings)
-            assert any("taken to be level within 0.2 deg" in w for w in found.warnings)
+            taken = [one.values["taken"][0].code for one in found.findings if one.code == "bench-stand-assumed"]
+            assert taken == ["bench-taken-level"]
             ours.append(azimuth_error(found, tool))
             closed.append(azimuth_error(calibrate_rotations(readings), tool))
         assert np.mean(ours) < np.mean(closed)
@@ -147,13 +148,13 @@ class TestPlanThatCannotTell:
             readings.channels, *readings.dials, units=readings.units, reference={"dip": readings.reference["dip"]}
         )
         found = calibrate_joint(untold, rig_sd=ROLL)
-        (sentence,) = [w for w in found.warnings if "cannot see" in w]
-        assert "by the readings, at some" in sentence
+        (said,) = (one for one in found.findings if one.code == "bench-stand-assumed")
+        assert "bench-taken-zero" in {one.code for one in said.values["taken"]}
         assert azimuth_error(found, tool) < 1.0
 
     def test_badly_told_level_is_said(self):
         readings, _ = run_with_bad_roll(plans.rotations(), 1)
-        assert any("tell how the stand is levelled within" in w for w in calibrate_joint(readings).warnings)
+        assert "bench-stand-loose" in {one.code for one in calibrate_joint(readings).findings}
 
 
 class TestRounding:
@@ -250,7 +251,8 @@ def test_exact_readings_of_any_number_of_sensors(name, count):
     # 1e-9 of full scale: the fit stops at a negligible part of the least noise it assumes, 1e-8 of the range
     assert found.tool.triads["accelerometer"].tensor[0] == pytest.approx(tensor, abs=1e-6)
     # sensors that point anywhere leave open how the dials count, and that is said
-    assert all("do not lie along the tool's axes" in w or "left-handed" in w for w in found.warnings)
+    told = {one.code for one in found.findings if one.severity == "warning"}
+    assert told <= {"bench-axes-skewed", "bench-axes-skewed-stand", "bench-left-handed"}
 
 
 class TestContradicted:
@@ -271,22 +273,22 @@ class TestContradicted:
         ("name", "off", "sd"),
         [("dip", -5.0, 0.2), ("dip", -2.0, 0.1), ("north", 5.0, 0.2), ("north", 120.0, 0.1), ("north", 180.0, 0.1)],
     )
-    def test_an_angle(self, readings, name, off, sd):
+    def test_an_angle(self, readings, name, off, sd, refused):
         run = readings()
         wrong = run.reference[name] + np.radians(off)
         run = replace(run, reference={**run.reference, name: wrong})
-        with pytest.raises(
-            InputError, match=r"the readings find the .* at .* deg, stated is .* standard uncertainties"
-        ):
+        with refused("bench-angle-contradicted") as said:
             calibrate_joint(run, reference_sd={name: np.radians(sd)})
+        assert said[0].values["angle"] == {"dip": "dip", "north": "azimuth of the rig's zero"}[name]
+        assert said[0].values["sd_deg"] == pytest.approx(sd)
 
-    def test_a_level(self, readings):
+    def test_a_level(self, readings, refused):
         level = {"accelerometer": (DOWN, np.radians(0.05))}
-        with pytest.raises(
-            InputError, match=r"azimuth axis 3\.0\d deg from the vertical, stated is level within 0\.05"
-        ):
+        with refused("bench-direction-contradicted") as said:
             calibrate_joint(readings(base_tilt=np.radians(3.0)), field_prior=level)
-        assert calibrate_joint(readings(), field_prior=level).warnings == ()
+        assert said[0].values["what"] == "azimuth axis"
+        assert said[0].values["off_deg"] == pytest.approx(3.05, abs=0.05)
+        assert {one.severity for one in calibrate_joint(readings(), field_prior=level).findings} <= {"note"}
 
     @pytest.mark.long
     def test_what_is_right_is_not_refused(self, readings):
@@ -299,7 +301,8 @@ class TestContradicted:
             sds = {"dip": np.radians(0.2), "north": np.radians(0.3)}
             calibrate_joint(run, reference_sd=sds, field_prior={"accelerometer": (DOWN, np.radians(0.1))})
 
-    def test_a_dip_of_the_wrong_sign_is_named(self, readings):
+    def test_a_dip_of_the_wrong_sign_is_named(self, readings, refused):
         run = readings()
-        with pytest.raises(InputError, match=r"with a dip of \+70\.\d+ deg instead of -70\.\d+ the"):
+        with refused("bench-all-reversed") as said:
             calibrate_joint(replace(run, reference={"dip": -DIP}))
+        assert said[0].values["causes"][-1].values["wanted_deg"] == pytest.approx(70.0, abs=1.0)

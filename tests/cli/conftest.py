@@ -22,19 +22,31 @@ class Ran(NamedTuple):
     def json(self):
         return json.loads(self.out)
 
+    def ok(self) -> Ran:
+        """It did what it should."""
+        assert self.status == 0, self.out + self.err
+        return self
+
+    def refused(self, *words: str) -> None:
+        """Status 2, and one sentence with these words alone."""
+        assert (self.status, self.out) == (2, ""), self.out + self.err
+        assert len(self.err.strip().splitlines()) == 1, self.err
+        for word in words:
+            assert word in self.err, self.err
+
 
 @pytest.fixture
 def run(tmp_path, monkeypatch, capsys) -> Callable[..., Ran]:
-    """run("calibrate", "readings.csv", ...) in an empty folder."""
+    """run("calibrate readings.csv", "-o", path, ...) in an empty folder; the first argument is split at its blanks."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("INCLINOMETRY_KEYS", str(tmp_path.with_name(f"{tmp_path.name}-keys")))  # none yet
     # warnings and errors nobody foresaw fail a test instead of becoming a polite line
     monkeypatch.setenv("INCLINOMETRY_TRACEBACK", "1")
 
-    def command(*arguments: object) -> Ran:
+    def command(words: str, *more: object) -> Ran:
         capsys.readouterr()
         with pytest.raises(SystemExit) as stop:
-            main([str(a) for a in arguments])
+            main([*words.split(), *map(str, more)])
         captured = capsys.readouterr()
         return Ran(int(stop.value.code or 0), captured.out, captured.err)
 
@@ -46,20 +58,16 @@ def bench(run) -> Callable[..., Ran]:
     """Simulated readings.csv and truth.json in the folder."""
 
     def simulate(plan: str = "twelve", *more: object) -> Ran:
-        done = run(
-            "simulate",
-            "bench",
-            "--plan",
-            plan,
-            "--rig-sd-deg",
-            0.1,
-            "-o",
-            "readings.csv",
-            "--truth",
-            "truth.json",
-            *more,
-        )
-        assert done.status == 0, done.err
+        files = ("-o", "readings.csv", "--truth", "truth.json")
+        done = run("simulate bench --plan", plan, "--rig-sd-deg", 0.1, *files, *more).ok()
         return done
 
     return simulate
+
+
+@pytest.fixture
+def well(run, bench) -> None:
+    """A tool calibrated at 24 positions and the well it surveyed: tool.json, raw.csv, path.csv and their sources."""
+    bench("orthogonal")
+    assert run("calibrate readings.csv -o tool.json").status == 0
+    assert run("simulate well --truth truth.json -o raw.csv --path path.csv").status == 0

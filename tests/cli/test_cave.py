@@ -27,8 +27,7 @@ def coefficients(letter: str) -> tuple[np.ndarray, np.ndarray]:
 
 
 def test_shots_of_a_distox_give_the_coefficients_behind_them(run):
-    done = run("calibrate", str(SHOTS), "--profile", "topodroid", "--method", "field", "-o", "tool.json")
-    assert done.status == 0, done.err
+    run("calibrate", str(SHOTS), "--profile", "topodroid", "--method", "field", "-o", "tool.json").ok()
     triads = json.loads(Path("tool.json").read_text())["triads"]
     for letter, kind in (("G", "accelerometer"), ("M", "magnetometer")):
         matrix, offset = coefficients(letter)
@@ -46,36 +45,31 @@ def test_shots_of_a_distox_give_the_coefficients_behind_them(run):
 def test_the_file_of_a_sap6_is_one_command(run, name):
     """Axes and roll sets of the profile: as the shots mapped by hand from the makers' axes."""
     shots = files("inclinometry.workflow") / f"demo_data/sap6_cave/{name}.json"
-    done = run("calibrate", str(shots), "--profile", "sap6", "-o", "tool.json")
-    assert done.status == 0, done.err
+    done = run("calibrate", str(shots), "--profile", "sap6", "-o", "tool.json").ok()
     assert "method field, 24 stations" in done.out
     expected = calibrate_field(cave_instrument(name)).tool
     for kind, triad in json.loads(Path("tool.json").read_text())["triads"].items():
         np.testing.assert_allclose(triad["tensor"], expected.triads[kind].tensor[0], rtol=1e-9, atol=1e-9)
-    angled = run("calibrate", str(shots), "--profile", "sap6", "--method", "joint")
-    assert (angled.status, "no rig angles" in angled.err) == (2, True)
+    run("calibrate", str(shots), "--profile", "sap6", "--method", "joint").refused("no rig angles")
 
 
 def test_roll_sets_are_those_of_a_whole_file(run):
     """Of 20 shots nobody knows which are the sets: said, and not guessed."""
     shots = json.loads((files("inclinometry.workflow") / "demo_data/sap6_cave/HC.json").read_text())
     Path("short.json").write_text(json.dumps({kind: rows[:20] for kind, rows in shots.items()}))
-    done = run("calibrate", "short.json", "--profile", "sap6", "--method", "norm", "-o", "tool.json")
-    assert done.status == 0
+    done = run("calibrate short.json --profile sap6 --method norm -o tool.json").ok()
     assert "roll sets of the profile are those of 24 rows, these are 20: not used" in done.err
-    assert "no roll set" in run("calibrate", "short.json", "--profile", "sap6", "--method", "field").err
-    assert run("check", "short.json", "--profile", "sap6", "-o", "mine.toml").status == 0
+    assert "no roll set" in run("calibrate short.json --profile sap6 --method field").err
+    assert run("check short.json --profile sap6 -o mine.toml").status == 0
     Path("mine.toml").write_text(Path("mine.toml").read_text().replace("[17, 24]", "[17, 20]"))
-    done = run("calibrate", "short.json", "--profile", "mine.toml")
+    done = run("calibrate short.json --profile mine.toml")
     assert "method field, 20 stations" in done.out, done.err
     Path("mine.toml").write_text(Path("mine.toml").read_text().replace("[17, 20]", "[12, 20]"))
-    wrong = run("calibrate", "short.json", "--profile", "mine.toml")
-    assert (wrong.status, "behind those of the set before" in wrong.err) == (2, True)
+    run("calibrate short.json --profile mine.toml").refused("behind those of the set before")
 
 
 def test_a_shot_of_no_group_belongs_to_no_set(run):
     lines = SHOTS.read_text().splitlines()
     free = [line.replace(", 14, ", ", 0, ", 1) if line.startswith("5") and ", 14, " in line else line for line in lines]
     Path("free.csv").write_text("\n".join(free) + "\n")
-    done = run("calibrate", "free.csv", "--profile", "topodroid", "--method", "field", "--json")
-    assert done.status == 0, done.err
+    run("calibrate free.csv --profile topodroid --method field --json").ok()

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import csv
 from pathlib import Path
 
 import numpy as np
 import pytest
+
+from .tables import rows_of
 
 SURVEYS = """hole,depth_m,dip_deg,azimuth_deg
 H1,0,-60,90
@@ -29,7 +30,11 @@ def tables(run):
 
 
 def holes(run, *more, dip="negative"):
-    return run("holes", "surveys.csv", "--collars", "collars.csv", *(("--dip-down", dip) if dip else ()), *more)
+    return run("holes surveys.csv --collars collars.csv", *(("--dip-down", dip) if dip else ()), *more)
+
+
+def said(done, code):
+    return [one for one in done.json["findings"] if one["code"] == code]
 
 
 def ends(done):
@@ -37,8 +42,7 @@ def ends(done):
 
 
 def test_straight_holes_end_where_they_must(run, tables):
-    done = holes(run, "-o", "positions.csv", "--json")
-    assert done.status == 0, done.err
+    done = holes(run, "-o", "positions.csv", "--json").ok()
     # 150 m at 60 deg down to the east; 50 m at 30 deg up to the north; 40 m down
     wanted = {
         "H1": [1075.0, 2000.0, 300.0 - 150.0 * np.sin(np.pi / 3)],
@@ -49,10 +53,9 @@ def test_straight_holes_end_where_they_must(run, tables):
     assert list(found) == list(wanted)
     for name, place in wanted.items():
         assert found[name] == pytest.approx(place, abs=1e-9)
-    assert any(note.startswith("a single shot: a straight hole: 1 hole(s), UP") for note in done.json["notes"])
-    assert any("straight from the last shot" in note for note in done.json["notes"])
-    with Path("positions.csv").open(newline="") as stream:
-        rows = list(csv.DictReader(stream))
+    straight = {one["values"]["where"]: one["values"]["names"] for one in said(done, "holes-straight")}
+    assert straight == {"single shot": "UP", "last shot": "H1"}
+    rows = rows_of("positions.csv")
     assert [row["hole"] for row in rows] == ["H1"] * 3 + ["UP"] * 2 + ["V"] * 2
     assert float(rows[2]["east_m"]) == 1075.0
     # the other sign turns everything over
@@ -61,10 +64,7 @@ def test_straight_holes_end_where_they_must(run, tables):
 
 
 def test_the_sign_of_the_dip_is_never_guessed(run, tables):
-    done = holes(run, dip=None)
-    assert done.status == 2
-    assert "dips are -90 to 30 deg" in done.err
-    assert "--dip-down negative" in done.err
+    holes(run, dip=None).refused("[holes-dip-sign]", "--dip-down negative")
     # an inclination from the vertical has no sign to be asked for
     Path("surveys.csv").write_text("hole,depth_m,inclination_deg,azimuth_deg\nH1,100,30,90\n")
     done = holes(run, "--json", dip=None)
@@ -80,13 +80,11 @@ def test_an_arc_and_points_along_it(run):
     rows = [f"A,{200.0 * np.radians(a):.9f},{90.0 - a:.9f},90" for a in angles]
     Path("surveys.csv").write_text("\n".join(["BHID,Depth,Dip,Azimuth", *rows]) + "\n")
     options = ("--profile", "drill-holes", "--dip-down", "positive", "--every-m", "10")
-    done = run("holes", "surveys.csv", *options, "-o", "positions.csv", "--json")
-    assert done.status == 0, done.err
+    done = run("holes", "surveys.csv", *options, "-o", "positions.csv", "--json").ok()
     # a quarter of a circle of 200 m; depths are written to 1e-9 m
     assert ends(done)["A"] == pytest.approx([200.0, 0.0, -200.0], abs=1e-6)
     assert done.json["holes"][0]["largest_dls_deg_30m"] == pytest.approx(np.degrees(30.0 / 200.0))
-    with Path("positions.csv").open(newline="") as stream:
-        found = list(csv.DictReader(stream))
+    found = rows_of("positions.csv")
     md, east, up = (np.array([float(row[name]) for row in found]) for name in ("md_m", "east_m", "elevation_m"))
     assert len(md) == 10 + 31
     assert np.allclose(np.hypot(east - 200.0, up), 200.0, atol=1e-5)
@@ -98,74 +96,76 @@ def test_azimuths_are_turned_to_the_grid(run, tables):
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "words"),
+    ("old", "new", "line", "code"),
     [
-        ("H1,100,-60,90", "H1,0,-60,90", "H1 (line 3: depth 0 m again"),
-        ("H1,0,-60,90", "H1,200,-60,90", "H1 (line 3: depth 100 m after 200 m"),
-        ("H1,100,-60,90", "H1,100,,90", "H1 (line 3: dip is empty"),
-        ("H1,100,-60,90", "H1,100,-60,", "H1 (line 3: azimuth is empty"),
-        ("H1,100,-60,90", "H1,100,-95,90", "H1 (line 3: dip is beyond 90 deg"),
-        ("H1,100,-60,90", "H1,100,-60,400", "H1 (line 3: azimuth is 400 deg"),
-        ("H1,100,-60,90", "H1,160,-60,90", "H1 (line 2: the hole ends at 150 m, above its last shot at 160 m"),
-        ("H1,100,-60,90", "H1,100,60,270", "H1 (line 2: the hole turns by 180"),
-        ("UP,50", "up,50", "up (no collar in collars.csv (is it 'UP' there?)"),
-        ("UP,50", "UP,0", "UP (line 4: a single shot at the collar"),
+        ("H1,100,-60,90", "H1,0,-60,90", 3, "holes-depth-order"),
+        ("H1,0,-60,90", "H1,200,-60,90", 3, "holes-depth-order"),
+        ("H1,100,-60,90", "H1,100,,90", 3, "holes-cell-empty"),
+        ("H1,100,-60,90", "H1,100,-60,", 3, "holes-cell-empty"),
+        ("H1,100,-60,90", "H1,100,-95,90", 3, "holes-angle-range"),
+        ("H1,100,-60,90", "H1,100,-60,400", 3, "holes-angle-range"),
+        ("H1,100,-60,90", "H1,160,-60,90", 2, "holes-end-above"),
+        ("H1,100,-60,90", "H1,100,60,270", 2, "turns by 180"),
+        ("UP,50", "up,50", 4, "holes-collar-missing"),
+        ("UP,50", "UP,0", 4, "holes-length-unknown"),
     ],
 )
-def test_a_faulty_hole_is_named_and_refused_or_left_out(run, tables, old, new, words):
+def test_a_faulty_hole_is_named_and_refused_or_left_out(run, tables, old, new, line, code):
     Path("surveys.csv").write_text(SURVEYS.replace(old, new))
-    done = holes(run, "-o", "positions.csv")
-    assert done.status == 2, done.out
-    assert f"surveys.csv: 1 of 3 hole(s) faulty: {words}" in done.err
+    hole = new[:2]
+    holes(run, "-o", "positions.csv").refused("surveys.csv: Faulty holes: 1 of 3", f"{hole}, line {line}: ")
     assert not Path("positions.csv").exists()
     done = holes(run, "-o", "positions.csv", "--skip-faulty", "--json")
     assert done.status == 1
     assert "left out" in done.err
     assert len(done.json["holes"]) == 2
-    assert len(done.json["faulty"]) == 1
+    assert list(done.json["faulty"]) == [hole]
+    (one,) = said(done, "holes-left-out")
+    fault = one["values"]["fault"]
+    assert code in (fault if isinstance(fault, str) else fault["code"])
+    assert one["values"]["line"] == line
     assert Path("positions.csv").exists()
+
+
+def test_each_hole_is_held_against_what_a_run_is(run):
+    """A depth with a wrong digit in one of two even holes is doubted; nothing is refused, and positions are given."""
+    depths = np.arange(0.0, 601.0, 30.0)
+    rows = [f"{hole},{m:g},{-60.0 - m / 100.0:.1f},90" for hole in ("A", "B") for m in depths]
+    text = "\n".join(["hole,depth_m,dip_deg,azimuth_deg", *rows]) + "\n"
+    Path("surveys.csv").write_text(text.replace("B,300,", "B,310,"))
+    done = run("holes", "surveys.csv", "--dip-down", "negative", "--json").ok()
+    (one,) = said(done, "holes-doubt")
+    inner = one["values"]["finding"]
+    assert (one["severity"], one["values"]["hole"], inner["code"]) == ("warning", "B", "run-depth-digit")
+    assert inner["rows"] == [11]
+    assert len(done.json["holes"]) == 2
 
 
 def test_collars_that_are_double_or_alone(run, tables):
     Path("collars.csv").write_text(COLLARS + "H1,1,2,3,\nX9,1,2,3,\n")
-    assert "H1 (2 collars in collars.csv, lines 2, 5)" in holes(run).err
+    assert "H1, line 2: Several collars in collars.csv, lines 2, 5." in holes(run).err
     Path("collars.csv").write_text(COLLARS + "X9,1,2,3,\n")
-    done = holes(run)
-    assert done.status == 0
-    assert "1 of the collars have no shots in surveys.csv: X9" in done.err
+    (one,) = said(holes(run, "--json").ok(), "holes-collar-alone")
+    assert one["values"] == {"count": 1, "names": "X9"}
 
 
-@pytest.mark.parametrize(
-    ("header", "words"),
-    [
-        ("name,depth_m,dip_deg,azimuth_deg", "no column names the hole"),
-        ("hole,depth,dip_deg,azimuth_deg", "column 'depth' has no unit"),
-        ("hole,depth_m,dip_kg,azimuth_deg", "column 'dip_kg' has the unit 'kg'"),
-        ("hole,depth_m,other,azimuth_deg", "column 'dip' is missing"),
-        ("hole,depth_m,dip_deg,inclination_deg", "column 'azimuth' is missing"),
-        ("hole,hole_id,dip_deg,azimuth_deg", "2 columns name the hole"),
-        ("hole,depth_m,depth_ft,azimuth_deg", "are both the depth"),
-    ],
-)
-def test_a_table_that_is_not_of_holes(run, tables, header, words):
-    Path("surveys.csv").write_text(SURVEYS.replace("hole,depth_m,dip_deg,azimuth_deg", header))
-    done = holes(run)
-    assert done.status == 2
-    assert words in done.err
+def test_a_table_that_is_not_of_holes(run, tables):
+    """What else the reader refuses: tests/files/test_holes_csv.py."""
+    Path("surveys.csv").write_text(SURVEYS.replace("hole,depth_m", "name,depth_m"))
+    holes(run).refused("no column names the hole")
 
 
 def test_feet_and_nothing_left(run, tables):
     Path("surveys.csv").write_text("hole,depth_ft,dip_deg,azimuth_deg\nUP,100,30,0\n")
     assert ends(holes(run, "--json"))["UP"][2] == pytest.approx(30.0 + 15.24)
     Path("surveys.csv").write_text("hole,depth_m,dip_deg,azimuth_deg\nQ,100,30,0\n")
-    done = holes(run, "--skip-faulty")
-    assert done.status == 2
-    assert "none is left" in done.err
+    holes(run, "--skip-faulty").refused("[holes-none-left]")
 
 
 def test_the_table_for_people(run, tables):
-    done = run("holes", "surveys.csv", "--dip-down", "negative")
-    assert done.status == 0, done.err
+    done = run("holes surveys.csv --dip-down negative").ok()
     assert "ends of the holes" in done.out
-    assert "no collars: every hole begins at 0, 0, 0" in done.out
+    assert "note" not in done.err
+    done = run("holes", "surveys.csv", "--dip-down", "negative", "-v").ok()
+    assert "[holes-no-collars]" in done.err
     assert "--every-m is 0" in holes(run, "--every-m", "0").err

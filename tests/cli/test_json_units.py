@@ -9,81 +9,18 @@ from typing import Any
 import pytest
 
 UNITS = (
-    "deg",
-    "m",
-    "m2",
-    "s",
-    "hz",
-    "Hz",
-    "nT",
-    "uT",
-    "m_s2",
-    "g",
-    "mg",
-    "counts",
-    "V",
-    "mV",
-    "degC",
-    "deg_s",
-    "deg_h",
-    "rad_s",
-    "counts_per_field",
-    "m_s2_per_field",
-    "nT_per_field",
-    "percent",
-    "share",
-    "deg_30m",
-    "samples",
-    "ppm",
-    "mm",
-    "K",
-    "years",
-    "sqrt_h",
-    "deg_h_sqrt_s",
-    "deg_sqrt_h",
-    "deg_h2",
-)
+    "deg", "m", "m2", "s", "hz", "Hz", "nT", "uT", "m_s2", "g", "mg", "counts", "V", "mV", "degC", "deg_s",
+    "deg_h", "rad_s", "counts_per_field", "m_s2_per_field", "nT_per_field", "percent", "share", "deg_30m",
+    "samples", "ppm", "mm", "K", "years", "sqrt_h", "deg_h_sqrt_s", "deg_sqrt_h", "deg_h2",
+)  # fmt: skip
+# counts of things, numbers of rows and lines; ratios; the file's own columns, whose unit is in their name; the
+# covariance of positions, m2 by the contract of the file
 WITHOUT = {
-    # counts of things, numbers of rows and lines
-    "stations",
-    "flagged",
-    "rows",
-    "count",
-    "line",
-    "windows",
-    "intervals",
-    "dof",
-    "degrees_of_freedom",
-    "exit",
-    "refused",
-    "shots",
-    "judged",
-    "iterations",
-    "position",
-    "sensor",
-    "run",
-    "seed",
-    # ratios
-    "coverage_factor",
-    "confidence",
-    "probability",
-    "p",
-    "standardised",
-    "leverage",
-    "ratio",
-    "times",
-    "quality",
-    # the file's own columns, whose unit is in their name; the covariance of positions, m2 by the contract of the file
-    "low",
-    "high",
-    "cov_nn",
-    "cov_ee",
-    "cov_vv",
-    "cov_ne",
-    "cov_nv",
-    "cov_ev",
-    "version",
-}
+    "stations", "flagged", "rows", "count", "line", "windows", "intervals", "dof", "degrees_of_freedom", "exit",
+    "refused", "shots", "judged", "iterations", "position", "sensor", "run", "seed", "version", "coverage_factor",
+    "confidence", "probability", "p", "standardised", "leverage", "ratio", "times", "quality", "low", "high",
+    "cov_nn", "cov_ee", "cov_vv", "cov_ne", "cov_nv", "cov_ev",
+}  # fmt: skip
 
 
 def numbers(value: Any, path: tuple[str, ...] = ()):
@@ -110,28 +47,15 @@ SITE = 'latitude_deg = 60\nlongitude_deg = 10\ndate = "2026-05-01"\nnorth_refere
 
 
 @pytest.fixture
-def folder(run):
+def folder(run, bench):
     """One of every input."""
     Path("site.toml").write_text(SITE)
-    run(
-        "simulate",
-        "bench",
-        "--plan",
-        "twelve",
-        "--seed",
-        "1",
-        "--rig-sd-deg",
-        "0.1",
-        "-o",
-        "readings.csv",
-        "--truth",
-        "truth.json",
-    )
-    run("simulate", "bench", "--plan", "half", "--seed", "2", "-o", "check.csv", "--tool", "truth.json")
-    run("calibrate", "readings.csv", "-o", "tool.json")
-    run("calibrate", "check.csv", "-o", "second.json")
-    run("simulate", "well", "--truth", "truth.json", "-o", "raw.csv", "--path", "path.csv")
-    run("survey", "raw.csv", "--calibration", "tool.json", "-o", "survey.csv")
+    bench("twelve", "--seed", "1")
+    run("simulate bench --plan half --seed 2 -o check.csv --tool truth.json")
+    run("calibrate readings.csv -o tool.json")
+    run("calibrate check.csv -o second.json")
+    run("simulate well --truth truth.json -o raw.csv --path path.csv")
+    run("survey raw.csv --calibration tool.json -o survey.csv")
     return run
 
 

@@ -1,4 +1,4 @@
-"""A file that cannot be true is refused in one sentence, and taken with --trust-file, which the output records."""
+"""A file that cannot be true is refused by its code, and accepted by --ignore, which the output records."""
 
 from __future__ import annotations
 
@@ -40,40 +40,37 @@ def axes(order=(0, 1, 2)):
     Path("site.toml").write_text(SITE)
 
 
-def refused(done, *words):
-    assert done.status == 2, done.out
-    assert len(done.err.strip().splitlines()) == 1, done.err
-    for word in words:
-        assert word in done.err, done.err
+def codes(done):
+    return [(one["code"], one["severity"]) for one in done.json["findings"]]
 
 
 def test_position(run):
     well()
     assert run("position", "survey.csv").err == ""
     well(lambda columns: columns.update(inclination_deg=180.0 - columns["inclination_deg"]))
-    refused(run("position", "survey.csv", "-o", "p.csv"), "survey.csv: the hole climbs", "--trust-file columns")
+    run("position survey.csv -o p.csv").refused("survey.csv: ", "[run-climbs; --ignore run-climbs")
     assert not Path("p.csv").exists()
-    done = run("position", "survey.csv", "--trust-file", "columns", "--json")
-    assert done.status == 0
-    assert done.json["warnings"][0].startswith("overruled by --trust-file columns: the hole climbs")
-    refused(run("position", "survey.csv", "--trust-file", "colums"), "is no check", "columns, axes")
+    done = run("position survey.csv --json")
+    assert (done.status, codes(done)) == (2, [("run-climbs", "refused")])
+    for option in (("--ignore", "run-climbs"), ("--ignore", "columns"), ("--trust-file", "columns")):
+        done = run("position", "survey.csv", *option, "--json").ok()
+        assert codes(done) == [("run-climbs", "ignored")]
+    run("position survey.csv --ignore colums").refused("[input-ignore-unknown]")
 
 
 def test_survey_quality_and_msa(run):
     axes((0, 2, 1))
     for command in (["survey", "run.csv"], ["quality", "run.csv"], ["msa", "run.csv", "-o", "c.json"]):
-        refused(run(*command, "--site", "site.toml"), "run.csv: no hole is bent like this", "channel y of both triads")
-    done = run("survey", "run.csv", "--site", "site.toml", "--trust-file", "axes", "-o", "s.csv")
-    assert done.status == 0
-    assert "overruled by --trust-file axes" in done.err
+        run(*command, "--site", "site.toml").refused("run.csv: ", "[run-axis-along;")
+    done = run("survey run.csv --site site.toml --ignore axes -o s.csv").ok()
+    assert "[run-axis-along]" in done.err
     with Path("s.csv").open() as stream:
         assert all("overruled" in row["flags"] for row in csv.DictReader(stream))
-    assert run("msa", "run.csv", "-o", "c.json", "--site", "site.toml", "--trust-file", "axes").status == 0
-    assert "overruled by --trust-file axes" in Path("c.json").read_text()
+    assert run("msa run.csv -o c.json --site site.toml --ignore axes").status == 0
+    assert "ignored run-axis-along: " in Path("c.json").read_text()
     axes()
-    done = run("quality", "run.csv", "--site", "site.toml", "--json")
-    assert done.status == 0
-    assert done.json["warnings"] == []
+    done = run("quality run.csv --site site.toml --json").ok()
+    assert (done.json["warnings"], done.json["findings"]) == ([], [])
 
 
 def test_convert_and_check(run):
@@ -81,28 +78,26 @@ def test_convert_and_check(run):
         columns["md_m"] = np.where(columns["md_m"] > 1000.0, columns["md_m"] / 0.3048, columns["md_m"])
 
     well(feet)
-    assert run("convert", "survey.csv", "a.las").status == 0
-    refused(run("convert", "survey.csv", "b.las", "--check"), "are in feet", "--trust-file depths")
+    assert run("convert survey.csv a.las").status == 0
+    run("convert survey.csv b.las --check").refused("[run-depths-mixed;")
     assert not Path("b.las").exists()
-    done = run("convert", "survey.csv", "b.las", "--check", "--trust-file", "depths")
-    assert done.status == 0
-    assert "overruled by --trust-file depths" in done.err
-    refused(run("convert", "survey.csv", "b.las", "--trust-file", "depths"), "--check")
-    assert "plausibility (depths): the depth leaps" in run("check", "survey.csv").out.replace("\n", " ")
+    done = run("convert survey.csv b.las --check --ignore depths").ok()
+    assert "[run-depths-mixed]" in done.err
+    run("convert survey.csv b.las --ignore depths").refused("--check")
+    assert "[run-depths-mixed]" in run("check", "survey.csv").out
 
 
 def test_what_was_overruled_stands_in_the_file(run):
     well(lambda columns: columns.update(inclination_deg=180.0 - columns["inclination_deg"]))
-    option = ("--trust-file", "columns")
-    assert run("position", "survey.csv", "-o", "p.csv", *option).status == 0
-    assert Path("p.csv").read_text().startswith("# overruled by --trust-file columns: the hole climbs")
-    assert run("convert", "survey.csv", "c.csv", "--check", *option).status == 0
-    assert Path("c.csv").read_text().startswith("# overruled by --trust-file columns: the hole climbs")
-    done = run("position", "c.csv", *option, "--json")  # readers skip the line
-    assert done.status == 0
+    option = ("--ignore", "columns")
+    assert run("position survey.csv -o p.csv", *option).status == 0
+    assert Path("p.csv").read_text().startswith("# ignored run-climbs: ")
+    assert run("convert survey.csv c.csv --check", *option).status == 0
+    assert Path("c.csv").read_text().startswith("# ignored run-climbs: ")
+    done = run("position", "c.csv", *option, "--json").ok()
     assert done.json["stations"] == 71
-    refused(run("position", "c.csv"), "the hole climbs")
-    assert "plausibility (columns): the hole climbs" in run("check", "c.csv").out.replace("\n", " ")
+    run("position", "c.csv").refused("[run-climbs;")
+    assert codes(run("check c.csv --json")) == [("run-climbs", "refused")]
 
 
 def test_check_agrees_with_position(run):
@@ -111,7 +106,7 @@ def test_check_agrees_with_position(run):
     well(lambda columns: columns.update(inclination_deg=180.0 - columns["inclination_deg"]))
     seen = run("check", "survey.csv").out.replace("\n", " ")
     assert "position: can take it as it is" not in seen
-    assert "position: refused as it is (columns); --trust-file columns takes it" in seen
+    assert "position: refused; --ignore run-climbs accepts it" in seen
 
 
 def checked(run, status, *arguments):
@@ -125,41 +120,29 @@ def test_check_says_what_survey_would_of_six_axes(run):
     assert "survey, quality, msa: can take it as it is" in checked(run, 0, "run.csv")
     axes((0, 2, 1))
     seen = checked(run, 1, "run.csv")
-    said = run("survey", "run.csv", "--site", "site.toml").err
-    assert said.partition("run.csv: ")[2].partition(" (likelihood")[0] in seen
-    assert "survey, quality, msa: refused as it is (axes); --trust-file axes takes it" in seen
-    assert run("check", "run.csv", "--json").json["refused"] == ["axes"]
+    run("survey run.csv --site site.toml").refused("[run-axis-along;")
+    assert "survey, quality, msa: refused; --ignore run-axis-along accepts it" in seen
+    assert run("check run.csv --json").json["refused"] == ["run-axis-along"]
     axes()
     header, *rows = Path("run.csv").read_text().splitlines()
     gravity = [row.split(",") for row in rows]
     in_g = [",".join([row[0], *(f"{float(v) / 9.80665:.7f}" for v in row[1:4]), *row[4:]]) for row in gravity]
     Path("unit.csv").write_text("\n".join([header, *in_g]) + "\n")
-    assert "plausibility (units): gravity is 1 m/s2" in checked(run, 1, "unit.csv")
-    refused(run("survey", "unit.csv", "--site", "site.toml"), "gravity is 1 m/s2", "as gx_g", "--trust-file units")
+    assert "[run-gravity-unit]" in checked(run, 1, "unit.csv")
+    run("survey unit.csv --site site.toml").refused("[run-gravity-unit;")
     renamed = header.replace("_m_s2", "_g")
     Path("unit.csv").write_text("\n".join([renamed, *in_g]) + "\n")
     assert checked(run, 0, "unit.csv")
-    assert run("survey", "unit.csv", "--site", "site.toml").status == 0
+    assert run("survey unit.csv --site site.toml").status == 0
     feet = [",".join([f"{float(row[0]) / 0.3048:.2f}", *row[1:]]) for row in gravity]
     Path("feet.csv").write_text("\n".join([header, *feet]) + "\n")
-    assert "plausibility (depths): stations are 93.5 m apart" in checked(run, 0, "feet.csv")  # a warning of survey
+    assert "[run-depths-feet]" in checked(run, 0, "feet.csv")  # a warning of survey
 
 
 def test_check_judges_raw_channels_by_their_calibration(run):
-    bench = (
-        "simulate",
-        "bench",
-        "--plan",
-        "orthogonal",
-        "--rig-sd-deg",
-        0.05,
-        "-o",
-        "readings.csv",
-        "--truth",
-        "t.json",
-    )
-    assert run(*bench).status == 0
-    assert run("calibrate", "readings.csv", "-o", "tool.json").status == 0
+    files = ("-o", "readings.csv", "--truth", "t.json")
+    run("simulate bench --plan orthogonal --rig-sd-deg 0.05", *files).ok()
+    assert run("calibrate readings.csv -o tool.json").status == 0
     tool = read_calibration("tool.json").tool
     md, inclination, azimuth = well().values()
     toolface = np.random.default_rng(2).uniform(0.0, 6.28, md.size)
@@ -176,29 +159,27 @@ def test_check_judges_raw_channels_by_their_calibration(run):
     assert "survey --calibration: can take it as it is" in checked(run, 0, *with_tool)
     assert "of raw channels axes and fields are judged with --calibration" in checked(run, 0, "raw.csv")
     write(md, lambda values: values[:, [0, 2, 1]])
-    seen = checked(run, 1, *with_tool)
-    assert "channels y and z of both triads exchanged" in seen
-    assert "survey --calibration: refused as it is (axes); --trust-file axes takes it" in seen
-    refused(run("survey", *with_tool), "channels y and z of both triads exchanged")
+    assert "survey --calibration: refused; --ignore run-channels-calibrated accepts it" in checked(run, 1, *with_tool)
+    run("survey", *with_tool).refused("[run-channels-calibrated;")
     write(md, lambda values: 10.0 * values)
-    assert "gravity is more than 5 % off" in checked(run, 1, *with_tool)
+    assert "[run-gravity-calibrated]" in checked(run, 1, *with_tool)
     # depths need no calibration
     write(np.where(md > 1000.0, md / 0.3048, md))
-    assert "plausibility (depths): the depth leaps" in checked(run, 1, "raw.csv")
-    refused(run("survey", *with_tool), "the depth leaps")
+    assert "[run-depths-mixed]" in checked(run, 1, "raw.csv")
+    run("survey", *with_tool).refused("[run-depths-mixed;")
     # a calibration has no use for fields
     axes()
-    refused(run("check", "survey.csv", "--calibration", "tool.json"), "--calibration is for raw channels")
+    run("check survey.csv --calibration tool.json").refused("--calibration is for raw channels")
 
 
 def test_the_dip_of_a_site_with_the_wrong_sign(run):
     axes()
     Path("site.toml").write_text(SITE.replace("68.0", "-68.0"))
-    assert "either the site's dip_deg has the wrong sign" in run("survey", "run.csv", "--site", "site.toml").err
+    assert "either the site's dip_deg has the wrong sign" in run("survey run.csv --site site.toml").err
     Path("site.toml").write_text(SITE.replace("68.0", "-68.0") + "latitude_deg = 60.0\n")
-    assert "its dip_deg has the wrong sign" in run("survey", "run.csv", "--site", "site.toml").err
+    assert "its dip_deg has the wrong sign" in run("survey run.csv --site site.toml").err
     Path("site.toml").write_text(SITE.replace("68.0", "-68.0") + "latitude_deg = -60.0\n")
-    assert "all channels of one triad are reversed" in run("survey", "run.csv", "--site", "site.toml").err
+    assert "all channels of one triad are reversed" in run("survey run.csv --site site.toml").err
 
 
 def test_a_place_with_a_longitude_of_the_wrong_sign(run):
@@ -213,9 +194,9 @@ def test_a_place_with_a_longitude_of_the_wrong_sign(run):
     header = "md_m,gx_m_s2,gy_m_s2,gz_m_s2,bx_nT,by_nT,bz_nT"
     np.savetxt("run.csv", values, delimiter=",", header=header, comments="", fmt="%.6g")
     Path("site.toml").write_text('north_reference = "true"\n' + day.format(-110.0))
-    assert "latitude_deg and longitude_deg right" not in run("survey", "run.csv", "--site", "site.toml").err
+    assert "run-place" not in run("survey run.csv --site site.toml").err
     Path("site.toml").write_text('north_reference = "true"\n' + day.format(110.0))
-    refused(run("survey", "run.csv", "--site", "site.toml"), "the longitude of the other sign", "--trust-file place")
+    run("survey run.csv --site site.toml").refused("[run-place;")
 
 
 def test_a_formula_that_fails_says_first_what_is_doubted_of_the_run(run):
@@ -226,8 +207,8 @@ def test_a_formula_that_fails_says_first_what_is_doubted_of_the_run(run):
     rows += [f"{m:.2f},{a:.3f},{i:.3f},true" for m, i, a in zip(md, inclination, azimuth, strict=True)]
     Path("survey.csv").write_text("\n".join(rows) + "\n")
     Path("site.toml").write_text(SITE.replace("magnetic", "true") + "declination_deg = 3.0\nlatitude_deg = 60.0\n")
-    done = run("position", "survey.csv", "--site", "site.toml", "--tool-code", "spe90408-model-1")
-    refused(done, "perhaps their columns are exchanged", "is made for 0 to 150 deg")
+    done = run("position survey.csv --site site.toml --tool-code spe90408-model-1")
+    done.refused("may be exchanged", "is made for 0 to 150 deg")
     assert done.err.index("exchanged") < done.err.index("is made for")
 
 
@@ -239,27 +220,24 @@ def test_inclinations_beyond_half_a_turn_beside_azimuths_within_it_are_exchanged
         ",".join((md, f"{float(azimuth) + 200.0:.4f}", inclination, north)) for md, inclination, azimuth, north in cells
     ]
     Path("survey.csv").write_text("\n".join(text) + "\n")
-    refused(
-        run("position", "survey.csv"), "inclination_deg is 250", "are the columns of inclination and azimuth exchanged?"
+    run("position", "survey.csv").refused(
+        "inclination_deg is 250", "are the columns of inclination and azimuth exchanged?"
     )
 
 
 def test_verify_says_its_reservation_in_words_and_in_json(run):
     more = ("--rig-sd-deg", 0.1, "--base-tilt-deg", 0)
-    assert run("simulate", "bench", "--plan", "orthogonal", *more, "-o", "r.csv", "--truth", "t.json").status == 0
-    assert (
-        run("simulate", "bench", "--plan", "spread", "--tool", "t.json", *more, "--seed", 9, "-o", "v.csv").status == 0
-    )
-    assert run("calibrate", "r.csv", "--rig-sd-deg", 0.1, "-o", "tool.json").status == 0
+    assert run("simulate bench --plan orthogonal", *more, "-o", "r.csv", "--truth", "t.json").status == 0
+    assert run("simulate bench --plan spread --tool t.json", *more, "--seed", 9, "-o", "v.csv").status == 0
+    assert run("calibrate r.csv --rig-sd-deg 0.1 -o tool.json").status == 0
     limits = 'source = "contract 7"\ninclination_deg = 3.0\nazimuth_deg = 40.0\ntoolface_deg = 9.0\n'
     Path("wide.toml").write_text(limits)
-    done = run("verify", "v.csv", "--calibration", "tool.json", "--limits", "wide.toml", "-o", "verify.json")
-    assert done.status == 0
+    done = run("verify v.csv --calibration tool.json --limits wide.toml -o verify.json").ok()
     assert "PASS, WITH RESERVATIONS against" in done.out
     assert "PASS against" not in done.out
-    assert "azimuth is held against a limit of 40 deg" in done.err.replace("\n", " ")
-    assert "azimuth is held against a limit of 40 deg" in Path("verify.json").read_text()
-    done = run("verify", "v.csv", "--calibration", "tool.json", "--limits", "wide.toml", "--json")
+    assert "the limit of azimuth is 40 deg" in done.err.replace("\n", " ")
+    assert "the limit of azimuth is 40 deg" in Path("verify.json").read_text()
+    done = run("verify v.csv --calibration tool.json --limits wide.toml --json")
     assert any("the agreed limits are so wide" in one for one in done.json["reservations"])
 
 
@@ -273,7 +251,7 @@ def test_quality_does_not_call_what_it_could_not_judge_not_passed(run):
     header = "md_m,gx_m_s2,gy_m_s2,gz_m_s2,bx_nT,by_nT,bz_nT"
     np.savetxt("run.csv", values, delimiter=",", header=header, comments="", fmt="%.6g")
     Path("site.toml").write_text(SITE)
-    done = run("quality", "run.csv", "--site", "site.toml")
+    done = run("quality run.csv --site site.toml")
     last = done.out.strip().splitlines()[-1]
     assert "pass: not judged: axial interference seen" in done.out.replace("\n", " "), last
     assert "not passed" not in done.out

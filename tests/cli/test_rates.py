@@ -1,6 +1,7 @@
 """The command for rate tables: from a file of steps to a tool.json that a survey can use."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -87,23 +88,26 @@ def survey_error(tool):
     path = (10.0 * np.arange(50), inclination, azimuth, toolface)
     true = simulate_survey(TOOL, *path, dip=1.2, latitude=LATITUDE, noise={}, seed=1)
     down = dcm(azimuth, inclination, toolface)[..., 2]
-    channels = {
-        "accelerometer": true.signals["accelerometer"],
-        "gyro": true.signals["gyro"] + down @ SENSITIVITY.T,
-    }
+    channels = {"accelerometer": true.signals["accelerometer"], "gyro": true.signals["gyro"] + down @ SENSITIVITY.T}
     found = reduce_survey(true.md, channels, tool)
     assert found.azimuth_reference == "true"
     return np.abs(wrap_signed(found.azimuth - true.azimuth)).max()
 
 
+def made(**more):
+    """The calibration that the command makes of steps.csv at site.toml."""
+    table(Path("steps.csv"), site=Path("site.toml"), output_=Path("tool.json"), **more)
+    return read_calibration("tool.json")
+
+
 def test_the_gyro_of_a_tool_is_replaced(folder, capsys):
-    steps, old = write_steps(folder / "steps.csv"), bench_tool(folder / "old.json")
-    table(steps, site=folder / "site.toml", output_=folder / "tool.json", calibration=old, g_sensitivity=True)
+    write_steps(folder / "steps.csv")
+    old = bench_tool(folder / "old.json")
+    before, found = read_calibration(old), made(calibration=old, g_sensitivity=True)
     printed = capsys.readouterr()
     assert "scale, rad/s per deg/s" in printed.out
     assert "g-sensitivity, rad/s per g" in printed.out
     assert "is significant" in printed.err
-    before, found = read_calibration(old), read_calibration(folder / "tool.json")
     assert found.tool.name == "SN 7"
     for kind in ("accelerometer", "magnetometer"):
         np.testing.assert_array_equal(found.tool.triads[kind].tensor, before.tool.triads[kind].tensor)
@@ -128,14 +132,7 @@ def test_the_gyro_of_a_tool_is_replaced(folder, capsys):
 
 def test_without_a_tool_it_is_one_of_gyros_alone(folder, capsys):
     write_steps(folder / "steps.csv", heat=21.5)
-    table(
-        folder / "steps.csv",
-        site=folder / "site.toml",
-        output_=folder / "tool.json",
-        tool="SN 9",
-        created="2024-05-01",
-        json=True,
-    )
+    found = made(tool="SN 9", created="2024-05-01", json=True)
     printed = capsys.readouterr()
     content = json.loads(printed.out)
     assert content["tool"] == "SN 9"
@@ -143,7 +140,6 @@ def test_without_a_tool_it_is_one_of_gyros_alone(folder, capsys):
     assert content["g_sensitivity"] is None
     assert content["g_sensitivity_by_chance"] < 1e-6
     assert "fit the g-sensitivity too" in printed.err
-    found = read_calibration(folder / "tool.json")
     assert list(found.tool.triads) == ["gyro"]
     assert found.method == "rate-table"
     assert found.tool.temperature_range == (21.5, 21.5)
@@ -152,29 +148,18 @@ def test_without_a_tool_it_is_one_of_gyros_alone(folder, capsys):
 
 def test_temperatures_that_were_not_used_are_said(folder, capsys):
     write_steps(folder / "steps.csv", heat=np.tile([20.0, 20.0, 60.0, 60.0], len(MOUNTS)))
-    table(folder / "steps.csv", site=folder / "site.toml", output_=folder / "tool.json")
-    assert any("2 temperatures" in w for w in read_calibration(folder / "tool.json").warnings)
-    table(folder / "steps.csv", site=folder / "site.toml", output_=folder / "tool.json", temperature_degree=1)
-    assert read_calibration(folder / "tool.json").tool.triads["gyro"].degree == 1
+    assert any("2 temperatures" in w for w in made().warnings)
+    assert made(temperature_degree=1).tool.triads["gyro"].degree == 1
     capsys.readouterr()
 
 
 def test_temperatures_at_which_the_two_calibrations_hold(folder, capsys):
     old = read_calibration(bench_tool(folder / "old.json"))
-    for span, heat, want, said in (
-        ((15.0, 30.0), 21.0, (21.0, 21.0), False),
-        ((40.0, 60.0), 21.0, (40.0, 60.0), True),
-    ):
+    for span, heat, want, said in (((15.0, 30.0), 21.0, (21.0, 21.0), False), ((40.0, 60.0), 21.0, (40.0, 60.0), True)):
         tool = Tool("x", old.tool.triads, old.tool.covariance, old.tool.noise, span)
         write_calibration(type(old)(**{**old.__dict__, "tool": tool}), folder / "old.json")
         write_steps(folder / "steps.csv", heat=heat)
-        table(
-            folder / "steps.csv",
-            site=folder / "site.toml",
-            output_=folder / "tool.json",
-            calibration=folder / "old.json",
-        )
-        found = read_calibration(folder / "tool.json")
+        found = made(calibration=folder / "old.json")
         assert found.tool.temperature_range == want
         assert any("the rest of the tool at" in w for w in found.warnings) is said
     capsys.readouterr()
@@ -188,62 +173,45 @@ def test_a_survey_takes_its_azimuth_from_the_gyro_where_asked(run, folder, monke
     write_raw_survey(folder / "raw.csv", true.md, true.signals)
     found = {}
     for name, more in {"magnetometer": (), "gyro": ("--azimuth-from", "gyro")}.items():
-        done = run("survey", "raw.csv", "--calibration", "tool.json", "--site", "site.toml", "-o", "out.csv", *more)
-        assert done.status == 0, done.err
+        run("survey raw.csv --calibration tool.json --site site.toml -o out.csv", *more).ok()
         found[name] = read_survey_csv("out.csv")
     assert set(found["magnetometer"]["azimuth_reference"]) == {"magnetic"}
     assert set(found["gyro"]["azimuth_reference"]) == {"true"}
     turned = wrap_signed(found["gyro"]["azimuth"] - found["magnetometer"]["azimuth"])
     # 0.03 deg/h in 8.6: half a degree of gyro azimuth, a tenth of it from the magnetometer
     np.testing.assert_allclose(turned, 0.1, atol=np.radians(3.0))
-    assert run("survey", "raw.csv", "--calibration", "tool.json", "-o", "o.csv", "--azimuth-from", "sun").status == 2
+    assert run("survey raw.csv --calibration tool.json -o o.csv --azimuth-from sun").status == 2
 
 
-class TestWrongInput:
-    def refuse(self, folder, words, error=InputError, steps=None, **more):
-        write_steps(folder / "steps.csv", **(steps or {}))
-        with pytest.raises(error, match=words):
-            table(folder / "steps.csv", site=folder / "site.toml", output_=folder / "tool.json", **more)
-        assert not (folder / "tool.json").exists()
+SLOW = {"speeds": np.array([-0.5, 0.5]), "rate_unit": np.radians(1.0)}
 
-    @pytest.mark.parametrize("speeds", [SPEEDS, np.array([-0.5, 0.5])])
-    def test_rates_in_radians(self, folder, speeds):
+
+@pytest.mark.parametrize(
+    ("steps", "more", "error", "words"),
+    [
         # whole degrees per second give themselves away; others by the scale factor the unit allows
-        steps = {"rate_unit": np.radians(1.0), "speeds": speeds}
-        words = "looks like radians" if len(speeds) == 4 else "times that of signals in rad/s: rate_deg_s is in rad/s"
-        self.refuse(folder, words, steps=steps)
+        ({"rate_unit": np.radians(1.0)}, {}, InputError, "looks like radians"),
+        (SLOW, {}, InputError, "times that of signals in rad/s: rate_deg_s is in rad/s"),
+        ({"unit": "deg_s"}, {}, InputError, r"0\.017. times that of signals in deg/s: the gyro columns are in rad/s"),
+        ({}, {"temperature_degree": 1}, InputError, "lack temperature_degC"),
+        ({"heat": 20.0}, {"temperature_degree": 1}, IdentifiabilityError, "degree 1 needs 2 distinct temperatures"),
+        ({"speeds": np.array([0.1, 0.1])}, {"g_sensitivity": True}, IdentifiabilityError, "cannot tell apart"),
+        ({}, {"site": "nowhere.toml"}, InputError, "no latitude"),
+        ({}, {"output_": "steps.csv"}, FileError, "same file as the steps"),
+    ],
+)
+def test_wrong_input(folder, steps, more, error, words):
+    write_steps(folder / "steps.csv", **steps)
+    Path("nowhere.toml").write_text("declination_deg = 3.0\n")
+    paths = {"site": Path(more.get("site", "site.toml")), "output_": Path(more.get("output_", "tool.json"))}
+    with pytest.raises(error, match=words):
+        table(Path("steps.csv"), **more | paths)
+    assert not Path("tool.json").exists()
 
-    def test_rates_in_radians_where_only_the_earlier_calibration_tells(self, folder):
-        old = bench_tool(folder / "old.json")
-        steps = {"rate_unit": np.radians(1.0), "speeds": np.array([-0.5, 0.5]), "unit": ""}
-        self.refuse(folder, r"5\d.* times that of the calibration: rate_deg_s is in", steps=steps, calibration=old)
 
-    def test_another_unit_of_the_signals(self, folder):
-        self.refuse(
-            folder, r"0\.017. times that of signals in deg/s: the gyro columns are in rad/s", steps={"unit": "deg_s"}
-        )
-
-    def test_missing_temperature(self, folder):
-        self.refuse(folder, "lack temperature_degC", temperature_degree=1)
-
-    def test_one_temperature(self, folder):
-        words = "degree 1 needs 2 distinct temperatures"
-        self.refuse(folder, words, IdentifiabilityError, steps={"heat": 20.0}, temperature_degree=1)
-
-    def test_one_speed_one_sense(self, folder):
-        words = "cannot tell apart"
-        steps = {"speeds": np.array([0.1])}
-        path = write_steps(folder / "steps.csv", **steps)
-        rows = path.read_text().splitlines()
-        path.write_text("\n".join([*rows, *rows[1:]]) + "\n")
-        with pytest.raises(IdentifiabilityError, match=words):
-            table(path, site=folder / "site.toml", output_=folder / "tool.json", g_sensitivity=True)
-
-    def test_a_site_without_latitude(self, folder):
-        (folder / "site.toml").write_text("declination_deg = 3.0\n")
-        self.refuse(folder, "no latitude")
-
-    def test_outputs_that_would_overwrite_an_input(self, folder):
-        path = write_steps(folder / "steps.csv")
-        with pytest.raises(FileError, match="same file as the steps"):
-            table(path, site=folder / "site.toml", output_=path)
+def test_rates_in_radians_where_only_the_earlier_calibration_tells(folder):
+    write_steps(folder / "steps.csv", **SLOW, unit="")
+    old = bench_tool(folder / "old.json")
+    with pytest.raises(InputError, match=r"5\d.* times that of the calibration: rate_deg_s is in"):
+        made(calibration=old)
+    assert not Path("tool.json").exists()

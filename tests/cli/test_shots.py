@@ -51,8 +51,7 @@ def test_equal_depths_give_what_increasing_ones_give(run):
     answers = []
     for depths in ([1500.0] * 4, [1500.0, 1500.3, 1500.1, 1500.1], [1500.0, 1500.1, 1500.2, 1500.3]):
         write("shots.csv", depths, [10, 100, 190, 280], 0.002, 40.0)
-        done = run(*ROTATION, "--json")
-        assert done.status == 0, done.err
+        done = run(*ROTATION, "--json").ok()
         answers.append(done.json)
     assert answers[0] == answers[1] == answers[2]
     # semicolons, decimal commas, feet, comments and an empty line come to the same
@@ -66,9 +65,8 @@ def test_equal_depths_give_what_increasing_ones_give(run):
 
 def test_raw_channels_with_a_calibration(bench, run):
     bench("twelve")
-    assert run("calibrate", "readings.csv", "-o", "tool.json").status == 0
-    done = run("simulate", "well", "--truth", "truth.json", "-o", "raw.csv", "--path", "path.csv")
-    assert done.status == 0, done.err
+    assert run("calibrate readings.csv -o tool.json").status == 0
+    run("simulate well --truth truth.json -o raw.csv").ok()
     header, *rows = Path("raw.csv").read_text().splitlines()
     # one depth for stations that are of many: the readers take them, the checks see that they differ
     place = header.split(",").index("md_m")
@@ -93,9 +91,7 @@ def test_toolfaces_on_one_side_are_not_judged_and_show_no_nan(run):
 
 def test_bad_shots_are_refused_by_file_and_line(run):
     write("shots.csv", [1500.0, 1500.0, 1530.0], [0, 120, 240])
-    done = run(*ROTATION)
-    assert done.status == 2
-    assert "shots.csv: the shots lie 30.00 m apart" in done.err
+    run(*ROTATION).refused("shots.csv: the shots lie 30.00 m apart")
     write("shots.csv", [1500.0] * 3, [0, 120, 240])
     lines = Path("shots.csv").read_text().splitlines()
     Path("shots.csv").write_text("\n".join([lines[0], "", *lines[1:]]).replace(lines[2], lines[2][:-3] + "e9") + "\n")
@@ -111,8 +107,7 @@ def test_repeated_stations(run):
     depths = np.arange(5) * 30.0 + 900.0
     write("first.csv", depths, [0, 80, 160, 240, 320])
     write("second.csv", depths + 0.2, [180, 260, 340, 60, 140])
-    done = run(*REPEAT, "--json")
-    assert done.status == 0, done.err
+    done = run(*REPEAT, "--json").ok()
     assert set(checks(done)) >= {"repeat: inclination", "repeat: azimuth"}
     write("second.csv", depths + 0.2, [180, 260, 340, 60, 140], inclination_deg=42.0)
     done = run(*REPEAT)
@@ -124,9 +119,7 @@ def test_repeated_stations(run):
     assert done.status == 1
     assert "NOT JUDGED" in done.out
     Path("second.csv").write_bytes(Path("first.csv").read_bytes())
-    done = run(*REPEAT)
-    assert done.status == 2
-    assert "proves nothing" in done.err
+    run(*REPEAT).refused("proves nothing")
 
 
 def test_another_tool_is_allowed_more(run):
@@ -140,8 +133,7 @@ def test_another_tool_is_allowed_more(run):
 def test_two_depths(run):
     Path("pipe.csv").write_text("station,md_m\nA,1000\nB,2000\n")
     Path("line.csv").write_text("station,md_ft\nA,3281.0\nB,6568.0\n")
-    done = run(*DEPTHS, "--json")
-    assert done.status == 0, done.err
+    done = run(*DEPTHS, "--json").ok()
     (check,) = done.json["checks"]
     assert check["value"] == pytest.approx(6568.0 * 0.3048 - 2000.0)
     # root of the sum of squares, SPE 133417
@@ -166,6 +158,4 @@ def test_two_depths(run):
 def test_depths_that_cannot_be_compared(run, text, words):
     Path("pipe.csv").write_text("station,md_m\nA,1000\nB,2000\n")
     Path("line.csv").write_text(text)
-    done = run(*DEPTHS)
-    assert done.status == 2
-    assert words in done.err
+    run(*DEPTHS).refused(words)

@@ -1,6 +1,5 @@
 """What a user says of the stand, the dials and the converter, and files of a single sensor."""
 
-import csv
 import json
 
 import numpy as np
@@ -9,12 +8,14 @@ import pytest
 from inclinometry.calibration import plans
 from inclinometry.rotations import dcm
 
+from .tables import rows_of
+
 
 @pytest.fixture
 def turned(run):
     """Readings of two turns at 45 and 135 degrees."""
-    run("plan", "rotations", "--first-inclination-deg", 45, "-o", "plan.csv")
-    run("simulate", "bench", "--plan", "plan.csv", "--seed", 2, "--rig-sd-deg", 0.1, "-o", "turned.csv")
+    run("plan rotations --first-inclination-deg 45 -o plan.csv")
+    run("simulate bench --plan plan.csv --seed 2 --rig-sd-deg 0.1 -o turned.csv")
     return "turned.csv"
 
 
@@ -25,10 +26,10 @@ def worst_azimuth(ran):
 
 def test_the_stand_stated(run, turned):
     plain = run("calibrate", turned, "-o", "plain.json", "--json")
-    assert any("taken to be level within 0.2 deg" in w for w in plain.json["warnings"])
+    assert "bench-stand-assumed" in [one["code"] for one in plain.json["findings"]]
     said = ["--level-sd-deg", 0.02, "--north-deg", 0, "--north-sd-deg", 0.02, "--dip-deg", 70, "--dip-sd-deg", 0.02]
     told = run("calibrate", turned, "-o", "told.json", *said, "--toolface-sd-deg", 0.1, "--json")
-    assert not any("cannot see" in w for w in told.json["warnings"])
+    assert not {one["code"] for one in told.json["findings"]} & {"bench-stand-assumed", "bench-stand-needed"}
     assert told.json["rig_sd_deg"][2] == pytest.approx(0.1)
     assert worst_azimuth(told) < 0.5 * worst_azimuth(plain)
 
@@ -42,27 +43,21 @@ def test_the_stand_stated(run, turned):
         (["--method", "rotations", "--dip-sd-deg", 0.1], "no use for --dip-sd-deg"),
         (["--method", "field", "--north-deg", 1], "no use for --north-deg"),
         (["--gyro-step", 1], "have no gyro"),
-        (["--mag-step", -1], "0 or more"),
+        (["--mag-step", -1], "allowed 0 to"),
     ],
 )
 def test_refused(run, turned, options, words):
-    ran = run("calibrate", turned, "-o", "tool.json", *options)
-    assert ran.status == 2
-    assert words in ran.err
+    run("calibrate", turned, "-o", "tool.json", *options).refused(words)
 
 
-def test_plans(run, tmp_path):
-    assert run("plan", "rotations", "-o", "turns.csv").status == 0
-    assert run("plan", "twelve", "--rolls", 4, "--azimuths", 5, "-o", "more.csv").status == 0
-    with (tmp_path / "turns.csv").open(encoding="utf-8") as file:
-        assert {row["inclination_deg"] for row in csv.DictReader(file)} == {"30", "120"}
-    with (tmp_path / "more.csv").open(encoding="utf-8") as file:
-        rows = list(csv.DictReader(file))
+def test_plans(run):
+    assert run("plan rotations -o turns.csv").status == 0
+    assert run("plan twelve --rolls 4 --azimuths 5 -o more.csv").status == 0
+    assert {row["inclination_deg"] for row in rows_of("turns.csv")} == {"30", "120"}
+    rows = rows_of("more.csv")
     assert len(rows) == 4 + 5 * 4
     assert len({row["azimuth_deg"] for row in rows}) == 5
-    refused = run("plan", "orthogonal", "--azimuths", 5, "-o", "none.csv")
-    assert refused.status == 2
-    assert "it is for twelve" in refused.err
+    run("plan orthogonal --azimuths 5 -o none.csv").refused("it is for twelve")
 
 
 @pytest.mark.long
@@ -77,8 +72,7 @@ def test_one_sensor(run, tmp_path, column, method):
     rows = [f"{a:g},{i:g},{t:g},{float(u)!r}" for (a, i, t), u in zip(dials, signals, strict=True)]
     head = f"azimuth_deg,inclination_deg,toolface_deg,{column}"
     (tmp_path / "one.csv").write_text("\n".join([head, *rows]) + "\n", encoding="utf-8")
-    ran = run("calibrate", "one.csv", "-o", "one.json", "--method", method, "--report", "one.html")
-    assert ran.status == 0, ran.err
+    run("calibrate one.csv -o one.json --method", method, "--report", "one.html").ok()
     triads = json.loads((tmp_path / "one.json").read_text(encoding="utf-8"))["triads"]
     (triad,) = triads.values()
     # exact readings: what is left is rounding of the sums, 1e-12 of full scale, and of the 12 digits printed
@@ -87,10 +81,8 @@ def test_one_sensor(run, tmp_path, column, method):
 
 
 def test_positions_visited_twice_are_in_the_plan_and_say_what_they_buy(run):
-    done = run("plan", "twelve", "--repeats", 2, "-o", "plan.csv")
-    assert done.status == 0
+    done = run("plan twelve --repeats 2 -o plan.csv").ok()
     assert "2 positions visited once more at the end: with them a zero that drifts shows from" in done.out
-    assert run("simulate", "bench", "--plan", "plan.csv", "-o", "readings.csv").status == 0
-    assert run("calibrate", "readings.csv", "--json").json["stations"] == 14
-    done = run("plan", "twelve", "--repeats", 3, "-o", "other.csv")
-    assert (done.status, "allowed: 0, 1 or 2" in done.err) == (2, True)
+    assert run("simulate bench --plan plan.csv -o readings.csv").status == 0
+    assert run("calibrate readings.csv --json").json["stations"] == 14
+    run("plan twelve --repeats 3 -o other.csv").refused("allowed: 0, 1 or 2")

@@ -1,5 +1,6 @@
 """What the page on identification says in words about the numbers that are worked out for it."""
 
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -8,13 +9,7 @@ import pytest
 ROOT = Path(__file__).parents[2]
 
 
-@pytest.fixture
-def figures(monkeypatch):
-    monkeypatch.syspath_prepend(str(ROOT))
-    monkeypatch.syspath_prepend(str(ROOT / "docs"))
-    from support import figures
-
-    return figures
+figures = pytest.fixture(lambda: import_module("support.figures"))
 
 
 def test_the_erratum_spares_accelerometers_on_a_level_base_only(figures):
@@ -50,9 +45,8 @@ def test_north_and_roll_errors_cost_what_the_text_says(figures):
     assert estimated < trusted / 3.0
 
 
-def test_the_24_positions_are_those_of_the_table(tmp_path, monkeypatch):
+def test_the_24_positions_are_those_of_the_table(tmp_path):
     """x, y, z of the tool at each number, from the reconstruction of the article's table; A is number 2."""
-    monkeypatch.syspath_prepend(str(ROOT / "docs"))
     from support import drawing
 
     from inclinometry.calibration import plans

@@ -1,20 +1,11 @@
 """What the page on gyros says in words about the numbers that are worked out for it."""
 
-from pathlib import Path
+from importlib import import_module
 
 import numpy as np
 import pytest
 
-ROOT = Path(__file__).parents[2]
-
-
-@pytest.fixture
-def figures(monkeypatch):
-    monkeypatch.syspath_prepend(str(ROOT))
-    monkeypatch.syspath_prepend(str(ROOT / "docs"))
-    from support import gyro_figures
-
-    return gyro_figures
+figures = pytest.fixture(lambda: import_module("support.gyro_figures"))
 
 
 def test_only_the_two_argument_arctangent_is_right(figures):

@@ -1,21 +1,14 @@
 """What the page on moving tools says in words about the numbers that are worked out for it; few seeds each."""
 
-from pathlib import Path
+from importlib import import_module
 
 import numpy as np
 import pytest
 
-ROOT = Path(__file__).parents[2]
 SEEDS = 2
 
 
-@pytest.fixture
-def figures(monkeypatch):
-    monkeypatch.syspath_prepend(str(ROOT))
-    monkeypatch.syspath_prepend(str(ROOT / "docs"))
-    from support import motion_figures
-
-    return motion_figures
+figures = pytest.fixture(lambda: import_module("support.motion_figures"))
 
 
 @pytest.fixture

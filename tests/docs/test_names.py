@@ -45,17 +45,8 @@ def test_names_between_backticks_exist() -> None:
 
 @pytest.mark.parametrize("page", ["README.md", "CONTRIBUTING.md", "docs"])
 def test_files_that_pages_name_are_there(page: str) -> None:
-    found = (
-        [ROOT / page]
-        if page.endswith(".md")
-        else sorted((ROOT / page).glob("*.md"))
-        + sorted(
-            path
-            for folder in ("methods", "howto", "sources", "tutorials")
-            for path in (ROOT / page / folder).glob("*.md")
-        )
-    )
-    for path in found:
+    folders = [ROOT / page / folder for folder in ("", "methods", "howto", "sources", "tutorials")]
+    for path in [ROOT / page] if page.endswith(".md") else [path for one in folders for path in one.glob("*.md")]:
         for name in re.findall(r"`(\w[\w./]*/\w+\.(?:py|json|toml))`", path.read_text("utf-8")):
             there = [ROOT / name, SOURCE / name, ROOT / "src" / name]
             assert any(one.exists() for one in there), f"{path.name}: {name}"

@@ -1,20 +1,11 @@
 """What the pages on positions and surveys say in words about the numbers that are worked out for them."""
 
-from pathlib import Path
+from importlib import import_module
 
 import numpy as np
 import pytest
 
-ROOT = Path(__file__).parents[2]
-
-
-@pytest.fixture
-def support(monkeypatch):
-    monkeypatch.syspath_prepend(str(ROOT))
-    monkeypatch.syspath_prepend(str(ROOT / "docs"))
-    from support import position_figures, survey_figures
-
-    return position_figures, survey_figures
+support = pytest.fixture(lambda: [import_module(f"support.{name}") for name in ("position_figures", "survey_figures")])
 
 
 def test_every_source_of_the_examples_is_in_the_table(support):

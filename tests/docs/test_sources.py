@@ -1,6 +1,7 @@
 """The chapter on the three sources: its numbers are the code's, the same in three languages, and bear out its words."""
 
 import re
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -19,13 +20,7 @@ USED = {
 }
 
 
-@pytest.fixture
-def sources(monkeypatch):
-    monkeypatch.syspath_prepend(str(ROOT))
-    monkeypatch.syspath_prepend(str(ROOT / "docs"))
-    from support import sources
-
-    return sources
+sources = pytest.fixture(lambda: import_module("support.sources"))
 
 
 def page(name, language="en"):

@@ -81,9 +81,8 @@ def test_no_file_of_data_and_no_page_has_a_private_word(path: Path) -> None:
     assert private(path.read_text("utf-8")) == [], INSTEAD
 
 
-def test_the_page_of_the_glossary_is_up_to_date(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_page_of_the_glossary_is_up_to_date() -> None:
     """`python docs/computed.py glossary_table` renews it."""
-    monkeypatch.syspath_prepend(str(ROOT / "docs"))
     import computed
     from support import glossary_table
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from inclinometry.constants import EARTH_RATE
-from inclinometry.earth.gravity import FLATTENING, SEMI_MAJOR_AXIS, gravity_at_depth, normal_gravity
+from inclinometry.earth.gravity import FLATTENING, SEMI_MAJOR_AXIS, gravity_at_depth, normal_gravity, relative_gravity
 from inclinometry.earth.rate import earth_rate, horizontal_rate
 from inclinometry.errors import InputError
 from inclinometry.orientation import angles, dip_angle
@@ -87,3 +87,8 @@ def test_earth_rate_is_a_field_like_any_other() -> None:
     np.testing.assert_allclose(horizontal_rate(latitude), rate[:, 0], rtol=1e-15)
     found = angles(dcm(0.5, 0.4, 0.3)[:, 2], rate @ dcm(0.5, 0.4, 0.3).T)
     np.testing.assert_allclose(found.azimuth, 0.5, atol=1e-14)
+
+
+def test_gravity_relative_to_that_of_a_calibration() -> None:
+    assert relative_gravity(None, 9.8121) == (1.0, 0.003)
+    np.testing.assert_allclose(relative_gravity(9.8192, 9.7950, 1e-4), (1.002471, 0.000101), atol=1e-6)

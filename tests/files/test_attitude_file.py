@@ -131,10 +131,3 @@ def test_digits_that_are_written(rows, tmp_path):
     assert [row["time_s"] for row in found] == ["0.333333333", "0.666666667", "1.333333333"]
     assert [row["rpm"] for row in found] == ["3.183099", "", "0"]
     assert [row["quality"] for row in found] == ["0.333333", "0", "0.666667"]
-
-
-def test_a_column_that_a_parquet_file_has_not(rows, tmp_path):
-    write_attitude(rows, tmp_path / "a.parquet")
-    pq.write_table(pq.read_table(tmp_path / "a.parquet").drop_columns(["quality"]), tmp_path / "a.parquet")
-    with pytest.raises(FileError, match="column 'quality' is missing; columns found: time_s, inclination_deg"):
-        read_attitude(tmp_path / "a.parquet")

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import tracemalloc
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -31,14 +33,15 @@ from inclinometry.rotations import dcm
 from inclinometry.simulate.bench import Rig, simulate_bench
 from inclinometry.simulate.tool import realistic_tool
 
+from .surveys import saved
+
 HEADER = "station,azimuth_deg,inclination_deg,toolface_deg,accel_x,accel_y,accel_z"
 ROWS = ["1,0,0,0,1,2,3", "2,0,90,0,4,5,6", "3,0,90,90,7,9,8", "4,120,90,240,3,1,2"]
 
 
 def read(folder, header=HEADER, rows=ROWS):
     path = folder / "bench.csv"
-    path.write_text("\n".join([header, *rows]) + "\n")
-    return read_bench(path)
+    return read_bench(saved(path, "\n".join([header, *rows]) + "\n"))
 
 
 def error(folder, header=HEADER, rows=ROWS):
@@ -127,72 +130,13 @@ def test_one_sensor(tmp_path):
     assert readings.warnings == ("accelerometer: one channel (accel_x), no accel_y and accel_z in the file",)
 
 
-@pytest.mark.parametrize(
-    ("header", "wanted"),
-    [
-        ("station,accel_x,accel_z", "column 'accel_y' is missing"),
-        ("accel_y,accel_z", "column 'accel_x' is missing"),
-        ("accel_1,accel_3", "column 'accel_2' is missing"),
-        ("accel_2", "column 'accel_1' is missing"),
-        ("accel_x,accel_y,accel_1", "mix letters and numbers"),
-        ("accel_x,accel_x_g,accel_y", "contradict each other"),
-        ("accel_x_g,accel_y_mg", "contradict each other"),
-        ("accel_x,accel_y,accel_x_sd", "column 'accel_y_sd' is missing"),
-        ("accel_x,accel_y,mag_x_sd", "column 'mag_x_sd' has no 'mag_x' beside it"),
-        ("station,temperature_degC", "no channels; add columns such as accel_x"),
-        ("accel_x,accel_y,azimuth_deg,toolface_deg", "column 'inclination_deg' is missing"),
-        ("accel_x,accel_y,inclination", "unit missing: write inclination_deg"),
-        ("accel_x,accel_y,temperature", "unit missing: write temperature_degC"),
-        ("accel_x,accel_y,toolface_K", "unit not accepted: convert it and write toolface_deg"),
-        ("accel_x,accel_y,temprature_degC", "did you mean temperature_degC?"),
-        ("Accel_X,accel_x,accel_y", "did you mean accel_x?"),
-    ],
-)
-def test_columns_that_do_not_fit(tmp_path, header, wanted):
-    width = header.count(",") + 1
-    assert wanted in error(tmp_path, header, [",".join("1" * width), ",".join("2" * width)])
+REFUSED = json.loads((Path(__file__).parents[1] / "reference" / "refused" / "bench.json").read_text("utf-8"))["reader"]
 
 
-@pytest.mark.parametrize(
-    ("row", "wanted"),
-    [
-        ("5,361,0,0,1,2,3", "line 6: azimuth_deg is 361; allowed -360 to 360 deg"),
-        ("5,0,181,0,1,2,3", "line 6: inclination_deg is 181; allowed -180 to 180 deg"),
-        ("5,0,0,-400,1,2,3", "line 6: toolface_deg is -400"),
-        ("5,0,x,0,1,2,3", "line 6: 'x' in column 'inclination_deg' is not a number"),
-        ("5,0,0,0,1,2,NaN", "line 6: column 'accel_z' is NaN"),
-        (",0,0,0,1,2,3", "line 6: station is empty"),
-        (
-            "2,0,60,0,4,5,6",
-            "line 6: station '2' is repeated with contradictory angles: azimuth, inclination, toolface 0, 90, 0 deg in "
-            "line 3, azimuth, inclination, toolface 0, 60, 0 deg in line 6",
-        ),
-    ],
-)
-def test_rows_that_do_not_fit(tmp_path, row, wanted):
-    assert wanted in error(tmp_path, rows=[*ROWS, row])
-
-
-@pytest.mark.parametrize(
-    ("column", "cells", "wanted"),
-    [
-        ("count", "1,2,0,1", "line 4: count is 0; it must be a whole number from 1"),
-        ("count", "1,2,1.5,1", "line 4: count is 1.5"),
-        ("temperature_degC", "20,20,500,20", "line 4: temperature_degC is 500; allowed -100 to 400"),
-        ("reference_g_m_s2", "9.81,9.81,9.82,9.81", "line 4: reference_g_m_s2 is 9.81 in line 2 and 9.82 here"),
-        ("reference_g_m_s2", "1,1,1,1", "line 2: reference_g_m_s2 is 1; allowed 9.5 to 10 m/s^2"),
-        ("reference_b_nT", "50,50,50,50", "reference_b_nT is 50; allowed 1000 to 1e+06 nT"),
-        ("reference_dip_deg", "91,91,91,91", "reference_dip_deg is 91; allowed -90 to 90 deg"),
-    ],
-)
-def test_optional_columns_that_do_not_fit(tmp_path, column, cells, wanted):
-    rows = [f"{row},{cell}" for row, cell in zip(ROWS, cells.split(","), strict=True)]
-    assert wanted in error(tmp_path, f"{HEADER},{column}", rows)
-
-
-def test_negative_sd(tmp_path):
-    rows = ["1,2,1,1", "2,3,1,-1"]
-    assert "line 3: accel_y_sd is -1" in error(tmp_path, "accel_x,accel_y,accel_x_sd,accel_y_sd", rows)
+@pytest.mark.parametrize("name", REFUSED)
+def test_what_is_refused_is_named_with_its_place(tmp_path, name):
+    about = REFUSED[name]
+    assert about["says"] in error(tmp_path, about["lines"][0], about["lines"][1:])
 
 
 def test_sd_is_that_of_the_mean(tmp_path):
@@ -260,11 +204,6 @@ def test_roll_sets_of_a_profile(tmp_path):
     assert not short.roll_set
     assert short.warnings[-1].startswith("the roll sets of the profile are those of 6 rows, these are 5: not used")
     assert own.roll_set == ("mine",) * 6
-
-
-def test_one_station_in_two_roll_sets(tmp_path):
-    rows = [f"{row},a" for row in ROWS] + [f"{ROWS[0]},b"]
-    assert "station '1' is in roll set 'a' in line 2 and in 'b' here" in error(tmp_path, HEADER + ",roll_set", rows)
 
 
 PLANS = {
@@ -533,9 +472,7 @@ def test_a_repeated_reading_is_no_rail(tmp_path):
     assert read(tmp_path, rows=rows).notes == ("station 5 was read 4 times; mean used",)
 
 
-def test_a_channel_that_never_changes(tmp_path):
-    rows = [row.rsplit(",", 1)[0] + ",7" for row in ROWS]
-    assert "accel_z reads 7 at every station: a channel that never changes cannot be ide" in error(tmp_path, rows=rows)
+def test_a_channel_that_never_changes_along_the_hole(tmp_path):
     rolls = [f"{k},0,90,{90 * k},{k},{k**2},7" for k in range(4)]
     assert (
         read(tmp_path, rows=rolls)
@@ -550,33 +487,20 @@ def test_unknown_columns_are_noted(tmp_path):
 
 
 def test_numbers_too_large_to_use(tmp_path):
-    rows = ["1,0,0,0,1,2,3", "2,0,90,0,-1.5e15,1,1"]
-    text = error(tmp_path, rows=rows)
-    assert text.endswith("line 3: column 'accel_x' is -1.5e+15; allowed -1e+15 to 1e+15: correct it or remove the row")
     assert len(read(tmp_path, rows=["1,0,0,0,1,2,3", "2,0,90,0,-1e15,1,1"])) == 2
     for name, reader in (("md_m", read_raw_survey), ("time_s", read_log)):
-        (tmp_path / "a.csv").write_text(f"{name},accel_x,accel_y,accel_z\n1,1,1,1\n2,1,1,1e16\n")
-        with pytest.raises(FileError, match=r"line 3: column 'accel_z' is 1e\+16; allowed"):
-            reader(tmp_path / "a.csv")
+        with pytest.raises(FileError, match=r"line 3: accel_z is 1e\+16; allowed"):
+            reader(saved(tmp_path / "a.csv", f"{name},accel_x,accel_y,accel_z\n1,1,1,1\n2,1,1,1e16\n"))
     with pytest.raises(InputError, match=r"accelerometer\[0, 1\] is 1e\+16"):
         BenchReadings({"accelerometer": [[1.0, 1e16]]})
     with pytest.raises(InputError, match=r"accelerometer sd reaches 1e\+16; allowed"):
         BenchReadings({"accelerometer": [[1.0, 2.0]]}, sd={"accelerometer": [[1.0, 1e16]]})
 
 
-@pytest.mark.parametrize(
-    ("name", "wanted"),
-    [
-        ("accel_x_bananas", "unit 'bananas' is not known: use counts, V, mV, g, mg, m_s2, nT, uT, rad_s, deg_s, deg_h"),
-        ("accel_x_bananas_sd", "unit 'bananas' is not known"),
-        ("mag_1_nt_sd", "did you mean mag_1_nT_sd?"),
-    ],
-)
-def test_units_that_are_not_known(tmp_path, name, wanted):
-    assert wanted in error(tmp_path, HEADER + "," + name, [f"{row},1" for row in ROWS])
-    (tmp_path / "log.csv").write_text(f"time_s,accel_x,accel_y,{name}\n0,1,2,3\n")
+@pytest.mark.parametrize("name", ["accel_x_bananas", "accel_x_bananas_sd", "mag_1_nt_sd"])
+def test_units_that_are_not_known_in_a_log(tmp_path, name):
     with pytest.raises(FileError, match="is not known"):
-        read_log(tmp_path / "log.csv")
+        read_log(saved(tmp_path / "log.csv", f"time_s,accel_x,accel_y,{name}\n0,1,2,3\n"))
 
 
 @pytest.mark.long
@@ -618,19 +542,9 @@ def test_raw_surveys_and_logs_are_read_as_they_were_written(tmp_path):
     assert "temperature_degC" not in replace(raw, temperature=None).to_dict()
 
 
-@pytest.mark.parametrize("name", ["dip", "Dip_deg"])
-def test_a_dip_of_the_tool_is_told_from_that_of_the_field(tmp_path, name):
-    rows = [f"{row},1" for row in ROWS]
-    wanted = f"column 'inclination_deg' is missing; if {name!r} is the angle of the tool from the horizontal, name it"
-    assert wanted in error(tmp_path, HEADER.replace("inclination_deg", "tilt") + f",{name}", rows)
-
-
 def test_four_stations_in_radians_are_enough_to_be_seen_and_three_are_not(tmp_path):
     quarter = ["0", "1.5708", "3.1416", "4.7124"]
     rows = [f"{k},0.123,1.5708,{t},{k},{k * k},{-k}" for k, t in enumerate(quarter)]
-    assert "the angles look like radians (largest: azimuth_deg 0.123, inclination_deg 1.5708" in error(
-        tmp_path, rows=rows
-    )
     assert len(read(tmp_path, rows=rows[:3])) == 3
     # beyond a turn, or beyond pi of inclination, they are none
     for place, value in ((1, "6.5"), (2, "3.2"), (3, "6.3")):
@@ -645,7 +559,6 @@ def test_repeats_at_the_limits_of_angle_and_temperature(tmp_path):
     for warmer, size in ((22.0, 1), (22.1, 2), (18.0, 1), (17.9, 2)):
         assert len(read(tmp_path, header, ["1,0,10,0,1,2,3,20", f"1,0,10,0,2,3,4,{warmer}"])) == size
     assert len(read(tmp_path, rows=["1,0,10,0,1,2,3", "1,0,10.49,0,2,3,4"])) == 2
-    assert "contradictory angles" in error(tmp_path, rows=["1,0,10,0,1,2,3", "1,0,10.51,0,2,3,4"])
     # ten repeated stations are named each, of more the others are counted
     rows = [f"{k},0,{10 * k},0,{k},{x},{-k}" for k in range(12) for x in (1, 2)]
     notes = read(tmp_path, rows=rows).notes

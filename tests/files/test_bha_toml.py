@@ -72,7 +72,6 @@ def test_what_may_be_stated_is_taken(tmp_path):
         ("weight_kg = 51", "weigth_kg = 51", "element 1: key 'weigth_kg' is not known; did you mean weight_kg"),
         ("blade_od_m = 0.2127", "blade_od_m = 0.25", "at least as wide"),
         ("to_bit_m = 12.0", "", "stabiliser 1: key 'to_bit_m' is missing"),
-        ("mud_density_kg_m3 = 1200", "mud_density_kg_m3 = 10.0 ppg", "not TOML"),
     ],
 )
 def test_mistakes(tmp_path, old, new, message):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import re
 
 import numpy as np
 import pytest
@@ -34,7 +35,7 @@ def test_every_unit_is_the_same_casing(tmp_path, unit, size):
     np.testing.assert_allclose(found.reading.depth, DEPTH)
     assert found.reading.step == pytest.approx(0.5)
     np.testing.assert_allclose(found.reading.faces["a"], np.stack([TILT, -TILT - 1e-4], axis=1), rtol=1e-12)
-    assert (found.lines, found.warnings) == (tuple(range(13, 1, -1)), ())
+    assert (found.lines, found.findings) == (tuple(range(13, 1, -1)), ())
 
 
 def test_degrees_feet_and_a_single_run(tmp_path):
@@ -42,7 +43,8 @@ def test_degrees_feet_and_a_single_run(tmp_path):
     found = read_casing(path, "deg")
     assert found.reading.step == pytest.approx(0.5 * FOOT)
     np.testing.assert_allclose(found.reading.faces["a"][:, 0], TILT, rtol=1e-12)
-    assert "casing.csv: axis A: a single run; its check-sums cannot be judged" in found.warnings[0]
+    (one,) = found.findings
+    assert (one.code, one.values["reading"]) == ("holes-single-run", "casing.csv")
 
 
 def spoilt(values, place, value):
@@ -65,18 +67,32 @@ A = {"depth_m": DEPTH, "a0_sin": TILT, "a180_sin": -TILT}
         (A | {"b0_mm": TILT, "b180_mm": -TILT}, 1, "the runs are in 'mm' and 'sin'; give them in one unit"),
         ({"depth_m": DEPTH, "a0": TILT}, 1, "column 'a0' has no unit; state --unit digi-25000, "),
         ({"depth_m": DEPTH, "a0_furlong": TILT}, 1, "column 'a0_furlong' has the unit 'furlong', which is not known"),
-        (A | {"a0_sin": spoilt(TILT, 6, 1.5)}, 8, "a0_sin is 1.5, no tilt in sin; is it in another unit?"),
-        ({"depth_m": DEPTH, "a0_deg": spoilt(TILT, 6, 91.0)}, 8, "a0_deg is 91, no tilt in deg"),
-        (A | {"a180_sin": TILT}, 1, "A180 follows A0 instead of its negative"),
-        (A | {"depth_m": spoilt(DEPTH, 6, 3.0)}, 8, "depth 3 m repeats 3 m; remove the row"),
-        (A | {"depth_m": spoilt(DEPTH, 6, 2.0)}, 8, "depth 2 m turns back from 3 m; remove the row"),
-        (A | {"depth_m": spoilt(DEPTH, 6, 3.7)}, 8, "a step of 0.7 m from 3 to 3.7 m, the others are 0.5 m"),
+        (A | {"a0_sin": spoilt(TILT, 6, 1.5)}, 8, "holes-tilt-large"),
+        ({"depth_m": DEPTH, "a0_deg": spoilt(TILT, 6, 91.0)}, 8, "holes-tilt-large"),
+        (A | {"a180_sin": TILT}, 1, "holes-faces-follow"),
+        (A | {"depth_m": spoilt(DEPTH, 6, 3.0)}, 8, "holes-depth-order"),
+        (A | {"depth_m": spoilt(DEPTH, 6, 2.0)}, 8, "holes-depth-order"),
+        (A | {"depth_m": spoilt(DEPTH, 6, 3.7)}, 8, "holes-depth-step"),
     ],
 )
 def test_readings_that_cannot_be_meant(tmp_path, columns, line, words):
-    with pytest.raises(FileError, match=words) as caught:
+    """A text about columns, or the code of what is said of numbers."""
+    with pytest.raises(FileError) as caught:
         read_casing(casing(tmp_path, columns))
     assert caught.value.line == line
+    found = caught.value.finding
+    assert re.search(words, str(caught.value) if found is None else found.code)
+
+
+@pytest.mark.parametrize("way", [1, -1])
+def test_a_depth_with_a_wrong_digit_is_named(tmp_path, way):
+    depth = 0.5 * np.arange(30)
+    columns = {"depth_m": np.where(np.arange(30) == 7, 3.8, depth), "a0_sin": 0.02 + 0.001 * depth}
+    with pytest.raises(FileError) as caught:
+        read_casing(casing(tmp_path, columns, np.arange(30)[::way]))
+    found = caught.value.finding
+    assert (found.code, found.values) == ("holes-depth-digit", {"md_m": 3.8, "step_m": 0.5, "expected_m": 3.5})
+    assert caught.value.line == (9 if way > 0 else 24)
 
 
 def test_an_option_against_the_names_few_depths_and_steps_that_are_almost_even(tmp_path):
@@ -84,12 +100,12 @@ def test_an_option_against_the_names_few_depths_and_steps_that_are_almost_even(t
         read_casing(casing(tmp_path, A), "mm")
     assert len(read_casing(casing(tmp_path, A), "sin").lines) == 12
     assert len(read_casing(casing(tmp_path, A, np.arange(5))).lines) == 5
-    with pytest.raises(FileError, match="4 depths; needed are at least 5"):
+    with pytest.raises(FileError, match="The casing has 4 depths; at least 5"):
         read_casing(casing(tmp_path, A, np.arange(4)))
     # a tape is read to a millimetre or two
     assert len(read_casing(casing(tmp_path, A | {"depth_m": spoilt(DEPTH, 6, 3.508)})).lines) == 12
     # from the bottom up a depth turns back where it is deeper than the one before
-    with pytest.raises(FileError, match=r"line 6: depth 5\.5 m turns back from 4\.5 m"):
+    with pytest.raises(FileError, match=r"line 6: Depth 5\.5 m follows 4\.5 m"):
         read_casing(casing(tmp_path, A, [11, 10, 9, 8, 10, 7, 6, 5]))
 
 

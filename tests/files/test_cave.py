@@ -12,8 +12,10 @@ from inclinometry.constants import FOOT
 from inclinometry.errors import InputError
 from inclinometry.files.cave import write_compass, write_survex, write_therion
 from inclinometry.files.exchange import SurveyFile
-from inclinometry.files.six_axis import read_csv, write_excel_csv
+from inclinometry.files.six_axis import read_survey, write_excel_csv
 from inclinometry.survey.path import minimum_curvature
+
+from .surveys import same
 
 MD = np.array([0.0, 30.0, 60.0, 95.0, 130.0])
 INCLINATION = np.radians([0.0, 0.0, 20.0, 75.0, 100.0])
@@ -171,7 +173,7 @@ def test_a_spreadsheet_with_decimal_commas(tmp_path):
     data = (tmp_path / "a.csv").read_bytes()
     assert data.startswith(b"\xef\xbb\xbfmd_m;inclination_deg;")
     assert b'"v 1.5; checked"' in data
-    assert read_csv(tmp_path / "a.csv").same_as(survey, rtol=1e-12)
+    assert same(read_survey(tmp_path / "a.csv"), survey, rtol=1e-12)
 
 
 def test_one_station_is_no_leg_and_stations_not_used_are_none(tmp_path):

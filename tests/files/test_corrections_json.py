@@ -1,8 +1,5 @@
 """corrections.json reads back to the bit, and refuses what is no such file in one sentence with its place."""
 
-import json
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -12,6 +9,8 @@ from inclinometry.survey.multistation import Parameter
 from inclinometry.survey.multistation_priors import FieldReference
 from inclinometry.survey.reduce import SensorCorrection, apply_correction
 from inclinometry.survey.stations import Stations
+
+from .json_records import changed, put
 
 REFERENCE = FieldReference(g=9.81, b=5e4, dip=1.2, g_sigma=0.01, b_sigma=130.0, dip_sigma=0.0035)
 
@@ -94,76 +93,31 @@ def test_a_correction_that_depends_on_temperature():
         apply_correction(Stations([0.0], g, b), correction(1.0))
 
 
-def _other_schema(content):
-    content["schema"] = "inclinometry/tool"
-
-
-def _later(content):
-    content["version"] = 2
-
-
-def _text(content):
-    content["parameters"][0]["value"] = "much"
-
-
-def _names(content):
-    content["covariance"]["parameters"][0] = "MBY"
-
-
-def _negative(content):
-    content["covariance"]["matrix"][0][0] = -1.0
-
-
-def _order(content):
-    content["parameters"].reverse()
-    content["covariance"]["parameters"].reverse()
-
-
-def _short(content):
-    del content["parameters"][0]
-    del content["covariance"]["parameters"][0]
-
-
-def _reference(content):
-    content["reference"]["b_nT"] = 5.0
-
-
-def _no_noise(content):
-    del content["noise"]
-
-
-def _noise(content):
-    content["noise"][2][2] = -1.0
-
-
-def _channel(content):
-    content["parameters"][1]["gain"][0][0] = 6
+def both(change):
+    """A change of the parameters and of the names of their covariance."""
+    return lambda content: [change(rows) for rows in (content["parameters"], content["covariance"]["parameters"])]
 
 
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (_other_schema, "needed is corrections of a survey"),
-        (_later, "reads version 1"),
-        (_text, r"parameters\[0\].value"),
-        (_names, "not the names"),
-        (_negative, "variance must be 0 or more"),
-        (_order, "end in the three of the reference"),
-        (_short, "has 5 rows"),
-        (_reference, "reference b is 5"),
-        (_no_noise, "noise"),
-        (_noise, "variance must be 0 or more"),
-        (_channel, "a channel, 0 to 5"),
+        (put("schema", "inclinometry/tool"), "needed is corrections of a survey"),
+        (put("version", 2), "reads version 1"),
+        (put("parameters", 0, "value", "much"), r"parameters\[0\].value"),
+        (put("covariance", "parameters", 0, "MBY"), "not the names"),
+        (put("covariance", "matrix", 0, 0, -1.0), "variance must be 0 or more"),
+        (both(list.reverse), "end in the three of the reference"),
+        (both(lambda rows: rows.pop(0)), "has 5 rows"),
+        (put("reference", "b_nT", 5.0), "reference b is 5"),
+        (lambda content: content.pop("noise"), "noise"),
+        (put("noise", 2, 2, -1.0), "variance must be 0 or more"),
+        (put("parameters", 1, "gain", 0, 0, 6), "a channel, 0 to 5"),
     ],
 )
 def test_refused(tmp_path, change, words):
-    path = tmp_path / "c.json"
-    write_corrections(correction(), path)
-    content = json.loads(path.read_text())
-    change(content)
-    Path(path).write_text(json.dumps(content))
+    write_corrections(correction(), tmp_path / "c.json")
     with pytest.raises(FileError, match=words):
-        read_corrections(path)
+        read_corrections(changed(tmp_path / "c.json", change))
 
 
 def test_shapes_that_do_not_go_together():

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import json
-
 import numpy as np
 import pytest
 
 from inclinometry.errors import FileError, InputError
 from inclinometry.files.errors_json import RunErrors, read_errors, write_errors
 from inclinometry.uncertainty import AngleErrors
+
+from .json_records import changed, put
 
 STATIONS, PARAMETERS = 3, 2
 
@@ -21,15 +21,8 @@ def run(errors=None):
         "calibration": AngleErrors(by, np.array([[2.0, 0.5], [0.5, 1.0]]), True),
         "noise": AngleErrors(rng.normal(size=(STATIONS, 4, 1)), np.array([[1e-6]]), False),
     }
-    return RunErrors(
-        np.array([10.0, 40.0, 70.0]),
-        np.radians([1.0, 2.0, 3.0]),
-        np.radians([350.0, 0.0, 10.0]),
-        "true",
-        causes if errors is None else errors,
-        "7",
-        {"raw": "sha256:00"},
-    )
+    stations = (np.array([10.0, 40.0, 70.0]), np.radians([1.0, 2.0, 3.0]), np.radians([350.0, 0.0, 10.0]))
+    return RunErrors(*stations, "true", causes if errors is None else errors, "7", {"raw": "sha256:00"})
 
 
 def test_what_is_written_is_read(tmp_path):
@@ -57,19 +50,16 @@ def test_a_run_of_which_no_causes_are_known_is_not_written(tmp_path):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (lambda c: c.update(version=2), "version"),
+        (put("version", 2), "version"),
         (lambda c: c["stations"]["azimuth_deg"].pop(), r"\$.stations has columns of different lengths"),
         (lambda c: c["errors"][1]["by_parameter"]["east"].pop(), r"\$.errors\[1\]: "),
-        (lambda c: c["errors"][1].update(cause="calibration"), r"\$.errors\[1\]: .*is not of 3 stations and 1 param"),
-        (lambda c: c["errors"][0].update(covariance=[[1.0]]), r"\$.errors\[0\]: .*is not of 3 stations and 1 param"),
-        (lambda c: c["errors"][0].update(covariance=[[1.0, 2.0], [2.0, 1.0]]), r"\$.errors\[0\].covariance"),
+        (put("errors", 1, "cause", "calibration"), r"\$.errors\[1\]: .*is not of 3 stations and 1 param"),
+        (put("errors", 0, "covariance", [[1.0]]), r"\$.errors\[0\]: .*is not of 3 stations and 1 param"),
+        (put("errors", 0, "covariance", [[1.0, 2.0], [2.0, 1.0]]), r"\$.errors\[0\].covariance"),
         (lambda c: [rows.pop() for rows in c["errors"][0]["by_parameter"].values()], "not of 3 stations and 2 param"),
     ],
 )
 def test_parts_that_do_not_fit(tmp_path, change, words):
     write_errors(run(), tmp_path / "errors.json")
-    content = json.loads((tmp_path / "errors.json").read_text())
-    change(content)
-    (tmp_path / "errors.json").write_text(json.dumps(content))
     with pytest.raises(FileError, match=words):
-        read_errors(tmp_path / "errors.json")
+        read_errors(changed(tmp_path / "errors.json", change))

@@ -1,6 +1,7 @@
 """Surveys in workbooks: values, not formulas; the sheet and the row of whatever is wrong."""
 
 import datetime
+import re
 import zipfile
 
 import numpy as np
@@ -10,9 +11,12 @@ from openpyxl.chart import BarChart
 
 from inclinometry.errors import FileError, InputError
 from inclinometry.files import excel
-from inclinometry.files.excel import read_excel, sheet_cells, write_excel
+from inclinometry.files.excel import sheet_blocks, write_excel
 from inclinometry.files.exchange import SurveyFile
 from inclinometry.files.profile import Profile, reading_with
+from inclinometry.files.six_axis import read_excel, read_survey
+
+from .surveys import same, survey
 
 NAMES = ["md_m", "inclination_deg", "crew"]
 
@@ -35,27 +39,34 @@ def book(tmp_path):
     return of
 
 
-def survey():
-    gap = np.array([0.1, np.nan, 0.3])
-    return SurveyFile(
-        md=[0.0, 30.1, 60.2], inclination=gap, azimuth=[0.0, 1.0, 2.0], azimuth_reference="grid",
-        g=np.arange(9.0).reshape(3, 3), b=1e4 * np.arange(9.0).reshape(3, 3), used=[True, False, True],
-        covariance=np.ones((3, 3, 3)), reference={"dip": gap}, times=("2026-01-02T03:04:05+00:00", "", ""),
-        extra={"crew": ("=1+1", "@SUM(A1)", "-2"), "Temp": ("+x", "#N/A", "")},
-        header={"well": "=HYPERLINK(1)", "note": "two\nlines"},
-    )  # fmt: skip
+def repacked(path, to, change):
+    """A copy of a workbook, its parts (name -> bytes) changed; of some it may have none."""
+    with zipfile.ZipFile(path) as archive:
+        parts = {name: archive.read(name) for name in archive.namelist()}
+    with zipfile.ZipFile(to, "w") as archive:
+        for name, data in change(parts).items():
+            archive.writestr(name, data)
+    return to
+
+
+SHEET = "xl/worksheets/sheet1.xml"
+
+
+def full():
+    texts = {"crew": ("=1+1", "@SUM(A1)", "-2"), "Temp": ("+x", "#N/A", "")}
+    return survey(extra=texts, header={"well": "=HYPERLINK(1)", "note": "two\nlines"})
 
 
 def test_round_trip(tmp_path):
-    write_excel(survey(), tmp_path / "a.xlsx")
+    write_excel(full(), tmp_path / "a.xlsx")
     found = read_excel(tmp_path / "a.xlsx")
-    assert found.same_as(survey(), rtol=1e-12, atol=2e-12)  # angles are written to 1e-10 deg
-    assert dict(found.header) == dict(survey().header)
+    assert same(found, full(), rtol=1e-12)
+    assert dict(found.header) == dict(full().header)
     assert found.digest.startswith("sha256:")
 
 
 def test_no_text_becomes_a_formula(tmp_path):
-    write_excel(survey(), tmp_path / "a.xlsx")
+    write_excel(full(), tmp_path / "a.xlsx")
     workbook = openpyxl.load_workbook(tmp_path / "a.xlsx")
     cells = [cell for sheet in workbook for row in sheet.iter_rows() for cell in row if cell.value is not None]
     assert {cell.data_type for cell in cells} == {"s", "n"}
@@ -88,40 +99,32 @@ def test_times_of_excel(book):
 
 def test_cached_results_of_formulas_are_read(book, tmp_path):
     path = book(NAMES, [0, 1, "A"], [30, "=B2*2", "A"])
-    with pytest.raises(FileError, match="'run 1', row 3: column 'inclination_deg' is a formula without a result"):
+    with pytest.raises(FileError, match="row 3: a formula without a result"):
         read_excel(path)
-    # what Excel does when it saves: the result beside the formula
-    with zipfile.ZipFile(path) as archive:
-        parts = {name: archive.read(name) for name in archive.namelist()}
-    sheet = "xl/worksheets/sheet1.xml"
-    assert b"<f>B2*2</f><v" in parts[sheet]
-    parts[sheet] = parts[sheet].replace(b"<f>B2*2</f><v></v>", b"<f>B2*2</f><v>2</v>").replace(
-        b"<f>B2*2</f><v />", b"<f>B2*2</f><v>2</v>").replace(b"<f>B2*2</f><v/>", b"<f>B2*2</f><v>2</v>")  # fmt: skip
-    with zipfile.ZipFile(tmp_path / "b.xlsx", "w") as archive:
-        for name, data in parts.items():
-            archive.writestr(name, data)
-    np.testing.assert_allclose(np.degrees(read_excel(tmp_path / "b.xlsx").inclination), [1.0, 2.0])
+
+    for more in ([], [[60, 3, "A"]]):  # a row of nothing else
+        with pytest.raises(FileError, match="row 3: a formula without a result"):
+            read_excel(book(NAMES, [0, 1, "A"], ["=30", "=B2*2", None], *more))
+    path = book(NAMES, [0, 1, "A"], [30, "=B2*2", "A"])
+
+    def computed(parts):
+        """What Excel does when it saves: the result beside the formula."""
+        sheet, count = re.subn(rb"<f>B2\*2</f><v( ?/>|></v>)", b"<f>B2*2</f><v>2</v>", parts[SHEET])
+        assert count == 1
+        return parts | {SHEET: sheet}
+
+    found = read_excel(repacked(path, tmp_path / "b.xlsx", computed))
+    np.testing.assert_allclose(np.degrees(found.inclination), [1.0, 2.0])
 
 
 @pytest.mark.parametrize(
     ("rows", "words"),
     [
-        ([], "sheet 'run 1': the sheet is empty"),
-        ([NAMES], "row 1: there are names of columns but no rows"),
-        ([[0, 1, "A"]], "row 1: 0 stands where a column's name should be"),
-        ([["Survey of well A", None, None], NAMES, [0, 1, "A"]], "row 2: a cell beyond the last named column"),
-        ([["md_m", None, "crew"], [0, 1, "A"]], "row 1: column 2 has no name; merged cells"),
-        ([NAMES, ["m", "deg", ""], [0, 1, "A"]], "row 2: 'm' in column 'md_m' is text, .*second row of names"),
-        ([NAMES, [0, 1, "A"], [30, "1,5", "A"]], "row 3: '1,5' in column 'inclination_deg' is text"),
-        ([NAMES, [0, "#DIV/0!", "A"]], "row 2: '#DIV/0!' in column 'inclination_deg' is text"),
-        ([NAMES, [0, True, "A"]], "row 2: 'True' in column 'inclination_deg' is a yes or no"),
-        ([NAMES, [0, datetime.date(2026, 5, 1), "A"]], "'inclination_deg' is a date, not a number"),
-        ([NAMES, [0, 1, "A"], [], [30, 181, "A"]], "row 4: column 'inclination_deg' is 181; allowed 0 to 180"),
-        ([NAMES, [0, 1, "A"], [], [0, 2, "A"]], "row 4: the depth 0 m repeats 0 m in row 2"),
-        ([NAMES, [None, 1, "A"]], "row 2: the depth is empty"),
-        ([["md_m", "md_m"], [0, 1]], "row 1: column 'md_m' appears twice"),
-        ([["MD", "Inc (deg)"], [0, 1]], "row 1: column 'MD' has no unit"),
-        ([["md_m", "azimuth_deg"], [0, 1]], "azimuths without a north"),
+        ([], "sheet 'run 1' is empty"),
+        ([NAMES, [0, "#DIV/0!", "A"]], "line 2: '#DIV/0!' in column 'inclination_deg' is not a number"),
+        ([NAMES, [0, True, "A"]], "line 2: 'True' in column 'inclination_deg' is not a number"),
+        ([NAMES, [0, datetime.date(2026, 5, 1), "A"]], "'2026-05-01T00:00:00' in column 'inclination_deg' is not a"),
+        ([NAMES, [0, 1, "A"], [], [30, 181, "A"]], "line 4: column 'inclination_deg' is 181; allowed 0 to 180"),
     ],
 )
 def test_refusals(book, rows, words):
@@ -137,12 +140,12 @@ def test_merged_names(tmp_path):
     sheet.append([0, 0, 0, 1])
     sheet.merge_cells("B1:D1")
     workbook.save(tmp_path / "a.xlsx")
-    with pytest.raises(FileError, match=r"row 2: a cell beyond the last named|row 1: column 3 has no name"):
+    with pytest.raises(FileError, match="column 1 has no name"):
         read_excel(tmp_path / "a.xlsx")
 
 
 def test_files_that_are_no_workbooks(tmp_path):
-    write_excel(survey(), tmp_path / "a.xlsx")
+    write_excel(full(), tmp_path / "a.xlsx")
     whole = (tmp_path / "a.xlsx").read_bytes()
     cases = {
         "text": b"md_m,tvd_m\n0,0\n", "empty": b"", "old": b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1" + bytes(600),
@@ -161,17 +164,15 @@ def test_files_that_are_no_workbooks(tmp_path):
 
 
 def test_every_part_of_a_workbook_may_be_damaged(tmp_path):
-    write_excel(survey(), tmp_path / "a.xlsx")
-    with zipfile.ZipFile(tmp_path / "a.xlsx") as archive:
-        parts = {name: archive.read(name) for name in archive.namelist()}
-    for broken in ("xl/workbook.xml", "xl/worksheets/sheet1.xml", "[Content_Types].xml", "xl/styles.xml"):
+    write_excel(full(), tmp_path / "a.xlsx")
+    for broken in ("xl/workbook.xml", SHEET, "[Content_Types].xml", "xl/styles.xml"):
         for content in (None, b"<broken", b""):
-            with zipfile.ZipFile(tmp_path / "b.xlsx", "w") as archive:
-                for name, data in parts.items():
-                    if name != broken or content is not None:
-                        archive.writestr(name, content if name == broken else data)
+
+            def change(parts, broken=broken, content=content):
+                return {k: v for k, v in (parts | {broken: content}).items() if v is not None}
+
             try:
-                read_excel(tmp_path / "b.xlsx")  # styles are not needed
+                read_excel(repacked(tmp_path / "a.xlsx", tmp_path / "b.xlsx", change))  # styles are not needed
             except FileError:
                 continue
             assert broken == "xl/styles.xml"
@@ -182,7 +183,7 @@ def test_what_a_workbook_cannot_hold(tmp_path, monkeypatch):
         write_excel(SurveyFile(md=[0], tvd=[0], extra={"a": ("\x07",)}), tmp_path / "a.xlsx")
     monkeypatch.setattr(excel, "ROWS", 3)
     with pytest.raises(InputError, match="do not fit into a sheet of 3 rows"):
-        write_excel(survey(), tmp_path / "a.xlsx")
+        write_excel(full(), tmp_path / "a.xlsx")
     monkeypatch.setattr(excel, "LONGEST_TEXT", 3)
     with pytest.raises(InputError, match="does not fit into a cell"):
         write_excel(SurveyFile(md=[0], tvd=[0], extra={"a": ("long",)}), tmp_path / "a.xlsx")
@@ -190,7 +191,7 @@ def test_what_a_workbook_cannot_hold(tmp_path, monkeypatch):
 
 
 def test_a_bomb_is_not_unpacked(tmp_path, monkeypatch):
-    write_excel(survey(), tmp_path / "a.xlsx")
+    write_excel(full(), tmp_path / "a.xlsx")
     monkeypatch.setattr(excel, "_UNPACKED", 1000)
     with pytest.raises(FileError, match="unpacks to"):
         read_excel(tmp_path / "a.xlsx")
@@ -211,20 +212,17 @@ def test_standard_uncertainties_are_numbers(tmp_path):
     assert rows[0] == ("md_m", "u_inclination_deg", "u_azimuth_deg")
     assert [type(cell) for cell in rows[1][1:]] == [float, float]
     assert rows[2][2] is None
-    assert read_excel(tmp_path / "a.xlsx").same_as(file, atol=2e-12)
+    assert same(read_excel(tmp_path / "a.xlsx"), file)
 
 
 def test_a_row_number_that_no_sheet_has(book):
+    def change(parts):
+        sheet = parts[SHEET].replace(b'r="2"', b'r="1000000000"').replace(b"A2", b"A1000000000")
+        return parts | {SHEET: sheet}
+
     path = book(["md_m", "tvd_m"], [1, 2])
-    with zipfile.ZipFile(path) as archive:
-        parts = {name: archive.read(name) for name in archive.namelist()}
-    sheet = "xl/worksheets/sheet1.xml"
-    parts[sheet] = parts[sheet].replace(b'r="2"', b'r="1000000000"').replace(b"A2", b"A1000000000")
-    with zipfile.ZipFile(path, "w") as archive:
-        for name, content in parts.items():
-            archive.writestr(name, content)
     with pytest.raises(FileError, match="a row beyond the 1,048,576 of a sheet"):
-        read_excel(path)
+        read_excel(repacked(path, path, change))
 
 
 def test_the_last_row_of_a_sheet_is_read(book, monkeypatch):
@@ -242,32 +240,40 @@ def test_sheets_that_are_no_tables(tmp_path, book):
     for row in (NAMES, [0, 1, "A"]):
         workbook.active.append(row)
     workbook.save(tmp_path / "chart.xlsx")
-    with pytest.raises(FileError, match="sheet 'picture': this is a chart, not a table; name another sheet"):
+    with pytest.raises(FileError, match="this sheet is a chart, not a table; name another"):
         read_excel(tmp_path / "chart.xlsx", sheet="picture")
-    with pytest.raises(FileError, match="the first sheet is empty; a row of names and rows of values are needed"):
-        sheet_cells(book())
 
 
-def test_the_first_sheet_as_texts(book):
-    """Empty rows between are kept, so that rows keep their numbers; numbers have every digit."""
-    names, rows = sheet_cells(book(["md_m", " a  b "], [0.1, None], [], [], [1 / 3, "x\ny"], [True, 2]))
-    assert (names, list(rows)) == (["md_m", "a b"], [["0.1"], [], [], [repr(1 / 3), "x y"], ["1", "2"]])
-    names, rows = sheet_cells(book(["md_m", "b"], [1, "=A2*2"]))
-    with pytest.raises(FileError, match="row 2: a formula without a result; open the workbook in Excel and save it"):
-        list(rows)
+def test_the_first_sheet_as_it_is(book, monkeypatch):
+    """Rows have their numbers, numbers every digit, whatever the blocks."""
+    path = book(["md_m", " a  b "], [0.1, None], [], [], [1 / 3, "x\ny"], [True, 2])
+    rows = [["md_m", "a b"], [0.1], [], [], [1 / 3, "x y"], [True, 2]]
+    assert [(block.first, block.lines) for block in sheet_blocks(path)] == [(1, rows)]
+    monkeypatch.setattr(excel, "BLOCK", 2)
+    assert [(block.first, block.lines) for block in sheet_blocks(path)] == [
+        (1, rows[:2]),
+        (3, rows[2:5]),
+        (6, rows[5:]),
+    ]
+
+
+def test_other_ways_to_fill_a_sheet(book):
+    """A title, a row of units, numbers as texts: as in any table."""
+    for rows in ([["Survey of well A", None, None], NAMES, [0, 1, "A"]], [["md", "inc", "crew"], ["m", "deg", ""]]):
+        assert np.degrees(read_excel(book(*rows, [30, "1,5", "A"])).inclination[-1]) == pytest.approx(1.5)
 
 
 def test_under_a_profile_a_workbook_is_a_table_as_any_other(book):
     path = book(["ACME", None], ["Depth", "Incl"], [10, 1.5], [20, 2.5])
     with reading_with(Profile(skip=1, columns={"Depth": "md_m", "Incl": "inclination_deg"})):
-        found = read_excel(path)
+        found = read_survey(path)
     np.testing.assert_allclose(found.md, [10.0, 20.0])
     np.testing.assert_allclose(np.degrees(found.inclination), [1.5, 2.5])
 
 
 def test_a_workbook_that_unpacks_to_little_for_its_size(tmp_path, monkeypatch):
     """What packs a thousandfold is refused from 200 MB on; a text of that size in 10 MB is not."""
-    write_excel(survey(), tmp_path / "a.xlsx")
+    write_excel(full(), tmp_path / "a.xlsx")
     sizes = {"plain": (250_000_000, 5_000_000), "bomb": (250_000_000, 4_000_000), "small": (150_000_000, 1_000_000)}
     for name, (unpacked, packed) in sizes.items():
         entry = zipfile.ZipInfo("x")

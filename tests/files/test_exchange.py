@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from inclinometry.errors import FileError, InputError
-from inclinometry.files.exchange import Sheet, SurveyFile, survey_of
+from inclinometry.files.exchange import SurveyFile, survey_of
+from inclinometry.files.frame import Frame
 
 MD = [0.0, 30.0, 60.0]
 
@@ -43,17 +43,6 @@ def test_what_is_not_used_may_repeat_a_depth():
         SurveyFile(md=[0.0, 30.0, 20.0], used=[True, True, True])
 
 
-def test_sameness():
-    survey = SurveyFile(md=MD, inclination=[0.0, np.nan, 1.0], reference={"g": 9.8}, times=("a", "", "b"))
-    assert survey.same_as(replace(survey, notes=("x",), header={"a": "b"}, digest="y"))
-    assert not survey.same_as(replace(survey, inclination=[0.0, 0.5, 1.0]))
-    assert survey.same_as(replace(survey, reference={"g": 9.8001}), atol=1e-3)
-    assert not survey.same_as(replace(survey, reference={}))
-    assert not survey.same_as(replace(survey, times=None))
-    assert not survey.same_as(replace(survey, inclination=None))
-    assert not replace(survey, inclination=None).same_as(survey)
-
-
 def test_frozen():
     survey = SurveyFile(md=MD, g=np.ones((3, 3)))
     with pytest.raises(ValueError, match="read-only"):
@@ -63,7 +52,7 @@ def test_frozen():
 def sheet(**columns):
     """A table of a file; texts as tuples."""
     kept = {name: values if isinstance(values, tuple) else np.array(values, float) for name, values in columns.items()}
-    return Sheet(Path("a.csv"), {"md_m": np.array([0.0, 30.0, 60.0])} | kept, np.array([2, 3, 5]))
+    return Frame(Path("a.csv"), {"md_m": np.array([0.0, 30.0, 60.0])} | kept, np.array([2, 3, 5]))
 
 
 @pytest.mark.parametrize(

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
+import jsonschema
 import numpy as np
 import pytest
 
 from inclinometry.errors import FileError, InputError
+from inclinometry.files import json_codec
 from inclinometry.files.json_codec import canonical, load, of_kind, shown
 
 
@@ -38,11 +41,11 @@ def test_what_json_cannot_hold(content, words):
 @pytest.mark.parametrize(
     ("data", "line", "words"),
     [
-        (b"[1]", None, "holds a list; an object of JSON is needed"),
+        (b"[1]", None, r"holds \[1\]; an object of JSON is needed"),
         (b"null", None, "holds null; an object of JSON is needed"),
         (b"true", None, "holds true; an object of JSON is needed"),
-        (b'"a"', None, "holds a text; an object of JSON is needed"),
-        (b"1.5", None, "holds a number; an object of JSON is needed"),
+        (b'"a"', None, 'holds "a"; an object of JSON is needed'),
+        (b"1.5", None, "holds 1.5; an object of JSON is needed"),
         (b'{"a": 1,\n"b": }', 2, r"not JSON: Expecting value \(column 6\)"),
         (b'{"a": 1, "a": 2}', None, "key 'a' appears twice in one object"),
         (b'{"a": NaN}', None, "NaN is not a number JSON allows"),
@@ -59,17 +62,27 @@ def test_files_that_hold_no_record(tmp_path, data, line, words):
 
 
 def test_files_that_cannot_be_read_and_a_mark_before_the_text(tmp_path):
-    with pytest.raises(FileError, match="no such file"):
-        load(tmp_path / "a.json")
-    with pytest.raises(FileError, match="this is a folder; give the name of a file"):
-        load(tmp_path)
+    for path, words in (
+        (tmp_path / "a.json", "no such file"),
+        (tmp_path, "this is a folder; give the name of a file"),
+        ("a\0b", "cannot be read"),
+    ):
+        with pytest.raises(FileError, match=words):
+            load(path)
     (tmp_path / "a.json").write_bytes(b"\xef\xbb\xbf{}")
     assert load(tmp_path / "a.json") == {}
 
 
+def test_the_shipped_schemas_are_valid():
+    names = [path.stem for path in (Path(json_codec.__file__).parent / "schemas").glob("*.json")]
+    assert len(names) > 15
+    for name in names:
+        jsonschema.Draft202012Validator.check_schema(json_codec.schema(name))
+
+
 def test_another_kind_and_a_newer_version():
     kinds = ("inclinometry/tool", "inclinometry/truth")
-    with pytest.raises(FileError, match=r"it states no schema; needed is a calibration or .* `calibrate -o or sim"):
+    with pytest.raises(FileError, match=r"it states no schema; needed is a calibration or .* `calibrate -o` or `sim"):
         of_kind({}, "a.json", *kinds)
     with pytest.raises(FileError, match="this is noise by Allan deviation"):
         of_kind({"schema": "inclinometry/allan"}, "a.json", *kinds)

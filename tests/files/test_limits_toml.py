@@ -1,8 +1,11 @@
-"""Limits as data: the shipped presets and files."""
+"""Limits as data: the shipped presets with their sources, files, mistakes."""
 
 from __future__ import annotations
 
+import re
 from contextlib import suppress
+from importlib.resources import files
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -26,16 +29,13 @@ def limits_file(folder, text):
     [("rogatykh-2018-fluxgate", (0.15, 2.0, 0.2)), ("rogatykh-2018-magnetoresistive", (0.15, 0.5, 0.2))],
 )
 def test_presets_hold_the_figures_of_their_source(name, degrees):
+    assert name in limit_names()
+    assert len(limit_names()) == 2
     limits = read_limits(name)
     np.testing.assert_allclose(np.degrees([limits.inclination, limits.azimuth, limits.toolface]), degrees, rtol=1e-15)
     assert limits.name == name
     assert "Rogatykh" in limits.source
     assert limits.guard == "none"
-
-
-@pytest.mark.parametrize("name", limit_names())
-def test_every_preset_is_readable(name):
-    assert read_limits(name).source
 
 
 def test_a_file(tmp_path):
@@ -46,17 +46,20 @@ def test_a_file(tmp_path):
     assert limits.min_inclination_for_azimuth == np.radians(3.0)
 
 
-def test_an_unknown_name_lists_the_names():
-    with pytest.raises(
-        InputError, match="'rogatykh' are neither a file nor one of the presets: rogatykh-2018-fluxgate"
-    ):
-        read_limits("rogatykh")
-    with pytest.raises(InputError, match="presets"):
-        read_limits("a\0b")
-    with pytest.raises(InputError, match="presets"):
-        read_limits("x" * 5000)
-    with pytest.raises(FileError, match="no such file"):
-        read_limits("nowhere/limits.toml")
+@pytest.mark.parametrize(
+    ("read", "name", "error", "words"),
+    [
+        (read_limits, "rogatykh", InputError, "'rogatykh' are neither a file nor one of the presets: rogatykh-2018-f"),
+        (read_quality_limits, "welleng", InputError, "neither a file nor one of the presets: arrowell"),
+        (read_limits, "a\0b", InputError, "presets"),
+        (read_limits, "x" * 5000, InputError, "presets"),
+        (read_limits, "nowhere/limits.toml", FileError, "no such file"),
+        (read_limits, Path(), FileError, "this is a folder"),
+    ],
+)
+def test_an_unknown_name_lists_the_names(read, name, error, words):
+    with pytest.raises(error, match=words):
+        read(name)
 
 
 @pytest.mark.parametrize(
@@ -80,14 +83,8 @@ def test_an_unknown_name_lists_the_names():
     ],
 )
 def test_limits_that_do_not_fit(tmp_path, text, wanted):
-    with pytest.raises(FileError) as caught:
+    with pytest.raises(FileError, match=re.escape(wanted)):
         read_limits(limits_file(tmp_path, text))
-    assert wanted in str(caught.value)
-
-
-def test_a_folder_is_no_file(tmp_path):
-    with pytest.raises(FileError, match="this is a folder"):
-        read_limits(tmp_path)
 
 
 @settings(max_examples=100, deadline=None)
@@ -123,12 +120,36 @@ def test_limits_of_two_runs(tmp_path):
             read_repeat_limits(limits_file(tmp_path, REPEAT.replace(old, new)))
 
 
+# g and milli-g of the sources in standard gravity, nT, deg
+FIELDS = {
+    "arrowell": (0.005 * 9.80665, 200.0, 0.30),
+    "iscwsa-ebook": (None, 300.0, 0.25),
+    "netwas-dip": (None, None, 0.3),
+    "vendor-flags": (None, 826.0, 0.44),
+    "welleng-0.30": (3e-3 * 9.80665, 350.0, 0.5),
+}
+
+
+def test_presets_of_fields_are_as_published(tmp_path):
+    assert limit_names("quality_limits") == tuple(sorted(FIELDS))
+    for name, (g, b, dip) in FIELDS.items():
+        limits = read_quality_limits(name)
+        assert (limits.name, limits.b, limits.g) == (name, b, g if g is None else pytest.approx(g, rel=1e-9))
+        assert len(limits.source) > 10
+        assert np.degrees(limits.dip) == pytest.approx(dip, rel=1e-12)
+    # and can be copied and edited
+    text = files("inclinometry.files").joinpath("quality_limits", "iscwsa-ebook.toml").read_text()
+    limits = read_quality_limits(limits_file(tmp_path, text.replace("300", "250")))
+    assert (limits.name, limits.b) == ("mine", 250.0)
+
+
 def test_limits_of_fields(tmp_path):
     found = read_quality_limits(limits_file(tmp_path, 'source = "x"\ng_m_s2 = 0.02\ndip_deg = 0.3\n'))
     assert (found.g, found.b, found.dip) == (0.02, None, pytest.approx(np.radians(0.3)))
     for text, words in (
         ('source = "x"\n', "there is no limit; give at least one of g_m_s2, b_nT, dip_deg"),
         ('source = "x"\nb_nT = 0.3\n', "b_nT is 0.3; a number from 1 to"),
+        ('source = "x"\nb_nt = 300', "did you mean b_nT"),
     ):
         with pytest.raises(FileError, match=words):
             read_quality_limits(limits_file(tmp_path, text))

@@ -9,8 +9,11 @@ import pytest
 
 from inclinometry.errors import FileError
 from inclinometry.files.exchange import SurveyFile
-from inclinometry.files.parquet import read_parquet, write_parquet
+from inclinometry.files.parquet import write_parquet
 from inclinometry.files.run_file import open_run
+from inclinometry.files.six_axis import read_parquet
+
+from .surveys import same, survey
 
 
 @pytest.fixture
@@ -27,25 +30,20 @@ def write(tmp_path):
     return of
 
 
-def survey():
-    gap = np.array([0.1, np.nan, 0.3])
-    return SurveyFile(
-        md=[0.0, 30.1, 60.2], inclination=gap, azimuth=[0.0, 1.0, 2.0], azimuth_reference="grid",
-        g=np.arange(9.0).reshape(3, 3), w=1e-5 * np.arange(9.0).reshape(3, 3), used=[True, False, True],
-        covariance=np.ones((3, 3, 3)), reference={"dip": gap}, times=("2026-01-02T03:04:05+00:00", "", ""),
-        extra={"crew": ("A", "", "ü")}, header={"well": "ü-1", "note": "two\nlines"},
-    )  # fmt: skip
+def full():
+    rates, header = 1e-5 * np.arange(9.0).reshape(3, 3), {"well": "ü-1", "note": "two\nlines"}
+    return survey(w=rates, extra={"crew": ("A", "", "ü")}, header=header)
 
 
 def test_round_trip(tmp_path):
-    write_parquet(survey(), tmp_path / "a.parquet")
+    write_parquet(full(), tmp_path / "a.parquet")
     found = read_parquet(tmp_path / "a.parquet")
-    assert found.same_as(survey(), rtol=1e-12, atol=2e-12)  # angles are written to 1e-10 deg
-    assert dict(found.header) == dict(survey().header)
+    assert same(found, full(), rtol=1e-12)
+    assert dict(found.header) == dict(full().header)
 
 
 def test_units_and_types_are_in_the_schema(tmp_path):
-    write_parquet(survey(), tmp_path / "a.parquet")
+    write_parquet(full(), tmp_path / "a.parquet")
     schema = pq.read_schema(tmp_path / "a.parquet")
     assert schema.field("gx_m_s2").metadata == {b"unit": b"m/s2"}
     assert schema.field("md_m").type == pa.float64()
@@ -83,15 +81,12 @@ def test_types_of_other_writers(write):
 @pytest.mark.parametrize(
     ("columns", "words"),
     [
-        ({"md_m": [1.0], "tvd_m": ["1.0"]}, "'tvd_m' is of type string; numbers are needed"),
-        ({"md_m": [1.0], "tvd_m": [True]}, "'tvd_m' is of type bool; numbers"),
+        ({"md_m": [1.0], "tvd_m": [True]}, "'True' in column 'tvd_m' is not a number"),
         ({"md_m": [1.0], "tvd_m": [[1.0]]}, "type list"),
         ({"md_m": [1.0], "tvd_m": [1.0], "blob": [b"1"]}, "'blob' is of type binary"),
         ({"md_m": [1.0], "tvd": [1.0]}, "column 'tvd' has no unit"),
         ({"md_m": [1.0, 1.0], "tvd_m": [1.0, 1.0]}, "row 2: the depth 1 m repeats 1 m in row 1"),
-        ({"md_m": [1.0, None], "tvd_m": [1.0, 1.0]}, "row 2: the depth is empty"),
-        ({"md_m": [1.0, 2.0], "tvd_m": [1.0, float("inf")]}, "row 2: column 'tvd_m' is infinite"),
-        ({"md_m": [1.0, 2.0], "inclination_deg": [1.0, -999.25]}, "row 2: column 'inclination_deg' is -999.25"),
+        ({"md_m": [1.0, 2.0], "tvd_m": [1.0, float("inf")]}, "row 2: column 'tvd_m' is inf"),
         ({"md_m": pa.array([], pa.float64())}, "no rows"),
         ({}, "no rows"),
     ],
@@ -107,7 +102,7 @@ def test_a_unit_that_contradicts_the_name(write):
 
 
 def test_damaged_files(tmp_path):
-    write_parquet(survey(), tmp_path / "a.parquet")
+    write_parquet(full(), tmp_path / "a.parquet")
     whole = (tmp_path / "a.parquet").read_bytes()
     damaged = bytearray(whole)
     damaged[10:200] = bytes(190)
@@ -135,13 +130,6 @@ def test_a_million_stations(tmp_path):
     assert len(read_parquet(tmp_path / "a.parquet")) == 1_000_000
 
 
-def test_reading_in_one_thread_changes_nothing(tmp_path):
-    write_parquet(survey(), tmp_path / "a.parquet")
-    plain = pq.read_table(tmp_path / "a.parquet")
-    assert pq.read_table(tmp_path / "a.parquet", use_threads=False, pre_buffer=False).equals(plain)
-    np.testing.assert_array_equal(read_parquet(tmp_path / "a.parquet").md, plain.column("md_m").to_numpy())
-
-
 def test_standard_uncertainties_are_numbers(tmp_path):
     sigma = {name: np.radians([0.1, 0.2, np.nan]) for name in ("inclination", "azimuth", "toolface")}
     file = SurveyFile(md=[0.0, 30.0, 60.0], sigma=sigma)
@@ -150,15 +138,12 @@ def test_standard_uncertainties_are_numbers(tmp_path):
     for name in sigma:
         field = schema.field(f"u_{name}_deg")
         assert (field.type, field.metadata) == (pa.float64(), {b"unit": b"deg"})
-    assert read_parquet(tmp_path / "a.parquet").same_as(file, atol=2e-12)
+    assert same(read_parquet(tmp_path / "a.parquet"), file)
 
 
 @pytest.mark.parametrize(
     ("names", "read"),
-    [
-        (("md_m", "tvd_m"), read_parquet),
-        (("time_s", "mag_x", "mag_y"), lambda path: list(open_run(path).blocks())),
-    ],
+    [(("md_m", "tvd_m"), read_parquet), (("time_s", "mag_x", "mag_y"), lambda path: list(open_run(path).blocks()))],
 )
 def test_a_page_that_was_changed_is_found_by_its_checksum(tmp_path, names, read):
     """Not packed, so that nothing else would notice."""

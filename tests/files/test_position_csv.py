@@ -100,7 +100,7 @@ def test_the_position_file_is_the_result(tmp_path, well):
     path, uncertainty = well
     write_position_csv(tmp_path / "p.csv", path, uncertainty, "true")
     table = columns(tmp_path / "p.csv")
-    assert table.header == POSITION
+    assert table.names == POSITION
     # the shortest text that reads back the same number
     for name in ("north", "east", "tvd"):
         np.testing.assert_array_equal(table.number(f"{name}_m"), getattr(path, name))

@@ -62,7 +62,6 @@ def test_standard_deviations_and_columns_of_no_use(read):
         (HEADER, [*ROWS, "d,0,0,,36000,20,1,2,3"], "line 5: rate_deg_s is 36000; allowed -3600 to 3600"),
         (HEADER, ["a,90,0,,10,,1,2,3"], "temperature_degC"),
         (HEADER.replace("rate_deg_s", "rate_rad_s"), ROWS, "convert it and write rate_deg_s"),
-        (HEADER.replace("rate_deg_s", "rate"), ROWS, "unit missing: write rate_deg_s"),
         (HEADER.replace("toolface_deg", "face"), ROWS, "'toolface_deg' is missing"),
         (HEADER.replace("gyro", "mag"), ROWS, "no gyro columns"),
         (HEADER, ["a,90,0,,0.17453,20,1,2,3", "b,90,0,,-0.34907,20,1,2,3"], "looks like radians per second"),

@@ -9,7 +9,7 @@ import pkgutil
 import pytest
 
 import inclinometry.files
-from inclinometry.files.table import LineReader
+from inclinometry.files.text import LineReader
 
 MODULES = [
     importlib.import_module(f"inclinometry.files.{one.name}")

@@ -10,9 +10,11 @@ from inclinometry.conventions import CONVENTIONS
 from inclinometry.errors import FileError, InputError
 from inclinometry.files._quantities import meaning, quantities
 from inclinometry.files.exchange import SurveyFile
-from inclinometry.files.six_axis import read_csv, read_six_axis, write_csv
+from inclinometry.files.six_axis import read_six_axis, read_survey, write_csv
 from inclinometry.files.survey_csv import read_survey_csv, write_survey_csv
 from inclinometry.orientation import angles, fields
+
+from .surveys import same
 
 G, B, DIP = 9.81, 50000.0, np.radians(70.0)
 ATTITUDE = tuple(np.radians([[10.0, 120.0, 300.0], [5.0, 60.0, 91.0], [0.0, 200.0, 45.0]]))  # azimuth, inclination, TF
@@ -72,28 +74,28 @@ def test_names_met_in_the_wild(write, header, factors):
 
 
 def test_a_name_of_two_quantities_is_told_by_its_unit(write):
-    found = read_csv(write("MD (m),AZ(deg),azimuth_reference,AX(g),AY(g),AZ(g)", "9,90,true,0,0,1"))
+    found = read_survey(write("MD (m),AZ(deg),azimuth_reference,AX(g),AY(g),AZ(g)", "9,90,true,0,0,1"))
     np.testing.assert_allclose([found.azimuth[0], found.g[0, 2]], [np.pi / 2, 9.80665])
-    found = read_csv(write("md_m,gx_deg_h,gy_deg_h,gz_deg_h", "9,15.0,0,0"))
+    found = read_survey(write("md_m,gx_deg_h,gy_deg_h,gz_deg_h", "9,15.0,0,0"))
     np.testing.assert_allclose(found.w[0, 0], np.radians(15.0) / 3600.0)
     assert found.g is None
 
 
 def test_temperatures_and_curvature(write):
-    found = read_csv(write("md_m,Temp (F),dls_deg_100ft", "9,212,3"))
+    found = read_survey(write("md_m,Temp (F),dls_deg_100ft", "9,212,3"))
     np.testing.assert_allclose(found.temperature, [100.0])
     np.testing.assert_allclose(found.measured["dogleg_severity"], np.radians(3.0) / 30.48)
 
 
 def test_three_columns_and_a_north_are_a_survey(write):
     rows = ["0,0,0,grid", "30,1.5,359.5,grid"]
-    found = read_csv(write("md_m,inclination_deg,azimuth_deg,azimuth_reference", *rows))
+    found = read_survey(write("md_m,inclination_deg,azimuth_deg,azimuth_reference", *rows))
     assert found.azimuth_reference == "grid"
     np.testing.assert_allclose(np.degrees(found.azimuth), [0.0, 359.5])
     bare = write("md_m,inclination_deg,azimuth_deg", "0,0,0")
-    assert read_csv(bare, azimuth_reference="true").azimuth_reference == "true"
+    assert read_survey(bare, azimuth_reference="true").azimuth_reference == "true"
     in_name = write("md_m,azi_grid_deg", "0,0")
-    assert read_csv(in_name).azimuth_reference == "grid"
+    assert read_survey(in_name).azimuth_reference == "grid"
 
 
 def test_the_native_survey_file_in_and_out(tmp_path):
@@ -103,7 +105,7 @@ def test_the_native_survey_file_in_and_out(tmp_path):
         "u_azimuth": [0.01, 0.02], "flags": ["", "vertical|dip"],
     }  # fmt: skip
     write_survey_csv(tmp_path / "a.csv", columns)
-    found = read_csv(tmp_path / "a.csv")
+    found = read_survey(tmp_path / "a.csv")
     np.testing.assert_allclose(found.measured["g"], columns["g_total"])
     assert found.extra["flags"] == ("", "vertical|dip")
     write_csv(found, tmp_path / "b.csv")
@@ -129,9 +131,9 @@ def full(size=4):
 
 def test_everything_a_survey_may_hold_goes_round(tmp_path):
     write_csv(full(), tmp_path / "a.csv")
-    found = read_csv(tmp_path / "a.csv")
+    found = read_survey(tmp_path / "a.csv")
     # angles are written to 1e-10 deg, rates to 1e-10 deg/h
-    assert found.same_as(full(), rtol=1e-11, atol=2e-12)
+    assert same(found, full(), rtol=1e-11)
     read_survey_csv_accepts = write_csv(SurveyFile(md=[0, 1], inclination=[0, 1]), tmp_path / "b.csv")
     assert read_survey_csv_accepts is None
     np.testing.assert_allclose(read_survey_csv(tmp_path / "b.csv")["inclination"], [0.0, 1.0])
@@ -151,28 +153,19 @@ ONE = "100,0,0,9.8,20000,0,45000"
         (SIX.replace("md_m", "depth_of_bit_m"), [ONE], "unit 'of_bit_m'"),
         (SIX.replace("md_m", "station"), [ONE], "no depth; add a column md_m"),
         (SIX.replace("gz_m_s2", "operator"), [ONE], "'gz_m_s2' is missing; a triad"),
-        (SIX.replace("by_nT", "BX (uT)"), [ONE], "'bx_nT' and 'BX .uT.' both give b.0"),
         (SIX + ",azimth_deg", [ONE + ",1"], "did you mean azimuth_deg"),
         (SIX, [ONE, ONE], "line 3: the depth 100 m repeats 100 m in line 2"),
-        (SIX, [ONE, ONE.replace("100", "90", 1)], "line 3: the depth 90 m is less than 100 m in line 2"),
-        (SIX, [ONE.replace("9.8", "nan")], "line 2: column 'gz_m_s2' is nan; every value must be finite"),
         (SIX, [ONE.replace("9.8", "inf")], "line 2: column 'gz_m_s2' is inf"),
-        (SIX, [ONE.replace("9.8", "n/a")], "line 2: 'n/a' in column 'gz_m_s2' is not a number"),
         (SIX, [ONE.replace("9.8", "9800")], "line 2: column 'gz_m_s2' is 9800; allowed -200 to 200 m/s2"),
         (SIX, [ONE.replace("9.8", "")], "is empty at 100 m"),
         ("md_m,inclination_deg", ["0,1"], "no six axes"),
-        (SIX + ",azimuth_deg", [ONE + ",1"], "azimuths without a north"),
-        (SIX + ",azimuth_deg,azimuth_reference", [ONE + ",1,rig"], "line 2: column 'azimuth_reference' is 'rig'"),
-        (SIX + ",inclination_deg", [ONE + ",181"], "'inclination_deg' is 181; allowed 0 to 180 deg"),
-        (SIX + ",used", [ONE + ",perhaps"], "'used' is 'perhaps'; allowed: 1, 0"),
         (SIX + ",g_total", [ONE + ",1"], "column 'g_total' has no unit"),
         ("(ft),(g),(g),(g),(nT),(nT),(nT)", [ONE], "appears twice"),
         (SIX, ["(m),(m/s2),,,(nT),,"], "line 2: '.m.' in column 'md_m' is not a number"),
-        (SIX, [], "no rows of values"),
-        ("md_m,operator", ["1,me"], "nothing besides the depth is known"),
     ],
 )
 def test_refusals(write, header, rows, words):
+    """What is no survey whatever its format: test_exchange."""
     with pytest.raises(FileError, match=words):
         read_six_axis(write(header, *rows))
 
@@ -180,15 +173,15 @@ def test_refusals(write, header, rows, words):
 def test_norths_that_disagree(write):
     header = "md_m,azimuth_deg,azimuth_reference"
     with pytest.raises(FileError, match="line 3: the azimuths are from true north above and from grid north here"):
-        read_csv(write(header, "0,1,true", "1,1,grid"))
+        read_survey(write(header, "0,1,true", "1,1,grid"))
     with pytest.raises(FileError, match="from true and from grid north"):
-        read_csv(write(header, "0,1,true", "1,1,true"), azimuth_reference="grid")
+        read_survey(write(header, "0,1,true", "1,1,true"), azimuth_reference="grid")
     with pytest.raises(InputError, match="no convention 'left'"):
-        read_csv(write(SIX, ONE), convention="left")
+        read_survey(write(SIX, ONE), convention="left")
 
 
 def test_a_component_that_is_unknown_stays_unknown_in_other_axes(write):
-    found = read_csv(write(SIX, "1,,1,2,3,4,5"), convention="iscwsa")
+    found = read_survey(write(SIX, "1,,1,2,3,4,5"), convention="iscwsa")
     np.testing.assert_array_equal(found.g, [[1.0, np.nan, 2.0]])  # y = -x of the vendor
 
 
@@ -216,11 +209,11 @@ def test_the_factors_of_units():
 
 
 def test_times_that_are_not_iso_are_another_column(write):
-    found = read_csv(write("md_m,tvd_m,Time,used", "0,0,12:30,", "1,1,5/6/26,"))
+    found = read_survey(write("md_m,tvd_m,Time,used", "0,0,12:30,", "1,1,5/6/26,"))
     assert found.times is None
     assert found.used is None
     assert found.extra["Time"] == ("12:30", "5/6/26")
-    found = read_csv(write("md_m,tvd_m,time,valid", "0,0,2026-01-02,yes", "1,1,,No"))
+    found = read_survey(write("md_m,tvd_m,time,valid", "0,0,2026-01-02,yes", "1,1,,No"))
     assert found.times == ("2026-01-02", "")
     assert found.valid.tolist() == [True, False]
 
@@ -229,6 +222,6 @@ def test_extra_columns_keep_their_names_whatever_they_are(tmp_path):
     names = ("Temp", "extra_Temp", "extra_extra_Temp", "gx_m_s2", "azimuth_reference", "cov_nn", "MD", "g_total")
     file = SurveyFile(md=[0], tvd=[0], extra={name: (str(i),) for i, name in enumerate(names)})
     write_csv(file, tmp_path / "a.csv")
-    assert read_csv(tmp_path / "a.csv").same_as(file)
+    assert same(read_survey(tmp_path / "a.csv"), file)
     with pytest.raises(InputError, match="line break"):
         write_csv(SurveyFile(md=[0], tvd=[0], extra={"crew": ("a\nb",)}), tmp_path / "a.csv")

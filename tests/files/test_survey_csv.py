@@ -49,10 +49,8 @@ def test_feet_are_converted(tmp_path):
         ("md_m", ["10,1,2", "20,1,2", "20,1,2"], "line 4: md_m 20 repeats 20 in line 3; it must increase"),
         ("md_ft", ["10,1,2", "30,1,2", "20,1,2"], "line 4: md_ft 20 is less than 30 in line 3"),
         ("md", ["10,1,2"], "unit missing: write md_m"),
-        ("md_km", ["10,1,2"], "unit not accepted: convert it and write md_m"),
         ("depth", ["10,1,2"], "column 'md_m' is missing"),
         ("md_m,md_ft", ["1,2,3,4"], "both 'md_m' and 'md_ft'"),
-        ("md_m", ["inf,1,2"], "line 2: column 'md_m' is inf"),
     ],
 )
 def test_depths_that_do_not_fit(tmp_path, header, rows, wanted):

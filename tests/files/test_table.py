@@ -18,6 +18,8 @@ from inclinometry.files.profile import reading_with
 from inclinometry.files.survey_csv import read_raw_survey, read_survey_csv
 from inclinometry.files.table import read_table
 
+from .surveys import saved
+
 PLAIN = "station,azimuth_deg,mag_x\nA,1.5,-2\nB,2.25,3e2\n"
 
 
@@ -57,7 +59,7 @@ def error(folder, content):
 )
 def test_dialects_read_alike(tmp_path, content):
     table = read(tmp_path, content)
-    assert table.header == ("station", "azimuth_deg", "mag_x")
+    assert table.names == ("station", "azimuth_deg", "mag_x")
     assert table.text("station") == ("A", "B")
     assert table.number("azimuth_deg").tolist() == [1.5, 2.25]
     assert table.number("mag_x").tolist() == [-2.0, 300.0]
@@ -107,42 +109,32 @@ def test_errors_name_the_place_and_the_remedy(tmp_path, content, wanted):
 
 
 def test_files_that_are_none(tmp_path):
-    with pytest.raises(FileError, match="no such file"):
-        read_table(tmp_path / "none.csv")
-    with pytest.raises(FileError, match="folder"):
-        read_table(tmp_path)
-    with pytest.raises(FileError, match="cannot be read"):
-        read_table("a\0b")
+    for path, words in ((tmp_path / "none.csv", "no such file"), (tmp_path, "folder"), ("a\0b", "cannot be read")):
+        with pytest.raises(FileError, match=words):
+            read_table(path)
 
 
-def test_missing_column_says_what_to_do(tmp_path):
-    table = read(tmp_path, "inclination,azimuth_mrad,toolface_dg,incl_x\na,b,c,d\n")
-    with pytest.raises(
-        FileError, match=r"line 1: column 'inclination_deg' is missing .*unit missing: write inclination_d"
-    ):
-        table.require(["inclination_deg"])
-    with pytest.raises(FileError, match="azimuth_mrad"):
-        table.require(["azimuth_deg"])
-    with pytest.raises(FileError, match="did you mean toolface_deg"):
-        table.require(["toolface_deg"])
-    with pytest.raises(FileError, match="columns found: inclination, azimuth_mrad"):
-        table.require(["temperature_degC"])
-
-
-def test_missing_column_suggests_the_closest(tmp_path):
-    table = read(tmp_path, "rollset\n1\n")
-    with pytest.raises(FileError, match="'rollset': did you mean roll_set"):
-        table.require(["roll_set"])
-
-    with pytest.raises(FileError, match=r"is it 'inclin_angle_deg'\? then rename it"):
-        read(tmp_path, "inclin_angle_deg\n1\n").require(["inclination_deg"])
+@pytest.mark.parametrize(
+    ("header", "name", "words"),
+    [
+        ("inclination", "inclination_deg", "line 1: column 'inclination_deg' is missing .*unit missing: write inclina"),
+        ("azimuth_mrad", "azimuth_deg", "azimuth_mrad"),
+        ("toolface_dg", "toolface_deg", "did you mean toolface_deg"),
+        ("inclination,azimuth_mrad", "temperature_degC", "columns found: inclination, azimuth_mrad"),
+        ("rollset", "roll_set", "'rollset': did you mean roll_set"),
+        ("inclin_angle_deg", "inclination_deg", r"is it 'inclin_angle_deg'\? then rename it"),
+    ],
+)
+def test_a_missing_column_says_what_to_do(tmp_path, header, name, words):
+    table = read(tmp_path, f"{header},incl_x\n{'a,' * header.count(',')}b,c\n")
+    with pytest.raises(FileError, match=words):
+        table.require([name])
 
 
 def test_gaps_only_where_allowed(tmp_path):
     path = tmp_path / "t.csv"
-    path.write_text("mag_x,mag_y\n1,\n,nan\n")
     with pytest.raises(FileError, match="line 3: column 'mag_y' is nan"):
-        read_table(path, gaps=["mag_x", "mag_y"])
+        read_table(saved(path, "mag_x,mag_y\n1,\n,nan\n"), gaps=["mag_x", "mag_y"])
     path.write_text("mag_x,mag_y\n1,\n,2\n")
     assert np.isnan(read_table(path, gaps=["mag_x", "mag_y"]).number("mag_y")).tolist() == [True, False]
 
@@ -242,9 +234,8 @@ def test_blocks_taken_by_arrow_are_the_same_to_the_bit(tmp_path, monkeypatch):
     values = rng.normal(size=(60_000, 3)) * 10.0 ** rng.integers(-9, 9, (60_000, 1))
     lines = [f"{a!r},s {k % 7} ,{b!r},{c!r}" for k, (a, b, c) in enumerate(values.tolist())]
     lines[50_000] = "1e-3,,+2.5,-.5"  # the careful way for its block
-    (tmp_path / "a.csv").write_text("accel_x,operator,accel_y,accel_z\n" + "\n".join(lines) + "\n")
-    quick = read_table(tmp_path / "a.csv")
-    monkeypatch.setattr("inclinometry.files.table._Body._quick", lambda self, block: False)
+    quick = read_table(saved(tmp_path / "a.csv", "accel_x,operator,accel_y,accel_z\n" + "\n".join(lines) + "\n"))
+    monkeypatch.setattr("inclinometry.files.layout.TextTable._quickly", lambda self, block: None)
     careful = read_table(tmp_path / "a.csv")
     for name in ("accel_x", "accel_y", "accel_z"):
         assert quick.number(name).tobytes() == careful.number(name).tobytes()
@@ -253,13 +244,22 @@ def test_blocks_taken_by_arrow_are_the_same_to_the_bit(tmp_path, monkeypatch):
     assert quick.number("accel_y")[50_000] == 2.5
 
 
+@pytest.fixture(scope="module")
+def long_table(tmp_path_factory):
+    """400,000 rows of two columns, and where in the file the second cell of line 390,002 stands, four characters."""
+    path, head, row = tmp_path_factory.mktemp("long") / "a.csv", "accel_x,accel_y\n", "1.5,2.50\n"
+    path.write_text(head + row * 400_000)
+    return path, len(head) + 390_000 * len(row) + len("1.5,")
+
+
 @pytest.mark.parametrize("cell", ["x", "nan", "", "1,5"])
-def test_a_bad_cell_far_down_is_named_with_its_line(tmp_path, cell):
-    lines = ["1.5,2.5"] * 400_000
-    lines[390_000] = f"1.5,{cell}"
-    (tmp_path / "a.csv").write_text("accel_x,accel_y\n" + "\n".join(lines) + "\n")
+def test_a_bad_cell_far_down_is_named_with_its_line(long_table, cell):
+    path, place = long_table
+    with path.open("r+") as stream:
+        stream.seek(place)
+        stream.write(cell.ljust(4))
     with pytest.raises(FileError, match="line 390002"):
-        read_table(tmp_path / "a.csv")
+        read_table(path)
 
 
 def test_thousands_before_a_point_are_no_guess(tmp_path):
@@ -270,7 +270,7 @@ def test_thousands_before_a_point_are_no_guess(tmp_path):
 @pytest.mark.parametrize("name", ["Prüfung", "Größe", "Température", "±5 °C"])
 def test_western_letters_of_a_program_that_knows_no_utf_8(tmp_path, name):
     (tmp_path / "a.csv").write_bytes(f"mag_x,{name}\n1,2\n".encode("cp1252"))
-    assert read_table(tmp_path / "a.csv").header == ("mag_x", name)
+    assert read_table(tmp_path / "a.csv").names == ("mag_x", name)
 
 
 @pytest.mark.parametrize(("encoding", "name"), [("cp1251", "Глубина"), ("gbk", "井深度"), ("utf-8", "тест")])
@@ -291,23 +291,18 @@ def test_twenty_names_are_shown(tmp_path, count):
 
 def test_a_thousand_columns_are_allowed(tmp_path):
     names = [f"n{k}" for k in range(1001)]
-    assert len(read(tmp_path, ",".join(names[:1000]) + "\n" + ",".join("x" * 1000) + "\n").header) == 1000
+    assert len(read(tmp_path, ",".join(names[:1000]) + "\n" + ",".join("x" * 1000) + "\n").names) == 1000
     assert "line 2: 1,001 columns; allowed 1,000" in error(tmp_path, "# wide\n" + ",".join(names) + "\n")
 
 
 @pytest.mark.parametrize("first", ["sep=,\n", "sep=\n", "SEP=,\n\n# made by hand\n"])
 def test_what_a_spreadsheet_puts_on_top_is_no_header(tmp_path, first):
-    table = read(tmp_path, first + PLAIN)
-    assert table.header == ("station", "azimuth_deg", "mag_x")
+    told = []
+    table = read_table(saved(tmp_path / "t.csv", first + PLAIN), told.append)
+    assert table.names == ("station", "azimuth_deg", "mag_x")
     assert table.header_line == first.count("\n") + 1
     assert table.lines.tolist() == [table.header_line + 1, table.header_line + 2]
-
-
-def test_every_byte_is_told(tmp_path):
-    (tmp_path / "t.csv").write_text(PLAIN)
-    told = []
-    read_table(tmp_path / "t.csv", told.append)
-    assert told == [len(PLAIN)]
+    assert told == [len(first + PLAIN)]  # every byte
 
 
 def test_where_a_long_text_or_a_quote_stands(tmp_path):

@@ -13,6 +13,8 @@ from inclinometry.files.log_csv import read_log
 from inclinometry.files.profile import Profile, reading_with
 from inclinometry.files.run_file import open_run
 
+from .surveys import saved
+
 CHANNELS = "accel_x_g,accel_y_g,accel_z_g"
 WRITTEN = {
     "stamps": (f"timestamp,{CHANNELS}\n2026-05-01T23:59:59.990Z,0,0,1\n2026-05-02T00:00:00.0000Z,0,0,1\n", 0.01),
@@ -47,10 +49,7 @@ WRITTEN = {
         "2026,5,31,23,59,59,250000000,0,0,1\n2026,6,1,0,0,0,500000000,0,0,1\n",
         1.25,
     ),
-    "a clock in columns, past midnight": (
-        f"Hour,Minute,Second,{CHANNELS}\n23,59,59.25,0,0,1\n0,0,0.5,0,0,1\n",
-        1.25,
-    ),
+    "a clock in columns, past midnight": (f"Hour,Minute,Second,{CHANNELS}\n23,59,59.25,0,0,1\n0,0,0.5,0,0,1\n", 1.25),
     "hours and minutes": (f"hh,min,{CHANNELS}\n9,59,0,0,1\n10,1.5,0,0,1\n", 150.0),
     "milliseconds": (f"Time (ms),{CHANNELS}\n100,0,0,1\n110,0,0,1\n", 0.01),
     "microseconds": (f"timestamp_us,{CHANNELS}\n100,0,0,1\n350,0,0,1\n", 0.00025),
@@ -65,8 +64,7 @@ WRITTEN = {
 def test_time_as_it_is_written(tmp_path, how):
     text, step = WRITTEN[how]
     path = tmp_path / "log.csv"
-    path.write_text(text)
-    assert np.diff(read_log(path).time) == pytest.approx(step, abs=1e-9)
+    assert np.diff(read_log(saved(path, text)).time) == pytest.approx(step, abs=1e-9)
     run = np.concatenate([block.time for block in open_run(path).blocks()])
     assert np.diff(run) == pytest.approx(step, abs=1e-9)
 
@@ -74,8 +72,7 @@ def test_time_as_it_is_written(tmp_path, how):
 def test_long_stamps_keep_their_microseconds_in_every_block(tmp_path):
     stamps = np.datetime64("2026-05-01T23:59:00", "us") + np.arange(60_000) * 2500
     rows = "".join(f"{stamp},0,0,1\n" for stamp in stamps)
-    (tmp_path / "log.csv").write_text(f"time,{CHANNELS}\n{rows}")
-    log = read_log(tmp_path / "log.csv")
+    log = read_log(saved(tmp_path / "log.csv", f"time,{CHANNELS}\n{rows}"))
     assert np.abs(log.time - np.arange(60_000) * 0.0025).max() < 1e-9
     assert log.channels["accelerometer"].shape == (60_000, 3)
 
@@ -92,23 +89,20 @@ def test_long_stamps_keep_their_microseconds_in_every_block(tmp_path):
     ],
 )
 def test_what_is_no_time_or_may_be_two(tmp_path, row, says):
-    (tmp_path / "log.csv").write_text(f"Date,Time,{CHANNELS}\n05/01/2026,1:00,0,0,1\n{row},0,0,1\n")
     with pytest.raises(FileError, match=says):
-        read_log(tmp_path / "log.csv")
+        read_log(saved(tmp_path / "log.csv", f"Date,Time,{CHANNELS}\n05/01/2026,1:00,0,0,1\n{row},0,0,1\n"))
 
 
 @pytest.mark.parametrize("columns", ["Day,Hour,Minute", "Month,Day,Hour,Minute", "Hour,Second,Year", "Year,Month,Day"])
 def test_half_a_date_or_half_a_clock_is_no_time(tmp_path, columns):
     cells = ",".join("1" * len(columns.split(",")))
-    (tmp_path / "log.csv").write_text(f"{columns},{CHANNELS}\n{cells},0,0,1\n{cells},0,0,1\n")
     with pytest.raises(FileError, match="'time_s' is missing"):
-        read_log(tmp_path / "log.csv")
+        read_log(saved(tmp_path / "log.csv", f"{columns},{CHANNELS}\n{cells},0,0,1\n{cells},0,0,1\n"))
 
 
 def test_a_time_without_a_unit_is_not_guessed(tmp_path):
-    (tmp_path / "log.csv").write_text(f"t,{CHANNELS}\n100,0,0,1\n110,0,0,1\n")
     with pytest.raises(FileError, match="'time_s' is missing"):
-        read_log(tmp_path / "log.csv")
+        read_log(saved(tmp_path / "log.csv", f"t,{CHANNELS}\n100,0,0,1\n110,0,0,1\n"))
     with reading_with(Profile(units=("ms",))):
         assert np.diff(read_log(tmp_path / "log.csv").time) == pytest.approx([0.01])
 
@@ -165,17 +159,14 @@ def test_comments_blanks_and_other_columns_stand_among_the_rows(tmp_path):
     """Line numbers stay those of the file; a time of the package's own besides counts, and the stamps are no column."""
     text = f"# logger 7\n   \nDate,note,Time,{CHANNELS}\n\n # begin\n2026-05-01,a,12:00:00,0,0,1\n  \n#\n"
     text += "2026-05-01,b,12:00:01.5,0,0.5,1\n# end\n"
-    (tmp_path / "log.csv").write_text(text)
-    log = read_log(tmp_path / "log.csv")
+    log = read_log(saved(tmp_path / "log.csv", text))
     assert (log.time.tolist(), log.channels["accelerometer"][1].tolist()) == ([0.0, 1.5], [0.0, 0.5, 1.0])
     assert log.notes == ("column 'note' is not known and was not used",)
-    (tmp_path / "log.csv").write_text(text + "2026-05-01,c\n")
-    with pytest.raises(FileError, match="this row has 2 cells and the header 5") as caught:
-        read_log(tmp_path / "log.csv")
+    with pytest.raises(FileError, match="this row has 2 cells and the header 6") as caught:
+        read_log(saved(tmp_path / "log.csv", text + "2026-05-01,c\n"))
     assert caught.value.line == 11
-    (tmp_path / "log.csv").write_text(text + "2026-05-01,c,12:00:02,1\n")
-    with pytest.raises(FileError, match="this row has 3 cells and the header 5") as caught:
-        read_log(tmp_path / "log.csv")
+    with pytest.raises(FileError, match="this row has 4 cells and the header 6") as caught:
+        read_log(saved(tmp_path / "log.csv", text + "2026-05-01,c,12:00:02,1\n"))
     for own in ("time_s", "Time (s)"):
         (tmp_path / "log.csv").write_text(f"{own},Clock,{CHANNELS}\n5,12:00,0,0,1\n7,12:01,0,0,1\n")
         assert read_log(tmp_path / "log.csv").time.tolist() == [5.0, 7.0]

@@ -9,10 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from inclinometry.calibration.acceptance import Limits, Verification
+from inclinometry.calibration.acceptance import Verification
+from inclinometry.calibration.decision import Limits
 from inclinometry.errors import FileError
 from inclinometry.files.tool_json import read_calibration
 from inclinometry.files.verification_json import read_verification, write_verification
+
+from .json_records import changed
 
 TOOL = Path(__file__).parents[1] / "reference" / "convention-house" / "tool.json"
 LIMITS = Limits("mine", "works standard 7", np.radians(0.1), np.radians(1.0), None, np.radians(3.0), "none")
@@ -65,10 +68,36 @@ def test_every_position_in_degrees(tmp_path, calibration):
         "min_inclination_deg_for_azimuth": pytest.approx(3.0), "inclination_deg": pytest.approx(0.1),
         "azimuth_deg": pytest.approx(1.0), "toolface_deg": None,
     }  # fmt: skip
-    # limits that the program has derived have no figures of their own
-    write_verification(tmp_path / "derived.json", verification(), None, calibration)
-    derived = read_verification(tmp_path / "derived.json", calibration)["limits"]
-    assert derived == {"name": "mine", "source": "works standard 7"}
+    # no limits were agreed
+    write_verification(tmp_path / "none.json", replace(verification(), verdict="agrees"), None, calibration)
+    assert read_verification(tmp_path / "none.json", calibration)["limits"] is None
+
+
+def test_a_file_of_version_1_without_agreed_limits_is_read_without_them(tmp_path, calibration):
+    """What it calls limits and pass nobody had agreed: U is that of k = 2, near the vertical a tilt's."""
+    path = tmp_path / "verify.json"
+    write_verification(path, verification(), LIMITS, calibration)
+    old = json.loads(path.read_text()) | {"version": 1, "verdict": "pass"}
+    report = old["report"]
+    report["coverage_factor"] = 3.64
+    report["reasons"] = ["every judged angle is within its limit at every position", "level assumed"]
+    for row in report["positions"]:
+        for name in ("inclination", "azimuth", "toolface"):
+            one = row[name]
+            one["decision"] = one["decision"].replace("fail", "pass")
+            one["U_deg"] = None if one["U_deg"] is None else 1.82 * one["U_deg"]
+    path.write_text(json.dumps(old))
+    assert read_verification(path, calibration)["verdict"] == "pass"  # limits that were agreed stay
+    path.write_text(json.dumps(old | {"limits": {"name": "certificate", "source": "derived: ..."}}))
+    content = read_verification(path, calibration)
+    assert (content["verdict"], content["limits"], content["report"]["coverage_factor"]) == ("agrees", None, 2.0)
+    assert content["report"]["reasons"] == ["level assumed"]
+    first, second = content["report"]["positions"]
+    assert first["inclination"] == {"error_deg": pytest.approx(0.05), "U_deg": pytest.approx(0.02), "limit_deg": None,
+                                    "decision": "agrees"}  # fmt: skip
+    assert first["toolface"]["decision"] == "not judged"
+    # the length of a tilt: sqrt(ln p(2) / ln p(3.64)) = 0.613 instead of 2 / 3.64
+    assert second["inclination"]["U_deg"] == pytest.approx(0.02 * 1.82 * 0.6130, rel=1e-3)
 
 
 def test_it_is_of_one_calibration_of_one_tool(tmp_path, calibration):
@@ -93,9 +122,7 @@ def test_it_is_of_one_calibration_of_one_tool(tmp_path, calibration):
 def test_what_is_judged_has_a_number(tmp_path, calibration, cells, lost):
     path = tmp_path / "verify.json"
     write_verification(path, verification(), LIMITS, calibration)
-    content = json.loads(path.read_text())
-    content["report"]["positions"][0]["azimuth"].update(cells)
-    path.write_text(json.dumps(content))
+    changed(path, lambda content: content["report"]["positions"][0]["azimuth"].update(cells))
     if not lost:
         assert read_verification(path, calibration)["verdict"] == "fail"
         return

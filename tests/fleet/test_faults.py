@@ -56,8 +56,8 @@ def cluster() -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
     ]
     try:
         connected = workers.connect(address, timeout=60.0)
-        connected.client.wait_for_workers(2, timeout=90)
-        connected.client.close()
+        connected.wait_for_workers(2, timeout=90)
+        connected.close()
         yield address, begun
     finally:
         for one in begun:
@@ -113,7 +113,7 @@ def test_a_scheduler_whose_workers_are_gone_is_said_and_what_was_lost_with_them_
 
         def leave() -> None:
             cluster.scale(0)
-            while connected.client.ncores():
+            while connected.ncores():
                 time.sleep(0.05)
 
         def begun(product: str) -> tuple[Iterator[Receipt], Receipt]:
@@ -135,7 +135,7 @@ def test_a_scheduler_whose_workers_are_gone_is_said_and_what_was_lost_with_them_
         made, first = begun("angles")
         Timer(0.5, cluster.scale, (1,)).start()
         receipts = [first, *made]
-        connected.client.close()
+        connected.close()
     assert sorted(one.target for one in receipts) == sorted(task.target for task in planned(scene, "angles").todo)
     assert not [one.problem for one in receipts if one.problem]
     assert sum(one.adopted for one in receipts) >= 1

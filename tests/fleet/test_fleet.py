@@ -175,9 +175,9 @@ def test_a_later_certificate_leaves_earlier_runs_alone_and_a_superseding_one_doe
         content = ledger.latest("certificate", number=later)
         assert content is not None
         certificates.void(ledger, later, "made to supersede", author="test")
-        certificates.supersede(
-            ledger, old.number, content.body["calibration"], None, LABORATORY,
-            reason="wrong dials", author="test",
+        certificates.issue(
+            ledger, content.body["calibration"], None, LABORATORY, supersedes=old.number,
+            reason="wrong dials", author="test", accept_warnings="simulated readings",
         )  # fmt: skip
         now = Certificates(ledger).at("IN-3", date(2026, 3, 3))
     assert now.since == before.since
@@ -288,7 +288,7 @@ def test_what_a_run_is_refused_for(scene: Scene, tmp_path: Path) -> None:
     what = raw.About("IN-1", "early", date(2025, 3, 9))
     added += raw.add(store, write_run(tmp_path / "early.parquet", columns), what, known)
     raw.record(store, added)
-    found = {one.raw.run: one.why for one in planned(scene).refused}
+    found = {raw.run: why for raw, why in planned(scene).refused}
     assert "channels in V" in found["volts"]
     assert "IN-9" in found["nobody"]
     assert "two tools with one serial number" in found["A"]
@@ -297,7 +297,7 @@ def test_what_a_run_is_refused_for(scene: Scene, tmp_path: Path) -> None:
     assert len(planned(scene).todo) == 6
     with scene.ledger() as ledger:
         certificates.void(ledger, certificates.certificates(ledger, serial="IN-3")[0].number, "dropped", author="test")
-    assert any("is void (dropped)" in one.why for one in planned(scene).refused)
+    assert any("is void (dropped)" in why for _, why in planned(scene).refused)
 
 
 def test_files_that_cannot_be_added(scene: Scene, tmp_path: Path) -> None:

@@ -123,17 +123,8 @@ def test_a_check_enters_a_history_by_its_readings_alone(folder: Path) -> None:
     readings = six(read_tool(folder / "truth" / f"{serial}.json"), folder / "six.csv")
     (folder / "lab.toml").write_text('name = "L"\naddress = "x"\ncountry = "NO"\n', encoding="utf-8")
     ledger = str(folder / "lab.sqlite")
-    command = [
-        "fleet",
-        "check",
-        str(folder / "six.csv"),
-        "--tool",
-        serial,
-        "--performed",
-        "2026-02-01",
-        "--rig",
-        "rig 1",
-    ]
+    about = ["--tool", serial, "--performed", "2026-02-01", "--rig", "rig 1", "--ledger", ledger]
+    command = ["fleet", "check", str(folder / "six.csv"), *about]
     with Ledger(ledger, read_only=True) as opened:
         known, kept, rig = (
             drift.ledger_history(opened, Certificates(opened), serial),
@@ -145,10 +136,10 @@ def test_a_check_enters_a_history_by_its_readings_alone(folder: Path) -> None:
         found = drift.check_tool(known, readings, kept.model, kept.past, rig, date(2026, 2, 1))
         before = opened.head()
     assert found.calibration is not None
-    assert call(*command, "--ledger", ledger) == 0
+    assert call(*command) == 0
     with Ledger(ledger, read_only=True) as opened:
         assert opened.head() == before  # nothing is recorded unless it is asked for
-    assert call(*command, "--ledger", ledger, "--certify", "--laboratory", str(folder / "lab.toml")) == 0
+    assert call(*command, "--certify", "--laboratory", str(folder / "lab.toml")) == 0
     with Ledger(ledger, read_only=True) as opened:
         after = drift.ledger_history(opened, Certificates(opened), serial).history
     assert after.date[-1] == date(2026, 2, 1)

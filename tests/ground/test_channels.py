@@ -167,13 +167,6 @@ def test_strength_of_the_fields_does_not_matter() -> None:
         assert all(np.array_equal(x, y) for x, y in zip(found, wanted, strict=True))
 
 
-def test_turning_the_index_mark_changes_toolface_only() -> None:
-    inclination, azimuth, toolface = attitudes(500)
-    turns = [both(*fields(azimuth, inclination, toolface + t, 1.0))[0] for t in (0.0, 1.0)]
-    assert turned(turns[0].azimuth, turns[1].azimuth).max() < 2e-13  # reason as above
-    assert turned(turns[0].toolface + 1.0, turns[1].toolface).max() < 2e-13
-
-
 @pytest.mark.parametrize("down", [1.0, -1.0])
 def test_exactly_vertical_has_azimuth_zero_and_magnetic_toolface(down: float) -> None:
     toolface = np.linspace(0.0, TAU, 41)[:-1]

@@ -73,7 +73,7 @@ def rows(path):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("method", ["magnetic", "filter", "smoother", "complementary"])
+@pytest.mark.parametrize("method", ["magnetic", "filter", "smoother"])
 def test_attitude_while_drilling(method, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     simulate = ["simulate", "drilling", "--seed", "1", "--duration-s", "20", "-o", "run.parquet", "--site", "run.toml"]

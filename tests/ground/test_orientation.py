@@ -11,6 +11,8 @@ from inclinometry.errors import InputError
 from inclinometry.orientation import (
     angles,
     angles_jacobian,
+    attitude_jacobian,
+    axis_jacobian,
     dip_angle,
     dip_jacobian,
     fields,
@@ -160,6 +162,9 @@ def test_jacobian_exactly_vertical() -> None:
     upward = angles_jacobian([0, 0, -1.0], [1.0, 0, 1.0])
     assert np.isfinite(upward[0]).all()
     assert np.isnan(upward[1:]).all()
+    vertical = [0.0, 0.0, 10.0], [20000.0, 0.0, 40000.0]
+    np.testing.assert_allclose(attitude_jacobian(*vertical)[:2, :2], [[0.0, -0.1], [0.1, 0.0]], atol=1e-12)
+    np.testing.assert_allclose(axis_jacobian(*vertical)[:, :2], [[-0.1, 0.0], [0.0, -0.1], [0.0, 0.0]], atol=1e-12)
 
 
 def test_jacobian_is_blind_to_lengths() -> None:

@@ -1,4 +1,4 @@
-"""Rotations: group laws, derivatives by finite differences, quaternions and vectors back and forth, scipy as oracle."""
+"""Rotations and wrapped angles: group laws, derivatives by finite differences, quaternions, scipy as oracle."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from inclinometry import rotations as rot
 from inclinometry.errors import InputError
+from inclinometry.rotations import TAU, wrap_positive, wrap_signed
 
 ROUNDING = 1e-15 * 4  # a handful of roundings of numbers of size one
 
@@ -82,7 +83,7 @@ def test_quaternion_product_follows_the_matrices() -> None:
     a, b = Rotation.random(100, rng=4).as_matrix(), Rotation.random(100, rng=5).as_matrix()
     p, q = rot.quaternion_from_dcm(a), rot.quaternion_from_dcm(b)
     np.testing.assert_allclose(rot.dcm_from_quaternion(rot.quaternion_multiply(p, q)), a @ b, atol=ROUNDING)
-    identity = rot.quaternion_multiply(p, rot.quaternion_conjugate(p))
+    identity = rot.quaternion_multiply(p, p * [1.0, -1.0, -1.0, -1.0])
     np.testing.assert_allclose(identity, np.broadcast_to([1.0, 0, 0, 0], (100, 4)), atol=ROUNDING)
 
 
@@ -95,3 +96,26 @@ def test_improper_matrices_are_refused(matrix: np.ndarray) -> None:
 def test_zero_quaternion_is_refused() -> None:
     with pytest.raises(InputError, match="length 0"):
         rot.dcm_from_quaternion([0.0, 0.0, 0.0, 0.0])
+
+
+turns = st.floats(-1e6, 1e6)
+
+
+@given(turns)
+@example(-1e-300)  # rounds up to a full turn, which lies outside
+@example(-0.0)
+@example(TAU)
+@example(-np.pi)
+@example(np.nextafter(np.pi, 4.0))
+def test_wrapped_angles_stay_in_range_and_point_the_same_way(angle):
+    positive, signed = float(wrap_positive(angle)), float(wrap_signed(angle))
+    assert 0.0 <= positive < TAU
+    assert -np.pi <= signed < np.pi
+    # a float of size 1e6 has digits down to 1e-10
+    for wrapped in (positive, signed):
+        assert np.exp(1j * wrapped) == pytest.approx(np.exp(1j * angle), abs=1e-9)
+
+
+def test_the_ends_of_the_ranges():
+    assert wrap_positive([0.0, TAU, -TAU, -np.pi]).tolist() == [0.0, 0.0, 0.0, np.pi]
+    assert wrap_signed([np.pi, -np.pi, 0.0]).tolist() == [-np.pi, -np.pi, 0.0]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from inclinometry.orientation import angles, inclination_toolface
-from inclinometry.rotations import wrap_signed
+from inclinometry.rotations import dcm, wrap_signed
 from inclinometry.sensors import Tool, angle_sensitivity, parameter_vector, triad_from_vector
 from inclinometry.simulate.tool import random_tool
 
@@ -14,17 +14,6 @@ DIRECTIONS = {
     "magnetometer": np.array([0.34, 0.0, 0.94]),
     "gyro": np.array([0.5, 0.0, -0.87]),
 }
-
-
-def orientation(azimuth, inclination, toolface):
-    ca, sa, ci, si, ct, st = (f(v) for v in (azimuth, inclination, toolface) for f in (np.cos, np.sin))
-    return np.array(
-        [
-            [ct * ci * ca - st * sa, ct * ci * sa + st * ca, -ct * si],
-            [-st * ci * ca - ct * sa, -st * ci * sa + ct * ca, st * si],
-            [si * ca, si * sa, ci],
-        ]
-    )
 
 
 def read(tool, signals, temperature, second):
@@ -61,7 +50,7 @@ def test_by_parameter_and_by_signal(attitude, sensors, degree, second):
     tool = random_tool(2, sensors=sensors, temperature_degree=degree)
     temperature = 47.0
     kinds = ("accelerometer", second)
-    field = {kind: orientation(*attitude) @ DIRECTIONS[kind] for kind in kinds}
+    field = {kind: dcm(*attitude) @ DIRECTIONS[kind] for kind in kinds}
     signals = {kind: tool.triads[kind].signals(field[kind], temperature) for kind in kinds}
     found = angle_sensitivity(tool, field, temperature, second)
     assert found.kinds == kinds
@@ -99,7 +88,7 @@ def test_by_parameter_and_by_signal(attitude, sensors, degree, second):
 
 def test_an_unused_triad_has_no_say():
     tool = random_tool(2, sensors={"accelerometer": 3, "magnetometer": 3, "gyro": 3})
-    field = {k: orientation(*ATTITUDES[0]) @ DIRECTIONS[k] for k in ("accelerometer", "magnetometer")}
+    field = {k: dcm(*ATTITUDES[0]) @ DIRECTIONS[k] for k in ("accelerometer", "magnetometer")}
     found = angle_sensitivity(tool, field)
     assert (found.by_parameter[:, tool.slices["gyro"]] == 0.0).all()
     assert (found.by_parameter[:, tool.slices["magnetometer"]] != 0.0).any()
@@ -107,7 +96,7 @@ def test_an_unused_triad_has_no_say():
 
 def test_inclination_and_toolface_need_no_second_field():
     tool = random_tool(2, sensors={"accelerometer": 3})
-    field = orientation(*ATTITUDES[0]) @ DIRECTIONS["accelerometer"]
+    field = dcm(*ATTITUDES[0]) @ DIRECTIONS["accelerometer"]
     found = angle_sensitivity(tool, {"accelerometer": field})
     assert np.isnan(found.by_parameter[[1, 3]]).any(axis=1).all()
     signals, h = tool.triads["accelerometer"].signals(field), 1e-3
@@ -122,7 +111,7 @@ def test_inclination_and_toolface_need_no_second_field():
 def test_many_attitudes_at_once_are_each_alone():
     tool = random_tool(3, temperature_degree=1)
     heat = np.array([[20.0, 30.0], [40.0, 50.0]])
-    matrices = np.array([orientation(*a) for a in ATTITUDES]).reshape(2, 2, 3, 3)
+    matrices = np.array([dcm(*a) for a in ATTITUDES]).reshape(2, 2, 3, 3)
     field = {k: matrices @ DIRECTIONS[k] for k in ("accelerometer", "magnetometer")}
     whole = angle_sensitivity(tool, field, heat)
     assert whole.by_parameter.shape == (2, 2, 4, 48)
@@ -137,7 +126,7 @@ def test_components_are_the_propagated_covariances():
     plain = random_tool(4)
     root = np.random.default_rng(1).normal(size=(24, 24))
     tool = Tool("x", plain.triads, root @ root.T, {"accelerometer": 2.0, "magnetometer": [1.0, 2.0, 3.0]})
-    field = {k: orientation(*ATTITUDES[1]) @ DIRECTIONS[k] for k in ("accelerometer", "magnetometer")}
+    field = {k: dcm(*ATTITUDES[1]) @ DIRECTIONS[k] for k in ("accelerometer", "magnetometer")}
     found = angle_sensitivity(tool, field)
     parts = found.components(tool)
     assert set(parts) == {"calibration", "sensor noise"}
@@ -151,7 +140,7 @@ def test_components_are_the_propagated_covariances():
 def test_scale_of_a_signal_is_immaterial():
     # the same tool with its magnetometer in other units
     tool = random_tool(5)
-    field = {k: orientation(*ATTITUDES[0]) @ DIRECTIONS[k] for k in ("accelerometer", "magnetometer")}
+    field = {k: dcm(*ATTITUDES[0]) @ DIRECTIONS[k] for k in ("accelerometer", "magnetometer")}
     vector = parameter_vector(tool.triads["magnetometer"])
     other = Tool("x", {**tool.triads, "magnetometer": triad_from_vector(tool.triads["magnetometer"], 1e3 * vector)})
     one, two = angle_sensitivity(tool, field), angle_sensitivity(other, field)

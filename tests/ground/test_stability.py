@@ -7,7 +7,8 @@ from inclinometry.errors import FileError, InputError
 from inclinometry.files.stability_toml import read_stability, write_stability
 from inclinometry.files.tool_code_json import load_tool_code
 from inclinometry.sensors import Tool, Triad, angle_sensitivity
-from inclinometry.stability import ASSUMED, Stability, aged
+from inclinometry.simulate.fleet import drift_variance
+from inclinometry.stability import ASSUMED, Stability, aged, from_drift
 
 TURNED = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, -1.0], [-1.0, 0.0, 0.0]])
 """Sensors in another order and sense than the axes."""
@@ -68,3 +69,8 @@ def test_a_file_says_what_the_tool_does(tmp_path):
 def test_an_age_out_of_range_is_refused():
     with pytest.raises(InputError, match="0 to 50"):
         aged(tool(), -1.0)
+
+
+def test_the_drift_of_a_fleet_pools_the_axes_of_a_kind():
+    found = from_drift(drift_variance(), "simulated fleet")
+    np.testing.assert_allclose([found.magnetometer_offset, found.accelerometer_offset], [60.0, 0.00294], rtol=1e-3)

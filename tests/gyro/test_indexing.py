@@ -98,7 +98,7 @@ def test_against_plain_least_squares_with_skewed_sensors_and_unequal_noise():
     signals = rng.normal(size=(18, 4))
     found = average_index(
         station, index, signals, scheme="n", time=time, noise=sd, tensor=tensor, offset=offset, offset_sd=prior,
-        sweep=0.4, tolerance=1e-6,
+        sweep=0.4,
     )  # fmt: skip
     damp = np.diag([np.sin(0.2) / 0.2, np.sin(0.2) / 0.2, 1.0])
     for place in range(2):
@@ -146,18 +146,18 @@ def test_sweep_restores_what_averaging_over_an_angle_takes():
     np.testing.assert_allclose(found.field[0, :2], [1.0, 0.0], atol=1e-9)  # midpoint rule, (turn/steps)^2/24
 
 
-def test_noise_is_estimated_and_said():
+def test_noise_is_estimated():
     station, index, signals, time = rows(400, MIRRORED, [3.0, -4.0, 0.0], noise=np.array([0.1, 0.4]))
     found = average_index(station, index, signals, scheme="mirrored", time=time)
     # 400 stations of 16 readings and 6 unknowns: 2000 a channel and so 1.6 % on the sd; 4 sd
     np.testing.assert_allclose(found.noise, [0.1, 0.4], rtol=0.065)
-    assert "4000 degrees of freedom" in found.notes[0]
+    assert found.noise_freedom == pytest.approx(4000.0)
     spread = (found.field[:, :2] - [3.0, -4.0]) / np.sqrt(np.diagonal(found.covariance[:, :2, :2], axis1=1, axis2=2))
     assert np.mean(spread**2) == pytest.approx(1.0, abs=0.2)  # 800 values: 0.05 each sd
     # the likeness of the channels draws very different noises together by 1e-3 each
     assert np.mean(found.chi_square / found.dof) == pytest.approx(1.0, abs=5e-3)
     few = average_index(station[:8], index[:8], signals[:8], scheme="mirrored", time=time[:8])
-    assert "10 degrees of freedom" in few.notes[0]
+    assert few.noise_freedom == pytest.approx(10.0)
 
 
 def test_chi_square_is_that_of_its_degrees_of_freedom():
@@ -170,7 +170,7 @@ def test_chi_square_is_that_of_its_degrees_of_freedom():
 
 @pytest.mark.parametrize("known", [True, False])
 @pytest.mark.parametrize(("scheme", "positions"), [("four", FOUR), ("mirrored", MIRRORED)])
-def test_one_spike_is_left_out_and_said(known, scheme, positions):
+def test_one_spike_is_left_out_and_named(known, scheme, positions):
     station, index, signals, time = rows(40, positions, [3.0, -4.0, 0.0], noise=0.1)
     row = 7 * len(positions) + 2
     clean = average_index(station, index, signals, scheme=scheme, time=time, noise=[0.1, 0.1])
@@ -179,7 +179,6 @@ def test_one_spike_is_left_out_and_said(known, scheme, positions):
     assert found.left_out == ((8, row),)
     assert [place for place, flags in enumerate(found.flags) if flags] == [7]
     assert found.flags[7] == ("spike",)
-    assert any(f"Station 8: reading in row {row}" in note for note in found.warnings)
     np.testing.assert_allclose(found.field[7, :2], [3.0, -4.0], atol=5 * 0.1)  # and not off by a quarter of 5
     assert found.covariance[7, 0, 0] > clean.covariance[7, 0, 0] * 0.9
     assert found.dof[7] == clean.dof[7] - 2
@@ -321,18 +320,19 @@ def call(scheme, degrees, *, channels=2, stations=1, **options):
     ("scheme", "degrees", "options", "message"),
     [
         ("six", [0, 90], {}, "scheme is 'six'; allowed: two, four"),
-        ("two", [0, 180], {"channels": 1}, "station 1.*second sensor across the tool, or .*four positions"),
-        ("four", [0, 90, 180], {}, "station 1: 3 readings at index 0, 90, 180 deg.*scheme 'n'"),
-        ("four", [0, 180, 90, 270], {}, "station 1: .*order 0, 180, 90, 270.*needs 0, 90, 180, 270"),
-        ("four", [0, 90, 180, 272], {}, "station 1: .*order 0, 90, 180, 272"),
-        ("four", [0, 90, 180, 180], {}, "station 1: 4 readings .*missing positions"),
-        ("mirrored", [0, 90, 180, 270, 0, 90, 180, 270], {"timed": True}, "station 1: .*in that order"),
-        ("mirrored", SCHEMES["mirrored"].positions_deg, {}, "station 1: .*time is missing; give time_s"),
-        ("carousel", range(0, 360, 10), {}, "station 1: .*time is missing"),
-        ("n", [0, 120, 120.3], {}, "station 1: 2 different index positions.*coincide.*needs 3"),
-        ("n", [0, 120], {}, "station 1: 2 different index positions"),
-        ("carousel", [0, 90, 180, 270] * 3, {"timed": True}, "4 different.*needs 8"),
-        ("two", [0, 180], {"noise": None}, "noise is not given.*x sensor"),
+        ("two", [0, 180], {"channels": 1}, "gyro-positions-blind"),
+        ("four", [0, 90, 180], {}, "gyro-positions-missing"),
+        ("four", [0, 180, 90, 270], {}, "gyro-positions-order"),
+        ("four", [0, 90, 180, 272], {}, "gyro-positions-order"),
+        ("four", [0, 90, 180, 180], {}, "gyro-positions-missing"),
+        ("mirrored", [0, 90, 180, 270, 0, 90, 180, 270], {"timed": True}, "gyro-positions-order"),
+        ("mirrored", SCHEMES["mirrored"].positions_deg, {}, "gyro-time-missing"),
+        ("carousel", range(0, 360, 10), {}, "gyro-time-missing"),
+        ("n", [0, 120, 120.3], {}, "gyro-positions-few"),
+        ("n", [0, 120], {}, "gyro-positions-few"),
+        ("carousel", [0, 90, 180, 270] * 3, {"timed": True}, "gyro-positions-few"),
+        ("two", [0, 180], {"noise": None}, "gyro-noise-unknown"),
+        ("four", [0, 90, 180, 270], {"time": [0, 1, 1, 2]}, "gyro-time-order"),
         ("four", [0, 90, 180, 270], {"noise": [0.1, 0.0]}, "noise has shape"),
         ("four", [0, 90, 180, 270], {"noise": [0.1]}, "noise has shape"),
         ("four", [0, 90, 180, 270], {"channels": 3, "offset_sd": [1, 1, np.inf]}, "offset_sd is inf"),
@@ -340,16 +340,17 @@ def call(scheme, degrees, *, channels=2, stations=1, **options):
         ("four", [0, 90, 180, 270], {"offset": np.zeros((7, 2))}, "offset has shape"),
         ("four", [0, 90, 180, 270], {"tensor": np.zeros((2, 3))}, "no sensor of all zeros"),
         ("four", [0, 90, 180, 270], {"sweep": 7.0}, "sweep is 7"),
-        ("four", [0, 90, 180, 270], {"time": [0, 1, 1, 2]}, "station 1: time goes from 1 s to 1 s at its reading 3"),
     ],
 )
 def test_what_cannot_be_used_is_named_with_the_remedy(scheme, degrees, options, message):
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(InputError) as caught:
         call(scheme, degrees, **options)
+    found = caught.value.finding
+    assert message in (found.code if found else str(caught.value))
 
 
 def test_columns_that_do_not_go_together():
-    with pytest.raises(InputError, match="station 1 comes back"):
+    with pytest.raises(InputError, match="comes back"):
         average_index([1, 2, 1], [0.0, 2.0, 4.0], np.zeros((3, 2)), scheme="n")
     with pytest.raises(InputError, match="signals have shape"):
         average_index([1, 1, 1], [0.0, 2.0, 4.0], np.zeros((4, 2)), scheme="n")
@@ -362,5 +363,8 @@ def test_columns_that_do_not_go_together():
 def test_the_bad_station_is_named_among_good_ones():
     station, index, signals, _ = rows(5, FOUR, [3.0, -4.0, 5.0], noise=0.1)
     index[[13, 14]] = index[[14, 13]]
-    with pytest.raises(InputError, match=r"station 4: .*order 0, 180, 90, 270"):
+    with pytest.raises(InputError) as caught:
         average_index(station, index, signals, scheme="four", noise=[0.1, 0.1])
+    needed = (0.0, 90.0, 180.0, 270.0)
+    wanted = {"station": 4, "scheme": "four", "needed_deg": needed, "index_deg": (0.0, 180.0, 90.0, 270.0)}
+    assert caught.value.finding.values == wanted

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
-from inclinometry.calibration.plans import Plan
+from inclinometry.calibration.plans import Plan, orthogonal
 from inclinometry.laboratory.ledger.admin import create
-from inclinometry.laboratory.ledger.ledger import Ledger
+from inclinometry.laboratory.ledger.ledger import Ledger, LedgerError, Record
 from inclinometry.laboratory.registry import RegisteredRig, RegisteredTool, put_rig, put_tool
+from inclinometry.laboratory.results import finish_calibration
 from inclinometry.laboratory.session import Capture, Session, capture, load_session, open_session
 from inclinometry.sensors import Tool
 from inclinometry.simulate.bench import Rig, simulate_bench
@@ -42,19 +46,21 @@ def laboratory(tmp_path: Path) -> Iterator[Ledger]:
 Sensors = Callable[[tuple[float, float, float]], Capture]
 
 
-def sensors(tool: Tool, seed: int, misread: dict[int, float] | None = None) -> Sensors:
-    """Readings of a simulated tool at any dial, one after the other; `misread` turns the n-th toolface (rad)."""
+def sensors(
+    tool: Tool, seed: int, misread: dict[int, float] | None = None, tilted: dict[int, float] | None = None
+) -> Sensors:
+    """Readings of a simulated tool at any dial, one after the other; the n-th toolface or inclination off by rad."""
     turn = iter(range(1, 10_000))
 
     def read(dial: tuple[float, float, float]) -> Capture:
         number = next(turn)
-        off = (misread or {}).get(number, 0.0)
+        off, lean = ((one or {}).get(number, 0.0) for one in (misread, tilted))
         azimuth, inclination, toolface = ([angle] for angle in dial)
         run = simulate_bench(
             tool,
             Rig(dip=DIP, setting_sd=(SD, SD, SD)),
             azimuth,
-            inclination,
+            [inclination[0] + lean],
             [toolface[0] + off],
             seed=np.random.SeedSequence([seed, number]),
         )
@@ -71,13 +77,37 @@ def take(ledger: Ledger, session: Session, read: Sensors, numbers: Sequence[int]
     return load_session(ledger, session.id)
 
 
-def calibrated(ledger: Ledger, plan: Plan, seed: int = 1) -> Session:
-    """A session with all positions of a plan captured."""
-    session = open_session(ledger, "IN-7", plan, rig="stand 1", author="anna")
+def calibrated(ledger: Ledger, plan: Plan, seed: int = 1, site: str = "", **how: Any) -> Session:
+    """A session with all positions of a plan captured; `purpose="verify"` where it is no calibration."""
+    settings = {"site": site} if site else {}
+    session = open_session(ledger, "IN-7", plan, rig="stand 1", author="anna", settings=settings, **how)
     return take(ledger, session, sensors(realistic_tool(7), seed))
+
+
+def finished(ledger: Ledger, seed: int = 1, site: str = "") -> Record:
+    """A calibration recorded from 24 positions."""
+    return finish_calibration(ledger, calibrated(ledger, orthogonal(), seed, site).id, author="anna")
+
+
+def at_once(*work: Callable[[], Any]) -> list[Any]:
+    """What threads that begin together give back, or are refused with."""
+    start = threading.Barrier(len(work))
+
+    def done(one: Callable[[], Any]) -> Any:
+        start.wait()
+        try:
+            return one()
+        except LedgerError as error:
+            return error
+
+    with ThreadPoolExecutor(len(work)) as pool:
+        return list(pool.map(done, work))
 
 
 @pytest.fixture(scope="session")
 def bench() -> SimpleNamespace:
-    """The stand: `sensors`, `take`, `calibrated`, `founded`, its dip and standard deviation."""
-    return SimpleNamespace(sensors=sensors, take=take, calibrated=calibrated, founded=founded, dip=DIP, sd=SD)
+    """The stand: what makes sessions and calibrations on it, its dip and standard deviation."""
+    return SimpleNamespace(
+        sensors=sensors, take=take, calibrated=calibrated, finished=finished, founded=founded, at_once=at_once, dip=DIP,
+        sd=SD,
+    )  # fmt: skip

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from inclinometry.calibration import plans
-from inclinometry.laboratory.attitude import attitude_in_stand, earlier_calibration
+from inclinometry.laboratory.attitude import earlier_calibration, seen_from_stand, stand_angles
 from inclinometry.laboratory.registry import RegisteredRig, put_rig
 from inclinometry.laboratory.results import calibration_of, finish_calibration
 from inclinometry.laboratory.session import open_session
@@ -32,7 +32,7 @@ def test_the_angles_are_those_the_stand_was_set_to(made, bench, dial_deg):
     """To three standard deviations of the settings, 0.1 deg, with the azimuth's 1 / sin I and what the fit leaves."""
     dial = tuple(np.radians(dial_deg))
     seen = bench.sensors(realistic_tool(7), seed=5)(dial)
-    found = attitude_in_stand(made.calibration, seen.channels, target=dial)
+    found = stand_angles(seen_from_stand(made.calibration, seen.channels), dial)
     apart = np.degrees(wrap_signed(np.subtract(found, dial)))
     assert np.abs(apart * [np.sin(dial[1]), 1.0, np.sin(dial[1])]).max() < 0.6
 
@@ -41,7 +41,7 @@ def test_the_angles_are_those_the_stand_was_set_to(made, bench, dial_deg):
 def test_at_the_vertical_azimuth_and_toolface_are_shared_out_as_in_the_target(made, bench, inclination_deg):
     dial = tuple(np.radians([70.0, inclination_deg, 200.0]))
     seen = bench.sensors(realistic_tool(7), seed=6)(dial)
-    azimuth, inclination, toolface = attitude_in_stand(made.calibration, seen.channels, target=dial)
+    azimuth, inclination, toolface = stand_angles(seen_from_stand(made.calibration, seen.channels), dial)
     assert azimuth == dial[0]
     assert np.degrees(abs(inclination - dial[1])) < 0.6
     assert np.degrees(abs(wrap_signed(toolface - dial[2]))) < 1.0
@@ -50,10 +50,10 @@ def test_at_the_vertical_azimuth_and_toolface_are_shared_out_as_in_the_target(ma
 def test_nothing_is_said_where_nothing_is_known(made, bench):
     """Other channels, one field only."""
     seen = bench.sensors(realistic_tool(7), seed=5)((0.0, 1.0, 0.0)).channels
-    assert attitude_in_stand(made.calibration, {"accelerometer": seen["accelerometer"]}) is None
-    assert attitude_in_stand(made.calibration, {kind: x[:2] for kind, x in seen.items()}) is None
+    assert seen_from_stand(made.calibration, {"accelerometer": seen["accelerometer"]}) is None
+    assert seen_from_stand(made.calibration, {kind: x[:2] for kind, x in seen.items()}) is None
     alone = Tool("x", {"accelerometer": made.calibration.tool.triads["accelerometer"]})
-    assert attitude_in_stand(SimpleNamespace(tool=alone, field_directions={}), seen) is None
+    assert seen_from_stand(SimpleNamespace(tool=alone, field_directions={}), seen) is None
 
 
 def test_only_an_earlier_calibration_on_the_same_rig_counts(made, bench):

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import copy
-import threading
 from collections.abc import Callable
 from dataclasses import replace
 from datetime import UTC, datetime
+from functools import partial
 from types import SimpleNamespace
 from typing import Any
 
@@ -14,21 +14,13 @@ import numpy as np
 import pytest
 
 from inclinometry.calibration import plans
-from inclinometry.calibration.acceptance import Limits
+from inclinometry.calibration.decision import Limits
 from inclinometry.errors import InputError
+from inclinometry.laboratory import certificates as workflow
 from inclinometry.laboratory.certificate.dcc import read_dcc
-from inclinometry.laboratory.certificate.laboratory_toml import Laboratory
-from inclinometry.laboratory.certificates import (
-    certificates,
-    documents,
-    issue,
-    next_number,
-    status,
-    supersede,
-    verify_certificate,
-    void,
-)
-from inclinometry.laboratory.ledger.ledger import Ledger, LedgerError, Record
+from inclinometry.laboratory.certificate.laboratory import Laboratory
+from inclinometry.laboratory.certificates import certificates, documents, next_number, status, verify_certificate, void
+from inclinometry.laboratory.ledger.ledger import Ledger, LedgerError
 from inclinometry.laboratory.ledger.verify import verify
 from inclinometry.laboratory.progress import Goal, session_progress
 from inclinometry.laboratory.registry import (
@@ -47,17 +39,20 @@ from inclinometry.report.words import significant
 from inclinometry.sensors import Tool
 from inclinometry.simulate.tool import realistic_tool
 
+Made = Callable[..., tuple[str, str]]
 LABORATORY = Laboratory("Stand 1", "Street 1", "NO", authoriser="Anna")
-WIDE, NARROW = (Limits("shop", "our own", float(np.radians(x)), None, None) for x in (5.0, 0.001))
+WIDE, NARROW = (Limits("shop", "our own", float(np.radians(x)), None, None) for x in (5.0, 0.6))
+REASON = "the field points down on this stand"
+# the stand has no site: the sign of its field is an open warning
+issue = partial(workflow.issue, accept_warnings=REASON)
 
 
 @pytest.fixture
-def made(laboratory: Ledger, bench: SimpleNamespace) -> Callable[..., tuple[str, str]]:
+def made(laboratory: Ledger, bench: SimpleNamespace) -> Made:
     """made(seed, limits) -> ids of a calibration and its verification."""
 
     def make(seed: int = 1, limits: Limits = WIDE) -> tuple[str, str]:
-        session = bench.calibrated(laboratory, plans.orthogonal(), seed)
-        calibration = finish_calibration(laboratory, session.id, author="anna").id
+        calibration = bench.finished(laboratory, seed).id
         return calibration, checked(laboratory, bench, calibration, seed, limits)
 
     return make
@@ -69,12 +64,13 @@ def checked(ledger: Ledger, bench: SimpleNamespace, calibration: str, seed: int,
     twelve = plans.twelve()
     plan = plans.Plan("six of twelve", twelve.azimuth[:6], twelve.inclination[:6], twelve.toolface[:6])
     session = open_session(ledger, "IN-7", plan, rig="stand 1", author="anna", purpose="verify")
-    bench.take(ledger, session, bench.sensors(tool, 100 + seed))
+    # what the narrow limits find: position 3 set three degrees off
+    bench.take(ledger, session, bench.sensors(tool, 100 + seed, tilted={3: 0.05} if limits is NARROW else None))
     return finish_verification(ledger, session.id, calibration, author="anna", limits=limits).id
 
 
 @pytest.mark.long
-def test_from_issue_to_the_auditor(laboratory: Ledger, made: Callable[..., tuple[str, str]]) -> None:
+def test_from_issue_to_the_auditor(laboratory: Ledger, made: Made) -> None:
     """Number, documents, head of the chain; the check finds nothing; the ledger verifies."""
     calibration, verification = made()
     head, began = str(laboratory.head()), datetime.now(UTC).year
@@ -95,16 +91,13 @@ def test_from_issue_to_the_auditor(laboratory: Ledger, made: Callable[..., tuple
     assert [name for name, _, _ in files.values()] == [f"{year}-0001_IN-7{end}" for end in (".pdf", ".xml", ".json")]
     assert files["pdf"][2].startswith(b"%PDF")
     assert read_dcc(files["dcc"][2]).serial == "IN-7"
-    found = verify_certificate(laboratory, record.keys["number"])
-    assert found.ok, found.problems
+    assert verify_certificate(laboratory, record.keys["number"]) == []
     assert verify(laboratory).ok
     assert status(laboratory, record.keys["number"]).state == "issued"
 
 
 @pytest.mark.long
-def test_numbers_are_consecutive_and_begin_anew_each_year(
-    laboratory: Ledger, made: Callable[..., tuple[str, str]]
-) -> None:
+def test_numbers_are_consecutive_and_begin_anew_each_year(laboratory: Ledger, made: Made) -> None:
     """A number of one's own does not disturb them; a taken one is refused."""
     first, second, third = made(1)[0], made(2)[0], made(3)[0]
     number = issue(laboratory, first, None, LABORATORY, author="a").keys["number"]
@@ -120,21 +113,19 @@ def test_numbers_are_consecutive_and_begin_anew_each_year(
 
 
 @pytest.mark.long
-def test_what_does_not_belong_is_refused(
-    laboratory: Ledger, bench: SimpleNamespace, made: Callable[..., tuple[str, str]]
-) -> None:
+def test_what_does_not_belong_is_refused(laboratory: Ledger, bench: SimpleNamespace, made: Made) -> None:
     """Another calibration's verification, a failed one unsaid, a second certificate, no laboratory."""
     (one, good), (two, bad) = made(1), made(2, NARROW)
-    with pytest.raises(LedgerError, match="another calibration of this tool"):
-        issue(laboratory, one, bad, LABORATORY, author="a")
-    with pytest.raises(LedgerError, match="does not conform; agree to that"):
-        issue(laboratory, two, bad, LABORATORY, author="a")
-    with pytest.raises(LedgerError, match="no calibration record"):
+    for calibration, verification, about, said in (
+        (one, bad, LABORATORY, "another calibration of this tool"),
+        (two, bad, LABORATORY, "does not conform or agree"),
+        (one, good, None, "laboratory is not known"),
+        (one, good, replace(LABORATORY, country=""), "country"),
+    ):
+        with pytest.raises(InputError, match=said):
+            issue(laboratory, calibration, verification, about, author="a")
+    with pytest.raises(LedgerError, check=lambda error: error.finding.code == "ledger-not-there"):
         issue(laboratory, good, None, LABORATORY, author="a")
-    with pytest.raises(InputError, match="laboratory is not known"):
-        issue(laboratory, one, good, author="a")
-    with pytest.raises(InputError, match="country"):
-        issue(laboratory, one, good, replace(LABORATORY, country=""), author="a")
     assert certificates(laboratory) == []
     stated = issue(laboratory, two, bad, LABORATORY, author="a", nonconforming=True)
     assert stated.body["record"]["conformity"]["statement"] == "fail"
@@ -143,7 +134,7 @@ def test_what_does_not_belong_is_refused(
 
 
 @pytest.mark.long
-def test_a_verification_of_another_tool_is_refused(laboratory: Ledger, made: Callable[..., tuple[str, str]]) -> None:
+def test_a_verification_of_another_tool_is_refused(laboratory: Ledger, made: Made) -> None:
     """Though somebody recorded it with this calibration's id."""
     calibration, verification = made()
     body = laboratory.get("verification", verification).body
@@ -154,65 +145,52 @@ def test_a_verification_of_another_tool_is_refused(laboratory: Ledger, made: Cal
         issue(laboratory, calibration, other, LABORATORY, author="a")
 
 
-def test_void_and_supersede_never_edit(laboratory: Ledger, made: Callable[..., tuple[str, str]]) -> None:
+def test_void_and_supersede_never_edit(laboratory: Ledger, made: Made) -> None:
     """The old records stay as they were; reasons are asked for; nothing is done twice."""
     (one, good), (two, _) = made(1), made(2)
     first = issue(laboratory, one, good, LABORATORY, author="a").keys["number"]
-    with pytest.raises(LedgerError, match="say why"):
-        void(laboratory, first, "  ", author="a")
-    second = supersede(laboratory, first, one, None, LABORATORY, reason="wrong customer", author="b")
+    for nothing in ("  ", "-", "n/a", "tbd", "..."):
+        with pytest.raises(LedgerError, match="say why"):
+            void(laboratory, first, nothing, author="a")
+        with pytest.raises(LedgerError, match="say why"):
+            issue(laboratory, one, None, LABORATORY, supersedes=first, reason=nothing, author="b")
+    second = issue(laboratory, one, None, LABORATORY, supersedes=first, reason="wrong customer", author="b")
     assert second.body["supersedes"] == first
     seen = status(laboratory, first)
     assert (seen.state, seen.by, seen.reason) == ("superseded", second.keys["number"], "wrong customer")
     assert void(laboratory, second.keys["number"], "tool dropped", author="a").state == "void"
     for again in (first, second.keys["number"]):
         with pytest.raises(LedgerError, match="already"):
-            void(laboratory, again, "x", author="a")
+            void(laboratory, again, "tool dropped", author="a")
         with pytest.raises(LedgerError, match="already"):
-            supersede(laboratory, again, two, None, LABORATORY, reason="x", author="a")
+            issue(laboratory, two, None, LABORATORY, supersedes=again, reason="wrong customer", author="a")
     third = issue(laboratory, one, good, LABORATORY, author="a")
     assert [found.state for found in certificates(laboratory, serial="IN-7")] == ["issued", "void", "superseded"]
     for number in (first, second.keys["number"], third.keys["number"]):
-        assert verify_certificate(laboratory, number).ok
-    with pytest.raises(LedgerError, match="no certificate 'none'"):
+        assert verify_certificate(laboratory, number) == []
+    with pytest.raises(LedgerError, check=lambda error: error.finding.code == "ledger-not-there"):
         status(laboratory, "none")
 
 
 @pytest.mark.long
-def test_a_superseded_calibration_is_not_certified_beside_its_successor(
-    laboratory: Ledger, made: Callable[..., tuple[str, str]]
-) -> None:
+def test_a_superseded_calibration_is_not_certified_beside_its_successor(laboratory: Ledger, made: Made) -> None:
     """The certificate that replaced it stands: another one of the old calibration needs a reason."""
     (one, good), (two, _) = made(1), made(2)
     first = issue(laboratory, one, good, LABORATORY, author="a").keys["number"]
-    second = supersede(laboratory, first, two, None, LABORATORY, reason="better", author="a").keys["number"]
+    second = issue(laboratory, two, None, LABORATORY, supersedes=first, reason="better", author="a").keys["number"]
     with pytest.raises(LedgerError, match=f"superseded by {second}"):
         issue(laboratory, one, good, LABORATORY, author="a")
 
 
 @pytest.mark.long
-def test_two_who_issue_at_once(laboratory: Ledger, made: Callable[..., tuple[str, str]]) -> None:
+def test_two_who_issue_at_once(laboratory: Ledger, bench: SimpleNamespace, made: Made) -> None:
     """Different calibrations get different numbers in sequence; the same one is certified once."""
     one, two = made(1)[0], made(2)[0]
-    numbers: list[str] = []
-    refused: list[str] = []
-    start = threading.Barrier(3)
-
-    def work(calibration: str) -> None:
-        start.wait()
-        try:
-            numbers.append(issue(laboratory, calibration, None, LABORATORY, author="a").keys["number"])
-        except LedgerError as error:
-            refused.append(str(error))
-
-    threads = [threading.Thread(target=work, args=(name,)) for name in (one, two, two)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
+    found = bench.at_once(*(partial(issue, laboratory, name, None, LABORATORY, author="a") for name in (one, two, two)))
+    (refused,) = (one for one in found if isinstance(one, LedgerError))
+    numbers = [one.keys["number"] for one in found if one is not refused]
     assert sorted(number[-4:] for number in numbers) == ["0001", "0002"]
-    assert len(refused) == 1
-    assert "certified already" in refused[0]
+    assert "certified already" in str(refused)
 
 
 @pytest.mark.long
@@ -240,9 +218,7 @@ def test_the_laboratory_of_the_site(laboratory: Ledger, bench: SimpleNamespace) 
 
 
 @pytest.mark.long
-def test_the_rig_is_traced_and_somebody_answers(
-    laboratory: Ledger, bench: SimpleNamespace, made: Callable[..., tuple[str, str]]
-) -> None:
+def test_the_rig_is_traced_and_somebody_answers(laboratory: Ledger, bench: SimpleNamespace, made: Made) -> None:
     """ISO/IEC 17025, 7.8.4.1 c) and 7.8.2.1 o): the rig as it was then, the author where nobody else is named."""
     sd = (bench.sd,) * 3
     put_rig(laboratory, RegisteredRig("stand 1", sd, traceability="NMI cert 12", place="hall 2"), author="a")
@@ -259,35 +235,28 @@ def test_the_rig_is_traced_and_somebody_answers(
     assert (issuer["authoriser"], issuer["authoriser_role"]) == ("Bert B", "metrologist")
 
 
-def forged(change: Callable[[dict[str, Any]], object], true: Record) -> dict[str, Any]:
-    """The body of a certificate with its record changed."""
-    body = copy.deepcopy(dict(true.body))
-    change(body["record"])
-    return body
-
-
 @pytest.mark.long
-def test_a_record_that_contradicts_is_named(laboratory: Ledger, made: Callable[..., tuple[str, str]]) -> None:
+def test_a_record_that_contradicts_is_named(laboratory: Ledger, made: Made) -> None:
     """Whatever was recorded beside the documents."""
     calibration, verification = made()
     true = issue(laboratory, calibration, verification, LABORATORY, author="a")
-    changes: list[tuple[Callable[[dict[str, Any]], object], str]] = [
+    of_files = ("JSON file is not its record", "PDF does not bear the digest", "DCC is of another record")
+    changes: list[tuple[Callable[[dict[str, Any]], object], tuple[str, ...]]] = [
         (
-            lambda content: content["results"]["parameters"][0].update(value=1.0),
-            "other parameters than its calibration",
+            lambda record: record["results"]["parameters"][0].update(value=1.0),
+            ("other parameters than its calibration",),
         ),
-        (lambda content: content["item"].update(serial="IN-9"), "JSON file is not its record"),
-        (lambda content: content["item"].update(serial="IN-9"), "PDF does not bear the digest"),
-        (lambda content: content["item"].update(serial="IN-9"), "DCC is of another record"),
-        (lambda content: content["verification"].update(verdict="fail"), "another verification"),
-        (lambda content: content.update(number="1"), "that of number 1"),
-        (lambda content: content.pop("dates"), "does not fit"),
+        (lambda record: record["item"].update(serial="IN-9"), of_files),
+        (lambda record: record["verification"].update(verdict="fail"), ("another verification",)),
+        (lambda record: record.update(number="1"), ("that of number 1",)),
+        (lambda record: record.pop("dates"), ("does not fit",)),
     ]
-    for place, (change, said) in enumerate(changes):
-        keys = {"number": f"forged {place}", "serial": "IN-7"}
-        laboratory.append("certificate", keys, forged(change, true), author="mallory")
-        problems = verify_certificate(laboratory, keys["number"]).problems
-        assert any(said in problem for problem in problems), (said, problems)
+    for place, (change, wanted) in enumerate(changes):
+        keys, body = {"number": f"forged {place}", "serial": "IN-7"}, copy.deepcopy(dict(true.body))
+        change(body["record"])
+        laboratory.append("certificate", keys, body, author="mallory")
+        problems = "; ".join(verify_certificate(laboratory, keys["number"]))
+        assert [said for said in wanted if said not in problems] == [], problems
 
 
 @pytest.mark.long
@@ -298,7 +267,6 @@ def test_what_would_be_certified_is_what_is_certified(
     """The bench's number is one of the certificate's table, to the last bit and as printed; a goal is judged by it."""
     session = bench.calibrated(laboratory, plans.orthogonal())
     rig = find_rig(laboratory, "stand 1")
-    assert rig is not None
     goal = Goal(inclination_range=(float(np.radians(span[0])), float(np.radians(span[1]))))
     now = session_progress(session, goal, rig)
     limits = {"u_azimuth": now.u_azimuth, "u_inclination": now.u_inclination}
@@ -325,7 +293,6 @@ def test_a_goal_below_the_noise_of_one_reading_is_never_reached(laboratory: Ledg
     """No calibration betters what one reading scatters; the bench knows by how much."""
     session = bench.calibrated(laboratory, plans.orthogonal())
     rig = find_rig(laboratory, "stand 1")
-    assert rig is not None
     now = session_progress(session, Goal(), rig)
     assert 0.0 < now.noise[1] < now.u_azimuth <= np.hypot(now.noise[1], now.from_calibration[1]) * (1.0 + 1e-12)
     low = session_progress(session, Goal(u_azimuth=0.9 * now.noise[1]), rig)

@@ -15,7 +15,9 @@ from inclinometry.laboratory.import_file import LARGEST, import_file
 from inclinometry.laboratory.ledger.ledger import Ledger, LedgerError
 from inclinometry.laboratory.ledger.verify import verify
 from inclinometry.laboratory.results import calibration_of, finish_calibration, history
-from inclinometry.laboratory.session import Session, load_session
+from inclinometry.laboratory.session import Session, bench_readings, load_session, open_session
+from inclinometry.laboratory.verification import begin_verification
+from inclinometry.simulate.tool import realistic_tool
 
 HEAD = "station,azimuth_deg,inclination_deg,toolface_deg,accel_x,accel_y,accel_z,mag_x,mag_y,mag_z"
 
@@ -30,9 +32,27 @@ def _csv(session: Session) -> bytes:
     return "\n".join(rows).encode()
 
 
+def test_what_a_file_says_of_its_stand_reaches_a_verification_and_old_sessions_have_none(
+    laboratory: Ledger, bench: SimpleNamespace
+) -> None:
+    """The record keeps fields with their units; a session recorded before has no such settings and reads as ever."""
+    text = _csv(bench.calibrated(laboratory, plans.twelve())).decode().splitlines()
+    lines = [f"{text[0]},reference_g_m_s2,reference_dip_deg", *(f"{line},9.81,70" for line in text[1:])]
+    record = import_file(laboratory, "\n".join(lines).encode(), "IN-7", "stand 1", author="anna")
+    assert record.body["settings"]["reference"] == pytest.approx({"g_mps2": 9.81, "dip_deg": 70.0})
+    made = finish_calibration(laboratory, record.id, author="anna")
+    assert calibration_of(made).tool.triads["accelerometer"].field_strength == 9.81
+    judged = begin_verification(laboratory, made.id, "roll-4", author="anna")
+    assert judged.settings["settings"]["reference"] == record.body["settings"]["reference"]
+    old = {"settings": {"imported": record.body["settings"]["imported"]}}
+    before = open_session(laboratory, "IN-7", plans.twelve(), rig="stand 1", author="anna", settings=old)
+    readings = bench_readings(bench.take(laboratory, before, bench.sensors(realistic_tool(7), 1)))
+    assert (dict(readings.reference), readings.station[:2], readings.warnings) == ({}, ("1", "2"), ())
+
+
 @pytest.mark.long
 def test_readings_become_a_session(laboratory: Ledger, bench: SimpleNamespace) -> None:
-    """The same calibration as from the readings captured on the stand; a name like a formula stays a note."""
+    """The same calibration as from the readings captured on the stand, whatever the stations are called."""
     session = bench.calibrated(laboratory, plans.orthogonal())
     record = import_file(laboratory, _csv(session), "IN-7", "stand 1", author="anna")
     seen = load_session(laboratory, record.id)
@@ -49,7 +69,7 @@ def test_readings_become_a_session(laboratory: Ledger, bench: SimpleNamespace) -
 
 def test_tool_json_becomes_a_calibration(laboratory: Ledger, bench: SimpleNamespace) -> None:
     """Digit by digit, with a closed session that says where it came from."""
-    made = finish_calibration(laboratory, bench.calibrated(laboratory, plans.orthogonal()).id, author="anna")
+    made = bench.finished(laboratory)
     content = json.dumps(made.body["tool_json"]).encode()
     day = date(2020, 5, 1)
     record = import_file(laboratory, content, "IN-7", "stand 1", author="anna", performed=day)
@@ -70,10 +90,9 @@ def test_tool_json_becomes_a_calibration(laboratory: Ledger, bench: SimpleNamesp
         (b"", "0 bytes"),
         (b"x" * (LARGEST + 1), "bytes are too many; allowed"),
         (b"a,b\n1,2\n", "no channels"),
-        (b"station,accel_x,accel_y,accel_z\nA,1,2,3\n", "no rig angles"),
         (HEAD.encode() + b"\nA,0,0,0,1,2,nan,4,5,6\n", "the file"),
         (HEAD.encode() + b"\nA,0,0,0,1,2,=1+1,4,5,6\n", "line 2"),
-        (b"{}", "states no schema; needed is a calibration"),
+        (b"{}", "no columns of values are in it"),
         (b"\x89PNG\r\n\x1a\n\0\0", "neither bench readings nor a calibration; choose a CSV"),
         (b'{"schema": "inclinometry/tool"', "the file"),
         (b"{" * 200_000, "the file"),
@@ -94,7 +113,7 @@ def test_what_is_neither_is_refused(laboratory: Ledger, content: bytes, problem:
 
 def test_a_calibration_of_a_day_to_come_is_refused(laboratory: Ledger, bench: SimpleNamespace) -> None:
     """By its file or by whoever brings it in; today is no day to come, wherever on Earth the laboratory stands."""
-    made = finish_calibration(laboratory, bench.calibrated(laboratory, plans.orthogonal()).id, author="anna")
+    made = bench.finished(laboratory)
     content, today = made.body["tool_json"], datetime.now(UTC)
 
     def brought(created: str | None, performed: date | None = None) -> str:

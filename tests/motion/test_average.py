@@ -71,6 +71,14 @@ def test_azimuths_about_north_and_windows_without_one() -> None:
     assert len(average_windows(blank)) == 0
 
 
+def test_windows_without_azimuth_say_nothing_of_those_that_have_one() -> None:
+    """Wherever they stand: first in a stretch, they took the azimuth of all, and no bend was seen."""
+    nan = np.nan
+    found = average_windows(rows(30.0 * np.ones(6), np.array([nan, 60.0, 60.02, nan, 61.0, 61.0])))
+    assert found.windows.tolist() == [4, 2]
+    np.testing.assert_allclose(np.degrees(found.azimuth), [60.01, 61.0])
+
+
 def test_another_north_is_another_stretch() -> None:
     two = replace(rows(np.full(4, 30.0)), north=np.array([0, 0, 1, 1], dtype=np.uint8))
     assert average_windows(two).windows.tolist() == [2, 2]
@@ -82,3 +90,13 @@ def test_parts_that_are_not_told_apart_are_all_common() -> None:
     plain = rows(np.full(2, 30.0))
     names = {each.name: getattr(plain, each.name) for each in fields(plain) if not each.name.startswith("u_common")}
     assert (AttitudeRows(**names).u_random_azimuth == 0.0).all()
+
+
+def test_the_work_grows_with_the_rows_and_not_with_their_square(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Columns that are worked out of others are asked for as often in a long run as in a short one."""
+    asked = []
+    plain = AttitudeRows._own
+    monkeypatch.setattr(AttitudeRows, "_own", lambda self, name: (asked.append(len(self)), plain(self, name))[1])
+    for size in (500, 2000):
+        average_windows(rows(np.repeat([30.0, 31.0], size // 2)))
+    assert 0 < sum(n for n in asked if n == 2000) <= 4 * sum(n for n in asked if n == 500)

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 
 from inclinometry.earth.site import Site
 from inclinometry.errors import InputError
+from inclinometry.findings import Finding
 from inclinometry.motion.choose import AttitudeChooser, ChooserSettings, choose_attitude
 from inclinometry.motion.health import HealthSettings
 from inclinometry.motion.magnetic.phase import MagneticSettings
@@ -24,6 +25,8 @@ from inclinometry.motion.timing import StretchCutter, rejoined
 from inclinometry.rotations import wrap_signed
 from inclinometry.simulate.drilling import SCENARIOS, DrillingSimulation, simulate_drilling
 from inclinometry.simulate.drilling.scenario import Casing, Dropped, Hole, Jitter, MagLag, Repeated, Stuck
+
+from ..refusals import refused
 
 SITE = Site(b=50_000.0, dip=Hole().dip, g=9.80665, latitude=Hole().latitude)
 
@@ -57,7 +60,7 @@ def errors(rows: Attitude) -> tuple[float, float]:
 def same(one: Attitude, other: Attitude) -> None:
     for name in ("time", "quaternion", "covariance", "rate", "quality", "flags", "method"):
         assert np.array_equal(getattr(one, name), getattr(other, name), equal_nan=name != "method"), name
-    assert one.notes == other.notes
+    assert one.findings == other.findings
 
 
 @pytest.mark.long
@@ -93,7 +96,7 @@ def test_without_a_field_the_gyro_serves_and_north_is_true() -> None:
     rows = choose_attitude(samples(run("stationary"), "mag"), site=SITE)
     assert methods(rows) == {"gyro": 6}
     assert rows.north == "true"
-    assert "there is no magnetometer" in " ".join(rows.notes)
+    assert [one.code for one in rows.findings] == ["motion-windows", "motion-no-magnetometer"]
 
 
 def test_accelerometers_alone_serve_at_rest_only() -> None:
@@ -104,7 +107,8 @@ def test_accelerometers_alone_serve_at_rest_only() -> None:
     rows = choose_attitude(samples(run("vibration-5g"), "mag", "gyro"), site=SITE)
     assert methods(rows) == {"refused": 6}
     assert all("no-field" in rows.names(k) for k in range(6))
-    assert rows.notes[:2] == ("6 windows of 10 s: 6 moving (6 refused)", "refused for: no-field (6)")
+    (moving,) = rows.findings[0].values["kinds"]
+    assert (moving.values["kind"], moving.values["methods"][0].code) == ("moving", "motion-method-refused")
 
 
 @pytest.mark.long
@@ -119,7 +123,6 @@ def test_the_filter_carries_on_through_casing(name: str) -> None:
     assert all({"disturbed", "drift"} <= set(rows.names(int(k))) for k in carried)
     assert sum("no-field" in rows.names(int(k)) for k in carried) >= 3
     assert errors(rows)[1] < 0.6
-    assert "4 filter" in rows.notes[0]
 
 
 def test_a_disturbed_field_is_left_for_the_filter_where_that_knows_better() -> None:
@@ -158,7 +161,7 @@ def test_a_stuck_accelerometer_is_refused() -> None:
     rows = choose_attitude(spoilt("vibration-5g", Stuck("accel_x", start=60.0)), site=SITE)
     assert rows.refused[6:].all()
     assert not rows.refused[:6].any()
-    assert "stuck (6)" in rows.notes[1]
+    assert all("stuck" in rows.names(k) for k in range(6, 12))
 
 
 def test_clipping_is_refused() -> None:
@@ -168,7 +171,7 @@ def test_clipping_is_refused() -> None:
     part = samples(simulate_drilling(scenario, 1, duration=60.0))
     rows = choose_attitude(part, ChooserSettings(health=HealthSettings(accel_range=reach)), SITE)
     assert rows.refused.all()
-    assert "refused for: clipped (6)" in rows.notes
+    assert all("clipped" in rows.names(k) for k in range(6))
 
 
 def test_sampling_too_slow_is_refused_without_a_gyro() -> None:
@@ -193,13 +196,14 @@ def test_a_dead_triad_is_not_used(triad: str) -> None:
 
 def test_a_late_magnetometer_is_said() -> None:
     rows = choose_attitude(spoilt("vibration-5g", MagLag(0.005), duration=60.0), site=SITE)
-    assert any("magnetometer is late by 5.0" in note for note in rows.notes)
+    (late,) = [one for one in rows.findings if one.code == "motion-mag-lag"]
+    assert late.values["late_ms"] == pytest.approx(5.0, abs=0.05)
     assert errors(rows)[1] < 0.16
 
 
 def test_wrong_axes_are_refused_with_the_remedy() -> None:
     part = samples(run("vibration-5g"))
-    with pytest.raises(InputError, match=r"--axes|--mag-axes|wrong sign"):
+    with refused("motion-field-mirrored", "motion-mag-axes"):
         choose_attitude(replace(part, mag=part.mag[:, [1, 0, 2]]), site=SITE)
 
 
@@ -208,7 +212,8 @@ def test_connection_between_two_stands_of_drilling() -> None:
     parts = [run("vibration-5g"), run("stationary"), run("vibration-5g")]
     columns = {name: np.concatenate([getattr(one, name) for one in parts]) for name in ("accel", "mag", "gyro")}
     rows = choose_attitude(Samples(np.arange(36_000) / 200.0, 0.005, **columns), site=SITE)
-    assert rows.notes[0].startswith("18 windows of 10 s: 6 still (6 static), 12 rotating")
+    kinds = [(one.values["kind"], one.values["count"]) for one in rows.findings[0].values["kinds"]]
+    assert kinds == [("still", 6), ("rotating", 12)]
     assert (rows.method[6:12] == METHODS.index("static")).all()
 
 
@@ -265,7 +270,7 @@ def test_runs_that_cannot_be_used() -> None:
         choose_attitude(samples(run("stationary"), "accel"))
     short = choose_attitude(samples(run("stationary")).part(0, 1500))
     assert len(short) == 0
-    assert "no whole window of 10 s" in short.notes[0]
+    assert short.findings[0] == Finding("motion-no-window", {"window_s": 10.0})
     with pytest.raises(InputError, match="window"):
         ChooserSettings(window=0.1)
 

@@ -65,8 +65,8 @@ def test_offset_is_found_while_it_turns(gyro: bool) -> None:
     assert found.azimuth < 0.025
     assert 0.5 < found.nees < 1.8
     assert not names(rows[0][0])
-    note = next(note for note in rows[0][0].notes if "offset" in note)
-    assert abs(float(note.split(": ")[1].split(" ")[0]) - 500.0) < 10.0
+    (offset,) = [one for one in rows[0][0].findings if one.code == "motion-offset-removed"]
+    assert abs(offset.values["x_nT"] - 500.0) < 10.0
 
 
 def test_offset_is_owned_up_to_while_it_slides() -> None:

@@ -102,12 +102,12 @@ def test_fading_makes_innovations_as_large_as_predicted() -> None:
     [
         (lambda: huber_weight([1.0], 0.0), "k is 0"),
         (lambda: huber_weight([np.nan]), "finite"),
-        (lambda: igg3_weight([1.0], 3.0, 2.0), "k1 must be the larger"),
+        (lambda: igg3_weight([1.0], 3.0, 2.0), "k1 is 2"),
         (lambda: sage_husa_share(1.0, 0), "forgetting"),
-        (lambda: sage_husa_share(0.9, -1), "counts from 0"),
+        (lambda: sage_husa_share(0.9, -1), "step is -1"),
         (lambda: sage_husa(np.eye(2), np.zeros(1), np.eye(1), 0.1, 0.1), "shape"),
         (lambda: sage_husa(np.eye(1), np.zeros(1), np.eye(1), 0.1, 0.0), "floor"),
-        (lambda: fading_factor(np.eye(1), np.eye(1), np.eye(1), np.zeros((1, 1))), "positive"),
+        (lambda: fading_factor(np.eye(1), np.eye(1), np.eye(1), np.zeros((1, 1))), "trace is 0"),
         (lambda: fading_factor(np.eye(1), np.eye(1), np.eye(1), np.eye(1), 0.5), "softening"),
     ],
 )

@@ -278,7 +278,7 @@ def test_what_cannot_be_used_is_refused_with_a_remedy() -> None:
     for call, words in (
         (lambda: static_attitude(magnetic), "no accel"),
         (lambda: north_seeking_attitude(RUN), "no gyro"),
-        (lambda: static_attitude(RUN, StaticSettings(window=0.2)), "longer windows"),
+        (lambda: static_attitude(RUN, StaticSettings(window=0.2)), "other windows"),
         (lambda: StaticSettings(window=-1.0), "window"),
         (lambda: StaticSettings(turn=0.1, most_turn=0.01), "most_turn"),
     ):

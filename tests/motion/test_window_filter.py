@@ -370,12 +370,12 @@ def test_nothing_and_nothing_known() -> None:
 @pytest.mark.parametrize(
     ("call", "words"),
     [
-        (lambda: WindowFilterSettings(huber=1.5), "choose one"),
-        (lambda: WindowFilterSettings(igg3=(4.0, 1.0)), "k1 must be the larger"),
-        (lambda: WindowFilterSettings(adaptive_three=(4.0, 1.0)), "k1 must be the larger"),
+        (lambda: WindowFilterSettings(huber=1.5), "huber, igg3"),
+        (lambda: WindowFilterSettings(igg3=(4.0, 1.0)), "k1 is 1"),
+        (lambda: WindowFilterSettings(adaptive_three=(4.0, 1.0)), "k1 is 1"),
         (lambda: WindowFilterSettings(forgetting=1.0), "forgetting"),
         (lambda: WindowFilterSettings(rate_walk=-1.0), "rate_walk"),
-        (lambda: robust_filter(part(MIXED, slice(None, None, -1))), "not after"),
+        (lambda: robust_filter(part(MIXED, slice(None, None, -1))), "Time goes back"),
     ],
 )
 def test_bad_input_is_refused(call, words) -> None:
@@ -388,7 +388,7 @@ def test_another_north_is_refused() -> None:
     """Rows of one run count azimuth from one north."""
     stream = RobustStream()
     stream.push(part(MIXED, slice(0, 2)))
-    with pytest.raises(InputError, match="true north"):
+    with pytest.raises(InputError, match="true"):
         stream.push(replace(part(MIXED, slice(2, 4)), north="true"))
 
 

@@ -1,5 +1,7 @@
 """Propagation by physics: frames, runs, wells, correlated sources, a simulation."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -64,6 +66,15 @@ def test_random_errors_add_up_as_in_a_simulation():
     simulated = np.cov(np.array(ends).T)
     # 4000 draws: a variance is known to 2.2 %, taken three times
     np.testing.assert_allclose(found.covariance[-1], simulated, atol=0.07 * np.diag(simulated).max())
+
+
+def test_a_source_at_one_station_is_its_row_of_the_well():
+    found = propagate(well(), code_of(NOISE, NORTH, SAG))
+    for one in found.sources.values():
+        for row in (0, 7, -1):
+            np.testing.assert_allclose(one.at(row), one.covariance[row], rtol=1e-12, atol=1e-12)
+    total = sum(one.covariance for one in found.sources.values())
+    np.testing.assert_allclose(found.covariance, total, rtol=1e-12, atol=1e-12)
 
 
 @given(st.floats(-3.0, 3.0))
@@ -197,15 +208,51 @@ def test_runs_cover_the_well(runs, message):
         propagate_runs(well(), [Run(first, last, code_of(SAG)) for first, last in runs])
 
 
-def test_wells_share_what_is_global():
-    code = code_of(NORTH, SAG)
+def test_wells_share_what_is_said_to_be_common():
+    declination = replace(NORTH, name="DEC-OS")
+    code = code_of(NORTH, SAG, declination)
     one, other = propagate(well(), code), propagate(well(azimuth=AZIMUTH + 0.5), code)
-    apart = relative_covariance(one, -1, other, -1)
-    difference = one.sources["AZ"].vectors[0, -1] - other.sources["AZ"].vectors[0, -1]
-    sag = one.sources["SAG"].covariance[-1] + other.sources["SAG"].covariance[-1]
-    np.testing.assert_allclose(apart, np.outer(difference, difference) + sag, atol=1e-12)
+    alone = one.covariance[-1] + other.covariance[-1]
+
+    def shared(*names):
+        cross = sum(one.sources[n].vectors[:, -1].T @ other.sources[n].vectors[:, -1] for n in names)
+        return alone - cross - cross.T
+
+    for common, names in (
+        ("geomagnetic", ["DEC-OS"]), ("global", ["AZ", "DEC-OS"]), (["AZ"], ["AZ"]), (["AZ", "SAG"], ["AZ", "SAG"]),
+    ):  # fmt: skip
+        np.testing.assert_allclose(relative_covariance(one, -1, other, -1, common), shared(*names), atol=1e-12)
+    np.testing.assert_array_equal(relative_covariance(one, -1, other, -1), shared("DEC-OS"))
+    np.testing.assert_allclose(relative_covariance(one, -1, other, -1, ()), alone, atol=1e-12)
+
+
+def test_a_common_term_keeps_the_magnitude_of_each_well():
+    """Twice as large in the second well: what is left is the vector of one less twice that of the other."""
+    north = replace(NORTH, name="DBH-OI")
+    one = propagate(well(), code_of(north))
+    other = propagate(well(azimuth=AZIMUTH + 0.5), code_of(replace(north, magnitude=2.0 * north.magnitude)))
+    left = one.sources["DBH-OI"].vectors[0, -1] - other.sources["DBH-OI"].vectors[0, -1]
+    np.testing.assert_allclose(relative_covariance(one, -1, other, -1), np.outer(left, left), atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("common", "message"),
+    [
+        ("magnetic", "common is 'magnetic'; allowed: geomagnetic, global or a list of names"),
+        (["DEC"], "common term 'DEC' is in neither well; allowed: AZ, DRFR"),
+        (["DRFR"], "source 'DRFR' is random"),
+    ],
+)
+def test_common_terms_that_are_refused(common, message):
+    found = propagate(well(), code_of(NORTH, term("DRFR", 0.35, "m", "random", ("1", "0", "0"))))
+    with pytest.raises(InputError, match=message):
+        relative_covariance(found, -1, found, -1, common)
+
+
+def test_two_norths_are_not_compared():
+    one, other = propagate(well(), code_of(NORTH)), propagate(well(north="grid"), code_of(NORTH))
     with pytest.raises(InputError, match="counts from true, the other from grid"):
-        relative_covariance(one, 0, propagate(well(north="grid"), code), 0)
+        relative_covariance(one, 0, other, 0)
 
 
 def test_a_tie_is_carried_along_beside_the_wellheads_depth():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from inclinometry.findings import example
 from inclinometry.report.displacement import displacement_report
 from inclinometry.survey.displacement import CasingErrors, CasingReading, check_sums, displacement
 
@@ -23,13 +24,14 @@ def test_page():
     later.faces["a"][10, 0] += 0.01
     found = displacement(base, later, CasingErrors(sensitivity=1e-3))
     sums = {"a": check_sums(base.faces["a"])}
-    text = displacement_report("base <1>", sums, {"May & June": found}, warnings=["one"])
+    said = [example("holes-spikes")]
+    text = displacement_report("base <1>", sums, {"May & June": found}, said)
     page = check(text)
     assert page.tags.count("svg") == 2
     assert "1 spike in the check-sums" in page.text
     assert "base <1>" in page.text
     assert "May & June, A, sensitivity" in page.text
-    assert text == displacement_report("base <1>", sums, {"May & June": found}, warnings=["one"])
+    assert text == displacement_report("base <1>", sums, {"May & June": found}, said)
 
 
 def test_single_runs_show_no_band_and_no_nan():

@@ -37,7 +37,7 @@ def test_nothing_global_is_left_behind():
 
 def test_text_is_never_rewritten():
     name = 'id="a" #010203 <b>'
-    svg = inline_svg(comparison_figure([CURVES[0]._replace(name=name)]), "one", 'a "quoted" <text>').svg
+    svg = inline_svg(comparison_figure([CURVES[0]._replace(name=name)]), "one", 'a "quoted" <text>')[0]
     assert 'id="a" #010203 &lt;b&gt;' in svg
     assert "a &#34;quoted&#34; &lt;text&gt;" in svg
     assert "currentColor" in svg

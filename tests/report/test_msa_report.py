@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-import csv
-import io
-from urllib.parse import unquote
-
 import numpy as np
 import pytest
 
 from inclinometry.orientation import fields
-from inclinometry.report.figure import inline_svg
-from inclinometry.report.msa import azimuth_u, correlation_figure, drawn, msa_report
+from inclinometry.report.msa import azimuth_u, msa_report
 from inclinometry.survey.multistation import multistation
 from inclinometry.survey.multistation_priors import FieldReference, published_priors
 from inclinometry.survey.quality import judge_fields, with_sensors
@@ -89,17 +84,3 @@ def test_uncertainty_of_azimuth_is_that_of_one_bias():
     level = with_sensors(Stations([0.0], 9.81 * g, 5e4 * b), {"MBY": 50.0})
     # pointing north, y is east: 50 nT across 50,000 nT
     np.testing.assert_allclose(azimuth_u(level), [1e-3], rtol=1e-9)
-
-
-def test_the_correlation_figure_has_its_numbers_as_csv():
-    """A row a cell, the small ones that are left blank in the drawing too."""
-    found = multistation(run(size=6), REFERENCE, published_priors())
-    names = drawn(found)
-    held = inline_svg(correlation_figure(found, {name: f"of {name}" for name in names}), "c", "")
-    head, *rows = csv.reader(io.StringIO(unquote(held.csv.partition(",")[2])))
-    assert head[-1] == "correlation"
-    assert len(rows) == len(held.places.split()) == len(names) ** 2
-    places = [list(found.parameters).index(name) for name in names]
-    for _, across, up, value in rows:
-        i, j = (places[names.index(label.removeprefix("of "))] for label in (up, across))
-        assert float(value) == pytest.approx(found.correlation[i, j], abs=1e-4)

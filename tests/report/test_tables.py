@@ -81,6 +81,9 @@ def test_units_a_person_understands(tool):
     assert field_unit(rate).per * 7.292115e-5 == pytest.approx(15.041, rel=1e-4)  # deg/h of the Earth
     assert field_unit(Triad("gyro", np.eye(3), np.zeros(3))).name == "% of Earth rate"
     assert field_unit(Triad("magnetometer", np.eye(3), np.zeros(3))).name == "% of the field"
+    # g and mg are of standard gravity: none where the local one was not stated
+    alone = field_unit(Triad("accelerometer", np.eye(3), np.zeros(3), "counts"))
+    assert alone == ("% of gravity", 100.0, "counts per local gravity", 1.0)
 
 
 def test_uncertainty_without_magnetometer_is_that_with_a_perfect_one(tool):

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from inclinometry.conventions import named, to_native
+from inclinometry.conventions import named
 from inclinometry.orientation import angles, angles_jacobian, fields
 from inclinometry.rotations import wrap_signed
 from inclinometry.survey.multistation_priors import FieldReference
@@ -45,7 +45,8 @@ def shipped() -> Iterator[Run]:
             b_sigma=130.0,
             dip_sigma=np.radians(0.2),
         )
-        stations = Stations(column["md"], *to_native(named("iscwsa"), g, b))
+        turn = named("iscwsa").matrix("accelerometer").T  # both triads alike
+        stations = Stations(column["md"], g @ turn, b @ turn)
         yield Run(geometry, stations, reference, np.radians(column["azi_mag_true"]))
 
 

@@ -6,13 +6,7 @@ import numpy as np
 import pytest
 
 from inclinometry.errors import InputError
-from inclinometry.survey.displacement import (
-    CasingErrors,
-    CasingReading,
-    check_sums,
-    checked_faces,
-    displacement,
-)
+from inclinometry.survey.displacement import CasingErrors, CasingReading, check_reading, check_sums, displacement
 
 N, STEP, SIGMA = 60, 0.5, 1e-4
 DEPTH = STEP * np.arange(N)
@@ -28,6 +22,17 @@ def read(tilt=TILT, bias=(0.001, 0.001), sigma=0.0, seed=0):
         runs = np.stack([s + bias[0], -s + bias[1]], axis=1)
         faces[axis] = runs + sigma * rng.normal(size=runs.shape)
     return CasingReading(DEPTH, STEP, faces)
+
+
+def codes(found):
+    return [one.code for one in found.findings]
+
+
+def refusal(check, *given):
+    with pytest.raises(InputError) as caught:
+        check(*given)
+    assert caught.value.finding.severity == "refused"
+    return caught.value.finding.code
 
 
 def moved(extra=SHEAR):
@@ -53,11 +58,11 @@ def test_a_bias_of_both_runs_has_no_effect_and_of_one_run_leans():
     same = displacement(read(), read(bias=(0.004, 0.004)))
     assert np.allclose(same.axes["a"].displacement, 0.0, atol=1e-14)
     assert same.axes["a"].bias_change == pytest.approx(0.006)
-    assert "bias" in same.warnings[0]
+    assert same.findings[0].code == "holes-bias-change"
     # (b1 - b2) / 2 a step over 60 steps of 0.5 m: 0.03 m, the bound that the warning states
     lean = displacement(read(), read(bias=(0.003, 0.001)))
     assert lean.axes["a"].displacement[0] == pytest.approx(0.001 * STEP * N)
-    assert "30.0 mm" in lean.warnings[0]
+    assert lean.findings[0].values["lean_mm"] == pytest.approx(30.0)
 
 
 @pytest.mark.parametrize("fixed", ["bottom", "top"])
@@ -84,20 +89,20 @@ def test_random_errors_grow_as_the_root_of_the_steps():
 
 
 def test_check_sums_without_scatter_say_so():
-    assert any("show no random error" in text for text in displacement(read(), read()).warnings)
-    assert displacement(read(), read(), CasingErrors(step_sd=1e-4)).warnings == ()
+    assert codes(displacement(read(), read())) == ["holes-random-unknown"] * 2
+    assert displacement(read(), read(), CasingErrors(step_sd=1e-4)).findings == ()
 
 
 def test_a_bias_that_drifts_during_a_run_is_named():
     first, second = read(sigma=SIGMA, seed=7), read(sigma=SIGMA, seed=8)
-    assert displacement(first, second).warnings == ()
+    assert displacement(first, second).findings == ()
     # warming up: ten times the noise over the first run
     warming = CasingReading(
         DEPTH,
         STEP,
         {axis: runs + [[10.0 * SIGMA, 0.0]] * (DEPTH / DEPTH[-1])[:, None] for axis, runs in second.faces.items()},
     )
-    assert any("drifts during a run" in text for text in displacement(first, warming).warnings)
+    assert "holes-bias-drift" in codes(displacement(first, warming))
 
 
 def test_what_repeats_at_a_depth_is_no_error_of_the_movement():
@@ -113,6 +118,18 @@ def test_what_repeats_at_a_depth_is_no_error_of_the_movement():
     assert not found.spikes.any()
     assert (np.flatnonzero(found.repeated) % 6 == 0).all()
     assert found.repeated.sum() == 10
+
+
+def test_a_spike_whose_change_is_none_is_repeated_only_where_the_base_reading_has_one():
+    """A scatter of the base reading, larger than that of the later one, hides the change of its spike."""
+    first, second = read(sigma=3.0 * SIGMA, seed=3), read(sigma=SIGMA / 3.0, seed=4)
+    runs = second.faces["a"] + np.where(np.arange(N) == 20, 4.0 * SIGMA, 0.0)[:, None]
+    found = displacement(first, CasingReading(DEPTH, STEP, {**second.faces, "a": runs})).axes["a"]
+    assert found.sums is not None
+    assert found.sums.spikes[20]
+    assert not check_sums(first.faces["a"]).spikes[20]
+    assert not found.spikes[20]
+    assert not found.repeated.any()
 
 
 @pytest.mark.parametrize("bias", [(0.001, 0.001), (0.004, 0.002)])
@@ -144,10 +161,7 @@ def test_systematic_parts_are_the_first_order_of_their_causes():
     seen = displacement(base, read(turned)).axes["a"].displacement
     # the cosine takes 5e-7 of the lean of 0.6 m
     assert np.allclose(found["rotation"][:-1], np.abs(seen)[:-1], atol=1e-6)
-    shifted = {
-        "a": 0.02 + 0.01 * np.sin((DEPTH + shift) / 5.0),
-        "b": TILT["b"],
-    }
+    shifted = {"a": 0.02 + 0.01 * np.sin((DEPTH + shift) / 5.0), "b": TILT["b"]}
     seen = displacement(base, read(shifted)).axes["a"].displacement
     # slopes by differences over 0.5 m of a wave of 31 m: (0.5 / 5)^2 / 6, one-sided at the ends
     assert np.allclose(found["depth"], np.abs(seen), atol=0.02 * np.abs(seen).max())
@@ -178,21 +192,42 @@ def test_slope_indicators_figures_for_a_hundred_feet():
 
 def test_faces_that_are_reversed():
     swapped = CasingReading(DEPTH, STEP, {axis: runs[:, ::-1] for axis, runs in read().faces.items()})
-    with pytest.raises(InputError, match="A0 - A180 has the opposite sign"):
-        displacement(read(), swapped)
-    with pytest.raises(InputError, match="A180 follows A0"):
-        checked_faces("a", np.stack([TILT["a"], TILT["a"]], axis=1))
-    assert checked_faces("a", read(sigma=SIGMA).faces["a"]) is None
-    rng = np.random.default_rng(1)
-    assert "nearly straight" in str(checked_faces("b", rng.normal(size=(N, 2))))
+    assert refusal(displacement, read(), swapped) == "holes-faces-exchanged"
+    turned = CasingReading(DEPTH, STEP, {"a": np.stack([TILT["a"], TILT["a"]], axis=1)})
+    assert refusal(check_reading, turned) == "holes-faces-follow"
+    assert check_reading(read(sigma=SIGMA)) == []
+    noise = CasingReading(DEPTH, STEP, {"a": np.random.default_rng(1).normal(size=(N, 2))})
+    assert [one.code for one in check_reading(noise)] == ["holes-faces-differ"]
+
+
+def test_a_casing_that_leans_the_other_way_may_have_moved():
+    base = CasingReading(DEPTH, STEP, {"a": np.stack([TILT["a"] - 0.02, 0.02 - TILT["a"]], axis=1)})
+    over = CasingReading(DEPTH, STEP, {"a": np.stack([0.013 - TILT["a"], TILT["a"] - 0.013], axis=1)})
+    (one,) = [found for found in displacement(base, over).findings if found.code == "holes-faces-exchanged"]
+    assert one.severity == "warning"
+
+
+def test_rows_that_stand_twice():
+    """As `inclinometry.survey.run_stations` finds them of a run: a sheet copied below itself."""
+    faces = read(sigma=SIGMA).faces
+    copied = {axis: np.concatenate([runs[:40], runs[10:30]]) for axis, runs in faces.items()}
+    (one,) = [f for f in check_reading(CasingReading(DEPTH, STEP, copied)) if f.code == "run-block-repeated"]
+    assert (one.rows, one.severity) == (tuple(range(40, 60)), "warning")
+    assert (one.values["source_m"], one.values["md_m"]) == (DEPTH[10], DEPTH[40])
+
+
+def test_an_axis_that_was_not_read_hides_a_rotation():
+    base = CasingReading(DEPTH, STEP, {"a": read(sigma=SIGMA).faces["a"]})
+    now = CasingReading(DEPTH, STEP, {"a": read(sigma=SIGMA, seed=1).faces["a"]})
+    assert codes(displacement(base, now, CasingErrors(rotation=0.01))) == ["holes-rotation-unknown"]
 
 
 def test_readings_of_other_depths_or_runs():
-    other = CasingReading(DEPTH + 0.1, STEP, read().faces)
-    with pytest.raises(InputError, match="depths differ"):
-        displacement(read(), other)
-    with pytest.raises(InputError, match="axes or runs differ"):
-        displacement(read(), CasingReading(DEPTH, STEP, {"a": read().faces["a"]}))
+    faces = read().faces
+    assert refusal(displacement, read(), CasingReading(DEPTH + 0.1, STEP, faces)) == "holes-depths-differ"
+    short = CasingReading(DEPTH[:40], STEP, {axis: runs[:40] for axis, runs in faces.items()})
+    assert refusal(displacement, read(), short) == refusal(displacement, short, read()) == "holes-depths-end"
+    assert refusal(displacement, read(), CasingReading(DEPTH, STEP, {"a": faces["a"]})) == "holes-axes-differ"
 
 
 def test_a_coarse_probe_that_repeats_itself():

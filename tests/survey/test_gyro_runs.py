@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from inclinometry.errors import InputError
-from inclinometry.survey.gyro import RepeatLimits, Run, compare_runs
+from inclinometry.survey.gyro import RepeatLimits, compare_runs
+from inclinometry.survey.run import Run
 
 LIMITS = RepeatLimits("test", "test", np.radians(0.23), np.radians(1.0), np.radians(5.0), np.radians(10.0), 10, 35.0)
 
@@ -12,7 +13,7 @@ LIMITS = RepeatLimits("test", "test", np.radians(0.23), np.radians(1.0), np.radi
 def run(inclination=30.0, azimuth=100.0, md=None, count=12, north="true"):
     md = 30.0 * np.arange(count) if md is None else np.asarray(md, float)
     spread = [np.radians(np.broadcast_to(np.asarray(v, float), md.shape)) for v in (inclination, azimuth)]
-    return Run(md, *spread, north)
+    return Run(md, *spread, azimuth_reference=north)
 
 
 HAIR = 1e-6

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from inclinometry.survey.habits import broken_habit
-from inclinometry.survey.plausibility import Run, doubts
+from inclinometry.survey.plausibility import check_run
+from inclinometry.survey.run import Run
+from inclinometry.survey.run_stations import broken_habit
 
 
 def hole(inclination_deg=40.0, turn_deg_30m=0.3, count=60, seed=1):
@@ -19,25 +20,23 @@ def hole(inclination_deg=40.0, turn_deg_30m=0.3, count=60, seed=1):
 
 
 @pytest.mark.parametrize(
-    ("turn", "shift"),
-    [(0.3, 20.0), (0.3, 45.0), (0.3, 90.0), (0.3, -30.0), (1.5, 20.0), (1.5, 45.0), (1.5, -30.0)],
+    ("turn", "shift"), [(0.3, 20.0), (0.3, 45.0), (0.3, 90.0), (0.3, -30.0), (1.5, 20.0), (1.5, 45.0), (1.5, -30.0)]
 )
 def test_azimuths_of_another_reference_from_midway_are_warned_of(shift, turn):
     md, inclination, azimuth = hole(turn_deg_30m=turn)
     azimuth[30:] += np.radians(shift)
-    (found,) = doubts(Run(md, inclination, azimuth))
-    assert (found.name, found.refused, found.stations) == ("direction", False, (29, 30))
-    assert f"from {md[29]:.12g} to {md[30]:.12g} m" in found.sentence
-    assert "two runs put together" in found.sentence
+    (found,) = check_run(Run(md, inclination, azimuth))
+    assert (found.code, found.severity, found.rows) == ("run-turn", "warning", (29, 30))
+    assert (found.values["md_m"], found.values["next_m"]) == (md[29], md[30])
 
 
 def test_a_hole_that_turns_and_is_shifted_so_that_its_mirror_goes_on_is_refused():
     """From 142 deg to 232 deg: 360 minus it is 128 deg, which lies as near as neighbours of a turning hole do."""
     md, inclination, azimuth = hole(turn_deg_30m=1.5)
     azimuth[30:] += np.radians(90.0)
-    (found,) = doubts(Run(md, inclination, azimuth))
-    assert (found.name, found.refused) == ("direction", True)
-    assert f"from {md[29]:.12g} to {md[30]:.12g} m" in found.sentence
+    (found,) = check_run(Run(md, inclination, azimuth))
+    assert (found.code, found.severity) == ("run-azimuth-part", "refused")
+    assert (found.values["md_m"], found.values["next_m"]) == (md[29], md[30])
 
 
 def test_what_holes_do_is_not_doubted():
@@ -49,7 +48,7 @@ def test_what_holes_do_is_not_doubted():
         lambda md, i, a: (np.where(md > 800.0, np.radians(58.0), np.radians(0.5)), a),
     ):
         md, inclination, azimuth = hole()
-        assert doubts(Run(md, *make(md, inclination, azimuth))) == []
+        assert check_run(Run(md, *make(md, inclination, azimuth))) == []
 
 
 @pytest.mark.parametrize("off", [10.0, 20.0, -10.0])
@@ -57,16 +56,16 @@ def test_one_depth_off_an_even_row(off):
     md, inclination, azimuth = hole()
     right = md[20]
     md[20] += off
-    (found,) = doubts(Run(md, inclination, azimuth))
-    assert (found.name, found.refused, found.stations) == ("depths", False, (20,))
+    (found,) = check_run(Run(md, inclination, azimuth))
+    assert (found.code, found.severity, found.rows) == ("run-depth-digit", "warning", (20,))
     assert abs(broken_habit(md).expected - right) < 1.0
 
 
 def test_all_depths_off_by_a_hundred_from_one_on():
     md, inclination, azimuth = hole()
     md[21:] += 100.0
-    (found,) = doubts(Run(md, inclination, azimuth))
-    assert (found.name, found.stations) == ("depths", tuple(range(21, 60)))
+    (found,) = check_run(Run(md, inclination, azimuth))
+    assert (found.code, found.rows) == ("run-depth-shift", tuple(range(21, 60)))
 
 
 @pytest.mark.parametrize(

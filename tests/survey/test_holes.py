@@ -25,7 +25,7 @@ def test_a_quarter_of_a_circle():
     angles = np.linspace(0.0, np.pi / 2.0, 7)
     hole = drill_hole(radius * angles, angles, np.full(7, 0.5 * np.pi))
     assert np.allclose(end(hole), [0.0, radius, radius], atol=1e-10)
-    assert hole.notes == ()
+    assert hole.straight == ()
     assert np.allclose(hole.path.severity, 1.0 / radius)
 
 
@@ -39,24 +39,24 @@ def test_it_goes_straight_on_above_the_first_shot_and_below_the_last():
     hole = drill_hole([20.0, 50.0], slope, [0.0, 0.0], end=80.0)
     assert hole.path.md.tolist() == [0.0, 20.0, 50.0, 80.0]
     assert hole.shots == 2
-    assert len(hole.notes) == 2
+    assert hole.straight == ("first shot", "last shot")
     assert np.allclose(end(hole), [40.0, 0.0, 80.0 * np.cos(np.pi / 6)])
     # an end where the last shot is, is that shot
     assert len(drill_hole([20.0, 50.0], slope, [0.0, 0.0], end=50.0).path) == 3
 
 
 @pytest.mark.parametrize(
-    ("depth", "last", "words"),
+    ("depth", "last", "code"),
     [
-        ([-1.0, 5.0], None, "above the collar"),
-        ([0.0, 50.0], 40.0, "above its last shot"),
-        ([0.0], None, "length of the hole is not known"),
-        ([0.0, 0.0], None, "must increase"),
+        ([-1.0, 5.0], None, "holes-collar-above"),
+        ([0.0, 50.0], 40.0, "holes-end-above"),
+        ([0.0], None, "holes-length-unknown"),
     ],
 )
-def test_what_is_no_hole(depth, last, words):
-    with pytest.raises(InputError, match=words):
+def test_what_is_no_hole(depth, last, code):
+    with pytest.raises(InputError) as caught:
         drill_hole(depth, np.zeros(len(depth)), np.zeros(len(depth)), last)
+    assert caught.value.finding.code == code
 
 
 def test_a_textbooks_ratio_factor_ends_at_the_same_place():

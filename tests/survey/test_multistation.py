@@ -214,6 +214,7 @@ def test_reference_of_a_site():
     found = reference_of_site(Site(latitude=1.0, b=B, dip=DIP), "IFR1")
     assert (found.b_sigma, found.b_random) == (50.0, 60.0)
     assert found.g == pytest.approx(9.8189, abs=2e-3)
+    assert reference_of_site(Site(g=9.81, b=B, dip=DIP, b_sigma=45.0)).b_sigma == 45.0
 
 
 @pytest.mark.parametrize("degrees", [-91.0, 91.0])

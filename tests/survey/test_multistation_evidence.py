@@ -32,7 +32,9 @@ def test_sizes_are_weighted_by_the_density_of_what_was_measured():
     rng = np.random.default_rng(1)
     jacobian, root, y = rng.normal(size=(6, 3)), np.diag([1.0, 2.0, 0.5]), 3.0 * rng.normal(size=6)
     beliefs = {1.0: 0.6, 5.0: 0.4}
-    found = averaged_over_sizes(root, jacobian.T @ jacobian, jacobian.T @ y, [(np.array([0, 2]), beliefs)])
+    estimate, spread, scales = averaged_over_sizes(
+        root, jacobian.T @ jacobian, jacobian.T @ y, [(np.array([0, 2]), beliefs)]
+    )
     weights, means, spreads = [], [], []
     for scale, belief in beliefs.items():
         prior = np.diag(np.diag(root) * [scale, 1.0, scale]) ** 2
@@ -44,9 +46,9 @@ def test_sizes_are_weighted_by_the_density_of_what_was_measured():
     weights = np.array(weights) / np.sum(weights)
     mean = weights @ np.array(means)
     covariance = sum(w * (c + np.outer(m - mean, m - mean)) for w, c, m in zip(weights, spreads, means, strict=True))
-    np.testing.assert_allclose(found.estimate, mean, rtol=1e-10)
-    np.testing.assert_allclose(found.covariance, covariance, rtol=1e-10, atol=1e-12)
-    assert found.scales[0] == pytest.approx(np.sqrt(weights @ np.square(list(beliefs))))
+    np.testing.assert_allclose(estimate, mean, rtol=1e-10)
+    np.testing.assert_allclose(spread, covariance, rtol=1e-10, atol=1e-12)
+    assert scales[0] == pytest.approx(np.sqrt(weights @ np.square(list(beliefs))))
 
 
 @pytest.mark.parametrize("across", [500.0, 2000.0])

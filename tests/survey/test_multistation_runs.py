@@ -10,19 +10,7 @@ from inclinometry.survey.multistation import multistation
 from inclinometry.survey.multistation_priors import published_priors
 from inclinometry.uncertainty import chi_square_limit
 
-from .multistation_runs import (
-    DIP,
-    NOISE,
-    REFERENCE,
-    B,
-    G,
-    azimuth_error,
-    azimuth_u,
-    hole,
-    rms,
-    shipped,
-    stations,
-)
+from .multistation_runs import DIP, NOISE, REFERENCE, B, G, azimuth_error, azimuth_u, hole, rms, shipped, stations
 
 SPECIFIED = {"build": 0.130, "horiz_EW": 0.806, "horiz_NS": 0.125, "turn3d": 0.124}
 """Median over ten runs of the root mean square azimuth error, deg: a first estimate of the same kind."""

@@ -6,7 +6,6 @@ import pytest
 from inclinometry.errors import InputError
 from inclinometry.survey.path import (
     POINT,
-    STATIONS,
     bend,
     curve_jacobian,
     interpolate,
@@ -152,10 +151,6 @@ def test_a_vertical_hole_has_positions_but_no_azimuth():
     np.testing.assert_allclose(jacobian[2, :3, 7], 15.0 * np.array([np.cos(1.0), np.sin(1.0), 0.0]), atol=1e-14)
     found = point_covariance(jacobian, np.eye(9))
     assert np.isfinite(found[:, :4, :4]).all()
-
-
-def test_rows_and_columns_are_named():
-    assert (len(POINT), len(STATIONS)) == (5, 9)
 
 
 @pytest.mark.parametrize(

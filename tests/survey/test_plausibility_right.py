@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from inclinometry.survey.plausibility import doubts
+from inclinometry.survey.plausibility import check_run
 
 from .test_plausibility import axes, hole, table
 
@@ -24,21 +24,21 @@ def noisy(seed, md, inclination, azimuth, along=0.1, across=0.3):
 @pytest.mark.parametrize(("length", "inclination"), [(600.0, 126.0), (450.0, 140.0), (700.0, 115.0)])
 def test_a_hole_up_from_a_mine(seed, length, inclination):
     md = np.arange(0.0, length + 1.0, 10.0)
-    assert doubts(noisy(seed, md, inclination, 200.0 + md / 100.0)) == []
+    assert check_run(noisy(seed, md, inclination, 200.0 + md / 100.0)) == []
 
 
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("end", [84.0, 75.0, 60.0])
 def test_a_level_hole_of_a_mine_that_dips(seed, end):
     md = np.arange(0.0, 601.0, 10.0)
-    assert doubts(noisy(seed, md, np.interp(md, [0.0, 100.0, 600.0], [90.0, 90.0, end]), 200.0 + md / 100.0)) == []
+    assert check_run(noisy(seed, md, np.interp(md, [0.0, 100.0, 600.0], [90.0, 90.0, end]), 200.0 + md / 100.0)) == []
 
 
 def test_a_well_that_is_counted_from_the_other_end_climbs_too():
     md, inclination, azimuth = hole()
     for rows in (md < 600.0, md < 1500.0, md > 900.0):
-        found = doubts(table(md[rows], 180.0 - inclination[rows], azimuth[rows]))
-        named = [one.name for one in found]
+        found = check_run(table(md[rows], 180.0 - inclination[rows], azimuth[rows]))
+        named = [one.group for one in found]
         assert named == (["columns"] if np.ptp(md[rows]) > 550.0 else []), named
 
 
@@ -46,18 +46,18 @@ def test_a_well_that_is_counted_from_the_other_end_climbs_too():
 @pytest.mark.parametrize("start", [0.5, 1.0, 2.0])
 def test_a_slant_hole_that_turns_from_north(seed, start):
     md = np.arange(0.0, 1501.0, 30.0)
-    assert doubts(noisy(seed, md, 20.0, start + 60.0 * md / 1500.0)) == []
-    assert doubts(noisy(seed, md, 20.0, start + 60.0 * md / 1500.0, 0.0, 0.0)) == []
+    assert check_run(noisy(seed, md, 20.0, start + 60.0 * md / 1500.0)) == []
+    assert check_run(noisy(seed, md, 20.0, start + 60.0 * md / 1500.0, 0.0, 0.0)) == []
     # it holds its direction first, and is read as well as any
-    assert doubts(noisy(seed, md, 20.0, start + np.interp(md, [0, 300, 1500], [0, 0, 60]))) == []
+    assert check_run(noisy(seed, md, 20.0, start + np.interp(md, [0, 300, 1500], [0, 0, 60]))) == []
 
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_a_well_that_builds_with_its_columns_exchanged(seed):
     md = np.arange(0.0, 1501.0, 30.0)
     build = np.interp(md, [0, 300, 1500], [0.3, 0.3, 60])
-    (found,) = doubts(noisy(seed, md, 20.0, build, 0.3, 0.1))
-    assert "perhaps their columns are exchanged" in found.sentence
+    (found,) = check_run(noisy(seed, md, 20.0, build, 0.3, 0.1))
+    assert found.code == "run-top-exchanged"
 
 
 @pytest.mark.parametrize("step", [10.0, 28.7, 30.0])
@@ -65,15 +65,15 @@ def test_a_well_that_builds_with_its_columns_exchanged(seed):
 def test_a_last_course_to_total_depth(step, last):
     md = np.arange(0.0, 1500.0, step)
     md = np.append(md, md[-1] + last)
-    assert doubts(noisy(1, md, np.clip(md / 30.0, 0.0, 50.0), 100.0)) == []
+    assert check_run(noisy(1, md, np.clip(md / 30.0, 0.0, 50.0), 100.0)) == []
 
 
 @pytest.mark.parametrize(("wrong", "refused"), [(1530.0 + 1000.0, False), (1530.0 + 400.0, False), (15300.0, True)])
 def test_a_last_depth_with_a_wrong_digit(wrong, refused):
     md = np.append(np.arange(0.0, 1501.0, 30.0), wrong)
-    (found,) = doubts(noisy(1, md, np.clip(md / 30.0, 0.0, 50.0), 100.0))
-    assert (found.name, found.refused, found.stations) == ("depths", refused, (len(md) - 1,))
-    assert "likelihood ratio 1e" in found.sentence or refused
+    (found,) = check_run(noisy(1, md, np.clip(md / 30.0, 0.0, 50.0), 100.0))
+    code = "run-depth-last-tenfold" if refused else "run-depth-last"
+    assert (found.code, found.severity == "refused", found.rows) == (code, refused, (len(md) - 1,))
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -83,26 +83,25 @@ def test_a_last_depth_with_a_wrong_digit(wrong, refused):
 )
 def test_a_vertical_hole_at_a_steady_inclination_and_azimuth(seed, azimuth, along, across):
     md = np.arange(0.0, 901.0, 30.0)
-    assert doubts(noisy(seed, md, 0.6, azimuth, along, across)) == []
-    assert doubts(noisy(seed, md, np.interp(md, [0, 200], [0.1, 0.6]), azimuth, along, across)) == []
+    assert check_run(noisy(seed, md, 0.6, azimuth, along, across)) == []
+    assert check_run(noisy(seed, md, np.interp(md, [0, 200], [0.1, 0.6]), azimuth, along, across)) == []
 
 
 @pytest.mark.parametrize("digits", [3, 4, 6])
 @pytest.mark.parametrize("seed", SEEDS)
 def test_inclination_alone_in_radians(seed, digits):
     md, inclination, azimuth = hole(seed=seed)
-    (found,) = doubts(table(md, np.radians(inclination).round(digits), azimuth))
-    assert (found.name, found.refused) == ("units", False)
-    assert "with inclination in radians this is a usual hole (likelihood ratio 1e3)" in found.sentence
+    (found,) = check_run(table(md, np.radians(inclination).round(digits), azimuth))
+    assert (found.code, found.severity) == ("run-inclination-radians", "warning")
+    assert np.log(1e3) <= found.values["log_ratio"] < np.log(1e4)
 
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_azimuth_alone_in_radians(seed):
     md, inclination, azimuth = hole(seed=seed)
     deep = md > 600.0
-    (found,) = doubts(table(md[deep], inclination[deep], np.radians(azimuth[deep]).round(4)))
-    assert (found.name, found.refused) == ("units", False)
-    assert "with azimuth in radians this is a usual hole (likelihood ratio 1e" in found.sentence
+    (found,) = check_run(table(md[deep], inclination[deep], np.radians(azimuth[deep]).round(4)))
+    assert (found.code, found.severity) == ("run-azimuth-radians", "warning")
 
 
 @pytest.mark.parametrize(("inclination", "azimuth"), [(0.8, 200.0), (20.0, 355.0), (45.0, 10.0), (130.0, 80.0)])
@@ -110,10 +109,9 @@ def test_azimuth_alone_in_radians(seed):
 def test_both_angles_of_a_straight_hole_in_radians(seed, inclination, azimuth):
     md = np.arange(0.0, 301.0, 10.0)
     run = noisy(seed, md, inclination, azimuth + (40.0 if inclination < 1.0 else 0.3) * np.sin(md))
-    assert doubts(run) == []
-    (found,) = doubts(table(md, run.inclination.round(4), run.azimuth.round(4)))
-    assert (found.name, found.refused) == ("units", True)
-    assert "with angles in radians this is a smooth hole" in found.sentence
+    assert check_run(run) == []
+    (found,) = check_run(table(md, run.inclination.round(4), run.azimuth.round(4)))
+    assert (found.code, found.severity) == ("run-angles-radians", "refused")
 
 
 def test_a_plan_of_a_vertical_hole_is_no_file_in_radians():
@@ -121,7 +119,7 @@ def test_a_plan_of_a_vertical_hole_is_no_file_in_radians():
     for azimuth in (0.0, 4.0, 120.0):
         for digits in (1, 2, 6):
             plan = np.interp(md, [0, 300, 1400], [0, 0, 1.4]).round(digits)
-            assert doubts(table(md, plan, np.full(len(md), azimuth))) == []
+            assert check_run(table(md, plan, np.full(len(md), azimuth))) == []
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -132,12 +130,11 @@ def test_a_level_hole_in_grads_with_azimuths_below_360(seed, level, grads):
     inclination = np.interp(md, [0, 400, 1300, 2400], [0.3, 0.3, level, level]) + 0.2 * r.normal(size=len(md))
     azimuth = 120.0 + 0.5 * r.normal(size=len(md))
     per = 0.9 if grads else 1.0
-    found = doubts(table(md, np.abs(inclination) / per, azimuth / per))
-    assert [one.name for one in found] == (["units"] if grads else [])
-    assert not grads or "perhaps a level hole in grads (likelihood ratio 1e" in found[0].sentence
+    found = check_run(table(md, np.abs(inclination) / per, azimuth / per))
+    assert [one.code for one in found] == (["run-level-grads"] if grads else [])
 
 
 def test_grads_of_a_hole_that_is_nowhere_level_show_in_no_reading():
     md, inclination, azimuth = hole()
-    assert doubts(table(md, inclination / 0.9, np.minimum(azimuth, 300.0) / 0.9)) == []
-    assert doubts(axes()) == []
+    assert check_run(table(md, inclination / 0.9, np.minimum(azimuth, 300.0) / 0.9)) == []
+    assert check_run(axes()) == []

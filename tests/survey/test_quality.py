@@ -1,5 +1,7 @@
 """Quality of six-axis stations: published case, draws, limits, what geometry hides."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -53,16 +55,8 @@ def test_public_case_of_a_dynamic_check(toolface_deg):
     45, declination 4.24. The case does not print its covariance; here it is that of sensors and axial interference of
     the MWD model and of the BGGM with the disturbance of the field. Its toolface is not given: any does."""
     errors = reference_errors("BGGM")
-    site = FieldReference(
-        g=9.8,
-        b=46644.9,
-        dip=np.radians(58.04),
-        g_sigma=0.0015,
-        b_sigma=errors.b,
-        dip_sigma=errors.dip,
-        b_random=errors.b_random,
-        dip_random=errors.dip_random,
-    )
+    site = FieldReference(g=9.8, b=46644.9, dip=np.radians(58.04), g_sigma=0.0015, b_sigma=errors.b,
+                          dip_sigma=errors.dip, b_random=errors.b_random, dip_random=errors.dip_random)  # fmt: skip
     g, b = fields(np.radians([45.0 - 4.24]), np.radians(45.0), np.radians(toolface_deg), np.radians(57.96))
     found = judge_fields(with_sensors(Stations([0.0], 9.803 * g, 46475.6 * b), MWD), site)
     assert found.distance[0] == pytest.approx(0.9495, rel=0.05)
@@ -152,16 +146,7 @@ def test_the_three_together_see_what_each_alone_does_not():
     values, vectors = np.linalg.eigh(covariance / np.sqrt(np.outer(covariance.diagonal(), covariance.diagonal())))
     small = vectors[:, 0] * np.sqrt(covariance.diagonal()) * np.sqrt(values[0]) * 4.0
     assert (np.abs(small) < 3.0 * np.sqrt(covariance.diagonal())).all()
-    shifted = FieldReference(
-        g=G - small[0],
-        b=B - small[1],
-        dip=DIP - small[2],
-        g_sigma=0.0015,
-        b_sigma=130.0,
-        dip_sigma=np.radians(0.2),
-        b_random=60.0,
-        dip_random=np.radians(0.08),
-    )
+    shifted = replace(SITE, g=G - small[0], b=B - small[1], dip=DIP - small[2])
     found = judge_fields(run, shifted)
     assert found.distance[0] == pytest.approx(4.0, rel=0.01)  # the rows move a little with the reference
     assert {n for n, c in names(found).items() if c.verdict == "fail"} == {"distance"}
@@ -238,9 +223,7 @@ def test_after_an_axial_correction_the_reference_is_not_counted_twice():
     residuals = []
     for error in random.multivariate_normal(np.zeros(6), noise, count):
         off = random.normal(0.0, 1.0, 3) * site.sigmas
-        moved = FieldReference(
-            g=G + off[0], b=B + off[1], dip=DIP + off[2], g_sigma=0.001, b_sigma=130.0, dip_sigma=np.radians(0.2)
-        )
+        moved = replace(site, g=G + off[0], b=B + off[1], dip=DIP + off[2])
         run = Stations([0.0], true.g + error[:3], true.b + error[3:] + [0.0, 0.0, 500.0])
         residuals.append(judge_fields(axial_correction(run, moved).stations, moved).difference[0])
     run = Stations([0.0], true.g, true.b + [0.0, 0.0, 500.0], noise=noise[None])

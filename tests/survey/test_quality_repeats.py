@@ -177,7 +177,7 @@ def test_dual_depth_of_the_paper(md, difference, pipe, wireline, tolerance, pass
 def test_dual_depth_names_the_depths_that_fail():
     check = dual_depth([1000.0, 2000.0], [1000.5, 2010.0], 0.5, 1.0)
     assert check.stations == (1,)
-    assert "1 of 2 depths off; worst +10.00 m at 2000.0 m" in check.reason
+    assert "1 of 2 stations off; worst +10.00 m at 2000.0 m" in check.reason
     assert "tally" in check.action
 
 

@@ -147,37 +147,25 @@ class TestNorth:
         true = surveyed(tool, self.PATH, noise={})
         return true, reduce_survey(true.md, true.signals, tool, site=Site(**site))
 
-    def test_true_is_magnetic_plus_declination(self):
-        true, found = self.run(north_reference="true", declination=np.radians(-12.0), declination_sigma=0.003)
-        np.testing.assert_allclose(wrap_signed(found.azimuth - true.azimuth), np.radians(-12.0), atol=1e-10)
-        assert found.azimuth_reference == "true"
+    @pytest.mark.parametrize(
+        ("north", "turn_deg", "sigma"), [("true", 5.0, 0.004), ("grid", 3.0, 0.005), ("magnetic", 0.0, 0.0)]
+    )
+    def test_the_declination_is_applied_once_and_only_where_asked(self, north, turn_deg, sigma):
+        """True is magnetic plus declination, grid is true minus convergence; each brings its own uncertainty."""
+        turns = {"declination": np.radians(5.0), "convergence": np.radians(2.0)}
+        true, found = self.run(north_reference=north, **turns, declination_sigma=0.004, convergence_sigma=0.003)
+        _, plain = self.run()
+        np.testing.assert_allclose(wrap_signed(found.azimuth - true.azimuth), np.radians(turn_deg), atol=1e-10)
+        assert found.azimuth_reference == north
         np.testing.assert_array_equal(found.azimuth, wrap_positive(found.azimuth))
-
-    def test_grid_is_true_minus_convergence(self):
-        true, found = self.run(
-            north_reference="grid", declination=np.radians(5.0), convergence=np.radians(2.0), declination_sigma=0.003
-        )
-        np.testing.assert_allclose(wrap_signed(found.azimuth - true.azimuth), np.radians(3.0), atol=1e-10)
-        assert found.azimuth_reference == "grid"
-
-    def test_the_declination_is_applied_once_and_only_where_asked(self):
-        true, found = self.run(declination=np.radians(5.0))
-        np.testing.assert_allclose(wrap_signed(found.azimuth - true.azimuth), 0.0, atol=1e-10)
-        assert found.azimuth_reference == "magnetic"
+        np.testing.assert_allclose(found.u_azimuth, np.minimum(np.hypot(plain.u_azimuth, sigma), UNKNOWN))
 
     def test_its_uncertainty_is_a_component_of_azimuth_alone(self):
         _, found = self.run(north_reference="true", declination=0.1, declination_sigma=0.004)
         _, plain = self.run()
         np.testing.assert_allclose(found.components["declination"][:, 1], 0.004**2)
         assert (found.components["declination"][:, [0, 2, 3]] == 0.0).all()
-        np.testing.assert_allclose(found.u_azimuth, np.minimum(np.hypot(plain.u_azimuth, 0.004), UNKNOWN))
         np.testing.assert_array_equal(found.u_inclination, plain.u_inclination)
-
-    def test_that_of_the_convergence_counts_too(self):
-        both = {"declination": 0.1, "declination_sigma": 0.004, "convergence": 0.02, "convergence_sigma": 0.003}
-        _, found = self.run(north_reference="grid", **both)
-        _, plain = self.run()
-        np.testing.assert_allclose(found.u_azimuth, np.minimum(np.hypot(plain.u_azimuth, 0.005), UNKNOWN))
 
     def test_a_declination_without_sigma_is_said(self):
         _, found = self.run(north_reference="true", declination=0.1)
@@ -207,23 +195,22 @@ class TestFlags:
 
     HERE = Site(g=STANDARD_GRAVITY, g_sigma=0.001, b=50000.0, b_sigma=100.0, dip=DIP, dip_sigma=np.radians(0.2))
 
-    def test_a_good_survey_has_none(self):
-        assert self.flags(site=self.HERE)[0] == set()
-        assert self.flags(calibration_dip=DIP)[0] == set()
-        assert self.flags()[0] == set()
-
-    def test_gravity(self):
-        assert self.flags(site=self.HERE, g=1.003 * STANDARD_GRAVITY)[0] == {"g"}
-        assert "g" in self.flags(g=1.02 * STANDARD_GRAVITY)[0]  # no place on Earth differs so much from another
-
-    def test_magnetic_field(self):
-        assert self.flags(site=self.HERE, b=51000.0)[0] == {"b"}
-        assert self.flags(b=51000.0)[0] == set()  # without a reference it may be so
-
-    def test_dip(self):
-        there = Site(dip=DIP + np.radians(2.0), dip_sigma=np.radians(0.2))
-        assert self.flags(site=there)[0] == {"dip"}
-        assert self.flags(calibration_dip=DIP + np.radians(15.0))[0] == {"dip"}
+    @pytest.mark.parametrize(
+        ("given", "flags"),
+        [
+            ({"site": HERE}, set()),
+            ({"calibration_dip": DIP}, set()),
+            ({}, set()),
+            ({"site": HERE, "g": 1.003 * STANDARD_GRAVITY}, {"g"}),
+            ({"g": 1.02 * STANDARD_GRAVITY}, {"g"}),  # no place on Earth differs so much from another
+            ({"site": HERE, "b": 51000.0}, {"b"}),
+            ({"b": 51000.0}, set()),  # without a reference it may be so
+            ({"site": Site(dip=DIP + np.radians(2.0), dip_sigma=np.radians(0.2))}, {"dip"}),
+            ({"calibration_dip": DIP + np.radians(15.0)}, {"dip"}),
+        ],
+    )
+    def test_what_is_flagged(self, given, flags):
+        assert self.flags(**given)[0] == flags
 
     @pytest.mark.parametrize("given", ["site", "stand"])
     def test_swapped_magnetometer_columns_are_caught_by_the_dip(self, given):
@@ -324,68 +311,43 @@ def test_two_hundred_thousand_stations_in_little_memory():
     np.testing.assert_allclose(found.azimuth[rows], few.azimuth, rtol=1e-12)
 
 
-class TestRefusals:
-    TOOL = random_tool(2)
+ROWS = {k: np.ones((3, 3)) * [100.0, 500.0, 900.0] + 50.0 * np.eye(3) for k in BOTH}
+WARM = random_tool(2, temperature_degree=1)
 
-    def channels(self, count=3):
-        return {k: np.ones((count, 3)) * [100.0, 500.0, 900.0] + 50.0 * np.eye(3)[:count] for k in BOTH}
 
-    @pytest.mark.parametrize("md", [[0.0, 10.0, 10.0], [0.0, 20.0, 10.0]])
-    def test_depths_that_do_not_increase_are_named(self, md):
-        with pytest.raises(InputError, match="at station 3; it must increase"):
-            reduce_survey(md, self.channels(), self.TOOL)
-
-    @pytest.mark.parametrize(
-        ("md", "words"),
-        [([0.0, np.nan, 2.0], r"md\[1\] is nan"), ([0.0, 1.0], "shape"), (3.0, "md has shape"), ("deep", "md")],
-    )
-    def test_depths_that_are_not_such(self, md, words):
-        with pytest.raises(InputError, match=words):
-            reduce_survey(md, self.channels(), self.TOOL)
-
-    @pytest.mark.parametrize(
-        ("change", "words"),
-        [
-            ({"accelerometer": None}, "no accelerometer"),
-            ({"gyro": np.ones((3, 3))}, "the calibration has none"),
-            ({"magnetometer": np.ones((3, 4))}, "4 magnetometer channels, the calibration has 3"),
-            ({"magnetometer": np.ones((2, 3))}, "shape"),
-            ({"magnetometer": np.full((3, 3), np.nan)}, r"magnetometer channels\[0, 0\] is nan"),
-            ({"magnetometer": [["a"] * 3] * 3}, "magnetometer"),
-        ],
-    )
-    def test_channels(self, change, words):
-        channels = {k: v for k, v in {**self.channels(), **change}.items() if v is not None}
-        with pytest.raises(InputError, match=words):
-            reduce_survey([0.0, 1.0, 2.0], channels, self.TOOL)
-
-    def test_a_triad_that_sees_a_plane(self):
-        tool = random_tool(2, sensors={"accelerometer": 3, "magnetometer": 2})
-        channels = {"accelerometer": np.ones((1, 3)), "magnetometer": np.ones((1, 2))}
-        with pytest.raises(InputError, match="sees only a plane"):
-            reduce_survey([0.0], channels, tool)
-
-    def test_temperature_is_needed_where_the_tool_depends_on_it(self):
-        with pytest.raises(InputError, match="depends on temperature"):
-            reduce_survey([0.0, 1.0, 2.0], self.channels(), random_tool(2, temperature_degree=1))
-
-    @pytest.mark.parametrize("temperature", [[20.0], [20.0, np.nan, 20.0]])
-    def test_temperature_of_another_length_or_missing(self, temperature):
-        with pytest.raises(InputError, match="temperature"):
-            reduce_survey([0.0, 1.0, 2.0], self.channels(), self.TOOL, temperature=temperature)
-
-    def test_no_stations(self):
-        with pytest.raises(InputError, match="no stations"):
-            reduce_survey([], {k: np.zeros((0, 3)) for k in BOTH}, self.TOOL)
-
-    def test_the_same_columns_twice(self):
-        triads = {k: Triad(k, np.eye(3), np.zeros(3)) for k in BOTH}
-        with pytest.raises(InputError, match="parallel"):
-            reduce_survey([0.0], {k: [[0.1, 0.2, 0.9]] for k in BOTH}, Tool("1", triads))
-
-    def test_calibration_dip_in_degrees(self):
-        with pytest.raises(InputError, match="calibration_dip"):
-            reduce_survey([0.0, 1.0, 2.0], self.channels(), self.TOOL, calibration_dip=70.0)
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"md": [0.0, 10.0, 10.0]}, "at station 3; it must increase"),
+        ({"md": [0.0, 20.0, 10.0]}, "at station 3; it must increase"),
+        ({"md": [0.0, np.nan, 2.0]}, r"md\[1\] is nan"),
+        ({"md": [0.0, 1.0]}, "shape"),
+        ({"md": 3.0}, "md has shape"),
+        ({"md": "deep"}, "md"),
+        ({"md": []}, "no stations"),
+        ({"accelerometer": None}, "no accelerometer"),
+        ({"gyro": np.ones((3, 3))}, "the calibration has none"),
+        ({"magnetometer": np.ones((3, 4))}, "4 magnetometer channels, the calibration has 3"),
+        ({"magnetometer": np.ones((2, 3))}, "shape"),
+        ({"magnetometer": np.full((3, 3), np.nan)}, r"magnetometer channels\[0, 0\] is nan"),
+        ({"magnetometer": [["a"] * 3] * 3}, "magnetometer"),
+        (
+            {"tool": random_tool(2, sensors={"accelerometer": 3, "magnetometer": 2}), "magnetometer": np.ones((3, 2))},
+            "sees only a plane",
+        ),
+        ({"tool": WARM}, "depends on temperature"),
+        ({"temperature": [20.0]}, "temperature"),
+        ({"temperature": [20.0, np.nan, 20.0]}, "temperature"),
+        ({"tool": Tool("1", {k: Triad(k, np.eye(3), np.zeros(3)) for k in BOTH})}, "parallel"),
+        ({"calibration_dip": 70.0}, "calibration_dip"),  # in degrees
+    ],
+)
+def test_what_is_no_run(change, words):
+    given = {"md": [0.0, 1.0, 2.0], "tool": random_tool(2), **ROWS, **change}
+    md, tool = given.pop("md"), given.pop("tool")
+    channels = {k: given.pop(k) for k in (*BOTH, "gyro") if k in given}
+    with pytest.raises(InputError, match=words):
+        reduce_survey(md, {k: v for k, v in channels.items() if v is not None}, tool, **given)
 
 
 class TestTwoAccelerometers:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from inclinometry.files.gyro_csv import read_gyro_run, write_gyro_run
-from inclinometry.workflow.simulate_gyro import GyroRunRequest, gyro_run, write_gyro
+from inclinometry.workflow.simulate_gyro import gyro_run, write_gyro
 
 DEG_H = np.radians(1.0) / 3600.0
 
@@ -16,7 +16,7 @@ def simulated(tmp_path):
     """simulated(seed, ...): readings and truth of a run of 20 stations; `change` edits the columns before writing."""
 
     def make(seed=1, change=None, rows=slice(None), **request):
-        run, _ = gyro_run(GyroRunRequest(**{"stations": 20, "dwell": 400.0, "bias": DEG_H, **request}), seed)
+        run = gyro_run(seed, **{"stations": 20, "dwell": 400.0, "bias": DEG_H, **request})
         path = tmp_path / "raw.csv"
         if change is None:
             write_gyro(run, path)

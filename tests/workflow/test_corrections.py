@@ -8,7 +8,7 @@ from inclinometry.orientation import angles, fields
 from inclinometry.survey.multistation_priors import FieldReference
 from inclinometry.survey.sag import Bha, Element, Stabiliser, run_sag
 from inclinometry.survey.stations import Stations
-from inclinometry.workflow.corrections import CORRECTIONS, apply_corrections, correction_names
+from inclinometry.workflow.corrections import CORRECTIONS, corrected, correction_steps
 
 SITE = FieldReference(g=9.81, b=50_000.0, dip=1.2, g_sigma=0.001, b_sigma=130.0, dip_sigma=0.0035)
 BHA = Bha(
@@ -21,7 +21,6 @@ BHA = Bha(
     hole=0.2159,
     mud_density=1200.0,
 )
-MEANS = {"reference": SITE, "bha": BHA}
 
 
 def run(axial=400.0):
@@ -33,12 +32,13 @@ def run(axial=400.0):
 
 @pytest.mark.parametrize("text", ["axial,msa,sag", "sag,axial,msa", "msa,sag", "sag,msa", "axial", " MSA , sag "])
 def test_orders_that_make_sense(text):
-    names = correction_names(text)
+    names = [name for name, _ in correction_steps(text)]
     assert set(names) <= set(CORRECTIONS)
     stations, turned = run()
-    done, results = apply_corrections(stations, names, **MEANS)
-    assert tuple(results) == names
-    assert len(done.history) == len(names)
+    done = stations
+    for place, name in enumerate(names):
+        done, _ = corrected(done, name, SITE, None, BHA)
+        assert done.history[place].startswith({"msa": "multi-station"}.get(name, name))
     # perfect sensors but for the interference: azimuth comes back to what priors and reference allow
     error = np.degrees(angles(done.g, done.b).azimuth - turned[0])
     before = np.degrees(angles(stations.g, stations.b).azimuth - turned[0])
@@ -61,16 +61,10 @@ def test_orders_that_make_sense(text):
 )
 def test_orders_that_make_none(text, message):
     with pytest.raises(InputError, match=message):
-        correction_names(text)
+        correction_steps(text)
 
 
 @pytest.mark.parametrize(("name", "message"), [("sag", "bha.toml"), ("axial", "site.toml"), ("msa", "site.toml")])
 def test_a_correction_without_its_means(name, message):
     with pytest.raises(InputError, match=message):
-        apply_corrections(run()[0], [name])
-
-
-def test_the_order_is_that_of_the_history():
-    done, _ = apply_corrections(run()[0], ["sag", "axial"], **MEANS)
-    assert done.history[0].startswith("sag")
-    assert done.history[1].startswith("axial correction")
+        corrected(run()[0], name, None, None, None)

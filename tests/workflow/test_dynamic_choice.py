@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import get_args
 
 import numpy as np
@@ -13,18 +12,20 @@ from inclinometry.earth.site import Site
 from inclinometry.errors import FileError, InputError
 from inclinometry.files.attitude_file import read_attitude, write_attitude
 from inclinometry.files.run_file import open_run
-from inclinometry.motion.result import BITS, METHODS, Samples
-from inclinometry.rotations import dcm, dcm_from_quaternion
-from inclinometry.workflow.dynamic import DynamicOptions, attitude_stream, dynamic_run, write_dynamic
+from inclinometry.findings import Finding
+from inclinometry.motion.result import METHODS, Samples
+from inclinometry.rotations import dcm, dcm_from_quaternion, rotation_exp
+from inclinometry.workflow.dynamic import attitude_stream, dynamic_run, write_dynamic
 from inclinometry.workflow.dynamic_methods import METHODS as CHOICES
-from inclinometry.workflow.dynamic_methods import MethodName, gyro_known
+from inclinometry.workflow.dynamic_methods import DynamicOptions, MethodName, gyro_known
+
+from ..refusals import refused
 
 LATITUDE, DIP, FIELD, G = np.radians(50.0), np.radians(65.0), 50_000.0, 9.81
 SITE = Site(latitude=LATITUDE, g=G, b=FIELD, dip=DIP)
 TRUE = Site(latitude=LATITUDE, g=G, b=FIELD, dip=DIP, north_reference="true", declination=0.0, declination_sigma=0.0)
 DEG_H, DEG_SQRT_H = np.radians(1.0) / 3600.0, np.radians(1.0) / 60.0
 FOG = {"gyro_noise": 0.01 * DEG_SQRT_H, "gyro_bias_sigma": 0.01 * DEG_H}
-BROAD = Path(__file__).parents[1] / "reference" / "broad"
 
 
 def write(path, time, **triads):
@@ -90,7 +91,7 @@ def test_a_tool_that_turns_has_no_static_attitude(tmp_path, method):
     found = reduced(write(tmp_path / "a.csv", time, **seen), method)
     assert found.rows.refused.all()
     assert found.rows.count("not-still") == len(found.rows) == 4
-    assert any("was not at rest in 4 of 4 windows" in note for note in found.notes)
+    assert Finding("motion-moved", {"count": 4, "total": 4}) in found.findings
 
 
 def test_robust_bridges_a_disturbed_window(tmp_path):
@@ -114,14 +115,17 @@ def test_a_fog_finds_north_when_its_grade_is_known(tmp_path):
     path = write(tmp_path / "a.csv", time, accel=seen["accel"], gyro=seen["gyro"])
     blank = reduced(path, "gyro", TRUE, window=30.0)
     assert np.isnan(blank.rows.azimuth).all()
-    assert any("619 deg/h (taken for granted" in note for note in blank.notes)
+    values = blank.findings[0].values
+    assert (round(values["bias_deg_h"]), values["bias_source"]) == (619, "usual value")
     for method in ("gyro", "static", "quaternion", "auto"):
         found = reduced(path, method, TRUE, window=30.0, **FOG)
         error, u = off(found, "azimuth", 60.0)
         # two standard uncertainties, U; the level's 0.02 m/s^2 and the noise of 30 s make them
         assert (np.abs(error) < 2.0 * u).all()
         assert (u < 1.0).all()
-        assert any("0.01 deg/sqrt(h) (as stated)" in note for note in found.notes)
+        values = found.findings[0].values
+        assert values["noise_deg_sqrt_h"] == pytest.approx(0.01)
+        assert values["noise_source"] == "stated"
 
 
 def test_a_fog_keeps_north_while_the_tool_turns(tmp_path):
@@ -144,29 +148,32 @@ def curve(**gyro):
     return {"channels": [channel]}
 
 
+def sources(said):
+    return said.values["noise_source"], said.values["bias_source"]
+
+
 def test_what_is_stated_stands_above_the_calibration_and_that_above_the_allan_curve():
     allan = curve(arw_deg_sqrt_h=0.02, bias_instability_deg_h=0.05, rate_random_walk_deg_h_sqrt_h=0.1)
-    known, said = gyro_known(None, None, {"gyro": 0.12 * DEG_H}, allan)
+    known, said = gyro_known(DynamicOptions(allan=allan), {"gyro": 0.12 * DEG_H})
     assert known["gyro_noise"] == pytest.approx(0.02 * DEG_SQRT_H)
     assert known["gyro_bias_sigma"] == pytest.approx(0.13 * DEG_H)  # 5, 12, 13
     assert known["gyro_bias_walk"] == pytest.approx(0.1 * DEG_H / 60.0)
-    assert "the Allan deviation" in said
-    assert "the calibration" in said
-    stated, said = gyro_known(1e-6, 2e-7, {"gyro": 1e-6}, allan)
+    assert sources(said) == ("Allan deviation", "calibration")
+    stated, said = gyro_known(DynamicOptions(gyro_noise=1e-6, gyro_bias_sigma=2e-7, allan=allan), {"gyro": 1e-6})
     assert (stated["gyro_noise"], stated["gyro_bias_sigma"]) == (1e-6, 2e-7)
-    assert said.count("as stated") == 2
+    assert sources(said) == ("stated", "stated")
     # an Allan curve does not know the constant part of a bias, and what it does not see it limits
-    alone, said = gyro_known(None, None, {}, curve())
+    alone, said = gyro_known(DynamicOptions(allan=curve()), {})
     assert alone == {"gyro_noise": pytest.approx(0.5 * DEG_SQRT_H)}
-    assert "taken for granted" in said
+    assert sources(said) == ("Allan deviation", "usual value")
     with pytest.raises(InputError, match="no gyro channel in a unit of rate"):
-        gyro_known(None, None, {}, {"channels": [{"kind": "gyro", "white_noise_counts_sqrt_s": 1.0}]})
+        gyro_known(DynamicOptions(allan={"channels": [{"kind": "gyro", "white_noise_counts_sqrt_s": 1.0}]}), {})
 
 
 def test_a_grade_without_a_gyro_is_refused(tmp_path):
     time, seen = still(20.0)
     path = write(tmp_path / "a.csv", time, accel=seen["accel"], mag=seen["mag"])
-    with pytest.raises(FileError, match="the run has no gyro"):
+    with refused("motion-gyro-stated"):
         reduced(path, **FOG)
 
 
@@ -233,8 +240,9 @@ def test_axes_and_signs_are_stated(tmp_path, name):
     file = {triad: values @ wired.get(triad, np.eye(3)).T for triad, values in seen.items()}
     path = write(tmp_path / "a.csv", time, **file)
     option = f"--{next(iter(options)).replace('_', '-')}"
-    with pytest.raises(FileError, match=option):
+    with pytest.raises(FileError) as caught:
         reduced(path)
+    assert option in str(caught.value)
     found, plain = reduced(path, **options), reduced(write(tmp_path / "b.csv", time, **seen))
     np.testing.assert_allclose(found.rows.azimuth, plain.rows.azimuth, atol=1e-9)
     np.testing.assert_allclose(found.rows.inclination, plain.rows.inclination, atol=1e-9)
@@ -249,50 +257,23 @@ def test_z_up_is_told_from_specific_force_and_without_a_dip_by_the_latitude(tmp_
     }
     path = write(tmp_path / "a.csv", time, **turned)
     for site in (SITE, Site(latitude=LATITUDE, g=G)):
-        with pytest.raises(FileError, match="--convention z-up") as caught:
+        with refused("motion-dip-sign") as caught:
             reduced(path, site=site)
-        assert "specific-force" not in str(caught.value)
+        assert caught.value.finding.values["options"] == ("--convention z-up",)
 
 
-def hand(name="02_undisturbed_slow_rotation_B", seconds=100.0):
-    """A sensor turned by hand about all axes (BROAD): time, gravity minus acceleration, field nT, rate."""
-    with np.load(BROAD / f"{name}.npz") as stored:
-        whole = {
-            part: (np.cumsum(stored[part], axis=1).T * stored[f"{part}_scale"])[::2]
-            for part in ("gyro", "specific_force", "field")
-        }
-        dt = 2.0 / float(stored["sampling_rate"])
-    size = round(seconds / dt)
-    return np.arange(size) * dt, {
-        "accel": -whole["specific_force"][:size],
-        "mag": 1000.0 * whole["field"][:size],
-        "gyro": whole["gyro"][:size],
-    }
-
-
-def test_a_tool_in_free_motion(tmp_path):
-    """D12: it was told that its gravity points up the hole; the filter for any motion takes it, and tells its signs."""
-    place = Site(g=G, latitude=np.radians(52.5), dip=np.radians(67.0), b=49_500.0)
-    time, seen = hand()
-    path = write(tmp_path / "a.csv", time, **seen)
-    with pytest.raises(FileError, match="--method complementary"):
-        reduced(path, site=place)
-    found = reduced(path, "complementary", place, window=0.5)
-    assert {METHODS[n] for n in found.rows.method} == {"complementary"}
-    refused = found.rows.refused
-    assert 1 <= refused.sum() <= 6  # the first seconds
-    assert (found.rows.flags[refused] & BITS["start"] > 0).all()
-    # gravity low-passed over seconds tells the tilt at rest: the first ten seconds stand
-    rest = (found.rows.time > 3.0) & (found.rows.time < 10.0)
-    down = seen["accel"][(time > 3.0) & (time < 10.0)].mean(axis=0)
-    tilt = np.arctan2(np.hypot(*down[:2]), down[2])
-    assert np.abs(np.degrees(found.rows.inclination[rest] - tilt)).max() < 0.1
-    wrong = write(tmp_path / "b.csv", time, **{**seen, "accel": -seen["accel"]})
-    with pytest.raises(FileError, match="--convention specific-force"):
-        reduced(wrong, "complementary", place, window=0.5)
-    right = reduced(wrong, "complementary", place, window=0.5, convention="specific-force")
-    # only accelerometers are turned by this convention
-    np.testing.assert_allclose(right.rows.inclination, found.rows.inclination, atol=1e-12, equal_nan=True)
+def test_a_tool_in_free_motion_is_refused(tmp_path):
+    """Turned about all axes: no window has an attitude, and the note names the package for such motion."""
+    fine = 0.005 * np.arange(8000)
+    rate = np.stack([0.8 * np.sin(0.7 * fine), 0.6 * np.cos(0.9 * fine), 0.5 * np.sin(1.3 * fine + 1.0)], axis=1)
+    matrix = [dcm(0.6, 0.9, 0.3)]
+    for w in rate[:-1]:
+        matrix.append(rotation_exp(-0.005 * w) @ matrix[-1])
+    matrix = np.array(matrix[::10])
+    seen = {"accel": G * matrix[:, :, 2], "mag": FIELD * matrix @ [np.cos(DIP), 0.0, np.sin(DIP)], "gyro": rate[::10]}
+    found = reduced(write(tmp_path / "a.csv", fine[::10], **seen))
+    assert found.rows.refused.all()
+    assert "motion-free" in {one.code for one in found.findings}
 
 
 @pytest.mark.parametrize("moves", [still, turning])
@@ -300,12 +281,14 @@ def test_a_site_file_of_another_place_is_doubted(tmp_path, moves):
     time, seen = moves(40.0)
     path = write(tmp_path / "a.csv", time, accel=seen["accel"], mag=seen["mag"])
     # every window is refused: the run is, and says why
-    with pytest.raises(FileError, match=r"as 65\.0 deg, the site's is 70\.0 deg.* is this the right site file"):
+    with refused("motion-dip-axes") as caught:
         reduced(path, site=Site(latitude=LATITUDE, g=G, b=FIELD, dip=np.radians(70.0)))
-    assert not any("right site file" in note for note in reduced(path).notes)
+    values = caught.value.finding.values
+    assert (values["dip_deg"], values["site_deg"]) == pytest.approx((65.0, 70.0), abs=0.05)
+    assert not {"motion-dip-axes", "motion-site-dip"} & {one.code for one in reduced(path).findings}
 
 
-@pytest.mark.parametrize("method", ["static", "quaternion", "robust", "complementary"])
+@pytest.mark.parametrize("method", ["static", "quaternion", "robust"])
 def test_streams_give_the_rows_of_the_whole_run(method):
     time, seen = still(40.0) if method in ("static", "quaternion") else turning(40.0)
     run = Samples(time, 0.05, **seen)

@@ -8,7 +8,8 @@ import pytest
 from inclinometry.earth.site import Site
 from inclinometry.errors import InputError
 from inclinometry.files.run_file import open_run, writing
-from inclinometry.workflow.dynamic import DynamicOptions, dynamic_run
+from inclinometry.workflow.dynamic import dynamic_run
+from inclinometry.workflow.dynamic_methods import DynamicOptions
 from inclinometry.workflow.simulate_drilling import RUN, DrillingRequest, write_drilling
 
 HOLE = DrillingRequest("vibration-5g").chosen.hole

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import re
 
 import numpy as np
 import pytest
@@ -164,7 +165,8 @@ def test_online_a_wrong_statement_costs_the_first_station_at_most(measured):
     found = reduced(data, prior="both")
     off = wrap_signed(found.north.azimuth - run.azimuth)
     assert rms(off[1:]) < 0.3
-    assert any("1 +- 0.3 %, contradicts the readings, which fit 1.05" in w for w in found.survey.warnings)
+    said = r"1 \+- 0.3 %, contradicts the readings, which fit 1\.0[45]"
+    assert any(re.search(said, warning) for warning in found.survey.warnings)
 
 
 @pytest.mark.long
@@ -175,8 +177,10 @@ def test_online_a_first_station_where_the_scale_is_not_seen_is_honest_too(measur
     found = reduced(data, prior="previous")
     off, u = wrap_signed(found.north.azimuth - run.azimuth), found.north.u("azimuth")
     assert any("contradicts" in warning for warning in found.survey.warnings)
+    # the first station, whose rates and statement fit no azimuth, may have none
+    assert np.isfinite(off[1:]).all()
     # sixteen draws: one in 10^4 is further than four standard uncertainties
-    assert np.abs(off / u).max() < 4.0
+    assert np.nanmax(np.abs(off / u)) < 4.0
 
 
 @pytest.mark.long
@@ -193,8 +197,28 @@ def test_readings_without_noise_are_accepted_and_exact(measured):
 
 def test_without_noise_a_latitude_of_the_wrong_sign_is_still_named(measured):
     data, _ = measured(1.0, 5, noise=0.0, accel=0.0)
-    with pytest.raises(FileError, match="latitude given with the wrong sign"):
+    with pytest.raises(FileError) as caught:
         reduced(data, Site(latitude=-FAR.latitude))
+    assert caught.value.finding.code == "gyro-latitude-sign"
+
+
+@pytest.mark.parametrize(
+    "moved",
+    [lambda n: 0.97 + 0.001 * n, lambda n: 1.0 + 0.03 * np.sin(n / 6.0), lambda n: 1.0 + 0.03 * (-1.0) ** (n // 10)],
+)
+def test_a_scale_factor_that_moves_fails_no_check_and_a_wrong_latitude_still_does(measured, moved):
+    data, _ = measured(moved(np.arange(60)), 2, steep=(2.0, 60.0), heat=False, size=60)
+    assert [check.verdict for check in reduced(data).checks] == ["pass"] * 3
+    wrong = reduced(data, Site(latitude=FAR.latitude + np.radians(3.0)))
+    assert "fail" in [check.verdict for check in wrong.checks]
+
+
+@pytest.mark.parametrize("degrees", [-1.0, 1.0])
+def test_a_latitude_wrong_by_one_degree_is_named(measured, degrees):
+    data, _ = measured(1.0, 2, steep=(2.0, 60.0), heat=False, size=60)
+    assert [check.verdict for check in reduced(data).checks] == ["pass"] * 3
+    wrong = reduced(data, Site(latitude=FAR.latitude + np.radians(degrees)))
+    assert [check.verdict for check in wrong.checks if check.name == "latitude"] == ["fail"]
 
 
 @pytest.mark.long
@@ -229,8 +253,10 @@ def test_corrected_rates_are_written(measured, tmp_path, method):
         # a scale of 1e-9 in 15 deg/h
         np.testing.assert_allclose(written, true[:, place], atol=1e-6)
     assert all(row["gyro_z_corrected_deg_h"] == "" for row in rows)
-    assert any("deg/h" in note and "Noise of one reading" in note for note in found.survey.notes)
-    assert not any("Noise of one reading" in w for w in found.survey.warnings)
+    said = [one for one in found.survey.findings if one.code == "gyro-noise-estimated"]
+    assert [(one.values["kind"], one.values["unit"], one.severity) for one in said] == [
+        ("accelerometer", "m/s^2", "note"), ("gyro", "deg/h", "note"),
+    ]  # fmt: skip
 
 
 def test_a_wrong_scale_of_three_accelerometers_is_named(tmp_path):
@@ -258,5 +284,6 @@ def test_a_wrong_scale_of_three_accelerometers_is_named(tmp_path):
             letters={"accelerometer": "xyz", "gyro": "xy"},
             units={"accelerometer": "m/s^2", "gyro": "deg/h"},
         )
-        said = north_run(read_gyro_run(tmp_path / "raw.csv"), FAR).survey.warnings
-        assert any("gravity comes out +0.40 %" in w for w in said) == (factor > 1.0)
+        found = north_run(read_gyro_run(tmp_path / "raw.csv"), FAR).survey.findings
+        off = [one.values["off_percent"] for one in found if one.code == "gyro-gravity-scale"]
+        assert off == ([pytest.approx(0.4, abs=0.005)] if factor > 1.0 else [])

@@ -44,5 +44,7 @@ def test_a_scale_that_stays_one_needs_no_compensation():
     )
     # no noise and no drift: what is left is rounding and, for the joint estimate, what it does not need to correct
     assert np.nanmax(np.abs(errors[FIXED])) < 1e-9
-    assert np.max(np.abs(errors[JOINT])) < 1e-6
-    assert track.scale == pytest.approx(1.0, abs=1e-6)
+    # the noise is stated all the same, and the mean of a density that is not symmetric is not its peak: up to 0.002
+    # standard uncertainties of azimuth, 0.012 of scale
+    assert np.max(np.abs(errors[JOINT])) < 5e-6
+    assert track.scale == pytest.approx(1.0, abs=1e-5)

@@ -87,7 +87,7 @@ def test_a_declination_of_the_wrong_sign_shows_where_the_place_is_known(tmp_path
 
 def test_depths_that_look_like_feet_and_doglegs_that_look_like_typing(tmp_path):
     stands = read_position(files(tmp_path, "true", md=(0, 93, 188, 281))[0])
-    assert "name their column md_ft" in stands.warnings[0]
+    assert [one.code for one in stands.findings] == ["run-depths-feet"]
     slip = read_position(files(tmp_path, "true", inclination=(0, 10, 80, 11))[0])
     assert "deg/30 m at md 60 m (line 4)" in slip.warnings[0]
     assert read_position(files(tmp_path, "true")[0]).warnings == ()

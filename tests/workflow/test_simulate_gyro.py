@@ -13,7 +13,7 @@ from inclinometry.earth.rate import earth_rate
 from inclinometry.errors import InputError
 from inclinometry.files.gyro_csv import read_gyro_run
 from inclinometry.rotations import dcm, rotation_z
-from inclinometry.workflow.simulate_gyro import POSITIONS, GyroRunRequest, gyro_run, write_gyro, write_gyro_truth
+from inclinometry.workflow.simulate_gyro import POSITIONS, gyro_run, write_gyro, write_gyro_truth
 
 DEG_H = np.radians(1.0) / 3600.0
 QUIET = {"arw": 0.0, "accelerometer_noise": 0.0}
@@ -24,8 +24,8 @@ QUIET = {"arw": 0.0, "accelerometer_noise": 0.0}
 @pytest.mark.parametrize(("axes", "gyros"), [(2, 2), (3, 2), (2, 1)])
 def test_without_noise_the_file_holds_the_fields_turned_by_the_index(tmp_path, scheme, axes, gyros):
     latitude, bias = np.radians(-33.0), 2.5 * DEG_H
-    request = GyroRunRequest("hot", 3, scheme, latitude, bias=bias, axes=axes, gyros=gyros, **QUIET)
-    run, _ = gyro_run(request, 4)
+    turned = {"scheme": scheme, "latitude": latitude, "bias": bias, "axes": axes, "gyros": gyros}
+    run = gyro_run(4, stations=3, **turned, **QUIET)
     write_gyro(run, tmp_path / "raw.csv")
     read = read_gyro_run(tmp_path / "raw.csv")
     np.testing.assert_allclose(np.degrees(read.index), np.tile(POSITIONS[scheme], 3), atol=1e-9)
@@ -43,15 +43,15 @@ def test_every_scheme_listens_equally_long():
     """The dwell is the station's: the noise of one reading grows with the root of the number of positions."""
     noise = {}
     for scheme, positions in POSITIONS.items():
-        run, _ = gyro_run(GyroRunRequest("cool", 2, scheme, dwell=400.0), 1)
+        run = gyro_run(1, scenario="cool", stations=2, scheme=scheme, dwell=400.0)
         noise[scheme] = run.noise["gyro"] / np.sqrt(len(positions))
     # one formula, no randomness
     np.testing.assert_allclose(list(noise.values()), noise["four"], rtol=1e-12)
 
 
 def test_hot_and_cool():
-    hot, _ = gyro_run(GyroRunRequest("hot", 20), 1)
-    cool, _ = gyro_run(GyroRunRequest("cool", 20), 1)
+    hot = gyro_run(1, scenario="hot", stations=20)
+    cool = gyro_run(1, scenario="cool", stations=20)
     assert np.ptp(hot.temperature) > 90.0
     assert np.ptp(hot.scale) > 0.0
     assert set(cool.temperature.tolist()) == {20.0}
@@ -61,7 +61,7 @@ def test_hot_and_cool():
 
 def test_the_same_seed_gives_the_same_bytes_and_another_does_not(tmp_path):
     for name, seed in (("a", 1), ("b", 1), ("c", 2)):
-        run, _ = gyro_run(GyroRunRequest(stations=4), seed)
+        run = gyro_run(seed, stations=4)
         write_gyro(run, tmp_path / f"{name}.csv")
         write_gyro_truth(run, seed, tmp_path / f"{name}.json")
     for ending in ("csv", "json"):
@@ -72,24 +72,24 @@ def test_the_same_seed_gives_the_same_bytes_and_another_does_not(tmp_path):
 
 
 def test_a_spike_is_where_it_was_asked_for():
-    clean, _ = gyro_run(GyroRunRequest(stations=4), 1)
-    hit, _ = gyro_run(GyroRunRequest(stations=4, spike=(2, 1, 5.0 * DEG_H)), 1)
+    clean = gyro_run(1, stations=4)
+    hit = gyro_run(1, stations=4, spike=(2, 1, 5.0 * DEG_H))
     off = hit.gyro - clean.gyro
     assert np.argwhere(off).tolist() == [[2 * 4 + 1, 0]]
     assert off.max() == pytest.approx(5.0 * DEG_H, rel=1e-9)
     with pytest.raises(InputError, match="nowhere"):
-        gyro_run(GyroRunRequest(stations=4, spike=(4, 0, 1.0)), 1)
+        gyro_run(1, stations=4, spike=(4, 0, 1.0))
 
 
 def test_the_drift_is_that_of_the_request():
     rate = 3.0 * DEG_H / 3600.0
-    run, _ = gyro_run(GyroRunRequest(stations=3, drift=rate, arw=0.0), 1)
-    still, _ = gyro_run(GyroRunRequest(stations=3, arw=0.0), 1)
+    run = gyro_run(1, stations=3, drift=rate, arw=0.0)
+    still = gyro_run(1, stations=3, arw=0.0)
     np.testing.assert_allclose(run.gyro - still.gyro, np.outer(run.time, [rate, rate]), atol=1e-12 * EARTH_RATE)
 
 
 def test_the_truth_is_what_was_simulated(tmp_path):
-    run, _ = gyro_run(GyroRunRequest(stations=5, latitude=np.radians(60.0)), 7)
+    run = gyro_run(7, stations=5, latitude=np.radians(60.0))
     write_gyro_truth(run, 7, tmp_path / "t.json")
     truth = json.loads((tmp_path / "t.json").read_text())
     assert truth["schema"] == "inclinometry/gyro-truth"
@@ -104,8 +104,8 @@ def test_the_truth_is_what_was_simulated(tmp_path):
 
 def test_requests_that_cannot_be():
     with pytest.raises(InputError, match="scenario is 'warm'; allowed: hot, cool"):
-        GyroRunRequest("warm")
+        gyro_run(1, scenario="warm")
     with pytest.raises(InputError, match="scheme is 'six'; allowed: two, four"):
-        GyroRunRequest(scheme="six")
+        gyro_run(1, scheme="six")
     with pytest.raises(InputError, match="stations"):
-        gyro_run(GyroRunRequest(stations=1), 1)
+        gyro_run(1, stations=1)

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Final
 
 import numpy as np
 
@@ -22,22 +21,14 @@ RIDGE = 1e-2
 equations solvable where a direction is a matter of convention (heading without a magnetometer)."""
 
 
-@dataclass(frozen=True)
-class Prior:
-    """Standard deviations of what is known of any triad before it is read: angles between axes, spread of scales."""
-
-    angle: float
-    spread: float
-
-
 @dataclass(frozen=True, eq=False)
 class Shots:
     """Readings as the fit sees them. `member` is the roll set of each station, -1 for none."""
 
     kinds: Sequence[str]
-    signals: Sequence[Array]  # (K, m) each, in units of full field
-    relative: Sequence[Array]  # (K, m) each, relative standard deviations of the readings, 1 on the average
-    member: Array  # (K,)
+    signals: Sequence[Array]  #: (K, m) each, in units of full field
+    relative: Sequence[Array]  #: (K, m) each, relative standard deviations of the readings, 1 on the average
+    member: Array  #: (K,)
     sets: int
 
     @property
@@ -70,8 +61,8 @@ class Unknowns:
     tensors: Sequence[Array]
     offsets: Sequence[Array]
     dip: float
-    pointing: Array  # (S, 3)
-    attitude: Array  # (K, 3, 3)
+    pointing: Array  #: (S, 3)
+    attitude: Array  #: (K, 3, 3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +71,7 @@ class Levels:
 
     noise: tuple[float, ...]
     pointing: float
-    used: Array  # (K, kinds + 1), 1 or 0; the last column is pointing
+    used: Array  #: (K, kinds + 1), 1 or 0; the last column is pointing
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,9 +125,12 @@ def references(kinds: Sequence[str], dip: float) -> list[tuple[Array, Array]]:
 
 
 class FieldProblem:
-    """Cost, gradient and Hessian at given noise levels; the last linearisation is kept for the step back."""
+    """Cost, gradient and Hessian at given noise levels; the last linearisation is kept for the step back.
 
-    def __init__(self, shots: Shots, prior: Prior, levels: Levels) -> None:
+    `prior` of any triad before it is read: standard deviations of angles between axes, of the spread of scales.
+    """
+
+    def __init__(self, shots: Shots, prior: tuple[float, float], levels: Levels) -> None:
         self.shots, self.prior, self.levels = shots, prior, levels
         self._last: tuple[Unknowns, Linear] | None = None
 
@@ -218,6 +212,7 @@ class FieldProblem:
     def _prior_rows(self, at: Unknowns) -> list[tuple[float, Array]]:
         """Whitened value and slope of each prior: cosine between two axes (three sensors), logarithm of each scale."""
         out: list[tuple[float, Array]] = []
+        angle, spread = self.prior
         for columns, tensor in zip(self.shots.columns, at.tensors, strict=True):
             length = np.linalg.norm(tensor, axis=1)
             axes = tensor / length[:, None]
@@ -228,12 +223,12 @@ class FieldProblem:
                 for j in range(m):
                     share = (1.0 if i == j else 0.0) - 1.0 / m
                     slope[columns.start + 4 * j : columns.start + 4 * j + 3] = share * axes[j] / length[j]
-                out.append((float(logs[i] - logs.mean()) / self.prior.spread, slope / self.prior.spread))
+                out.append((float(logs[i] - logs.mean()) / spread, slope / spread))
             for i, j in ((0, 1), (0, 2), (1, 2)) if m == 3 else ():
                 cosine, slope = float(axes[i] @ axes[j]), np.zeros(self.size)
                 slope[columns.start + 4 * i : columns.start + 4 * i + 3] = (axes[j] - cosine * axes[i]) / length[i]
                 slope[columns.start + 4 * j : columns.start + 4 * j + 3] = (axes[i] - cosine * axes[j]) / length[j]
-                out.append((cosine / self.prior.angle, slope / self.prior.angle))
+                out.append((cosine / angle, slope / angle))
         return out
 
     def retract(self, at: Unknowns, step: Array) -> Unknowns:
@@ -284,30 +279,24 @@ def turned(at: Unknowns, angle: float) -> Unknowns:
     return replace(at, tensors=[n @ turn.T for n in at.tensors], attitude=turn @ at.attitude)
 
 
-NOISE: Final = 0.002
-"""Expected noise of a reading, as a share of the full field."""
-
-POINTING: Final = np.radians(0.3)
-"""Expected error of pointing a tool by hand at the same target, rad."""
-
-
 @dataclass(frozen=True, eq=False)
 class Estimate:
     """A fit with its noise levels. Columns of `square`, `free` and `weight`: each triad, then pointing."""
 
-    problem: FieldProblem  # at the information weights of the t distribution
+    problem: FieldProblem  #: at the information weights of the t distribution
     at: Unknowns
-    square: Array  # (K, g) sum of squared residuals in standard deviations, unweighted
-    free: Array  # (K, g) redundancy
-    weight: Array  # (K, g) weight of each block in the fit, 1 for a typical one, near 0 for a wild one
-    blind: tuple[str, ...]  # components whose level the shots cannot tell
+    square: Array  #: (K, g) sum of squared residuals in standard deviations, unweighted
+    free: Array  #: (K, g) redundancy
+    weight: Array  #: (K, g) weight of each block in the fit, 1 for a typical one, near 0 for a wild one
+    blind: tuple[str, ...]  #: components whose level the shots cannot tell
 
 
 def first_levels(kinds: int, member: Array) -> Levels:
     """Where the noise levels start: what is expected, everything used."""
     used = np.ones((len(member), kinds + 1))
     used[:, -1] = member >= 0
-    return Levels((NOISE,) * kinds, float(POINTING), used)
+    # noise as a share of the full field; error of pointing a tool by hand at the same target, rad
+    return Levels((0.002,) * kinds, float(np.radians(0.3)), used)
 
 
 def estimate(problem: FieldProblem, at: Unknowns, rounds: int = 100) -> Estimate:
@@ -323,7 +312,8 @@ def estimate(problem: FieldProblem, at: Unknowns, rounds: int = 100) -> Estimate
     t_freedom = 8.0
     present = problem.levels.used > 0.0
     weight = np.ones_like(problem.levels.used)
-    expected = np.array([*[NOISE] * len(problem.shots.kinds), POINTING])
+    first = first_levels(len(problem.shots.kinds), problem.shots.member)
+    expected = np.array([*first.noise, first.pointing])
     for count in range(rounds):
         at = problem.solve(at, 1e-4).estimate
         square, free = _sums(problem, at, np.where(present, weight, 1.0))

@@ -2,80 +2,40 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Final, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from inclinometry.arrays import Array, within
-from inclinometry.calibration.conventions import MisreadError, StandField, check_misread
+from inclinometry.arrays import Array, Mask, within
+from inclinometry.calibration.conventions import StandField, check_misread
+from inclinometry.calibration.decision import (
+    AGREES,
+    GUARDS,
+    Limits,
+    agreement_factor,
+    decided,
+    rayleigh,
+    refuse_unverifiable,
+)
 from inclinometry.calibration.likelihood import NUISANCE, orientation, tangent_basis
 from inclinometry.calibration.orient import BaseFit, described, fields_seen, fit_base, gravity_elsewhere, leading_kinds
 from inclinometry.calibration.plans import Plan
-from inclinometry.calibration.plausibility import refuse_own_readings, repeated_noise
+from inclinometry.calibration.plausibility import own_readings, repeated_noise
 from inclinometry.calibration.power import Effects, Power, power
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
+from inclinometry.calibration.structured import MAGNETISED
 from inclinometry.constants import ANGLES, COVERAGE_FACTOR, DIALS
-from inclinometry.errors import InclinometryError, InputError
-from inclinometry.orientation import angles, angles_jacobian, dip_angle, inclination_toolface
+from inclinometry.errors import InclinometryError, InputError, settled
+from inclinometry.orientation import angles, angles_jacobian, attitude_jacobian, dip_angle, inclination_toolface
 from inclinometry.rotations import cross_matrix, wrap_signed
 from inclinometry.sensors import field_sensitivity
 from inclinometry.tabular import Column, Tabular, check_record, degrees, draw
 
-GUARDS = ("none", "expanded-uncertainty")
-WIDE: Final = np.radians([2.0, 10.0, 10.0])
-"""Limits of inclination, azimuth and toolface, rad, beyond which a pass is reserved: a spirit level and a hand compass
-keep them, so that no inclinometer is told from one by them."""
-WIDE_FROM: Final = np.radians(30.0)
-"""Inclination from either vertical, rad, from which on they are looked at: nearer by azimuth and toolface are uncertain
-by any tool."""
 NEAR_VERTICAL = np.radians(1.0)
 """Azimuth and toolface are never judged nearer to the vertical than this, rad."""
-DERIVED: Final = (
-    "derived: what is expected of one reading of the tool by its calibration, combined with the stand's settings, "
-    "times a k with which 99 % of tools as good as that pass at all positions"
-)
-"""Where limits come from when none are given."""
-
-
-@dataclass(frozen=True, repr=False)
-class Limits(Tabular):
-    """Largest errors a verified tool may have.
-
-    name : of the preset, or the file's without its ending.
-    source : who set these figures, and where.
-    inclination, azimuth, toolface : rad; None where there is no limit.
-    min_inclination_for_azimuth : rad; nearer to the vertical azimuth and toolface are not judged.
-    guard : "none": an error within the limit passes (JCGM 106:2012, 8.2); "expanded-uncertainty": the limit is first
-        reduced by the expanded uncertainty of the comparison (8.3).
-    """
-
-    name: str
-    source: str
-    inclination: float | None
-    azimuth: float | None
-    toolface: float | None
-    min_inclination_for_azimuth: float = 0.0
-    guard: str = "none"
-
-    def __post_init__(self) -> None:
-        for name in ANGLES:
-            if getattr(self, name) is not None:
-                within(getattr(self, name), f"limit of {name}", 1e-9, np.pi, "rad")
-        within(self.min_inclination_for_azimuth, "min_inclination_for_azimuth", 0.0, np.pi / 2, "rad")
-        if self.guard not in GUARDS:
-            raise InputError(f"guard is {self.guard!r}; allowed: {', '.join(GUARDS)}")
-
-    def to_dict(self) -> dict[str, Column]:
-        """One row an angle: the largest error it may have, and the inclination from which on it is judged."""
-        limits = [getattr(self, name) for name in ANGLES]
-        return {
-            "angle": list(ANGLES),
-            "limit_deg": degrees([np.nan if limit is None else limit for limit in limits]),
-            "from_inclination_deg": degrees([0.0, *[self.min_inclination_for_azimuth] * 2]),
-        }
 
 
 @dataclass(frozen=True)
@@ -113,10 +73,13 @@ class Verification(Tabular):
 
     dials : (K, 3) azimuth, inclination, toolface as dialled, rad
     true_inclination : (K,) of the tool at each position, the rig's own tilt accounted for, rad
-    errors, u, limits : (K, 3) measured minus set, standard uncertainty, limit, in the order of `names`, rad
-    decision : (K, 3) "pass", "fail", "inconclusive", "not judged"
+    errors, u, limits : (K, 3) measured minus set, standard uncertainty, limit, in the order of `names`, rad; a limit is
+        infinite where none was agreed or nothing is judged
+    decision : (K, 3) "pass", "fail", "inconclusive", "not judged"; without limits "agrees", "does not agree"
     coverage_factor : k of the expanded uncertainty
-    verdict : "pass" or "fail"; an inconclusive position fails a guarded verification
+    verdict : "pass" or "fail"; an inconclusive position fails a guarded verification. Without limits there is no
+        conformity: "agrees" or "does not agree" with the calibration
+    limits_name, limits_source : of the agreed limits; "" without
     names : of what is judged: `ANGLES`, but of a tool without gravity's direction the angles to the fields it sees
     notes : what was taken from where, and what this verification cannot see
     power : which tools these positions find, and both risks; None on another stand than the calibration's
@@ -144,9 +107,19 @@ class Verification(Tabular):
     reservations: Sequence[str] = ()
 
     @property
+    def accepted(self) -> bool:
+        """Whether the verdict is "pass", or "agrees" where no limits were agreed."""
+        return self.verdict in ("pass", AGREES)
+
+    @property
+    def judged(self) -> Array:
+        """(K, 3) whether an error was decided on."""
+        return np.asarray(np.array(self.decision) != "not judged")
+
+    @property
     def judgement(self) -> str:
-        """The verdict, with the word that a pass is reserved."""
-        return "pass, with reservations" if self.verdict == "pass" and self.reservations else self.verdict
+        """The verdict, with the word that a pass or an agreement is reserved."""
+        return f"{self.verdict}, with reservations" if self.accepted and self.reservations else self.verdict
 
     def to_dict(self) -> dict[str, Column]:
         """One row a station: settings; of each angle the error, its standard uncertainty, limit and decision."""
@@ -162,8 +135,7 @@ class Verification(Tabular):
     def plot(self, ax: Any = None) -> Any:
         """Errors of the angles that were judged, by station, on matplotlib axes, which are returned."""
         number = np.arange(1, len(self.station) + 1)
-        judged = np.array(self.decision) != "not judged"
-        errors = np.where(judged, np.degrees(self.errors), np.nan)
+        errors = np.where(self.judged, np.degrees(self.errors), np.nan)
         lines = {name: (number, errors[:, place]) for place, name in enumerate(self.names)}
         return draw(ax, lines, "station", "measured minus set, deg", "o")
 
@@ -175,6 +147,7 @@ def verify(
     *,
     stand: OtherStand | None = None,
     second: str | None = None,
+    agreed: bool = False,
 ) -> Verification:
     """Compare a tool's angles with the rig's at positions that were not used to calibrate it.
 
@@ -187,14 +160,16 @@ def verify(
         What it can give is judged: all three angles; inclination and toolface without a second field; without
         accelerometers the direction of the one field in tool axes; of single sensors the angle to their field.
     limits : Limits, optional
-        Without limits each error is held against its own uncertainty: tool, sensor noise and rig together, so wide that
-        a tool as good as its certificate passes all positions with 99 % probability (Student's distribution where the
-        rig's standard deviations were estimated).
+        Without limits there is no conformity: it is said how many errors are within their expanded uncertainty, and
+        whether all agree with the calibration. A tool that meets its calibration agrees at all positions with a
+        probability of 99 % (Student's distribution where the rig's standard deviations were estimated).
     stand : OtherStand, optional
         Another stand than that of the calibration. What is not known of it, north or north and tilt, is found from
         these readings; only what is left is judged, with the degrees of freedom that leaves.
     second : {"magnetometer", "gyro"}, optional
         The triad that gives the azimuth; the magnetometer where there is one, else the gyro.
+    agreed : bool
+        The limits were found verifiable before the first reading (`planned`); they are not refused again.
 
     Returns
     -------
@@ -203,8 +178,9 @@ def verify(
     Raises
     ------
     InputError
-        Without rig angles, readings of another tool, those the tool was calibrated with, a stand that is not known;
-        errors far beyond any tool's that go away when the dials count in another convention, which is named
+        A limit of which the expanded uncertainty of the comparison is more than half; without rig angles, readings of
+        another tool, those the tool was calibrated with, a stand that is not known; errors far beyond any tool's that
+        go away when the dials count in another convention, which is named
         (`inclinometry.calibration.conventions.check_misread`): they are no errors of the tool.
 
     Notes
@@ -225,9 +201,9 @@ def verify(
     """
     check_record(readings, BenchReadings, "verify")
     check_record(calibration, Calibration, "verify")
-    refuse_own_readings(readings, calibration)
-    found = _verified(readings, calibration, limits, stand, second)
-    again = repeated_noise(readings, calibration) if stand is None else []
+    settled(own_readings(readings, calibration))
+    found = _verified(readings, calibration, limits, stand, second, agreed=agreed)
+    again = [str(one) for one in repeated_noise(readings, calibration)] if stand is None else []
     return replace(found, warnings=[*found.warnings, *again], reservations=[*found.reservations, *again])
 
 
@@ -237,6 +213,8 @@ def _verified(
     limits: Limits | None,
     stand: OtherStand | None = None,
     second: str | None = None,
+    *,
+    agreed: bool = False,
 ) -> Verification:
     dials = np.stack(readings.dials, axis=1)
     try:
@@ -250,102 +228,72 @@ def _verified(
     if limits is not None and names is not ANGLES:
         raise InputError(
             f"the limits {limits.name!r} are of inclination, azimuth and toolface, and a {kinds[0]} alone gives none "
-            "of them: leave the limits out, and the direction of the field in tool axes is held against its uncertainty"
+            "of them: leave the limits out to compare the direction of the field in tool axes with its uncertainty"
         )
-    misread = check_misread(readings, calibration, _stand_fields(readings, calibration, kinds, stand))
+    misread = _misread(readings, calibration, _stand_fields(readings, calibration, kinds, stand))
     where = _expected(readings, calibration, kinds, stand)
     seen = fields_seen(readings, calibration, kinds, where.fields[kinds[0]], where.gravity[0])
     measured, wanted = _angles(seen, kinds), _angles(where.fields, kinds)
     errors = wrap_signed(measured - wanted)
-    k = COVERAGE_FACTOR
-    u = np.sqrt(_variance(readings, calibration, where, where.fields))
+    parts = _effects(readings, calibration, where, where.fields)
+    u = np.sqrt(_variance(parts))
     tilt = np.sqrt(_largest_tilt(readings, calibration, where))
     inclination = wanted[:, 0]
-    steep = np.minimum(inclination, np.pi - inclination) < max(
-        limits.min_inclination_for_azimuth if limits else 0.0, NEAR_VERTICAL
-    )
-    idle = np.zeros(errors.shape, dtype=bool)
-    idle[steep, 1:] = True
-    idle[:, 1] |= len(kinds) == 1
-    if not calibration.tool.triads[kinds[0]].full:
-        # the component that is not seen is the root of what is left of g: near zero it has no linear error
-        idle |= (3.0 * u[:, 0] > np.abs(np.sum(where.fields[kinds[0]] * _unseen(calibration, kinds[0]), axis=1)))[
-            :, None
-        ]
+    idle = _idle(calibration, kinds, where, inclination, u, limits)
+    # inclinations below so many standard uncertainties are lengths of a tilt in two directions, whose error is wider
+    plumb = np.minimum(inclination, np.pi - inclination) < 10.0 * tilt
+    u[plumb, 0] = tilt[plumb] * rayleigh(COVERAGE_FACTOR) / COVERAGE_FACTOR
+    factor = COVERAGE_FACTOR
     if limits is None:
         own = stand is None or stand.setting_sd is None
         known = calibration.rig.freedom if own else np.full(3, np.inf)
-        k = _passing_factor(int(np.sum(~idle)), known)
-    # inclinations below so many standard uncertainties are lengths of a tilt in two directions
-    plumb = np.minimum(inclination, np.pi - inclination) < 10.0 * tilt
-    # by how much the error of a tilt in two directions is wider than that of one, for the coverage of k
-    from scipy.special import erfc
-
-    u[plumb, 0] = tilt[plumb] * float(np.sqrt(-2.0 * np.log(erfc(k / np.sqrt(2.0)))) / k)
-    bounds = k * u
-    if limits is not None:
-        for column, name in enumerate(ANGLES):
-            value = getattr(limits, name)
-            bounds[:, column] = np.inf if value is None else value
+        factor = agreement_factor(int(np.sum(~idle)), known)
+        bounds = factor * u
+        bounds[plumb, 0] = tilt[plumb] * rayleigh(factor)
+    else:
+        agreed_on = [getattr(limits, name) for name in ANGLES]
+        bounds = np.broadcast_to([np.inf if x is None else x for x in agreed_on], errors.shape).copy()
     bounds[idle] = np.inf
+    if limits is not None and not agreed:
+        refuse_unverifiable(limits, inclination, u, parts.by_setting, np.isfinite(bounds), where.setting_sd)
     if len(kinds) == 1:
         errors[:, 1], u[:, 1] = np.nan, np.pi / np.sqrt(3.0)
-    found = _decided(readings, calibration, limits, names, dials, inclination, errors, u, bounds, k)
+    found = _found(readings, calibration, limits, names, (dials, inclination, errors, u, bounds), factor)
     notes = [*where.notes, *misread, *_unjudged(readings, calibration, kinds)]
     if len(kinds) == 1:
         notes += _strength(readings, calibration, kinds[0], seen)
-    if stand is None and found.verdict == "fail":
+    if stand is None and not found.accepted:
         notes += _elsewhere(readings, calibration, limits, second, found)
     warnings = list(found.warnings)
-    if stand is None and any("cradle" in sentence for sentence in calibration.warnings):
+    if stand is None and MAGNETISED in calibration.shares:
         warnings.append(
             "the calibration found that the cradle of this stand is magnetised: what it does to these readings is the "
             "stand's error, not the tool's, and is not taken off; verify in another cradle"
         )
-    wide = _too_wide(found)
-    found = replace(
-        found,
-        warnings=[*warnings, *wide],
-        notes=[*notes, *_passed_wrongly(found, limits)],
-        reservations=wide,
-    )
-    return _with_power(found, readings, calibration, limits, where)
+    found = replace(found, warnings=warnings, notes=[*notes, *found.notes])
+    return _with_power(found, parts, calibration, limits, where, bounds, factor)
+
+
+def _idle(
+    calibration: Calibration, kinds: Sequence[str], where: _Where, inclination: Array, u: Array, limits: Limits | None
+) -> Mask:
+    """Which errors (K, 3) are not judged: near the vertical, of an angle that is not seen or hardly."""
+    least = max(limits.min_inclination_for_azimuth if limits else 0.0, NEAR_VERTICAL)
+    idle = np.zeros(u.shape, dtype=bool)
+    idle[np.minimum(inclination, np.pi - inclination) < least, 1:] = True
+    idle[:, 1] |= len(kinds) == 1
+    if not calibration.tool.triads[kinds[0]].full:
+        # the component that is not seen is the root of what is left of g: near zero it has no linear error
+        unseen = np.abs(np.sum(where.fields[kinds[0]] * _unseen(calibration, kinds[0]), axis=1))
+        idle |= (3.0 * u[:, 0] > unseen)[:, None]
+    return idle
 
 
 def planned(plan: Plan, calibration: Calibration, limits: Limits | None = None, *, count: int = 1) -> Verification:
     """What a verification at the positions of a plan will be worth, before any reading is taken.
 
-    Parameters
-    ----------
-    plan : Plan
-        On the stand of the calibration.
-    calibration : Calibration
-    limits : Limits, optional
-        As for `verify`.
-    count : int
-        Readings that will be averaged at each position.
-
-    Returns
-    -------
-    Verification
-        Of a tool without errors: limits and uncertainties that will hold, and `power`.
-
-    Raises
-    ------
-    InputError
-        A calibration that does not know its stand, positions that judge nothing.
-
-    Examples
-    --------
-    >>> from inclinometry.calibration import plans
-    >>> from inclinometry.calibration.joint import calibrate_joint
-    >>> from inclinometry.rotations import dcm
-    >>> p, a = plans.twelve(), {"accelerometer": [0.0, 0.0, 1.0], "magnetometer": [0.34, 0.0, 0.94]}
-    >>> signals = {kind: 2000.0 * dcm(p.azimuth, p.inclination, p.toolface) @ v for kind, v in a.items()}
-    >>> readings = BenchReadings(signals, p.azimuth, p.inclination, p.toolface)
-    >>> tool = calibrate_joint(readings, noise_sd=dict.fromkeys(a, 1.0), rig_sd=1e-3)
-    >>> planned(plans.spread(), tool).power.factor < planned(plans.six(), tool).power.factor
-    True
+    It is that of a tool without errors: limits and uncertainties that will hold, and `power`, for means of `count`
+    readings. Refused where the expanded uncertainty of the comparison will be more than half of a limit.
     """
     check_record(calibration, Calibration, "planned")
     tool, known = calibration.tool, calibration.field_directions
@@ -367,95 +315,44 @@ def planned(plan: Plan, calibration: Calibration, limits: Limits | None = None, 
 
 
 def _with_power(
-    found: Verification, readings: BenchReadings, calibration: Calibration, limits: Limits | None, where: _Where
+    found: Verification,
+    parts: Effects,
+    calibration: Calibration,
+    limits: Limits | None,
+    where: _Where,
+    bounds: Array,
+    factor: float,
 ) -> Verification:
-    """With what these positions find; a warning where limits that nobody agreed confirm little of the certificate."""
+    """With what these positions find; a warning where a pass or an agreement confirms little of the certificate."""
     # a closed form does not say how good its tool is, and another stand is known only from these readings
     if where.base is not None or not np.any(calibration.tool.covariance):
         return found
-    parts = _effects(readings, calibration, where, where.fields)
     guard = found.coverage_factor * found.u if limits is not None and limits.guard == GUARDS[1] else 0.0
-    accepted = np.where(np.isfinite(found.limits), found.limits - guard, np.inf)
+    accepted = np.where(np.isfinite(bounds), bounds - guard, np.inf)
     freedom = calibration.rig.freedom[np.isfinite(calibration.rig.freedom)]
     known = float(freedom.sum()) if freedom.size else np.inf
-    worth = power(parts, found.names, found.limits, accepted, limits is not None, known)
+    worth = power(parts, found.names, bounds, accepted, limits is not None, known)
     warnings, reserved = list(found.warnings), []
     if worth.proves_little and limits is not None:
         reserved.append(
-            f"the agreed limits are so wide that {len(found.station)} positions find with a probability of 90 % only a "
-            f"tool {worth.times} times as bad as its certificate: a pass says that the tool keeps them, not that it is "
-            "as good as its certificate"
+            f"the agreed limits are so wide that {len(found.station)} positions detect (90 %) only a tool with "
+            f"{worth.times} times its certified errors: a pass shows that the limits are kept, not that the tool meets "
+            "its certificate"
         )
     elif worth.proves_little:
         reserved.append(
-            f"{len(found.station)} positions find with a probability of 90 % only a tool {worth.times} times as bad as "
-            "its certificate: a pass proves little; take more positions, spread over the range of use, or a better "
-            "stand"
+            f"{len(found.station)} positions detect (90 %) only a tool with {worth.times} times its certified errors: "
+            "agreement proves little; take more positions, spread over the range of use, or a better stand"
         )
     warnings += reserved
     if worth.proves_little and limits is None and freedom.size and freedom.min() < 10.0:
         warnings.append(
-            f"the limits are {found.coverage_factor:.2g} standard uncertainties wide, since how well the dials "
-            f"are set was estimated with {freedom.min():.2g} degrees of freedom: state it at the calibration "
-            "(--rig-sd-deg)"
+            f"deviations agree within {factor:.2g} standard uncertainties, as the setting of the dials was estimated "
+            f"with {freedom.min():.2g} degrees of freedom: state its standard deviation at the calibration"
         )
     reserved = [*found.reservations, *reserved]
     notes = [*found.notes, *worth.sentences]
     return replace(found, power=worth, warnings=warnings, reservations=reserved, notes=notes)
-
-
-def _too_wide(found: Verification) -> list[str]:
-    """A reservation where limits are wider than any inclinometer needs, of the worst angle."""
-    away = np.minimum(found.true_inclination, np.pi - found.true_inclination)
-    judged = np.isfinite(found.limits) & (away >= min(WIDE_FROM, away.max()))[:, None]
-    if tuple(found.names) != ANGLES or not judged.any():
-        return []
-    widest = np.where(judged, found.limits, 0.0).max(axis=0)
-    worst = int(np.argmax(widest / WIDE))
-    if widest[worst] <= WIDE[worst]:
-        return []
-    size, most = np.degrees(widest[worst]), np.degrees(WIDE[worst])
-    return [
-        f"{ANGLES[worst]} is held against a limit of {size:.3g} deg, more than the {most:.0f} deg that any level or "
-        "compass keeps: a pass says nothing of this tool; look for what went wrong in its calibration, or state "
-        "narrower limits"
-    ]
-
-
-def _passed_wrongly(found: Verification, limits: Limits | None) -> list[str]:
-    """Consumer's risk of an angle that passed, in words: JCGM 106:2012, 9.3.2, errors normal."""
-    from scipy.special import ndtr
-
-    passed = np.isfinite(found.limits) & (np.array(found.decision) == "pass")
-    if limits is None or not passed.any():
-        return []
-    error, u, limit = np.abs(found.errors[passed]), found.u[passed], found.limits[passed]
-    beyond = 1.0 - (ndtr((limit - error) / u) - ndtr((-limit - error) / u))
-    return [
-        f"an angle that passed is beyond its limit with a probability of {100.0 * float(beyond.max()):.2g} % at most "
-        "(consumer's risk)"
-    ]
-
-
-def _passing_factor(judged: int, freedom: Array) -> float:
-    """The k with which a good tool passes all positions with 99 %, the dials' standard deviations being estimates.
-
-    All errors share the estimate s of sigma, s^2 / sigma^2 distributed as chi-square over its degrees of freedom, those
-    of all dials that were estimated: the chance to pass them all is the mean over it of (2 Phi(k s / sigma) - 1)^n.
-    """
-    from scipy.special import chdtri, erf, ndtri
-
-    nu, levels = freedom[np.isfinite(freedom)].sum(), (np.arange(400) + 0.5) / 400
-    size = np.sqrt(chdtri(nu, levels) / nu) if nu > 0.0 else np.ones(1)
-    low = float(ndtri(1.0 - 0.005 / max(judged, 1)))
-    if nu == 0.0:
-        return low
-    high = 10.0 * low
-    for _ in range(50):
-        middle = (low + high) / 2.0
-        enough = np.mean(erf(middle * size / np.sqrt(2.0)) ** judged) > 0.99
-        low, high = (low, middle) if enough else (middle, high)
-    return high
 
 
 def _angles(seen: Mapping[str, Array], kinds: Sequence[str]) -> Array:
@@ -468,26 +365,20 @@ def _angles(seen: Mapping[str, Array], kinds: Sequence[str]) -> Array:
 
 
 class _Where(NamedTuple):
-    """The stand at every position.
+    """The stand at every position."""
 
-    matrix : (K, 3, 3) rig to tool; by_setting (K, 3, 3, 3), by_nuisance (4, K, 3, 3) as `likelihood.orientation`.
-    directions : kind -> field in rig axes, as strong as the tool sees it; fields : kind -> (K, 3) in tool axes.
-    base : (3, 3) from north, east, down to rig axes, of another stand; None on that of the calibration.
-    turn : (3, 3) covariance of small turns of that base about north, east, down that is added to the errors'; negative
-        where the turns were fitted to the same errors.
-    gravity : in units of that at the calibration, and the sd of that: an error of |g| at the calibration cancels on its
-        own stand.
-    """
-
-    matrix: Array
-    by_setting: Array
-    by_nuisance: Array
-    directions: Mapping[str, Array]
-    fields: Mapping[str, Array]
+    matrix: Array  #: (K, 3, 3) rig to tool
+    by_setting: Array  #: (K, 3, 3, 3), as `likelihood.orientation`
+    by_nuisance: Array  #: (4, K, 3, 3), as `likelihood.orientation`
+    directions: Mapping[str, Array]  #: kind -> field in rig axes, as strong as the tool sees it
+    fields: Mapping[str, Array]  #: kind -> (K, 3) in tool axes
     setting_sd: Array
-    base: Array | None
+    base: Array | None  #: (3, 3) from north, east, down to rig axes, of another stand; None on that of the calibration
+    #: (3, 3) covariance of small turns of that base about north, east, down that is added to the errors'; negative
+    #: where the turns were fitted to the same errors
     turn: Array
     notes: Sequence[str]
+    #: in units of that at the calibration, and its sd: an error of |g| at the calibration cancels on its own stand
     gravity: tuple[float, float] = (1.0, 0.0)
 
 
@@ -500,7 +391,7 @@ def _expected(
         if not set(kinds) <= set(calibration.field_directions):
             raise InputError(
                 f"this calibration (method {calibration.method}) does not know the orientation of a rig: verify with "
-                "the orientation of the stand fitted (--stand fit) or stated (--stand level)"
+                "the orientation of the stand fitted or stated"
             )
         zeros = [calibration.rig.nuisance.get(name, (0.0, 0.0))[0] for name in NUISANCE]
         matrix, by_setting, by_nuisance = orientation(dials, np.array(zeros))
@@ -538,13 +429,13 @@ def _stand_fields(
     seen = [kind for kind in readings.channels if kind in calibration.tool.triads]
     here, down = calibration.field_directions, np.array([[0.0], [0.0], [1.0]])
     if stand is None:
-        return {kind: StandField(here[kind], np.zeros((3, 0))) for kind in seen if kind in here}
-    found = {kind: StandField(np.zeros(3), np.eye(3)) for kind in seen}
+        return {kind: (here[kind], np.zeros((3, 0))) for kind in seen if kind in here}
+    found = {kind: (np.zeros(3), np.eye(3)) for kind in seen}
     if stand.level_sd is not None and "accelerometer" in found:
-        found["accelerometer"] = StandField(np.zeros(3), down)
+        found["accelerometer"] = (np.zeros(3), down)
         if stand.north is not None and len(kinds) == 2:
             toward = np.array([[np.cos(stand.north)], [-np.sin(stand.north)], [0.0]])
-            found[kinds[1]] = StandField(np.zeros(3), np.hstack([toward, down]))
+            found[kinds[1]] = (np.zeros(3), np.hstack([toward, down]))
     return found
 
 
@@ -564,7 +455,9 @@ def _placed(
         turn[0, 0] = turn[1, 1] = level[1] ** 2
     north_of = {"magnetometer": "magnetic", "gyro": "true"}.get(kinds[-1], "")
     if kinds[0] != "accelerometer" and level is not None:
-        raise InputError(f"a level stand says nothing of the field a {kinds[0]} alone sees: verify it with --stand fit")
+        raise InputError(
+            f"a level stand says nothing of the field a {kinds[0]} alone sees: verify it with the stand fitted"
+        )
     if level is not None and (not both or stand.north is not None):
         note = f"the stand is stated to be level to {np.degrees(level[1]):.3g} deg"
         if both:
@@ -665,24 +558,28 @@ def _strength(readings: BenchReadings, calibration: Calibration, kind: str, seen
     ]
 
 
+def _misread(readings: BenchReadings, calibration: Calibration, fields: Mapping[str, StandField]) -> list[str]:
+    """What is noted of dials that may count otherwise; InputError where they do."""
+    return [str(one) for one in settled(check_misread(readings, calibration, fields))]
+
+
 def _elsewhere(
     readings: BenchReadings, calibration: Calibration, limits: Limits | None, second: str | None, here: Verification
 ) -> list[str]:
     """Whether another orientation of the stand explains a failure on what was taken for the calibration's own."""
     try:
         other = _verified(readings, calibration, limits, OtherStand(), second)
-    except MisreadError as error:
-        return [f"taken as another stand than that of the calibration, {error}"]
-    except InclinometryError:
-        return []
+    except InclinometryError as error:
+        misread = error.finding is not None and error.finding.code == "bench-dials-otherwise"
+        return [f"taken as another stand than that of the calibration: {error}"] if misread else []
     # a mere scatter of the errors is no shift, though a fit takes a little off it
     with np.errstate(invalid="ignore"):
         size, left = (np.sqrt(np.nanmean((one.errors / one.u) ** 2)) for one in (here, other))
-    if other.verdict != "pass" or size < 2.0 * left:
+    if not other.accepted or size < 2.0 * left:
         return []
     return [
-        "a shift of the stand explains it: taken as another stand these readings pass. If the stand was moved or is "
-        f"another one, verify with --stand fit or --stand level; {other.notes[0]}"
+        "a shift of the stand explains it: taken as another stand these readings are accepted. If the stand was moved "
+        f"or is another one, verify as on another stand, fitted or level; {other.notes[0]}"
     ]
 
 
@@ -698,14 +595,14 @@ def _verify_single(
     if limits is not None:
         raise InputError(
             f"the limits {limits.name!r} are of inclination, azimuth and toolface, and a single sensor gives none of "
-            "them: leave the limits out, and its angle to the field is held against its uncertainty"
+            "them: leave the limits out to compare its angle to the field with its uncertainty"
         )
     if stand is not None:
         raise InputError(
             "a single sensor does not tell where another stand stands: verify it on that of its calibration"
         )
     kinds, tool = _single(readings, calibration), calibration.tool
-    misread = check_misread(readings, calibration, _stand_fields(readings, calibration, kinds, None))
+    misread = _misread(readings, calibration, _stand_fields(readings, calibration, kinds, None))
     where = _expected(readings, calibration, kinds, None)
     size = len(readings)
     errors, u, idle = (
@@ -736,12 +633,10 @@ def _verify_single(
             f"{off[worst, 0]:+.4g} (u {signal[worst]:.2g}) at station {readings.station[worst]}"
         )
     notes.append("a single sensor gives no inclination, azimuth or toolface: judged is its angle to the field")
-    from scipy.special import ndtri
-
-    k = float(ndtri(1.0 - 0.005 / max(int(np.sum(~idle)), 1)))
-    bounds = np.where(idle, np.inf, k * u)
+    factor = agreement_factor(int(np.sum(~idle)), np.full(3, np.inf))
+    bounds = np.where(idle, np.inf, factor * u)
     dials = np.stack(readings.dials, axis=1)
-    found = _decided(readings, calibration, None, names, dials, dials[:, 1], errors, u, bounds, k)
+    found = _found(readings, calibration, None, names, (dials, dials[:, 1], errors, u, bounds), factor)
     return replace(found, notes=notes)
 
 
@@ -767,65 +662,36 @@ def _signal_variance(readings: BenchReadings, calibration: Calibration, where: _
     return np.asarray(total + np.sum((by_dial * where.setting_sd) ** 2, axis=1))
 
 
-def _decided(
+def _found(
     readings: BenchReadings,
     calibration: Calibration,
     limits: Limits | None,
     names: Sequence[str],
-    dials: Array,
-    inclination: Array,
-    errors: Array,
-    u: Array,
-    bounds: Array,
-    k: float,
+    seen: tuple[Array, Array, Array, Array, Array],
+    factor: float,
 ) -> Verification:
-    guard = k * u if limits and limits.guard == "expanded-uncertainty" else np.zeros_like(u)
-    decision = [
-        [_judge(*cell) for cell in zip(*row, strict=True)] for row in zip(np.abs(errors), bounds, guard, strict=True)
-    ]
-    verdict = "fail" if any(d in ("fail", "inconclusive") for row in decision for d in row) else "pass"
-    if all(d == "not judged" for row in decision for d in row) and limits is None:
-        raise InputError("none of these positions can be judged: take others, inclined ones")
-    # the worst position of each angle that did not pass, a word when everything did, and what was not judged
-    sentences = []
-    for column, name in enumerate(names):
-        bad = [row for row in range(len(errors)) if decision[row][column] in ("fail", "inconclusive")]
-        if bad:
-            worst = max(bad, key=lambda row: abs(errors[row, column]) / bounds[row, column])
-            sentences.append(
-                f"{name}: {len(bad)} of {len(errors)} positions not accepted; worst at station "
-                f"{readings.station[worst]}, error {np.degrees(errors[worst, column]):+.3f} deg, "
-                f"limit {np.degrees(bounds[worst, column]):.3f} deg"
-            )
-    if not sentences:
-        sentences.append("every judged angle is within its limit at every position")
-    idle = [
-        name
-        for column, name in enumerate(names)
-        if name != "-" and all(row[column] == "not judged" for row in decision)
-    ]
-    if idle:
-        sentences.append(f"not judged at any position, the verdict does not cover: {', '.join(idle)}")
+    """The result, from dials, true inclinations, errors, their standard uncertainties and bounds."""
+    dials, inclination, errors, u, bounds = seen
+    said = decided(readings.station, names, inclination, errors, u, bounds, limits, factor)
     return Verification(
         readings.station,
         dials,
         inclination,
         errors,
         u,
-        bounds,
-        decision,
-        k,
-        verdict,
-        tuple(sentences),
-        limits.name if limits else "certificate",
-        limits.source if limits else DERIVED,
+        np.full_like(bounds, np.inf) if limits is None else bounds,
+        said.decision,
+        COVERAGE_FACTOR,
+        said.verdict,
+        tuple(said.reasons),
+        limits.name if limits else "",
+        limits.source if limits else "",
         calibration.tool.name,
         {"readings": readings.digest, **{f"calibration {n}": d for n, d in calibration.inputs.items()}},
-        (
-            *_warnings(readings, calibration),
-            *_too_narrow(u * k, bounds, limits),
-        ),
+        (*_warnings(readings, calibration), *said.warnings),
         names,
+        said.notes,
+        reservations=said.reservations,
     )
 
 
@@ -844,19 +710,34 @@ def _largest_tilt(readings: BenchReadings, calibration: Calibration, where: _Whe
     lean = 1e-3
     for x, y in ((1.0, 0.0), (0.0, 1.0), (np.sqrt(0.5), np.sqrt(0.5))):
         leaning = np.stack([np.full(len(g), lean * x), np.full(len(g), lean * y), up], axis=1) * length
-        found.append(_variance(readings, calibration, where, {**where.fields, kinds[0]: leaning})[:, 0])
+        found.append(_variance(_effects(readings, calibration, where, {**where.fields, kinds[0]: leaning}))[:, 0])
     xx, yy, between = found
     middle, xy = (xx + yy) / 2.0, between - (xx + yy) / 2.0
     return np.asarray(middle + np.hypot((xx - yy) / 2.0, xy))
 
 
-def _effects(readings: BenchReadings, calibration: Calibration, where: _Where, seen: Mapping[str, Array]) -> Effects:
+def attitude_covariance(readings: BenchReadings, calibration: Calibration) -> Array:
+    """Covariance (K, 3, 3), rad^2, of the small rotation between the attitudes that readings and dials give.
+
+    In tool axes, regular at every inclination; on the stand of the calibration, of a tool with two fields.
+    """
+    where = _expected(readings, calibration, leading_kinds(readings, calibration), None)
+    return _effects(readings, calibration, where, where.fields, attitude_jacobian).total
+
+
+def _effects(
+    readings: BenchReadings,
+    calibration: Calibration,
+    where: _Where,
+    seen: Mapping[str, Array],
+    derivatives: Callable[[Array, Array], Array] = angles_jacobian,
+) -> Effects:
     """Where the errors come from at fields `seen`, (K, 3) each, in tool axes."""
     tool, directions, kinds = calibration.tool, where.directions, tuple(seen)
     first_field = seen[kinds[0]]
     # of one field alone any other serves: inclination and toolface do not hang on it, and azimuth is not judged
     other = seen[kinds[1]] if len(kinds) == 2 else np.eye(3)[np.abs(first_field).argmin(axis=-1)]
-    jacobian = angles_jacobian(first_field, other)[:, :3, : 3 * len(kinds)]
+    jacobian = derivatives(first_field, other)[:, :3, : 3 * len(kinds)]
     sensitivity = field_sensitivity(tool, kinds, jacobian, seen, readings.temperature)
     by_tool, covariance = sensitivity.by_parameter, tool.covariance
     if where.base is None:
@@ -888,35 +769,11 @@ def _effects(readings: BenchReadings, calibration: Calibration, where: _Where, s
     return Effects(design, covariance, by_tool.shape[2], by_noise, by_reading, by_dial * where.setting_sd)
 
 
-def _variance(readings: BenchReadings, calibration: Calibration, where: _Where, seen: Mapping[str, Array]) -> Array:
+def _variance(parts: Effects) -> Array:
     """Variance (K, 3) of each error: calibration, noise of these readings, random error of the rig's setting."""
-    total = _effects(readings, calibration, where, seen).variance
+    total = parts.variance
     # a fit leaves nothing of as many errors as it has angles: rounding must not make a variance of less than zero
     return np.asarray(np.where(np.isfinite(total), np.maximum(total, 1e-24), np.pi**2 / 3.0))
-
-
-def _judge(error: float, limit: float, guard: float) -> str:
-    if not np.isfinite(limit):
-        return "not judged"
-    if error > limit:
-        return "fail"
-    return "inconclusive" if error > limit - guard else "pass"
-
-
-def _too_narrow(expanded: Array, bounds: Array, limits: Limits | None) -> list[str]:
-    """A limit narrower than the comparison's own uncertainty cannot be decided, whatever the tool does."""
-    if limits is None:
-        return []
-    sentences = []
-    for column, name in enumerate(ANGLES):
-        judged = np.isfinite(bounds[:, column])
-        hopeless = int(np.sum(expanded[judged, column] > bounds[judged, column]))
-        if hopeless:
-            sentences.append(
-                f"{name}: at {hopeless} of {int(judged.sum())} positions the limit is smaller than the expanded "
-                "uncertainty of the comparison itself (calibration, noise, rig): a better rig or more readings"
-            )
-    return sentences
 
 
 def _warnings(readings: BenchReadings, calibration: Calibration) -> list[str]:

@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from inclinometry.arrays import Array, within
-from inclinometry.calibration.expected import ALL_ANGLES, expected_uncertainty
+from inclinometry.calibration.expected import ExpectedUncertainty
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
 from inclinometry.calibration.rollset import second_harmonics
 from inclinometry.calibration.variance import Fitted
-from inclinometry.constants import DIALS, SHORT_INCLINATIONS, VECTORS
+from inclinometry.constants import DIALS, SHORT_INCLINATIONS, STEPS, VECTORS
 from inclinometry.orientation import fields
 from inclinometry.sensors import angle_sensitivity
-from inclinometry.uncertainty import Budget
+from inclinometry.uncertainty import UNKNOWN
 
 UNDETECTED: Final = "errors that the readings cannot exclude"
 """The cause of what was looked for in the readings and could be there without showing."""
@@ -62,24 +61,30 @@ def parameter_causes(fitted: Fitted, readings: BenchReadings) -> tuple[dict[str,
     return {name: covariance for name, covariance in found.items() if covariance.any()}, response
 
 
-def calibration_shares(calibration: Calibration) -> dict[str, Array]:
-    """`Calibration.shares`, from its causes; nothing where it does not know them or states no uncertainty.
+def calibration_shares(calibration: Calibration, whole: ExpectedUncertainty) -> dict[str, Array]:
+    """`Calibration.shares`, from its causes and its uncertainty at `SHORT_INCLINATIONS`.
+
+    Nothing where it does not know them or states no uncertainty.
 
     Notes
     -----
     The causes are those of the fit's own variances. What is not known of these makes the stated covariance larger, all
     causes alike: a share is of the sum of the causes.
     """
-    whole = expected_uncertainty(calibration, SHORT_INCLINATIONS)
     if not calibration.causes or not whole.angles:
         return {}
-    tool, size = calibration.tool, len(SHORT_INCLINATIONS)
-    worst = whole.variance[..., :3].reshape(size, -1, 3).argmax(axis=1)  # of each inclination and angle
-    brought = {}
-    for name, covariance in calibration.causes.items():
-        own = replace(calibration, tool=replace(tool, covariance=covariance))
-        variance = expected_uncertainty(own, SHORT_INCLINATIONS).components["calibration"][..., :3]
-        brought[name] = np.take_along_axis(variance.reshape(size, -1, 3), worst[:, None], axis=1)[:, 0]
+    tool, second = calibration.tool, whole.azimuth_from
+    # of each inclination and angle (n, 3) the attitude where one reading is least certain
+    worst = whole.variance[..., :3].reshape(len(SHORT_INCLINATIONS), -1, 3).argmax(axis=1)
+    azimuth, toolface = (2.0 * np.pi * place / STEPS for place in np.unravel_index(worst, (STEPS, STEPS)))
+    g, other = fields(azimuth, np.array(SHORT_INCLINATIONS)[:, None], toolface, whole.dip)
+    seen = {"accelerometer": g} | ({} if second is None else {second: other})
+    slope = angle_sensitivity(tool, seen, np.full(worst.shape, whole.temperature), second or "magnetometer")
+    own = slope.by_parameter[:, range(3), range(3)]  # (n, 3, p)
+    brought = {name: np.einsum("nap,pq,naq->na", own, c, own) for name, c in calibration.causes.items()}
+    if tool.triads["accelerometer"].rank == 2:
+        given = np.array([True, second is not None, True])
+        brought = {name: np.where(given, np.fmin(part, UNKNOWN**2), part) for name, part in brought.items()}
     every = np.asarray(sum(brought.values()))
     every = np.where(every > 0.0, every, np.nan)
     return {name: part / every for name, part in brought.items()}
@@ -87,49 +92,13 @@ def calibration_shares(calibration: Calibration) -> dict[str, Array]:
 
 def error_budget(
     calibration: Calibration, readings: BenchReadings, inclination: ArrayLike, dip: float, *, steps: int = 12
-) -> Budget | None:
-    """Variances of the angles of one reading by cause, mean over azimuth and toolface.
+) -> dict[str, Array] | None:
+    """Variances (n, 4, 4), rad^2, of the angles of one reading by cause, mean over azimuth and toolface.
 
-    Parameters
-    ----------
-    calibration : Calibration
-        Of the joint method, as `calibrate_joint` returns it.
-    readings : BenchReadings
-        What it was made from.
-    inclination : (n,) array_like
-        rad, between 0 and pi.
-    dip : float
-        Where the tool works, rad.
-    steps : int
-        Equal steps of azimuth and of toolface.
-
-    Returns
-    -------
-    Budget
-        Components (n, 4, 4), rad^2, quantities as `expected.ALL_ANGLES`: from the calibration the converter, the noise,
-        each dial, what was assumed of the stand; of the reading itself the converter and the noise. Non-linearity is a
-        component where the roll sets show it, through calibration and reading together; it is not part of the
-        calibration's own covariance. None without accelerometer and magnetometer of three seen components, or for a
-        calibration that does not know its causes.
-
-    Notes
-    -----
-    The shares are those of the fit's own variances; the sum over the calibration's causes is its stated covariance,
-    which for estimated variances is a few per cent larger.
-
-    Examples
-    --------
-    >>> from inclinometry.rotations import dcm
-    >>> from inclinometry.calibration import plans
-    >>> from inclinometry.calibration.joint import calibrate_joint
-    >>> p, a = plans.twelve(), {"accelerometer": [0.0, 0.0, 1.0], "magnetometer": [0.34, 0.0, 0.94]}
-    >>> turn = dcm(p.azimuth, p.inclination, p.toolface)
-    >>> signals = {kind: 2000.0 * turn @ v for kind, v in a.items()}
-    >>> readings = BenchReadings(signals, p.azimuth, p.inclination, p.toolface)
-    >>> found = calibrate_joint(readings, noise_sd=dict.fromkeys(a, 1.0), rig_sd=1e-3)
-    >>> budget = error_budget(found, readings, [1.0], 1.2)
-    >>> list(budget.components)[:3]
-    ['calibration: sensor noise', 'calibration: azimuth dial', 'calibration: inclination dial']
+    Angles as `expected.ALL_ANGLES`. The shares are those of the fit's own variances: over the calibration's causes they
+    sum to its stated covariance, which for estimated variances is a few per cent larger. Non-linearity is a component
+    only where the roll sets show it; the calibration's own covariance does not hold it. None without accelerometer and
+    magnetometer of three seen components, or for a calibration that does not know its causes.
     """
     tool = calibration.tool
     if not calibration.causes or any(k not in tool.triads or not tool.triads[k].full for k in VECTORS):
@@ -163,7 +132,7 @@ def error_budget(
             law = calibration.bent.get(kind, np.zeros((len(full), 2)))
             signals.append(full * (law[:, 0] * share**2 + law[:, 1] * share**3))
         bent = np.einsum("nabim,nabm->nabi", sensitivity.by_signal, np.concatenate(signals, axis=-1))
-    elif second is not None and any("not linear" in sentence for sentence in second.sentences):
+    elif second is not None and any(one.code == "bench-roll-square" for one in second.findings):
         kept = [readings.station.index(name) for name in calibration.residuals.station]
         wrong, signals = [], []
         for kind, triad in tool.triads.items():
@@ -177,4 +146,4 @@ def error_budget(
         bent = np.asarray(angles + sensitivity.by_parameter @ moved)
     if bent is not None:
         parts["non-linearity"] = np.einsum("nabi,nabj->nij", bent, bent) / steps**2
-    return Budget(ALL_ANGLES, {name: part for name, part in parts.items() if part.any()})
+    return {name: part for name, part in parts.items() if part.any()} or None

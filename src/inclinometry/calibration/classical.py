@@ -27,46 +27,11 @@ def solve_classical(
     known_direction: ArrayLike = DOWN,
     conversion_factor: ArrayLike,
 ) -> ClosedForm:
-    """Calibrate a triad by small increments of nominal axes, the conversion factor taken from the nameplate.
+    """Calibrate a triad by small increments of nominal axes, the conversion factor k taken from the nameplate.
 
-    Parameters
-    ----------
-    signals : (..., K, m) array_like
-        Signals at the K stations; leading axes are a batch of triads.
-    azimuth, inclination, toolface : (K,) array_like
-        Rig settings, rad; any plan that determines four numbers a sensor.
-    known_direction : (3,) array_like
-        The field in rig axes as it is believed to be; down when not given.
-    conversion_factor : () or (m,) array_like
-        k of the nameplate, signal per unit field, positive: one for each sensor, or one for all.
-
-    Returns
-    -------
-    ClosedForm
-        The tensor is k (c + dc), with c the nearest axis of the tool, in either sense, and dc at right angles to it.
-
-    Raises
-    ------
-    InputError
-        Sensitive axes more than 20 degrees from any axis of the tool, wrong shapes, values not finite.
-    IdentifiabilityError
-        Settings that do not determine four numbers a sensor.
-
-    Notes
-    -----
-    Equations (4)-(9) of Rogatykh 2018. The axis c + dc is longer than 1 and changes the conversion factor, see
-    `hidden_scale_error`; an error of k itself stays in full.
-
-    Examples
-    --------
-    >>> from inclinometry.calibration import plans
-    >>> plan = plans.orthogonal()
-    >>> dials = plan.azimuth, plan.inclination, plan.toolface
-    >>> tilted = np.array([[np.cos(0.1), np.sin(0.1), 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
-    >>> truth = ClosedForm(tilted, np.zeros(3), np.array([0.0, 0.0, 1.0]))
-    >>> found = solve_classical(truth.signals(*dials), *dials, conversion_factor=1.0)
-    >>> found.tensor[0].round(6) + 0.0             # 1 along x where the truth is cos 0.1
-    array([1.      , 0.099833, 0.      ])
+    Equations (4)-(9) of Rogatykh 2018: the tensor is k (c + dc), c the nearest axis of the tool in either sense, dc at
+    right angles to it. The axis c + dc is longer than 1 and changes the conversion factor, see `hidden_scale_error`; an
+    error of k itself stays in full.
     """
     dials = three_dials(azimuth, inclination, toolface)
     values = finite(signals, "signals", (len(dials[0]), None))
@@ -98,19 +63,7 @@ def solve_classical(
 
 
 def nominal_axes(tensor: ArrayLike, most_degrees: float = 20.0) -> Array:
-    """The axis of the tool nearest to each sensitive axis, in either sense, as unit vectors (..., m, 3).
-
-    Raises
-    ------
-    InputError
-        When one is more than `most_degrees` away: small angles do not describe such a sensor.
-
-    Examples
-    --------
-    >>> nominal_axes([[0.1, -2.0, 0.0], [3.0, 0.2, 0.1]]) + 0.0
-    array([[ 0., -1.,  0.],
-           [ 1.,  0.,  0.]])
-    """
+    """The axis of the tool nearest to each sensitive axis, in either sense, as unit vectors (..., m, 3)."""
     n = finite(tensor, "tensor", (None, 3))
     place = np.argmax(np.abs(n), axis=-1)[..., None]
     nominal = np.zeros_like(n)
@@ -131,14 +84,7 @@ def nominal_axes(tensor: ArrayLike, most_degrees: float = 20.0) -> Array:
 def hidden_scale_error(form: ClosedForm) -> Array:
     """What the small-angle method adds to each conversion factor unseen, (..., m), in the unit of the signals.
 
-    Notes
-    -----
     Equation (9): dk = k (sqrt(1 + d1^2 + d2^2) - 1), with d1, d2 the components of dc.
-
-    Examples
-    --------
-    >>> hidden_scale_error(ClosedForm(np.array([[2.0, 0.1, -0.1]]), np.zeros(1), np.array([0.0, 0.0, 1.0]))).round(6)
-    array([0.004994])
     """
     k = np.abs(form.tensor).max(axis=-1)
     return np.asarray(np.linalg.norm(form.tensor, axis=-1) - k)

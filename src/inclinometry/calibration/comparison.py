@@ -14,13 +14,16 @@ from inclinometry.constants import DIP, FIELD_UNITS, INCLINATIONS, KIND_PREFIX, 
 from inclinometry.errors import InputError
 from inclinometry.orientation import angles, fields, inclination_toolface
 from inclinometry.rotations import wrap_signed
-from inclinometry.sensors import Tool
+from inclinometry.sensors import Tool, in_field_of, relative_scales, strength_ratio
 from inclinometry.tabular import Column, Tabular, axes
 
 
 @dataclass(frozen=True)
 class Coefficient:
-    """One coefficient of one sensor in both calibrations: K, bias (both in signal units) or a direction cosine."""
+    """One coefficient of one sensor in both calibrations: K, bias (in signal units) or a direction cosine.
+
+    Where the strength of the field is not stated in one of the two, K is relative to the mean of its triad, in %.
+    """
 
     kind: str
     sensor: int
@@ -47,24 +50,18 @@ class Coefficient:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class TwoCalibrations(Tabular):
-    """Two calibrations of one tool.
+    """Two calibrations of one tool."""
 
-    names : what they are called in tables.
-    calibrations : the two.
-    inclination : (n,) rad.
-    uncertainty : two arrays (n, 4), from the calibration alone at the worst attitude, rad, as `expected.ALL_ANGLES`.
-    difference : (n, 3) rms over azimuth and toolface of inclination, azimuth, toolface that the second gives for
-        signals of the first less those it stands for, rad; NaN where one of them has no such angle.
-    error : two arrays (n, 3), rms errors against a known truth, rad; none without.
-    """
-
-    names: tuple[str, str]
+    names: tuple[str, str]  #: what they are called in tables
     calibrations: tuple[Calibration, Calibration]
     coefficients: Sequence[Coefficient]
-    inclination: Array
+    inclination: Array  #: (n,) rad
+    #: two arrays (n, 4), from the calibration alone at the worst attitude, rad, as `expected.ALL_ANGLES`
     uncertainty: tuple[Array, Array]
+    #: (n, 3) rms over azimuth and toolface of inclination, azimuth, toolface that the second gives for signals of the
+    #: first, less the true ones, rad; NaN where one of them has no such angle
     difference: Array
-    error: tuple[Array, Array] | None
+    error: tuple[Array, Array] | None  #: two arrays (n, 3), rms errors against a known truth, rad; None without
 
     def to_dict(self) -> dict[str, Column]:
         """One row a coefficient of a sensor: both values, their difference and its standard uncertainty."""
@@ -86,38 +83,17 @@ def compare_calibrations(
 ) -> TwoCalibrations:
     """Two calibrations of one tool, coefficient by coefficient and angle by angle.
 
-    Parameters
-    ----------
-    first, second : Calibration
-        Of one tool; taken to be independent: the uncertainty of a difference is the root of the sum of squares.
-    names : two str
-        What they are called in tables.
-    truth : Tool, optional
-        The tool behind simulated readings: adds the actual errors.
-
-    Raises
-    ------
-    InputError
-        Calibrations that cannot be of one tool.
-
-    Examples
-    --------
-    >>> from inclinometry.calibration.result import Residuals, Rig
-    >>> from inclinometry.sensors import Triad
-    >>> def calibrated(scale):
-    ...     triads = {"accelerometer": Triad("accelerometer", scale * np.eye(3), np.zeros(3))}
-    ...     tool = Tool("1", triads, 1e-4 * np.eye(12))
-    ...     return Calibration(tool, "joint", {}, {}, (), np.zeros((0, 0)), Rig(np.zeros(3)), Residuals((), {}, {}, ()))
-    >>> found = compare_calibrations(calibrated(1.0), calibrated(1.1))
-    >>> found.coefficients[0].name, round(found.coefficients[0].sigmas, 2)
-    ('K', 7.07)
+    They are taken to be independent: the uncertainty of a difference is the root of the sum of squares. The tool behind
+    simulated readings, `truth`, adds the actual errors.
     """
     _refuse_unlike(first.tool, second.tool)
     inclination = np.array(INCLINATIONS)
+    # two methods on the same readings have seen one field, whatever its strength
+    same = bool(first.inputs) and first.inputs == second.inputs
     return TwoCalibrations(
         names,
         (first, second),
-        [row for kind in first.tool.triads for row in _coefficients(kind, first.tool, second.tool)],
+        [row for kind in first.tool.triads for row in _coefficients(kind, first.tool, second.tool, same_field=same)],
         inclination,
         (
             expected_uncertainty(first, inclination).from_calibration,
@@ -149,14 +125,21 @@ def _refuse_unlike(first: Tool, second: Tool) -> None:
             )
 
 
-def _coefficients(kind: str, first: Tool, second: Tool) -> list[Coefficient]:
+def _coefficients(kind: str, first: Tool, second: Tool, *, same_field: bool) -> list[Coefficient]:
     """K, bias and cosines of every sensor at each calibration's reference temperature."""
-    # the field of the two stands may differ in strength; where both know it K is that of the sensor alone
-    known = [s for s in (tool.triads[kind].field_strength for tool in (first, second)) if s is not None]
-    per = known if len(known) == 2 else [1.0, 1.0]
-    found, spread = zip(*(_classical(tool, kind, s) for tool, s in zip((first, second), per, strict=True)), strict=True)
     unit = first.triads[kind].unit
-    of_k = f"{unit} per {FIELD_UNITS[kind]}" if per is known else f"{unit} per field of the stand"
+    strength = second.triads[kind].field_strength
+    unknown: tuple[str, ...] = ()
+    if same_field:
+        strength = strength or first.triads[kind].field_strength
+    else:
+        first, unknown = in_field_of(first, second)
+    relative = kind in unknown
+    found, spread = zip(
+        *(_classical(tool, kind, strength or 1.0, relative=relative) for tool in (first, second)), strict=True
+    )
+    known = f"{unit} per field of the stand" if strength is None else f"{unit} per {FIELD_UNITS[kind]}"
+    of_k = "% of the mean" if relative else known
     axes = ("x", "y", "z")
     columns = [("K", of_k), *((f"cos {axis}", "") for axis in axes), ("bias", unit)]
     return [
@@ -173,8 +156,11 @@ def _coefficients(kind: str, first: Tool, second: Tool) -> list[Coefficient]:
     ]
 
 
-def _classical(tool: Tool, kind: str, strength: float) -> tuple[Array, Array]:
-    """(m, 5) K = |n| / strength, the cosines n / |n|, the offset; and their standard uncertainties."""
+def _classical(tool: Tool, kind: str, strength: float, *, relative: bool) -> tuple[Array, Array]:
+    """(m, 5) K = |n| / strength, the cosines n / |n|, the offset; and their standard uncertainties.
+
+    K in % of the mean of the triad where it is `relative`.
+    """
     triad = tool.triads[kind]
     n, offset = triad.tensor[0], triad.offset[0]
     k = np.linalg.norm(n, axis=1)
@@ -189,6 +175,8 @@ def _classical(tool: Tool, kind: str, strength: float) -> tuple[Array, Array]:
         jacobian[4, 3] = 1.0
         own = block[4 * s : 4 * s + 4, 4 * s : 4 * s + 4]
         spread[s] = np.sqrt(np.diagonal(jacobian @ own @ jacobian.T))
+    if relative:
+        values[:, 0], spread[:, 0] = relative_scales(tool, kind)
     return values, spread
 
 
@@ -213,7 +201,8 @@ def angle_differences(tool: Tool, other: Calibration, inclination: Array) -> Arr
         own, theirs = tool.triads[kind], other.tool.triads[kind]
         signals = theirs.signals(field, np.full(grid[0].shape, theirs.reference_temperature))
         at = np.full(grid[0].shape, own.reference_temperature)
-        seen.append(own.field(signals, at) if own.full else own.field_of_length(signals, field, at)[0])
+        length = strength_ratio(own, theirs) or 1.0
+        seen.append(own.field(signals, at) if own.full else own.field_of_length(signals, field, at, length)[0])
     if len(seen) == 2:
         both = angles(*seen)
         read = {0: both.inclination, 1: both.azimuth, 2: both.toolface}

@@ -7,16 +7,23 @@ With C(A, I, T) = R_z(T) R_y(I) R_z(A) and M = diag(1, -1, 1)
 
 so two reversed dials fit perfectly, with tensors seen in a mirror or turned by 180 deg, and one or three do not fit:
 the sixteen ways in which three dials may count, inclination from the horizontal among them, are four classes by fit.
+
+A rig that is upside down turns its fields by R_x(180), and C(A, I, T) R_x(180) = C(-A, 180 - I, T + 180). A reading is
+N C a: tensors N and fields a of both signs give the same, and g.b = sin(dip) and g.w = -sin(latitude) do not change
+where all fields turn round together. So from readings and dip alone an upside-down rig cannot be told from a tool with
+all channels of all triads reversed: only which way gravity points in rig axes does, that is whether the tool points up
+or down where the inclination dial says 0.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence, Set
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, replace
 from itertools import combinations, permutations, product
 from typing import Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from inclinometry.arrays import Array
 from inclinometry.calibration.likelihood import NUISANCE, Model, State, orientation
@@ -24,39 +31,34 @@ from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
 from inclinometry.calibration.start import FIELD_ANGLE, handedness, linear_start, nearest_axes
 from inclinometry.errors import InputError
+from inclinometry.findings import Finding, Severity, Value, refused_if
 from inclinometry.orientation import dip_angle
 from inclinometry.rotations import dcm
 
 InclinationFrom: TypeAlias = Literal["vertical", "other-end", "horizontal", "horizontal-up"]
 Counts: TypeAlias = Literal["clockwise", "counterclockwise"]
+Base: TypeAlias = Literal["upright", "inverted"]
 
 MOST_NOISE = 0.15
 """Share of the field beyond which what a fit leaves is no noise: 5 % of noise and a rig good to 3 deg leave 0.07."""
-MUCH_NOISE = 0.03
-"""The same from which it is warned of: dials good to 1 deg leave 0.02."""
 
 
 @dataclass(frozen=True)
 class Dials:
-    """How the dials of a stand count.
+    """How the dials of a stand count."""
 
-    inclination_from : "vertical" (0 with the tool's end down: the native convention), "other-end" (180 there),
-        "horizontal" (90 with the end down, positive below the horizon), "horizontal-up" (-90 there).
-    azimuth_counts, toolface_counts : "clockwise" seen from above and looking down hole, or "counterclockwise".
-
-    Examples
-    --------
-    >>> [round(np.degrees(x)) for x in Dials("horizontal", toolface_counts="counterclockwise").settings(1.0, 0.0, -1.0)]
-    [57, 90, 57]
-    """
-
+    #: "vertical" (0 with the tool's end down: the native convention), "other-end" (180 there), "horizontal" (90 with
+    #: the end down, positive below the horizon), "horizontal-up" (-90 there)
     inclination_from: InclinationFrom = "vertical"
-    azimuth_counts: Counts = "clockwise"
-    toolface_counts: Counts = "clockwise"
+    azimuth_counts: Counts = "clockwise"  #: seen from above
+    toolface_counts: Counts = "clockwise"  #: seen looking down hole
+    #: "inverted" where the rig is upside down: dials counted as said belong to the rig turned by 180 deg about its
+    #: azimuth 0
+    base: Base = "upright"
 
     def __post_init__(self) -> None:
         for name, allowed in (("inclination_from", InclinationFrom), ("azimuth_counts", Counts),
-                              ("toolface_counts", Counts)):  # fmt: skip
+                              ("toolface_counts", Counts), ("base", Base)):  # fmt: skip
             if getattr(self, name) not in get_args(allowed):
                 raise InputError(f"{name} is {getattr(self, name)!r}; allowed: {', '.join(get_args(allowed))}")
 
@@ -72,6 +74,8 @@ class Dials:
             -dial if counts == "counterclockwise" else dial
             for dial, counts in ((azimuth, self.azimuth_counts), (toolface, self.toolface_counts))
         )
+        if self.base == "inverted":
+            return -azimuth, np.pi - from_vertical, toolface + np.pi
         return azimuth, from_vertical, toolface
 
     def shown(self, azimuth: Array, inclination: Array, toolface: Array) -> tuple[Array, Array, Array]:
@@ -82,7 +86,9 @@ class Dials:
         >>> [round(np.degrees(x)) for x in Dials("horizontal-up", "counterclockwise").shown(1.0, 0.0, -1.0)]
         [-57, -90, -57]
         """
-        azimuth, dialled, toolface = self.settings(azimuth, inclination, toolface)
+        if self.base == "inverted":
+            azimuth, inclination, toolface = -azimuth, np.pi - inclination, toolface - np.pi
+        azimuth, dialled, toolface = replace(self, base="upright").settings(azimuth, inclination, toolface)
         # the one conversion that is not its own inverse
         return azimuth, inclination - np.pi / 2.0 if self.inclination_from == "horizontal-up" else dialled, toolface
 
@@ -91,23 +97,44 @@ class Dials:
         if self == USUAL:
             return readings
         azimuth, inclination, toolface = self.settings(*readings.dials)
-        note = f"the dials were read as stated, {self.words()}, and converted"
+        note = f"the dials were read as stated ({self.way}) and converted"
         return replace(
             readings,
             azimuth=azimuth,
             inclination=inclination,
             toolface=toolface,
             notes=(*readings.notes, note),
-            counted=(self.inclination_from, self.azimuth_counts, self.toolface_counts),
+            counted=tuple(vars(self).values()),
         )
 
-    def words(self) -> str:
-        """The options that state it."""
-        names = ("inclination_from", "azimuth_counts", "toolface_counts")
-        options = [
-            f"--{n.replace('_', '-')} {getattr(self, n)}" for n in names if getattr(self, n) != getattr(USUAL, n)
-        ]
-        return " ".join(options) or "dials as usual"
+    @property
+    def way(self) -> Finding:
+        """How they count, as part of a sentence.
+
+        Examples
+        --------
+        >>> str(Dials("other-end", toolface_counts="counterclockwise").way)
+        'inclination from the other end and toolface counterclockwise'
+        """
+        said = {
+            "other-end": "inclination from the other end",
+            "horizontal": "inclination from the horizontal",
+            "horizontal-up": "inclination upwards from the horizontal",
+        }
+        odd = [] if self.inclination_from == "vertical" else [said[self.inclination_from]]
+        odd += ["azimuth counterclockwise"] * (self.azimuth_counts == "counterclockwise")
+        odd += ["toolface counterclockwise"] * (self.toolface_counts == "counterclockwise")
+        odd += ["rig upside down"] * (self.base == "inverted")
+        return Finding("bench-way", {"counts": tuple(odd) or ("as usual",)})
+
+    @property
+    def changes(self) -> int:
+        """How much is otherwise than usual: of the three dials and the base."""
+        return sum(own != usual for own, usual in zip(astuple(self), astuple(USUAL), strict=True))
+
+    def counting(self, way: Dials) -> Dials:
+        """Dials that count in another way, on this base."""
+        return replace(way, base=self.base)
 
 
 USUAL = Dials()
@@ -115,9 +142,9 @@ USUAL = Dials()
 
 WAYS = sorted(
     (Dials(*way) for way in product(get_args(InclinationFrom), get_args(Counts), get_args(Counts))),
-    key=lambda way: way.words().count("--"),
+    key=lambda way: way.changes,
 )
-"""All sixteen, fewest changes first."""
+"""All sixteen of an upright rig, fewest changes first."""
 
 
 def _class(way: Dials) -> tuple[bool, bool]:
@@ -130,54 +157,23 @@ def _class(way: Dials) -> tuple[bool, bool]:
     return way.inclination_from.startswith("horizontal"), sum(reversed_) % 2 == 1
 
 
-_CLASSES = {key: [way for way in WAYS if _class(way) == key] for key in product((False, True), repeat=2)}
+def _alike(key: tuple[bool, bool]) -> list[Dials]:
+    """The conventions of a class."""
+    return [way for way in WAYS if _class(way) == key]
 
 
 def stated_dials(readings: BenchReadings) -> tuple[Dials, tuple[Array, Array, Array]]:
     """How the dials were stated to count, and what they themselves said, rad."""
-    stated = Dials(*readings.counted) if readings.counted else USUAL  # type: ignore[arg-type]
+    stated = Dials(*readings.counted)  # type: ignore[arg-type]
     return stated, stated.shown(*readings.dials)
 
 
-def check_dials(readings: BenchReadings, *, left_handed: bool = False) -> list[str]:
-    """Refuse dials that count in another convention than was said, as far as a fit tells.
+def check_dials(readings: BenchReadings, *, left_handed: bool = False) -> list[Finding]:
+    """Conventions of the dials that fit better than the stated one beyond chance; refused from twice as good on.
 
-    Parameters
-    ----------
-    readings : BenchReadings
-        With dials, and enough stations for a fit.
-    left_handed : bool
-        The tool's channels are left-handed, so that this says nothing of the dials.
-
-    Returns
-    -------
-    list of warnings
-        What fits better, but not so much that it is certain.
-
-    Raises
-    ------
-    InputError
-        Another convention fits more than twice as well beyond all chance; the message names the option that states it.
-
-    Notes
-    -----
     For each class of conventions every triad is fitted as the joint fit is started, with trusted dials; the likelihood
-    ratio is that of normal noise of unknown size in each triad. For readings that are right it costs two linear fits,
-    about a millisecond.
-
-    Examples
-    --------
-    >>> from inclinometry.calibration import plans
-    >>> p = plans.twelve()
-    >>> a, b = [0.0, 0.0, 1.0], [0.5, 0.0, 0.866]
-    >>> turns = dcm(p.azimuth, p.inclination, p.toolface)
-    >>> signals = {"accelerometer": turns @ a, "magnetometer": turns @ b}
-    >>> check_dials(BenchReadings(signals, p.azimuth, p.inclination, p.toolface))
-    []
-    >>> check_dials(BenchReadings(signals, p.azimuth, p.inclination, -p.toolface)) # doctest: +ELLIPSIS
-    Traceback (most recent call last):
-    ...
-    inclinometry.errors.InputError: the dials seem to count in another way: with --toolface-counts ...
+    ratio is that of normal noise of unknown size in each triad. Left-handed channels make this say nothing of the
+    dials. For readings that are right it costs two linear fits, about a millisecond.
     """
     # each channel in units of the field as far as its readings show it: a triad's channels may differ a thousandfold
     signals = {}
@@ -188,43 +184,40 @@ def check_dials(readings: BenchReadings, *, left_handed: bool = False) -> list[s
     level, odd = _class(stated)
     own = _left(signals, readings.dials)
     shares = {kind: float(np.sqrt(left / signals[kind].size)) for kind, left in own.items()}
-    keys = [(level, not odd)] if _spans(readings.dials) else []  # else a reversed dial is a mirror image and no more
+    keys = [(level, not odd)] if spans(readings.dials) else []  # else a reversed dial is a mirror image and no more
     # share of the field from which inclination from the horizontal, which leaves 0.3, is tried
     if max(shares.values()) > 0.05:
         keys += [(not level, False), (not level, True)]
     best: tuple[float, float, str, tuple[bool, bool]] | None = None
     for key in keys:
-        better, times, worst = _compare(signals, own, _left(signals, _CLASSES[key][0].settings(*dials)))
+        other = stated.counting(_alike(key)[0])
+        better, times, worst = _compare(signals, own, _left(signals, other.settings(*dials)))
         if best is None or better > best[0]:
             best = better, times, worst, key
     if best is None or best[0] < 25.0:  # log-likelihood ratio beyond which another convention fits better
         return []
     _, times, kind, key = best
-    ways = _CLASSES[key]
-    if not _spans(ways[0].settings(*dials)):
-        ways = _CLASSES[key[0], False] + _CLASSES[key[0], True]
+    ways = _alike(key)
+    if not spans(ways[0].settings(*dials)):
+        ways = _alike((key[0], False)) + _alike((key[0], True))
+    ways = [stated.counting(way) for way in ways]
     if np.ptp(dials[0]) == 0.0:
         ways = [way for way in ways if way.azimuth_counts == stated.azimuth_counts]
     likely, others = _single_out(readings, dials, ways, left_handed=left_handed)
-    alike = f" The readings alone cannot tell it from {'; or '.join(w.words() for w in others)}." if others else ""
-    left = f"as given they leave {100.0 * shares[kind]:.2g} % of the field unexplained in the {kind}"
-    if times < 2.0:  # and how many times smaller what it leaves must be for a refusal
-        return [f"the readings fit {times:.1f} times better with {likely.words()} ({left}): do the dials count so?"]
-    raise InputError(
-        f"the dials seem to count in another way: with {likely.words()} the readings fit {figure(times)} times better "
-        f"({left}). State it, or put the column right.{alike}"
-    )
+    # how many times smaller what it leaves must be for a refusal
+    return [_otherwise([likely, *others], times, kind, shares[kind], refused_if(times >= 2.0))]
 
 
-def _spans(settings: Sequence[Array] | Array) -> bool:
+def _otherwise(ways: Sequence[Dials], times: float, kind: str, share: float, severity: Severity) -> Finding:
+    said = tuple(way.way for way in ways)
+    values: dict[str, Value] = {"ways": said, "times": times, "kind": kind, "left_percent": 100.0 * share}
+    return Finding("bench-dials-otherwise", values, severity=severity)
+
+
+def spans(settings: Sequence[Array] | Array) -> bool:
     """Whether settings determine all nine products of a sensor's vector and a field's direction, and the offset."""
     matrix = dcm(*settings)
     return bool(np.linalg.matrix_rank(np.column_stack([matrix.reshape(-1, 9), np.ones(len(matrix))]), 1e-6) == 10)
-
-
-def figure(times: float) -> str:
-    """How many times, in as many digits as mean something."""
-    return f"{times:.2g}" if times < 99.5 else f"{float(f'{times:.1g}'):.0f}"
 
 
 def _left(signals: Mapping[str, Array], settings: Sequence[Array]) -> dict[str, float]:
@@ -234,19 +227,26 @@ def _left(signals: Mapping[str, Array], settings: Sequence[Array]) -> dict[str, 
     return {kind: linear_start(kind, matrix, ones, values)[2] for kind, values in signals.items()}
 
 
+def log_ratio(values: Array, own: ArrayLike, left: ArrayLike) -> Array:
+    """Log-likelihood ratio of the sums of squares `left` and `own` of a triad's fit, its noise of unknown size."""
+    freedom = max(values.size - 4 * values.shape[1] - 2, 1)
+    return np.asarray(0.5 * freedom * np.log(left_ratio(values, own, left)))
+
+
+def left_ratio(values: Array, own: ArrayLike, left: ArrayLike) -> Array:
+    """Of these sums of squares; what is below a share of 1e-6 of the field is rounding."""
+    least = values.size * 1e-6**2
+    return (np.asarray(own) + least) / (np.asarray(left) + least)
+
+
 def _compare(
     signals: Mapping[str, Array], own: Mapping[str, float], other: Mapping[str, float]
 ) -> tuple[float, float, str]:
     """Log-likelihood ratio of other settings to the given ones, and how many times better the worst triad fits."""
-    better, times, worst = 0.0, 0.0, ""
-    for kind, values in signals.items():
-        freedom = max(values.size - 4 * values.shape[1] - 2, 1)
-        least = values.size * 1e-6**2  # share of the field below which a residual is rounding
-        ratio = (own[kind] + least) / (other[kind] + least)
-        better += 0.5 * freedom * float(np.log(ratio))
-        if np.sqrt(ratio) > times:
-            times, worst = float(np.sqrt(ratio)), kind
-    return better, times, worst
+    better = sum(float(log_ratio(values, own[kind], other[kind])) for kind, values in signals.items())
+    times = {kind: float(np.sqrt(left_ratio(values, own[kind], other[kind]))) for kind, values in signals.items()}
+    worst = max(times, key=lambda kind: times[kind])
+    return better, times[worst], worst
 
 
 def _single_out(
@@ -285,29 +285,13 @@ def _single_out(
     return ways[best], others
 
 
-def check_noise(model: Model, state: State, residual: Array, freedom: int) -> list[str]:
-    """Refuse a fit whose residuals are a large share of the field, warn of one that leaves several per cent.
+def check_noise(model: Model, state: State, residual: Array, freedom: int) -> list[Finding]:
+    """A fit whose residuals (K, M) are a large share of the field, refused above 15 %.
 
-    Parameters
-    ----------
-    model, state : Model, State
-        As fitted, outliers left out.
-    residual : (K, M)
-        Model minus reading at the settings as dialled.
-    freedom : int
-        Readings minus parameters.
-
-    Returns
-    -------
-    list of warnings
-        Of a gyro none: its noise may be as large as the Earth's rate.
-
-    Raises
-    ------
-    InputError
-        More than 15 % of the field is left in a triad, the median over its channels.
+    Said of triads that leave 3 % or more, the median over their channels; of a gyro, whose noise may be as large as the
+    Earth's rate, only what is refused. `freedom`: readings minus parameters.
     """
-    said: list[str] = []
+    said: list[Finding] = []
     first, counted = 0, min(residual.size / max(freedom, 1), 4.0)
     for kind, values in model.signals.items():
         block = residual[:, first : first + values.shape[1]]
@@ -317,53 +301,22 @@ def check_noise(model: Model, state: State, residual: Array, freedom: int) -> li
         if not live.any():
             continue
         share = float(np.median(np.sqrt(np.mean(block[:, live] ** 2, axis=0) * counted) / strength[live]))
-        if share > MOST_NOISE:
-            raise InputError(
-                f"the fit leaves {100.0 * share:.0f} % of the field unexplained in the {kind} (allowed "
-                f"{100.0 * MOST_NOISE:.0f} %): the dials and the readings do not belong together in any convention "
-                "tried; check the order of the stations, the zero of the inclination dial, the names of the columns, "
-                "and that the tool was still and no iron near"
-            )
-        if share > MUCH_NOISE and kind != "gyro":
-            said.append(
-                f"the fit leaves {100.0 * share:.2g} % of the field unexplained in the {kind} (dials good to 1 deg "
-                "leave 2 %): look for a misread dial, exchanged rows, a gain that changed or iron near by, and take "
-                "the run again"
-            )
+        # warned of from 0.03 on: dials good to 1 deg leave 0.02
+        if share > MOST_NOISE or (share > 0.03 and kind != "gyro"):
+            facts: dict[str, Value] = {"kind": kind, "left_percent": 100.0 * share}
+            said.append(Finding("bench-fit-poor", facts, severity=refused_if(share > MOST_NOISE)))
     return said
 
 
 def check_axes(
     state: State, stated: Set[str] = frozenset(), *, left_handed: bool = False, assumed: bool = False
-) -> list[str]:
-    """Refuse a tool whose channels along its own axes are left-handed, as two reversed dials would make it.
+) -> list[Finding]:
+    """Tools whose channels are left-handed or run against its axes, as two reversed dials would make them.
 
-    Parameters
-    ----------
-    state : State
-        As fitted, signs decided.
-    stated : set of str
-        What is stated of the stand: "north", "dip", "latitude".
-    left_handed : bool
-        It is stated that the channels are so.
-    assumed : bool
-        The sign of a field was, so that no handedness tells anything.
-
-    Returns
-    -------
-    list of warnings
-        What two reversed dials may have caused and nothing that is stated excludes: skewed triads, left-handed ones
-        among them, more than three channels, and channels that run against the tool's axes.
-
-    Raises
-    ------
-    InputError
-        Three channels within 25 deg of the tool's axes each, left-handed, and that is not stated.
-
-    Notes
-    -----
-    A left-handed accelerometer is a right-handed one that reads specific force. It is taken for one where a
-    magnetometer or gyro beside it is right-handed, or where all three channels are reversed; else it is not known.
+    Refused: three channels within 25 deg of the tool's axes each, left-handed, and that is not stated. A left-handed
+    accelerometer is a right-handed one that reads specific force: it is taken for one where a magnetometer or gyro
+    beside it is right-handed, or where all three channels are reversed; else it is not known. Where the sign of a field
+    was `assumed` no handedness says anything. `stated`: "north", "dip", "latitude".
     """
     axes = {kind: nearest_axes(c[0, :, :3]) for kind, c in state.coefficients.items()}
     volume = {kind: handedness(c[0, :, :3]) for kind, c in state.coefficients.items()}
@@ -377,81 +330,99 @@ def check_axes(
         and not (kind == "accelerometer" and (settled or (near is not None and near.sum() == -3.0)))
     ]
     if any(axes[kind] is not None for kind in wrong):
-        # reversed dials turn all triads; an accelerometer that stands right beside them is not turned
-        gravity = axes.get("accelerometer")
-        every = set(volume) - set(wrong) <= {"accelerometer"} and (
-            "accelerometer" in wrong or gravity is None or float(np.trace(gravity)) != 3.0
-        )
-        signs = " and ".join(_other_sign(state, kind) for kind in wrong if FIELD_ANGLE.get(kind) in stated)
-        raise InputError(
-            f"left-handed: the channels of the {' and the '.join(wrong)}. "
-            + (f"Either two dials count the other way ({_mirror(axes).words()}), or a" if every else "A")
-            + " channel is reversed or two are exchanged: put the columns right. "
-            + (f"Or the sign of what is stated is wrong: {signs}. " if signs else "")
-            + "The readings fit as well either way, but azimuths would be mirrored or half a turn off; --left-handed "
-            "states that the channels are so"
-        )
-    warnings = [
-        f"left-handed: the channels of the {kind}, which do not lie along the tool's axes. One is reversed, or two are "
-        f"exchanged, or azimuth and toolface both count the other way ({_MIRROR.words()})"
-        for kind in wrong
-    ]
+        return [_left_handed(state, axes, wrong, stated)]
+    either = (Finding("bench-cause-channel"), Finding("bench-cause-dials", {"way": _MIRROR.way}))
+    found = [Finding("bench-left-handed", {"kinds": (kind,), "causes": either}) for kind in wrong]
+    force = axes.get("accelerometer")
+    if assumed and not left_handed and force is not None and force.sum() == -3.0:
+        found.append(Finding("bench-force-or-inverted"))
     # the handedness of a field whose sign was assumed shows nothing: an accelerometer of its own hand may be mirrored
-    gravity = axes.get("accelerometer")
-    mirrored = assumed and gravity is not None and volume["accelerometer"] < -0.2 and float(gravity.sum()) != -3.0
-    turned = Dials("other-end", toolface_counts="counterclockwise")
-    look = _MIRROR if mirrored and not left_handed else turned
+    mirrored = assumed and force is not None and volume["accelerometer"] < -0.2 and float(force.sum()) != -3.0
     field = "dip" if "magnetometer" in axes else "latitude" if "gyro" in axes else "north"
     missing = [name for name in ("north", field) if name not in stated]
+    against, plain = _against(state, _MIRROR if mirrored and not left_handed else _TURNED, told=not missing)
+    found += against
+    # one triad alone that stands as usual by 25 deg does so by chance where the others stand anyhow
+    clearly_along = float(np.cos(np.radians(10.0)))
+    if min(plain) > 0.0 or max(plain) > clearly_along or found:
+        return found
+    handed = left_handed or any(v > 0.2 for v in others)
+    ways = [_TURNED] * bool(missing) + [_MIRROR] * (not handed)
+    ways += [_CROSSED] * bool("dip" in missing or (missing and not handed))
+    # a mirror image of four skewed channels is as good a tool, whatever is stated of the stand
+    values: dict[str, Value] = {"kinds": tuple(axes), "ways": tuple(way.way for way in ways)}
+    if ways and missing and handed:
+        names = {"north": "azimuth of the rig's zero"}
+        values["missing"] = tuple(names.get(name, name) for name in dict.fromkeys(missing))
+        return [Finding("bench-axes-skewed-stand", values)]
+    return [Finding("bench-axes-skewed", values)] if ways else []
+
+
+def _left_handed(state: State, axes: Mapping[str, Array | None], wrong: Sequence[str], stated: Set[str]) -> Finding:
+    """The refusal of left-handed channels along the tool's axes, with what may have made them so."""
+    signs = tuple(_other_sign(state, kind) for kind in wrong if FIELD_ANGLE.get(kind) in stated)
+    channel = Finding("bench-cause-channel")
+    if _inverted(axes, wrong):
+        causes = (Finding("bench-cause-inverted"), channel, *signs)
+        return Finding("bench-all-reversed", {"kinds": tuple(wrong), "causes": causes}, severity="refused")
+    # reversed dials turn all triads; an accelerometer that stands right beside them is not turned
+    gravity = axes.get("accelerometer")
+    every = set(axes) - set(wrong) <= {"accelerometer"} and (
+        "accelerometer" in wrong or gravity is None or float(np.trace(gravity)) != 3.0
+    )
+    dials = [Finding("bench-cause-dials", {"way": _mirror(axes).way})] if every else []
+    return Finding(
+        "bench-left-handed", {"kinds": tuple(wrong), "causes": (*dials, channel, *signs)}, severity="refused"
+    )
+
+
+def _against(state: State, look: Dials, *, told: bool) -> tuple[list[Finding], list[float]]:
+    """Channels that run against the tool's axes, as dials counting like `look` would make them where nothing is told.
+
+    And of each triad how near its channels lie to the axes, 0 where they do not stand as usual.
+    """
+    found: list[Finding] = []
     plain: list[float] = []
     for kind, coefficients in state.coefficients.items():
-        along = _along(coefficients[0, :, :3])
+        rows = coefficients[0, :, :3]
+        along = _along(rows)
         against = [] if along is None else [i for i, (_, sign) in along.items() if sign < 0.0]
         if kind == "accelerometer" and along is not None and len(against) == len(along):
             against = []  # all of them: specific force
         if against:
-            names = "xyz" if len(coefficients[0]) <= 3 else "123456789"
-            what = f"{kind} {' and '.join(names[i] if i < len(names) else str(i + 1) for i in against)}"
-            looks = [look] * bool(missing) + [_MIRROR] * (len(coefficients[0]) > 3 and look != _MIRROR)
-            doubt = f"; {' or '.join(way.words() for way in looks)} would look so too" if looks else ""
-            warnings.append(f"{what} {'runs' if len(against) == 1 else 'run'} against the tool's axes{doubt}")
+            names = "xyz" if len(rows) <= 3 else "123456789"
+            channels = tuple(names[i] if i < len(names) else str(i + 1) for i in against)
+            looks = [look] * (not told) + [_MIRROR] * (len(rows) > 3 and look != _MIRROR)
+            values: dict[str, Value] = {"kind": kind, "channels": channels}
+            if looks:
+                values["ways"] = tuple(way.way for way in looks)
+                found.append(Finding("bench-axes-against-dials", values))
+            else:
+                found.append(Finding("bench-axes-against", values))
         in_turn = [] if along is None else [axis for axis, _ in along.values()]
         usual = along is not None and bool(in_turn) and not against and in_turn == sorted(in_turn)
         plain.append(min(abs(cosine) for _, cosine in along.values()) if along is not None and usual else 0.0)
-    # one triad alone that stands as usual by 25 deg does so by chance where the others stand anyhow
-    clearly_along = float(np.cos(np.radians(10.0)))
-    if min(plain) > 0.0 or max(plain) > clearly_along or warnings:
-        return warnings
-    handed = left_handed or any(v > 0.2 for v in others)
-    ways = [turned] * bool(missing) + [_MIRROR] * (not handed)
-    ways += [_CROSSED] * bool("dip" in missing or (missing and not handed))
-    if ways:
-        # a mirror image of four skewed channels is as good a tool, whatever is stated of the stand
-        remedy = " and ".join(_STATE[name] for name in dict.fromkeys(missing))
-        warnings.append(
-            f"the channels of the {' and the '.join(axes)} do not lie along the tool's axes: the readings would fit as "
-            f"well if the dials counted otherwise ({'; or '.join(way.words() for way in ways)}); "
-            + (f"state {remedy} to be sure" if missing and handed else "check which way the dials of the stand count")
-        )
-    return warnings
+    return found, plain
 
 
-def _other_sign(state: State, kind: str) -> str:
+def _inverted(axes: Mapping[str, Array | None], wrong: Sequence[str]) -> bool:
+    """Whether all triads are as usual with all their channels reversed; an accelerometer may read specific force."""
+    others = [kind for kind in axes if kind != "accelerometer"]
+    near = [axes[kind] for kind in others]
+    return bool(others) and set(others) <= set(wrong) and all(a is not None and a.sum() == -3.0 for a in near)
+
+
+def _other_sign(state: State, kind: str) -> Finding:
     """The dip or latitude that was found with the stated sign, and the one that makes the channels right-handed."""
     down = state.directions.get("accelerometer", np.array([0.0, 0.0, 1.0]))
     below = float(np.degrees(dip_angle(down, state.directions[kind])))
     found = below if kind == "magnetometer" else -below
-    name = FIELD_ANGLE[kind]
-    return f"with a {name} of {-found:+.2f} deg instead of {found:+.2f} the {kind} is right-handed"
+    return Finding("bench-cause-sign", {"angle": FIELD_ANGLE[kind], "wanted_deg": -found, "found_deg": found})
 
 
-_STATE = {
-    "north": "where the rig's zero points (--north-deg)",
-    "dip": "the dip (--dip-deg)",
-    "latitude": "the latitude (latitude_deg in --site)",
-}
 _MIRROR = Dials(azimuth_counts="counterclockwise", toolface_counts="counterclockwise")
 _CROSSED = Dials("other-end", azimuth_counts="counterclockwise")
+_TURNED = Dials("other-end", toolface_counts="counterclockwise")
 
 
 def _mirror(axes: Mapping[str, Array | None]) -> Dials:
@@ -489,59 +460,18 @@ def _along(rows: Array) -> dict[int, tuple[int, float]] | None:
 # reversed azimuth and toolface on a rig whose zero is at north. Then the tool is at fault until the dials are stated.
 
 
-class MisreadError(InputError):
-    """Dials that count in another convention than was stated."""
+StandField: TypeAlias = tuple[Array, Array]
+"""What is known of a field in rig axes, as strong as the calibration saw it: known (3,), free along (3, n).
+
+Of one or two free directions the first can only be lengthened: a level field points to the stated north.
+"""
 
 
-class StandField(NamedTuple):
-    """What is known of a field in rig axes, as strong as the calibration saw it: `known` (3,), free along (3, n).
+def check_misread(readings: BenchReadings, calibration: Calibration, fields: Mapping[str, StandField]) -> list[Finding]:
+    """Whether the dials of a comparison count in another convention than was stated.
 
-    Of one or two free directions the first can only be lengthened: a level field points to the stated north.
-    """
-
-    known: Array
-    free: Array
-
-
-def check_misread(readings: BenchReadings, calibration: Calibration, fields: Mapping[str, StandField]) -> list[str]:
-    """Refuse a comparison whose dials count in another convention than was stated.
-
-    Parameters
-    ----------
-    readings : BenchReadings
-        With dials, of the tool of the calibration.
-    calibration : Calibration
-    fields : mapping
-        Kind -> what is known of its field on this stand.
-
-    Returns
-    -------
-    list of str
-        A note, where conventions explain the errors and channels wired otherwise do as well.
-
-    Raises
-    ------
-    MisreadError
-        Another convention explains what is far off, and no order and sign of the channels does; names the options.
-
-    Examples
-    --------
-    >>> from inclinometry.calibration import plans
-    >>> from inclinometry.calibration.result import Residuals, Rig
-    >>> from inclinometry.sensors import Tool
-    >>> from inclinometry.sensors import Triad
-    >>> tool = Tool("1", {k: Triad(k, np.eye(3), np.zeros(3)) for k in ("accelerometer", "magnetometer")})
-    >>> known = Calibration(tool, "joint", {}, {}, (), np.zeros((0, 0)), Rig(np.zeros(3)), Residuals((), {}, {}, ()))
-    >>> p, a, b = plans.twelve(), np.array([0.0, 0.0, 1.0]), np.array([0.5, 0.1, 0.86])
-    >>> fields = {"accelerometer": StandField(a, np.zeros((3, 0))), "magnetometer": StandField(b, np.zeros((3, 0)))}
-    >>> turns = orientation(np.stack([p.azimuth, p.inclination, p.toolface], axis=1), np.zeros(4))[0]
-    >>> signals = {"accelerometer": turns @ a, "magnetometer": turns @ b}
-    >>> check_misread(BenchReadings(signals, p.azimuth, p.inclination, p.toolface), known, fields)
-    []
-    >>> check_misread(BenchReadings(signals, -p.azimuth, p.inclination, p.toolface), known, fields) # doctest: +ELLIPSIS
-    Traceback (most recent call last):
-    ...
-    inclinometry.calibration.conventions.MisreadError: the dials seem to count in another way: with --azimuth-counts ...
+    Refused: another convention explains what is far off, and no order and sign of the channels does. A note where
+    channels wired otherwise explain it as well.
     """
     stated, dials = stated_dials(readings)
     channels = {kind: _Seen.of(readings, calibration, kind) for kind in fields}
@@ -551,7 +481,9 @@ def check_misread(readings: BenchReadings, calibration: Calibration, fields: Map
     if not fields or _size(channels, given) < far:
         return []
     found = {
-        way: _unexplained(channels, fields, _turns(calibration, way.settings(*dials))) for way in WAYS if way != stated
+        way: _unexplained(channels, fields, _turns(calibration, way.settings(*dials)))
+        for way in map(stated.counting, WAYS)
+        if way != stated
     }
     sizes = {way: _size(channels, left) for way, left in found.items()}
     least = min(sizes.values())
@@ -560,24 +492,13 @@ def check_misread(readings: BenchReadings, calibration: Calibration, fields: Map
         return []
     # fewest changes first; what fits as well (within half as much again) with as few options is named beside it
     alike = [way for way, size in sizes.items() if size <= 1.5 * least + 1e-9]
-    likely = alike[0]
-    others = [w for w in alike[1:] if w.words().count("--") == likely.words().count("--")]
+    ways = [alike[0], *(w for w in alike[1:] if w.changes == alike[0].changes)]
     kind = max(given, key=lambda k: given[k])
-    times = _size(channels, given) / max(least, 1e-6)
-    missed = figure(100.0 * given[kind])
-    said = f"{figure(times)} times better (as given {missed} % of the field of the {kind} is missed)"
-    also = f" {' or '.join(way.words() for way in others)} would fit as well." if others else ""
+    found_so = _otherwise(ways, _size(channels, given) / max(least, 1e-6), kind, given[kind], "refused")
     wired = _size(channels, _unexplained(channels, fields, _turns(calibration, readings.dials), wired=True))
     if wired < max(3.0 * least, far) and wired < 0.5 * _size(channels, given):
-        rewired = (
-            "Channels that are reversed or exchanged since the calibration would look so too at these positions, so "
-            "that the tool fails: state the dials, or verify at positions with other azimuths and inclinations"
-        )
-        return [f"the dials may count in another way: with {likely.words()} the readings fit {said}.{also} {rewired}"]
-    raise MisreadError(
-        f"the dials seem to count in another way: with {likely.words()} the readings fit {said}. State it, or put the "
-        f"column right.{also}"
-    )
+        return [Finding("bench-dials-or-channels", found_so.values, severity="note")]
+    return [found_so]
 
 
 class _Seen(NamedTuple):
@@ -632,9 +553,10 @@ def _unexplained(
 
 
 def _rms(design: Array, wanted: Array, field: StandField) -> float:
-    flat, rest = design.reshape(-1, 3), (wanted - design @ field.known).ravel()
-    if field.free.shape[1]:
-        columns = flat @ field.free
+    known, free = field
+    flat, rest = design.reshape(-1, 3), (wanted - design @ known).ravel()
+    if free.shape[1]:
+        columns = flat @ free
         x = np.linalg.lstsq(columns, rest, rcond=None)[0]
         if len(x) < 3 and x[0] < 0.0:
             x = np.concatenate([[0.0], np.linalg.lstsq(columns[:, 1:], rest, rcond=None)[0]])

@@ -33,20 +33,13 @@ from inclinometry.tabular import check_record
 
 @dataclass(frozen=True, eq=False)
 class Information:
-    """A nominal tool on a stand.
+    """A nominal tool on a stand."""
 
-    tool : Tool with the two triads, without temperature, covariance or noise
-    full : (M,) full field of each sensor's triad in its unit
-    noise : (M,) standard deviation of one reading relative to it
-    rig_sd : (3,) rad
-    dip : rad
-    """
-
-    tool: Tool
-    full: Array
-    noise: Array
-    rig_sd: Array
-    dip: float
+    tool: Tool  #: with the two triads, without temperature, covariance or noise
+    full: Array  #: (M,) full field of each sensor's triad in its unit
+    noise: Array  #: (M,) standard deviation of one reading relative to it
+    rig_sd: Array  #: (3,) rad
+    dip: float  #: rad
 
     @property
     def scale(self) -> Array:
@@ -168,15 +161,6 @@ class Problem:
         return attitude_variances(np.asarray(np.linalg.inv(information), dtype=np.float64), self.gradients)
 
 
-@dataclass(frozen=True, eq=False)
-class Exchanged:
-    """Chosen candidates (n,), the worst variance with them, and the objective after every accepted exchange."""
-
-    chosen: list[int]
-    worst: float
-    history: list[float]
-
-
 def attitude_variances(covariance: Array, gradients: Array) -> Array:
     """Variances (G,) summed over the R quantities of each attitude, from the parameters' covariance (p, p)."""
     flat = gradients.reshape(-1, gradients.shape[2])
@@ -244,12 +228,15 @@ def exchange(
     doublings: int,
     passes: int,
     tick: Callable[[], None],
-) -> Exchanged:
-    """Replace one station at a time by the best candidate until no replacement helps, or `passes` times all of them."""
+) -> tuple[list[int], float]:
+    """Replace one station at a time by the best candidate until no replacement helps, or `passes` times all of them.
+
+    The chosen candidates, and the worst variance with them.
+    """
     chosen = list(chosen)
     information = problem.information(chosen)
     here = norm(problem.variances(information), doublings)
-    history, stale = [here], 0
+    stale = 0
     for _ in range(passes):
         for place in random.permutation(len(chosen)):
             without = information - _own(problem, chosen[place])
@@ -261,13 +248,12 @@ def exchange(
                 there = norm(problem.variances(trial), doublings)
                 if there < here * (1.0 - 1e-10):
                     chosen[place], information, here, stale = best, trial, there, 0
-                    history.append(here)
             if stale >= len(chosen):
                 break
         tick()
         if stale >= len(chosen):
             break
-    return Exchanged(chosen, float(problem.variances(information).max()), history)
+    return chosen, float(problem.variances(information).max())
 
 
 def fill(problem: Problem, chosen: list[int], count: int, doublings: int) -> list[int]:
@@ -282,7 +268,7 @@ def fill(problem: Problem, chosen: list[int], count: int, doublings: int) -> lis
 
 def search(
     problem: Problem, count: int, seed: int, restarts: int, progress: Callable[[float], None] | None
-) -> Exchanged:
+) -> list[int]:
     """Best of several searches: the first from a greedy start, the others from a half filled at random."""
     random = np.random.default_rng(seed)
     pool: Index = np.flatnonzero(problem.allowed)
@@ -294,16 +280,16 @@ def search(
         if progress is not None:
             progress(done / (passes * restarts))
 
-    best = Exchanged([], np.inf, [])
+    best: tuple[list[int], float] = [], np.inf
     for restart in range(restarts):
         first = [int(c) for c in random.choice(pool, count // 2 if restart else 0, replace=False)]
         rough = exchange(problem, fill(problem, first, count, 5), random, 5, _PASSES, tick)
-        fine = exchange(problem, rough.chosen, random, 7, _LAST_PASSES, tick)
-        best = min(best, rough, fine, key=lambda e: e.worst)
+        fine = exchange(problem, rough[0], random, 7, _LAST_PASSES, tick)
+        best = min(best, rough, fine, key=lambda e: e[1])
         # an exchange that settles early leaves passes unused
         done = (restart + 1) * passes - 1
         tick()
-    return best
+    return best[0]
 
 
 def _own(problem: Problem, candidate: int) -> Array:
@@ -456,8 +442,7 @@ def optimal_plan(
         restarts = max(3, min(12, 144 // n))
     elif restarts < 1:
         raise InputError(f"restarts is {restarts}; allowed: 1 or more")
-    found = search(problem, n, seed, restarts, progress)
-    chosen = candidates[found.chosen]
+    chosen = candidates[search(problem, n, seed, restarts, progress)]
     _determined(about, np.concatenate([captured, chosen]), f"{n} such stations")
     # in the operator's order, roll sets named
     # rounded, so that settings equal but for the last digit sort and group together
@@ -481,31 +466,7 @@ def next_position(
     tool: Tool | None = None,
     stand: Stand | None = None,
 ) -> NextPosition:
-    """The one station that helps most after those captured.
-
-    Parameters
-    ----------
-    captured : Plan or (K, 3) array_like
-        Settings already captured, possibly none.
-    inclination_range, criterion, rig_sd, noise, dip, tool, stand
-        As for `optimal_plan`.
-
-    Returns
-    -------
-    NextPosition
-
-    Raises
-    ------
-    InputError
-        Arguments out of range, or no position left.
-
-    Examples
-    --------
-    >>> from inclinometry.calibration import plans
-    >>> after = next_position(plans.twelve())
-    >>> after.value < after.before
-    True
-    """
+    """The one station that helps most after those captured, if any; arguments as for `optimal_plan`."""
     about = information(rig_sd, noise, dip, tool)
     done, candidates = _settings(captured), (stand_within() if stand is None else stand).positions()
     problem = _problem(about, criterion, inclination_range, done, candidates)
@@ -593,19 +554,7 @@ def least_drift(plan: Plan, *, rig_sd: float = RIG_SD, noise: Mapping[str, float
     """Least drift of an offset during the run, relative to the full field, that readings at these positions show.
 
     Three standard uncertainties of a drift in proportion to time, of the axis and triad that show it least; the other
-    triad taken not to drift.
-
-    Parameters
-    ----------
-    plan : Plan, its positions in the order of the run
-    rig_sd, noise, dip
-        As for `optimal_plan`.
-
-    Examples
-    --------
-    >>> from inclinometry.calibration.plans import twelve
-    >>> round(least_drift(twelve()), 4), round(least_drift(twelve().repeated(2)), 4)
-    (0.0059, 0.0026)
+    triad taken not to drift. The positions count in the order of the run.
     """
     about = information(rig_sd, noise, dip, None)
     settings = np.stack([plan.azimuth, plan.inclination, plan.toolface], axis=1)
@@ -697,5 +646,5 @@ def _determined(about: Information, settings: Array, what: str) -> None:
     """Refuse settings that leave parameters undetermined, naming them."""
     blind = null_space(*about.model(settings))
     if not blind.complete:
-        words = "; ".join(blind.sentences)
+        words = "; ".join(f"this plan cannot see {one}" for one in blind.unseen)
         raise IdentifiabilityError(f"{what}: {words}; add stations, or allow further inclinations and toolfaces")

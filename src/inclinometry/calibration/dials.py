@@ -39,15 +39,7 @@ def same(angle: ArrayLike, place: float) -> NDArray[np.bool_]:
 
 
 def unequal_steps(angle: ArrayLike) -> str | None:
-    """Why the angles are not p >= 3 equal steps of a full turn (in any order, from any start); None when they are.
-
-    Examples
-    --------
-    >>> unequal_steps(np.radians([200.0, 80.0, 320.0])) is None
-    True
-    >>> unequal_steps(np.radians([0.0, 90.0, 180.0]))
-    '3 settings are not equal steps of 120 degrees: one step is 180'
-    """
+    """Why the angles are not p >= 3 equal steps of a full turn (in any order, from any start); None when they are."""
     angles = finite(angle, "angle", (None,))
     if len(angles) < 3:
         return f"{len(angles)} settings; a harmonic needs at least 3 equal steps of a turn"
@@ -83,14 +75,7 @@ def groups(angle: ArrayLike) -> list[Rows]:
 
 
 def positive_inclination(azimuth: Array, inclination: Array, toolface: Array) -> tuple[Array, Array, Array]:
-    """The same orientations written with inclination 0 to 180 degrees: (A, -I, T) is (A + 180, I, T + 180).
-
-    Examples
-    --------
-    >>> one = np.radians([90.0])
-    >>> [np.degrees(v).round(9).item() for v in positive_inclination(0.0 * one, -one, 0.0 * one)]
-    [180.0, 90.0, 180.0]
-    """
+    """The same orientations written with inclination 0 to 180 degrees: (A, -I, T) is (A + 180, I, T + 180)."""
     signed = wrap_signed(inclination)
     over = np.where(signed < -ANGLE_TOLERANCE, np.pi, 0.0)
     return wrap_positive(azimuth + over), np.abs(signed), wrap_positive(toolface + over)
@@ -100,12 +85,6 @@ def at_azimuth(azimuth: Array, inclination: Array, toolface: Array, wanted: floa
     """The same orientations written with the azimuth `wanted` where that is possible.
 
     (A + 180, I, T) is (A, -I, T + 180); at inclination 0 only A + T counts, at 180 only T - A.
-
-    Examples
-    --------
-    >>> one = np.radians([90.0])
-    >>> [np.degrees(v).round(9).item() for v in at_azimuth(2.0 * one, one / 2.0, 0.0 * one, 0.0)]
-    [0.0, -45.0, 180.0]
     """
     opposite, up, down = same(azimuth, wanted + np.pi), same(inclination, 0.0), same(inclination, np.pi)
     turn = wrap_signed(azimuth - wanted)

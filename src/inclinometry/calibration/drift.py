@@ -37,35 +37,23 @@ MULTIPLIERS: Final = np.exp(np.linspace(-2.4, 2.4, 9))
 
 @dataclass(frozen=True, eq=False)
 class DriftModel:
-    """What the tools of a type have in common.
+    """What the tools of a type have in common, and what it was found from."""
 
-    type : name of the type.
-    drift : (24, 24) Q, variance of the relative parameters a year.
-    reproducibility : (24, 24) R, variance between mountings.
-    effects : (24, 2) B, change of the parameters by a dose of shock and of heat.
-    calendar_share, hours_per_year : alpha and h0 of a tool's clock.
-    multiplier_sd : standard deviation of log lambda over the tools.
-    dip : of the field for which the azimuth was followed, rad.
-    tools, calibrations, first, last, digest : what it was found from.
-    left_out : serial numbers of tools that were not used, because they had jumped.
-    iterations : of the EM algorithm.
-    """
-
-    type: str
-    drift: Array
-    reproducibility: Array
-    effects: Array
-    calendar_share: float
-    hours_per_year: float
-    multiplier_sd: float
-    dip: float
+    type: str  #: name of the type
+    drift: Array  #: (24, 24) Q, variance of the relative parameters a year
+    reproducibility: Array  #: (24, 24) R, variance between mountings
+    effects: Array  #: (24, 2) B, change of the parameters by a dose of shock and of heat
+    calendar_share: float  #: alpha of a tool's clock
+    hours_per_year: float  #: h0 of a tool's clock
+    multiplier_sd: float  #: standard deviation of log lambda over the tools
+    dip: float  #: of the field for which the azimuth was followed, rad
     tools: int
     calibrations: int
     first: str
     last: str
     digest: str
-    left_out: Sequence[str] = ()
-    iterations: int = 0
+    left_out: Sequence[str] = ()  #: serial numbers of tools that were not used, because they had jumped
+    iterations: int = 0  #: of the EM algorithm
 
     @property
     def basis(self) -> dict[str, object]:
@@ -100,17 +88,7 @@ def azimuth_weight(inclination: Array, dip: float, steps: int = 12) -> Array:
 
 
 def azimuth_sd(covariance: Array, inclination: Array | Sequence[float] = SHOWN, dip: float = DIP) -> Array:
-    """Standard uncertainty of the azimuth, rms over azimuth and toolface, rad, shape (..., n).
-
-    Examples
-    --------
-    60 nT a magnetometer in a field of 50000 nT that dips by 70 degrees, at inclinations 5, 30, 60 and 90 degrees:
-
-    >>> offsets = np.zeros((24, 24))
-    >>> offsets[[15, 19, 23], [15, 19, 23]] = (60.0 / 50000.0) ** 2
-    >>> np.degrees(azimuth_sd(offsets)).round(3)
-    array([0.201, 0.201, 0.201, 0.201])
-    """
+    """Standard uncertainty of the azimuth, rms over azimuth and toolface, rad, shape (..., n)."""
     weight = azimuth_weight(np.asarray(inclination, dtype=np.float64), dip)
     return np.asarray(np.sqrt(np.maximum(np.einsum("npq,...pq->...n", weight, covariance), 0.0)))
 
@@ -281,6 +259,24 @@ def _above(matrix: Array, least: Array) -> Array:
     return np.asarray((turned * np.maximum(values, 1.0)) @ turned.T)
 
 
+def _usable(histories: Sequence[ToolHistory]) -> tuple[str, list[ToolHistory]]:
+    """Type of the tools, and the calibrations of those that have two or more."""
+    for one in histories:
+        check_record(one, ToolHistory, "fit_drift")
+    kinds = sorted({h.type for h in histories})
+    if len(kinds) > 1:
+        raise InputError(f"tools of the types {', '.join(kinds)} do not drift alike; fit one type at a time")
+    # runs say where a tool stands, not how its type drifts: moments of what they leave open would drown it
+    used = [h.calibrations for h in histories if len(h.calibrations) > 1]
+    least_tools = 3
+    if len(used) < least_tools:
+        raise InputError(
+            f"{len(used)} tools of type {kinds[0] if kinds else '?'} have two calibrations or more; at least "
+            f"{least_tools} are needed, and some ten for figures that hold"
+        )
+    return kinds[0], used
+
+
 def fit_drift(
     histories: Sequence[ToolHistory],
     *,
@@ -334,19 +330,7 @@ def fit_drift(
     >>> round(1e3 * float(np.sqrt(np.trace(found.drift) / 24)), 2)
     0.99
     """
-    for one in histories:
-        check_record(one, ToolHistory, "fit_drift")
-    kinds = sorted({h.type for h in histories})
-    if len(kinds) > 1:
-        raise InputError(f"tools of the types {', '.join(kinds)} do not drift alike; fit one type at a time")
-    # runs say where a tool stands, not how its type drifts: moments of what they leave open would drown it
-    used = [h.calibrations for h in histories if len(h.calibrations) > 1]
-    least_tools = 3
-    if len(used) < least_tools:
-        raise InputError(
-            f"{len(used)} tools of type {kinds[0] if kinds else '?'} have two calibrations or more; at least "
-            f"{least_tools} are needed, and some ten for figures that hold"
-        )
+    kind, used = _usable(histories)
     share = float(within(calendar_share, "calendar_share", 0.0, 1.0))
     hours, years = sum(float(np.sum(np.asarray(h.hours)[1:])) for h in used), sum(float(h.years[-1]) for h in used)
     if share < 1.0 and not hours > 0.0:
@@ -382,7 +366,7 @@ def fit_drift(
     dates = [day for h in used for day in h.date]
     content = b"".join(h.serial.encode() + h.values.tobytes() + h.covariance.tobytes() for h in used)
     return DriftModel(
-        kinds[0],
+        kind,
         frozen(shared.drift),
         frozen(shared.reproducibility),
         frozen(shared.effects),

@@ -70,27 +70,15 @@ class CauseTest(NamedTuple):
         return np.asarray(self.statistic.max(axis=1))
 
 
-def cause_test(score: Array, information: Array) -> CauseTest:
-    """Statistics of equation (11).
-
-    Parameters
-    ----------
-    score : (N, 24) ndarray
-        S^-1 nu.
-    information : (N, 24, 24) ndarray
-        S^-1.
-
-    Examples
-    --------
-    An offset of x of five standard deviations:
-
-    >>> nu = np.zeros((1, 24)); nu[0, 3] = 5.0
-    >>> found = cause_test(nu, np.eye(24)[None])
-    >>> list(CAUSES)[int(found.statistic[0].argmax())], float(found.largest[0])
-    ('accelerometer x offset', 25.0)
-    """
-    along = score @ _DIRECTIONS.T
+def _along(score: Array, information: Array) -> tuple[Array, Array]:
+    """Score and information (N, 35) of a size of each cause."""
     known = np.einsum("cp,npq,cq->nc", _DIRECTIONS, information, _DIRECTIONS, optimize=True)
+    return score @ _DIRECTIONS.T, np.asarray(known)
+
+
+def cause_test(score: Array, information: Array) -> CauseTest:
+    """Statistics of equation (11) from the score S^-1 nu (N, 24) and the information S^-1 (N, 24, 24)."""
+    along, known = _along(score, information)
     # a cause that the plan does not show at all is not judged
     seen = known > 1e-9 * known.max(axis=1, keepdims=True)
     safe = np.where(seen, known, 1.0)
@@ -158,16 +146,7 @@ def judged_run(
     past: Array,
     false_alarms: float = FALSE_ALARMS,
 ) -> Alarm:
-    """Evidence of a run (24,), (24, 24) held against the tool's state predicted for its day; equation (11).
-
-    Examples
-    --------
-    >>> zero = np.zeros((24, 24))
-    >>> state = DriftState(np.eye(9)[4], np.zeros((9, 24)), np.tile(1e-6 * np.eye(24), (9, 1, 1)))
-    >>> model = DriftModel("X", zero, zero, np.zeros((24, 2)), 1.0, 1.0, 0.0, 1.2, 1, 1, "", "", "")
-    >>> judged_run(state, model, np.eye(24)[3] * 0.01, 1e-6 * np.eye(24), np.zeros(0)).cause
-    'accelerometer x offset'
-    """
+    """Evidence of a run (24,), (24, 24) held against the tool's state predicted for its day; equation (11)."""
     information = np.asarray(np.linalg.inv(state.covariance + covariance + model.reproducibility))
     test = cause_test((information @ (values - state.mean))[None], information[None])
     return judged(test, past if len(past) >= FEWEST else gaussian_maxima(information), false_alarms)[0]
@@ -195,27 +174,12 @@ FEWEST: Final = 100
 
 
 def p_values(statistic: Array, past: Array) -> Array:
-    """Probability (N,) of as large a statistic in a sound calibration, from the fleet's n past maxima.
+    """Probability (N,) of as large a statistic in a sound calibration, from the fleet's n >= 100 past maxima.
 
-    Parameters
-    ----------
-    statistic : (N,) ndarray
-        Largest statistic over the causes.
-    past : (n,) ndarray
-        Of sound calibrations; at least 100.
-
-    Notes
-    -----
-    Conformal: the rank among the past, (1 + number at least as large) / (n + 1), valid whatever the distribution
-    (Vovk V., Gammerman A., Shafer G., "Algorithmic Learning in a Random World", 2005). Above the 90 % quantile a
-    generalised Pareto tail, fitted by probability-weighted moments (Hosking J.R.M., Wallis J.R., Technometrics 29,
-    1987, 339-349), which goes on beyond the largest of the past.
-
-    Examples
-    --------
-    >>> past = -2.0 * np.log(np.linspace(1.0, 0.001, 999))  # chi-square of two degrees of freedom
-    >>> p_values(np.array([2.0, 20.0]), past).round(5)
-    array([3.68e-01, 4.00e-05])
+    Conformal: the rank among the past, (1 + number at least as large) / (n + 1), valid whatever the distribution (Vovk,
+    Gammerman, Shafer, "Algorithmic Learning in a Random World", 2005). Above the 90 % quantile a generalised Pareto
+    tail by probability-weighted moments (Hosking, Wallis, Technometrics 29, 1987, 339-349), which goes on beyond the
+    largest.
     """
     past = np.sort(np.asarray(past, dtype=np.float64))
     n = len(past)
@@ -246,23 +210,9 @@ def _pareto(past: Array) -> tuple[float, float, float]:
 
 
 def threshold(past: Array, false_alarms: float = FALSE_ALARMS, *, tail: bool = True) -> float:
-    """Statistic q above which a calibration raises an alarm; equation (12).
+    """Statistic q above which a calibration raises an alarm, in a share a of sound ones; equation (12).
 
-    Parameters
-    ----------
-    past : (n,) ndarray
-        Largest statistic of sound calibrations of the fleet.
-    false_alarms : float
-        a, share of sound calibrations that may raise one.
-    tail : bool
-        Whether the Pareto tail is used above the 90 % quantile. Else the ceil((1-a)(n+1))-th of the past, infinite
-        where n < 1/a.
-
-    Examples
-    --------
-    >>> past = -2.0 * np.log(np.linspace(1.0, 0.001, 999))
-    >>> round(threshold(past, 0.01, tail=False), 2), round(threshold(past, 1e-4), 1)
-    (9.21, 18.1)
+    With the Pareto tail of `p_values`; without, the ceil((1-a)(n+1))-th of the past maxima, infinite where n < 1/a.
     """
     a = float(within(false_alarms, "false_alarms", 1e-9, 0.5))
     past = np.sort(np.asarray(past, dtype=np.float64))
@@ -324,14 +274,7 @@ class Alarm:
 
 
 def judged(test: CauseTest, past: Array, false_alarms: float = FALSE_ALARMS) -> list[Alarm]:
-    """The verdicts on N innovations, given the largest statistics (n,) of sound ones.
-
-    Examples
-    --------
-    >>> test = cause_test(np.full((1, 24), 0.1), np.eye(24)[None])
-    >>> judged(test, gaussian_maxima(np.eye(24), 10_000))[0].raised
-    False
-    """
+    """The verdicts on N innovations, given the largest statistics (n,) of sound ones."""
     q, p = threshold(past, false_alarms), p_values(test.largest, past)
     names, best = list(CAUSES), test.statistic.argmax(axis=1)
     return [
@@ -347,11 +290,6 @@ def discoveries(p: Array, level: float = 0.05) -> Mask:
     """Which of a list of alarms to follow so that the expected share of false ones is at most `level`.
 
     Benjamini Y., Hochberg Y., J. Roy. Stat. Soc. B 57, 1995, 289-300.
-
-    Examples
-    --------
-    >>> discoveries(np.array([0.001, 0.04, 0.2, 0.6]))
-    array([ True, False, False, False])
     """
     from scipy.stats import false_discovery_control
 
@@ -368,26 +306,10 @@ def fit_without_jumps(
     progress: Callable[[float], None] | None = None,
     **options: Any,
 ) -> tuple[DriftModel, Array]:
-    """Fit the type, drop the tools that raise an alarm, fit again.
+    """Fit the type, drop the tools that raise an alarm, fit again; with the largest statistics (n,) for `threshold`.
 
-    Parameters
-    ----------
-    histories : sequence of ToolHistory
-    false_alarms : float
-        At which a tool is dropped, of one calibration, by the simulated threshold: that of a fleet that has jumps in it
-        is too high.
-    rounds : int
-        Fits at most.
-    progress : callable, optional
-    **options
-        Of `inclinometry.calibration.drift.fit_drift`.
-
-    Returns
-    -------
-    model : DriftModel
-        `left_out` names the tools that were dropped.
-    past : (n,) ndarray
-        Largest statistics of the calibrations that it was made from, for `threshold`.
+    A tool is dropped by the simulated threshold: that of a fleet that has jumps in it is too high. `left_out` of the
+    model names these tools. `options` are those of `drift.fit_drift`.
     """
     kept = list(histories)
     dropped: list[str] = []
@@ -420,28 +342,14 @@ class RigVerdict(NamedTuple):
 
 
 def rig_verdicts(found: Innovations) -> list[RigVerdict]:
-    """Which rig is off: the innovation that the tools calibrated on one rig have in common.
+    """Which rig is off, smallest p value first: the innovation that the tools calibrated on one rig have in common.
 
-    Parameters
-    ----------
-    found : Innovations
-        Of the period that is looked at. Tools must come from other rigs: what a rig has always added to all its tools
-        is part of them.
-
-    Returns
-    -------
-    list of RigVerdict
-        Smallest p value first.
-
-    Notes
-    -----
     For a shift c d of every tool on the rig, T = (d' sum S^-1 nu)^2 / (d' sum S^-1 d), without the one calibration that
-    speaks loudest for it, so that a single tool's jump is not the rig's. The p value is that of normal errors.
+    makes it largest, so that a single tool's jump is not the rig's. The p value is that of normal errors. Tools must
+    come from other rigs: what a rig has always added to all its tools is part of them.
     """
     information = np.asarray(np.linalg.inv(found.covariance))
-    score = (information @ found.values[..., None])[..., 0]
-    along = score @ _DIRECTIONS.T
-    known = np.einsum("cp,npq,cq->nc", _DIRECTIONS, information, _DIRECTIONS, optimize=True)
+    along, known = _along((information @ found.values[..., None])[..., 0], information)
     verdicts = []
     for rig in sorted(set(found.rig)):
         here = np.array([name == rig for name in found.rig])

@@ -15,27 +15,24 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from inclinometry.arrays import Array, Index
-from inclinometry.calibration import direct
 from inclinometry.calibration.design import NOISE, RIG_SD, Information, Problem, inclination_grid, information, search
 from inclinometry.calibration.drift import DriftModel, DriftState
 from inclinometry.calibration.drift_alarm import FALSE_ALARMS, FEWEST, Alarm, cause_test, gaussian_maxima, judged
 from inclinometry.calibration.likelihood import NUISANCE, Model, State
 from inclinometry.calibration.plans import Plan
 from inclinometry.calibration.readings import BenchReadings
-from inclinometry.calibration.result import UNSTATED, Calibration
+from inclinometry.calibration.record import joint_calibration
+from inclinometry.calibration.result import Calibration, same_units
 from inclinometry.calibration.start import stand_within
 from inclinometry.calibration.temperature import powers_of
 from inclinometry.calibration.variance import fit, noise_guess, rig_guess
-from inclinometry.constants import DIP, INCLINATION_RANGE, VECTORS
+from inclinometry.constants import DIP, FIELD_NAME, INCLINATION_RANGE, VECTORS
 from inclinometry.errors import InputError
-from inclinometry.history import PARAMETERS, UNSEEN, tool_from_relative
+from inclinometry.history import PARAMETERS, UNSEEN, scale_unseen, tool_from_relative
 from inclinometry.least_squares import Normal
 from inclinometry.rotations import dcm
-from inclinometry.sensors import Tool, parameter_vector
+from inclinometry.sensors import Tool, parameter_vector, strength_ratio, with_scale
 from inclinometry.tabular import check_record
-
-METHOD = "joint with prior"
-"""Name of the method on the record of such a calibration."""
 
 
 def plan_information(
@@ -43,26 +40,7 @@ def plan_information(
 ) -> Array:
     """J (24, 24): what a plan tells of the relative parameters, dials and directions of the fields marginalised.
 
-    Parameters
-    ----------
-    plan : Plan
-    rig_sd : float
-        Standard deviation of a setting of each dial, rad.
-    noise : mapping of kind to float
-        Of one reading, relative to the full field.
-    dip : float
-        At the stand, rad.
-
-    Notes
-    -----
-    J = L_tt - L_ta (L_aa + I/s_dir^2)^-1 L_at, equation (6).
-
-    Examples
-    --------
-    >>> from inclinometry.calibration import plans
-    >>> from inclinometry.calibration.drift import azimuth_sd
-    >>> np.degrees(azimuth_sd(np.linalg.inv(plan_information(plans.twelve())))).round(3)  # at 5, 30, 60, 90 deg
-    array([0.184, 0.068, 0.061, 0.067])
+    J = L_tt - L_ta (L_aa + I/s_dir^2)^-1 L_at, equation (6). `noise` of one reading is relative to the full field.
     """
     about = information(rig_sd, noise, dip, None)
     rows = about.factors(np.stack([plan.azimuth, plan.inclination, plan.toolface], axis=1)).reshape(-1, 28)
@@ -77,22 +55,7 @@ def _marginal(whole: Array, size: int = len(PARAMETERS)) -> Array:
 
 
 def after_check(prior: Array, plan: Array, reproducibility: Array | None = None) -> Array:
-    """Covariance (24, 24) of the parameters after a check, before any reading is taken: equation (6).
-
-    Parameters
-    ----------
-    prior : (24, 24) ndarray
-        P-.
-    plan : (24, 24) ndarray
-        J, as `plan_information` gives it.
-    reproducibility : (24, 24) ndarray, optional
-        R.
-
-    Examples
-    --------
-    >>> float(after_check(np.eye(24), 3.0 * np.eye(24))[0, 0])
-    0.25
-    """
+    """Covariance (24, 24) of the parameters after a check, before any reading is taken: equation (6) of P-, J and R."""
     seen = prior if reproducibility is None else prior + reproducibility
     found = seen - seen @ np.linalg.solve(np.eye(len(seen)) + plan @ seen, plan @ seen)
     return _without_mounting(prior, seen, found)[0]
@@ -139,7 +102,7 @@ def chosen_positions(
     fixed[:24, :24] += np.linalg.inv(prior)
     gradients = about.gradients((1,), inclination_grid(*inclination_range))
     problem = Problem(about.factors(candidates), fixed, gradients, np.ones(len(candidates), dtype=bool))
-    chosen = candidates[search(problem, count, seed, 2, None).chosen].round(9)
+    chosen = candidates[search(problem, count, seed, 2, None)].round(9)
     azimuth, inclination, toolface = chosen[np.lexsort((chosen[:, 2], chosen[:, 0], chosen[:, 1]))].T
     return Plan("chosen", azimuth, inclination, toolface)
 
@@ -249,16 +212,21 @@ def check_with_prior(
             raise InputError(
                 f"the {kind} of the readings is not that of {reference.name or 'the tool'}: check the file"
             )
-    for kind, triad in reference.triads.items():
-        unit = readings.units.get(kind, UNSTATED)
-        if UNSTATED not in (unit, triad.unit) and unit != triad.unit:
-            raise InputError(f"the {kind} is in {unit}, the tool's history in {triad.unit}: convert one of them")
+    same_units(readings.units, reference, "the tool's history")
     tool = tool_from_relative(reference, prior.mean, prior.covariance, reference.name)
+    # tensors are for the field of the reference, readings for that of this stand
+    here = {kind: replace(reference.triads[kind], field_strength=readings.reference.get(FIELD_NAME[kind]))
+            for kind in VECTORS}  # fmt: skip
+    ratios = {kind: strength_ratio(reference.triads[kind], triad) for kind, triad in here.items()}
+    factors = {kind: ratio for kind, ratio in ratios.items() if ratio is not None}
+    tool, stand = with_scale(tool, factors), with_scale(reference, factors)
     channels = {kind: readings.channels[kind] for kind in tool.triads if kind in VECTORS}
     settings = np.stack(readings.dials, axis=1)
     start, powers = _start(tool, readings, settings)
-    turn, rows = _turn(reference, powers.shape[1])
-    seen = prior.covariance + model.reproducibility
+    own, rows = _turn(reference, powers.shape[1])
+    # rows of tensors by the strength of the field, those of offsets as they are
+    turn = np.concatenate([np.tile([factors.get(kind, 1.0)] * 3 + [1.0], 3) for kind in VECTORS])[:, None] * own
+    seen = prior.covariance + model.reproducibility + scale_unseen([kind for kind in VECTORS if kind not in factors])
     known, precision = _known(tool, turn, rows, seen, powers.shape[1])
     rig, _ = rig_guess(rig_sd)
     bare = Model(channels, settings, powers, np.ones((len(settings), 6)), rig, np.zeros(len(NUISANCE)), {})
@@ -269,7 +237,7 @@ def check_with_prior(
     fitted = fit(_Prior(**vars(bare), known=known, precision=precision), start)
     back = np.linalg.inv(turn)
     coefficients = np.concatenate([fitted.state.coefficients[kind].ravel() for kind in channels])
-    origin = np.concatenate([parameter_vector(reference.triads[kind]) for kind in channels])
+    origin = np.concatenate([parameter_vector(stand.triads[kind]) for kind in channels])
     found = back @ (coefficients - origin)[rows]
     spread = back @ fitted.covariance[np.ix_(rows, rows)] @ back.T
     # what the readings alone say, about the estimate
@@ -279,9 +247,7 @@ def check_with_prior(
     alone = turn.T @ _marginal(whole[np.ix_(others, others)]) @ turn
     score = np.linalg.solve(seen, found - prior.mean)  # S^-1 nu
     inverse = np.asarray(np.linalg.inv(seen), dtype=np.float64)
-    shown = np.asarray(
-        inverse - inverse @ spread @ inverse, dtype=np.float64
-    )  # S^-1, also of a plan that determines no tool
+    shown = inverse - inverse @ spread @ inverse  # S^-1, also of a plan that determines no tool
     sound = gaussian_maxima(shown) if past is None or len(past) < FEWEST else past
     alarm = judged(cause_test(score[None], shown[None]), sound, false_alarms)[0]
     evidence = np.asarray(np.linalg.inv(alone + np.eye(len(alone)) / UNSEEN**2), dtype=np.float64)
@@ -290,33 +256,32 @@ def check_with_prior(
     estimate = prior.mean + gain @ (found - prior.mean)
     if alarm.raised:
         return DriftCheck(alarm, None, values, evidence)
-    own = tool_from_relative(reference, estimate, covariance, name or reference.name)
-    record = direct.calibration(
-        readings, readings, fitted, own.name, next(iter(own.triads.values())).reference_temperature, ()
+    updated = tool_from_relative(reference, estimate, covariance, name or reference.name)
+    record = joint_calibration(
+        readings, readings, fitted, updated.name, next(iter(updated.triads.values())).reference_temperature
     )
-    joint = np.array(record.covariance)
-    joint[np.ix_(rows, rows)] = own.covariance[np.ix_(rows, rows)]
-    rest = np.setdiff1d(np.arange(len(joint)), rows)
-    joint[np.ix_(rows, rest)] = turn @ gain @ back @ record.covariance[np.ix_(rows, rest)]
-    joint[np.ix_(rest, rows)] = joint[np.ix_(rows, rest)].T
+    joint = _joined(record.covariance, updated.covariance, rows, own @ gain @ back)
+    found_so = replace(record, tool=updated, method="joint with prior", covariance=joint)
+    return DriftCheck(alarm, _with_history(found_so, readings, model, alarm), values, evidence)
+
+
+def _with_history(record: Calibration, readings: BenchReadings, model: DriftModel, alarm: Alarm) -> Calibration:
+    """The record with where its prior is from."""
     note = (
         f"{len(readings)} positions and the tool's history: drift of type {model.type} from {model.tools} tools, "
         f"{model.calibrations} calibrations, {model.first} to {model.last}; {alarm.sentence}"
     )
-    return DriftCheck(
-        alarm,
-        replace(
-            record,
-            tool=own,
-            method=METHOD,
-            covariance=joint,
-            inputs={**record.inputs, "histories of the type": model.digest},
-            notes=(*record.notes, note),
-            warnings=tuple(readings.warnings),
-        ),
-        values,
-        evidence,
-    )
+    inputs = {**record.inputs, "histories of the type": model.digest}
+    return replace(record, inputs=inputs, notes=(*record.notes, note), warnings=tuple(readings.warnings))
+
+
+def _joined(whole: Array, tool: Array, rows: Index, gain: Array) -> Array:
+    """Covariance of a fit with that of the tool's parameters, its `rows`, put in; the others follow by the gain."""
+    joint, rest = np.array(whole), np.setdiff1d(np.arange(len(whole)), rows)
+    joint[np.ix_(rows, rows)] = tool[np.ix_(rows, rows)]
+    joint[np.ix_(rows, rest)] = gain @ whole[np.ix_(rows, rest)]
+    joint[np.ix_(rest, rows)] = joint[np.ix_(rows, rest)].T
+    return joint
 
 
 def _start(tool: Tool, readings: BenchReadings, settings: Array) -> tuple[State, Array]:

@@ -17,7 +17,6 @@ from inclinometry.calibration.drift_alarm import (
     FEWEST,
     Alarm,
     RigVerdict,
-    cause_test,
     discoveries,
     fit_without_jumps,
     gaussian_maxima,
@@ -37,24 +36,15 @@ RIG_LEVEL: Final = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class ToolStatus:
-    """A tool of a fleet.
+    """A tool of a fleet."""
 
-    history : its calibrations and runs.
-    states : what was known after each.
-    alarms : verdict on each calibration but the first.
-    follow : whether the alarm of the last one is to be followed up, false discoveries at most 5 % of a list.
-    due : when it is to be calibrated.
-    now, checked : (4,) azimuth uncertainty on the day asked for, rad, at `SHOWN` inclinations: as predicted, and after
-        a check of six positions.
-    """
-
-    history: ToolHistory
-    states: Sequence[DriftState]
-    alarms: Sequence[Alarm]
-    follow: bool
-    due: Due
-    now: Array
-    checked: Array
+    history: ToolHistory  #: its calibrations and runs
+    states: Sequence[DriftState]  #: what was known after each
+    alarms: Sequence[Alarm]  #: verdict on each calibration but the first
+    follow: bool  #: whether the alarm of the last one is to be followed up, false discoveries at most 5 % of a list
+    due: Due  #: when it is to be calibrated
+    now: Array  #: (4,) azimuth uncertainty predicted for the day asked for, rad, at `SHOWN` inclinations
+    checked: Array  #: the same after a check of six positions
 
     @property
     def last(self) -> datetime.date:
@@ -150,9 +140,8 @@ def fleet_status(
     today = max(h.date[-1] for h in histories) if day is None else day
     states = drift_states(histories, model)
     found = innovations(histories, model)
-    information = np.asarray(np.linalg.inv(found.covariance))
-    test = cause_test((information @ found.values[..., None])[..., 0], information)
-    reference = past if len(past) >= FEWEST else gaussian_maxima(information.mean(axis=0))
+    test = found.test()
+    reference = past if len(past) >= FEWEST else gaussian_maxima(np.linalg.inv(found.covariance).mean(axis=0))
     alarms: list[list[Alarm]] = [[] for _ in histories]
     for row, alarm in enumerate(judged(test, reference, false_alarms)):
         alarms[int(found.history[row])].append(alarm)

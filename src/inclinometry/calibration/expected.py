@@ -7,8 +7,8 @@ angles; "of one reading" adds the noise of one reading of each sensor.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any, Final
+from dataclasses import dataclass, replace
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,10 +18,11 @@ from inclinometry.calibration.result import Calibration
 from inclinometry.constants import COVERAGE_FACTOR, DIP, GRAVITY_SPREAD, LATITUDE, SHORT_INCLINATIONS, STEPS
 from inclinometry.earth.gravity import stated_gravity_sd
 from inclinometry.errors import InputError
+from inclinometry.findings import Finding, Value
 from inclinometry.orientation import dip_angle, fields
 from inclinometry.sensors import Tool, angle_sensitivity
 from inclinometry.tabular import Column, Tabular, check_record, degrees, draw, in_degrees
-from inclinometry.uncertainty import UNKNOWN, expanded_factor
+from inclinometry.uncertainty import UNKNOWN, coverage_factor, coverage_probability
 
 ALL_ANGLES: Final = ("inclination", "azimuth", "toolface", "magnetic_toolface")
 FROM_CALIBRATION: Final = "from the calibration alone"
@@ -30,26 +31,18 @@ OF_ONE_READING: Final = "of one reading"
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ExpectedUncertainty(Tabular):
-    """Uncertainty of a tool's angles over inclination, azimuth and toolface.
+    """Uncertainty of a tool's angles over inclination, azimuth and toolface."""
 
-    inclination : (n,) rad.
-    components : cause -> (n, azimuths, toolfaces, 4) variances, rad^2, last axis as `ALL_ANGLES`; NaN for an angle the
-        tool cannot give. The causes are "calibration", "sensor noise" and, of two accelerometers, "strength of
-        gravity".
-    azimuth_from : kind of the triad the azimuth comes from; None without.
-    dip : of that triad's field below the horizontal, rad; minus the latitude for a gyro.
-    dip_from : "given", "calibration" (as found at the stand), "stated" (with the readings) or "assumed".
-    temperature : degC.
-    gravity_sd : of two accelerometers, standard uncertainty of |g| where the tool works in units of that at the
-        calibration; else 0.
-    """
-
-    inclination: Array
+    inclination: Array  #: (n,) rad
+    #: cause -> (n, azimuths, toolfaces, 4) variances, rad^2, last axis as `ALL_ANGLES`; NaN for an angle the tool
+    #: cannot give. The causes are "calibration", "sensor noise" and, of two accelerometers, "strength of gravity"
     components: Mapping[str, Array]
-    azimuth_from: str | None
-    dip: float
-    dip_from: str
-    temperature: float
+    azimuth_from: str | None  #: kind of the triad the azimuth comes from; None without
+    dip: float  #: of that triad's field below the horizontal, rad; minus the latitude for a gyro
+    dip_from: str  #: "given", "calibration" (as found at the stand), "stated" (with the readings) or "assumed"
+    temperature: float  #: degC
+    #: of two accelerometers, standard uncertainty of |g| where the tool works in units of that at the calibration;
+    #: else 0
     gravity_sd: float = 0.0
 
     @property
@@ -103,52 +96,61 @@ def expanded(u: Array, k: float = COVERAGE_FACTOR) -> Array:
     return np.asarray(np.minimum(k * u, np.pi))
 
 
-def absurd_uncertainty(calibration: Calibration, stated_dip: float | None = None) -> list[str]:
+def absurd_uncertainty(tool: Tool, expected: ExpectedUncertainty) -> list[Finding]:
     """A warning where the calibration alone leaves an angle less certain than no inclinometer is.
 
-    Parameters
-    ----------
-    calibration : Calibration
-    stated_dip : float, optional
-        As for `expected_uncertainty`.
+    Looked for from 30 degrees on: nearer to the vertical azimuth and toolface are uncertain by any tool.
     """
-    gravity = calibration.tool.triads.get("accelerometer")
+    gravity = tool.triads.get("accelerometer")
     # of fewer sensors, and of a gyro at the Earth's rate, an angle may well be no better
-    if gravity is None or not gravity.full or azimuth_triad(calibration.tool) == "gyro":
+    if gravity is None or not gravity.full or expected.azimuth_from == "gyro":
         return []
-    found = expected_uncertainty(calibration, ABSURD_FROM, stated_dip=stated_dip)
-    worst: tuple[float, str] | None = None
-    for name, most in ABSURD.items():
+    inclined = np.flatnonzero(expected.inclination > np.radians(29.0))
+    worst: tuple[float, Finding] | None = None
+    # a level and a hand compass do better
+    for name, most in zip(ALL_ANGLES, np.radians([1.0, 5.0, 5.0]), strict=False):
         # of all azimuths and toolfaces together: along the field azimuth is uncertain by any tool
-        u = found.rms("calibration")[:, ALL_ANGLES.index(name)]
-        place = int(np.argmax(u)) if name in found.angles else 0
-        if name in found.angles and u[place] > most and (worst is None or u[place] / most > worst[0]):
-            size, inclination = np.degrees(u[place]), np.degrees(ABSURD_FROM[place])
-            said = (
-                f"the calibration alone leaves the {name} uncertain by {size:.2g} deg at an inclination of "
-                f"{inclination:.0f} deg, as no inclinometer is: look for exchanged rows, a misread dial, a gain "
-                "that changed, iron near by, or positions that tell too little, and do not use this calibration"
-            )
+        u = expected.rms("calibration")[inclined, ALL_ANGLES.index(name)]
+        place = int(np.argmax(u)) if name in expected.angles else 0
+        if name in expected.angles and u[place] > most and (worst is None or u[place] / most > worst[0]):
+            size, inclination = np.degrees([u[place], expected.inclination[inclined[place]]]).tolist()
+            values: dict[str, Value] = {"angle": name, "u_deg": size, "inclination_deg": inclination}
+            said = Finding("bench-uncertainty-absurd", values)
             worst = float(u[place] / most), said
     return [worst[1]] if worst else []
 
 
-ABSURD: Final = {"inclination": np.radians(1.0), "azimuth": np.radians(5.0), "toolface": np.radians(5.0)}
-"""Standard uncertainty from the calibration alone that is warned of, rad: a level and a hand compass do better."""
-ABSURD_FROM: Final = np.radians([30.0, 60.0, 90.0])
-"""Inclinations at which it is looked for: nearer to the vertical azimuth and toolface are uncertain by any tool."""
+class Certified(NamedTuple):
+    """A calibration as a certificate states it: U = k u with k by the GUM's table G.2.
 
-
-def certified_factor(calibration: Calibration) -> float:
-    """k of a certificate: for the probability of k = 2 of a normal distribution, 95.45 %, rounded up to two decimals.
-
-    Notes
-    -----
-    Student's quantile for the calibration's own degrees of freedom. Noise of a reading and calibration hang on the same
-    estimated variances, so that of both together are theirs (JCGM 100:2008, G.4, wants them independent). u is already
-    the mean over those variances, see `inclinometry.uncertainty.expanded_factor`.
+    calibration : its covariance is that at the estimated variances, without the mean over what is not known of them.
+    k : for 95.45 %, two decimals. freedom : effective degrees of freedom, whole; infinite where variances were stated.
     """
-    return float(expanded_factor(calibration.degrees_of_freedom))
+
+    calibration: Calibration
+    k: float
+    freedom: float
+
+
+def certified(calibration: Calibration) -> Certified:
+    """Standard uncertainties, k and degrees of freedom as a certificate states them.
+
+    A covariance that is the mean over estimated variances is nu / (nu - 2) times the one at their estimates, that of
+    Student's distribution with nu degrees of freedom. The GUM's u is the latter, its k Student's quantile, nu cut to a
+    whole number (JCGM 100:2008, G.4.1 and table G.2). Older calibrations do not state nu: it is then that of the
+    residuals, at least 3. U is never less than twice the mean.
+    """
+    nu = calibration.freedom
+    if nu is None:
+        nu = max(calibration.degrees_of_freedom, 3.0)
+    whole = float(np.floor(nu))
+    k = round(float(coverage_factor(coverage_probability(COVERAGE_FACTOR), whole)), 2)
+    # the covariance of these methods is that at the estimated variances already
+    if calibration.method in ("field", "norm", "rate-table") or not np.isfinite(nu):
+        return Certified(calibration, k, whole)
+    share = max(float(np.sqrt(max(1.0 - 2.0 / nu, 0.0))), COVERAGE_FACTOR / k)
+    stated = replace(calibration.tool, covariance=share**2 * calibration.tool.covariance)
+    return Certified(replace(calibration, tool=stated), k, whole)
 
 
 def expected_uncertainty(
@@ -250,14 +252,7 @@ def azimuth_triad(tool: Tool) -> str | None:
 
 
 def field_dip(directions: Mapping[str, Array], kind: str) -> float | None:
-    """Angle of a field below the horizontal that gravity defines, rad; None where the rig's directions are not known.
-
-    Examples
-    --------
-    >>> directions = {"accelerometer": np.array([0, 0, 1.0]), "magnetometer": np.array([0.6, 0, 0.8])}
-    >>> round(float(np.degrees(field_dip(directions, "magnetometer"))), 3)
-    53.13
-    """
+    """Angle of a field below the horizontal that gravity defines, rad; None where the rig's directions are unknown."""
     if kind not in directions:
         return None
     return float(dip_angle(directions.get("accelerometer", np.array([0.0, 0.0, 1.0])), directions[kind]))

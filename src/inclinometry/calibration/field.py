@@ -11,7 +11,6 @@ from inclinometry.arrays import Array, frozen, within
 from inclinometry.calibration._field_model import (
     Estimate,
     FieldProblem,
-    Prior,
     Shots,
     Unknowns,
     bad_shots,
@@ -276,7 +275,7 @@ def calibrate_field(
     array([[-500., -500., -500.]])
     """
     check_record(readings, BenchReadings, "calibrate_field")
-    prior = Prior(
+    prior = (
         float(within(axis_angle_sd, "axis_angle_sd", 1e-4, 1.0, "rad")),
         float(within(scale_spread_sd, "scale_spread_sd", 1e-4, 1.0)),
     )
@@ -349,7 +348,11 @@ def _shots(readings: BenchReadings, notes: list[str]) -> tuple[Shots, list[float
 
 
 def _begin(
-    shots: Shots, prior: Prior, reference: Mapping[str, float], specific_force: bool | None, notes: list[str]
+    shots: Shots,
+    prior: tuple[float, float],
+    reference: Mapping[str, float],
+    specific_force: bool | None,
+    notes: list[str],
 ) -> tuple[Unknowns, bool]:
     """Starting point of least cost among the rotations the dip allows, and whether the accelerometer is flipped."""
     triads, fields = [], []
@@ -422,7 +425,7 @@ def _axis(shots: Shots, fields: Sequence[Array]) -> Array:
 def _require_information(found: Estimate, sets: Sequence[str]) -> None:
     """Raise in words when, priors aside, the shots leave a direction of the tool's parameters open."""
     problem, shots = found.problem, found.problem.shots
-    alone = FieldProblem(shots, Prior(1e6, 1e6), problem.levels)
+    alone = FieldProblem(shots, (1e6, 1e6), problem.levels)
     covariance = inverse_spd(alone.normal(found.at).hessian)[: shots.tool, : shots.tool]
     gauge = alone.gauge(found.at)[: shots.tool]
     clear = np.eye(shots.tool) - np.outer(gauge, gauge)

@@ -26,31 +26,21 @@ from inclinometry.sensors import Tool, Triad, parameter_names
 
 LEAST_ROTATIONS: Final = 9
 """Rotations needed: each gives two equations for the nine parameters, and as many again check the fit."""
-LONGEST_ROTATION: Final = 60.0
-"""s between two rests; in a longer time the bias moves on and the attitude with it."""
 
 
-class _Legs(NamedTuple):
-    """Samples between two rests, K legs padded to one length: padded steps last no time."""
-
-    duration: Array  # (K, L) s, from each sample to the next
-    signals: Array  # (K, L + 1, 3) gyro, less its bias there
-
-
-def _turned(legs: _Legs, gain: Array) -> Array:
+def _turned(duration: Array, signals: Array, gain: Array) -> Array:
     """Attitude at each sample of a leg, quaternions (..., K, L + 1, 4) that take its axes to those at its start.
 
-    q' = q (0, w) / 2 by the Runge-Kutta method of fourth order, the rate linear between samples (Tedaldi 2014,
-    section III). The equation is linear in q, so that a step is a product with a quaternion of the rates alone; all
-    steps are found at once, and their running products by doubling.
-
-    Parameters
-    ----------
-    gain : (..., 3, 3) rad/s per signal unit.
+    q' = q (0, w) / 2 by the Runge-Kutta method of fourth order, the rate linear between samples (Tedaldi 2014, section
+    III). The equation is linear in q, so that a step is a product with a quaternion of the rates alone; all steps are
+    found at once, and their running products by doubling. `duration` (K, L) s, from each sample to the next;
+    `signals` (K, L + 1, 3) of the gyro, less its bias there; padded steps last no time. `gain` (..., 3, 3) in rad/s per
+    signal unit.
     """
-    rate = np.einsum("...ij,klj->...kli", gain, legs.signals)
-    h = legs.duration[..., None]
-    first, last = (_pure(0.5 * part) for part in (rate[..., :-1, :], rate[..., 1:, :]))
+    rate = np.einsum("...ij,klj->...kli", gain, signals)
+    h = duration[..., None]
+    pure = np.concatenate([np.zeros((*rate.shape[:-1], 1)), 0.5 * rate], axis=-1)
+    first, last = pure[..., :-1, :], pure[..., 1:, :]
     middle, one = 0.5 * (first + last), np.array([1.0, 0.0, 0.0, 0.0])
     k2 = quaternion_multiply(one + 0.5 * h * first, middle)
     k3 = quaternion_multiply(one + 0.5 * h * k2, middle)
@@ -65,47 +55,23 @@ def _turned(legs: _Legs, gain: Array) -> Array:
     return np.concatenate([np.broadcast_to(one, (*step.shape[:-2], 1, 4)), step], axis=-2)
 
 
-def _pure(vector: Array) -> Array:
-    return np.concatenate([np.zeros((*vector.shape[:-1], 1)), vector], axis=-1)
-
-
-class _Leg(NamedTuple):
-    """From the last sample of a rest to the first of the next."""
-
-    rest: int
-    start: int
-    stop: int
-
-
 @dataclass(frozen=True, eq=False)
 class HandRotations:
-    """Accelerometer and gyro, both in the accelerometer's own axes.
+    """Accelerometer and gyro, both in the accelerometer's own axes."""
 
-    accelerometer : NormFit, of the means over the rests.
-    gain : (3, 3) rad/s per signal unit: rate = gain (signals - bias).
-    bias : (3,) mean over the rests, signal units.
-    bias_scatter : (3,) standard deviation of the bias over the log, signal units: how far it drifted.
-    covariance : (21, 21) of the accelerometer's nine (as in `NormFit`), the gain by rows, the bias. The share of the
-        accelerometer in the gain is in it. Scaled by the residuals' own variance, it holds for independent ones.
-    residual : (K,) angle between predicted and seen direction of gravity, rad, of each rotation used.
-    rotations : (K,) number of the rest each rotation starts from.
-    chi_square_ratio : of the residuals to what noise and drift of the bias leave to be expected; the covariance is
-        multiplied by it.
-    rests : StillIntervals, of both triads' channels.
-    means : (n, 3) of the accelerometer over each rest, signal units.
-    notes, warnings : sentences.
-    """
-
-    accelerometer: NormFit
-    gain: Array
-    bias: Array
-    bias_scatter: Array
+    accelerometer: NormFit  #: of the means over the rests
+    gain: Array  #: (3, 3) rad/s per signal unit: rate = gain (signals - bias)
+    bias: Array  #: (3,) mean over the rests, signal units
+    bias_scatter: Array  #: (3,) standard deviation of the bias over the log, signal units: how far it drifted
+    #: (21, 21) of the accelerometer's nine (as in `NormFit`), the gain by rows, the bias. The share of the
+    #: accelerometer in the gain is in it. Scaled by the residuals' own variance, it holds for independent ones
     covariance: Array
-    residual: Array
-    rotations: NDArray[np.int64]
+    residual: Array  #: (K,) angle between predicted and seen direction of gravity, rad, of each rotation used
+    rotations: NDArray[np.int64]  #: (K,) number of the rest each rotation starts from
+    #: of the residuals to what noise and drift of the bias leave to be expected; the covariance is multiplied by it
     chi_square_ratio: float
-    rests: StillIntervals
-    means: Array
+    rests: StillIntervals  #: of both triads' channels
+    means: Array  #: (n, 3) of the accelerometer over each rest, signal units
     notes: Sequence[str] = ()
     warnings: Sequence[str] = ()
 
@@ -260,31 +226,35 @@ class _Fit:
         if self.legs:
             self._prepare()
 
-    def _legs(self) -> list[_Leg]:
-        """Rotations from rest to rest; those that cannot be used are dropped with the reason."""
+    def _legs(self) -> list[tuple[int, int, int]]:
+        """Rest, its last sample and the first of the next, of each rotation.
+
+        Those that cannot be used are dropped with the reason.
+        """
         gaps = np.flatnonzero(np.diff(self.log.time) > 5.0 * self.rests.period)
         clipped = _out_of_range(self.log.gyro, self.means.mean(axis=0), self.rests.noise_sd[3:])
+        longest = 60.0  # s between two rests; in a longer time the bias moves on and the attitude with it
         found = []
         for rest, ((_, b), (c, _)) in enumerate(pairwise(self.rests.pairs())):
-            leg = _Leg(rest, b - 1, c)
-            times = f"rotation at {self.log.time[b - 1]:.6g} to {self.log.time[c]:.6g} s"
-            lasts = float(self.log.time[c] - self.log.time[b - 1])
-            if np.any((gaps >= leg.start) & (gaps < leg.stop)):
+            start = b - 1
+            times = f"rotation at {self.log.time[start]:.6g} to {self.log.time[c]:.6g} s"
+            lasts = float(self.log.time[c] - self.log.time[start])
+            if np.any((gaps >= start) & (gaps < c)):
                 self.dropped.append(f"{times} left out: the log has a gap there")
-            elif clipped[leg.start : leg.stop].any():
+            elif clipped[start:c].any():
                 self.dropped.append(f"{times} left out: the gyro is out of range; turn the tool more slowly")
-            elif lasts > LONGEST_ROTATION:
-                self.dropped.append(f"{times} left out: longer than {LONGEST_ROTATION:g} s, the bias drifts meanwhile")
+            elif lasts > longest:
+                self.dropped.append(f"{times} left out: longer than {longest:g} s, the bias drifts meanwhile")
             else:
-                found.append(leg)
+                found.append((rest, start, c))
         return found
 
     def _prepare(self) -> None:
         """Arrays of the legs that are used."""
         time, legs = self.log.time, self.legs
-        self.rest = np.array([leg.rest for leg in legs])
-        size = max(leg.stop - leg.start for leg in legs)
-        at = np.array([np.minimum(leg.start + np.arange(size + 1), leg.stop) for leg in legs])
+        self.rest = np.array([rest for rest, _, _ in legs])
+        size = max(stop - start for _, start, stop in legs)
+        at = np.array([np.minimum(start + np.arange(size + 1), stop) for _, start, stop in legs])
         duration = np.diff(time[at], axis=1)
         self.length = duration.sum(axis=1)
         if self.stated is None:
@@ -300,7 +270,7 @@ class _Fit:
             bias = self.stated
             variance = np.mean((self.means - self.stated) ** 2, axis=0) + np.zeros((len(legs), 3))
         self.bias_sd = np.sqrt(variance)
-        self.samples = _Legs(duration, self.log.gyro[at] - bias)
+        self.duration, self.signals = duration, self.log.gyro[at] - bias
         self.u0, self.u1 = self.down[self.rest], self.down[self.rest + 1]
         # two directions across gravity: along it nothing is left, whatever the gyro says
         helper = np.eye(3)[np.argmin(np.abs(self.u1), axis=1)]
@@ -312,15 +282,15 @@ class _Fit:
         few = np.unique(np.linspace(0, len(self.legs) - 1, 11).astype(int))
         # 15 per s are enough to see where a hand's rotation ends
         every = max(1, round(0.065 / self.rests.period))
-        duration, signals = self.samples.duration[few], self.samples.signals[few]
+        duration, signals = self.duration[few], self.signals[few]
         count = duration.shape[1] // every
         blocks = signals[:, : count * every].reshape(len(few), count, every, 3).mean(axis=2)
-        coarse = _Legs(duration[:, : count * every].reshape(len(few), count, every).sum(axis=2)[:, :-1], blocks)
+        steps = duration[:, : count * every].reshape(len(few), count, every).sum(axis=2)[:, :-1]
         if gyro_unit in PER_RADIAN:
             scales = np.array([1.0 / PER_RADIAN[gyro_unit]])
         else:
             # rad/s, of the fastest moment of a rotation by hand
-            fastest = np.quantile(np.abs(self.samples.signals).max(axis=(1, 2)), 0.9)
+            fastest = np.quantile(np.abs(self.signals).max(axis=(1, 2)), 0.9)
             scales = np.geomspace(0.3, 40.0, 60) / fastest
         signs = np.array([np.diag(row) for row in np.array(np.meshgrid(*[[1.0, -1.0]] * 3)).reshape(3, -1).T])
         orders = np.eye(3)[[[0, 1, 2], [1, 2, 0], [2, 0, 1], [1, 0, 2], [0, 2, 1], [2, 1, 0]]]
@@ -328,7 +298,7 @@ class _Fit:
         near = 0.3
         for axes in (sign @ order for order in orders for sign in signs):
             tried = scales[:, None, None] * axes
-            end = dcm_from_quaternion(_turned(coarse, tried)[..., -1, :])
+            end = dcm_from_quaternion(_turned(steps, blocks, tried)[..., -1, :])
             miss = self.u1[few] - np.einsum("...kji,kj->...ki", end, self.u0[few])
             left = np.median(np.linalg.norm(miss, axis=-1), axis=-1)
             if left.min() < near:
@@ -345,15 +315,12 @@ class _Fit:
 
     def _model(self, gain: Array) -> tuple[Array, Array, Array, Array]:
         """Residuals (K, 3), their derivatives by the gain (K, 3, 9) and bias (K, 3, 3), and end attitudes (K, 3, 3)."""
-        at = dcm_from_quaternion(_turned(self.samples, gain))
+        at = dcm_from_quaternion(_turned(self.duration, self.signals, gain))
         end = at[:, -1].swapaxes(-1, -2)
         last = np.zeros((len(self.legs), 1))
-        weight = 0.5 * (
-            np.concatenate([self.samples.duration, last], axis=1)
-            + np.concatenate([last, self.samples.duration], axis=1)
-        )
+        weight = 0.5 * (np.concatenate([self.duration, last], axis=1) + np.concatenate([last, self.duration], axis=1))
         # a rate w turns gravity by -w x u; brought to the start of the rotation its derivatives are plain sums
-        by_gain = np.einsum("kl,klai,klj->kija", weight, at, self.samples.signals)
+        by_gain = np.einsum("kl,klai,klj->kija", weight, at, self.signals)
         by_rate = np.einsum("kl,klai->kia", weight, at)
         moved = np.cross(by_gain.reshape(-1, 9, 3), self.u0[:, None])
         d_gain = np.einsum("kab,kpb->kap", end, moved)
@@ -424,8 +391,8 @@ class _Fit:
             odd = square > 30.0 * typical
             if not odd.any() or len(self.legs) - odd.sum() < LEAST_ROTATIONS:
                 break
-            for leg in (leg for leg, one in zip(self.legs, odd, strict=True) if one):
-                at = self.log.time[leg.start]
+            for _, last, _ in (leg for leg, one in zip(self.legs, odd, strict=True) if one):
+                at = self.log.time[last]
                 self.dropped.append(f"rotation at {at:.6g} s left out: at odds with the others (a knock, or a slip)")
             self.legs = [leg for leg, one in zip(self.legs, odd, strict=True) if not one]
             self._prepare()
@@ -534,22 +501,8 @@ def hand_rotations_calibration(
 ) -> Calibration:
     """The calibration of a tool from its hand rotations: accelerometer and gyro in the accelerometer's own axes.
 
-    Parameters
-    ----------
-    found : HandRotations
-    log_digest : str
-        Of the log.
-    units : kind -> unit of the signals, optional
-        counts where not given.
-    specific_force : bool
-        The accelerometer reads +1 g upwards at rest.
-    name : str
-        Of the tool.
-
-    Returns
-    -------
-    Calibration
-        Method "hand-rotations"; the gyro's tensor is signal units per Earth rate, as everywhere.
+    `units` of the signals are counts where not given. With `specific_force` the accelerometer reads +1 g upwards at
+    rest. The gyro's tensor is signal units per Earth rate, as everywhere.
     """
     fit, units = found.accelerometer, units or {}
     accelerometer = fit.triad("accelerometer", units.get("accelerometer", "counts"), specific_force=specific_force)

@@ -32,15 +32,7 @@ class Harmonic:
 
 
 def harmonic_weights(angle: ArrayLike, order: int = 1) -> Array:
-    """Weights (3, p) of the signals in the cosine, the sine and the mean; equation (18).
-
-    Examples
-    --------
-    >>> harmonic_weights(np.radians([0.0, 120.0, 240.0])).round(3) + 0.0
-    array([[ 0.667, -0.333, -0.333],
-           [ 0.   ,  0.577, -0.577],
-           [ 0.333,  0.333,  0.333]])
-    """
+    """Weights (3, p) of the signals in the cosine, the sine and the mean; equation (18)."""
     angles = finite(angle, "angle", (None,))
     count = len(angles)
     if order < 1 or 2 * order >= count:
@@ -50,32 +42,10 @@ def harmonic_weights(angle: ArrayLike, order: int = 1) -> Array:
 
 
 def harmonics(signals: ArrayLike, angle: ArrayLike, order: int = 1) -> Harmonic:
-    """Harmonic of the signals over a full turn in p equal steps.
+    """Harmonic of the signals (..., p, m) over a full turn in p equal steps; equations (17), (18) of Rogatykh 2018.
 
-    Parameters
-    ----------
-    signals : (..., p, m) array_like
-    angle : (p,) array_like
-        Angle of each step, rad: 2 pi / p apart, in any order, from any start.
-    order : int
-        1 for the field itself; 2 shows non-linearity and unequal turning. Less than p / 2.
-
-    Raises
-    ------
-    InputError
-        Steps that are not equal, fewer than 3, or too few for the order.
-
-    Notes
-    -----
-    Equations (17), (18) of Rogatykh 2018, for any start of the steps. At equal steps the sums are the fit of
-    least squares.
-
-    Examples
-    --------
-    >>> roll = np.radians([10.0, 100.0, 190.0, 280.0])
-    >>> found = harmonics(5.0 + 2.0 * np.cos(roll - 0.3)[:, None], roll)
-    >>> found.amplitude.round(9), found.phase.round(9), found.mean.round(9)
-    (array([2.]), array([0.3]), array([5.]))
+    For any order and start of the steps. At equal steps the sums are the fit of least squares. Order 1 is the field
+    itself; order 2 shows non-linearity and unequal turning.
     """
     reason = unequal_steps(angle)
     if reason is not None:

@@ -7,12 +7,14 @@ can see but a fit does not carry, a constant error of the rig, is tested from th
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 
 from inclinometry.arrays import Array
 from inclinometry.calibration.likelihood import NUISANCE, Model, State, tangent_basis
 from inclinometry.calibration.variance import Fitted
+from inclinometry.findings import Finding, Value
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,12 +22,12 @@ class NullSpace:
     """Directions a plan cannot see.
 
     rank, size : of the trusted-dial model with whatever priors on field directions it has
-    sentences : one for each unseen direction
+    unseen : each direction that is not seen, as part of a sentence
     """
 
     rank: int
     size: int
-    sentences: tuple[str, ...]
+    unseen: tuple[Finding, ...]
 
     @property
     def complete(self) -> bool:
@@ -52,10 +54,12 @@ def null_space(model: Model, state: State) -> NullSpace:
     # of fewer equations than parameters what is left of the space is unseen too
     null = np.concatenate([right[~seen], np.linalg.svd(right)[2][len(right) :]])
     rank = int(seen.sum())
+    if not len(null):
+        return NullSpace(rank, design.shape[1], ())
     names, dictionary = _dictionary(bare, still, tool, tangent)
     dictionary = dictionary / scale[: extra.start]
     # for each unseen direction the fewest named changes that reproduce it, by orthogonal matching pursuit
-    sentences = []
+    unseen: list[Finding] = []
     lengths = np.linalg.norm(dictionary, axis=1)
     unit = dictionary / np.where(lengths > 0.0, lengths, 1.0)[:, None]
     for direction in null:
@@ -67,9 +71,11 @@ def null_space(model: Model, state: State) -> NullSpace:
             chosen.append(int(np.argmax(match)))
             part = unit[chosen].T
             left = direction - part @ np.linalg.lstsq(part, direction, rcond=None)[0]
-        what = " together with ".join(names[i] for i in chosen)
-        sentences.append(f"this plan cannot see {what}")
-    return NullSpace(rank, design.shape[1], tuple(dict.fromkeys(sentences)))
+        what = Finding("bench-unseen", {"changes": tuple(names[i] for i in chosen)})
+        if len(chosen) == 1:
+            what = names[chosen[0]]
+        unseen += [] if what in unseen else [what]
+    return NullSpace(rank, design.shape[1], tuple(unseen))
 
 
 def constant_errors(fitted: Fitted) -> dict[str, tuple[float, float]]:
@@ -120,17 +126,16 @@ def _column_scale(model: Model, state: State) -> Array:
 
 def _dictionary(
     model: Model, state: State, tool: dict[str, slice], tangent: dict[str, slice]
-) -> tuple[list[str], Array]:
+) -> tuple[list[Finding], Array]:
     """Named small changes as rows of parameter changes, common ones first so that they are preferred."""
     _, _, extra, _ = model.columns()
-    names: list[str] = []
+    names: list[Finding] = []
     rows: list[Array] = []
-    axes = ("x", "y", "z")
     tilts = ("tilt of the rig about its east axis", "tilt of the rig about its north axis", "azimuth zero of the rig")
     turns = ("tool axis (about x)", "tool axis (about y)", "toolface zero")
     kinds = list(state.coefficients)
 
-    def add(name: str, changes: dict[str, tuple[Array, Array]]) -> None:
+    def add(name: Finding, changes: dict[str, tuple[Array, Array]]) -> None:
         row = np.zeros(extra.start)
         for kind, (coefficient, direction) in changes.items():
             row[tool[kind]] = coefficient.ravel()
@@ -149,18 +154,22 @@ def _dictionary(
 
     order = (1, 0, 2)
     for number, axis in enumerate(order):
-        add(tilts[number], {kind: tilted(kind, axis) for kind in kinds})
+        add(Finding("bench-turn", {"turn": tilts[number]}), {kind: tilted(kind, axis) for kind in kinds})
     for axis in range(3):
-        add(turns[axis], {kind: turned(kind, axis) for kind in kinds})
+        add(Finding("bench-turn", {"turn": turns[axis]}), {kind: turned(kind, axis) for kind in kinds})
     for kind in kinds:
         for number, axis in enumerate(order):
-            add(f"{tilts[number]} seen by the {kind} alone", {kind: tilted(kind, axis)})
+            add(Finding("bench-turn-alone", {"turn": tilts[number], "kind": kind}), {kind: tilted(kind, axis)})
         for axis in range(3):
-            add(f"{turns[axis]} of the {kind} alone", {kind: turned(kind, axis)})
-        for sensor in range(state.coefficients[kind].shape[1]):
-            for column in range(4):
-                change = np.zeros_like(state.coefficients[kind])
-                change[0, sensor, column] = 1.0
-                what = f"tensor element along {axes[column]}" if column < 3 else "offset"
-                add(f"{what} of {kind} sensor {sensor + 1}", {kind: (change, np.zeros(3))})
+            add(Finding("bench-turn-alone", {"turn": turns[axis], "kind": kind}), {kind: turned(kind, axis)})
+        for sensor, column in product(range(state.coefficients[kind].shape[1]), range(4)):
+            change = np.zeros_like(state.coefficients[kind])
+            change[0, sensor, column] = 1.0
+            add(_element(kind, sensor, column), {kind: (change, np.zeros(3))})
     return names, np.array(rows)
+
+
+def _element(kind: str, sensor: int, column: int) -> Finding:
+    """An element of the tensor, or the offset in the fourth column, as part of a sentence."""
+    own: dict[str, Value] = {"kind": kind, "sensor": sensor + 1}
+    return Finding("bench-element", own | {"axis": "xyz"[column]}) if column < 3 else Finding("bench-offset", own)

@@ -20,10 +20,6 @@ from inclinometry.calibration.drift import MULTIPLIERS, DriftModel, DriftState, 
 from inclinometry.constants import DIP
 from inclinometry.history import DAYS_PER_YEAR
 
-RELIABILITY: Final = 0.95
-"""Share of tools still within their limit at the end of the interval."""
-LIMIT: Final = float(np.radians(0.5))
-"""Azimuth error that a tool must not exceed, rad, rms over azimuth and toolface."""
 LONGEST: Final = 5.0
 """No interval is longer, years: a drift that has not been seen yet cannot be excluded."""
 
@@ -35,8 +31,8 @@ class Requirement:
     limit : L. reliability : of keeping it until the due date. inclinations, dip : where it is required.
     """
 
-    limit: float = LIMIT
-    reliability: float = RELIABILITY
+    limit: float = float(np.radians(0.5))
+    reliability: float = 0.95
     inclinations: Sequence[float] = (float(np.radians(60.0)),)
     dip: float = DIP
 
@@ -53,22 +49,9 @@ class Requirement:
 class Growth:
     """Probability of being beyond the limit as it grows, for n mixtures of J components.
 
-    Parameters
-    ----------
-    covariance : (n, J, 24, 24) ndarray
-        Of the parameters now.
-    drift : (24, 24) ndarray
-        Q.
-    weights : (n, J) ndarray
-    multipliers : (J,) or (n, J) ndarray
-        lambda of each component.
-    requirement : Requirement
-    shift : (24,) ndarray, optional
-        Mean change of the parameters a year, by shock and heat that are to be expected.
-
-    Notes
-    -----
     The quadratic form is taken for a scaled chi-square with its mean tr(GP) and variance 2 tr((GP)^2) (Satterthwaite).
+    Covariance (n, J, 24, 24) now, drift Q (24, 24), weights (n, J), multipliers lambda (J,) or (n, J); `shift` (24,) is
+    the mean change of the parameters a year, by shock and heat that are to be expected.
     """
 
     def __init__(

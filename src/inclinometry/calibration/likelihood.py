@@ -18,7 +18,7 @@ import numpy as np
 from inclinometry.arrays import Array, Index, Mask
 from inclinometry.calibration.twelve import DOWN
 from inclinometry.least_squares import Normal
-from inclinometry.rotations import rotation_x, rotation_y, rotation_z, wrap_signed
+from inclinometry.rotations import cross_matrix, rotation_x, rotation_y, rotation_z, wrap_signed
 
 # The rig as a chain of rotations, with the constant errors it may have and every first derivative.
 #
@@ -31,47 +31,27 @@ NUISANCE = ("inclination_zero", "toolface_zero", "outer_nonorthogonality", "inne
 """Constant rig errors that a joint fit can carry, each an angle in rad."""
 
 # dR(angle)/d(angle) = generator @ R(angle) for the passive rotations of the conventions
-_GX = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
-_GY = np.array([[0.0, 0.0, -1.0], [0.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
-_GZ = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
+_GX, _GY, _GZ = 0.0 - cross_matrix(np.eye(3))
 
 
 def orientation(settings: Array, nuisance: Array) -> tuple[Array, Array, Array]:
-    """Rig-to-tool matrices and their derivatives.
+    """Rig-to-tool matrices (K, 3, 3) and their derivatives by setting (K, 3, 3, 3) and by nuisance (4, K, 3, 3).
 
-    Parameters
-    ----------
-    settings : (K, 3)
-        True azimuth, inclination, toolface of each setting, without the constant errors, rad.
-    nuisance : (4,)
-        Constant errors in the order of `NUISANCE`, rad.
-
-    Returns
-    -------
-    matrix : (K, 3, 3)
-    by_setting : (K, 3, 3, 3)
-        [:, d] = derivative by azimuth, inclination, toolface.
-    by_nuisance : (4, K, 3, 3)
-
-    Examples
-    --------
-    >>> matrix, _, _ = orientation(np.array([[0.0, np.pi / 2, 0.0]]), np.zeros(4))
-    >>> (matrix[0] @ [0.0, 0.0, 1.0]).round(12) + 0.0
-    array([-1.,  0.,  0.])
+    `settings` (K, 3) are true azimuth, inclination, toolface without the constant errors, rad; `nuisance` (4,) in the
+    order of `NUISANCE`, rad.
     """
     azimuth, inclination, toolface = settings.T
-    turn_t = rotation_z(toolface + nuisance[1])
-    left_inner = turn_t @ rotation_x(nuisance[3])
-    left_inclination = left_inner @ rotation_y(inclination + nuisance[0])
-    left_outer = left_inclination @ rotation_x(nuisance[2])
-    right_azimuth = rotation_z(azimuth)
-    right_outer = rotation_x(nuisance[2]) @ right_azimuth
-    right_inclination = rotation_y(inclination + nuisance[0]) @ right_outer
-    matrix = left_outer @ right_azimuth
+    turn_t, turn_a = rotation_z(np.stack([toolface + nuisance[1], azimuth]))
+    outer, inner = rotation_x(nuisance[2:])
+    turn_i = rotation_y(inclination + nuisance[0])
+    left_inner, right_outer = turn_t @ inner, outer @ turn_a
+    left_inclination, right_inclination = left_inner @ turn_i, turn_i @ right_outer
+    left_outer = left_inclination @ outer
+    matrix = left_outer @ turn_a
     by_inclination = left_inclination @ _GY @ right_outer
     by_toolface = _GZ @ matrix
-    by_setting = np.stack([left_outer @ _GZ @ right_azimuth, by_inclination, by_toolface], axis=1)
-    by_outer = left_outer @ _GX @ right_azimuth
+    by_setting = np.stack([left_outer @ _GZ @ turn_a, by_inclination, by_toolface], axis=1)
+    by_outer = left_outer @ _GX @ turn_a
     by_inner = left_inner @ _GX @ right_inclination
     return matrix, by_setting, np.stack([by_inclination, by_toolface, by_outer, by_inner])
 
@@ -82,11 +62,11 @@ class State:
 
     coefficients: Mapping[str, Array]
     directions: Mapping[str, Array]
-    errors: Array  # (K, 3) rad
-    nuisance: Array  # (4,) rad
-    structured: Array = field(default_factory=lambda: np.zeros(0))  # sizes of the structured errors of the model
-    # filled by Model.normal: how the eliminated rig errors follow a step of the others
-    _elimination: list[tuple[Array, Array]] = field(default_factory=list, repr=False)
+    errors: Array  #: (K, 3) rad
+    nuisance: Array  #: (4,) rad
+    structured: Array = field(default_factory=lambda: np.zeros(0))  #: sizes of the structured errors of the model
+    # filled by Model.normal: the model there, and how the eliminated rig errors follow a step of the others
+    _elimination: list[tuple[Linear, Array, Array]] = field(default_factory=list, repr=False)
 
 
 class StandAngle(NamedTuple):
@@ -96,8 +76,8 @@ class StandAngle(NamedTuple):
     """
 
     name: str
-    value: float  # rad
-    sd: float  # rad
+    value: float  #: rad
+    sd: float  #: rad
 
     def off(self, down: Array, field: Array) -> tuple[float, Array, Array]:
         """Angle found minus known, rad, and its derivatives by unit gravity (3,) and unit field (3,) in rig axes."""
@@ -131,41 +111,28 @@ class Linear:
 
 @dataclass(frozen=True, eq=False)
 class Model:
-    """What is given: readings, settings, weights, priors.
+    """What is given: readings, settings, weights, priors."""
 
-    Parameters
-    ----------
-    signals : kind -> (K, m)
-    settings : (K, 3) dialled azimuth, inclination, toolface, rad
-    powers : (K, P) powers of temperature
-    noise_sd : (K, M) of each reading, over all sensors in the order of `signals`
-    rig_sd : (3,) of a setting of azimuth, inclination, toolface, rad; 0 where the dial is trusted
-    nuisance_sd : (4,) prior of each constant rig error, rad; 0 where it is not fitted
-    field_prior : kind -> (direction (3,), precision (3, 3) in rig axes, 1/rad^2); a triad without one may see its field
-        come from anywhere
-    stand : angles of the stand that are known
-    rig_known : (3,) which of `rig_sd` were stated; the others may be estimated
-    rounding : (K, M) least standard deviation of each reading, from the step of the converter; (1, 1) for all alike
-    structure : (K, M, n) what structured errors of unit size do to the readings
-    structure_sd : (n,) their prior standard deviations
-    structure_dial : (n,) the dial (0, 1, 2) whose error at one of its values it is; -1 for others
-    structure_name : (n,) the cause of each
-    """
-
-    signals: Mapping[str, Array]
-    settings: Array
-    powers: Array
-    noise_sd: Array
-    rig_sd: Array
-    nuisance_sd: Array
+    signals: Mapping[str, Array]  #: kind -> (K, m)
+    settings: Array  #: (K, 3) dialled azimuth, inclination, toolface, rad
+    powers: Array  #: (K, P) powers of temperature
+    noise_sd: Array  #: (K, M) of each reading, over all sensors in the order of `signals`
+    rig_sd: Array  #: (3,) of a setting of azimuth, inclination, toolface, rad; 0 where the dial is trusted
+    nuisance_sd: Array  #: (4,) prior of each constant rig error, rad; 0 where it is not fitted
+    #: kind -> (direction (3,), precision (3, 3) in rig axes, 1/rad^2); a triad without one may see its field come from
+    #: anywhere
     field_prior: Mapping[str, tuple[Array, Array]]
-    stand: Sequence[StandAngle] = ()
+    stand: Sequence[StandAngle] = ()  #: angles of the stand that are known
+    #: (3,) which of `rig_sd` were stated; the others may be estimated
     rig_known: Mask = field(default_factory=lambda: np.zeros(3, dtype=bool))
+    #: (K, M) least standard deviation of each reading, from the step of the converter; (1, 1) for all alike
     rounding: Array = field(default_factory=lambda: np.zeros((1, 1)))
+    #: (K, M, n) what structured errors of unit size do to the readings
     structure: Array = field(default_factory=lambda: np.zeros((1, 1, 0)))
-    structure_sd: Array = field(default_factory=lambda: np.zeros(0))
+    structure_sd: Array = field(default_factory=lambda: np.zeros(0))  #: (n,) their prior standard deviations
+    #: (n,) the dial (0, 1, 2) whose error at one of its values it is; -1 for others
     structure_dial: Index = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
-    structure_name: tuple[str, ...] = ()
+    structure_name: tuple[str, ...] = ()  #: (n,) the cause of each
 
     def with_weights(self, noise_sd: Array, rig_sd: Array, structure_sd: Array | None = None) -> Model:
         """The same readings with other standard deviations."""
@@ -230,6 +197,11 @@ class Model:
         stop = start + len(self.fitted_nuisance)
         return tool, tangent, slice(start, stop), stop + len(self.structure_sd)
 
+    @property
+    def parameters(self) -> int:
+        """Number of the tool's parameters, the first columns."""
+        return sum(self.sizes().values())
+
     def linearise(self, state: State) -> Linear:
         """Model minus reading and its analytic derivatives at a state."""
         matrix, by_setting, by_nuisance = orientation(self.settings + state.errors, state.nuisance)
@@ -291,9 +263,6 @@ class Model:
             gradient[last] += state.structured * precise
             hessian[last, last] += precise
         loose = np.flatnonzero(self.rig_sd > 0.0)
-        state._elimination.clear()
-        if not len(loose):
-            return Normal(cost, gradient, hessian)
         local = at.by_setting[..., loose] * inverse_sd[..., None]
         precision = 1.0 / self.rig_sd[loose] ** 2
         errors = state.errors[:, loose]
@@ -303,7 +272,7 @@ class Model:
         pull = (local.swapaxes(1, 2) @ residual[..., None])[..., 0] + errors * precision
         solved = np.linalg.solve(own, np.concatenate([cross.swapaxes(1, 2), pull[..., None]], axis=2))
         follow, shift = solved[..., :-1], solved[..., -1]
-        state._elimination.append((follow, shift))
+        state._elimination[:] = [(at, follow, shift)]
         hessian = hessian - (cross @ follow).sum(axis=0)
         gradient = gradient - (cross @ shift[..., None])[..., 0].sum(axis=0)
         return Normal(cost, gradient, (hessian + hessian.T) / 2.0, float(np.sum(pull * shift)))
@@ -320,7 +289,7 @@ class Model:
         nuisance[self.fitted_nuisance] += step[extra]
         errors = state.errors
         if state._elimination:
-            follow, shift = state._elimination[0]
+            _, follow, shift = state._elimination[0]
             errors = errors.copy()
             errors[:, np.flatnonzero(self.rig_sd > 0.0)] -= shift + follow @ step
         return State(coefficients, directions, errors, nuisance, state.structured + step[extra.stop :])
@@ -352,7 +321,7 @@ class Model:
         for known in self.stand:
             field = state.directions["magnetometer"]
             # without accelerometers the rig's own axis stands for the vertical
-            difference, by_down, by_field = known.off(state.directions.get("accelerometer", np.array(DOWN)), field)
+            difference, by_down, by_field = known.off(state.directions.get("accelerometer", DOWN), field)
             row = np.zeros(width)
             row[tangent["magnetometer"]] = by_field @ tangent_basis(field)
             if "accelerometer" in state.directions:
@@ -381,13 +350,6 @@ def tangent_basis(direction: Array) -> Array:
     """Two unit vectors (3, 2) that complete a unit vector: towards rig +x and rig +y as far as they are tangent.
 
     For a field straight down they are rig x and rig y, so the tangent angles read as tilts.
-
-    Examples
-    --------
-    >>> tangent_basis(np.array([0.0, 0.0, 1.0])) + 0.0
-    array([[1., 0.],
-           [0., 1.],
-           [0., 0.]])
     """
     axis = np.eye(3)[0] if abs(direction[0]) < 0.9 else -np.eye(3)[2]
     first = axis - direction * (axis @ direction)

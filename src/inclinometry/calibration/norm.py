@@ -79,8 +79,8 @@ def require_coverage(kind: str, directions: Array, needed: int) -> int:
 class Ellipsoid(NamedTuple):
     """Signals lie on |inverse (signals - centre)| = 1; `proper` is False where only a sphere could be fitted."""
 
-    inverse: Array  # (3, 3), symmetric positive definite
-    centre: Array  # (3,)
+    inverse: Array  #: (3, 3), symmetric positive definite
+    centre: Array  #: (3,)
     proper: bool
 
 
@@ -153,30 +153,20 @@ _UPPER = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 
 @dataclass(frozen=True, eq=False)
 class NormFit:
-    """Field = inverse (signals - bias), with inverse = T K upper triangular of positive diagonal.
+    """Field = inverse (signals - bias), with inverse = T K upper triangular of positive diagonal."""
 
-    inverse : (3, 3) field units per signal unit.
-    bias : (3,) signal units.
-    strength : length of the field, in the field's unit.
-    covariance : (9, 9) of (inverse 00, 01, 02, 11, 12, 22, bias 0, 1, 2), the inverse Fisher information scaled by the
-        residual variance. It holds for independent residuals: fit pose means, not their many samples, where errors of
-        one pose are common.
-    residual : (K,) length of the field minus strength, in the field's unit.
-    rms : root mean square of `residual`.
-    cost : half the weighted sum of squares of `residual`.
-    distinct : number of distinct field directions (5 deg apart).
-    warnings : sentences a person can act on.
-    """
-
-    inverse: Array
-    bias: Array
-    strength: float
+    inverse: Array  #: (3, 3) field units per signal unit
+    bias: Array  #: (3,) signal units
+    strength: float  #: length of the field, in the field's unit
+    #: (9, 9) of (inverse 00, 01, 02, 11, 12, 22, bias 0, 1, 2), the inverse Fisher information scaled by the residual
+    #: variance. It holds for independent residuals: fit pose means, not their many samples, where errors of one pose
+    #: are common
     covariance: Array
-    residual: Array
-    rms: float
-    cost: float
-    distinct: int
-    warnings: Sequence[str] = ()
+    residual: Array  #: (K,) length of the field minus strength, in the field's unit
+    rms: float  #: root mean square of `residual`
+    cost: float  #: half the weighted sum of squares of `residual`
+    distinct: int  #: number of distinct field directions (5 deg apart)
+    warnings: Sequence[str] = ()  #: sentences a person can act on
 
     @property
     def scale(self) -> Array:
@@ -210,13 +200,8 @@ class NormFit:
     def triad(self, kind: str, unit: str = "counts", *, specific_force: bool = False) -> Triad:
         """The triad in its own axes: z along the third sensor, y in the plane of the last two.
 
-        Parameters
-        ----------
-        kind : {"accelerometer", "magnetometer", "gyro"}
-        unit : str
-            Unit of the signals.
-        specific_force : bool
-            True for an accelerometer that reads +1 g upwards at rest: the package's tensor is for gravity, downwards.
+        With `specific_force` the accelerometer reads +1 g upwards at rest: the package's tensor is for gravity,
+        downwards.
         """
         return Triad(kind, -self.tensor if specific_force else self.tensor, self.bias, unit, self.strength)
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,52 +18,40 @@ from inclinometry.arrays import Array, within
 from inclinometry.calibration.likelihood import NUISANCE, orientation
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration, same_units
+from inclinometry.calibration.twelve import DOWN
 from inclinometry.constants import GRAVITY_SPREAD
 from inclinometry.earth.gravity import relative_gravity
 from inclinometry.errors import IdentifiabilityError, InputError
 from inclinometry.orientation import angles, attitude_jacobian
 from inclinometry.rotations import cross_matrix, dcm, rotation_exp, rotation_log, wrap_positive, wrap_signed
-from inclinometry.sensors import field_sensitivity
+from inclinometry.sensors import Sensitivity, Tool, field_sensitivity
 from inclinometry.tabular import Column, Tabular, check_record, degrees
-
-DOWN: Final = np.array([0.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RigOrientation(Tabular):
-    """Where a rig stands.
+    """Where a rig stands."""
 
-    matrix : (3, 3) from north, east, down to rig axes (x = dial zero of the azimuth, z along the azimuth axis, down);
-        the north is that of `north_of`.
-    tilt : of the azimuth axis from the vertical, rad.
-    tilt_azimuth : azimuth from `north_of` toward which the upper end of that axis leans, rad.
-    tilt_dial : the same as a setting of the levelled azimuth dial, rad.
-    north : azimuth of the rig's zero once the base is levelled by the shortest turn, rad; NaN without a second triad.
-    north_of : "magnetic" or "true"; None without a second triad.
-    zeros : name -> constant error of a dial, rad (the true angle is the dial's plus it); only those that were found.
-    u : name -> standard uncertainty, rad: of tilt, tilt_azimuth, tilt_dial, north and the zeros.
-    covariance : (n, n) of small turns of the base about north, east, down and of the zeros, in the order of
-        `parameters`.
-    setting_sd : standard deviation of a setting, rad, as stated or found from the scatter.
-    residual : (K,) turn between each attitude measured and fitted, rad.
-    warnings : sentences a person can act on.
-    """
-
+    #: (3, 3) from north, east, down to rig axes (x = dial zero of the azimuth, z along the azimuth axis, down); the
+    #: north is that of `north_of`
     matrix: Array
-    tilt: float
-    tilt_azimuth: float
-    tilt_dial: float
+    tilt: float  #: of the azimuth axis from the vertical, rad
+    tilt_azimuth: float  #: azimuth from `north_of` toward which the upper end of that axis leans, rad
+    tilt_dial: float  #: the same as a setting of the levelled azimuth dial, rad
+    #: azimuth of the rig's zero once the base is levelled by the shortest turn, rad; NaN without a second triad
     north: float
-    north_of: str | None
+    north_of: str | None  #: "magnetic" or "true"; None without a second triad
+    #: name -> constant error of a dial, rad (the true angle is the dial's plus it); only those that were found
     zeros: Mapping[str, float]
-    u: Mapping[str, float]
+    u: Mapping[str, float]  #: name -> standard uncertainty, rad: of tilt, tilt_azimuth, tilt_dial, north and the zeros
     parameters: Sequence[str]
+    #: (n, n) of small turns of the base about north, east, down and of the zeros, in the order of `parameters`
     covariance: Array
-    setting_sd: float
-    residual: Array
+    setting_sd: float  #: standard deviation of a setting, rad, as stated or found from the scatter
+    residual: Array  #: (K,) turn between each attitude measured and fitted, rad
     tool: str = ""
     inputs: Mapping[str, str] = field(default_factory=dict)
-    warnings: Sequence[str] = ()
+    warnings: Sequence[str] = ()  #: sentences a person can act on
 
     def to_dict(self) -> dict[str, Column]:
         """One row an angle: tilt, where it leans, north and the zeros of the dials, with standard uncertainties."""
@@ -140,33 +128,11 @@ def orient_rig(
             f"these readings have no accelerometer, which the tilt and the zeros are found by (there is a {kinds[0]}): "
             "put its columns in"
         )
-    zeros = list(NUISANCE[:2])  # constant errors of dials that a calibrated tool can tell
-    fit = None
-    ratio, ratio_sd, said = gravity_elsewhere(readings, calibration, gravity_sd)
-    warnings = [*readings.warnings, *said]
-    while fit is None:
-        try:
-            fit = fit_base(readings, calibration, kinds, zeros=zeros, setting_sd=setting_sd, gravity=(ratio, ratio_sd))
-        except IdentifiabilityError:
-            if not zeros:
-                raise
-            lost = zeros.pop()
-            warnings.append(
-                f"these settings cannot tell the {lost.replace('_', ' ')} of the dial from the tilt and the north of "
-                "the base: it is taken to be 0; add settings at other azimuths and inclinations"
-            )
+    *gravity, said = gravity_elsewhere(readings, calibration, gravity_sd)
+    fit, lost = _seen_base(readings, calibration, kinds, setting_sd, (gravity[0], gravity[1]))
+    warnings = [*readings.warnings, *said, *lost]
     tilt = described(fit.matrix)[0]
-    # a dial that is off by more counts from somewhere else
-    far = [(np.abs(fit.nuisance).max(), np.radians(20.0), "zero of a dial"), (tilt, np.pi / 2.0, "tilt of the base")]
-    largest_setting_sd = np.radians(3.0)  # dials that scatter by more are not read in the conventions of this program
-    for value, largest, what in [*far, (fit.setting_sd, largest_setting_sd, "scatter from setting to setting")]:
-        if value > largest:
-            raise InputError(
-                f"tool and dials agree only with a {what} of {np.degrees(value):.1f} deg (allowed to "
-                f"{np.degrees(largest):g}): "
-                "a dial counts another way than this program (azimuth and toolface clockwise, inclination from the "
-                "vertical), columns are exchanged, or this is not the calibrated tool"
-            )
+    _refuse_far(fit, tilt)
     if len(readings) == 1:
         warnings.append("one setting leaves nothing over: nothing here is checked by another reading")
     both = len(kinds) == 2
@@ -209,15 +175,46 @@ def orient_rig(
     )
 
 
+def _seen_base(
+    readings: BenchReadings,
+    calibration: Calibration,
+    kinds: Sequence[str],
+    setting_sd: float | None,
+    gravity: tuple[float, float],
+) -> tuple[BaseFit, list[str]]:
+    """The base with the constant errors of dials that the settings tell, and a warning for each that they do not."""
+    zeros, lost = list(NUISANCE[:2]), list[str]()
+    while True:
+        try:
+            return fit_base(readings, calibration, kinds, zeros=zeros, setting_sd=setting_sd, gravity=gravity), lost
+        except IdentifiabilityError:
+            if not zeros:
+                raise
+            lost.append(
+                f"these settings cannot tell the {zeros.pop().replace('_', ' ')} of the dial from the tilt and the "
+                "north of the base: it is taken to be 0; add settings at other azimuths and inclinations"
+            )
+
+
+def _refuse_far(fit: BaseFit, tilt: float) -> None:
+    """Refuse a base, dials or a scatter that no rig has."""
+    for value, largest, what in (
+        (np.abs(fit.nuisance).max(), 20.0, "zero of a dial"),  # one that is off by more counts from somewhere else
+        (tilt, 90.0, "tilt of the base"),
+        (fit.setting_sd, 3.0, "scatter from setting to setting"),
+    ):
+        if np.degrees(value) > largest:
+            raise InputError(
+                f"tool and dials agree only with a {what} of {np.degrees(value):.1f} deg (allowed to {largest:g}): "
+                "a dial counts another way than this program (azimuth and toolface clockwise, inclination from the "
+                "vertical), columns are exchanged, or this is not the calibrated tool"
+            )
+
+
 def described(base: Array) -> tuple[float, float, float]:
     """Tilt, the azimuth toward which the upper end leans, and north of the levelled zero, rad, of a base (3, 3).
 
     The base is Q = (shortest turn that tilts) R_z(north).
-
-    Examples
-    --------
-    >>> [round(float(np.degrees(x)), 6) for x in described(rotation_exp([np.radians(3.0), 0.0, 0.0]))]
-    [3.0, 270.0, 0.0]
     """
     down = base[2]  # the rig's z seen in north, east, down
     tilt = float(np.arctan2(np.hypot(down[0], down[1]), down[2]))
@@ -243,7 +240,7 @@ def leading_kinds(readings: BenchReadings, calibration: Calibration, second: str
         have, want = readings.channels[kind].shape[1], tool.triads[kind].count
         if have != want:
             raise InputError(f"the readings have {have} {kind} channels, the calibration {want}: not the same tool")
-    same_units(readings.units, calibration)
+    same_units(readings.units, calibration.tool)
     if second is not None:
         if second not in ("magnetometer", "gyro"):
             raise InputError(f"second is {second!r}; allowed: magnetometer, gyro")
@@ -284,7 +281,7 @@ def gravity_elsewhere(
     if sd < GRAVITY_SPREAD:
         return ratio, sd, [f"{said}, two places assumed"]
     remedy = (
-        "give g of both stands (reference_g_m_s2), better than a textbook's value, or --gravity-sd-percent 0 if both "
+        "give g of both stands (reference_g_m_s2), better than a textbook's value, or an uncertainty of 0 if both "
         "stand at one place, where an error of |g| cancels"
     )
     return ratio, sd, [f"{said} as between two places of which nothing is known: {remedy}"]
@@ -340,20 +337,9 @@ def fit_base(
 ) -> BaseFit:
     """Generalised least squares of the attitude of a base.
 
-    Parameters
-    ----------
-    kinds : as of `leading_kinds`.
-    zeros : names of the constant errors of dials to fit beside tilt and north.
-    setting_sd : of each dial, rad; found when None.
-    level : (base (3, 3), sd), optional
-        The base is level, its azimuth axis vertical to this standard deviation, rad: only north is fitted.
-    gravity : (ratio, sd)
-        For two accelerometers, as of `gravity_elsewhere`.
-
-    Raises
-    ------
-    IdentifiabilityError
-        These settings do not tell the parameters apart.
+    `zeros` are constant errors of dials to fit beside tilt and north; `setting_sd` of each dial, rad, is found when
+    None. With `level` (base (3, 3), sd) the azimuth axis is vertical to this standard deviation, rad, and only north is
+    fitted. `kinds` as of `leading_kinds`, `gravity` as of `gravity_elsewhere`.
     """
     tool, heat = calibration.tool, readings.temperature
     dials, both = np.stack(readings.dials, axis=1), len(kinds) == 2
@@ -373,17 +359,7 @@ def fit_base(
         base = base @ rotation_exp([0.0, 0.0, -np.arctan2(turn[1, 0] - turn[0, 1], turn[0, 0] + turn[1, 1])])
     own = attitude_jacobian(*(seen[k] for k in kinds)) if both else _by_direction(seen[kinds[0]])
     sensitivity = field_sensitivity(tool, tuple(kinds), own, seen, heat)
-    # a component that two sensors cannot see tells nothing there, and must not tell it loudly
-    blind = ~np.isfinite(sensitivity.by_signal).all(axis=(1, 2))
-    count = np.ones(len(dials)) if readings.count is None else readings.count
-    spread = np.nan_to_num(sensitivity.by_signal) * np.concatenate([tool.noise[k] for k in kinds])
-    # rad: noise-free readings of trusted dials must not weigh infinitely
-    noise = spread @ np.swapaxes(spread, 1, 2) / count[:, None, None] + 1e-7**2 * np.eye(3)
-    noise[blind] += np.pi**2 * np.eye(3)
-    values, vectors = np.linalg.eigh(tool.covariance)
-    common = np.nan_to_num(sensitivity.by_parameter) @ (vectors * np.sqrt(np.maximum(values, 0.0)))
-    if gravity[1] > 0.0:
-        common = np.concatenate([common, gravity[1] * np.nan_to_num(sensitivity.by_gravity)[..., None]], axis=2)
+    noise, common = _uncertain(tool, sensitivity, readings.count, gravity[1])
     for _ in range(50):
         matrix, by_setting, by_nuisance = orientation(dials, nuisance)
         wanted = matrix @ base
@@ -424,13 +400,29 @@ def fit_base(
     return BaseFit(base, names, covariance, nuisance, fitted, largest, residual, left)
 
 
+def _uncertain(tool: Tool, by: Sensitivity, count: Array | None, gravity_sd: float) -> tuple[Array, Array]:
+    """Covariance (K, 3, 3) of each attitude from noise; what is common to all of them (K, 3, q), of unit size."""
+    # a component that two sensors cannot see tells nothing there, and must not tell it loudly
+    blind = ~np.isfinite(by.by_signal).all(axis=(1, 2))
+    spread = np.nan_to_num(by.by_signal) * np.concatenate([tool.noise[k] for k in by.kinds])
+    # rad: noise-free readings of trusted dials must not weigh infinitely
+    many = np.ones(len(spread)) if count is None else count
+    noise = spread @ np.swapaxes(spread, 1, 2) / many[:, None, None] + 1e-7**2 * np.eye(3)
+    noise[blind] += np.pi**2 * np.eye(3)
+    values, vectors = np.linalg.eigh(tool.covariance)
+    common = np.nan_to_num(by.by_parameter) @ (vectors * np.sqrt(np.maximum(values, 0.0)))
+    if gravity_sd > 0.0:
+        common = np.concatenate([common, gravity_sd * np.nan_to_num(by.by_gravity)[..., None]], axis=2)
+    return noise, common
+
+
 class _System(NamedTuple):
     """One linear step: residual = design x + latent q + own, q standard normal, own of each station."""
 
-    design: Array  # (K, r, n)
-    latent: Array  # (K, r, p)
-    noise: Array  # (K, r, r)
-    dials: Array  # (K, r, 3) by the setting of each dial
+    design: Array  #: (K, r, n)
+    latent: Array  #: (K, r, p)
+    noise: Array  #: (K, r, r)
+    dials: Array  #: (K, r, 3) by the setting of each dial
 
     def _normal(self, residual: Array, sd: float | Array) -> tuple[Array, Array, float, float]:
         """Information and right side of (x, q), log of the determinant of the stations' own covariance, r' R^-1 r."""

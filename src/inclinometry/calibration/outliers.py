@@ -22,25 +22,17 @@ from inclinometry.calibration.variance import Fitted, fit_with_caution, fit_with
 from inclinometry.constants import DIALS
 from inclinometry.errors import InclinometryError
 
-_SLIGHT = 0.02  # chance of so large a deviation below which a setting is misread; of clean runs fewer are accused
-
 
 @dataclass(frozen=True)
 class Outlier:
-    """A station at odds with the others.
+    """A station at odds with the others."""
 
-    row : index of the station in the readings
-    probability : chance of so large a misfit in a clean run
-    dial : the dial whose misreading explains it ("azimuth or toolface" where either does), else None
-    error : by how much that dial was off (true minus dialled), rad
-    channel : column of the channel that is off when one channel explains it, else None
-    """
-
-    row: int
-    probability: float
+    row: int  #: index of the station in the readings
+    probability: float  #: chance of so large a misfit in a clean run
+    #: the dial whose misreading explains it ("azimuth or toolface" where either does), else None
     dial: str | None = None
-    error: float = 0.0
-    channel: int | None = None
+    error: float = 0.0  #: by how much that dial was off (true minus dialled), rad
+    channel: int | None = None  #: column of the channel that is off when one channel explains it, else None
 
 
 def deletion_statistics(fitted: Fitted) -> Array:
@@ -65,11 +57,11 @@ def deletion_statistics(fitted: Fitted) -> Array:
 class _Prediction(NamedTuple):
     """A station against a fit made without it."""
 
-    residual: Array  # (M,) model minus reading
-    covariance: Array  # (M, M) of that, from station and parameters
-    by_setting: Array  # (M, 3)
-    noise_sd: Array  # (M,)
-    rig_sd: Array  # (3,) rad
+    residual: Array  #: (M,) model minus reading
+    covariance: Array  #: (M, M) of that, from station and parameters
+    by_setting: Array  #: (M, 3)
+    noise_sd: Array  #: (M,)
+    rig_sd: Array  #: (3,) rad
 
     @property
     def statistic(self) -> float:
@@ -148,14 +140,9 @@ def _widths(model: Model) -> list[int]:
 def find_outliers(
     full: Model, fitted: Fitted, free_noise: Set[str], free_rig: bool, most: int | None = None
 ) -> tuple[list[Outlier], Fitted]:
-    """Outliers of a run and the fit without them.
+    """Outliers of a run, at most `most` or a sixth of the stations, and the fit without them.
 
-    Parameters
-    ----------
-    full : Model of all stations
-    fitted : its fit
-    free_noise, free_rig : which variances may change in a refit, as for `fit_with_variances`
-    most : how many outliers to look for; a sixth of the stations when not given
+    `free_noise`, `free_rig`: which variances may change in a refit, as for `fit_with_variances`.
     """
     most = max(1, len(full.settings) // 6) if most is None else most
     kept = np.arange(len(full.settings))
@@ -167,16 +154,17 @@ def find_outliers(
         """About the chance that a clean station misfits as much, the variances being known for certain."""
         return _tail(_shares(_nearly_predicted(here, place, free_noise, free_rig), _widths(full)).max(), channels)
 
+    few = 0.02  # chance of so large a deviation below which a setting is misread; of clean runs fewer are accused
     significance = 0.001  # chance of calling any station of a clean run an outlier (Bonferroni over the stations)
     while len(found) < most and here.degrees_of_freedom > 2 * channels:
         suspect, slight = _most_misread(here)
         statistics = deletion_statistics(here)
         places = [int(p) for p in np.argsort(statistics)[::-1][:3] if statistics[p] >= 0.5 * statistics.max()]
         # a fit anew is tried where a first look at the fit without the station does not clear it already
-        if slight >= _SLIGHT:
+        if slight >= few:
             places = [p for p in places if first_look(p) < 3.0 * significance / len(kept)]
         trials: list[tuple[float, int, Fitted]] = []
-        for place in dict.fromkeys([*([suspect] if slight < _SLIGHT else []), *places]):
+        for place in dict.fromkeys([*([suspect] if slight < few else []), *places]):
             rest = np.delete(np.arange(len(kept)), place)
             state = replace(here.state, errors=here.state.errors[rest], _elimination=[])
             with suppress(InclinometryError):  # too few are left
@@ -190,7 +178,7 @@ def find_outliers(
             trials, key=lambda one: (float(np.sum(np.log(np.maximum(one[2].model.rig_sd, 1e-9)))), one[2].cost)
         )
         probability = slight
-        if place != suspect or slight >= _SLIGHT:
+        if place != suspect or slight >= few:
             _, place, trial = max(trials, key=lambda one: one[0])
             probability = 1.0
             with suppress(InclinometryError):

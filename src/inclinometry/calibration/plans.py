@@ -63,20 +63,7 @@ def _from_degrees(name: str, rows: Sequence[tuple[float, float, float]], roll_se
 
 
 def twelve(rolls: int = 3, azimuths: int = 3) -> Plan:
-    """The twelve positions of Rogatykh 2018, Table 1, or any larger p: a roll set upright, then one per azimuth at 90.
-
-    Parameters
-    ----------
-    rolls, azimuths : int
-        Equal steps of toolface and of azimuth, each at least 3.
-
-    Examples
-    --------
-    >>> len(twelve()), len(twelve(rolls=8, azimuths=4))
-    (12, 40)
-    >>> twelve().to_dict()["toolface_deg"][:4]
-    array([  0., 120., 240.,   0.])
-    """
+    """The twelve positions of Rogatykh 2018, Table 1, or more: a roll set upright, then one per azimuth at 90."""
     if rolls < 3 or azimuths < 3:
         raise InputError(f"rolls {rolls} and azimuths {azimuths}: a harmonic needs at least 3 equal steps")
     turns = [(0.0, 0.0)] + [(360.0 * i / azimuths, 90.0) for i in range(azimuths)]
@@ -120,11 +107,8 @@ FIRST_INCLINATION = np.pi / 6
 def rotations(first_inclination: float = FIRST_INCLINATION, azimuth: float = 0.0, rolls: int = 8) -> Plan:
     """Two full turns about the tool axis at inclinations 90 degrees apart and one azimuth.
 
-    Parameters
-    ----------
-    first_inclination : float
-        rad. 30 degrees at azimuth 0 suits dips above 25, at azimuth 180 all above 0; a stand that stops at 90 uses 0
-        with azimuth 180.
+    30 degrees at azimuth 0 suits dips above 25, at azimuth 180 all above 0; a stand that stops at 90 uses 0 with
+    azimuth 180.
     """
     if rolls < 3:
         raise InputError(f"rolls is {rolls}; a harmonic needs at least 3 equal steps")
@@ -138,11 +122,6 @@ def six() -> Plan:
 
     It determines no tool by itself: see `inclinometry.calibration.drift_check`. The six that a history needs most, by
     exchange on the uncertainty of the azimuth over inclinations 10 to 90.
-
-    Examples
-    --------
-    >>> six().to_dict()["toolface_deg"]
-    array([  0.,  90., 180., 270.,  90., 270.])
     """
     rows = [(0, 0, 0), (0, 0, 90), (0, 0, 180), (0, 0, 270), (0, 135, 90), (0, 135, 270)]
     return _from_degrees("six", rows, ["1"] * 4 + ["2"] * 2)
@@ -152,11 +131,6 @@ def spread() -> Plan:
     """Twelve positions to verify at: three inclinations, two opposite azimuths and toolfaces that no other plan takes.
 
     It determines no tool by itself.
-
-    Examples
-    --------
-    >>> spread().to_dict()["inclination_deg"][::4]
-    array([15., 50., 85.])
     """
     rows = [(a, i, t) for i in (15, 50, 85) for a in (40, 220) for t in (25, 205)]
     return _from_degrees("spread", rows, [str(1 + k // 2) for k in range(len(rows))])

@@ -9,7 +9,7 @@ direction of the field leaves (`_least`), and only the best of them are fitted.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import combinations, islice, permutations
 from typing import NamedTuple
 
@@ -17,18 +17,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inclinometry.arrays import Array, Index
-from inclinometry.calibration.conventions import check_dials, figure, stated_dials
+from inclinometry.calibration.conventions import check_dials, check_noise, left_ratio, log_ratio, spans, stated_dials
 from inclinometry.calibration.likelihood import NUISANCE, orientation, tangent_basis
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
-from inclinometry.calibration.start import DOWN, linear_start, sphere
+from inclinometry.calibration.start import linear_start, sphere
+from inclinometry.calibration.twelve import DOWN
+from inclinometry.calibration.variance import Fitted
+from inclinometry.constants import DIALS
 from inclinometry.errors import InputError
+from inclinometry.findings import Finding, Value, refused_if
 from inclinometry.rotations import dcm
 
-_DOUBTED = 0.01
-"""Share of the field that trusted dials leave from which mistakes are tried: dials good to 0.5 deg leave 0.01."""
-_FAR = 0.05
-"""The same from which exchanged columns are tried: dials good to 3 deg leave that."""
 _CERTAIN = 25.0
 """Log-likelihood ratio from which another run fits better beyond all chance."""
 
@@ -44,80 +44,31 @@ class _Step(NamedTuple):
 
 
 class _Whole(NamedTuple):
-    """A run without a mistake: what it was, what to do, signals and settings (azimuth, inclination, toolface)."""
+    """A run without a mistake: signals, settings (azimuth, inclination, toolface), the mistake and its code."""
 
-    words: str
-    remedy: str
     signals: Mapping[str, Array]
     settings: tuple[Array, Array, Array]
-    exchanged: tuple[int, ...] = ()  # rows
-    volume: float = 0.0  # logarithm of the factor by which the signals were multiplied, summed over readings
+    code: str = ""
+    mistake: Finding | None = None
+    exchanged: tuple[int, ...] = ()  #: rows
+    volume: float = 0.0  #: logarithm of the factor by which the signals were multiplied, summed over readings
     step: _Step | None = None
 
 
-def check_readings(readings: BenchReadings, *, left_handed: bool = False) -> list[str]:
-    """Refuse bench readings whose dials are in another unit or count in another way, or that one mistake explains.
-
-    Parameters
-    ----------
-    readings : BenchReadings
-        With dials, in the order in which they were taken.
-    left_handed : bool
-        As for `conventions.check_dials`.
-
-    Returns
-    -------
-    list of warnings
-
-    Raises
-    ------
-    InputError
-        The mistake is certain; the message names it.
-    """
-    _refuse_radians(readings)
-    columns = _exchanged_columns(readings)
-    try:
-        said = check_dials(readings, left_handed=left_handed)
-    except InputError as error:
-        if not columns:
-            raise
-        raise InputError(f"{error} {columns[:1].upper()}{columns[1:]}.") from None
-    if columns:
-        raise InputError(columns)
-    return [*said, *check_whole(readings)]
+def check_readings(readings: BenchReadings, *, left_handed: bool = False) -> list[Finding]:
+    """Dials in another unit or that count in another way, and mistakes of the file; what is certain is refused."""
+    if radians := _radians(readings):
+        return radians
+    # of two ways to put the dials right the columns come first: they explain more
+    found = [*_exchanged_columns(readings), *check_dials(readings, left_handed=left_handed)]
+    return found if any(one.severity == "refused" for one in found) else [*found, *check_whole(readings)]
 
 
-def check_whole(readings: BenchReadings) -> list[str]:
-    """Refuse bench readings that one mistake of the file explains, and name it.
+def check_whole(readings: BenchReadings) -> list[Finding]:
+    """The mistake of the file that explains bench readings, in the order in which they were taken, or a slow drift.
 
-    Parameters
-    ----------
-    readings : BenchReadings
-        With dials, in the order in which they were taken.
-
-    Returns
-    -------
-    list of warnings
-        A slow drift; a mistake that is likely and not certain.
-
-    Raises
-    ------
-    InputError
-        A dial in grads, two stations exchanged, or a gain that changed midway makes the fit four times better, beyond
-        all chance.
-
-    Examples
-    --------
-    >>> from inclinometry.calibration import plans
-    >>> p = plans.orthogonal()
-    >>> turns = dcm(p.azimuth, p.inclination, p.toolface)
-    >>> signals = {"accelerometer": turns @ [0.0, 0.0, 1.0], "magnetometer": turns @ [0.5, 0.0, 0.866]}
-    >>> check_whole(BenchReadings(signals, p.azimuth, p.inclination, p.toolface))
-    []
-    >>> check_whole(BenchReadings(signals, p.azimuth / 0.9, p.inclination, p.toolface)) # doctest: +ELLIPSIS
-    Traceback (most recent call last):
-    ...
-    inclinometry.errors.InputError: with azimuths in grads the readings fit ...
+    A dial in grads, two stations exchanged, or a gain that changed midway is refused where the fit is four times better
+    without it, beyond all chance.
     """
     if len(readings) < 8:
         return []
@@ -126,7 +77,7 @@ def check_whole(readings: BenchReadings) -> list[str]:
     shares = {kind: float(np.sqrt(own[kind] / values.size)) for kind, values in signals.items()}
     kind = max(shares, key=lambda k: shares[k])
     best: list[tuple[float, float, _Whole]] = []
-    if shares[kind] > _DOUBTED:
+    if shares[kind] > 0.01:  # of the field; dials good to 0.5 deg leave 0.01
         best = _ranked(signals, own, _units(signals, settings))
         # what takes many fits is tried where the simpler does not explain it, of so few stations that all are tried
         simple = bool(best) and best[0][0] > _CERTAIN and best[0][1] > 4.0
@@ -144,57 +95,119 @@ def check_whole(readings: BenchReadings) -> list[str]:
         and not _step_of_ends(signals, settings, best[0][2])
     ):
         ratio, times, one = best[0]
-        left = f"{100.0 * shares[kind]:.2g}"
         # as likely within a factor of twenty
-        alike = [other for near, _, other in best[1:] if ratio - near < 3.0 and other.words != one.words]
-        sentence = (
-            f"with {one.words} the readings fit {figure(times)} times better (likelihood ratio 1e{_power(ratio)}; as "
-            f"given they leave {left} % of the field unexplained in the {kind}): {one.remedy}"
-        )
-        if alike:
-            sentence = (
-                f"with {one.words}, or as well with {alike[0].words}, the readings fit {figure(times)} times better "
-                f"(likelihood ratio 1e{_power(ratio)}; as given they leave {left} % of the field unexplained in the "
-                f"{kind}): {one.remedy}"
-            )
-        if times > 4.0:
-            raise InputError(sentence)
-        return [sentence]
-    if far:
-        raise InputError(drift[0])
-    return drift
+        near = [other.mistake for less, _, other in best if ratio - less < 3.0 and other.mistake is not None]
+        alike = [mistake for mistake in near if mistake != near[0]]
+        values: dict[str, Value] = {
+            "mistake": (near[0], *alike[:1]),
+            "times": times,
+            "kind": kind,
+            "left_percent": 100.0 * shares[kind],
+            "log_ratio": ratio,
+        }
+        return [Finding(one.code, values, severity=refused_if(times > 4.0))]
+    return [drift[0]._replace(severity="refused")] if far else drift
 
 
-def _exchanged_columns(readings: BenchReadings) -> str:
-    """Sentence that names the columns of dials that were exchanged, where that makes the fit four times better."""
+def odd_stations(readings: BenchReadings) -> list[int]:
+    """Rows without which the others fit better beyond all chance, up to a third of them; none where others do as well.
+
+    Rows are left out one by one, of the eight best choices of each size all that add one row are tried: about K 8 K / 3
+    linear fits of each triad, a tenth of a second for 12 stations, a second for 24. A triad that leaves the variance s
+    of f degrees of freedom instead of s0 has the log-likelihood ratio f log(s0 / s) / 2.
+    """
+    size, fewest, choices = len(readings), 7, 8
+    chance = 15.0  # log-likelihood ratio that leaving out the worst row of a right run may bring
+    if not fewest < size <= 60:
+        return []
+    signals, matrix = _in_fields(readings), dcm(*readings.dials)
+
+    def ratios(some: list[tuple[int, ...]]) -> Array:
+        kept = np.array([np.delete(np.arange(size), rows) for rows in some])
+        found = np.zeros(len(some))
+        for kind, values in signals.items():
+            least = values.size * 1e-6**2
+            all_of_them = (_least(kind, values[None], matrix[None])[0] + least) / _freedom(values, size)
+            freedom = _freedom(values, kept.shape[1])
+            left = (_least(kind, values[kept], matrix[kept]) + least) / freedom
+            found += 0.5 * freedom * np.log(all_of_them / left)
+        return found
+
+    best = _CERTAIN
+    rows: tuple[int, ...] = ()
+    front: list[tuple[int, ...]] = [()]
+    for count in range(1, min(size // 3, size - fewest) + 1):
+        some = sorted({tuple(sorted((*one, row))) for one in front for row in range(size) if row not in one})
+        found = ratios(some)
+        order = np.argsort(-found)
+        front = [some[i] for i in order[:choices]]
+        if found[order[0]] - chance * count > best:
+            # as likely within a factor of twenty: nothing tells which
+            alone = found[order[0]] - found[order[1]] > 3.0
+            best, rows = float(found[order[0]]) - chance * count, front[0] if alone else ()
+    return list(rows)
+
+
+def _freedom(values: Array, stations: int) -> int:
+    """Degrees of freedom that the linear fit of a triad leaves."""
+    return max((stations - 4) * int(values.shape[1]) - 2, 1)
+
+
+def odd_station(name: str) -> Finding:
+    """A station that does not fit the others."""
+    return Finding("bench-station-odd", {"station": name})
+
+
+def misfit(stations: Sequence[str], rows: Sequence[int] = ()) -> Finding:
+    """The refusal of a fit, with the names of the stations that do not fit the others."""
+    return Finding("bench-stations-odd", {"stations": tuple(stations)}, tuple(rows), "refused")
+
+
+def refuse_odd(readings: BenchReadings, error: Exception) -> None:
+    """Refuse readings whose fit failed for stations that do not fit the others, by their names."""
+    if rows := odd_stations(readings):
+        raise InputError(misfit([readings.station[row] for row in rows], rows)) from error
+
+
+def unexplained(readings: BenchReadings | None, fitted: Fitted) -> list[Finding]:
+    """What a fit leaves of the field, and with `readings` the stations that do not fit the others: refused for them."""
+    found = check_noise(fitted.model, fitted.state, fitted.marginal_residual(), fitted.degrees_of_freedom)
+    if readings is None:
+        return [one for one in found if one.severity == "refused"]
+    rows = odd_stations(readings) if found else []
+    names = [readings.station[row] for row in rows]
+    if names and any(one.severity == "refused" for one in found):
+        return [misfit(names, rows)]
+    return [*found, *(odd_station(name)._replace(rows=(row,)) for name, row in zip(names, rows, strict=True))]
+
+
+def _exchanged_columns(readings: BenchReadings) -> list[Finding]:
+    """The columns of dials that were exchanged, where that makes the fit four times better."""
     if len(readings) < 8:
-        return ""
+        return []
     signals, (stated, dials) = _in_fields(readings), stated_dials(readings)
     own = {kind: _left(kind, values, readings.dials) for kind, values in signals.items()}
-    if max(float(np.sqrt(own[kind] / values.size)) for kind, values in signals.items()) < _FAR:
-        return ""
-    names, best = ("azimuth", "inclination", "toolface"), (0.0, 0.0, "")
+    if (
+        max(float(np.sqrt(own[kind] / values.size)) for kind, values in signals.items()) < 0.05
+    ):  # dials good to 3 deg leave that
+        return []
+    best: tuple[float, float, tuple[Finding, ...]] = (0.0, 0.0, ())
     for order in permutations(range(3)):
-        moved = [names[place] for place in range(3) if order[place] != place]
+        moved = tuple(
+            Finding("bench-from", {"dial": DIALS[place], "source": DIALS[order[place]]})
+            for place in range(3)
+            if order[place] != place
+        )
         if not moved:
             continue
-        one = _Whole("", "", signals, stated.settings(*(dials[place] for place in order)))
-        ratio, times = _compare(signals, own, one)
+        ratio, times = _compare(signals, own, _Whole(signals, stated.settings(*(dials[place] for place in order))))
         if ratio > best[0]:
-            of = ", ".join(f"{names[place]} from {names[order[place]]}" for place in range(3) if order[place] != place)
-            best = ratio, times, " and ".join(moved) if len(moved) == 2 else of
-    ratio, times, which = best
+            best = ratio, times, moved
+    ratio, times, columns = best
     if ratio < _CERTAIN or times < 4.0:
-        return ""
-    return (
-        f"with the columns of the dials exchanged ({which}) the readings fit {figure(times)} times better (likelihood "
-        f"ratio 1e{_power(ratio)}): put the columns right"
-    )
-
-
-def _power(ratio: float) -> int:
-    """Power of ten of a likelihood ratio."""
-    return int(min(ratio / np.log(10.0), 99.0))
+        return []
+    values: dict[str, Value] = {"columns": columns, "times": times, "log_ratio": ratio}
+    return [Finding("bench-dials-exchanged", values, severity="refused")]
 
 
 def _in_fields(readings: BenchReadings) -> dict[str, Array]:
@@ -203,31 +216,29 @@ def _in_fields(readings: BenchReadings) -> dict[str, Array]:
     return {k: values / np.where(spread[k] > 0.0, spread[k], 1.0) for k, values in readings.channels.items()}
 
 
-def _refuse_radians(readings: BenchReadings) -> None:
+def _radians(readings: BenchReadings) -> list[Finding]:
     """Dials that are degrees by name and radians by size, tried before anything else makes sense of them."""
-    names, turn = ("azimuths", "inclinations", "toolfaces"), np.radians(2.0 * np.pi + 1e-3)
+    turn = np.radians(2.0 * np.pi + 1e-3)
     dials = readings.dials
     small = [k for k, dial in enumerate(dials) if np.ptp(dial) > 0.0 and np.abs(dial).max() <= turn]
     if not small or len(readings) < 8:
-        return
+        return []
     signals = _in_fields(readings)
     own = {kind: _left(kind, values, dials) for kind, values in signals.items()}
     best: tuple[float, float, tuple[int, ...]] | None = None
     for size in range(1, len(small) + 1):
         for some in combinations(small, size):
             in_degrees = [np.degrees(dial) if k in some else dial for k, dial in enumerate(dials)]
-            one = _Whole("", "", signals, (in_degrees[0], in_degrees[1], in_degrees[2]))
-            ratio, times = _compare(signals, own, one)
+            ratio, times = _compare(signals, own, _Whole(signals, (in_degrees[0], in_degrees[1], in_degrees[2])))
             if best is None or ratio > best[0]:
                 best = ratio, times, some
     if best is None or best[0] < _CERTAIN or best[1] < 4.0:
-        return
-    words = " and ".join(names[k] for k in best[2])
-    columns = " and ".join(f"{names[k][:-1]}_rad" for k in best[2])
-    raise InputError(
-        f"with {words} in radians the readings fit {figure(best[1])} times better (likelihood ratio "
-        f"1e{_power(best[0])}): name the unit in the header, as {columns}"
-    )
+        return []
+    ratio, times, some = best
+    names = tuple(DIALS[k] for k in some)
+    columns = tuple(f"{name}_rad" for name in names)
+    values: dict[str, Value] = {"dials": names, "columns": columns, "times": times, "log_ratio": ratio}
+    return [Finding("bench-dials-radians", values, severity="refused")]
 
 
 def _left(kind: str, values: Array, settings: tuple[Array, Array, Array]) -> float:
@@ -237,7 +248,7 @@ def _left(kind: str, values: Array, settings: tuple[Array, Array, Array]) -> flo
     # where the positions do not give the direction of gravity in closed form it was taken for the vertical
     return (
         left
-        if kind != "accelerometer" or _spans(settings)
+        if kind != "accelerometer" or spans(settings)
         else min(left, float(_least(kind, values[None], matrix[None])[0]))
     )
 
@@ -286,17 +297,10 @@ def _ranked(
         better = np.array([one.volume for one in some])
         for kind, values in signals.items():
             left = _least(kind, np.stack([one.signals[kind] for one in some]), matrix)
-            better = better + _gain(values, own[kind], left)
+            better = better + log_ratio(values, own[kind], left)
         rough += zip(better.tolist(), some, strict=True)
     rough.sort(key=lambda one: -one[0])
     return sorted(((*_compare(signals, own, one), one) for _, one in rough[:3]), key=lambda one: -one[0])
-
-
-def _gain(values: Array, own: float, left: Array) -> Array:
-    """Log-likelihood ratio of a triad that leaves less than as given."""
-    least = values.size * 1e-6**2  # share of the field below which a residual is rounding
-    freedom = max(values.size - 4 * values.shape[1] - 2, 1)
-    return np.asarray(0.5 * freedom * np.log((own + least) / (left + least)))
 
 
 def _sharpened(
@@ -332,12 +336,10 @@ def _compare(signals: Mapping[str, Array], own: Mapping[str, float], one: _Whole
     """Log-likelihood ratio of a run without a mistake, and how many times better the worst triad fits."""
     better, times = one.volume, 0.0
     for kind, values in signals.items():
-        least = values.size * 1e-6**2
         left = _left(kind, one.signals[kind], one.settings)
-        better += float(_gain(values, own[kind], np.asarray(left)))
-        ratio = (own[kind] + least) / (left + least)
-        changed = one.signals[kind] is not values
-        times = max(times, float(np.sqrt(ratio * np.exp(2.0 * one.volume / values.size * changed))))
+        better += float(log_ratio(values, own[kind], left))
+        grown = np.exp(2.0 * one.volume / values.size) if one.signals[kind] is not values else 1.0
+        times = max(times, float(np.sqrt(left_ratio(values, own[kind], left) * grown)))
     return better, times
 
 
@@ -371,19 +373,10 @@ def _step_of_ends(signals: Mapping[str, Array], settings: tuple[Array, Array, Ar
 
 def _units(signals: Mapping[str, Array], settings: tuple[Array, Array, Array]) -> Iterator[_Whole]:
     """The run with dials in another unit."""
-    azimuth, inclination, toolface = settings
-    unit = "convert it to degrees"
-    yield _Whole("azimuths in grads", unit, signals, (0.9 * azimuth, inclination, toolface))
-    yield _Whole("inclinations in grads", unit, signals, (azimuth, 0.9 * inclination, toolface))
-    yield _Whole("toolfaces in grads", unit, signals, (azimuth, inclination, 0.9 * toolface))
-    yield _Whole("all dials in grads", unit, signals, (0.9 * azimuth, 0.9 * inclination, 0.9 * toolface))
-
-
-def _spans(settings: tuple[Array, Array, Array]) -> bool:
-    """Whether a triad's fit needs no search for the direction of its field."""
-    size = len(settings[0])
-    matrix = dcm(*settings).reshape(size, 9)
-    return bool(np.linalg.matrix_rank(np.column_stack([matrix, np.ones(size)]), 1e-6) == 10)
+    for some in ((0,), (1,), (2,), (0, 1, 2)):
+        turned = [0.9 * dial if place in some else dial for place, dial in enumerate(settings)]
+        grads = Finding("bench-in-grads", {"dials": tuple(DIALS[place] for place in some)})
+        yield _Whole(signals, (turned[0], turned[1], turned[2]), "bench-dials-grads", grads)
 
 
 def _exchanges(
@@ -394,17 +387,16 @@ def _exchanges(
     for first, second in combinations(range(size), 2):
         order = np.arange(size)
         order[[first, second]] = second, first
-        names = f"{stations[first]} and {stations[second]}"
+        names: dict[str, Value] = {"first": stations[first], "second": stations[second]}
         rows = {kind: values[order] for kind, values in signals.items()}
-        words = f"the readings of stations {names} exchanged"
-        yield _Whole(words, "put the rows in order", rows, settings, (first, second))
-        for place, name in enumerate(("azimuths", "inclinations", "toolfaces")):
+        yield _Whole(rows, settings, "bench-rows-exchanged", Finding("bench-rows", names), (first, second))
+        for place, name in enumerate(DIALS):
             if settings[place][first] == settings[place][second]:
                 continue
             turned = [values[order] if at == place else values for at, values in enumerate(settings)]
             changed = (turned[0], turned[1], turned[2])
-            words = f"the {name} of stations {names} exchanged"
-            yield _Whole(words, "put the rows in order", signals, changed, (first, second))
+            mistake = Finding("bench-settings", names | {"dial": name})
+            yield _Whole(signals, changed, "bench-rows-exchanged", mistake, (first, second))
 
 
 def _gains(
@@ -442,44 +434,33 @@ def _stepped(signals: Mapping[str, Array], settings: tuple[Array, Array, Array],
     even[step.start :, channels] *= step.gain
     count = channels.stop - channels.start
     at = channels.start
-    which = f"{step.kind} {'xyz'[at] if at < 3 else at + 1}" if count < values.shape[1] or count == 1 else step.kind
-    return _Whole(
-        f"the {which} {1.0 / step.gain:.2g} times as sensitive from station {step.station} on",
-        "look for a change of range or wiring, and take the run again",
-        {**signals, step.kind: even},
-        settings,
-        volume=(len(values) - step.start) * count * float(np.log(step.gain)),
-        step=step,
-    )
+    found: dict[str, Value] = {"kind": step.kind, "factor": 1.0 / step.gain, "station": step.station}
+    mistake = Finding("bench-gain-triad", found)
+    if count < values.shape[1] or count == 1:
+        mistake = Finding("bench-gain-channel", found | {"axis": "xyz"[at] if at < 3 else str(at + 1)})
+    volume = (len(values) - step.start) * count * float(np.log(step.gain))
+    return _Whole({**signals, step.kind: even}, settings, "bench-gain-changed", mistake, volume=volume, step=step)
 
 
 def _drift(
     signals: Mapping[str, Array], settings: tuple[Array, Array, Array], own: Mapping[str, float]
-) -> tuple[float, list[str], bool]:
+) -> tuple[float, list[Finding], bool]:
     """Trends of offsets or gains with the order of the stations, where they are no chance.
 
-    Returns the largest log-likelihood ratio, a warning for each triad, and whether one is so large that no calibration
-    is left.
+    Returns the largest log-likelihood ratio, what is said of each triad, and whether one leaves no calibration.
     """
-    warnings: list[str] = []
+    found: list[Finding] = []
     best, far = 0.0, False
-    if not _spans(settings) or len(settings[0]) > 60:
-        return best, warnings, far  # the lean of the stand, which such positions do not tell apart, would pass for one
+    if not spans(settings) or len(settings[0]) > 60:
+        return best, found, far  # the lean of the stand, which such positions do not tell apart, would pass for one
     for kind, values in signals.items():
         ratio, largest, what = max(_trends(kind, values, settings, own[kind]))
         if ratio > 12.0 and largest > _DRIFT[what] and not _clipped(kind, values, settings, what):
-            size, power = f"{100.0 * largest:.2g}", _power(ratio)
-            warnings.append(
-                f"the offsets of the {kind} drift by {size} % of the field from the first station to the last "
-                f"(likelihood ratio 1e{power}): let the tool warm up, keep iron and currents away, and take the run "
-                "again"
-                if what == "offsets"
-                else f"the gains of the {kind} drift by {size} % of themselves from the first station to the last "
-                f"(likelihood ratio 1e{power}): let the tool warm up, look at its supply, and take the run again"
-            )
+            said: dict[str, Value] = {"kind": kind, "size_percent": 100.0 * largest, "log_ratio": float(ratio)}
+            found.append(Finding("bench-offsets-drift" if what == "offsets" else "bench-gains-drift", said))
             best = max(best, ratio)
             far |= bool(ratio > _CERTAIN and largest > 0.1)  # a tenth of the field
-    return best, warnings, far
+    return best, found, far
 
 
 _DRIFT = {"offsets": 0.004, "gains": 0.01}
@@ -494,9 +475,8 @@ def _trends(
     for what in _DRIFT:
         trend, even = _undone(kind, what, values, matrix)
         left = _left(kind, even, settings)
-        least = values.size * 1e-6**2
         freedom = max(values.size - 5 * values.shape[1] - 2, 1)
-        ratio = 0.5 * freedom * float(np.log((own + least) / (left + least)))
+        ratio = 0.5 * freedom * float(np.log(left_ratio(values, own, left)))
         # every channel has a trend of its own to spend
         ratio -= 0.5 * values.shape[1] * np.log(values.size)
         yield ratio, float(np.abs(trend).max()), what
@@ -522,7 +502,7 @@ def _clipped(kind: str, values: Array, settings: tuple[Array, Array, Array], wha
         return False
     azimuth, inclination, toolface = (dial[rest] for dial in settings)
     kept = (azimuth, inclination, toolface)
-    if rest.sum() < 8 or not _spans(kept):
+    if rest.sum() < 8 or not spans(kept):
         return True
     found = {
         sort: (ratio, size) for ratio, size, sort in _trends(kind, values[rest], kept, _left(kind, values[rest], kept))
@@ -554,26 +534,19 @@ def _undone(kind: str, what: str, values: Array, matrix: Array) -> tuple[Array, 
     return trend, even
 
 
-def refuse_own_readings(readings: BenchReadings, calibration: Calibration) -> None:
-    """InputError where readings for a verification are those of the calibration, by their digest or by value."""
+def own_readings(readings: BenchReadings, calibration: Calibration) -> list[Finding]:
+    """Whether readings for a verification are those of the calibration, by their digest or by value; refused."""
     if readings.digest and readings.digest in calibration.inputs.values():
-        raise InputError(
-            "these are the readings the tool was calibrated with; verification needs independent positions"
-        )
+        return [Finding("bench-readings-own", severity="refused")]
     if taken_before(readings, calibration):
-        raise InputError(
-            "these are the readings the tool was calibrated with, in another order or hardly changed (a factor, an "
-            "offset, fewer digits): no second visit to a setting agrees so well; verification needs independent "
-            "positions"
-        )
+        return [Finding("bench-readings-changed", severity="refused")]
     copies = _copies(readings, calibration)
-    if copies:
-        here = ", ".join(readings.station[row] for row, _ in copies)
-        there = ", ".join(calibration.residuals.station[at] for _, at in copies)
-        raise InputError(
-            f"the readings of stations {here} are to the last digit those of stations {there} that the tool was "
-            "calibrated with: remove them; verification needs independent positions"
-        )
+    if not copies:
+        return []
+    here = tuple(readings.station[row] for row, _ in copies)
+    there = tuple(calibration.residuals.station[at] for _, at in copies)
+    rows = tuple(row for row, _ in copies)
+    return [Finding("bench-readings-copied", {"here": here, "there": there}, rows, "refused")]
 
 
 def taken_before(readings: BenchReadings, calibration: Calibration) -> bool:
@@ -640,7 +613,7 @@ def _same_stations(readings: BenchReadings, calibration: Calibration) -> Index |
     return None
 
 
-def repeated_noise(readings: BenchReadings, calibration: Calibration) -> list[str]:
+def repeated_noise(readings: BenchReadings, calibration: Calibration) -> list[Finding]:
     """A warning where the calibration's residuals recur at the same stations, though not as a copy's do.
 
     The correlation of the two, gains and offsets taken off, is held against that of independent visits, of which as
@@ -658,31 +631,20 @@ def repeated_noise(readings: BenchReadings, calibration: Calibration) -> list[st
     free = (1.0 - of_dials) * max(count * channels - fitted, 4) + of_dials * max(3 * count - fitted, 4)
     if np.arctanh(np.clip(alike, -0.999999, 0.999999)) * np.sqrt(free - 3.0) < 4.5:
         return []
-    return [
-        f"the residuals of the calibration recur in these readings (correlation {alike:.2f}): errors of the stand that "
-        "repeat at the same settings, or the same readings changed; neither is independent: verify at other positions "
-        "(`plan spread`)"
-    ]
+    return [Finding("bench-residuals-recur", {"correlation": alike})]
 
 
 class _Against(NamedTuple):
-    """Readings against a calibration, all channels side by side.
+    """Readings against a calibration, all channels side by side."""
 
-    off : (n, S) readings less what the tool would have read; signals : (n, S) that.
-    residual : (K, S) of the calibration; variance : (S,) of the difference of two visits.
-    step : (S,) of the converter, or what the fit's arithmetic leaves; counts : (S,) its own, 0 without.
-    digits : (n, S) the last one of each reading, as a power of ten.
-    dials : (S,) share that settings have in the variance.
-    """
-
-    off: Array
-    signals: Array
-    residual: Array
-    variance: Array
-    step: Array
-    counts: Array
-    digits: Array
-    dials: Array
+    off: Array  #: (n, S) readings less what the tool would have read
+    signals: Array  #: (n, S) what the tool would have read
+    residual: Array  #: (K, S) of the calibration
+    variance: Array  #: (S,) of the difference of two visits
+    step: Array  #: (S,) of the converter, or what the fit's arithmetic leaves
+    counts: Array  #: (S,) the converter's own step, 0 without
+    digits: Array  #: (n, S) the last one of each reading, as a power of ten
+    dials: Array  #: (S,) share that settings have in the variance
 
     def less_gains(self, values: Array) -> Array:
         """Values (n, S) less a gain and an offset of each channel."""

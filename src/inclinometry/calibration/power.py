@@ -13,33 +13,18 @@ from inclinometry.arrays import Array
 
 PROBABILITY: Final = 0.9
 """With which a degraded tool is to be found."""
-WORTH: Final = 4.0
-"""Factor of degradation from which a verification against the errors' own uncertainty proves little: a tool four times
-as bad as certified has used up a tolerance of the usual ratio of 4 to 1 between tolerance and uncertainty."""
-WORTH_AGREED: Final = 10.0
-"""The same of limits that were agreed: ten times its uncertainty is the widest tolerance that metrology uses (10 to 1);
-a tool that may be worse than that against its certificate is not confirmed by keeping them."""
 DRAWS: Final = 2000
-LARGEST: Final = 100.0
-"""Factor beyond which nothing is looked for."""
 
 
 class Effects(NamedTuple):
-    """What brings the errors at every position: derivatives, the last two per standard deviation of their cause.
+    """What brings the errors at every position: derivatives, the last three per standard deviation of their cause."""
 
-    by_parameter : (K, 3, p) by the calibration's parameters, whose covariance is `covariance` (p, p); the tool's own
-        q come first.
-    by_noise : (K, 3, M) by the noise of each sensor, of the mean that is taken at each position.
-    by_reading : (K, 3, M) the same of one reading, of which certificates speak.
-    by_setting : (K, 3, 3) by the setting of each dial.
-    """
-
-    by_parameter: Array
-    covariance: Array
-    tool: int
-    by_noise: Array
-    by_reading: Array
-    by_setting: Array
+    by_parameter: Array  #: (K, 3, p) by the calibration's parameters; the tool's own q come first
+    covariance: Array  #: (p, p) of these parameters
+    tool: int  #: q
+    by_noise: Array  #: (K, 3, M) by the noise of each sensor, of the mean that is taken at each position
+    by_reading: Array  #: (K, 3, M) the same of one reading, which certificates state
+    by_setting: Array  #: (K, 3, 3) by the setting of each dial
 
     @property
     def variance(self) -> Array:
@@ -47,23 +32,26 @@ class Effects(NamedTuple):
         total = np.sum((self.by_parameter @ self.covariance) * self.by_parameter, axis=2)
         return np.asarray(total + np.sum(self.by_noise**2, axis=2) + np.sum(self.by_setting**2, axis=2))
 
+    @property
+    def total(self) -> Array:
+        """(K, 3, 3) covariance of the errors of each position."""
+        random = np.concatenate([self.by_noise, self.by_setting], axis=2)
+        moved = self.by_parameter @ self.covariance @ self.by_parameter.swapaxes(1, 2)
+        return np.asarray(moved + random @ random.swapaxes(1, 2))
+
 
 @dataclass(frozen=True)
 class Power:
-    """What a verification finds.
+    """What a verification finds."""
 
-    factor : the tool whose errors are so many times those its calibration states is found with `PROBABILITY`; infinite
-        where none is. by_angle : the same by the errors of one angle alone.
-    twice : probability that a tool twice as bad as stated passes.
-    producer : probability that a tool as good as stated, and within its limits where there are any, fails.
-    consumer : probability that a tool as good as stated is beyond a limit at one of the positions and passes; None
-        where errors are held against their own uncertainty.
-    """
-
+    #: the tool whose errors are so many times those its calibration states is found with `PROBABILITY`; infinite where
+    #: none is
     factor: float
-    by_angle: Mapping[str, float]
-    twice: float
-    producer: float
+    by_angle: Mapping[str, float]  #: the same by the errors of one angle alone
+    twice: float  #: probability that a tool twice as bad as stated passes
+    producer: float  #: probability that a tool as good as stated, and within its limits where there are any, fails
+    #: probability that a tool as good as stated is beyond a limit at one of the positions and passes; None where no
+    #: limits were agreed
     consumer: float | None
 
     @property
@@ -73,36 +61,33 @@ class Power:
 
     @property
     def proves_little(self) -> bool:
-        """Whether a pass says little of the tool: only a much worse tool is found."""
-        return self.factor > (WORTH if self.consumer is None else WORTH_AGREED)
+        """Whether a pass says little of the tool: only a much worse tool is found.
+
+        A tool four times as bad as certified has used up a tolerance of the usual ratio of 4 to 1 to its uncertainty;
+        of limits that were agreed 10 to 1 is the widest that metrology uses.
+        """
+        return self.factor > (4.0 if self.consumer is None else 10.0)
 
     @property
     def sentences(self) -> list[str]:
         """The same in words."""
-        said = [
-            "found with a probability of 90 % at these positions: a tool whose errors are "
-            f"{self.times} times those its calibration states"
-        ]
-        said += [f"by {name} alone: {_times(factor)} times" for name, factor in self.by_angle.items()]
-        said.append(
-            "a tool as good as its certificate fails this verification with a probability of "
-            f"{_percent(self.producer)} % (producer's risk)"
-        )
+        said = [f"this check detects (90 %) a tool with {self.times} times its certified errors"]
+        said += [f"from {name} only: {_times(factor)} times" for name, factor in self.by_angle.items()]
         if self.consumer is None:
-            said.append(
-                f"a tool twice as bad as its certificate passes with a probability of {_percent(self.twice)} % "
-                "(consumer's risk)"
-            )
-        else:
-            said.append(
-                f"a tool as good as its certificate is beyond a limit and passes with a probability of "
-                f"{_percent(self.consumer)} % (consumer's risk)"
-            )
-        return said
+            return [
+                *said,
+                f"a tool with twice its certified errors agrees with a probability of {_percent(self.twice)} %",
+                f"a tool that meets its certificate does not agree with a probability of {_percent(self.producer)} %",
+            ]
+        return [
+            *said,
+            f"producer's risk: {_percent(self.producer)} % (a tool that meets its certificate and the limits fails)",
+            f"consumer's risk: {_percent(self.consumer)} % (a tool with certified errors exceeds a limit and passes)",
+        ]
 
 
 def _times(factor: float) -> str:
-    return f"{factor:.2g}" if factor < LARGEST else ">100"
+    return f"{factor:.2g}" if factor < 100.0 else ">100"
 
 
 def _percent(probability: float) -> str:
@@ -115,24 +100,10 @@ def power(
 ) -> Power:
     """Work out what a verification finds, by drawing tools and stands.
 
-    Parameters
-    ----------
-    parts : Effects
-        At its positions.
-    names : (3,) sequence of str
-        Of the angles.
-    limits, accepted : (K, 3) ndarray
-        Largest errors, and those up to which a position passes, rad; infinite where nothing is judged.
-    agreed : bool
-        Whether the limits were agreed, so that a tool beyond them does not conform.
-    freedom : float
-        Degrees of freedom from which the standard deviations of the dials are known.
-
-    Notes
-    -----
     A tool f times as bad is one whose errors are f times those its certificate states of one reading. Beside the errors
     that are expected it has others, of its parameters and of the size of the noise of one reading, which no mean takes
-    off: e(f) = e + sqrt(f^2 - 1) d.
+    off: e(f) = e + sqrt(f^2 - 1) d. `freedom`: degrees of freedom from which the standard deviations of the dials are
+    known.
     """
     rng, judged = np.random.default_rng(106), np.isfinite(accepted)
     count, tool = len(limits), parts.tool
@@ -163,7 +134,7 @@ def power(
         return np.asarray(~np.any(np.abs(seen) > accepted[:, columns], axis=(1, 2)))
 
     def least(columns: slice = slice(None)) -> float:
-        low, high = 1.0, LARGEST
+        low, high = 1.0, 100.0  # beyond it nothing is looked for
         if 1.0 - np.mean(passing(high, columns)) < PROBABILITY:
             return float("inf")
         for _ in range(14):

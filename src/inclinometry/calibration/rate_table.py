@@ -103,11 +103,11 @@ def _unseen(vectors: Array) -> str | None:
 
 
 class Fit(NamedTuple):
-    coefficients: Array  # (p, m)
-    covariances: Array  # (m, p, p)
-    residuals: Array  # (K, m)
-    sd: Array  # (K, m)
-    dof: int  # of one gyro
+    coefficients: Array  #: (p, m)
+    covariances: Array  #: (m, p, p)
+    residuals: Array  #: (K, m)
+    sd: Array  #: (K, m)
+    dof: int  #: of one gyro
     estimated: bool
 
 
@@ -203,7 +203,6 @@ def chance_unasked(
 
 SIGNIFICANCE = 0.001
 """Chance of naming any step of a clean run (Bonferroni over steps and gyros)."""
-_FREE = 1e-6  # a step of less redundancy than this cannot be judged by the others
 
 
 class Suspect(NamedTuple):
@@ -214,22 +213,19 @@ class Suspect(NamedTuple):
 
 
 def suspects(u: Array, plain: Array, fuller: Array, spread: Array | None) -> list[Suspect]:
-    """Steps to be suspected, worst first.
-
-    u : (K, m) signals.  plain : (K, p) regressors of the fit.  fuller : with gravity too, where that is known: in
-    this model, if the steps allow it, gravity that is not fitted cannot be mistaken for bad steps.  spread : (K, m) or
-    None.
+    """Steps to be suspected, worst first, at most a sixth of them: signals u (K, m), regressors of the fit (K, p).
 
     Rosner's generalised procedure (Technometrics 25, 1983): the step of the largest externally studentised residual is
     taken out, again and again, and all up to the last significant one are named; so two bad steps cannot hide each
-    other. No more than a sixth of the steps is named.
+    other. The `fuller` regressors hold known gravity too: if the steps allow it, gravity that is not fitted is not
+    mistaken for bad steps.
     """
     from scipy.special import stdtr
 
     count, gyros = u.shape
     values = np.linalg.svd(fuller, compute_uv=False)
     # degrees of freedom from which a test within the fuller model is worth having
-    matrix = fuller if (fuller.shape[0] - fuller.shape[1] >= 4 and bool(values[-1] > _FREE * values[0])) else plain
+    matrix = fuller if (fuller.shape[0] - fuller.shape[1] >= 4 and bool(values[-1] > 1e-6 * values[0])) else plain
     kept, order, last = np.arange(count), [], 0
     for _ in range(max(1, count // 6)):
         found = _studentised(u[kept], matrix[kept], None if spread is None else spread[kept])
@@ -261,7 +257,7 @@ def _studentised(u: Array, matrix: Array, spread: Array | None) -> tuple[Array, 
         q, _ = np.linalg.qr(matrix * weight[:, None])
         y = u[:, gyro] * weight
         free, residual = 1.0 - np.sum(q**2, axis=1), y - q @ (q.T @ y)
-        judged = free > _FREE
+        judged = free > 1e-6  # a step of less redundancy cannot be judged by the others
         own = residual / np.sqrt(np.where(judged, free, 1.0))
         # readings without any scatter are still only known to their rounding
         least = (
@@ -291,34 +287,24 @@ def _described(u: Array, matrix: Array, spread: Array | None, rest: Index, row: 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RateCalibration(Tabular):
-    """A gyro triad identified on known rates.
+    """A gyro triad identified on known rates."""
 
-    triad : "gyro", its tensor per Earth rate as elsewhere, its g-sensitivity where one was fitted.
-    g_sensitivity : (m, 3) in the signals' unit per g of gravity along each tool axis, or None.
-    parameter_names, covariance : of `parameter_names(triad)` followed by the g-sensitivity, row by row. Where the noise
-        was estimated it is widened by dof / (dof - 2), the variance of Student's t. It holds when the rates are true:
-        an error of the table's own rate is not in it.
-    residuals : (K, m) reading minus model.
-    sd : (m,) standard deviation of one reading, as given (root mean square) or estimated.
-    chi_square, dof : weighted squared residuals and degrees of freedom; equal where the noise was estimated.
-    chance : probability that a g-sensitivity as large arises by chance alone; None where gravity is not known.
-    temperature_range : degC, or None.
-    notes : sentences for the user.
-    suspects : steps that the others contradict, worst first, as (row, {gyro: reading minus what the others say}); they
-        are in the fit.
-    """
-
-    triad: Triad
-    g_sensitivity: Array | None
-    parameter_names: tuple[str, ...]
+    triad: Triad  #: "gyro", its tensor per Earth rate as elsewhere, its g-sensitivity where one was fitted
+    g_sensitivity: Array | None  #: (m, 3) in the signals' unit per g of gravity along each tool axis, or None
+    parameter_names: tuple[str, ...]  #: `parameter_names(triad)` followed by the g-sensitivity, row by row
+    #: of these. Where the noise was estimated it is widened by dof / (dof - 2), the variance of Student's t. It holds
+    #: when the rates are true: an error of the table's own rate is not in it
     covariance: Array
-    residuals: Array
-    sd: Array
-    chi_square: float
-    dof: int
+    residuals: Array  #: (K, m) reading minus model
+    sd: Array  #: (m,) standard deviation of one reading, as given (root mean square) or estimated
+    chi_square: float  #: weighted squared residuals; equal to `dof` where the noise was estimated
+    dof: int  #: degrees of freedom
+    #: probability that a g-sensitivity as large arises by chance alone; None where gravity is not known
     chance: float | None
-    temperature_range: tuple[float, float] | None
-    notes: Sequence[str] = ()
+    temperature_range: tuple[float, float] | None  #: degC
+    notes: Sequence[str] = ()  #: sentences for the user
+    #: steps that the others contradict, worst first, as (row, {gyro: reading minus what the others say}); they are in
+    #: the fit
     suspects: Sequence[Suspect] = ()
 
     @property
@@ -349,54 +335,12 @@ def calibrate_rates(
     g_sensitive: bool = False,
     unit: str = "counts",
 ) -> RateCalibration:
-    """Identify gyros from their signals at known inertial rates.
+    """Gyros from their signals (K, m) at inertial rates (K, 3), the Earth's included: U = N(T) w + U0(T) + G g.
 
-    Parameters
-    ----------
-    signals : (K, m) array_like
-        Means over each step (over whole turns on a table), in `unit`.
-    rates : (K, 3) array_like
-        True inertial rate in tool axes, the Earth's included, rad/s; `table_rates` for a rate table.
-    gravity : (K, 3) array_like, optional
-        Gravity in tool axes, in units of g; it points down.
-    temperature : (K,) array_like, optional
-        degC.
-    degree : int
-        Of the polynomial by which tensor and offset follow temperature, 0 to 3.
-    sd : float, (m,) or (K, m) array_like, optional
-        Standard deviation of each signal; estimated from the residuals of each gyro when not given.
-    g_sensitive : bool
-        Fit what gravity adds to the signals; it does not depend on temperature.
-    unit : str
-        Of the signals, for the record.
-
-    Returns
-    -------
-    RateCalibration
-
-    Raises
-    ------
-    InputError
-        Shapes that do not go together, a temperature or gravity that is needed and not given.
-    IdentifiabilityError
-        Steps that leave something undetermined, which is named.
-
-    Notes
-    -----
-    U = N(T) w + U0(T) + G g, one weighted linear regression for each gyro. Whether G is real is judged by Fisher's F
-    (chi-square where `sd` is given) on the three components of each gyro, the least probability counted m times. Where
-    gravity is given but G is not asked for, the question is asked all the same and the answer is in `notes`,
-    unless single steps stand out (externally studentised residuals, Rosner 1983): they come first, in `suspects`.
-
-    Examples
-    --------
-    >>> turn = np.radians([-20.0, -10.0, 10.0, 20.0])
-    >>> rates = np.concatenate([turn[:, None] * axis for axis in np.eye(3)])
-    >>> found = calibrate_rates(1000.0 * rates + 5.0, rates, sd=0.01)
-    >>> (found.triad.tensor[0] / EARTH_RATE).round(6) + 0.0, found.triad.offset[0].round(6)
-    (array([[1000.,    0.,    0.],
-           [   0., 1000.,    0.],
-           [   0.,    0., 1000.]]), array([5., 5., 5.]))
+    Rates in rad/s and gravity in g, both in tool axes. One weighted linear regression for each gyro; whether G is real
+    is judged by Fisher's F (chi-square where `sd` is given) on the three components of each gyro, the least probability
+    counted m times. Where gravity is given but G is not asked for, the same test goes into `notes`, unless single steps
+    stand out (externally studentised residuals, Rosner 1983): they come first, in `suspects`.
     """
     u, w, g, heat, spread = _checked(signals, rates, gravity, temperature, degree, sd, g_sensitive)
     reference = 20.0 if heat is None else float(np.round(heat.mean(), 3))
@@ -435,38 +379,10 @@ def calibrate_rates(
 def table_rates(
     inclination: ArrayLike, toolface: ArrayLike, rate: ArrayLike, latitude: float, azimuth: ArrayLike | None = None
 ) -> Array:
-    """Inertial rate in tool axes of a tool on a table that turns about the local vertical.
+    """Inertial rate in tool axes, rad/s, on a table that turns about the local vertical, clockwise seen from above.
 
-    Parameters
-    ----------
-    inclination, toolface : (...) array_like
-        Of the tool as mounted, rad.
-    rate : (...) array_like
-        rad/s, clockwise seen from above; the signal is to be averaged over whole turns.
-    latitude : float
-        rad.
-    azimuth : (...) array_like, optional
-        rad, from true north, where the table stands still; NaN or anything where it turns.
-
-    Returns
-    -------
-    (..., 3) ndarray
-        rad/s.
-
-    Raises
-    ------
-    InputError
-        A table at rest without an azimuth.
-
-    Notes
-    -----
     Over whole turns the horizontal Earth rate averages out: w = C(0, I, T) (0, 0, rate - w_e sin lat). At rest
-    w = C(A, I, T) w_e (cos lat, 0, -sin lat). Centrifugal acceleration is not considered.
-
-    Examples
-    --------
-    >>> (table_rates(0.0, 0.0, 0.5, np.radians(30.0)) + [0.0, 0.0, EARTH_RATE / 2]).round(12)
-    array([0. , 0. , 0.5])
+    w = C(A, I, T) w_e (cos lat, 0, -sin lat), A from true north. Centrifugal acceleration is not considered.
     """
     given = [finite(v, n) for v, n in ((inclination, "inclination"), (toolface, "toolface"), (rate, "rate"))]
     heading = np.nan if azimuth is None else np.asarray(azimuth, dtype=np.float64)

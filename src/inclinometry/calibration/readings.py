@@ -209,16 +209,6 @@ def converter_steps(values: Array) -> Array:
     """Step (m,), a power of ten, of a converter or a printed table on which each channel lies; 0 where none shows.
 
     Channel by channel, so that one in another unit leaves the others theirs; those of one step are judged together.
-
-    Examples
-    --------
-    >>> codes = 31.0 * np.arange(36.0).reshape(12, 3)
-    >>> converter_steps(codes), converter_steps(codes * [1.0, -0.5, np.pi])
-    (array([1., 1., 1.]), array([1. , 0.1, 0. ]))
-    >>> converter_steps(np.round(np.sin(codes), 3))
-    array([0.001, 0.001, 0.001])
-    >>> converter_steps(1000.0 * np.vstack([np.eye(3), -np.eye(3)]))         # too few values to tell
-    array([0., 0., 0.])
     """
     steps: Array = np.zeros(values.shape[1])
     for digits in range(10):

@@ -10,6 +10,7 @@ import numpy as np
 
 from inclinometry.arrays import Array
 from inclinometry.errors import InputError
+from inclinometry.findings import Finding
 from inclinometry.orientation import dip_angle
 from inclinometry.sensors import Tool
 from inclinometry.tabular import Column, Tabular, aligned, channel_columns, draw
@@ -56,7 +57,7 @@ def calibration_text(found: Calibration) -> str:
     lines += [
         f"{title}: {np.degrees(v):+.4f} ± {np.degrees(s):.4f} deg" for title, (v, s) in found.rig.nuisance.items()
     ]
-    return "\n".join([*lines, *(f"warning: {sentence}" for sentence in found.warnings)])
+    return "\n".join([*lines, *(f"warning: {sentence}" for sentence in found.remarks)])
 
 
 def readings_text(readings: BenchReadings) -> str:
@@ -81,37 +82,27 @@ for one with a share of 1e-6; and whatever is wrong with such a reading, the fit
 
 @dataclass(frozen=True, eq=False)
 class Rig:
-    """What was learnt of the rig.
+    """What was learnt of the rig."""
 
-    sd : (3,) standard deviation of a setting of azimuth, inclination, toolface, rad (0: dials trusted).
-    errors : (K, 3) estimated errors of the settings, rad; None where the method has none.
-    errors_sd : (K, 3) their standard uncertainties, rad.
-    nuisance : name -> (estimate, standard uncertainty), rad, of the constant rig errors that were fitted.
-    freedom : (3,) degrees of freedom from which `sd` is known; infinite where it was stated.
-    """
-
-    sd: Array
-    errors: Array | None = None
-    errors_sd: Array | None = None
+    sd: Array  #: (3,) standard deviation of a setting of azimuth, inclination, toolface, rad (0: dials trusted)
+    errors: Array | None = None  #: (K, 3) estimated errors of the settings, rad; None where the method has none
+    errors_sd: Array | None = None  #: (K, 3) their standard uncertainties, rad
+    #: name -> (estimate, standard uncertainty), rad, of the constant rig errors that were fitted
     nuisance: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    #: (3,) degrees of freedom from which `sd` is known; infinite where it was stated
     freedom: Array = field(default_factory=lambda: np.full(3, np.inf))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Residuals(Tabular):
-    """Readings minus model, per station.
+    """Readings minus model, per station."""
 
-    station : names, K of them.
-    values : kind -> (K, m), in the triad's unit.
-    standardised : kind -> (K, m), each divided by its own standard deviation under the model; NaN, not judged, where
-        the fit leaves less than `LEAST_REDUNDANCY` of the variance.
-    leverage : (K,) share of each station in its own prediction, 0..1.
-    """
-
-    station: Sequence[str]
-    values: Mapping[str, Array]
+    station: Sequence[str]  #: names, K of them
+    values: Mapping[str, Array]  #: kind -> (K, m), in the triad's unit
+    #: kind -> (K, m), each divided by its own standard deviation under the model; NaN, not judged, where the fit leaves
+    #: less than `LEAST_REDUNDANCY` of the variance
     standardised: Mapping[str, Array]
-    leverage: Array
+    leverage: Array  #: (K,) share of each station in its own prediction, 0..1
 
     def to_dict(self) -> dict[str, Column]:
         """One row a station: residuals in the unit of their triad, standardised ones, leverage."""
@@ -139,10 +130,11 @@ class Calibration(Tabular):
     field_directions : kind -> unit vector of the field in rig axes (x of the rig = azimuth 0, z down).
     parameter_names, covariance : the joint covariance of tool parameters, field directions (two tangent angles each,
         rad) and nuisance parameters. It is the inverse Fisher information; it holds when the noise and rig model hold
-        and is meaningless along directions named in `warnings` as invisible to the plan.
-    warnings : sentences a person can act on.
+        and is meaningless along directions named in `findings` as invisible to the plan.
+    warnings : sentences a person can act on, of readings and of methods that have no findings yet.
     notes : sentences for the record: what was done, with nothing to be settled.
-    outliers : station -> sentence, of stations at odds with the others (also warnings); not kept in tool.json.
+    findings : what the readings and the fit give rise to say; tool.json keeps them as sentences.
+    outliers : station -> finding, of stations at odds with the others (also among `findings`); not kept in tool.json.
     causes : of a joint fit, cause -> covariance that it brings to the tool's parameters, for `causes.error_budget`; and
         response (p, K M), how the parameters follow each reading, station by station; `bent`: kind ->
         (m, 2), quadratic and cubic part of each sensor's response where the readings show them, of full scale. None of
@@ -150,6 +142,9 @@ class Calibration(Tabular):
     shares : of a joint fit, cause -> (n, 3) share that it has in the variance from the calibration alone of
         inclination, azimuth, toolface, at `constants.SHORT_INCLINATIONS` and the azimuth and toolface where one reading
         is least certain; NaN for an angle that the tool does not give.
+    freedom : effective degrees of freedom nu of the variances that the readings gave, where `covariance` is the mean
+        over them: nu / (nu - 2) times the covariance at their estimates. Infinite where all were stated; None where it
+        is not known (other methods, files of before).
     """
 
     tool: Tool
@@ -161,12 +156,19 @@ class Calibration(Tabular):
     rig: Rig
     residuals: Residuals
     warnings: Sequence[str] = ()
-    outliers: Mapping[str, str] = field(default_factory=dict)
+    outliers: Mapping[str, Finding] = field(default_factory=dict)
     notes: Sequence[str] = ()
     causes: Mapping[str, Array] = field(default_factory=dict)
     response: Array = field(default_factory=lambda: np.zeros((0, 0)))
     bent: Mapping[str, Array] = field(default_factory=dict)
     shares: Mapping[str, Array] = field(default_factory=dict)
+    freedom: float | None = None
+    findings: tuple[Finding, ...] = ()
+
+    @property
+    def remarks(self) -> list[str]:
+        """Warnings and findings that are no notes as English sentences, for files."""
+        return [*self.warnings, *(str(one) for one in self.findings if one.severity != "note")]
 
     @property
     def dip(self) -> float | None:
@@ -205,20 +207,15 @@ class Calibration(Tabular):
         return self.residuals.plot(ax)
 
 
-def same_units(units: Mapping[str, str], calibration: Calibration) -> None:
-    """Refuse signals stated in another unit than the calibration's; nothing is converted unasked.
+def same_units(units: Mapping[str, str], tool: Tool, whose: str = "the calibration") -> None:
+    """Refuse signals stated in another unit than the tool's; nothing is converted unasked.
 
-    A unit that is not stated ("counts") is taken for the calibration's own.
-
-    Raises
-    ------
-    InputError
-        Two stated units that differ.
+    A unit that is not stated ("counts") is taken for the tool's own.
     """
-    for kind, triad in calibration.tool.triads.items():
+    for kind, triad in tool.triads.items():
         have = units.get(kind, UNSTATED)
         if UNSTATED not in (have, triad.unit) and have != triad.unit:
-            raise InputError(f"the {kind} is in {have}, the calibration in {triad.unit}: convert one of them")
+            raise InputError(f"the {kind} is in {have}, {whose} in {triad.unit}: convert one of them")
 
 
 UNSTATED = "counts"

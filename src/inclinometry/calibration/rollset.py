@@ -12,33 +12,28 @@ from inclinometry.arrays import Array, Index, finite, frozen
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.variance import least_noise
 from inclinometry.errors import IdentifiabilityError, InputError
+from inclinometry.findings import Finding, Value
 from inclinometry.rotations import wrap_positive
 from inclinometry.tabular import Column, Tabular, degrees
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RollHarmonics(Tabular):
-    """Harmonics of one signal over one roll set: D = offset + amplitude sin(roll + phase) + residual.
+    """Harmonics of one signal over one roll set: D = offset + amplitude sin(roll + phase) + residual."""
 
-    offset, amplitude : in the signal's unit.
-    phase : rad, in [-pi, pi).
-    second_amplitude, second_phase : the same of the second harmonic, sin(2 roll + second_phase); a roll-angle error
-        or a non-linear sensor shows here. None when there are too few rolls (fewer than 6 distinct) to tell.
-    residual : (K,) signal minus offset and FIRST harmonic.
-    residual_rms : root of the residual's sum of squares over K - 3 degrees of freedom, an unbiased noise level; 0 for
-        three rolls, which leave nothing over.
-    residual_max : largest absolute residual.
-    offset_sd, amplitude_sd, phase_sd : standard uncertainties from the residual scatter; 0 for three rolls.
-    """
-
-    offset: float
-    amplitude: float
-    phase: float
+    offset: float  #: in the signal's unit
+    amplitude: float  #: in the signal's unit
+    phase: float  #: rad, in [-pi, pi)
+    #: of the second harmonic, sin(2 roll + second_phase); a roll-angle error or a non-linear sensor shows here. None
+    #: when there are too few rolls (fewer than 6 distinct)
     second_amplitude: float | None
     second_phase: float | None
-    residual: Array
+    residual: Array  #: (K,) signal minus offset and FIRST harmonic
+    #: root of the residual's sum of squares over K - 3 degrees of freedom, an unbiased noise level; 0 for three rolls,
+    #: which leave nothing over
     residual_rms: float
-    residual_max: float
+    residual_max: float  #: largest absolute residual
+    #: offset_sd, amplitude_sd, phase_sd: standard uncertainties from the residual scatter; 0 for three rolls
     offset_sd: float
     amplitude_sd: float
     phase_sd: float
@@ -132,30 +127,23 @@ class SecondHarmonics:
     """Second harmonics of every roll set of six or more rolls, and what they mean; S sets, m sensors.
 
     A linear sensor on a true rig has none: U = mean + Re(c1 exp(-iT)) + Re(c2 exp(-2iT)), c2 = 0.
-
-    sets : (S,) names of the sets: the roll_set of the readings, else azimuth and inclination.
-    first, second : kind -> (S, m) complex amplitudes c1, c2, in the unit of the signals.
-    u : kind -> (S, m) standard uncertainty of the real and of the imaginary part of c2, from what is left over beyond
-        the two harmonics.
-    unevenness, u_unevenness : complex e and the standard uncertainty of its parts, rad: the roll dial reads T where the
-        tool stands at T + Re(e exp(-iT)), as an eccentric dial does.
-    square, u_square : kind -> (m,) the square law of each sensor: what it is off at `swing`, as a share of it.
-    swing : kind -> (m,) largest first amplitude of each sensor, in the unit of the signals.
-    freedom : degrees of freedom of the uncertainties.
-    sentences : what is significant (chance of a false alarm 1 in 1000), one sentence each.
     """
 
-    sets: tuple[str, ...]
-    first: Mapping[str, Array]
-    second: Mapping[str, Array]
+    sets: tuple[str, ...]  #: (S,) names of the sets: the roll_set of the readings, else azimuth and inclination
+    first: Mapping[str, Array]  #: kind -> (S, m) complex amplitudes c1, in the unit of the signals
+    second: Mapping[str, Array]  #: the same of c2
+    #: kind -> (S, m) standard uncertainty of the real and of the imaginary part of c2, from what is left over beyond
+    #: the two harmonics
     u: Mapping[str, Array]
+    #: complex e, rad: the roll dial reads T where the tool stands at T + Re(e exp(-iT)), as an eccentric dial does
     unevenness: complex
-    u_unevenness: float
+    u_unevenness: float  #: standard uncertainty of its parts, rad
+    #: kind -> (m,) the square law of each sensor: what it is off at `swing`, as a share of it
     square: Mapping[str, Array]
     u_square: Mapping[str, Array]
-    swing: Mapping[str, Array]
-    freedom: int
-    sentences: tuple[str, ...]
+    swing: Mapping[str, Array]  #: kind -> (m,) largest first amplitude of each sensor, in the unit of the signals
+    freedom: int  #: degrees of freedom of the uncertainties
+    findings: tuple[Finding, ...]  #: what is significant (chance of a false alarm 1 in 1000)
 
 
 FALSE_ALARM = 1e-3
@@ -163,24 +151,12 @@ FALSE_ALARM = 1e-3
 
 
 def second_harmonics(readings: BenchReadings) -> SecondHarmonics | None:
-    """Second harmonics of all roll sets of a bench run, told apart by their meaning; None without such a set.
+    """Second harmonics of all roll sets of a bench run, separated by their meaning; None without such a set.
 
-    Notes
-    -----
     A sensor with U = v + q v^2 makes c2 = q c1^2 / 2: a phase of its own, twice that of the first harmonic. A dial that
     reads T where the tool stands at T + Re(e exp(-iT)) makes c2 = -i e c1 / 2: the same e for every sensor of the tool.
-    Both are fitted together to the second harmonics of all sets, weighted by what the third and higher harmonics leave.
-
-    Random errors of the settings are shared by the sensors of a station; each set counts with the degrees of freedom of
-    one signal, rolls less five, whatever the number of sensors.
-
-    Examples
-    --------
-    >>> roll = np.radians(np.arange(0.0, 360.0, 30.0))
-    >>> v = np.stack([np.cos(roll), np.sin(roll)], axis=1) + 1e-4 * np.random.default_rng(1).normal(size=(12, 2))
-    >>> readings = BenchReadings({"accelerometer": 1000.0 * (v + 0.01 * v**2)}, 0.0 * roll, 0.0 * roll + 1.5, roll)
-    >>> (100.0 * second_harmonics(readings).square["accelerometer"]).round(1)
-    array([1., 1.])
+    Both are fitted together, weighted by what the third and higher harmonics leave. Errors of the settings are shared
+    by the sensors of a station: each set has the degrees of freedom of one signal, rolls less five.
     """
     if readings.azimuth is None:
         return None
@@ -216,27 +192,27 @@ def second_harmonics(readings: BenchReadings) -> SecondHarmonics | None:
         from scipy.special import fdtri, stdtrit
 
         count = 1 + sum(len(v) for v in square.values())
-        sentences = []
+        said = []
         if abs(uneven) > u_uneven * np.sqrt(2.0 * fdtri(2, freedom, 1.0 - FALSE_ALARM / count)):
-            sentences.append(
-                f"second harmonic of the rolls: the tool turns unevenly against the toolface dial, by "
-                f"{np.degrees(abs(uneven)):.3f} +- {np.degrees(u_uneven):.3f} deg once a turn, most at toolface "
-                f"{np.degrees(np.angle(uneven)) % 360.0:.0f} deg: an eccentric dial, or a tool loose in its clamp"
-            )
+            off, u_off = float(np.degrees(abs(uneven))), float(np.degrees(u_uneven))
+            at = float(np.degrees(np.angle(uneven)) % 360.0)
+            said.append(Finding("bench-roll-uneven", {"off_deg": off, "u_deg": u_off, "at_deg": at}))
         most = float(stdtrit(freedom, 1.0 - FALSE_ALARM / (2 * count)))
         for kind, shares in square.items():
             for sensor, (share, sd) in enumerate(zip(shares, u_square[kind], strict=True)):
                 if abs(share) > most * sd:
-                    sentences.append(
-                        f"second harmonic of the rolls: {kind} {sensor + 1} is not linear: a square law of "
-                        f"{100.0 * share:+.3f} +- {100.0 * sd:.3f} % at its swing of {swing[kind][sensor]:.5g} "
-                        f"{readings.units[kind]}, which the parameters of a linear sensor cannot take up"
-                    )
+                    facts: dict[str, Value] = {
+                        "kind": kind,
+                        "sensor": sensor + 1,
+                        "square_percent": 100.0 * float(share),
+                        "u_percent": 100.0 * float(sd),
+                        "swing": float(swing[kind][sensor]),
+                        "unit": readings.units[kind],
+                    }
+                    said.append(Finding("bench-roll-square", facts))
     else:
-        sentences = _untold(readings, c2, spread, freedom)
-    return SecondHarmonics(
-        tuple(sets), c1, c2, spread, uneven, u_uneven, square, u_square, swing, freedom, tuple(sentences)
-    )
+        said = _untold(readings, c2, spread, freedom)
+    return SecondHarmonics(tuple(sets), c1, c2, spread, uneven, u_uneven, square, u_square, swing, freedom, tuple(said))
 
 
 def _roll_sets(readings: BenchReadings) -> dict[str, Index]:
@@ -297,22 +273,31 @@ def _causes(
     return inverse @ np.array(design).T @ np.array(wanted), sd, columns, told
 
 
-def _untold(readings: BenchReadings, second: Mapping[str, Array], u: Mapping[str, Array], freedom: int) -> list[str]:
-    """Sentences where the sensors swing in one phase, so that dial and characteristic look alike."""
+def _untold(
+    readings: BenchReadings, second: Mapping[str, Array], u: Mapping[str, Array], freedom: int
+) -> list[Finding]:
+    """Second harmonics where the sensors swing in one phase, so that dial and characteristic look alike."""
     from scipy.special import fdtri
 
     count = sum(values.size for values in second.values())
     most = float(np.sqrt(2.0 * fdtri(2, freedom, 1.0 - FALSE_ALARM / count)))
-    sentences = []
+    found = []
     for kind, values in second.items():
         for sensor in np.flatnonzero((np.abs(values) > most * u[kind]).any(axis=0)):
             worst = int(np.argmax(np.abs(values[:, sensor]) / u[kind][:, sensor]))
-            sentences.append(
-                f"second harmonic of the rolls: {kind} {sensor + 1} has one of {abs(values[worst, sensor]):.4g} +- "
-                f"{u[kind][worst, sensor]:.2g} {readings.units[kind]}: it is not linear, or the tool turns unevenly "
-                "against the toolface dial; sensors across each other would tell which"
+            found.append(
+                Finding(
+                    "bench-roll-second",
+                    {
+                        "kind": kind,
+                        "sensor": int(sensor) + 1,
+                        "size": float(abs(values[worst, sensor])),
+                        "u": float(u[kind][worst, sensor]),
+                        "unit": readings.units[kind],
+                    },
+                )
             )
-    return sentences
+    return found
 
 
 def _design(angle: Array, order: int) -> Array:

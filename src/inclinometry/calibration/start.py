@@ -11,8 +11,10 @@ from inclinometry.arrays import Array, finite, frozen, within
 from inclinometry.calibration.dials import ANGLE_TOLERANCE
 from inclinometry.calibration.likelihood import Model, State, tangent_basis
 from inclinometry.calibration.readings import BenchReadings
+from inclinometry.calibration.twelve import DOWN
 from inclinometry.constants import DIALS, KINDS
 from inclinometry.errors import IdentifiabilityError, InputError
+from inclinometry.findings import Finding, Value
 from inclinometry.orientation import dip_angle
 from inclinometry.rotations import TAU, dcm, wrap_positive, wrap_signed
 
@@ -28,41 +30,16 @@ def fix_signs(
     tangents: Array | None = None,
     *,
     left_handed: bool = False,
-) -> tuple[State, list[str]]:
-    """Choose between each triad and its mirror image.
+) -> tuple[State, list[Finding]]:
+    """Choose between each triad and its mirror image; a warning for each triad whose sign was assumed.
 
-    Parameters
-    ----------
-    state : State
-    reference : mapping
-        What is stated of the stand, rad: "dip", "latitude", and "north", the azimuth of the rig's zero from magnetic
-        north, of which only the side counts.
-    priors : kind -> (direction (3,), precision)
-        A prior on a field decides for its triad.
-    tangents : (2 n, 2 n) array, optional
-        Covariance of the field directions in the order of `state`, two tangent angles each. Without it the state is
-        a start: the likelier sign is taken and nothing is refused.
-    left_handed : bool
-        The channels are left-handed; otherwise, where nothing else decides, they are taken to be right-handed.
-
-    Returns
-    -------
-    State, list of warnings
-        One for each triad whose sign was assumed; it names what was found, and what to state to be sure.
-
-    Raises
-    ------
-    InputError
-        The found dip or latitude contradicts the stated one: they differ by more than three standard uncertainties, the
-        fit's and that of the stated angle (2 deg) together; or the rig's zero lies on the other side of north.
-
-    Notes
-    -----
-    Gravity points down in rig axes: true for a base tilted by less than 90 deg. Then g.b = sin(dip), g.w =
-    -sin(latitude) wherever the rig stands. Near the equator they vanish and the side of the rig's zero decides.
+    Gravity points down in rig axes (base tilted by less than 90 deg), so g.b = sin(dip), g.w = -sin(latitude); near the
+    equator they vanish and the side of the rig's zero decides. Refused: a stated dip or latitude off by more than three
+    standard uncertainties of fit and statement (2 deg) together, a zero on the other side of north; nothing without
+    `tangents`, the covariance of the field directions. A prior decides for its triad.
     """
     directions, coefficients = dict(state.directions), dict(state.coefficients)
-    warnings: list[str] = []
+    said: list[Finding] = []
     north = reference.get("north")
     start_sd = float(np.radians(3.0))  # of a direction before the fit, rad
     rig_level = float(np.radians(5.0))  # how level the rig is taken to be where the tool has no accelerometer
@@ -75,41 +52,27 @@ def fix_signs(
         elif kind == "accelerometer":
             sign = float(direction[2])
             if abs(sign) < np.sin(rig_level):
-                warnings.append(
-                    f"gravity lies {np.degrees(np.arccos(abs(sign))):.1f} deg from the rig's vertical axis: the rig's "
-                    "down is taken to be the side nearer to it; if it is not, inclinations come out as 180 deg minus "
-                    "themselves"
-                )
+                said.append(Finding("bench-down-assumed", {"off_deg": float(np.degrees(np.arccos(abs(sign))))}))
         else:
             down = directions.get("accelerometer", np.array([0.0, 0.0, 1.0]))
             u = start_sd if tangents is None else _elevation_sd(state.directions, kind, tangents)
             if "accelerometer" not in directions:
                 u = float(np.hypot(u, rig_level))
             axes = None if left_handed else nearest_axes(coefficients[kind][0, :, :3])
-            sign, sentences = _invariant_sign(
+            sign, more = _invariant_sign(
                 kind, down, direction, u, reference.get(FIELD_ANGLE[kind]), north, axes, final=tangents is not None
             )
-            warnings += sentences
+            said += more
         if sign < 0.0:
             directions[kind] = -direction
             coefficients[kind] = state.coefficients[kind] * np.array([-1.0, -1.0, -1.0, 1.0])
-    return replace(state, coefficients=coefficients, directions=directions, _elimination=[]), warnings
+    return replace(state, coefficients=coefficients, directions=directions, _elimination=[]), said
 
 
 def zero_from_north(down: Array, field: Array) -> float:
     """Azimuth of the rig's zero, its x axis seen from above, clockwise from a field's horizontal part, rad.
 
-    Parameters
-    ----------
-    down, field : (3,)
-        Unit vectors along gravity and along the magnetic field or the Earth rate, in rig axes.
-
-    Examples
-    --------
-    >>> east_of_north = np.radians(30.0)      # a level rig whose zero points 30 deg east of north
-    >>> field = np.array([np.cos(east_of_north), -np.sin(east_of_north), 2.0]) / np.sqrt(5.0)
-    >>> round(float(np.degrees(zero_from_north(np.array([0.0, 0.0, 1.0]), field))), 9)
-    30.0
+    `down` and `field` are unit vectors in rig axes.
     """
     north = field - (field @ down) * down
     east = np.cross(down, north)
@@ -129,15 +92,7 @@ def handedness(rows: Array) -> float:
 
 
 def nearest_axes(rows: Array) -> Array | None:
-    """Signed permutation (3, 3) that three sensors stand for within 25 deg each (cosine 0.9); None for skewed ones.
-
-    Examples
-    --------
-    >>> nearest_axes(np.array([[0.0, 5.0, 0.1], [-7.0, 0.0, 0.0], [0.0, 0.0, 6.0]]))
-    array([[ 0.,  1.,  0.],
-           [-1.,  0.,  0.],
-           [ 0.,  0.,  1.]])
-    """
+    """Signed permutation (3, 3) that three sensors stand for within 25 deg each (cosine 0.9); None for skewed ones."""
     lengths = np.linalg.norm(rows, axis=1)
     if rows.shape != (3, 3) or not lengths.all():
         return None
@@ -171,8 +126,8 @@ def _invariant_sign(
     axes: Array | None,
     *,
     final: bool,
-) -> tuple[float, list[str]]:
-    """+1 or -1 for a field's direction, and the sentence that names an assumption."""
+) -> tuple[float, list[Finding]]:
+    """+1 or -1 for a field's direction, and what is said of it."""
     elevation = float(dip_angle(down, direction))
     found = elevation if kind == "magnetometer" else -elevation
     zero = zero_from_north(down, direction)
@@ -193,25 +148,26 @@ def _invariant_sign(
         sign = 1.0 if chi[0] < chi[1] or (chi[0] == chi[1] and direction[0] > 0.0) else -1.0
         contradicts = 3.0  # standard deviations between the found angle and the stated one
         if final and min(chi) > contradicts**2:
-            remedy = {
-                "magnetometer": "check the sign of its channels, iron near the stand, and the dip that is stated for "
-                "it",
-                "gyro": "check the sign of its channels, a g-sensitivity of the gyros, and the latitude that is stated",
-            }[kind]
-            raise InputError(
-                f"the {kind} finds {FIELD_ANGLE[kind]} {np.degrees(sign * found):+.2f} deg at the stand, stated is "
-                f"{np.degrees(stated):+.2f} deg: {abs(np.degrees(sign * found - stated)):.1f} deg apart, allowed "
-                f"{contradicts * float(np.degrees(spread)):.1f} ({contradicts:g} standard uncertainties, "
-                f"{np.degrees(u):.2f} deg of the fit and {np.degrees(stated_sd):g} deg of what is stated); {remedy}"
-            )
+            off = float(np.degrees(sign * found - stated))
+            values: dict[str, Value] = {
+                "found_deg": float(np.degrees(sign * found)),
+                "stated_deg": float(np.degrees(stated)),
+                "off_deg": abs(off),
+                "allowed_deg": contradicts * float(np.degrees(spread)),
+                "u_deg": float(np.degrees(u)),
+            }
+            code = "bench-dip-contradicted" if kind == "magnetometer" else "bench-latitude-contradicted"
+            return sign, [Finding(code, values, severity="refused")]
         if decided:
             if final and sign * clear < 0.0 and north is not None:
-                raise InputError(
-                    f"the rig's zero was found {_turn(zero, sign):.1f} deg from {_NORTH[kind]} by the {kind}, stated "
-                    f"is {np.degrees(north):.1f} deg, the other side: correct what is stated of the zero or of "
-                    f"the {FIELD_ANGLE[kind]}; inclination counted from the other end with the toolface reversed "
-                    "looks so too"
-                )
+                values = {
+                    "zero_deg": _turn(zero, sign),
+                    "north": _NORTH[kind],
+                    "kind": kind,
+                    "stated_deg": float(np.degrees(north)),
+                    "angle": FIELD_ANGLE[kind],
+                }
+                return sign, [Finding("bench-zero-opposite", values, severity="refused")]
             return sign, []
     if clear:
         return float(np.sign(clear)), []
@@ -231,36 +187,23 @@ def _assumed(
     stated: float | None,
     north: float | None,
     axes: Array | None,
-) -> tuple[float, list[str]]:
+) -> tuple[float, list[Finding]]:
     """The sign where nothing that is stated decides, named."""
     ahead = float(direction[0] - (direction @ down) * down[0])
     below = float(direction @ down)
     clear = np.sin(np.radians(3.0))  # a component smaller than this says nothing about a sign
     if axes is not None:
         # channels that lie along the tool's axes are right-handed on one side only
-        sign, why = float(np.sign(np.linalg.det(axes))), "so that its channels are right-handed"
-    elif kind == "gyro" or stated is not None or ahead * below > 0.0 or abs(below) < clear:
-        sign, why = float(np.sign(ahead)) or 1.0, "towards the rig's azimuth 0"
-    elif abs(ahead) < clear or abs(below) > abs(ahead):
-        sign, why = float(np.sign(below)), "downwards"
+        sign = float(np.sign(np.linalg.det(axes)))
+    elif kind == "magnetometer" and stated is None and abs(below) > max(clear, abs(ahead)):
+        sign = float(np.sign(below))
     else:
-        sign, why = float(np.sign(ahead)), "towards the rig's azimuth 0"
-    name, what = FIELD_ANGLE[kind], {"magnetometer": "magnetic field", "gyro": "Earth rate"}[kind]
-    missing = f"no {name} is stated" if stated is None else f"a {name} of {np.degrees(stated):+.1f} deg cannot tell"
-    if north is not None:
-        missing += f" and the zero's stated azimuth of {np.degrees(north):.0f} deg cannot either"
-    state = {
-        "magnetometer": "the dip of the stand (--dip-deg, dip_deg in --site, the column reference_dip_deg, or the form "
-        "of the bench)",
-        "gyro": "the latitude of the stand (latitude_deg in --site)",
-    }
-    cure = "the side of the rig's zero (--north-deg)" if stated is not None else state[kind]
-    return sign, [
-        f"the sign of the {what} is assumed, {why}, as {missing}: {name} {np.degrees(sign * found):+.1f} deg, the "
-        f"rig's zero {_turn(zero, sign):.1f} deg from {_NORTH[kind]}; if that is wrong it is "
-        f"{np.degrees(-sign * found):+.1f} and {_turn(zero, -sign):.1f} deg and azimuths by {kind} are half a turn "
-        f"off: state {cure} to be sure"
-    ]
+        sign = float(np.sign(ahead)) or 1.0
+    values: dict[str, Value] = {"angle": FIELD_ANGLE[kind], "kind": kind}
+    if stated is None:
+        return sign, [Finding("bench-sign-assumed", values | {"found_deg": float(np.degrees(sign * found))})]
+    values |= {"stated_deg": float(np.degrees(stated)), "zero_deg": _turn(zero, sign), "north": _NORTH[kind]}
+    return sign, [Finding("bench-zero-assumed" if north is None else "bench-zero-sideways", values)]
 
 
 Range = tuple[float, float]
@@ -270,23 +213,7 @@ _STEPS_DEG = (90.0, 60.0, 45.0, 30.0, 22.5, 15.0, 10.0, 7.5, 5.0, 2.5, 1.0, 0.5)
 
 @dataclass(frozen=True, eq=False)
 class Stand:
-    """Settings of each dial that a plan may use, rad; every combination is allowed.
-
-    Parameters
-    ----------
-    azimuth, inclination, toolface : (n,) array_like
-        rad, within two turns.
-
-    Raises
-    ------
-    InputError
-        A dial without a setting, values that are not finite or look like degrees.
-
-    Examples
-    --------
-    >>> len(Stand(np.radians([0.0, 120.0]), np.radians([0.0, 90.0]), np.radians([0.0, 120.0, 240.0])).positions())
-    9
-    """
+    """Settings of each dial that a plan may use, (n,) each, rad, within two turns; every combination is allowed."""
 
     azimuth: Array
     inclination: Array
@@ -333,21 +260,10 @@ def stand_within(
     toolface: Range = (0.0, TAU),
     candidates: int = 1000,
 ) -> Stand:
-    """A stand free to turn within limits, on a grid of about as many positions as asked for.
+    """A stand free to turn within limits, rad, on a grid of about as many positions as asked for.
 
-    Parameters
-    ----------
-    azimuth, inclination, toolface : (low, high)
-        Limits of each dial, rad; a full turn is taken as such, equal limits fix a dial.
-    candidates : int
-        How many positions at most (a tenth more may come), evenly in angle: 30 x 22.5 x 30 degrees for 1000 of a free
-        stand.
-
-    Examples
-    --------
-    >>> free = stand_within()
-    >>> len(free.positions()), len(free.inclination)
-    (1032, 9)
+    A full turn is taken as such, equal limits fix a dial. Up to a tenth more than `candidates` may come, evenly in
+    angle: 30 x 22.5 x 30 degrees for 1000 of a free stand.
     """
     limits = [_limits(pair, name) for pair, name in zip((azimuth, inclination, toolface), DIALS, strict=True)]
     if candidates < 1:
@@ -389,9 +305,6 @@ def _grid(limits: Range, step: float) -> Array:
     return np.linspace(low, high, count + 1)
 
 
-DOWN = np.array([0.0, 0.0, 1.0])
-
-
 def _plausible(kind: str, values: Array, readings: BenchReadings) -> None:
     """Raise InputError for a reading that no attitude can give; left in, it would wreck the fit or its arithmetic."""
     middle = np.median(values, axis=0)
@@ -401,10 +314,15 @@ def _plausible(kind: str, values: Array, readings: BenchReadings) -> None:
     far = np.abs(values - middle) > 1e3 * np.where(usual > 0.0, usual, np.inf)
     if far.any():
         row, sensor = (int(i) for i in np.argwhere(far)[0])
-        raise InputError(
-            f"station {readings.station[row]}: {kind} {sensor + 1} reads {values[row, sensor]:.6g}, the others lie "
-            f"around {middle[sensor]:.6g}, give or take {usual[sensor]:.3g}; correct or remove the reading"
-        )
+        facts: dict[str, Value] = {
+            "station": readings.station[row],
+            "kind": kind,
+            "sensor": sensor + 1,
+            "value": float(values[row, sensor]),
+            "middle": float(middle[sensor]),
+            "spread": float(usual[sensor]),
+        }
+        raise InputError(Finding("bench-reading-far", facts, (row,), "refused"))
 
 
 def enough(readings: BenchReadings) -> None:

@@ -26,7 +26,7 @@ class Windows(NamedTuple):
     """Centred windows of 2 half + 1 samples that never reach across a gap."""
 
     half: int
-    gaps: NDArray[np.int64]  # indices of the first sample after each gap
+    gaps: NDArray[np.int64]  #: indices of the first sample after each gap
 
 
 def sampling_period(time: Array) -> tuple[float, NDArray[np.int64]]:
@@ -122,20 +122,13 @@ def runs(flags: NDArray[np.bool_], gaps: NDArray[np.int64]) -> list[Run]:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class StillIntervals(Tabular):
-    """What was found in a log and what was dropped.
+    """What was found in a log and what was dropped."""
 
-    intervals : (n, 2) int, first sample and one past the last of each still interval, in order.
-    dropped : (start, stop, reason) of every other stretch that was quiet for a while.
-    noise_sd : (c,) standard deviation of each channel at rest, estimated from the log; in the channel's unit.
-    period : s, sampling interval.
-    samples : length of the log.
-    """
-
-    intervals: NDArray[np.int64]
-    dropped: Sequence[tuple[int, int, str]]
-    noise_sd: Array
-    period: float
-    samples: int
+    intervals: NDArray[np.int64]  #: (n, 2) first sample and one past the last of each still interval, in order
+    dropped: Sequence[tuple[int, int, str]]  #: (start, stop, reason) of every other stretch that was quiet for a while
+    noise_sd: Array  #: (c,) standard deviation of each channel at rest, estimated from the log; in the channel's unit
+    period: float  #: s, sampling interval
+    samples: int  #: length of the log
 
     def __len__(self) -> int:
         return len(self.intervals)
@@ -169,47 +162,12 @@ def still_intervals(
     shortest: float = 1.0,
     ratio: float = 4.0,
 ) -> StillIntervals:
-    """Find where a logged tool was at rest; the noise at rest is estimated from the log itself.
+    """Where a logged tool was at rest: variance in a window below `ratio` times the noise at rest, mean over channels.
 
-    Parameters
-    ----------
-    time : (N,) array_like
-        s, increasing; the sampling rate comes from here, and a gap ends an interval.
-    channels : (N, c) array_like
-        Any number of channels in any units, of one triad or of several side by side.
-    window : float
-        s, length of the centred window whose variance decides (at least 5 samples are used).
-    shortest : float
-        s, shorter rests are dropped, and reported.
-    ratio : float
-        A sample is still when the window's variance, in units of the noise at rest, is below this on the average over
-        the channels. At 4 a window of 20 samples of pure noise is called moving less than once in 1e8.
-
-    Returns
-    -------
-    StillIntervals
-
-    Raises
-    ------
-    InputError
-        Times that do not increase, a log shorter than two windows, channels that never change.
-
-    Notes
-    -----
-    The noise of each channel is the fixed point of "median window variance over the still samples", entered from the
-    quietest fiftieth of the windows; so a log needs neither an initial rest nor to be still for most of its length. A
-    channel that rests within one count is given the rounding noise of that count. Rests in the hand shake more than
-    this: a stretch without any calm rest, below the valley between rest and motion in the histogram of log variance
-    (Otsu 1979) and not turning slowly, is a station too, and its larger scatter shows in its `sd`. Calm rests parted by
-    a knock that changed next to nothing are one station.
-
-    Examples
-    --------
-    >>> noise = np.random.default_rng(0)
-    >>> time = np.arange(3000) / 100.0
-    >>> signal = np.where(time < 12, 0, np.where(time < 15, np.sin(3 * time), 2)) + noise.normal(0, 0.01, 3000)
-    >>> [(round(a, -2), round(b, -2)) for a, b in still_intervals(time, signal[:, None]).pairs()]
-    [(0, 1200), (1500, 3000)]
+    At 4 a window of 20 samples of pure noise counts as moving less than once in 1e8. The noise is the fixed point of
+    "median window variance over the still samples", from the quietest fiftieth of the windows: no initial rest is
+    needed. Rests in the hand shake more: a stretch without calm rest, below the valley in the histogram of log variance
+    (Otsu 1979) and not turning slowly, is a station too. `time`, `window` and `shortest` are in s.
     """
     t = finite(time, "time", (None,))
     x = finite(channels, "channels", (None, None))

@@ -23,6 +23,7 @@ from inclinometry.calibration.outliers import deletion_statistics
 from inclinometry.calibration.variance import REPEATING, Fitted, fit_with_variances, repeating_evidence
 from inclinometry.constants import DIALS, VECTORS
 from inclinometry.errors import ConvergenceError
+from inclinometry.findings import Finding, Value
 from inclinometry.orientation import fields
 from inclinometry.rotations import rotation_z
 from inclinometry.sensors import Tool, angle_sensitivity
@@ -30,29 +31,21 @@ from inclinometry.sensors import Tool, angle_sensitivity
 _BENT: Final = 1e-3
 """Usual quadratic and cubic part of a sensor's response, its drift, and products of an accelerometer's axes, of full
 scale."""
-_CUBIC: Final = 3e-4
-"""Usual cubic part where it is all there is: of a servo accelerometer, of a fluxgate in a closed loop."""
-_CRADLE: Final = 4e-3
-"""Usual field of a magnetised cradle: 200 nT of 50,000."""
 _BY_GRAVITY: Final = {"magnetometer": 6e-4, "gyro": 0.02}
 """Usual sensitivity to 1 g: 30 nT of 50,000, 0.3 deg/h of the Earth's 15."""
-_BEHIND: Final = 2e-3
-"""Usual hysteresis of a magnetometer: 100 nT of 50,000."""
 _DRIFT: Final = (0.3, 1.0)
 """Multiples of a usual drift that are tried."""
-_WANDER: Final = (3e-5, 3e-4, 3e-3)
-"""Steps of an offset from one station to the next, of the field: sizes tried."""
 _WORSE: Final = (1.0, 2.0, 5.0, 10.0)
 """Errors of dials that their stated standard deviation does not hold, in multiples of it: sizes tried."""
 _NOT_LINEAR: Final = "the {} is not linear"
+MAGNETISED: Final = "the cradle that holds the tool is magnetised"
+"""Name of that cause."""
 _GRADUATION: Final = 1e-3
 """Usual error of a graduation of a dial that was stated to be exact, rad."""
 
 _CHOSEN: Final = 3.0  # logarithm of the ratio of evidence above which a block is fitted
 _HIDDEN: Final = 0.5  # the same, above which a block counts as there in the covariance
 _OPEN: Final = -1.0  # the same, below which the readings speak against a block
-_WIDER: Final = 2.0  # by which an offset that drifts must explain a run better than one that wanders
-_ODDS: Final = 0.2  # that a block of the usual size is there, before the readings are seen
 
 
 _Response: TypeAlias = Callable[[Mapping[str, Array]], Array]
@@ -61,24 +54,16 @@ _Response: TypeAlias = Callable[[Mapping[str, Array]], Array]
 
 @dataclass(frozen=True, eq=False)
 class Block:
-    """Errors of one cause.
+    """Errors of one cause."""
 
-    name : what the readings show where they ask for it
-    columns : (K, M, n) what errors of usual size do to the readings
-    sizes : multiples of the usual size that are tried
-    stays : what the readings do not exclude of it stays in the covariance
-    kind, at_use : the triad it belongs to and what it does to its signals wherever the tool is used; without, it ends
-        with the run
-    change : how the tool changes during the run, if that is the cause
-    """
-
-    name: str
-    columns: Array
-    sizes: tuple[float, ...] = (1.0,)
-    stays: bool = True
-    kind: str = ""
+    name: str  #: what the readings show where they ask for it
+    columns: Array  #: (K, M, n) what errors of usual size do to the readings
+    sizes: tuple[float, ...] = (1.0,)  #: multiples of the usual size that are tried
+    stays: bool = True  #: what the readings do not exclude of it stays in the covariance
+    kind: str = ""  #: the triad it belongs to
+    #: what it does to the triad's signals wherever the tool is used; without, it ends with the run
     at_use: _Response | None = None
-    change: Literal["", "drift", "wander"] = ""
+    change: Literal["", "drift", "wander"] = ""  #: how the tool changes during the run, if that is the cause
 
 
 class Evidence(NamedTuple):
@@ -110,24 +95,21 @@ def with_repeating(fitted: Fitted) -> tuple[Model, State]:
     """
     model, state = fitted.model, fitted.state
     for dial in np.flatnonzero(~model.rig_known & (model.rig_sd > 0.0)).tolist():
-        columns = _by_value(fitted, dial)
-        if (count := columns.shape[2]) < len(columns):
+        if (columns := _by_value(fitted, dial)) is not None:
+            count = columns.shape[2]
             sd = np.full(count, model.rig_sd[dial] * np.exp(REPEATING / 2.0))
             model, state = model.with_structure(state, columns, sd, [f"{DIALS[dial]} dial"] * count, [dial] * count)
     return model, state
 
 
-def repeating_sentences(fitted: Fitted) -> list[str]:
+def repeating_dials(fitted: Fitted) -> list[Finding]:
     """Which dials err alike whenever they show the same value, where the readings show it."""
     ratios = repeating_evidence(fitted)
-    sentences = []
+    found = []
     for dial in np.flatnonzero(ratios > _CHOSEN + np.log(len(DIALS))):  # one of three by chance
-        sd = np.degrees(fitted.model.structure_sd[fitted.model.structure_dial == dial][0])
-        sentences.append(
-            f"the readings show that the {DIALS[dial]} dial errs alike each time it shows the same value (by {sd:.2g} "
-            "deg): a graduation, an eccentricity or a backlash"
-        )
-    return sentences
+        sd = float(np.degrees(fitted.model.structure_sd[fitted.model.structure_dial == dial][0]))
+        found.append(Finding("bench-dial-repeats", {"dial": DIALS[dial], "sd_deg": sd}))
+    return found
 
 
 def blocks(fitted: Fitted, free_noise: Set[str]) -> Iterator[Block]:
@@ -136,12 +118,12 @@ def blocks(fitted: Fitted, free_noise: Set[str]) -> Iterator[Block]:
     What depends on time takes the stations in their order; `free_noise` are the kinds whose noise is estimated.
     """
     model, state = fitted.model, fitted.state
-    size, count = fitted.at.residual.shape
+    (size, count), rows = fitted.at.residual.shape, np.arange(len(model.settings))[:, None]
     matrix = orientation(model.settings + state.errors, state.nuisance)[0]
     # drift and walk are counted from the end of the run, when the tool leaves the stand; the walk by its largest
-    # components (Karhunen and Loeve), since what is left of it is like noise
-    left, spread, _ = np.linalg.svd(np.tri(size, size - 1, -1)[::-1], full_matrices=False)
-    walk = (left * spread)[:, : min(8, size - 1)]
+    # components (Karhunen and Loeve: sines), since what is left of it is like noise
+    waves = (2.0 * np.arange(min(8, size - 1)) + 1.0) * np.pi / (2 * size - 1)
+    walk = np.sin(np.arange(size - 1, -1.0, -1.0)[:, None] * waves) / (np.sqrt(2 * size - 1) * np.sin(waves / 2.0))
     time = np.linspace(-1.0, 0.0, size)[:, None]
     fields_seen = {kind: matrix @ direction for kind, direction in state.directions.items()}
     start = 0
@@ -163,25 +145,33 @@ def blocks(fitted: Fitted, free_noise: Set[str]) -> Iterator[Block]:
         drift = np.stack([np.broadcast_to(time, share.shape), time * share], axis=2)
         if kind not in free_noise:
             own = np.zeros((size, count, size, len(at)))
-            for row in range(size):
-                own[row, at, row, np.arange(len(at))] = model.noise_sd[row, at]
+            own[rows, at, rows, np.arange(len(at))] = model.noise_sd[:, at]
             name = f"the noise of the {kind} is larger than stated"
             yield Block(name, own.reshape(size, count, -1), (1.0, 3.0, 10.0), stays=False)
         yield Block(f"the {kind} drifts during the run", each(_BENT * drift), _DRIFT, change="drift")
-        name = f"the offset of the {kind} wanders from station to station"
-        yield Block(name, each(walk), _WANDER, change="wander")
+        yield Block(
+            f"the offset of the {kind} wanders from station to station", each(walk), (3e-5, 3e-4, 3e-3), change="wander"
+        )
         for name, response in _responses(kind, state.coefficients[kind][0, :, :3], {*state.directions}):
             yield Block(name, each(response(fields_seen)), kind=kind, at_use=response)
         if kind == "magnetometer":
             held = np.zeros((size, count, 3))
-            held[:, at] = _CRADLE * tensor @ rotation_z(model.settings[:, 2] + state.errors[:, 2])
-            yield Block("the cradle that holds the tool is magnetised", held)
+            # of usual size 200 nT of 50,000
+            held[:, at] = 4e-3 * tensor @ rotation_z(model.settings[:, 2] + state.errors[:, 2])
+            yield Block(MAGNETISED, held)
             name = f"the {kind} stays behind where its field rises and falls (hysteresis)"
             way = _way(share)
-            unknown = np.zeros((size, len(at), size))
-            unknown[np.arange(size), :, np.arange(size)] = way == 0.0
-            own = each(_BEHIND * np.concatenate([way[..., None], unknown], axis=2))
+            still = np.flatnonzero((way == 0.0).any(axis=1))
+            unknown = np.zeros((size, len(at), len(still)))
+            unknown[still, :, np.arange(len(still))] = way[still] == 0.0
+            own = each(2e-3 * np.concatenate([way[..., None], unknown], axis=2))
             yield Block(name, own[..., own.any(axis=(0, 1))])
+    yield from _dial_blocks(fitted)
+
+
+def _dial_blocks(fitted: Fitted) -> Iterator[Block]:
+    """Errors of dials that were stated to be better."""
+    model, (size, count) = fitted.model, fitted.at.residual.shape
     stated = np.flatnonzero(model.rig_known).tolist()
     loose = []
     for dial in stated:
@@ -192,11 +182,10 @@ def blocks(fitted: Fitted, free_noise: Set[str]) -> Iterator[Block]:
     if len(stated) > 1:
         yield Block("the dials are worse than stated", np.concatenate(loose, axis=2), _WORSE, stays=False)
     for dial in stated:
-        own = _by_value(fitted, dial)
-        if own.shape[2] < size:
+        if (columns := _by_value(fitted, dial)) is not None:
             sd = float(model.rig_sd[dial]) or _GRADUATION
             name = f"the {DIALS[dial]} dial errs alike each time it shows the same value"
-            yield Block(name, sd * own, (1.0, 3.0), stays=False)
+            yield Block(name, sd * columns, (1.0, 3.0), stays=False)
 
 
 def _way(share: Array) -> Array:
@@ -217,10 +206,11 @@ def _responses(kind: str, tensor: Array, kinds: Set[str]) -> Iterator[tuple[str,
         _NOT_LINEAR.format(kind),
         lambda seen: _BENT * np.stack([(seen[kind] @ towards) ** 2, (seen[kind] @ towards) ** 3], axis=-1),
     )
-    # apart, since where axes read nothing but 0 and full scale it looks like a scale and the square does not
+    # of a servo accelerometer, of a fluxgate in a closed loop; apart, since where axes read nothing but 0 and full
+    # scale it looks like a scale and the square does not
     yield (
         f"the response of the {kind} has a cubic part",
-        lambda seen: _CUBIC * (seen[kind] @ towards)[..., None] ** 3,
+        lambda seen: 3e-4 * (seen[kind] @ towards)[..., None] ** 3,
     )
     if kind == "accelerometer":
         yield (
@@ -231,9 +221,11 @@ def _responses(kind: str, tensor: Array, kinds: Set[str]) -> Iterator[tuple[str,
         yield f"the {kind} feels gravity", lambda seen: for_each(_BY_GRAVITY[kind] * seen["accelerometer"])
 
 
-def _by_value(fitted: Fitted, dial: int) -> Array:
-    """Columns (K, M, v) of what a turn of the dial does at each of its values."""
+def _by_value(fitted: Fitted, dial: int) -> Array | None:
+    """Columns (K, M, v) of what a turn of the dial does at each of its values; None where it shows none twice."""
     values = groups(fitted.model.settings[:, dial])
+    if len(values) == len(fitted.model.settings):
+        return None
     columns = np.zeros((*fitted.at.residual.shape, len(values)))
     for place, rows in enumerate(values):
         columns[rows, :, place] = fitted.at.by_setting[rows, :, dial]
@@ -285,7 +277,7 @@ def fit_structured(fitted: Fitted, free_noise: Set[str], free_rig: bool) -> tupl
         if not asked:
             return fitted, chosen, found
         # what wanders also drifts: of two causes that are hardly told apart the wider is taken
-        best = max(asked, key=lambda one: one.ratio + _WIDER * (one.block.change == "wander"))
+        best = max(asked, key=lambda one: one.ratio + 2.0 * (one.block.change == "wander"))
         columns = best.size * best.block.columns
         ones = np.ones(columns.shape[2])
         model, state = fitted.model.with_structure(fitted.state, columns, ones, [best.block.name] * len(ones))
@@ -313,7 +305,8 @@ def not_excluded(looked_for: Sequence[Evidence], covariance: Array) -> Array:
     total = np.zeros_like(covariance)
     for one in looked_for:
         if one.block.stays:
-            odds = _ODDS * np.exp(min(one.ratio, 50.0))
+            # 0.2: that a block of the usual size is there, before the readings are seen
+            odds = 0.2 * np.exp(min(one.ratio, 50.0))
             # estimated variances had to bear an error and so hide it: the ratio is a lower bound
             chance = 1.0 if one.ratio > _HIDDEN else odds / (1.0 + odds)
             # of errors that are there with this chance the variance says too little: 95 % are to lie within 1.96 u
@@ -322,7 +315,7 @@ def not_excluded(looked_for: Sequence[Evidence], covariance: Array) -> Array:
     return total
 
 
-def untold(tool: Tool, directions: Mapping[str, Array], looked_for: Sequence[Evidence], held: Array) -> list[str]:
+def untold(tool: Tool, directions: Mapping[str, Array], looked_for: Sequence[Evidence], held: Array) -> list[Finding]:
     """Which causes the readings leave open that would move the angles by more than the calibration's uncertainty.
 
     `held` is the part of the tool's covariance that is theirs: what is open is said, however much of it is held.
@@ -366,13 +359,7 @@ def untold(tool: Tool, directions: Mapping[str, Array], looked_for: Sequence[Evi
         return []
     most = np.degrees(np.max([size for _, size in open_to], axis=0))
     most = np.array([most[0].max(), *most[1:, 1:].max(axis=1)])  # the azimuth of a hole that is inclined
-    causes = "; ".join(name for name, _ in open_to)
+    values: dict[str, Value] = {"causes": tuple(name for name, _ in open_to), "inclination_deg": float(most[0])}
     if len(full) == 1:
-        return [
-            f"what these positions leave open would at its usual size move inclination by up to {most[0]:.2g} deg, of "
-            f"which the uncertainty holds a part (more positions tell): {causes}"
-        ]
-    return [
-        f"what these positions leave open would at its usual size move inclination by up to {most[0]:.2g} deg and "
-        f"azimuth by {most[1]:.2g} deg, of which the uncertainty holds a part (more positions tell): {causes}"
-    ]
+        return [Finding("bench-open-inclination", values, severity="note")]
+    return [Finding("bench-open", values | {"azimuth_deg": float(most[1])}, severity="note")]

@@ -7,12 +7,11 @@ point to the north: the direction of the field in rig axes comes out with the se
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from inclinometry.arrays import Array, finite
+from inclinometry.arrays import Array, Index, finite, frozen
 from inclinometry.calibration.closed import ClosedForm
 from inclinometry.calibration.dials import (
     ANGLE_TOLERANCE,
@@ -37,7 +36,7 @@ from inclinometry.rotations import dcm
 # and
 # the n are the projections on it.
 
-DOWN = (0.0, 0.0, 1.0)
+DOWN = frozen([0.0, 0.0, 1.0])
 """Down in rig axes: the field of gravity, and a hint that holds for the magnetic field where the dip is positive."""
 
 
@@ -83,23 +82,8 @@ def solve_moments(
 ) -> ClosedForm:
     """Calibrate a triad, or a batch of triads, whose plan determines all products n_l a_j.
 
-    Parameters
-    ----------
-    signals : (..., K, m) array_like
-        Signals at the K stations of the plan.
-    moments : Moments
-        The plan.
-    sign_hint : (3,) array_like
-        A direction in rig axes with which the field makes an acute angle: the one fact the signals cannot give.
-    known_direction : (3,) array_like, optional
-        The field's direction in rig axes where it is trusted; it is then used instead of being found.
-
-    Raises
-    ------
-    InputError
-        Shapes that do not go together, values not finite.
-    IdentifiabilityError
-        Signals that do not follow one field direction, or a field nearly at right angles to `sign_hint`.
+    `sign_hint`: a direction in rig axes with which the field makes an acute angle, the one fact the signals cannot
+    give. `known_direction` of the field is used instead of being found.
     """
     values = finite(signals, "signals", (moments.weights.shape[1], None))
     batch, (stations, count) = values.shape[:-2], values.shape[-2:]
@@ -195,15 +179,6 @@ def _project(products: Array, level: Array, a: Array, moments: Moments) -> tuple
     return n, level
 
 
-class _Layout(NamedTuple):
-    """The rows of each part of the plan, and the settings written with inclination 0 or 90 degrees."""
-
-    azimuth: Array
-    toolface: Array
-    upright: Rows  # at inclination 0
-    rolls: list[Rows]  # rows at inclination 90, one array an azimuth
-
-
 def solve_twelve(
     signals: ArrayLike,
     azimuth: ArrayLike,
@@ -215,65 +190,26 @@ def solve_twelve(
 ) -> ClosedForm:
     """Calibrate a triad from one upright roll set and equal turns of azimuth and roll at 90 degrees.
 
-    Parameters
-    ----------
-    signals : (..., K, m) array_like
-        Signals at the K stations; leading axes are a batch of triads.
-    azimuth, inclination, toolface : (K,) array_like
-        Rig settings, rad, in any order: p >= 3 equal rolls at inclination 0, and at 90 degrees p >= 3 equal rolls at
-        each of p >= 3 equal steps of azimuth.
-    sign_hint : (3,) array_like
-        A direction in rig axes with which the field makes an acute angle; down when not given.
-    known_direction : (3,) array_like, optional
-        The field in rig axes where the rig is known to stand true; otherwise it is found.
-
-    Raises
-    ------
-    InputError
-        Settings of another plan (the message says what differs), wrong shapes, values not finite.
-    IdentifiabilityError
-        Signals that do not follow one field direction, or a field nearly at right angles to `sign_hint`.
-
-    Notes
-    -----
     Equations (17)-(25) of Rogatykh 2018, corrected: the print has sin theta for cos theta in A_A and B_A of (22), which
-    spoils n2. In the conventions of this package (x is the high side at toolface 0) the harmonics at 90 degrees are
-
-        n1 a = (-B_B, A_B, -C_A),  n2 a = (-B_A, A_A, C_B),  n3 a = (A_C, B_C, C_C(0) - C_C(90)),  U0 = C_C(90)
-
-    (index: harmonic over roll; letter: harmonic over azimuth).
-    All three vectors are parallel to the field's direction a in rig axes, over all sensors; a is their common
-    direction and n the projections on it, weighted by the inverse variance of each product. This replaces the rules of
-    sign (26), which divide noise by noise where a component of a is small. The upright set measures n1 a1 + n2 a2 and
-    n1 a2 - n2 a1 once more, which is used.
-
-    Examples
-    --------
-    >>> from inclinometry.calibration import plans
-    >>> plan = plans.twelve()
-    >>> dials = plan.azimuth, plan.inclination, plan.toolface
-    >>> truth = ClosedForm(np.diag([2.0, 3.0, -4.0]), np.array([0.1, 0.2, 0.3]), np.array([0.6, 0.0, 0.8]))
-    >>> found = solve_twelve(truth.signals(*dials), *dials)
-    >>> found.tensor.diagonal().round(12), found.offset.round(12), found.direction.round(12) + 0.0
-    (array([ 2.,  3., -4.]), array([0.1, 0.2, 0.3]), array([0.6, 0. , 0.8]))
+    spoils n2. The field's direction a is the common direction of all n_l a over all sensors, n the projections on it,
+    weighted by the inverse variance of each product. This replaces the rules of sign (26), which divide noise by noise
+    where a component of a is small. The upright set measures n1 a1 + n2 a2 and n1 a2 - n2 a1 once more.
     """
-    found = _layout(azimuth, inclination, toolface)
-    if isinstance(found, str):
-        raise InputError(f"not a twelve-position plan: {found}")
-    return solve_moments(signals, _moments(found), sign_hint, known_direction)
+    moments = _moments(*_layout(azimuth, inclination, toolface))
+    return solve_moments(signals, moments, sign_hint, known_direction)
 
 
-def _moments(layout: _Layout) -> Moments:
+def _moments(azimuth: Array, toolface: Array, upright: Index, rolls: list[Rows]) -> Moments:
     """The plan as a linear map to the products n_l a_j; the names are the paper's."""
-    count = len(layout.azimuth)
+    count = len(azimuth)
     level = np.zeros((3, count))  # A, B, C of the upright set
     # turning upright is one angle: azimuth and toolface add
-    level[:, layout.upright] = harmonic_weights((layout.azimuth + layout.toolface)[layout.upright])
+    level[:, upright] = harmonic_weights((azimuth + toolface)[upright])
     # weights (3, 3, K) of the signals in A_A, B_A, C_A (cosine of the roll), A_B, B_B, C_B (sine), A_C, B_C, C_C
-    result = np.zeros((3, 3, len(layout.azimuth)))
-    over_azimuth = harmonic_weights(np.array([layout.azimuth[rows[0]] for rows in layout.rolls]))
-    for weight, rows in zip(over_azimuth.T, layout.rolls, strict=True):
-        over_roll = harmonic_weights(layout.toolface[rows])
+    result = np.zeros((3, 3, len(azimuth)))
+    over_azimuth = harmonic_weights(np.array([azimuth[rows[0]] for rows in rolls]))
+    for weight, rows in zip(over_azimuth.T, rolls, strict=True):
+        over_roll = harmonic_weights(toolface[rows])
         result[:, :, rows] = over_roll[:, None, :] * weight[None, :, None]
     (aa, ba, ca), (ab, bb, cb), (ac, bc, cc) = result
     n1 = np.stack([-bb, ab, -ca])
@@ -288,27 +224,32 @@ def _moments(layout: _Layout) -> Moments:
     return Moments(np.concatenate([products, cc[None]]))
 
 
-def _layout(azimuth: ArrayLike, inclination: ArrayLike, toolface: ArrayLike) -> _Layout | str:
-    """The parts of the plan, or why it is not one."""
+def _layout(azimuth: ArrayLike, inclination: ArrayLike, toolface: ArrayLike) -> tuple[Array, Array, Index, list[Rows]]:
+    """The parts of the plan: azimuths and toolfaces (K,), rows of the upright set, those of each azimuth at 90 deg."""
     a, i, t = positive_inclination(*three_dials(azimuth, inclination, toolface))
     up, flat = same(i, 0.0), same(i, np.pi / 2.0)
     other = np.flatnonzero(~(up | flat))
     if len(other):
         at = np.degrees(i[other[0]])
-        return f"row {other[0] + 1} has inclination {at:.8g} degrees; this plan uses 0 and 90 only"
+        raise InputError(
+            f"not a twelve-position plan: row {other[0] + 1} has inclination {at:.8g} degrees; this plan uses 0 and 90 "
+            "only"
+        )
     upright, rows = np.flatnonzero(up), np.flatnonzero(flat)
     reason = unequal_steps((a + t)[upright])
     if reason is not None:
-        return f"upright: {reason}"
+        raise InputError(f"not a twelve-position plan: upright: {reason}")
     rolls = [rows[members] for members in groups(a[rows])]
     reason = unequal_steps(np.array([a[members[0]] for members in rolls]))
     if reason is not None:
-        return f"azimuths at inclination 90: {reason}"
+        raise InputError(f"not a twelve-position plan: azimuths at inclination 90: {reason}")
     for members in rolls:
         reason = unequal_steps(t[members])
         if reason is not None:
-            return f"rolls at azimuth {np.degrees(a[members[0]]):.8g} degrees: {reason}"
-    return _Layout(a, t, upright, rolls)
+            raise InputError(
+                f"not a twelve-position plan: rolls at azimuth {np.degrees(a[members[0]]):.8g} degrees: {reason}"
+            )
+    return a, t, upright, rolls
 
 
 def why_not_orthogonal(azimuth: ArrayLike, inclination: ArrayLike, toolface: ArrayLike) -> str | None:
@@ -317,16 +258,6 @@ def why_not_orthogonal(azimuth: ArrayLike, inclination: ArrayLike, toolface: Arr
     What makes the closed form exact is asked for, not a list of positions: the orientations C_k must sum to nothing and
     their elements be uncorrelated, sum_k C_ij C_lm = K/3 for equal elements and 0 otherwise. The rotations of a cube,
     their half and the two-face variant do this, in any order.
-
-    Examples
-    --------
-    >>> from inclinometry.calibration import plans
-    >>> plan = plans.half()
-    >>> why_not_orthogonal(plan.azimuth, plan.inclination, plan.toolface) is None
-    True
-    >>> plan = plans.twelve()
-    >>> why_not_orthogonal(plan.azimuth, plan.inclination, plan.toolface)
-    'tool axis z does not point equally often both ways along rig axis z: its mean there is 0.25, not 0'
     """
     turns = _orientations(azimuth, inclination, toolface)
     if len(turns) < 12:
@@ -356,44 +287,12 @@ def solve_orthogonal(
     sign_hint: ArrayLike = DOWN,
     known_direction: ArrayLike | None = None,
 ) -> ClosedForm:
-    """Calibrate a triad from the 24 rotations of a cube, or their half.
+    """Calibrate a triad from the 24 rotations of a cube, or their half: by Schur's lemma sum_k y_k C_k = K/3 n a'.
 
-    Parameters
-    ----------
-    signals : (..., K, m) array_like
-        Signals at the K stations; leading axes are a batch of triads.
-    azimuth, inclination, toolface : (K,) array_like
-        Rig settings, rad, in any order.
-    sign_hint : (3,) array_like
-        A direction in rig axes with which the field makes an acute angle; down when not given.
-    known_direction : (3,) array_like, optional
-        The field in rig axes as the bench is believed to stand. With it the method is the article's closed form: a
-        constant error of the frame changes no direction cosine, and the scale only by 1 - cos(error). Without it the
-        direction is found from the signals and the scale is right as well.
-
-    Raises
-    ------
-    InputError
-        Settings of another plan (the message says what differs), wrong shapes, values not finite.
-    IdentifiabilityError
-        Signals that do not follow one field direction, or a field nearly at right angles to `sign_hint`.
-
-    Notes
-    -----
-    By Schur's lemma sum_k y_k C_k = K/3 n a' for any triad on these orientations, and the mean of the signals is the
-    offset. This is the least-squares fit: its normal matrix is a multiple of the unit matrix.
-    Not seen: an error e of the stand's inclination zero, which moves the z offset by 2/3 sin e of the field
-    unless the plan is the two-face one.
-
-    Examples
-    --------
-    >>> from inclinometry.calibration import plans
-    >>> plan = plans.orthogonal()
-    >>> dials = plan.azimuth, plan.inclination, plan.toolface
-    >>> truth = ClosedForm(np.diag([2.0, 3.0, -4.0]), np.array([0.1, 0.2, 0.3]), np.array([0.6, 0.0, 0.8]))
-    >>> found = solve_orthogonal(truth.signals(*dials), *dials)
-    >>> found.tensor.diagonal().round(12), found.offset.round(12), found.direction.round(12) + 0.0
-    (array([ 2.,  3., -4.]), array([0.1, 0.2, 0.3]), array([0.6, 0. , 0.8]))
+    This is the least-squares fit: its normal matrix is a multiple of the unit matrix. With `known_direction` it is the
+    article's closed form: a constant error of the frame changes no direction cosine, and the scale only by
+    1 - cos(error). Not seen: an error e of the stand's inclination zero, which moves the z offset by 2/3 sin e of the
+    field unless the plan is the two-face one.
     """
     reason = why_not_orthogonal(azimuth, inclination, toolface)
     if reason is not None:
@@ -411,15 +310,6 @@ def _orientations(azimuth: ArrayLike, inclination: ArrayLike, toolface: ArrayLik
     return dcm(*three_dials(azimuth, inclination, toolface))
 
 
-class _Turns(NamedTuple):
-    """The two turns: rows and rolls of each, and the setting (azimuth, first inclination) of the first."""
-
-    azimuth: float
-    inclination: float
-    rows: tuple[Rows, Rows]
-    rolls: tuple[Array, Array]
-
-
 def solve_rotations(
     signals: ArrayLike,
     azimuth: ArrayLike,
@@ -428,57 +318,26 @@ def solve_rotations(
     *,
     known_direction: ArrayLike = DOWN,
 ) -> ClosedForm:
-    """Calibrate a triad from two turns about the tool axis in a field of known direction.
+    """Calibrate a triad from two turns about the tool axis, at inclinations d1 and d1 + 90, in a known field.
 
-    Parameters
-    ----------
-    signals : (..., K, m) array_like
-        Signals at the K stations; leading axes are a batch of triads.
-    azimuth, inclination, toolface : (K,) array_like
-        Rig settings, rad: n >= 3 equal rolls at inclination d1 and at d1 + 90 degrees, one azimuth.
-    known_direction : (3,) array_like
-        The field in rig axes: down for gravity (the default), (cos dip, 0, sin dip) for the magnetic field of a rig
-        whose azimuth counts from magnetic north. Where it is not known see `find_direction`.
-
-    Raises
-    ------
-    InputError
-        Settings of another plan (the message says what differs), wrong shapes, values not finite.
-    IdentifiabilityError
-        The axial component of the field nearly equal in both turns, so that nothing tells n3 from U0 (the message names
-        the cure), or signals that do not follow the known direction.
-
-    Notes
-    -----
-    With (Hc, Hr, Hz) the field along high side, right and hole at d1, a sensor reads M cos T + N sin T + P with
-    M = n1 Hc + n2 Hr, N = n1 Hr - n2 Hc, P = n3 Hz + U0; at d1 + 90 degrees Hc -> -Hz and Hz -> Hc. Least squares over
-    both turns, weighted by their numbers of steps. For gravity Hc = -sin d1, Hr = 0, Hz = cos d1.
-    The curve-fit method of "Well Logging Technology" 2009, no. 6, p. 567-570, completed.
+    The curve fit of "Well Logging Technology" 2009, no. 6, p. 567-570, completed. With (Hc, Hr, Hz) the field along
+    high side, right and hole at d1, a sensor reads M cos T + N sin T + P with M = n1 Hc + n2 Hr, N = n1 Hr - n2 Hc,
+    P = n3 Hz + U0; at d1 + 90 degrees Hc -> -Hz and Hz -> Hc. Both turns count by their numbers of steps.
     Not immune to a frame that stands wrong: 0.5 degrees of north error give about 0.4 degrees of azimuth error.
-
-    Examples
-    --------
-    >>> from inclinometry.calibration import plans
-    >>> plan = plans.rotations()
-    >>> dials = plan.azimuth, plan.inclination, plan.toolface
-    >>> truth = ClosedForm(np.diag([2.0, 3.0, -4.0]), np.array([0.1, 0.2, 0.3]), np.array([0.0, 0.0, 1.0]))
-    >>> found = solve_rotations(truth.signals(*dials), *dials)
-    >>> found.tensor.diagonal().round(12), found.offset.round(12)
-    (array([ 2.,  3., -4.]), array([0.1, 0.2, 0.3]))
     """
-    turns = _checked(azimuth, inclination, toolface)
+    heading, lean, rows, rolls = _turns(azimuth, inclination, toolface)
     a = unit_direction(known_direction, "known_direction")
-    hc, hr, hz = dcm(turns.azimuth, turns.inclination, 0.0) @ a
+    hc, hr, hz = dcm(heading, lean, 0.0) @ a
     least_axial = 0.2  # |Hc - Hz|: axial errors grow by sqrt2 over this number
     if abs(hc - hz) < least_axial:
         raise IdentifiabilityError(
-            f"the axial field is {hz:.3g} of the full field at inclination {np.degrees(turns.inclination):.8g} degrees "
+            f"the axial field is {hz:.3g} of the full field at inclination {np.degrees(lean):.8g} degrees "
             f"and {hc:.3g} in the second turn (allowed: {least_axial} apart or more); the axial scale cannot be told "
             "from the offset: turn at 45 and 135 degrees, or at 0 and 90 with azimuth 180"
         )
-    values = finite(signals, "signals", (sum(map(len, turns.rows)), None))
-    one, two = (harmonics(values[..., r, :], t) for r, t in zip(turns.rows, turns.rolls, strict=True))
-    w1, w2 = (float(len(rows)) for rows in turns.rows)
+    values = finite(signals, "signals", (sum(map(len, rows)), None))
+    one, two = (harmonics(values[..., r, :], t) for r, t in zip(rows, rolls, strict=True))
+    w1, w2 = (float(len(own)) for own in rows)
     power = w1 * (hc * hc + hr * hr) + w2 * (hz * hz + hr * hr)
     n1 = (w1 * (hc * one.cosine + hr * one.sine) + w2 * (hr * two.sine - hz * two.cosine)) / power
     n2 = (w1 * (hr * one.cosine - hc * one.sine) + w2 * (hr * two.cosine + hz * two.sine)) / power
@@ -507,48 +366,17 @@ def find_direction(
     *,
     sign_hint: ArrayLike = DOWN,
 ) -> Array:
-    """Direction of the field in rig axes from the two turns themselves, where they show it.
+    """Direction (3,) of the field in rig axes from the two turns themselves, where they show it.
 
-    Parameters
-    ----------
-    signals : (K, m) array_like
-        Signals of one triad.
-    azimuth, inclination, toolface : (K,) array_like
-        Rig settings, rad, as for `solve_rotations`.
-    sign_hint : (3,) array_like
-        A direction in rig axes with which the field makes an acute angle; down when not given.
-
-    Returns
-    -------
-    (3,) array
-        Unit vector, for `known_direction`.
-
-    Raises
-    ------
-    InputError
-        Settings of another plan.
-    IdentifiabilityError
-        The harmonics of both turns alike, as for gravity at 45 and 135 degrees: then the direction has to be given.
-
-    Notes
-    -----
     The complex harmonic z = M - i N of a turn is (n1 + i n2)(Hc - i Hr), and (n1 + i n2)(-Hz - i Hr) in the second.
     Eliminating the sensor, z2 Hc + z1 Hz + i (z1 - z2) Hr = 0 for every sensor: the direction is the null vector.
-
-    Examples
-    --------
-    >>> from inclinometry.calibration import plans
-    >>> plan = plans.rotations()
-    >>> dials = plan.azimuth, plan.inclination, plan.toolface
-    >>> truth = ClosedForm(np.diag([2.0, 3.0, -4.0]), np.array([0.1, 0.2, 0.3]), np.array([0.6, 0.0, 0.8]))
-    >>> find_direction(truth.signals(*dials), *dials).round(12) + 0.0
-    array([0.6, 0. , 0.8])
+    Harmonics alike in both turns, as for gravity at 45 and 135 degrees, do not show it.
     """
-    turns = _checked(azimuth, inclination, toolface)
-    values = finite(signals, "signals", (sum(map(len, turns.rows)), None))
+    heading, lean, rows, rolls = _turns(azimuth, inclination, toolface)
+    values = finite(signals, "signals", (sum(map(len, rows)), None))
     if values.ndim != 2:
         raise InputError(f"signals has shape {values.shape}; expected (K, m), one triad")
-    one, two = (harmonics(values[r], t) for r, t in zip(turns.rows, turns.rolls, strict=True))
+    one, two = (harmonics(values[r], t) for r, t in zip(rows, rolls, strict=True))
     z1, z2 = one.cosine - 1j * one.sine, two.cosine - 1j * two.sine
     system = np.stack([z2, 1j * (z1 - z2), z1], axis=-1)
     _, strength, axes = np.linalg.svd(np.concatenate([system.real, system.imag]))
@@ -559,58 +387,53 @@ def find_direction(
             f"allowed {least_separation} or more; give the dip (and the azimuth of the rig's zero), or turn at "
             "another inclination"
         )
-    a = dcm(turns.azimuth, turns.inclination, 0.0).T @ axes[2]
+    a = dcm(heading, lean, 0.0).T @ axes[2]
     return signed(a[:, None], unit_direction(sign_hint, "sign_hint"))[:, 0]
 
 
 def axial_conditioning(first_inclination: float, azimuth: float = 0.0, known_direction: ArrayLike = DOWN) -> float:
-    """|Hc - Hz|: how far apart the axial field is in the two turns, of sqrt 2 at best; below 0.2 the method refuses.
-
-    Examples
-    --------
-    >>> round(axial_conditioning(np.pi / 4), 3)
-    1.414
-    >>> dip = np.radians(68.0)
-    >>> [round(axial_conditioning(0.0, a, [np.cos(dip), 0.0, np.sin(dip)]), 2) for a in (0.0, np.pi)]
-    [0.55, 1.3]
-    """
+    """|Hc - Hz|: how far apart the axial field is in the two turns, of sqrt 2 at best; below 0.2 the method refuses."""
     hc, _, hz = dcm(azimuth, first_inclination, 0.0) @ unit_direction(known_direction, "known_direction")
     return float(abs(hc - hz))
 
 
-def _checked(azimuth: ArrayLike, inclination: ArrayLike, toolface: ArrayLike) -> _Turns:
-    """The two turns, or an error that says why there are none."""
-    found = _turns(azimuth, inclination, toolface)
-    if isinstance(found, str):
-        raise InputError(f"not a plan of two rotations: {found}")
-    return found
-
-
-def _turns(azimuth: ArrayLike, inclination: ArrayLike, toolface: ArrayLike) -> _Turns | str:
-    """The two turns, or why there are none."""
+def _turns(
+    azimuth: ArrayLike, inclination: ArrayLike, toolface: ArrayLike
+) -> tuple[float, float, tuple[Rows, Rows], tuple[Array, Array]]:
+    """The two turns: azimuth and inclination of the first, rows and rolls of each."""
     a, i, t = three_dials(azimuth, inclination, toolface)
     # the azimuth of a station that stands upright says nothing; any other fixes the plane
     leaning = np.flatnonzero(~(same(i, 0.0) | same(i, np.pi)))
     if not len(leaning):
-        return "every station is upright"
+        raise InputError("not a plan of two rotations: every station is upright")
     wanted = float(a[leaning[0]])
     a, i, t = at_azimuth(a, i, t, wanted)
     elsewhere = np.flatnonzero(~same(a, wanted))
     if len(elsewhere):
         row = elsewhere[0]
-        return f"row {row + 1} has azimuth {np.degrees(a[row]):.8g} degrees, the others {np.degrees(wanted):.8g}"
+        raise InputError(
+            f"not a plan of two rotations: row {row + 1} has azimuth {np.degrees(a[row]):.8g} degrees, the others "
+            f"{np.degrees(wanted):.8g}"
+        )
     turns = groups(i)
     if len(turns) != 2:
-        return f"{len(turns)} different inclinations; this plan has two, 90 degrees apart"
+        raise InputError(
+            f"not a plan of two rotations: {len(turns)} different inclinations; this plan has two, 90 degrees apart"
+        )
     one, two = turns
     if same(i[one[0]] - i[two[0]], np.pi / 2.0):
         one, two = two, one
     d1, d2 = float(i[one[0]]), float(i[two[0]])
     if not same(d2 - d1, np.pi / 2.0):
         at = f"{np.degrees(d1):.8g} and {np.degrees(d2):.8g}"
-        return f"the inclinations are {at} degrees; the second turn must be 90 degrees from the first"
+        raise InputError(
+            f"not a plan of two rotations: the inclinations are {at} degrees; the second turn must be 90 degrees from "
+            "the first"
+        )
     for rows in (one, two):
         reason = unequal_steps(t[rows])
         if reason is not None:
-            return f"rolls at inclination {np.degrees(i[rows[0]]):.8g} degrees: {reason}"
-    return _Turns(wanted, d1, (one, two), (t[one], t[two]))
+            raise InputError(
+                f"not a plan of two rotations: rolls at inclination {np.degrees(i[rows[0]]):.8g} degrees: {reason}"
+            )
+    return wanted, d1, (one, two), (t[one], t[two])

@@ -7,6 +7,7 @@ third less noise than there is.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Set
 from dataclasses import dataclass, replace
 from typing import Final
@@ -26,10 +27,10 @@ from inclinometry.least_squares import levenberg_marquardt
 class Components:
     """Factors on the model's present variances, and the standard uncertainty of each."""
 
-    noise: dict[str, float]  # kind -> factor on the noise variance
-    rig: Array  # (3,) factor on the variance of each dial's random errors
-    repeating: Array  # (3,) on that of its repeating ones
-    relative_sd: Array  # (n,) standard uncertainty of each factor relative to the factor: kinds, dials, repeating
+    noise: dict[str, float]  #: kind -> factor on the noise variance
+    rig: Array  #: (3,) factor on the variance of each dial's random errors
+    repeating: Array  #: (3,) on that of its repeating ones
+    relative_sd: Array  #: (n,) standard uncertainty of each factor relative to the factor: kinds, dials, repeating
 
 
 # The prior of the dials, in logarithms of variances: they are alike within a factor of 7 in standard
@@ -48,17 +49,32 @@ class _Restricted:
         self.jacobian, self.prior = at.jacobian, model.prior_information(state)
         # the residual without the estimated rig errors, since V accounts for them, and without the structured ones
         self.residual = without_rig_errors(model, at, state)
-        # roots (K, M, R) of the parts of a station's covariance: each channel's noise, what each dial's error does
-        count = model.noise_sd.shape[1]
-        self.roots = np.zeros((len(at.residual), count, count + 3))
-        self.roots[:, np.arange(count), np.arange(count)] = model.noise_sd
-        self.roots[..., count:] = at.by_setting * model.rig_sd
+        # the parts of a station's covariance V = E E' + B B' are what each dial's error does, B, and each channel's
+        # noise, E; all products of B, E, J and the residual are formed once, kind by kind, whose factors are numbers
+        size, count = self.residual.shape
+        noise = np.broadcast_to(np.diag(np.ones(count)), (size, count, count))
+        parts = [noise * model.noise_sd[:, None], at.by_setting * model.rig_sd, at.jacobian, self.residual[..., None]]
+        whole = np.concatenate(parts, axis=2) / model.noise_sd[..., None]
+        edges = np.cumsum([0, *(signals.shape[1] for signals in model.signals.values())])
+        self.channels = [slice(*ends) for ends in itertools.pairwise(edges)]
+        kind_by_kind = [whole[:, channels] for channels in self.channels]
+        # (kinds, K, 3 + M, q)
+        self.cross = np.stack([part[..., : 3 + count].swapaxes(1, 2) @ part for part in kind_by_kind])
+        flat = [part[..., 3 + count :].reshape(-1, part.shape[2] - 3 - count) for part in kind_by_kind]
+        self.total = np.stack([part.T @ part for part in flat])
+        self.log_noise = 2.0 * np.log(model.noise_sd).sum()
         kinds = len(model.signals)
-        of_channel = np.repeat(np.arange(kinds), [signals.shape[1] for signals in model.signals.values()])
+        of_channel = np.repeat(np.arange(kinds), np.diff(edges))
         self.part = np.array([*of_channel, *(kinds + np.arange(3))])
         self.belongs = np.eye(kinds + 3)[self.part]
         first = self.jacobian.shape[2] - len(model.structure_dial)
         self.groups = [first + np.flatnonzero(model.structure_dial == dial) for dial in range(3)]
+        self.member = np.zeros((self.jacobian.shape[2], 3))
+        for place, group in enumerate(self.groups):
+            self.member[group, place] = 1.0
+        self.repeats = np.flatnonzero(self.member.any(axis=1))
+        self.repeats_prior = self.prior[self.repeats, self.repeats]
+        self.prior[self.repeats, self.repeats] = 0.0
         self.size = kinds + 6
         self.blind: bool | None = None  # whether the plan leaves directions unseen
         self.unit = np.concatenate([np.ones(first), model.structure_sd])
@@ -87,81 +103,109 @@ class _Restricted:
 
     def evaluate(self, factors: Array) -> tuple[float, Array, Array]:
         """Twice the negative log likelihood, its gradient by logarithms of factors, their expected information."""
-        value, inner, shift, inverse, weighted = self.solve(factors)
-        projected = (inverse @ self.residual[..., None])[..., 0] - weighted @ shift
-        across = self.roots.swapaxes(1, 2)
-        own, seen = across @ inverse @ self.roots, across @ weighted  # S' V^-1 S (K, R, R), S' V^-1 J (K, R, p)
-        explained = seen @ inner @ seen.swapaxes(1, 2)
+        kinds, roots, width = self.size - 6, len(self.part), self.jacobian.shape[2]
+        rows, spread = self._eliminated(factors, self.cross[:, :, roots - 3 : roots])
+        value, root, shift = self._solved(factors, rows[..., roots:], spread)
+        products = np.tensordot(1.0 / factors[:kinds], self.cross, axes=1)
+        products -= rows[..., :roots].swapaxes(1, 2) @ rows
+        # with S = [E, B]: S' V^-1 S (K, R, R), S' V^-1 J (K, R, p), S' V^-1 (y - J x)
+        own, seen, pull = products[..., :roots], products[..., roots:-1], products[..., -1]
+        pulls = np.sum((pull - seen @ shift) ** 2, axis=0)
+        white = (seen.reshape(-1, width) @ root).reshape(seen.shape)  # S' V^-1 J C^1/2
+        explained = white @ white.swapaxes(1, 2)
         blocks = self.size - 3
         gradient, information = np.zeros(self.size), np.zeros((self.size, self.size))
-        pulls = np.sum((across @ projected[..., None])[..., 0] ** 2, axis=0)
         gradient[:blocks] = self.belongs.T @ ((own - explained).sum(axis=0).diagonal() - pulls)
         # ||S_i' P S_j||^2 = tr(P V_i P V_j), station by station but for the last term
-        squares = self.belongs.T @ np.sum(own**2 - 2.0 * own * explained, axis=0) @ self.belongs
-        parts = (seen[:, self.part == i].reshape(-1, len(inner)) for i in range(blocks))
-        carried = inner @ np.stack([g.T @ g for g in parts])
-        both = carried.reshape(blocks, -1) @ carried.swapaxes(1, 2).reshape(blocks, -1).T
+        squares = self.belongs.T @ np.sum(own * (own - 2.0 * explained), axis=0) @ self.belongs
+        parts = [white[:, at].reshape(-1, width) for at in self.channels]
+        parts += [white[:, dial] for dial in range(roots - 3, roots)]
+        carried = np.stack([(g.T @ g).ravel() for g in parts])
+        both = carried @ carried.T
         information[:blocks, :blocks] = 0.5 * (squares + both)
-        # with Z the columns of a group in units of their prior and f its factor: Z' P Z = 1/f - C/f^2
-        inner, shift = inner / np.outer(self.unit, self.unit), shift / self.unit
-        between = (seen * self.unit) @ inner
-        for c, group in enumerate(self.groups):
-            f = factors[blocks + c]
-            gradient[blocks + c] = (len(group) - np.trace(inner[np.ix_(group, group)]) / f) / f
-            gradient[blocks + c] -= np.sum(shift[group] ** 2) / f**2
-            shared = 0.5 * self.belongs.T @ np.sum((between[..., group] / f) ** 2, axis=(0, 2))
-            information[:blocks, blocks + c] = information[blocks + c, :blocks] = shared
-            for e, other in enumerate(self.groups):
-                left = -inner[np.ix_(group, other)] / (f * factors[blocks + e])
-                left = left + np.eye(len(group)) / f if c == e else left
-                information[blocks + c, blocks + e] = 0.5 * np.sum(left**2)
+        if self.member.any():
+            # with Z the columns of a group in units of their prior and f its factor: Z' P Z = 1/f - C/f^2
+            root, shift = root / self.unit[:, None], shift / self.unit
+            inner = root @ root.T
+            f, count, trace = factors[blocks:], self.member.sum(axis=0), inner.diagonal() @ self.member
+            gradient[blocks:] = (count - (trace + shift**2 @ self.member) / f) / f
+            between = np.sum((white @ root.T) ** 2, axis=0) @ self.member / f**2
+            information[:blocks, blocks:] = shared = 0.5 * self.belongs.T @ between
+            information[blocks:, :blocks] = shared.T
+            left = self.member.T @ inner**2 @ self.member / np.outer(f, f) + np.diag(count - 2.0 * trace / f)
+            information[blocks:, blocks:] = 0.5 * left / np.outer(f, f)
         logs = self.alike @ np.log(factors) + self.offset
         gradient = gradient * factors + 2.0 * self.alike.T @ logs
         information = information * np.outer(factors, factors) + self.alike.T @ self.alike
         return float(value), gradient, information
 
-    def solve(self, factors: Array) -> tuple[Array, Array, Array, Array, Array]:
+    def _eliminated(self, factors: Array, cross: Array) -> tuple[Array, Array]:
+        """Rows (..., K, 3, q) h of E, B, J, y with V^-1 = (E E')^-1 - h' h, and log|V| (...) less that of E E'.
+
+        V = E E' + B F B' for factors F of the dials; h = L^-1 F^1/2 B' (E E')^-1 with 1 + F^1/2 B' (E E')^-1 B F^1/2 =
+        L L'.
+        """
+        kinds = self.size - 6
+        first = cross.shape[-1] - self.jacobian.shape[2] - 4  # column of B
+        root = np.sqrt(factors[..., None, kinds : kinds + 3])
+        rows = root[..., None] * np.tensordot(1.0 / factors[..., :kinds], cross, axes=1)
+        head = rows[..., first : first + 3] * root[..., None, :]
+        head[..., range(3), range(3)] += 1.0
+        pivots = np.ones(rows.shape[:-2])
+        for i in range(3):
+            pivot = head[..., i, i].copy()
+            pivots *= pivot
+            below = head[..., i + 1 :, i] / pivot[..., None]
+            head[..., i + 1 :, :] -= below[..., None] * head[..., i, None, :]
+            rows[..., i + 1 :, :] -= below[..., None] * rows[..., i, None, :]
+            rows[..., i, :] /= np.sqrt(pivot)[..., None]
+        return rows, np.log(pivots).sum(axis=-1)
+
+    def solve(self, factors: Array) -> tuple[Array, Array, Array]:
         """Generalised least squares for given factors (..., n).
 
         Twice the negative restricted log likelihood, covariance (..., p, p) of the parameters, parameters (..., p) of
-        the linearisation minus estimate, V^-1 (..., K, M, M), V^-1 J (..., K, M, p).
+        the linearisation minus estimate.
         """
+        at = len(self.part) - 3
+        rows, spread = self._eliminated(factors, self.cross[:, :, at : at + 3, at:])
+        value, root, shift = self._solved(factors, rows[..., 3:], spread)
+        return value, np.asarray(root @ root.swapaxes(-1, -2)), shift
+
+    def _solved(self, factors: Array, rows: Array, spread: Array) -> tuple[Array, Array, Array]:
+        """`solve` from the rows of J, y and the logarithm of `_eliminated`; C^1/2 (..., p, p) for the covariance C."""
         blocks = self.size - 3
-        scaled = self.roots * factors[..., None, None, self.part]
-        covariance = scaled @ self.roots.swapaxes(1, 2)
-        inverse = np.linalg.inv(covariance)
-        spread = np.linalg.slogdet(covariance)[1].sum(axis=-1)
-        weighted = inverse @ self.jacobian  # V^-1 J
-        width = self.jacobian.shape[2]
-        flat = self.jacobian.reshape(-1, width)
-        normal = flat.T @ weighted.reshape(*factors.shape[:-1], -1, width)
-        normal += self.prior
-        for group, factor in zip(self.groups, np.moveaxis(factors[..., blocks:], -1, 0), strict=True):
-            own = self.prior[group, group]
-            normal[..., group, group] += own / factor[..., None] - own
-            spread = spread + len(group) * np.log(factor)
+        rows = rows.reshape(*factors.shape[:-1], -1, rows.shape[-1])
+        whole = np.tensordot(1.0 / factors[..., : blocks - 3], self.total, axes=1) - rows.swapaxes(-1, -2) @ rows
+        normal, pulled = whole[..., :-1, :-1] + self.prior, whole[..., :-1, -1]  # J' V^-1 J, J' V^-1 y
+        channels = np.array([at.stop - at.start for at in self.channels])
+        spread = spread + self.log_noise + len(self.residual) * np.log(factors[..., : blocks - 3]) @ channels
+        repeating = factors[..., blocks:]
+        normal[..., self.repeats, self.repeats] += self.repeats_prior / (repeating @ self.member.T)[..., self.repeats]
+        spread = spread + np.log(repeating) @ self.member.sum(axis=0)
         scale = 1.0 / np.sqrt(np.diagonal(normal, axis1=-2, axis2=-1))
-        outer = scale[..., :, None] * scale[..., None, :]
-        unit = normal * outer
+        unit = normal * (scale[..., :, None] * scale[..., None, :])
         if self.blind is None:
             self.blind = bool(np.linalg.eigvalsh(unit)[..., 0].min() < 1e-12)
+        if not self.blind:
+            try:
+                root = np.linalg.cholesky(unit)
+                log_normal = 2.0 * np.log(np.diagonal(root, axis1=-2, axis2=-1)).sum(axis=-1)
+                root = np.linalg.inv(root).swapaxes(-1, -2)
+            except np.linalg.LinAlgError:
+                self.blind = True
         if self.blind:  # directions that the plan does not see at all are left out
             eigen, vectors = np.linalg.eigh(unit)
             eigen = np.where(eigen > 1e-13 * eigen[..., -1:], eigen, np.inf)
-            inner = (vectors / eigen[..., None, :]) @ vectors.swapaxes(-1, -2)
+            root = vectors / np.sqrt(eigen)[..., None, :]
             log_normal = np.log(np.where(np.isinf(eigen), 1.0, eigen)).sum(axis=-1)
-        else:
-            inner, log_normal = np.linalg.inv(unit), np.linalg.slogdet(unit)[1]
-        inner = inner * outer
+        root = root * scale[..., :, None]
         log_normal = log_normal - 2.0 * np.log(scale).sum(axis=-1)
-        whole = self.residual.ravel()
-        pulled = whole @ weighted.reshape(*factors.shape[:-1], -1, width)  # J' V^-1 r
-        shift = (inner @ pulled[..., None])[..., 0]
-        white = (inverse @ self.residual[..., None])[..., 0]
-        misfit = np.sum(white * self.residual, axis=(-2, -1)) - np.sum(pulled * shift, axis=-1)
+        white = (root.swapaxes(-1, -2) @ pulled[..., None])[..., 0]
+        misfit = whole[..., -1, -1] - np.sum(white**2, axis=-1)
         logs = np.log(factors) @ self.alike.T + self.offset
         value = np.asarray(spread + log_normal + misfit + np.sum(logs**2, axis=-1))
-        return value, np.asarray(inner), np.asarray(shift), np.asarray(inverse), weighted
+        return value, np.asarray(root), np.asarray((root @ white[..., None])[..., 0])
 
 
 def without_rig_errors(model: Model, at: Linear, state: State) -> Array:
@@ -173,11 +217,7 @@ def without_rig_errors(model: Model, at: Linear, state: State) -> Array:
 def estimate_components(model: Model, at: Linear, state: State, free_noise: Set[str], free_rig: bool) -> Components:
     """Factors by which the model's variances must be multiplied to agree with the readings.
 
-    Parameters
-    ----------
-    model, at, state : the model, its linearisation and the state of the fit
-    free_noise : kinds whose noise may change
-    free_rig : whether the variances of the settings may, where they were not stated
+    `free_noise`: kinds whose noise may change; `free_rig`: whether the variances of settings may that were not stated.
     """
     likelihood = _Restricted(model, at, state, free_noise, free_rig)
     factors, information = _maximise(likelihood, np.ones(likelihood.size), _floors(model))
@@ -201,36 +241,25 @@ def repeating_evidence(fitted: Fitted) -> Array:
     """Logarithm of the likelihood ratio (3,) of each dial's repeating errors against none; 0 where none are fitted."""
     likelihood = _Restricted(fitted.model, fitted.at, fitted.state, frozenset(), False)
     ratios = np.zeros(3)
-    for dial, group in enumerate(likelihood.groups):
-        if len(group):
-            ends = []
-            for factor in (1.0, 1e-6):
-                factors = np.ones(likelihood.size)
-                factors[likelihood.size - 3 + dial] = factor
-                # what is gone of the repeating errors may be random ones
-                grown = [1.0] if factor == 1.0 else [1.0, 3.0, 10.0, 30.0]
-                values = []
-                for more in grown:
-                    factors[likelihood.size - 6 + dial] = more
-                    values.append(float(likelihood.solve(factors)[0]))
-                ends.append(min(values))
-            ratios[dial] = (ends[1] - ends[0]) / 2.0
+    for dial in np.flatnonzero(likelihood.member.any(axis=0)):
+        # what is gone of the repeating errors may be random ones
+        factors = np.ones((5, likelihood.size))
+        factors[1:, likelihood.size - 3 + dial] = 1e-6
+        factors[1:, likelihood.size - 6 + dial] = 1.0, 3.0, 10.0, 30.0
+        values = likelihood.solve(factors)[0]
+        ratios[dial] = (values[1:].min() - values[0]) / 2.0
     return ratios
 
 
 def average_over_variances(
     model: Model, at: Linear, state: State, free_noise: Set[str], free_rig: bool
-) -> tuple[Array, Array, Array] | None:
-    """Covariance (p, p) of the parameters averaged over what the readings leave open about the variances.
+) -> tuple[Array, Array, Array, Array] | None:
+    """Covariance (p, p) of the parameters averaged over the variances' posterior; None where these are known.
 
-    Beside it the mean factors (n,) on the present variances: noise of each kind, dials, their repeating errors; and the
-    standard uncertainty of each relative to it, NaN where it was stated.
-
-    An estimated variance put in as if it were known makes a short run look better than it is: in twelve positions one
-    run in three would be off by more than its 95 % region. The covariance is averaged over the variances' posterior
-    (restricted likelihood, flat in the logarithm, which gives Student's t where there is one variance), the estimates'
-    own dependence on the variances included, by importance sampling with fixed random numbers. None where the variances
-    are known. Arguments as for `estimate_components`; `model` holds the estimated variances.
+    An estimated variance taken as known makes a short run look better than it is: in twelve positions one run in three
+    would be off by more than its 95 % region. Restricted likelihood, flat in the logarithm, importance sampling. Beside
+    it: mean factors (n,) on noise of each kind, dials, their repeating errors; their relative u, NaN where stated; the
+    relative variance (p,) of each parameter's variance.
     """
     likelihood = _Restricted(model, at, state, free_noise, free_rig)
     if not likelihood.free.any():
@@ -253,19 +282,24 @@ def average_over_variances(
     density = -0.5 * (dof + len(index)) * np.log1p(np.sum((normal * tail[:, None]) ** 2, axis=1) / dof)
     factors = np.ones((draws, likelihood.size))
     factors[:, index] = np.maximum(np.exp(steps), _floors(model)[index])
-    best, _, start, *_ = likelihood.solve(ones)
+    best, _, start = likelihood.solve(ones)
     total, weight = np.zeros_like(likelihood.prior), np.zeros(draws)
-    together = max(1, 1_000_000 // likelihood.jacobian.size)  # what fits into the processor's memory
+    together = max(1, 150_000 // likelihood.jacobian.size)  # what fits into the processor's memory
     for first in range(0, draws, together):
         part = slice(first, first + together)
-        value, inner, shift, *_ = likelihood.solve(factors[part])
+        value, inner, shift = likelihood.solve(factors[part])
         moved = shift - start
         prior = 0.5 * np.sum((steps[part] / open_sd) ** 2, axis=1)
         share = np.exp(np.clip(-0.5 * (value - best) - density[part] - prior, -700, 50))
         total += np.tensordot(share, inner, 1) + (moved.T * share) @ moved
         weight[part] = share
     means = weight @ factors / weight.sum()
-    return total / weight.sum(), means, _relative_sd(information, likelihood.free)
+    step = 1e-3  # of a logarithm: truncation 1e-7
+    moved = np.exp(step * np.concatenate([np.eye(likelihood.size)[index], -np.eye(likelihood.size)[index]]))
+    logs = np.log(np.maximum(np.diagonal(likelihood.solve(moved)[1], axis1=1, axis2=2), np.finfo(float).tiny))
+    slope = (logs[: len(index)] - logs[len(index) :]) / (2.0 * step)
+    own = np.einsum("ip,ij,jp->p", slope, spread, slope)
+    return total / weight.sum(), means, _relative_sd(information, likelihood.free), own
 
 
 def _components(model: Model, factors: Array, relative_sd: Array) -> Components:
@@ -343,7 +377,8 @@ class Fitted:
     covariance: Array
     cost: float
     at: Linear
-    variance_freedom: Array | None = None  # degrees of freedom of each variance: kinds, dials, their repeating errors
+    variance_freedom: Array | None = None  #: degrees of freedom of each variance: kinds, dials, their repeating errors
+    relative_variance: Array | None = None  #: (p,) of each parameter's variance, where variances were estimated
 
     @property
     def degrees_of_freedom(self) -> int:
@@ -371,7 +406,7 @@ class Fitted:
 def fit(model: Model, start: State, tolerance: float = 1e-10) -> Fitted:
     """Maximum likelihood for given variances."""
     found = levenberg_marquardt(model.normal, start, model.retract, tolerance=tolerance)
-    return Fitted(model, found.estimate, found.covariance, found.cost, model.linearise(found.estimate))
+    return Fitted(model, found.estimate, found.covariance, found.cost, found.estimate._elimination[0][0])
 
 
 def fit_with_variances(model: Model, start: State, free_noise: Set[str], free_rig: bool) -> Fitted:
@@ -405,7 +440,7 @@ def fitted_without(fitted: Fitted, rest: Index, free_noise: Set[str], free_rig: 
     model = fitted.model.take(rest)
     likelihood = _Restricted(model, at, state, free_noise, free_rig)
     factors = _maximise(likelihood, np.ones(likelihood.size), _floors(model))[0]
-    _, covariance, shift, *_ = likelihood.solve(factors)
+    _, covariance, shift = likelihood.solve(factors)
     weights = _scaled(fitted.model, _components(model, factors, factors))
     return fitted.model.with_weights(*weights), covariance, shift
 
@@ -424,17 +459,31 @@ def with_averaged_covariance(fitted: Fitted, free_noise: Set[str], free_rig: boo
     average = average_over_variances(fitted.model, fitted.at, fitted.state, free_noise, free_rig)
     if average is None:
         return fitted
-    covariance, _, relative = average
+    covariance, _, relative, own = average
     freedom = 2.0 / np.where(np.isnan(relative), 1e-3, np.clip(relative, 1e-3, 2.0)) ** 2
-    return replace(fitted, covariance=covariance, variance_freedom=freedom)
+    return replace(fitted, covariance=covariance, variance_freedom=freedom, relative_variance=own)
 
 
-def expected_variances(fitted: Fitted, free_noise: Set[str], free_rig: bool) -> Model:
-    """The fitted model with the means of its variances, which are larger than their likeliest values."""
+def effective_freedom(relative: Array | None, known: ArrayLike = 0.0) -> float:
+    """Effective degrees of freedom of the variances of parameters, pooled; infinite where all were stated.
+
+    nu = 2 / (relative variance of a variance): JCGM 100:2008, equation (E.7), and with several variances the formula of
+    Welch and Satterthwaite, (G.2b). `known` (p,) is the share of each variance that comes from what is not estimated.
+    """
+    size = 0.0 if relative is None else float(np.mean((1.0 - np.asarray(known)) ** 2 * relative))
+    return 2.0 / size if size > 0.0 else np.inf
+
+
+def expected_variances(fitted: Fitted, free_noise: Set[str], free_rig: bool) -> tuple[Model, float]:
+    """The fitted model with the means of its variances, which are larger than their likeliest values.
+
+    Beside it the effective degrees of freedom of the tool's parameters.
+    """
     average = average_over_variances(fitted.model, fitted.at, fitted.state, free_noise, free_rig)
     if average is None:
-        return fitted.model
-    return fitted.model.with_weights(*_scaled(fitted.model, _components(fitted.model, average[1], average[1])))
+        return fitted.model, np.inf
+    weights = _scaled(fitted.model, _components(fitted.model, average[1], average[1]))
+    return fitted.model.with_weights(*weights), effective_freedom(average[3][: fitted.model.parameters])
 
 
 def _scaled(model: Model, parts: Components) -> tuple[Array, Array, Array]:

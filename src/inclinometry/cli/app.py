@@ -84,8 +84,8 @@ ledger head | laboratory.commands.proof:head | The signed head of a ledger, for 
 | --ledger lab.sqlite -o head.json
 ledger status | laboratory.commands.proof:status | Write how certificates stand, signed. For those who hold a certificate and \
 not the ledger. | --ledger lab.sqlite -o status.json
-ledger witness | laboratory.commands.proof:witness | Where signed heads are kept besides this computer. Or be such a place. \
-| http://witness:7100 --ledger lab.sqlite
+ledger witness | laboratory.commands.proof:witness | Where signed heads are kept besides this computer. A folder, say. \
+| /mnt/other-computer/heads --ledger lab.sqlite
 ledger export | laboratory.commands.ledger:export | Write everything into one file. Another computer can import it. \
 | all.zip --ledger lab.sqlite
 ledger import | laboratory.commands.ledger:import_ | Read an export into an empty ledger. The ledger is made when it is \
@@ -130,7 +130,9 @@ fleet clean | fleet.commands:clean | Remove what nobody needs any more. Never co
 = Files
 check | check:check | Say what a file is understood to be. Columns, units, rate, which commands could take it, and \
 whether a run along a hole can be true (exit status 1 if not); writes a draft of a profile. | logger.txt -o profile.toml
-list | check:list_ | List names: plans, limits, tool codes, profiles, formats, columns, conventions. | profiles
+list | check:list_ | List names: plans, limits, tool codes, profiles, formats, columns, conventions, findings. | profiles
+explain | explain:explain | Say what the code of a finding means. From what size on it is found, and what to do. \
+| run-depth-digit
 convert | convert:convert | Turn a survey of one format into another. And say what the other cannot hold. \
 | survey.csv survey.las
 coefficients | coefficients:coefficients | Coefficients of a tool as a firmware takes them. Inverse matrix, cosines, \
@@ -150,13 +152,11 @@ simulate drilling | simulate:drilling | Simulate a tool that drills: turning, st
 simulate fleet | fleet.simulation:simulate | Simulate a fleet. A ledger with years of certified calibrations, runs, and the \
 truth beside. | --tools 10 --seed 1 -o simulated
 simulate instrument | laboratory.commands.instrument:instrument | Be a live instrument behind a TCP port. Simulated tool \
-and rig, noise, faults; Ctrl-C ends it. | --port 7000 --faults garbage=0.01,disconnect=60
+and rig, with noise; Ctrl-C ends it. | --port 7000
 """  # noqa: E501
 
 OPTIONS: Final = {"Try": "Simulation", "Laboratory": "Options", "Fleet": "Options", "Files": "Options"}
 """What the options of a command that stand in no group of their own are called, by its group; the others: Method."""
-_ABOVE = ("laboratory.", "fleet.")  # rooms that bring commands of their own
-_PLACE = 5  # of those among the groups of options, which `options` numbers
 
 
 class _Pages:
@@ -227,10 +227,8 @@ app = _app(
     "Every table may be text with any separator, .gz, .xlsx, .parquet, .las, .h5, .npz, .mat or .json; - reads "
     "standard input. --profile NAME|FILE says what its columns are, --units ft,deg,mg,gauss what they are in where "
     "their names do not, --null -999.25 which number stands for an empty cell; `inclinometry check FILE` says what was "
-    "understood. --each 'runs/*.csv' in the place of a file does them all, -o out/{stem}.json; most commands take "
-    "several files or a folder as they stand. -q says nothing but warnings and errors, -v what was understood of each "
-    "file and how long it took, --open shows the "
-    "report. --template prints a correct example of the table a command reads.\n\n"
+    "understood. -q says nothing but warnings and errors, -v what was understood of each file and how long it took, "
+    "--open shows the report. --template prints a correct example of the table a command reads.\n\n"
     "Exit status: 0 done, 1 a verification failed, 2 bad input (nothing written), 3 an error of this program, "
     "130 interrupted.",
     version=_version,
@@ -247,7 +245,7 @@ _families: dict[str, App] = {}
 for _place, _line in enumerate(COMMANDS.strip().splitlines()):
     if _line.startswith("= "):
         _group = Group(_line[2:], sort_key=_place)
-        _options = Group(OPTIONS.get(_group.name, "Method"), sort_key=_PLACE)
+        _options = Group(OPTIONS.get(_group.name, "Method"), sort_key=5)  # among those of `options`
         continue
     _command, _where, _about, _example = _line.split(" | ")
     _of, _, _name = _command.rpartition(" ")
@@ -259,7 +257,7 @@ for _place, _line in enumerate(COMMANDS.strip().splitlines()):
         _families[_of] = _app(_of, _help(FAMILIES[_of]), group=_group, sort_key=_place)
         app.command(_families[_of])
     _families.get(_of, app).command(
-        f"inclinometry.{_where if _where.startswith(_ABOVE) else f'cli.{_where}'}",
+        f"inclinometry.{_where if _where.startswith(('laboratory.', 'fleet.')) else f'cli.{_where}'}",
         name=_name,
         help=_help(_about, f"Example: inclinometry {_command} {_example}"),
         help_format="plaintext",

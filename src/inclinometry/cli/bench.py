@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from datetime import datetime
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
 import numpy as np
 from cyclopts import Parameter
 
 from inclinometry.arrays import Array
 from inclinometry.calibration.causes import error_budget
-from inclinometry.calibration.conventions import Counts, Dials, InclinationFrom
+from inclinometry.calibration.conventions import Dials
 from inclinometry.calibration.expected import (
     ALL_ANGLES,
     FROM_CALIBRATION,
@@ -25,23 +24,12 @@ from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration, rounded
 from inclinometry.calibration.rollset import SecondHarmonics, second_harmonics
 from inclinometry.cli import options, output
-from inclinometry.cli.options import (
-    AzimuthFrom,
-    Created,
-    Flag,
-    GravitySd,
-    Input,
-    InputOrNone,
-    Json,
-    OutputOrNone,
-    Report,
-    Serial,
-)
+from inclinometry.cli.stand import UNKNOWN, USUAL_DIALS, USUAL_FIT, DialOptions, FitOptions, LeftHanded, StandOptions
 from inclinometry.constants import ANGLES, UNIT_LABELS
 from inclinometry.digest import digest_file
 from inclinometry.errors import InputError
 from inclinometry.files.tool_json import read_calibration, read_tool, write_calibration
-from inclinometry.files.writing import write_text
+from inclinometry.uncertainty import shares
 from inclinometry.workflow.calibrate import (
     METHODS,
     Comparison,
@@ -83,7 +71,7 @@ def _nameplate(path: Path | None) -> Tool | None:
 def show_two(
     paths: tuple[Path, Path],
     methods: str,
-    options: Options,
+    wishes: Options,
     dials: Dials,
     site: Path | None,
     truth: Path | None,
@@ -100,16 +88,13 @@ def show_two(
         found = compare_two(
             paths,
             [name.strip() for name in methods.split(",")],
-            options=options,
+            options=wishes,
             dials=dials,
             site=_site(site),
             truth=None if truth is None else read_tool(truth),
         )
-    if report is not None:
-        from inclinometry.report.comparison import two_report
-
-        write_text(two_report(found), report)
-    said = content(found)
+    with output.reported(report, "comparison:two_report", found):
+        said = content(found)
     output.warnings(said["warnings"])
     if json:
         output.print_json(said)
@@ -143,64 +128,6 @@ def show_two(
         output.say(f"report written to {report}")
 
 
-@Parameter(name="*", group=options.STAND)
-@dataclass(frozen=True)
-class StandOptions:
-    """What is known of a stand, in degrees."""
-
-    rig_sd_deg: float | None = None
-    """Random error of a setting of the rig; estimated from the readings when not given."""
-    azimuth_sd_deg: float | None = None
-    """The same for the azimuth dial alone."""
-    inclination_sd_deg: float | None = None
-    """The same for the inclination dial alone."""
-    toolface_sd_deg: float | None = None
-    """The same for the toolface dial alone."""
-    level_sd_deg: float | None = None
-    """How level the stand is known to be; the joint fit alone uses it."""
-    north_deg: float | None = None
-    """Azimuth of the rig's zero from magnetic north; decides the sign of the magnetic field."""
-    north_sd_deg: float | None = None
-    """How well that is known; with it north enters the joint fit, which alone uses it."""
-    dip_deg: float | None = None
-    """Magnetic dip at the stand, instead of the one in the readings or in --site."""
-    dip_sd_deg: float | None = None
-    """How well the dip is known; with it the dip enters the joint fit, which alone uses it."""
-
-    def known(self) -> dict[str, Any]:
-        """The same in rad, each value within its own limits."""
-        limits = {"north_deg": (-360.0, 360.0), "north_sd_deg": (0.0, 90.0), "dip_deg": (-90.0, 90.0)}
-        return {
-            name.removesuffix("_deg"): options.angle_or_none(
-                value, f"--{name.replace('_', '-')}", *limits.get(name, (0.0, options.LARGEST_SD))
-            )
-            for name, value in vars(self).items()
-        }
-
-
-UNKNOWN: Final = StandOptions()
-
-DialFrom: TypeAlias = Annotated[
-    InclinationFrom,
-    Parameter(
-        group=options.DIALS,
-        help="Where the inclination dial counts from: vertical (0 with the tool's end down), other-end (180 there), "
-        "horizontal (90 there, positive below the horizon) or horizontal-up (-90 there).",
-    ),
-]
-AzimuthCounts: TypeAlias = Annotated[
-    Counts, Parameter(group=options.DIALS, help="Which way the azimuth dial counts, seen from above.")
-]
-ToolfaceCounts: TypeAlias = Annotated[
-    Counts, Parameter(group=options.DIALS, help="Which way the toolface dial counts, looking down hole.")
-]
-LeftHanded: TypeAlias = Annotated[
-    Flag,
-    Parameter(
-        group=options.DIALS,
-        help="The tool's channels are left-handed (one is reversed, or two are exchanged), not the dials.",
-    ),
-]
 Nameplate: TypeAlias = Annotated[
     Path | None,
     Parameter(
@@ -215,29 +142,22 @@ def calibrate(
     readings: Path,
     /,
     *,
-    output_: OutputOrNone = None,
+    output_: options.OutputOrNone = None,
     method: MethodName | Literal["hand-rotations"] | None = None,
-    report: Report = None,
-    site: InputOrNone = None,
-    gyro_log: InputOrNone = None,
+    report: options.Report = None,
+    site: options.InputOrNone = None,
+    gyro_log: options.InputOrNone = None,
     gyro_profile: Annotated[str | None, Parameter(group=options.INPUT)] = None,
     nameplate: Nameplate = None,
-    tool: Serial = "unnamed",
+    tool: options.Serial = "unnamed",
     stand: StandOptions = UNKNOWN,
-    accel_step: float | None = None,
-    mag_step: float | None = None,
-    gyro_step: float | None = None,
-    inclination_zero_sd_deg: float | None = None,
-    nonorthogonality_sd_deg: float | None = None,
-    temperature_degree: int | None = None,
-    robust: Flag = False,
-    specific_force: Flag = False,
-    inclination_from: DialFrom = "vertical",
-    azimuth_counts: AzimuthCounts = "clockwise",
-    toolface_counts: ToolfaceCounts = "clockwise",
+    fit: FitOptions = USUAL_FIT,
+    robust: options.Flag = False,
+    specific_force: options.Flag = False,
+    dials: DialOptions = USUAL_DIALS,
     left_handed: LeftHanded = False,
-    created: Created = None,
-    json: Json = False,
+    created: options.Created = None,
+    json: options.Json = False,
 ) -> None:
     """Calibrate a tool from bench readings.
 
@@ -258,19 +178,6 @@ def calibrate(
         For hand-rotations: the gyro's log, where it is a file of its own with the same times.
     gyro_profile
         The profile --gyro-log is read with; that of --profile when not given.
-    accel_step
-        Step of the accelerometers' converter, in the unit of their channels; 0 for none. When not given it is found
-        where the readings clearly lie on a grid (whole counts, a fixed number of decimals).
-    mag_step
-        The same for the magnetometers.
-    gyro_step
-        The same for the gyros.
-    inclination_zero_sd_deg
-        Fit a constant error of the inclination dial with this prior; not fitted when not given.
-    nonorthogonality_sd_deg
-        Fit the non-orthogonality of the rig's axes with this prior; not fitted when not given.
-    temperature_degree
-        Degree of the polynomial in temperature; chosen by information criterion when not given.
     robust
         Leave out stations that disagree with the others.
     specific_force
@@ -281,27 +188,15 @@ def calibrate(
         {"--output": output_, "--report": report},
         {"the readings": readings, "--site": site, "--nameplate": nameplate, "--gyro-log": gyro_log},
     )
-    if created is not None:
-        try:
-            datetime.fromisoformat(created)
-        except ValueError:
-            problem = f"--created is {created!r}; give a date as YYYY-MM-DD or as ISO 8601 with the time"
-            raise InputError(problem) from None
     wishes = Options(
-        inclination_zero_sd=options.sd(inclination_zero_sd_deg, "--inclination-zero-sd-deg"),
-        nonorthogonality_sd=options.sd(nonorthogonality_sd_deg, "--nonorthogonality-sd-deg"),
-        temperature_degree=temperature_degree,
         robust=robust,
         specific_force=specific_force,
         left_handed=left_handed,
         nameplate=_nameplate(nameplate),
         name=tool,
-        accel_step=_step(accel_step, "--accel-step"),
-        mag_step=_step(mag_step, "--mag-step"),
-        gyro_step=_step(gyro_step, "--gyro-step"),
-        **stand.known(),
+        **vars(fit),
+        **vars(stand),
     )
-    dials = Dials(inclination_from, azimuth_counts, toolface_counts)
     if method != "hand-rotations" and (gyro_log or gyro_profile):
         raise InputError("--gyro-log and --gyro-profile are for --method hand-rotations; leave them out")
     by_hand = None
@@ -320,22 +215,16 @@ def calibrate(
                 progress=progress,
             )
         else:
-            data = readings_at(readings, _site(site), progress, dials)
+            data = readings_at(readings, _site(site), progress, dials.dials())
             method = method or usual_method(data)
-    page = None
-    with output.busy(f"calibrating, method {method}"):
-        if method != "hand-rotations":
-            found = calibrate_readings(data, method, wishes)
-        if report is not None:
-            from inclinometry.report.calibration import calibration_report
-
-            page = calibration_report(found, readings=data)
-    if output_ is not None:
-        write_calibration(found, output_, created=created)
-    if page is not None:
-        write_text(page, report or "")
+            with output.busy(f"calibrating, method {method}"):
+                found = calibrate_readings(data, method, wishes)
+    with output.reported(report, "calibration:calibration_report", found, readings=data):
+        if output_ is not None:
+            write_calibration(found, output_, created=created)
     output.notes(found.notes)
     output.warnings(found.warnings)
+    output.findings(found.findings)
     expected = expected_uncertainty(found, stated_dip=data.reference.get("dip"))
     if json:
         written = {} if output_ is None else {"output": output_, "digest": digest_file(output_)}
@@ -391,13 +280,6 @@ def show_hand_rotations(found: HandRotations, units: Mapping[str, str]) -> None:
     )
 
 
-def _step(value: float | None, option: str) -> float | None:
-    """The step of a converter, in the unit of its channels."""
-    if value is not None and not 0.0 <= value < np.inf:
-        raise InputError(f"{option} is {value:g}; the step of a converter is 0 or more, in the unit of the channels")
-    return value
-
-
 def _summary(found: Calibration, expected: ExpectedUncertainty, data: BenchReadings) -> dict[str, Any]:
     second = second_harmonics(data)
     return {
@@ -415,6 +297,7 @@ def _summary(found: Calibration, expected: ExpectedUncertainty, data: BenchReadi
         "notes": list(found.notes),
         "budget": _budget(found, expected, data),
         "second_harmonics": None if second is None else _harmonics(second),
+        "findings": [one.plain() for one in found.findings],
         "warnings": list(found.warnings),
     }
 
@@ -424,12 +307,12 @@ def _budget(found: Calibration, expected: ExpectedUncertainty, data: BenchReadin
     budget = error_budget(found, data, expected.inclination, expected.dip)
     if budget is None:
         return None
-    parts = {name: np.sqrt(np.diagonal(part, axis1=1, axis2=2)) for name, part in budget.components.items()}
+    parts = {name: np.sqrt(np.diagonal(part, axis1=1, axis2=2)) for name, part in budget.items()}
     return {
         "inclination_deg": np.degrees(expected.inclination).round(9),
         "rms_u_deg": {name: _angles_of(part) for name, part in parts.items()},
-        "total_rms_u_deg": _angles_of(budget.standard_uncertainty),
-        "share": {name: dict(zip(budget.quantities[:3], part.T, strict=False)) for name, part in budget.shares.items()},
+        "total_rms_u_deg": _angles_of(np.sqrt(np.diagonal(sum(budget.values()), axis1=1, axis2=2))),
+        "share": {name: dict(zip(ANGLES, part.T, strict=False)) for name, part in shares(budget).items()},
     }
 
 
@@ -461,7 +344,7 @@ def _harmonics(found: SecondHarmonics) -> dict[str, Any]:
         "square_law_percent": {kind: 100.0 * v for kind, v in found.square.items()},
         "u_square_law_percent": {kind: 100.0 * v for kind, v in found.u_square.items()},
         "degrees_of_freedom": found.freedom,
-        "significant": list(found.sentences),
+        "significant": [one.plain() for one in found.findings],
     }
 
 
@@ -495,7 +378,7 @@ def show_calibration(found: Calibration, expected: ExpectedUncertainty) -> None:
     sd = np.degrees(found.rig.sd)
     stations = output.counted(len(found.residuals.station), "station")
     rig = f"rig settings good to {sd.max():.3f} deg" if found.field_directions else "without a rig"
-    output.headline(f"method {found.method}, {stations}, {rig}")
+    output.say(f"method {found.method}, {stations}, {rig}")
 
 
 def compare(
@@ -511,17 +394,16 @@ def compare(
         ),
     ] = None,
     report: Annotated[
-        Report, Parameter(help="Write an HTML report, of two files; --language ru or zh: in Russian or Chinese.")
+        options.Report,
+        Parameter(help="Write an HTML report, of two files; --language ru or zh: in Russian or Chinese."),
     ] = None,
-    truth: InputOrNone = None,
-    site: InputOrNone = None,
+    truth: options.InputOrNone = None,
+    site: options.InputOrNone = None,
     nameplate: Nameplate = None,
     stand: StandOptions = UNKNOWN,
-    inclination_from: DialFrom = "vertical",
-    azimuth_counts: AzimuthCounts = "clockwise",
-    toolface_counts: ToolfaceCounts = "clockwise",
+    dials: DialOptions = USUAL_DIALS,
     left_handed: LeftHanded = False,
-    json: Json = False,
+    json: options.Json = False,
 ) -> None:
     """Run every applicable method on the same readings, side by side; or two files of one tool.
 
@@ -537,13 +419,12 @@ def compare(
     site
         site.toml with the fields at the bench.
     """
-    wishes = Options(left_handed=left_handed, **stand.known())
-    dials = Dials(inclination_from, azimuth_counts, toolface_counts)
+    wishes = Options(left_handed=left_handed, **vars(stand))
     if second is not None:
-        show_two((readings, second), methods or "joint", wishes, dials, site, truth, report, json)
+        show_two((readings, second), methods or "joint", wishes, dials.dials(), site, truth, report, json)
         return
     with output.reading(readings) as progress:
-        data = readings_at(readings, _site(site), progress, dials)
+        data = readings_at(readings, _site(site), progress, dials.dials())
     if methods is not None or report is not None:
         option = "--methods" if methods is not None else "--report"
         raise InputError(f"{option} is for two files of one tool; give a second file, or leave it out")
@@ -562,6 +443,7 @@ def compare(
                 else named_degrees(found.uncertainty[a.method]),
                 "true_error_deg": _angles_of(found.error[a.method]) if a.method in found.error else None,
                 "parameters": None if a.calibration is None else asdict_parameters(a.calibration),
+                "findings": [] if a.calibration is None else [one.plain() for one in a.calibration.findings],
                 "warnings": [] if a.calibration is None else list(a.calibration.warnings),
             }
             for a in found.attempts
@@ -631,44 +513,45 @@ def show_comparison(found: Comparison, title: str = "") -> None:
     for attempt in found.attempts:
         if attempt.calibration is not None and attempt.method == "joint":
             output.warnings(attempt.calibration.warnings)
+            output.findings(attempt.calibration.findings)
 
 
 def verify(
     readings: Path,
     /,
     *,
-    calibration: Input,
+    calibration: options.Input,
     limits: Annotated[
         str | None,
         Parameter(
             group=options.INPUT,
-            help=f"A TOML file, or a preset: {options.shipped('files/limits')}. When not given, each error is held "
-            "against its own uncertainty.",
+            help=f"A TOML file, or a preset: {options.shipped('files/limits')}. When not given, there is no pass or "
+            "fail: errors are compared with their uncertainty.",
         ),
     ] = None,
     stand: Annotated[Literal["same", "level", "fit"], Parameter(group=options.STAND)] = "same",
-    north_deg: Annotated[float | None, Parameter(group=options.STAND)] = None,
-    north_sd_deg: Annotated[float, Parameter(group=options.STAND)] = 0.0,
-    level_sd_deg: Annotated[float, Parameter(group=options.STAND)] = 0.0,
-    rig_sd_deg: Annotated[float | None, Parameter(group=options.STAND)] = None,
-    azimuth_from: AzimuthFrom = None,
-    gravity_sd_percent: Annotated[
-        GravitySd,
+    north: Annotated[options.AzimuthOrNone, Parameter(group=options.STAND)] = None,
+    north_sd: Annotated[options.Sd, Parameter(group=options.STAND)] = 0.0,
+    level_sd: Annotated[options.Sd, Parameter(group=options.STAND)] = 0.0,
+    rig_sd: Annotated[options.SdOrNone, Parameter(group=options.STAND)] = None,
+    azimuth_from: options.AzimuthFrom = None,
+    gravity_sd: Annotated[
+        options.GravitySd,
         Parameter(
             help="Of two accelerometers on another stand: standard uncertainty of |g| there against that at the "
             "calibration, 0 at the same place. When not given, that of what both state, 0.3 where one states nothing."
         ),
     ] = None,
-    output_: OutputOrNone = None,
-    report: Report = None,
-    inclination_from: DialFrom = "vertical",
-    azimuth_counts: AzimuthCounts = "clockwise",
-    toolface_counts: ToolfaceCounts = "clockwise",
-    planned: Flag = False,
+    output_: options.OutputOrNone = None,
+    report: options.Report = None,
+    dials: DialOptions = USUAL_DIALS,
+    planned: options.Flag = False,
     count: int | None = None,
-    json: Json = False,
+    json: options.Json = False,
 ) -> int:
     """Verify a calibrated tool at independent positions; exit status 0 pass, 1 fail, 2 bad input.
+
+    Without --limits: 0 when the errors agree with the calibration, 1 when they do not.
 
     Parameters
     ----------
@@ -679,14 +562,14 @@ def verify(
     stand
         same: the stand of the calibration, not moved since. level: another one, its azimuth axis vertical. fit: another
         one; its tilt and north are found from these readings, and what they cannot tell from the tool is not judged.
-    north_deg
+    north
         Of a level stand: azimuth of the rig's zero from magnetic north (from true north for a gyro). When not given, it
         is found from the readings and a constant error of azimuth is not judged.
-    north_sd_deg
+    north_sd
         How well the north of a level stand is known.
-    level_sd_deg
+    level_sd
         How well the vertical of a level stand is known.
-    rig_sd_deg
+    rig_sd
         Random error of a setting of another stand; that of the calibration's rig when not given.
     output_
         Write verify.json, for a certificate; with --planned the protocol that is planned, JSON.
@@ -697,7 +580,6 @@ def verify(
         Of --planned: readings that will be averaged at each position; 1 when not given.
     """
     from inclinometry.calibration.acceptance import verify as verify_readings
-    from inclinometry.files.bench_csv import read_bench
     from inclinometry.files.limits import read_limits
 
     output.claim(
@@ -714,93 +596,71 @@ def verify(
     if count is not None:
         raise InputError("--count is of --planned: readings say themselves of how many they are the mean")
     with output.reading(readings) as progress:
-        data = Dials(inclination_from, azimuth_counts, toolface_counts).read(read_bench(readings, progress=progress))
+        data = readings_at(readings, progress=progress, dials=dials.dials())
     tool, bounds = read_calibration(calibration), None if limits is None else read_limits(limits)
-    where = _other_stand(stand, north_deg, north_sd_deg, level_sd_deg, rig_sd_deg, gravity_sd_percent)
+    where = _other_stand(stand, north, north_sd, level_sd, rig_sd, gravity_sd)
     found = verify_readings(data, tool, bounds, stand=where, second=azimuth_from)
-    if output_ is not None:
-        if tuple(found.names) != ANGLES:
-            raise InputError(
-                "--output writes what a certificate states, errors of inclination, azimuth and toolface; this tool has "
-                "none of them: use --report or --json"
-            )
-        from inclinometry.files.verification_json import write_verification
+    with output.reported(report, "verification:verification_report", found):
+        if output_ is not None:
+            if tuple(found.names) != ANGLES:
+                raise InputError(
+                    "--output writes what a certificate states, errors of inclination, azimuth and toolface; this tool "
+                    "has none of them: use --report or --json"
+                )
+            from inclinometry.files.verification_json import write_verification
 
-        write_verification(output_, found, bounds, tool)
-    if report is not None:
-        from inclinometry.report.verification import verification_report
-
-        write_text(verification_report(found), report)
+            write_verification(output_, found, bounds, tool)
     output.warnings(found.warnings)
     if json:
-        output.print_json(
-            {
-                "verdict": found.verdict,
-                "reservations": found.reservations,
-                "reasons": found.reasons,
-                "notes": found.notes,
-                "limits": {"name": found.limits_name, "source": found.limits_source},
-                "coverage_factor": found.coverage_factor,
-                "stations": [
-                    {
-                        "station": s,
-                        **{
-                            n: {"error_deg": e[i], "u_deg": w[i], "limit_deg": b[i], "decision": d[i]}
-                            for i, n in enumerate(found.names)
-                            if n != "-"
-                        },
-                    }
-                    for s, e, w, b, d in zip(
-                        found.station,
-                        np.degrees(found.errors),
-                        np.degrees(found.u),
-                        np.degrees(found.limits),
-                        found.decision,
-                        strict=True,
-                    )
-                ],
-            }
-        )
+        output.print_json(_verification(found))
     else:
         show_verification(found)
-    return 0 if found.verdict == "pass" else 1
+    return 0 if found.accepted else 1
+
+
+def _verification(found: Verification) -> dict[str, Any]:
+    columns = {"error_deg": np.degrees(found.errors), "u_deg": np.degrees(found.u)}
+    if found.limits_name:
+        columns["limit_deg"] = np.degrees(found.limits)
+    columns["decision"] = np.array(found.decision)
+    angles = {name: place for place, name in enumerate(found.names) if name != "-"}
+    return {
+        "verdict": found.verdict,
+        "reservations": found.reservations,
+        "reasons": found.reasons,
+        "notes": found.notes,
+        "limits": _agreed(found),
+        "coverage_factor": found.coverage_factor,
+        "stations": [
+            {"station": name, **{n: {key: v[row, i] for key, v in columns.items()} for n, i in angles.items()}}
+            for row, name in enumerate(found.station)
+        ],
+    }
+
+
+def _agreed(found: Verification) -> dict[str, str] | None:
+    """Name and source of the limits; None where none were agreed."""
+    return {"name": found.limits_name, "source": found.limits_source} if found.limits_name else None
 
 
 def _other_stand(
-    stand: str,
-    north_deg: float | None,
-    north_sd_deg: float,
-    level_sd_deg: float,
-    rig_sd_deg: float | None,
-    gravity_sd_percent: float | None,
+    stand: str, north: float | None, north_sd: float, level_sd: float, rig_sd: float | None, gravity_sd: float | None
 ) -> OtherStand | None:
     """What the options say of another stand; an option that says nothing there is refused."""
     from inclinometry.calibration.acceptance import OtherStand
 
-    given = {"--north-deg": north_deg is not None, "--north-sd-deg": north_sd_deg != 0.0}
-    useless = given | {
-        "--level-sd-deg": level_sd_deg != 0.0,
-        "--rig-sd-deg": stand == "same" and rig_sd_deg is not None,
-        "--gravity-sd-percent": stand == "same" and gravity_sd_percent is not None,
-    }
-    if stand != "level" and any(useless.values()):
-        name = next(option for option, there in useless.items() if there)
+    useless = {"--north-deg": north is not None, "--north-sd-deg": north_sd != 0.0, "--level-sd-deg": level_sd != 0.0}
+    if stand == "same":
+        useless |= {"--rig-sd-deg": rig_sd is not None, "--gravity-sd-percent": gravity_sd is not None}
+    name = next((option for option, there in useless.items() if there and stand != "level"), None)
+    if name is not None:
         known = "is known from the calibration" if stand == "same" else "is found from the readings"
         raise InputError(f"{name} says nothing of --stand {stand}, which {known}: leave it out, or use --stand level")
+    if north_sd and north is None:
+        raise InputError("--north-sd-deg without --north-deg: give the north it is the uncertainty of")
     if stand == "same":
         return None
-    if given["--north-sd-deg"] and north_deg is None:
-        raise InputError("--north-sd-deg without --north-deg: give the north it is the uncertainty of")
-    setting, gravity_sd = options.sd(rig_sd_deg, "--rig-sd-deg"), options.gravity_sd(gravity_sd_percent)
-    if stand == "fit":
-        return OtherStand(setting_sd=setting, gravity_sd=gravity_sd)
-    return OtherStand(
-        options.sd(level_sd_deg, "--level-sd-deg"),
-        options.angle_or_none(north_deg, "--north-deg"),
-        options.sd(north_sd_deg, "--north-sd-deg") or 0.0,
-        setting,
-        gravity_sd,
-    )
+    return OtherStand(level_sd if stand == "level" else None, north, north_sd, rig_sd, gravity_sd)
 
 
 def _verify_planned(
@@ -828,7 +688,7 @@ def _verify_planned(
         output.print_json(
             {
                 "positions": len(found.station),
-                "limits": {"name": found.limits_name, "source": found.limits_source},
+                "limits": _agreed(found),
                 "coverage_factor": found.coverage_factor,
                 **worth_of(found),
                 "warnings": found.warnings,
@@ -837,46 +697,58 @@ def _verify_planned(
         return 0
     rows = []
     for column, name in enumerate(found.names):
-        judged = np.isfinite(found.limits[:, column])
+        judged = found.judged[:, column]
         if judged.any():
-            u, bound = (np.degrees(np.median(x[judged, column])) for x in (found.u, found.limits))
-            rows.append([name, str(int(judged.sum())), f"{u:.3f}", f"{bound:.3f}"])
+            medians = [np.degrees(np.median(x[judged, column])) for x in (found.u, found.limits)]
+            rows.append([name, str(int(judged.sum())), *(f"{x:.3f}" for x in medians[: 2 if bounds else 1])])
+    against = f" against {found.limits_name}" if bounds else ", no limits agreed"
     output.table(
-        f"{output.counted(len(found.station), 'position')} against {found.limits_name}",
-        ["angle", "judged at", "u deg, median", "limit deg, median"],
+        output.counted(len(found.station), "position") + against,
+        ["angle", "judged at", "u deg, median", "limit deg, median"][: 4 if bounds else 3],
         rows,
         found.limits_source,
     )
     for sentence in found.notes:
         output.say(sentence)
     if target is not None:
-        output.say(f"written to {target}")
+        output.written(target)
     return 0
 
 
 def show_verification(found: Verification) -> None:
     """Verdict and the largest error of each angle on the terminal."""
-    rows = []
+    from inclinometry.calibration.decision import AGREES
+
+    rows, said, agreed = [], [], bool(found.limits_name)
     for column, name in enumerate(found.names):
         if name == "-":
             continue
-        judged = [row for row in range(len(found.errors)) if found.decision[row][column] != "not judged"]
+        judged = np.flatnonzero(found.judged[:, column]).tolist()
         if not judged:
-            rows.append([name, "-", "-", "-", "not judged"])
+            rows.append([name, *["-"] * (3 if agreed else 2), "not judged"])
             continue
-        shares = np.abs(found.errors[judged, column]) / found.limits[judged, column]
-        worst = judged[int(np.argmax(shares))]
+        scale = (found.limits if agreed else found.u)[judged, column]
+        worst = judged[int(np.argmax(np.abs(found.errors[judged, column]) / scale))]
         e, u, b = (np.degrees(x[worst, column]) for x in (found.errors, found.u, found.limits))
-        bad = sum(found.decision[row][column] != "pass" for row in judged)
-        verdict = "pass" if bad == 0 else f"{bad} of {len(judged)} not accepted"
-        rows.append([name, f"{e:+.3f}", f"{u:.3f}", f"{b:.3f}", verdict])
+        expanded = found.coverage_factor * u
+        bad = sum(found.decision[row][column] not in ("pass", AGREES) for row in judged)
+        if agreed:
+            verdict = "pass" if bad == 0 else f"{bad} of {len(judged)} not accepted"
+            rows.append([name, f"{e:+.3f}", f"{u:.3f}", f"{b:.3f}", verdict])
+            said.append(f"{name} {verdict}, worst {e:+.3f} deg of {b:.3f} allowed")
+        else:
+            verdict = AGREES if bad == 0 else f"{bad} of {len(judged)} do not agree"
+            rows.append([name, f"{e:+.3f}", f"{expanded:.3f}", verdict])
+            said.append(f"{name} {verdict}, worst {e:+.3f} deg with U {expanded:.3f}")
+    judgement = found.judgement.upper()
     output.table(
-        f"{found.judgement.upper()} against {found.limits_name}",
-        ["angle", "worst error deg", "u deg", "limit deg", "verdict"],
+        f"{judgement} against {found.limits_name}" if agreed else f"Agreement with the certificate: {judgement}",
+        ["angle", "worst error deg", "u deg", "limit deg", "verdict"]
+        if agreed
+        else ["angle", "worst error deg", f"U deg, k = {found.coverage_factor:g}", "agreement"],
         rows,
         found.limits_source,
     )
     for sentence in (*found.reasons, *found.notes):
         output.say(sentence)
-    said = "; ".join(f"{row[0]} {row[4]}, worst {row[1]} deg of {row[3]} allowed" for row in rows if row[1] != "-")
-    output.headline(f"{found.judgement}: {said}")
+    output.say(f"{found.judgement}: {'; '.join(said)}")

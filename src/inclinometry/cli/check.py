@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from inclinometry.cli import output
 from inclinometry.cli.options import InputOrNone, Json, OutputOrNone
+
+if TYPE_CHECKING:
+    from inclinometry.workflow.check import Look
 
 
 def check(
@@ -43,58 +46,24 @@ def check(
     if output_ is not None:
         write_text(seen.draft, output_)
     if json:
-        columns = [
-            {
-                "name": column.name,
-                "here": column.here or None,
-                "low": column.low if np.isfinite(column.low) else None,
-                "high": column.high if np.isfinite(column.high) else None,
-                "remark": column.remark,
-            }
-            for column in seen.columns
-        ]
-        uses = {command: lacking or "yes" for command, lacking in seen.uses.items()}
         output.print_json(
             {
                 "layout": seen.layout,
                 "rows": seen.rows,
-                "columns": columns,
+                "columns": [{**column._asdict(), "here": column.here or None} for column in seen.columns],
                 "notes": list(seen.notes),
                 "conventions": [candidate._asdict() for candidate in seen.candidates],
-                "uses": uses,
+                "uses": {command: lacking or "yes" for command, lacking in seen.uses.items()},
                 "refused": list(seen.refused),
+                "findings": [one.plain() for one in seen.findings],
             }
         )
         return status
-    output.say(f"{file}: {seen.layout}; {seen.rows:,} rows")
-    rows = [
-        [
-            column.name,
-            column.here or "not known",
-            f"{column.low:.6g}" if np.isfinite(column.low) else "",
-            f"{column.high:.6g}" if np.isfinite(column.high) else "",
-            column.remark,
-        ]
-        for column in seen.columns
-    ]
-    output.table("columns", ["in the file", "taken as", "lowest", "highest", "remark"], rows)
-    for note in seen.notes:
-        output.say(note)
-    if seen.candidates:
-        output.table(
-            "how each convention of axes fits",
-            ["convention", "dip deg", "scatter deg", "z points down"],
-            [
-                [c.convention, f"{c.dip_deg:.2f}", f"{c.scatter_deg:.3f}", f"{c.share_down:.0%}"]
-                for c in seen.candidates
-            ],
-        )
-    for command, lacking in seen.uses.items():
-        output.say(f"{command}: {lacking or 'can take it as it is'}")
+    _show(file, seen)
     able = [command for command, lacking in seen.uses.items() if not lacking]
     taken = f"taken by {'; '.join(able)}" if able else "taken by no command as it is"
-    doubted = f"; implausible: {', '.join(seen.refused)}" if seen.refused else ""
-    output.headline(f"{seen.layout}; {seen.rows:,} rows; {taken}{doubted}")
+    refused = f"; refused: {', '.join(seen.refused)}" if seen.refused else ""
+    output.say(f"{seen.layout}; {seen.rows:,} rows; {taken}{refused}")
     if output_ is not None:
         output.say(f"draft of a profile written to {output_}: complete it, then give --profile {output_}")
     elif "" not in seen.uses.values():
@@ -103,13 +72,36 @@ def check(
     return status
 
 
-def list_(what: Literal["plans", "limits", "tool-codes", "profiles", "formats", "columns", "conventions"], /) -> None:
+def _show(file: Path, seen: Look) -> None:
+    """Columns, findings, conventions and commands on the terminal."""
+    output.say(f"{file}: {seen.layout}; {seen.rows:,} rows")
+    rows = []
+    for column in seen.columns:
+        low, high = (f"{value:.6g}" if np.isfinite(value) else "" for value in (column.low, column.high))
+        rows.append([column.name, column.here or "not known", low, high, column.remark])
+    output.table("columns", ["in the file", "taken as", "lowest", "highest", "remark"], rows)
+    for note in (*seen.notes, *(f"{one.severity}: {one} [{one.code}]" for one in seen.findings)):
+        output.say(note)
+    if seen.candidates:
+        header = ["convention", "dip deg", "scatter deg", "z points down"]
+        fits = [
+            [c.convention, f"{c.dip_deg:.2f}", f"{c.scatter_deg:.3f}", f"{c.share_down:.0%}"] for c in seen.candidates
+        ]
+        output.table("how each convention of axes fits", header, fits)
+    for command, lacking in seen.uses.items():
+        output.say(f"{command}: {lacking or 'can take it as it is'}")
+
+
+def list_(
+    what: Literal["plans", "limits", "tool-codes", "profiles", "formats", "columns", "conventions", "findings"], /
+) -> None:
     """Names that other commands take.
 
     Parameters
     ----------
     what
-        plans, limits of a verification, tool codes, profiles of files, formats, columns of tables, axes conventions.
+        plans, limits of a verification, tool codes, profiles of files, formats, columns of tables, axes conventions,
+        codes of findings.
     """
     for name, about in _listed(what):
         output.say(f"{name:32} {about}".rstrip())
@@ -146,6 +138,10 @@ def _listed(what: str) -> list[tuple[str, str]]:
             for name, form in FORMATS.items()
         ]
         return [*rows, ("read only", ".gz, .h5, .hdf5, .npz, .mat, .json as tables of columns")]
+    if what == "findings":
+        from inclinometry.findings import codes, example
+
+        return [(code, str(example(code))) for code, one in codes().items() if one.means]
     if what == "conventions":
         from inclinometry.conventions import CONVENTIONS
 

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 from cyclopts import Parameter
 
 from inclinometry.cli import options, output
-from inclinometry.cli.options import Convention, Flag, InputOrNone, Json, TrustFile
+from inclinometry.cli.options import Convention, Flag, Ignore, InputOrNone, Json
 from inclinometry.errors import InputError
 from inclinometry.workflow.convert import Conversion
 from inclinometry.workflow.convert import convert as convert_file
@@ -35,7 +35,7 @@ def convert(
     depth_unit: Annotated[Literal["m", "ft", "ftUS"] | None, Parameter(group=options.INPUT)] = None,
     map_: Annotated[InputOrNone, Parameter(name="--map")] = None,
     check: Flag = False,
-    trust_file: TrustFile = (),
+    ignore: Ignore = (),
     json: Json = False,
 ) -> None:
     """Turn a survey of one format into another, and say what the other cannot hold.
@@ -62,8 +62,8 @@ def convert(
     check
         Judge the run as a whole: units, axes, depths, single stations; one that cannot be true is refused.
     """
-    if trust_file and not check:
-        raise InputError("--trust-file overrules a check of --check; give that too, or leave it out")
+    if ignore and not check:
+        raise InputError("--ignore needs --check")
     output.claim({"the target": target}, {"the source": source, "--map": map_})
     with output.busy(f"converting {source.name}"):
         done = convert_file(
@@ -77,14 +77,15 @@ def convert(
             depth_unit=depth_unit,
             channels=map_,
             check=check,
-            trusted=trust_file,
+            ignored=ignore,
         )
     _show(done, target, json)
 
 
 def _show(done: Conversion, target: Path, json: bool) -> None:
     """What was written, what the reader found and what the target does not hold."""
-    output.warnings([*done.warnings, *done.survey.notes])
+    output.findings(done.findings)
+    output.warnings(done.survey.notes)
     if json:
         output.print_json(
             {
@@ -93,7 +94,7 @@ def _show(done: Conversion, target: Path, json: bool) -> None:
                 "to": done.target,
                 "lost": done.lost,
                 "notes": done.survey.notes,
-                "warnings": done.warnings,
+                "findings": [one.plain() for one in done.findings],
                 "output": target,
             }
         )

@@ -82,11 +82,7 @@ def _show_real(found: Demo) -> None:
     if found.xsens is not None:
         # the elements of T as imu_tk prints them
         skew = found.xsens.misalignment * [-1.0, 1.0, -1.0]
-        ours = {
-            "bias": found.xsens.bias,
-            "counts per m/s2": 1.0 / found.xsens.scale,
-            "misalignment": skew,
-        }
+        ours = {"bias": found.xsens.bias, "counts per m/s2": 1.0 / found.xsens.scale, "misalignment": skew}
         # imu_tk's own result on this log (Tedaldi, Pretto, Menegatti 2014), from its released calibration file
         published = {
             "bias": (33124.2, 33275.2, 32364.4),

@@ -8,11 +8,8 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from cyclopts import Parameter
 
-from inclinometry.cli import output
-from inclinometry.cli.options import INPUT, Json, OutputOrNone, Report, angle
-from inclinometry.errors import InputError
+from inclinometry.cli import options, output
 from inclinometry.files.casing_csv import write_displacements
-from inclinometry.files.writing import write_text
 from inclinometry.survey.displacement import SPIKE_LIMIT, AxisDisplacement, CasingErrors, CheckSums
 from inclinometry.workflow.displacement import Movement, casing_movement
 
@@ -22,17 +19,19 @@ def displacement(
     later: Path,
     /,
     *more: Path,
-    unit: Annotated[Literal["digi-25000", "digi-20000", "sin", "deg", "mm"] | None, Parameter(group=INPUT)] = None,
+    unit: Annotated[
+        Literal["digi-25000", "digi-20000", "sin", "deg", "mm"] | None, Parameter(group=options.INPUT)
+    ] = None,
     fixed: Annotated[Literal["bottom", "top"], Parameter(name="--from")] = "bottom",
-    spike_limit: float = SPIKE_LIMIT,
-    step_sd_mm: float | None = None,
-    bias_shift_mm: float = 0.0,
-    sensitivity_percent: float = 0.0,
-    depth_sd_mm: float = 0.0,
-    rotation_deg: float = 0.0,
-    output_: OutputOrNone = None,
-    report: Report = None,
-    json: Json = False,
+    spike_limit: Annotated[float, options.quantity("", 0.0, 1e9, above=True)] = SPIKE_LIMIT,
+    step_sd: Annotated[float | None, options.quantity("mm", 0.0, 100.0)] = None,
+    bias_shift: Annotated[float, options.quantity("mm", 0.0, 100.0)] = 0.0,
+    sensitivity: Annotated[float, options.quantity("percent", 0.0, 20.0)] = 0.0,
+    depth_sd: Annotated[float, options.quantity("mm", 0.0, 10_000.0)] = 0.0,
+    rotation: options.Sd = 0.0,
+    output_: options.OutputOrNone = None,
+    report: options.Report = None,
+    json: options.Json = False,
 ) -> None:
     """How a casing moved since its base reading, with uncertainty.
 
@@ -50,16 +49,16 @@ def displacement(
         End of the casing that is taken not to move.
     spike_limit
         Robust standard deviations from the median beyond which a check-sum is a spike.
-    step_sd_mm
+    step_sd
         Standard uncertainty of the change of one step, mm; from the scatter of the check-sums when not given.
-    bias_shift_mm
+    bias_shift
         Standard uncertainty of a step by a bias that changed between the two runs of a reading, mm; the same at every
         step.
-    sensitivity_percent
+    sensitivity
         Standard uncertainty of the change of the probe's sensitivity since the base reading.
-    depth_sd_mm
+    depth_sd
         Standard uncertainty of a shift of all depths since the base reading, mm.
-    rotation_deg
+    rotation
         Standard uncertainty of a rotation of the probe's axes since the base reading.
     output_
         CSV of all readings.
@@ -67,41 +66,18 @@ def displacement(
     inputs: dict[str, Path | None] = {"the base reading": base}
     inputs |= {f"reading {n}": path for n, path in enumerate((later, *more), 1)}
     output.claim({"--output": output_, "--report": report}, inputs)
-    if not spike_limit > 0.0:
-        raise InputError(f"--spike-limit is {spike_limit:g}; it must be positive, e.g. {SPIKE_LIMIT:g}")
-    errors = CasingErrors(
-        None if step_sd_mm is None else _part(step_sd_mm, "--step-sd-mm", 100.0) / 1000.0,
-        _part(bias_shift_mm, "--bias-shift-mm", 100.0) / 1000.0,
-        _part(sensitivity_percent, "--sensitivity-percent", 20.0) / 100.0,
-        _part(depth_sd_mm, "--depth-sd-mm", 10_000.0) / 1000.0,
-        angle(rotation_deg, "--rotation-deg", 0.0, 30.0),
-    )
+    errors = CasingErrors(step_sd, bias_shift, sensitivity, depth_sd, rotation)
     moved = casing_movement(base, (later, *more), unit, errors, fixed=fixed, spike_limit=spike_limit)
-    page = None
-    if report is not None:
-        from inclinometry.report.displacement import displacement_report
-
-        page = displacement_report(
-            moved.base.table.path.stem, moved.base_sums, moved.found, moved.notes, moved.warnings, moved.inputs
-        )
-    if output_ is not None:
-        write_displacements(output_, list(moved.found.items()))
-    if page is not None:
-        write_text(page, report or "")
-    output.warnings(moved.warnings)
+    told = moved.base_sums, moved.found, moved.findings, moved.inputs
+    with output.reported(report, "displacement:displacement_report", moved.base.table.path.stem, *told):
+        if output_ is not None:
+            write_displacements(output_, list(moved.found.items()))
+    output.findings(moved.findings)
     if json:
         output.print_json(_content(moved))
         return
     _show(moved)
-    for name, path in (("displacements", output_), ("report", report)):
-        if path is not None:
-            output.say(f"{name} written to {path}")
-
-
-def _part(value: float, option: str, high: float) -> float:
-    if not 0.0 <= value <= high:
-        raise InputError(f"{option} is {value:g}; allowed 0 to {high:g}")
-    return value
+    output.written(output_, report, what="displacements")
 
 
 def _show(moved: Movement) -> None:
@@ -121,8 +97,6 @@ def _show(moved: Movement) -> None:
     end = "top" if next(iter(moved.found.values())).fixed == "bottom" else "bottom"
     header = ["reading", "axis", f"{end} mm", "U mm", "largest mm", "U mm", "at m"]
     output.table("displacement since the base reading", header, rows, "U: expanded uncertainty, k = 2")
-    for sentence in moved.notes:
-        output.say(sentence)
 
 
 def _sums_row(name: str, axis: str, sums: CheckSums | None, step: float) -> list[str]:
@@ -149,8 +123,7 @@ def _content(moved: Movement) -> dict[str, Any]:
             }
             for name, found in moved.found.items()
         },
-        "notes": moved.notes,
-        "warnings": moved.warnings,
+        "findings": [one.plain() for one in moved.findings],
         "inputs": moved.inputs,
     }
 

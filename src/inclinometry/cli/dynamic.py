@@ -3,23 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Final
+from typing import Annotated
 
 import numpy as np
 from cyclopts import Parameter
 
-from inclinometry.calibration.result import rounded
 from inclinometry.cli import options, output
-from inclinometry.cli.options import (
-    Convention,
-    Input,
-    InputOrNone,
-    Json,
-    Output,
-    Report,
-    SwitchAngle,
-    angle,
-)
 from inclinometry.constants import RPM, STRING_INTERFERENCE
 from inclinometry.conventions import Axes, axes_matrix
 from inclinometry.digest import digest_file
@@ -29,48 +18,37 @@ from inclinometry.files.allan_json import read_allan
 from inclinometry.files.run_file import checked_ending, open_run
 from inclinometry.files.site_toml import read_site
 from inclinometry.files.tool_json import read_calibration
-from inclinometry.files.writing import write_text
 from inclinometry.motion.average import AttitudeMeans, average_windows
 from inclinometry.motion.magnetic.phase import LAG_SIGMA
 from inclinometry.motion.result import FLAGS, METHODS, DynamicRun
 from inclinometry.orientation import SWITCH
-from inclinometry.workflow.dynamic import (
-    DEFAULT_WINDOW,
-    DELAY_SIGMA,
-    SCALE_SIGMA,
-    DynamicOptions,
-    dynamic_run,
-    write_dynamic,
-)
-from inclinometry.workflow.dynamic_methods import MethodName
-
-SWITCH_DEG: Final = float(np.degrees(SWITCH))
+from inclinometry.workflow.dynamic import dynamic_run, write_dynamic
+from inclinometry.workflow.dynamic_methods import DEFAULT_WINDOW, DELAY_SIGMA, SCALE_SIGMA, DynamicOptions, MethodName
 
 
 def dynamic(
     run: Path,
     /,
     *,
-    site: Input,
-    output_: Output,
-    calibration: InputOrNone = None,
+    site: options.Input,
+    output_: options.Output,
+    calibration: options.InputOrNone = None,
     method: MethodName = "auto",
-    window_s: float = DEFAULT_WINDOW,
-    interval_s: float | None = None,
-    delay_sd_ms: float = 1e3 * DELAY_SIGMA,
-    lag_ms: float = 0.0,
-    lag_sd_ms: float = 1e3 * LAG_SIGMA,
-    axial_sd_nt: float = STRING_INTERFERENCE,
-    scale_sd_percent: float = 1e2 * SCALE_SIGMA,
-    gyro_noise_deg_sqrt_h: float | None = None,
-    gyro_bias_sd_deg_h: float | None = None,
-    allan: InputOrNone = None,
-    convention: Convention = None,
+    window: Annotated[float, options.quantity("s")] = DEFAULT_WINDOW,
+    delay_sd: Annotated[float, options.quantity("ms")] = DELAY_SIGMA,
+    lag: Annotated[float, options.quantity("ms")] = 0.0,
+    lag_sd: Annotated[float, options.quantity("ms")] = LAG_SIGMA,
+    axial_sd: Annotated[float, options.quantity("nt")] = STRING_INTERFERENCE,
+    scale_sd: Annotated[float, options.quantity("percent")] = SCALE_SIGMA,
+    gyro_noise: Annotated[float | None, options.quantity("deg_sqrt_h", 1e-4, 1000.0)] = None,
+    gyro_bias_sd: Annotated[float | None, options.quantity("deg_h", 0.0, 36000.0)] = None,
+    allan: options.InputOrNone = None,
+    convention: options.Convention = None,
     axes: Annotated[str | None, Parameter(group=options.INPUT)] = None,
     mag_axes: Annotated[str | None, Parameter(group=options.INPUT)] = None,
-    switch_deg: SwitchAngle = SWITCH_DEG,
-    report: Report = None,
-    json: Json = False,
+    switch: options.SwitchAngle = SWITCH,
+    report: options.Report = None,
+    json: options.Json = False,
 ) -> None:
     """Attitude while the tool turns and shakes.
 
@@ -78,7 +56,6 @@ def dynamic(
     ----------
     run
         Parquet or CSV: time_s, accel_x to z, mag_x to z, gyro_x to z, temperature_degC; any triad may be absent.
-        /dev/stdin takes CSV from a pipe.
     site
         site.toml; its north_reference is what azimuths are counted from, its field and gravity are references.
     output_
@@ -90,29 +67,27 @@ def dynamic(
         magnetometer of gravity and Earth rate, of a tool at rest; quaternion: the same as Wahba's problem (Davenport's
         q), both vectors weighted. magnetic: gravity turned back by the magnetic phase. gyro: gyros and gravity alone.
         filter: 15 states, all three triads. robust: robust adaptive filter over magnetic windows. smoother: backward
-        pass. complementary: any motion about any axis, such as a tool carried by hand.
-    window_s
+        pass.
+    window
         Length of a window.
-    interval_s
-        For complementary: time between rows, down to that between samples; --window-s when not given.
-    delay_sd_ms
+    delay_sd
         Standard deviation of the time by which magnetometer, accelerometers and gyro are out of step, ms. A changing
         speed of rotation shows a delay; at an even speed this turns azimuth by the angle turned in that time.
-    lag_ms
+    lag
         Time constant of the eddy currents in the collar, ms: the transverse field is late by the angle whose tangent is
         that times the speed of rotation, and azimuth and toolface are off by as much.
-    lag_sd_ms
+    lag_sd
         Its standard deviation, ms; with --lag-ms 0 the size of what there is. A changing speed of rotation shows it.
-    axial_sd_nt
+    axial_sd
         Standard deviation of the field that the drill string adds along the tool, nT; that of the calibration comes
         to it. Nothing in a window shows it: state less where non-magnetic collars are known to suffice.
-    scale_sd_percent
+    scale_sd
         Without --calibration: standard deviation of each scale error and coupling of the magnetometer, percent; a third
         of it is taken for the accelerometers.
-    gyro_noise_deg_sqrt_h
+    gyro_noise
         Angle random walk of the gyro, deg/sqrt(h); stands above --allan. Without either a usual value is taken, and
         said.
-    gyro_bias_sd_deg_h
+    gyro_bias_sd
         Standard deviation of the gyro's bias, deg/h; stands above that of --calibration. Without either a usual value
         is taken, and said.
     allan
@@ -129,45 +104,29 @@ def dynamic(
     )
     wishes = DynamicOptions(
         method,
-        window_s,
-        delay_sigma=1e-3 * delay_sd_ms,
-        scale_sigma=1e-2 * scale_sd_percent,
-        axial_sigma=axial_sd_nt,
-        lag=1e-3 * lag_ms,
-        lag_sigma=1e-3 * lag_sd_ms,
-        gyro_noise=_rate(gyro_noise_deg_sqrt_h, "--gyro-noise-deg-sqrt-h", 1e-4, 1000.0, 60.0),
-        gyro_bias_sigma=_rate(gyro_bias_sd_deg_h, "--gyro-bias-sd-deg-h", 0.0, 36000.0, 3600.0),
+        window,
+        delay_sigma=delay_sd,
+        scale_sigma=scale_sd,
+        axial_sigma=axial_sd,
+        lag=lag,
+        lag_sigma=lag_sd,
+        gyro_noise=gyro_noise,
+        gyro_bias_sigma=gyro_bias_sd,
         allan=None if allan is None else read_allan(allan),
         convention=convention,
         axes=_axes(axes, "--axes"),
         mag_axes=_axes(mag_axes, "--mag-axes"),
-        switch=angle(switch_deg, "--switch-deg", 0.0, 90.0),
-        interval=interval_s,
+        switch=switch,
     )
     checked_ending(output_)
     found = _reduced(run, site, calibration, wishes)
-    page = None
-    if report is not None:
-        from inclinometry.report.dynamic import dynamic_report
-
-        with output.busy("drawing"):
-            page = dynamic_report(found)
-    write_dynamic(found, output_)
-    if page is not None:
-        write_text(page, report or "")
+    with output.reported(report, "dynamic:dynamic_report", found):
+        write_dynamic(found, output_)
     if json:
         output.print_json(summary(found, output_))
         return
     show_dynamic(found)
-    written = f"{output.counted(len(found.rows), 'window')} written to {output_}"
-    output.say(written + (f", report to {report}" if report else ""))
-
-
-def _rate(value: float | None, option: str, low: float, high: float, per_hour: float) -> float | None:
-    """An option in degrees and hours, in rad and s."""
-    if value is not None and not low <= value <= high:
-        raise InputError(f"{option} is {value:g}; allowed {low:g} to {high:g}")
-    return None if value is None else float(np.radians(value)) / per_hour
+    output.written(output_, report, what=output.counted(len(found.rows), "window"))
 
 
 def _axes(text: str | None, option: str) -> Axes | None:
@@ -182,7 +141,7 @@ def _axes(text: str | None, option: str) -> Axes | None:
     return found  # type: ignore[return-value]
 
 
-def _reduced(run: Path, site: Path, calibration: Path | None, options: DynamicOptions) -> DynamicRun:
+def _reduced(run: Path, site: Path, calibration: Path | None, wishes: DynamicOptions) -> DynamicRun:
     """The run, read and reduced."""
     place = read_site(site)
     tool = None if calibration is None else read_calibration(calibration)
@@ -190,7 +149,7 @@ def _reduced(run: Path, site: Path, calibration: Path | None, options: DynamicOp
     if calibration is not None:
         digests["tool"] = digest_file(calibration)
     with output.reading(run) as progress:
-        return dynamic_run(open_run(run, progress=progress), place, tool, options, inputs=digests)
+        return dynamic_run(open_run(run, progress=progress), place, tool, wishes, inputs=digests)
 
 
 def summary(found: DynamicRun, path: Path) -> dict[str, object]:
@@ -215,6 +174,7 @@ def summary(found: DynamicRun, path: Path) -> dict[str, object]:
         ],
         "inputs": dict(found.inputs),
         "notes": list(found.notes),
+        "findings": [one.plain() for one in found.findings],
         "output": path,
     }
 
@@ -222,7 +182,7 @@ def summary(found: DynamicRun, path: Path) -> dict[str, object]:
 def show_dynamic(found: DynamicRun, most: int = 12) -> None:
     """A few windows spread over the run and what is to be said of it, on the terminal."""
     rows = found.rows
-    body = [_cells(found, int(k)) for k in np.unique(np.linspace(0, len(rows) - 1, min(most, len(rows))).astype(int))]
+    body = [_cells(found, k) for k in output.spread(len(rows), most)]
     norths = "/".join(dict.fromkeys(REFERENCES[n] for n in rows.north)) or found.north
     toolface = "toolface (M: magnetic)" if rows.steep(found.switch).any() else "toolface"
     header = ["time s", "inclination", f"azimuth ({norths})", toolface, "rpm", "method", "flags"]
@@ -236,10 +196,13 @@ def show_dynamic(found: DynamicRun, most: int = 12) -> None:
         output.table(f"means while the hole keeps its direction{shown}, deg with standard uncertainty", header, body)
     refused = int(rows.refused.sum())
     if refused:
-        reasons = ", ".join(f"{name} {n}" for name, n in _reasons(found).items())
-        output.say(f"{output.counted(refused, 'window')} refused: {reasons}")
+        # the most frequent first
+        counts = {name: int((rows.flags[rows.refused] >> k & 1).sum()) for k, name in enumerate(FLAGS)}
+        reasons = [f"{name} {n}" for name, n in sorted(counts.items(), key=lambda pair: -pair[1]) if n]
+        output.say(f"{output.counted(refused, 'window')} refused: {', '.join(reasons)}")
     for note in found.notes:
         output.say(f"note: {note}")
+    output.findings(found.findings)
 
 
 def _mean_cells(means: AttitudeMeans, k: int) -> list[str]:
@@ -247,8 +210,7 @@ def _mean_cells(means: AttitudeMeans, k: int) -> list[str]:
     cells = [f"{means.start[k]:.2f}", f"{means.stop[k]:.2f}", str(means.windows[k])]
     for name in ("inclination", "azimuth"):
         value, u, common = (getattr(means, prefix + name)[k] for prefix in ("", "u_", "u_common_"))
-        known = np.isfinite(value)
-        cells += [rounded(np.degrees(value), np.degrees(u)), f"{np.degrees(common):.2g}"] if known else ["-", "-"]
+        cells += [output.degrees(value, u), f"{np.degrees(common):.2g}" if np.isfinite(value) else "-"]
     return cells
 
 
@@ -257,17 +219,9 @@ def _cells(found: DynamicRun, k: int) -> list[str]:
     rows = found.rows
     steep = bool(rows.steep(found.switch)[k])
     columns = ("inclination", "azimuth", "magnetic_toolface" if steep else "toolface")
-    pairs = [(getattr(rows, name)[k], getattr(rows, f"u_{name}")[k]) for name in columns]
-    shown = [rounded(np.degrees(a), np.degrees(u)) if np.isfinite(a) else "-" for a, u in pairs]
+    shown = [output.degrees(getattr(rows, name)[k], getattr(rows, f"u_{name}")[k]) for name in columns]
     shown[2] += " M" if steep and shown[2] != "-" else ""
     speed = f"{rows.rate[k] * RPM:.1f}" if np.isfinite(rows.rate[k]) else "-"
     names = rows.names(k)
     flags = ", ".join(names[:2]) + (f" +{len(names) - 2}" if len(names) > 2 else "")
     return [f"{rows.time[k]:.2f}", *shown, speed, METHODS[rows.method[k]], flags]
-
-
-def _reasons(found: DynamicRun) -> dict[str, int]:
-    """Flags of the refused windows, the most frequent first."""
-    bad = found.rows.refused
-    counts = {name: int((found.rows.flags[bad] >> k & 1).sum()) for k, name in enumerate(FLAGS)}
-    return dict(sorted(((name, n) for name, n in counts.items() if n), key=lambda pair: -pair[1]))

@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 
 def field(
     *,
-    latitude_deg: Annotated[float, Parameter(group=options.INPUT)],
-    longitude_deg: Annotated[float, Parameter(group=options.INPUT)],
-    height_m: Annotated[float, Parameter(group=options.INPUT)],
+    latitude: Annotated[options.Latitude, Parameter(group=options.INPUT)],
+    longitude: Annotated[float, options.quantity("deg", -180.0, 360.0, group=options.INPUT)],
+    height: Annotated[float, options.quantity("m", -12e3, 20e3, group=options.INPUT)],
     date: Annotated[str, Parameter(group=options.INPUT)],
     model: Literal["wmm2025", "igrf14"] | None = None,
     crs: Annotated[str | None, Parameter(group=options.INPUT)] = None,
@@ -31,11 +31,11 @@ def field(
 
     Parameters
     ----------
-    latitude_deg
+    latitude
         Geodetic, north positive.
-    longitude_deg
+    longitude
         East positive.
-    height_m
+    height
         Above the ellipsoid.
     date
         2026-05-01, or a decimal year.
@@ -47,16 +47,8 @@ def field(
     from inclinometry.earth.magnetic import MODELS
     from inclinometry.workflow.field import field_at
 
-    if not -12e3 <= height_m <= 20e3:
-        raise InputError(f"--height-m is {height_m:g} m; allowed -12000 to 20000 m (1 foot is 0.3048 m)")
-    site, field, scale, notes = field_at(
-        options.angle(latitude_deg, "--latitude-deg", -90.0, 90.0),
-        options.angle(longitude_deg, "--longitude-deg", -180.0, 360.0),
-        height_m,
-        _date(date),
-        None if model is None else MODELS[model],
-        crs,
-    )
+    chosen = None if model is None else MODELS[model]
+    site, field, scale, notes = field_at(latitude, longitude, height, _date(date), chosen, crs)
     output.warnings(notes)
     if json:
         shown = {n: {"value": v, "u": u, "unit": unit} for n, v, u, unit, _, _ in _quantities(site, field, scale)}

@@ -9,76 +9,76 @@ import numpy as np
 from cyclopts import Parameter
 
 from inclinometry.calibration.result import rounded
-from inclinometry.cli import output
-from inclinometry.cli.options import (
-    AlsoWritten,
-    Flag,
-    GravitySd,
-    GyroSite,
-    Input,
-    InputOrNone,
-    Json,
-    Output,
-    Report,
-    Scheme,
-    angle,
-    gravity_sd,
-)
-from inclinometry.constants import DEG_PER_HOUR
+from inclinometry.cli import options, output
+from inclinometry.constants import ANGLES
 from inclinometry.digest import digest_file
 from inclinometry.earth.site import Site
-from inclinometry.errors import InputError
 from inclinometry.files.errors_json import RunErrors, write_errors
 from inclinometry.files.gyro_csv import read_gyro_run
 from inclinometry.files.scale_json import read_scale, write_scale
 from inclinometry.files.site_toml import read_site
 from inclinometry.files.tool_json import read_calibration
-from inclinometry.files.writing import write_text
+from inclinometry.gyro.indexing import IndexTurns
 from inclinometry.workflow.gyro import GyroOptions, GyroRun, north_run, write_run
 
 Method = Literal["joint", "patent", "fixed"]
 Prior = Literal["calibration", "previous", "both", "run"]
 GyroSd: TypeAlias = Annotated[
     float | None,
-    Parameter(help="Noise of one gyro reading, deg/h; estimated from the scatter when not given."),
+    options.quantity(
+        "deg_h",
+        0.0,
+        1000.0,
+        above=True,
+        help="Noise of one gyro reading, deg/h; estimated from the scatter when not given.",
+    ),
 ]
+ScaleSd: TypeAlias = Annotated[float, options.quantity("percent", 0.0, 50.0, above=True)]
 Hole: TypeAlias = Annotated[
     Literal["down", "up"] | None,
     Parameter(
         help="Whether the tool points down or up, for tools that cannot tell. When not given, a gyro along the tool "
-        "decides; failing that down is taken and flagged."
+        "decides; failing that down is assumed and flagged."
     ),
 ]
-History: TypeAlias = Annotated[InputOrNone, Parameter(help="scale.json of an earlier run of this tool.")]
+Turns: TypeAlias = Annotated[
+    IndexTurns,
+    Parameter(
+        help="Which way index_deg counts, looking down hole. One gyro and one accelerometer do not show it: counted "
+        "the other way, azimuths come out mirrored."
+    ),
+]
+History: TypeAlias = Annotated[options.InputOrNone, Parameter(help="scale.json of an earlier run of this tool.")]
 
 
 def north(
     raw: Path,
     /,
     *,
-    site: Input,
-    output_: Output,
-    calibration: InputOrNone = None,
-    scheme: Scheme = "four",
+    site: options.Input,
+    output_: options.Output,
+    calibration: options.InputOrNone = None,
+    scheme: options.Scheme = "four",
     scale: Method = "joint",
     prior: Prior | None = None,
     history: History = None,
-    scale_sd_percent: float = 0.3,
-    gyro_sd_deg_h: GyroSd = None,
-    accel_sd_m_s2: float | None = None,
-    z_bias_sd_deg_h: float | None = None,
-    sweep_deg: float = 0.0,
+    scale_sd: ScaleSd = 0.003,
+    gyro_sd: GyroSd = None,
+    accel_sd: Annotated[float | None, options.quantity("m_s2", 0.0, 1.0, above=True)] = None,
+    z_bias_sd: Annotated[float | None, options.quantity("deg_h", 0.0, 1000.0, above=True)] = None,
+    sweep: Annotated[float, options.quantity("deg", 0.0, 180.0)] = 0.0,
+    index_turns: Turns = "clockwise",
     hole: Hole = None,
-    gravity_sd_percent: Annotated[
-        GravitySd,
+    gravity_sd: Annotated[
+        options.GravitySd,
         Parameter(
             help="Of tools without an accelerometer along the hole: standard uncertainty of |g| here against that in "
             "whose units the others read; that of what site and calibration state when not given."
         ),
     ] = None,
-    report: Report = None,
-    errors: AlsoWritten = None,
-    json: Json = False,
+    report: options.Report = None,
+    errors: options.AlsoWritten = None,
+    json: options.Json = False,
 ) -> None:
     """Find north at the stations of a gyro run.
 
@@ -97,17 +97,16 @@ def north(
         joint (azimuth and scale factor together), patent (the closed form of the Chinese patent application of 2015 for
         a fibre-optic gyro in four positions), fixed (scale taken as 1).
     prior
-        What the joint estimate expects of the scale: calibration, previous station, both, or run (all other stations).
-        When not given run, or both where a run is too long for that. Without temperatures the scale wanders from
-        station to station.
-    scale_sd_percent
-        Standard uncertainty of the scale factor at the reference temperature; of its history before the first station
-        with patent.
-    accel_sd_m_s2
+        What the joint estimate expects of the scale: calibration alone, previous (stations before), both (stations
+        before and temperature), or run (all other stations and temperature). When not given run, or both where a run is
+        too long for that. How fast the scale walks is found from the run.
+    scale_sd
+        Standard uncertainty of the scale factor at the first station.
+    accel_sd
         Noise of one accelerometer reading; that of the calibration when not given.
-    z_bias_sd_deg_h
+    z_bias_sd
         Standard uncertainty of the bias of a gyro along the tool.
-    sweep_deg
+    sweep
         Angle turned while one reading is averaged (carousel).
     errors
         Write errors.json, what may be wrong with the stations and what they share: give it to position --errors.
@@ -116,70 +115,54 @@ def north(
         {"--output": output_, "--report": report, "--errors": errors},
         {"the readings": raw, "--site": site, "--calibration": calibration, "--history": history},
     )
-    options = GyroOptions(
+    wishes = GyroOptions(
         scheme=scheme,
         method=scale,
         prior=prior,
-        scale_sd=_percent(scale_sd_percent, "--scale-sd-percent"),
+        scale_sd=scale_sd,
         history=None if history is None else read_scale(history),
-        gyro_sd=_rate(gyro_sd_deg_h, "--gyro-sd-deg-h"),
-        accelerometer_sd=_positive(accel_sd_m_s2, "--accel-sd-m-s2", 1.0, "m/s2"),
-        z_bias_sd=_rate(z_bias_sd_deg_h, "--z-bias-sd-deg-h"),
-        sweep=angle(sweep_deg, "--sweep-deg", 0.0, 180.0),
+        gyro_sd=gyro_sd,
+        accelerometer_sd=accel_sd,
+        z_bias_sd=z_bias_sd,
+        sweep=sweep,
         hole=hole,
-        gravity_sd=gravity_sd(gravity_sd_percent),
+        gravity_sd=gravity_sd,
     )
     place = read_site(site)
-    found = _run(raw, site, place, calibration, options)
-    page = None if report is None else _page(found, place)
-    if errors is not None:
-        survey = found.survey
-        own = survey.md, survey.inclination, survey.azimuth, survey.azimuth_reference
-        write_errors(RunErrors(*own, survey.errors, found.tool, found.inputs), errors)
-    write_run(found, output_)
-    if page is not None:
-        write_text(page, report or "")
-    output.notes(found.survey.notes)
-    output.warnings(found.survey.warnings)
+    found = _run(raw, site, place, calibration, wishes, index_turns)
+    survey = found.survey
+    beside = {name: getattr(found, name) for name in ("md", "temperature", "track", "others", "checks")}
+    with output.reported(report, "gyro:gyro_report", survey, found.north, **beside, site=place):
+        if errors is not None:
+            own = survey.md, survey.inclination, survey.azimuth, survey.azimuth_reference
+            write_errors(RunErrors(*own, survey.errors, found.tool, found.inputs), errors)
+        write_run(found, output_)
+    output.notes(survey.notes)
+    output.findings(survey.findings)
+    output.warnings(survey.warnings)
     if json:
         output.print_json(_summary(found, output_))
         return
     show_run(found)
-    written = f"{output.counted(len(found), 'station')} written to {output_}"
-    output.say(written + (f", report to {report}" if report else ""))
-
-
-def _page(found: GyroRun, site: Site) -> str:
-    """The report of a run."""
-    from inclinometry.report.gyro import gyro_report
-
-    return gyro_report(
-        found.survey,
-        found.north,
-        md=found.md,
-        temperature=found.temperature,
-        track=found.track,
-        others=found.others,
-        checks=found.checks,
-        site=site,
-    )
+    output.written(output_, report, what=output.counted(len(found), "station"))
 
 
 def scale(
     run: Path,
     /,
     *,
-    site: GyroSite,
-    output_: Output,
-    calibration: InputOrNone = None,
-    scheme: Scheme = "four",
-    online: Flag = False,
+    site: options.GyroSite,
+    output_: options.Output,
+    calibration: options.InputOrNone = None,
+    scheme: options.Scheme = "four",
+    online: options.Flag = False,
     history: History = None,
-    scale_sd_percent: float = 0.3,
-    gyro_sd_deg_h: GyroSd = None,
+    scale_sd: ScaleSd = 0.003,
+    gyro_sd: GyroSd = None,
+    index_turns: Turns = "clockwise",
     hole: Hole = None,
-    report: Report = None,
-    json: Json = False,
+    report: options.Report = None,
+    json: options.Json = False,
 ) -> None:
     """Follow the scale factor over the temperatures of a run, for the record and for the next run.
 
@@ -193,38 +176,38 @@ def scale(
         tool.json
     online
         Learn from earlier stations only, as during the run; otherwise from the whole run.
-    scale_sd_percent
-        Standard uncertainty of the scale factor at the reference temperature.
+    scale_sd
+        Standard uncertainty of the scale factor at the first station.
     """
     output.claim(
         {"--output": output_, "--report": report},
         {"the readings": run, "--site": site, "--calibration": calibration, "--history": history},
     )
-    options = GyroOptions(
+    wishes = GyroOptions(
         scheme=scheme,
         prior="both" if online else "run",
-        scale_sd=_percent(scale_sd_percent, "--scale-sd-percent"),
+        scale_sd=scale_sd,
         history=None if history is None else read_scale(history),
-        gyro_sd=_rate(gyro_sd_deg_h, "--gyro-sd-deg-h"),
+        gyro_sd=gyro_sd,
         hole=hole,
     )
-    found = _run(run, site, read_site(site), calibration, options)
+    found = _run(run, site, read_site(site), calibration, wishes, index_turns)
     record = found.record()
-    page = None
-    if report is not None and found.track is not None:
-        from inclinometry.report.gyro import scale_report
+    from inclinometry.report.language import said
 
-        page = scale_report(found.track, md=found.md, tool=found.tool, notes=found.survey.warnings)
-    write_scale(record, output_)
-    if page is not None:
-        write_text(page, report or "")
+    notes = [*said(found.survey.findings), *found.survey.warnings]
+    beside = {"md": found.md, "tool": found.tool, "notes": notes}
+    with output.reported(report, "gyro:scale_report", found.track, **beside):
+        write_scale(record, output_)
     output.notes(found.survey.notes)
+    output.findings(found.survey.findings)
     output.warnings(found.survey.warnings)
     if json:
         known = record.belief
         output.print_json(
             {
                 "stations": len(found),
+                "index_turns": found.index_turns,
                 "coefficients": known.coefficients,
                 "u_coefficients": np.sqrt(np.diag(known.covariance)),
                 "reference_temperature_degC": known.reference_temperature,
@@ -238,30 +221,17 @@ def scale(
     output.say(f"scale factor of {output.counted(len(found), 'station')} written to {output_}")
 
 
-def _run(raw: Path, site: Path, place: Site, calibration: Path | None, options: GyroOptions) -> GyroRun:
+def _run(
+    raw: Path, site: Path, place: Site, calibration: Path | None, wishes: GyroOptions, turns: IndexTurns
+) -> GyroRun:
     with output.reading(raw) as progress:
-        data = read_gyro_run(raw, progress=progress)
+        data = read_gyro_run(raw, index_turns=turns, progress=progress)
     tool = None if calibration is None else read_calibration(calibration)
     digests = {"site": digest_file(site)}
     if calibration is not None:
         digests["tool"] = digest_file(calibration)
     with output.busy(f"finding north at {output.counted(len(data), 'station')}"):
-        return north_run(data, place, tool, options, inputs=digests)
-
-
-def _percent(value: float, option: str) -> float:
-    return 0.01 * float(_positive(value, option, 50.0, "percent") or 0.0)
-
-
-def _rate(value: float | None, option: str) -> float | None:
-    found = _positive(value, option, 1000.0, "deg/h")
-    return None if found is None else found * DEG_PER_HOUR
-
-
-def _positive(value: float | None, option: str, high: float, unit: str) -> float | None:
-    if value is not None and not 0.0 < value <= high:
-        raise InputError(f"{option} is {value:g} {unit}; allowed: more than 0, up to {high:g} {unit}")
-    return value
+        return north_run(data, place, tool, wishes, inputs=digests)
 
 
 def _summary(found: GyroRun, path: Path) -> dict[str, object]:
@@ -269,10 +239,12 @@ def _summary(found: GyroRun, path: Path) -> dict[str, object]:
         "stations": len(found),
         "method": found.north.method,
         "azimuth_reference": found.survey.azimuth_reference,
+        "index_turns": found.index_turns,
         "flagged": sum(bool(row) for row in found.survey.flags),
         "checks": [
-            {"name": c.name, "verdict": c.verdict, "reason": c.reason, "action": c.action} for c in found.checks
+            {"name": c.name, "verdict": c.verdict, "reason": str(c.reason), "action": c.action} for c in found.checks
         ],
+        "findings": [one.plain() for one in found.survey.findings],
         "notes": found.survey.notes,
         "warnings": found.survey.warnings,
         "output": path,
@@ -283,14 +255,9 @@ def show_run(found: GyroRun, most: int = 12) -> None:
     """A few stations spread over the run, on the terminal."""
     survey, order = found.survey, np.argsort(found.md)
     rows = []
-    for row in np.unique(np.linspace(0, len(survey) - 1, min(most, len(survey))).astype(int)):
+    for row in output.spread(len(survey), most):
         at = int(order[row])
-        angles = (survey.inclination, survey.azimuth, survey.toolface)
-        u = (survey.u_inclination, survey.u_azimuth, survey.u_toolface)
-        cells = [
-            rounded(np.degrees(a[row]), np.degrees(w[row])) if np.isfinite(a[row]) else "-"
-            for a, w in zip(angles, u, strict=True)
-        ]
+        cells = [output.degrees(getattr(survey, name)[row], survey.u(name)[row]) for name in ANGLES]
         scale = found.north.scale[at]
         cells.append(rounded(scale, found.north.u_scale[at]) if np.isfinite(scale) else "-")
         rows.append([f"{survey.md[row]:.1f}", *cells, ", ".join(survey.flags[row])])
@@ -306,7 +273,7 @@ def show_scale(found: GyroRun) -> None:
     if found.track is None:
         return
     known = found.track.belief
-    names = ("scale at {:g} degC", "slope per 100 degC", "bend per (100 degC)2")
+    names = ("scale at {:.4g} degC", "slope per 100 degC", "bend per (100 degC)2")
     rows = [
         [name.format(known.reference_temperature), rounded(value, sd)]
         for name, value, sd in zip(names, known.coefficients, np.sqrt(np.diag(known.covariance)), strict=False)

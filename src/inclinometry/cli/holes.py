@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 
 from inclinometry.cli import output
-from inclinometry.cli.options import Flag, InputOrNone, Json, OutputOrNone, angle
-from inclinometry.errors import InputError
+from inclinometry.cli.options import Flag, InputOrNone, Json, OutputOrNone, quantity
 from inclinometry.files.holes_csv import write_positions
 from inclinometry.survey.path import dogleg_severity_deg
 from inclinometry.workflow.holes import Holes, positions_every, read_holes
@@ -21,8 +20,8 @@ def holes(
     *,
     collars: InputOrNone = None,
     dip_down: Literal["positive", "negative"] | None = None,
-    azimuth_add_deg: float = 0.0,
-    every_m: float | None = None,
+    azimuth_add: Annotated[float, quantity("deg", -180.0, 180.0)] = 0.0,
+    every: Annotated[float | None, quantity("m", 0.01, 10_000.0)] = None,
     skip_faulty: Flag = False,
     output_: OutputOrNone = None,
     json: Json = False,
@@ -38,9 +37,9 @@ def holes(
         Table of hole, x_m (east), y_m (north), z_m (elevation) and perhaps end_depth_m.
     dip_down
         Sign of a dip downwards; in most mines negative.
-    azimuth_add_deg
+    azimuth_add
         Added to every azimuth: grid less magnetic north, declination less convergence, where azimuths are magnetic.
-    every_m
+    every
         Write points at every so many metres too, m.
     skip_faulty
         Leave faulty holes out instead of refusing the table; the exit status is then 1.
@@ -48,33 +47,28 @@ def holes(
         CSV of all holes.
     """
     output.claim({"--output": output_}, {"the surveys": surveys, "--collars": collars})
-    if every_m is not None and not 0.01 <= every_m <= 10_000.0:
-        raise InputError(f"--every-m is {every_m:g}; allowed 0.01 to 10000 m")
-    add = angle(azimuth_add_deg, "--azimuth-add-deg", -180.0, 180.0)
     with output.reading(surveys) as progress:
         found = read_holes(
-            surveys, collars, dip_down=dip_down, azimuth_add=add, skip_faulty=skip_faulty, progress=progress
+            surveys, collars, dip_down=dip_down, azimuth_add=azimuth_add, skip_faulty=skip_faulty, progress=progress
         )
     if output_ is not None:
         paths = {
-            name: one.path if every_m is None else positions_every(one.path, every_m)
-            for name, one in found.found.items()
+            name: one.path if every is None else positions_every(one.path, every) for name, one in found.found.items()
         }
         write_positions(output_, [(name, path, found.collars[name]) for name, path in paths.items()])
-    output.warnings(found.warnings)
+    output.findings(found.findings)
     rows = _summary(found)
     if json:
-        content = {"holes": rows, "faulty": found.faults, "notes": found.notes, "warnings": found.warnings}
+        faults = {name: str(one) for name, one in found.faults.items()}
+        content = {"holes": rows, "faulty": faults, "findings": [one.plain() for one in found.findings]}
         output.print_json({**content, "inputs": found.inputs, "output": output_})
         return 1 if found.faults else 0
     header = ["hole", "shots", "end m", "east m", "north m", "elevation m", "largest dogleg deg/30 m", "at m"]
     cells = [[str(v) if not isinstance(v, float) else f"{v:.2f}" for v in row.values()] for row in rows[:40]]
     title = f"ends of the holes{output.excerpt(len(cells), len(rows))}"
     output.table(title, header, cells)
-    for sentence in found.notes:
-        output.say(sentence)
     if output_ is not None:
-        output.say(f"{output.counted(len(rows), 'hole')} written to {output_}")
+        output.written(output_, what=output.counted(len(rows), "hole"))
     return 1 if found.faults else 0
 
 

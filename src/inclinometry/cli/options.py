@@ -1,4 +1,4 @@
-"""Options that several commands share, declared once with their help, and the checks of values given in degrees.
+"""Options that several commands share, declared once with their help, and quantities that arrive in SI units.
 
 In `--help` of a command its options stand in the groups below; those that name none stand in the one that `app` gives
 the command (Method, Simulation, Options), between them and Output.
@@ -7,11 +7,11 @@ the command (Method, Simulation, Options), between them and Output.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from datetime import date
+from datetime import date, datetime
+from math import inf, pi
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeAlias, get_args
+from typing import Annotated, Any, Final, Literal, TypeAlias, get_args
 
-import numpy as np
 from cyclopts import Group, Parameter, Token, convert
 
 from inclinometry.errors import InputError
@@ -23,6 +23,46 @@ SENSORS = Group("Sensors", sort_key=4)
 OUTPUT = Group("Output", sort_key=9)
 
 Flag = Annotated[bool, Parameter(negative="", show_default=False)]
+
+_DEG: Final = pi / 180.0
+SI: Final = {
+    **{"deg": _DEG, "deg_h": _DEG / 3600.0, "deg_h_h": _DEG / 3600.0**2, "deg_sqrt_h": _DEG / 60.0},
+    **{"percent": 0.01, "mm": 1e-3, "ms": 1e-3, "mg": 9.80665e-3},
+}
+"""Unit at the end of an option's name -> what one of it is in SI; those that are not here are what is used inside."""
+
+
+def quantity(unit: str, low: float = -inf, high: float = inf, *, above: bool = False, **more: Any) -> Parameter:
+    """A number whose option ends in its unit: refused outside low..high (`above`: at `low` too), else given in SI."""
+    factor = SI.get(unit, 1.0)
+
+    def si(type_: Any, tokens: Sequence[Token]) -> float:
+        value = float(tokens[0].value)
+        if (high < inf and not (low < value if above else low <= value)) or not value <= high:
+            allowed = f"more than {low:g}, up to {high:g}" if above else f"{low:g} to {high:g}"
+            said = " degrees" if unit == "deg" else ""
+            raise InputError(f"{tokens[0].keyword} is {value:g}{said}; allowed {allowed}{said}")
+        return value * factor
+
+    return Parameter(
+        converter=si,
+        n_tokens=1,
+        name_transform=lambda name: f"{name}_{unit}".strip("_").replace("_", "-"),
+        show_default=lambda value: None if value is None else str(float(f"{value / factor:.12g}")),
+        **more,
+    )
+
+
+# what is given in degrees of the option arrives in rad; a rig or a stand worse than 30 deg is none
+Sd: TypeAlias = Annotated[float, quantity("deg", 0.0, 30.0)]
+SdOrNone: TypeAlias = Annotated[float | None, quantity("deg", 0.0, 30.0)]
+Azimuth: TypeAlias = Annotated[float, quantity("deg", -360.0, 360.0)]
+AzimuthOrNone: TypeAlias = Annotated[float | None, quantity("deg", -360.0, 360.0)]
+Inclination: TypeAlias = Annotated[float, quantity("deg", 0.0, 180.0)]
+InclinationOrNone: TypeAlias = Annotated[float | None, quantity("deg", 0.0, 180.0)]
+Dip: TypeAlias = Annotated[float, quantity("deg", -90.0, 90.0)]
+Latitude: TypeAlias = Annotated[float, quantity("deg", -90.0, 90.0)]
+DipOrNone: TypeAlias = Annotated[float | None, quantity("deg", -90.0, 90.0)]
 
 # files: what is in them each command says itself
 Input: TypeAlias = Annotated[Path, Parameter(group=INPUT)]
@@ -79,10 +119,13 @@ AzimuthFrom: TypeAlias = Annotated[
 ]
 GravitySd: TypeAlias = Annotated[
     float | None,
-    Parameter(
+    quantity(
+        "percent",
+        0.0,
+        10.0,
         help="Of a tool with two accelerometers: standard uncertainty of |g| here against that at the calibration, 0 "
         "at the same place. When not given, that of what the site and the calibration state, 0.3 where one states "
-        "nothing."
+        "nothing.",
     ),
 ]
 
@@ -92,16 +135,18 @@ def _checks(type_: Any, tokens: Sequence[Token]) -> tuple[str, ...]:
     return tuple(name.strip() for token in tokens for name in token.value.split(",") if name.strip())
 
 
-TrustFile: TypeAlias = Annotated[
+Ignore: TypeAlias = Annotated[
     tuple[str, ...],
     Parameter(
+        name=["--ignore", "--trust-file"],
         group=INPUT,
         negative="",
         converter=_checks,
         n_tokens=1,
         show_default=False,
-        help="Check of the whole run that is overruled, which the output records; several with commas: units, columns, "
-        "axes, depths, repeats, order, station, direction, totals, place.",
+        help="Findings of the run that do not refuse it, by code or group, several with commas; the output records "
+        "them. Groups: units, columns, axes, depths, repeats, order, station, direction, totals, place. --trust-file "
+        "is the old name.",
     ),
 ]
 AgeDays: TypeAlias = Annotated[
@@ -122,16 +167,33 @@ StabilityFile: TypeAlias = Annotated[
 ]
 SwitchAngle: TypeAlias = Annotated[
     float,
-    Parameter(
+    quantity(
+        "deg",
+        0.0,
+        90.0,
         help="Inclination below which toolface_type says magnetic: the toolface to steer by is then the magnetic one, "
-        "azimuth + toolface (magnetic_toolface_deg of a survey)."
+        "azimuth + toolface (magnetic_toolface_deg of a survey).",
     ),
 ]
 Serial: TypeAlias = Annotated[str, Parameter(group=OUTPUT, help="Serial number for the record.")]
+
+
+def _day_or_time(type_: Any, tokens: Sequence[Token]) -> str:
+    """A date as it is written into a record."""
+    try:
+        datetime.fromisoformat(tokens[0].value)
+    except ValueError:
+        problem = f"{tokens[0].keyword} is {tokens[0].value!r}; give a date as YYYY-MM-DD or as ISO 8601 with the time"
+        raise InputError(problem) from None
+    return tokens[0].value
+
+
 Created: TypeAlias = Annotated[
     str | None,
     Parameter(
         group=OUTPUT,
+        converter=_day_or_time,
+        n_tokens=1,
         help="Date for the record, YYYY-MM-DD or ISO 8601 with the time; none when not given: nothing is "
         "taken from the clock.",
     ),
@@ -166,55 +228,9 @@ def plan_names() -> str:
     return ", ".join(get_args(PlanName))
 
 
-LARGEST_SD = 30.0
-"""A rig or a stand worse than this, deg, is none."""
-
-
-def angle(degrees: float, option: str, low: float = -360.0, high: float = 360.0) -> float:
-    """An option given in degrees, in rad; refused in degrees when it is outside low..high or not a number.
-
-    Examples
-    --------
-    >>> angle(180.0, "--azimuth-deg") == np.pi
-    True
-    """
-    if not low <= degrees <= high:
-        raise InputError(f"{option} is {degrees:g} degrees; allowed {low:g} to {high:g} degrees")
-    return float(np.radians(degrees))
-
-
-def angle_or_none(degrees: float | None, option: str, low: float = -360.0, high: float = 360.0) -> float | None:
-    """The same for an option that may be left out."""
-    return None if degrees is None else angle(degrees, option, low, high)
-
-
 def day(text: str, option: str) -> date:
     """A day that an option gives."""
     try:
         return date.fromisoformat(text)
     except ValueError:
         raise InputError(f"{option} is {text!r}; write YYYY-MM-DD") from None
-
-
-def sd(degrees: float | None, option: str) -> float | None:
-    """A standard deviation given in degrees, in rad."""
-    return angle_or_none(degrees, option, 0.0, LARGEST_SD)
-
-
-def gravity_sd(percent: float | None) -> float | None:
-    """Standard uncertainty of |g| given in percent of that at the calibration, as a share of it."""
-    if percent is not None and not 0.0 <= percent <= 10.0:
-        raise InputError(f"--gravity-sd-percent is {percent:g}; allowed 0 to 10")
-    return None if percent is None else percent / 100.0
-
-
-def inclination_range(degrees: tuple[float, float] | None, option: str) -> tuple[float, float] | None:
-    """Two inclinations given in degrees, the lower first, in rad."""
-    if degrees is None:
-        return None
-    low, high = degrees
-    if not 0.0 <= low < high <= 180.0:
-        raise InputError(
-            f"{option} is {low:g} to {high:g} degrees; allowed within 0 to 180 degrees, the lower inclination first"
-        )
-    return float(np.radians(low)), float(np.radians(high))

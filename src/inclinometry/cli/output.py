@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import json
+import logging
 import os
 import shutil
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
-from logging import getLogger
+from importlib import import_module
 from pathlib import Path
 from time import perf_counter
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from rich.console import Console
@@ -21,8 +22,7 @@ from rich.text import Text
 
 from inclinometry.cli.extras import need_for
 from inclinometry.errors import FileError, InclinometryError
-
-_WIDEST = 110  # columns the widest table needs; a narrower terminal wraps lines rather than cells
+from inclinometry.findings import Finding
 
 # no markup: names of files, tools and stations are printed as they are, brackets and colons included
 console = Console(
@@ -30,7 +30,7 @@ console = Console(
     markup=False,
     emoji=False,
     soft_wrap=True,
-    width=max(shutil.get_terminal_size().columns, _WIDEST),
+    width=max(shutil.get_terminal_size().columns, 110),  # what the widest table needs: lines wrap rather than cells
 )
 """Standard output for people."""
 
@@ -64,22 +64,6 @@ def say(text: str = "") -> None:
     console.print(named(text))
 
 
-_headline: list[str] = []
-
-
-def headline(text: str) -> None:
-    """A line on standard output that says by itself what came out: of many files it is what the table shows."""
-    _headline[:] = [text]
-    say(text)
-
-
-def taken_headline() -> str:
-    """The last headline, which is forgotten; empty where there was none."""
-    found = "".join(_headline)
-    _headline.clear()
-    return found
-
-
 def counted(number: int, what: str) -> str:
     """A number with its noun.
 
@@ -103,16 +87,7 @@ def excerpt(shown: int, total: int) -> str:
 
 
 def claim(outputs: Mapping[str, Path | None], inputs: Mapping[str, Path | None]) -> None:
-    """Refuse, before anything is computed, outputs that cannot be written or would overwrite an input or each other.
-
-    Raises
-    ------
-    FileError
-        A folder, a folder that is missing or may not be written, a file that is also an input or another output, a
-        report under another ending than that of a page.
-    ModuleNotFoundError
-        An output whose package, one of an extra, is not installed.
-    """
+    """Refuse, before anything is computed, outputs that cannot be written or would overwrite an input or each other."""
     taken = [(name, path) for name, path in inputs.items() if path is not None and _exists(path)]
     for name, path in outputs.items():
         if path is None:
@@ -156,7 +131,7 @@ def _same(one: Path, other: Path) -> bool:
     return os.path.normcase(one.resolve()) == os.path.normcase(other.resolve())
 
 
-def written(target: Path | None, report: Path | None, *, what: str = "", sources: Path | None = None) -> None:
+def written(target: Path | None, report: Path | None = None, *, what: str = "", sources: Path | None = None) -> None:
     """What went where, or how it would."""
     done = [f"{what} written to {target}".strip()] if target is not None else []
     done += [f"report {'to' if done else 'written to'} {report}"] if report is not None else []
@@ -195,19 +170,41 @@ def table(title: str, header: Sequence[str], rows: Sequence[Sequence[str]], capt
     console.print(found)
 
 
+def _errors() -> Console:
+    """Standard error, which never mixes with data; of now, as tests and callers redirect it."""
+    return Console(stderr=True, highlight=False, markup=False, emoji=False, soft_wrap=True)
+
+
 def warnings(sentences: Sequence[str]) -> None:
-    """Warnings, one a line, on standard error so that they never mix with data."""
-    errors = Console(stderr=True, highlight=False, markup=False, emoji=False, soft_wrap=True)
+    """Warnings, one a line."""
+    errors = _errors()
     for sentence in sentences:
         errors.print("warning: ", style="yellow", end="")
         errors.print(named(sentence))
 
 
+MOST: Final = 3
+"""Findings that one command prints; -v and --json have all, notes too."""
+
+
+def findings(found: Sequence[Finding]) -> None:
+    """Findings, one a line, with their codes, the ignored ones last; with -v all, notes too."""
+    errors = _errors()
+    verbose = logging.getLogger("inclinometry").isEnabledFor(logging.INFO)
+    shown = [one for one in found if verbose or one.severity != "note"]
+    shown.sort(key=lambda one: ("ignored", "note").count(one.severity))
+    most = len(shown) if verbose else MOST
+    for one in shown[:most]:
+        errors.print(f"{one.severity}: ", style="yellow", end="")
+        errors.print(named(f"{one} [{one.code}]"))
+    if shown[most:]:
+        errors.print(f"{len(shown) - most} more: -v shows all")
+
+
 def notes(sentences: Sequence[str]) -> None:
-    """What was done and found, one a line, on standard error: nothing to be settled."""
-    errors = Console(stderr=True, highlight=False, markup=False, emoji=False, soft_wrap=True)
+    """What was done and found, one a line: nothing to be settled."""
     for sentence in sentences:
-        errors.print(named(f"note: {sentence}"))
+        _errors().print(named(f"note: {sentence}"))
 
 
 @contextmanager
@@ -247,7 +244,43 @@ def busy(title: str) -> Iterator[None]:
     errors, start = Console(stderr=True), perf_counter()
     with errors.status(Text(title)) if errors.is_terminal else nullcontext():
         yield
-    getLogger("inclinometry").info("%s: %.2f s", title, perf_counter() - start)
+    logging.getLogger("inclinometry").info("%s: %.2f s", title, perf_counter() - start)
+
+
+@contextmanager
+def reported(path: Path | None, function: str, *args: Any, **more: Any) -> Iterator[None]:
+    """A report, where one is asked for: composed before anything within is written, and written after it.
+
+    `function`: "module:function" of `report`, imported only then.
+    """
+    if path is None:
+        yield
+        return
+    from inclinometry.files.writing import write_text
+
+    module, _, name = function.partition(":")
+    with busy("drawing"):
+        page: str = getattr(import_module(f"inclinometry.report.{module}"), name)(*args, **more)
+    yield
+    write_text(page, path)
+
+
+def spread(total: int, most: int) -> list[int]:
+    """Rows of a table that shows so many of all.
+
+    Examples
+    --------
+    >>> spread(100, 4), spread(2, 4)
+    ([0, 33, 66, 99], [0, 1])
+    """
+    return sorted({int(row) for row in np.linspace(0, total - 1, min(most, total))})
+
+
+def degrees(value: float, u: float) -> str:
+    """An angle in rad with its standard uncertainty, deg; a dash where there is none."""
+    from inclinometry.calibration.result import rounded
+
+    return rounded(float(np.degrees(value)), float(np.degrees(u))) if np.isfinite(value) else "-"
 
 
 @contextmanager

@@ -2,17 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from math import radians
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from cyclopts import Parameter
+from cyclopts import Parameter, Token
 
 from inclinometry.calibration.plans import PlanName
 from inclinometry.cli import options, output
 from inclinometry.cli.options import InputOrNone, Json, Output
+from inclinometry.errors import InputError
 from inclinometry.files.bench_csv import write_bench, write_plan
 
-Range = Annotated[tuple[float, float] | None, Parameter(negative="")]
+
+def _range(type_: Any, tokens: Sequence[Token]) -> tuple[float, float]:
+    """Two inclinations in rad, the lower first."""
+    low, high = (float(token.value) for token in tokens)
+    if not 0.0 <= low < high <= 180.0:
+        raise InputError(
+            f"{tokens[0].keyword} is {low:g} to {high:g}; allowed within 0 to 180 degrees, the lower inclination first"
+        )
+    return radians(low), radians(high)
 
 
 def plan(
@@ -21,12 +32,15 @@ def plan(
     *,
     output_: Output,
     number: Annotated[int | None, Parameter(name=["--number", "-n"])] = None,
-    inclination_range_deg: Range = None,
+    inclination_range: Annotated[
+        tuple[float, float] | None,
+        Parameter(name="--inclination-range-deg", negative="", converter=_range, n_tokens=2),
+    ] = None,
     criterion: Literal["azimuth", "inclination", "trace"] | None = None,
-    rig_sd_deg: float | None = None,
-    dip_deg: float | None = None,
-    first_inclination_deg: float | None = None,
-    azimuth_deg: float | None = None,
+    rig_sd: options.SdOrNone = None,
+    dip: options.DipOrNone = None,
+    first_inclination: options.InclinationOrNone = None,
+    azimuth: options.AzimuthOrNone = None,
     rolls: int | None = None,
     azimuths: int | None = None,
     seed: int | None = None,
@@ -43,17 +57,17 @@ def plan(
         CSV with station, azimuth_deg, inclination_deg, toolface_deg.
     number
         Stations of an optimal plan; 24 when not given.
-    inclination_range_deg
+    inclination_range
         Where the tool will work, which an optimal plan is aimed at; 10 90 when not given.
     criterion
         What an optimal plan minimises over that range; azimuth when not given.
-    rig_sd_deg
+    rig_sd
         Random error of a setting of the rig an optimal plan is for; 0.1 when not given.
-    dip_deg
+    dip
         Magnetic dip at the bench an optimal plan is for; 70 when not given.
-    first_inclination_deg
+    first_inclination
         First of the two inclinations of rotations, 30 when not given; the second is 90 degrees more.
-    azimuth_deg
+    azimuth
         Azimuth of rotations; 0 when not given.
     rolls
         Equal rolls a turn, of twelve (3 when not given) and rotations (8).
@@ -71,12 +85,12 @@ def plan(
         found = make_plan(
             name,
             number=number,
-            inclination_range=options.inclination_range(inclination_range_deg, "--inclination-range-deg"),
+            inclination_range=inclination_range,
             criterion=criterion,
-            rig_sd=options.sd(rig_sd_deg, "--rig-sd-deg"),
-            dip=options.angle_or_none(dip_deg, "--dip-deg", -90.0, 90.0),
-            first_inclination=options.angle_or_none(first_inclination_deg, "--first-inclination-deg", 0.0, 180.0),
-            azimuth=options.angle_or_none(azimuth_deg, "--azimuth-deg"),
+            rig_sd=rig_sd,
+            dip=dip,
+            first_inclination=first_inclination,
+            azimuth=azimuth,
             rolls=rolls,
             azimuths=azimuths,
             seed=seed,
@@ -101,8 +115,8 @@ def readings(
     *,
     output_: Output,
     plan: InputOrNone = None,
-    window_s: float = 0.5,
-    shortest_s: float = 1.0,
+    window: Annotated[float, options.quantity("s", 0.0, 1e6, above=True)] = 0.5,
+    shortest: Annotated[float, options.quantity("s", 0.0, 1e6, above=True)] = 1.0,
     json: Json = False,
 ) -> None:
     """Find the still stations of a continuous log and write one reading for each.
@@ -115,9 +129,9 @@ def readings(
         Bench readings CSV: means, standard deviation of one sample, count.
     plan
         Positions visited, in order; adds the rig angles, which are not known without.
-    window_s
+    window
         Time over which stillness is judged.
-    shortest_s
+    shortest
         Shortest rest that counts.
     """
     from inclinometry.files.bench_csv import read_plan
@@ -128,13 +142,7 @@ def readings(
     with reading_with(Profile(units=current().units)):  # --profile says what the log is, --units both
         positions = None if plan is None else read_plan(plan)
     with output.reading(log) as progress:
-        found, intervals = readings_of_log(
-            log,
-            plan=positions,
-            window=window_s,
-            shortest=shortest_s,
-            progress=progress,
-        )
+        found, intervals = readings_of_log(log, plan=positions, window=window, shortest=shortest, progress=progress)
     write_bench(found, output_)
     if json:
         output.print_json({"stations": len(found), "output": output_, "notes": found.notes})

@@ -3,19 +3,28 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
-import numpy as np
 from cyclopts import Parameter
 
 from inclinometry.cli import options, output
-from inclinometry.cli.options import AlsoWritten, InputOrNone, Json, OutputOrNone, Report
 from inclinometry.errors import InputError
 
-Metres = Annotated[tuple[float, float, float] | None, Parameter(negative="")]
+
+def _metres(low: float) -> Parameter:
+    """Three lengths, none below the lowest allowed."""
+
+    def check(type_: object, values: tuple[float, float, float] | None) -> None:
+        for value in values or ():
+            if not low <= value <= 1e8:
+                raise ValueError(f"{value:g} is not allowed: {low:g} to 1e+08 m")
+
+    return Parameter(negative="", validator=check)
+
+
+Point: TypeAlias = tuple[float, float, float] | None
 
 if TYPE_CHECKING:
-    from inclinometry.position.tool_code import ToolCode
     from inclinometry.workflow.position import WellPosition
 
 
@@ -23,8 +32,8 @@ def position(
     survey: Path,
     /,
     *,
-    output_: OutputOrNone = None,
-    site: InputOrNone = None,
+    output_: options.OutputOrNone = None,
+    site: options.InputOrNone = None,
     tool_code: Annotated[
         str | None,
         Parameter(
@@ -33,27 +42,26 @@ def position(
             "it and without a calibration there are positions only.",
         ),
     ] = None,
-    calibration: InputOrNone = None,
-    raw: InputOrNone = None,
-    corrections: InputOrNone = None,
-    errors: InputOrNone = None,
+    calibration: options.InputOrNone = None,
+    raw: options.InputOrNone = None,
+    corrections: options.InputOrNone = None,
+    errors: options.InputOrNone = None,
     age_days: Annotated[
-        float | None,
+        options.AgeDays,
         Parameter(
-            group=options.INPUT,
             help="With --calibration: days from the calibration to the run; by the dates of tool.json (calibrate "
             "--created) and of the site when not given, a year where they do not tell.",
         ),
     ] = None,
     stability: options.StabilityFile = None,
-    tie_on: Metres = None,
-    tie_sigma: Metres = None,
+    tie_on: Annotated[Point, _metres(-1e8)] = None,
+    tie_sigma: Annotated[Point, _metres(0.0)] = None,
     north: Literal["true", "grid"] | None = None,
     azimuth_reference: Annotated[Literal["magnetic", "true", "grid"] | None, Parameter(group=options.INPUT)] = None,
-    trust_file: options.TrustFile = (),
-    report: Report = None,
-    sources: AlsoWritten = None,
-    json: Json = False,
+    ignore: options.Ignore = (),
+    report: options.Report = None,
+    sources: options.AlsoWritten = None,
+    json: options.Json = False,
 ) -> None:
     """Positions of a well by minimum curvature, and their covariance by a tool code or by the tool's own certificate.
 
@@ -90,19 +98,10 @@ def position(
     from inclinometry.workflow.age import Age
     from inclinometry.workflow.position import read_position
 
-    output.claim(
-        {"--output": output_, "--report": report, "--sources": sources},
-        {
-            "the survey": survey,
-            "--site": site,
-            "--calibration": calibration,
-            "--raw": raw,
-            "--corrections": corrections,
-            "--errors": errors,
-            "--stability": stability,
-            "--tool-code": None if tool_code is None else Path(tool_code),
-        },
-    )
+    code = {"--tool-code": None if tool_code is None else Path(tool_code)}
+    read = {"the survey": survey, "--site": site, "--calibration": calibration, "--raw": raw}
+    read |= {"--corrections": corrections, "--errors": errors, "--stability": stability, **code}
+    output.claim({"--output": output_, "--report": report, "--sources": sources}, read)
     if corrections is not None and raw is None:
         raise InputError("--corrections needs --raw, the raw channels of the run it was made from, and --calibration")
     if raw is not None and calibration is None:
@@ -127,13 +126,14 @@ def position(
             corrections,
             errors,
             age=Age(age_days, stability),
-            trusted=trust_file,
-            tie_on=_metres(tie_on, "--tie-on"),
-            tie_sigma=_metres(tie_sigma, "--tie-sigma", 0.0),
+            ignored=ignore,
+            tie_on=tie_on,
+            tie_sigma=tie_sigma,
             north=north,
             progress=progress,
         )
     _write(found, output_, report, sources)
+    output.findings(found.findings)
     output.warnings(found.warnings)
     if json:
         output.print_json(_content(found, output_))
@@ -144,42 +144,18 @@ def position(
     output.written(output_, report, what=output.counted(len(found.path), "station"), sources=sources)
 
 
-def _metres(values: Metres, option: str, low: float = -1e8) -> Metres:
-    if values is not None:
-        for value in values:
-            if not low <= value <= 1e8:
-                raise InputError(f"{option} has {value:g}; allowed {low:g} to 1e+08 m")
-    return values
-
-
 def _write(found: WellPosition, target: Path | None, report: Path | None, sources: Path | None) -> None:
     """All files, the report composed before the first is written."""
     from inclinometry.files.position_csv import write_position_csv, write_sources_csv
-    from inclinometry.files.writing import write_text
-    from inclinometry.survey.plausibility import OVERRULED
+    from inclinometry.report.language import said
 
-    page = None
-    if report is not None:
-        from inclinometry.report.position import position_report
-
-        page = position_report(
-            found.path,
-            found.survey,
-            found.uncertainty,
-            azimuth_reference=found.azimuth_reference,
-            tool_code=found.tool_code,
-            calibration=found.calibration,
-            notes=found.notes,
-            warnings=found.warnings,
-            inputs=found.inputs,
-        )
-    if target is not None:
-        overruled = [sentence for sentence in found.warnings if sentence.startswith(OVERRULED)]
-        write_position_csv(target, found.path, found.uncertainty, found.survey.north, overruled)
-    if sources is not None and found.uncertainty is not None:
-        write_sources_csv(sources, found.uncertainty)
-    if page is not None:
-        write_text(page, report or "")
+    told = found.told | {"warnings": [*said(found.findings), *found.warnings]}
+    with output.reported(report, "position:position_report", found.path, found.survey, found.uncertainty, **told):
+        if target is not None:
+            ignored = [f"ignored {one.code}: {one}" for one in found.findings if one.severity == "ignored"]
+            write_position_csv(target, found.path, found.uncertainty, found.survey.north, ignored)
+        if sources is not None and found.uncertainty is not None:
+            write_sources_csv(sources, found.uncertainty)
 
 
 def show_position(found: WellPosition, most: int = 10) -> None:
@@ -190,25 +166,18 @@ def show_position(found: WellPosition, most: int = 10) -> None:
     shown = ["md_m", "tvd_m", "north_m", "east_m", "dls_deg_30m"]
     if found.uncertainty is not None:
         shown += ["semi_major_m", "semi_minor_m", "major_azimuth_deg"]
-    rows = [
-        [f"{float(columns[name][row]):.2f}" for name in shown]
-        for row in np.unique(np.linspace(0, len(found.path) - 1, min(most, len(found.path))).astype(int))
-    ]
+    rows = [[f"{float(columns[name][row]):.2f}" for name in shown] for row in output.spread(len(found.path), most)]
     header = ["md m", "tvd m", "north m", "east m", "dls", "major m", "minor m", "at deg"][: len(shown)]
     caption = f"from {found.survey.north} north; dls in deg/30 m" + (
         "; horizontal ellipse of one standard deviation" if found.uncertainty is not None else ""
     )
     output.table(f"positions{output.excerpt(len(rows), len(found.path))}", header, rows, caption)
     if found.uncertainty is not None:
-        _show_sources(found)
+        from inclinometry.report.position import contributions
 
-
-def _show_sources(found: WellPosition, most: int = 6) -> None:
-    from inclinometry.report.position import contributions
-
-    parts = contributions(found.uncertainty) if found.uncertainty is not None else []
-    rows = [[p.name, p.propagation, f"{p.major:.2f}", f"{100.0 * p.share:.1f}"] for p in parts[:most]]
-    output.table("largest sources at the last station", ["source", "shared", "major axis m", "share %"], rows)
+        parts = contributions(found.uncertainty)[:6]
+        rows = [[p.name, p.propagation, f"{p.major:.2f}", f"{100.0 * p.share:.1f}"] for p in parts]
+        output.table("largest sources at the last station", ["source", "shared", "major axis m", "share %"], rows)
 
 
 def _content(found: WellPosition, target: Path | None) -> dict[str, Any]:
@@ -217,15 +186,19 @@ def _content(found: WellPosition, target: Path | None) -> dict[str, Any]:
 
     columns = position_columns(found.path, found.uncertainty, found.survey.north)
     last = {n: values if isinstance(values, str) else values[-1] for n, values in columns.items()}
+    code, model = found.tool_code, {} if found.calibration is None else {"calibration": found.calibration}
+    if code is not None:
+        model |= {"tool_code": code.name, "revision": code.revision, "source": code.source}
     return {
         "stations": len(found.path),
         "azimuth_reference": found.azimuth_reference,
         "north_reference": found.survey.north,
-        "error_model": _model(found.tool_code, found.calibration) or ({"run": "errors"} if found.uncertainty else None),
+        "error_model": model or ({"run": "errors"} if found.uncertainty else None),
         "last_station": last,
         "sources": _sources(found),
         "notes": found.notes,
         "warnings": found.warnings,
+        "findings": [one.plain() for one in found.findings],
         "inputs": dict(found.inputs),
         "output": target,
     }
@@ -248,10 +221,3 @@ def _sources(found: WellPosition) -> list[dict[str, Any]]:
         }
         for part in contributions(found.uncertainty)
     ]
-
-
-def _model(code: ToolCode | None, calibration: str | None) -> dict[str, Any] | None:
-    if code is None:
-        return None if calibration is None else {"calibration": calibration}
-    named = {"tool_code": code.name, "revision": code.revision, "source": code.source}
-    return named if calibration is None else {"calibration": calibration, **named}

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from inclinometry.calibration.orient import RigOrientation, orient_rig
-from inclinometry.cli import options, output
-from inclinometry.cli.options import AzimuthFrom, GravitySd, Input, InputOrNone, Json
+from inclinometry.cli import output
+from inclinometry.cli.options import AzimuthFrom, GravitySd, Input, InputOrNone, Json, SdOrNone
 from inclinometry.constants import COVERAGE_FACTOR
 from inclinometry.earth.site import Site
 from inclinometry.files.bench_csv import read_bench
@@ -25,9 +25,9 @@ def orient(
     *,
     calibration: Input,
     site: InputOrNone = None,
-    rig_sd_deg: float | None = None,
+    rig_sd: SdOrNone = None,
     azimuth_from: AzimuthFrom = None,
-    gravity_sd_percent: GravitySd = None,
+    gravity_sd: GravitySd = None,
     json: Json = False,
 ) -> None:
     """Find how a rig stands from the readings of a calibrated tool on it: tilt, north, zeros of its dials.
@@ -40,7 +40,7 @@ def orient(
         tool.json of that tool, made on any other rig.
     site
         site.toml with declination_deg (or a place and date), for the azimuth from true north.
-    rig_sd_deg
+    rig_sd
         Random error of a setting of this rig; found from the scatter when not given.
     """
     with output.reading(readings) as progress:
@@ -48,9 +48,9 @@ def orient(
     found = orient_rig(
         data,
         read_calibration(calibration),
-        setting_sd=options.sd(rig_sd_deg, "--rig-sd-deg"),
+        setting_sd=rig_sd,
         second=azimuth_from,
-        gravity_sd=options.gravity_sd(gravity_sd_percent),
+        gravity_sd=gravity_sd,
     )
     place, notes = (Site(), []) if site is None else completed(read_site(site))
     rows = _rows(found, place)

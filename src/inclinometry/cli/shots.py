@@ -68,7 +68,7 @@ def repeat(
         How far the depths of a pair may differ, m.
     """
     one, two = (
-        read_six_axis(path, site, tool, form=from_, convention=convention, trusted=None)
+        read_six_axis(path, site, tool, form=from_, convention=convention, ignored=None)
         for path, tool in ((first, calibration), (second, second_calibration or calibration))
     )
     checks = repeat_checks(one, two, other_tool=other_tool, apart_m=apart_m)

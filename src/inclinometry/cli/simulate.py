@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Final, Literal, TypeAlias
 
@@ -9,17 +10,19 @@ import numpy as np
 from cyclopts import Parameter
 
 from inclinometry.cli import options, output
-from inclinometry.cli.options import AlsoWritten, Flag, Input, InputOrNone, Json, Output, Scheme
-from inclinometry.constants import DEG_PER_HOUR, DIP, STANDARD_GRAVITY
+from inclinometry.constants import DEG_PER_HOUR, DIP
 from inclinometry.errors import InputError
 
 if TYPE_CHECKING:
     from inclinometry.simulate.sensing import Characteristic
 
 # what makes the data is imported by each command: a gyro run needs no bench, drilling neither
-DIP_DEG: Final = float(np.degrees(DIP))
 
-SiteWritten: TypeAlias = Annotated[AlsoWritten, Parameter(help="Write the site.toml that goes with it.")]
+Turn: TypeAlias = Annotated[float, options.quantity("deg", -180.0, 180.0, group=options.STAND)]
+Plan: TypeAlias = Annotated[
+    str, Parameter(group=options.INPUT, help=f"A CSV file of positions, or {options.plan_names()}.")
+]
+SiteWritten: TypeAlias = Annotated[options.AlsoWritten, Parameter(help="Write the site.toml that goes with it.")]
 
 
 @Parameter(name="*", group=options.SENSORS)
@@ -32,19 +35,18 @@ class Sensors:
     magnetometer: Literal["magnetoresistive", "fluxgate"] | None = None
     """magnetoresistive (20 nT of noise) or fluxgate (noise, non-linearity and hysteresis of 0.5 % of full scale each);
     the tool's own when not given."""
-    accel_noise_mg: float | None = None
+    accel_noise: Annotated[float | None, options.quantity("mg")] = None
     """Noise of one accelerometer reading, instead of --noise."""
-    mag_noise_nt: Annotated[float | None, Parameter(name="--mag-noise-nT")] = None
+    mag_noise: Annotated[float | None, options.quantity("nT")] = None
     """Noise of one magnetometer reading, instead of --noise and of what --magnetometer has."""
-    nonlinearity_percent: float = 0.0
+    nonlinearity: Annotated[float, options.quantity("percent")] = 0.0
     """Square law of every sensor: what it is off at full scale."""
 
     def characteristics(self) -> dict[str, Characteristic]:
         """Of each kind of sensor, in SI units."""
         from inclinometry.workflow.simulate import characteristics
 
-        accelerometer = None if self.accel_noise_mg is None else 1e-3 * STANDARD_GRAVITY * self.accel_noise_mg
-        return characteristics(self.magnetometer, self.nonlinearity_percent / 100.0, accelerometer, self.mag_noise_nt)
+        return characteristics(self.magnetometer, self.nonlinearity, self.accel_noise, self.mag_noise)
 
 
 USUAL: Final = Sensors()
@@ -52,18 +54,18 @@ USUAL: Final = Sensors()
 
 def bench(
     *,
-    plan: Annotated[str, Parameter(group=options.INPUT, help=f"A CSV file of positions, or {options.plan_names()}.")],
-    output_: Output,
+    plan: Plan,
+    output_: options.Output,
     seed: int = 1,
-    truth: AlsoWritten = None,
-    tool: InputOrNone = None,
-    other_stand: Annotated[Flag, Parameter(group=options.STAND)] = False,
+    truth: options.AlsoWritten = None,
+    tool: options.InputOrNone = None,
+    other_stand: Annotated[options.Flag, Parameter(group=options.STAND)] = False,
     layout: Literal["realistic", "random"] = "realistic",
-    rig_sd_deg: Annotated[float, Parameter(group=options.STAND)] = 0.0,
-    base_tilt_deg: Annotated[float, Parameter(group=options.STAND)] = 0.0,
-    north_offset_deg: Annotated[float, Parameter(group=options.STAND)] = 0.0,
-    inclination_zero_deg: Annotated[float, Parameter(group=options.STAND)] = 0.0,
-    dip_deg: Annotated[float, Parameter(group=options.STAND)] = DIP_DEG,
+    rig_sd: Annotated[options.Sd, Parameter(group=options.STAND)] = 0.0,
+    base_tilt: Turn = 0.0,
+    north_offset: Annotated[options.Azimuth, Parameter(group=options.STAND)] = 0.0,
+    inclination_zero: Turn = 0.0,
+    dip: Annotated[options.Dip, Parameter(group=options.STAND)] = DIP,
     bits: int | None = None,
     sensors: Sensors = USUAL,
     repeats: int = 1,
@@ -72,7 +74,7 @@ def bench(
     ] = None,
     temperature_degree: int = 0,
     misread: Annotated[list[str] | None, Parameter(consume_multiple=True, negative="")] = None,
-    json: Json = False,
+    json: options.Json = False,
 ) -> None:
     """Simulate bench readings of a plan.
 
@@ -91,15 +93,15 @@ def bench(
         With --tool: the same tool on another stand, the one of these options.
     layout
         realistic: a few per cent and degrees off. random: sensors anywhere.
-    rig_sd_deg
+    rig_sd
         Random error of each setting of the rig.
-    base_tilt_deg
+    base_tilt
         Tilt of the rig's base, about a random axis.
-    north_offset_deg
+    north_offset
         Azimuth of the rig's zero.
-    inclination_zero_deg
+    inclination_zero
         Constant error of the inclination dial.
-    dip_deg
+    dip
         Magnetic dip at the bench.
     bits
         Of the converter; 0 for signals without steps. When not given 12, but none for a --tool whose signals are in
@@ -126,11 +128,11 @@ def bench(
         places = use.repeated(places, len(temperature))
         heat = np.repeat(np.array(temperature), len(places) // len(temperature))
     rig = Rig(
-        dip=options.angle(dip_deg, "--dip-deg", -90.0, 90.0),
-        base_tilt=options.angle(base_tilt_deg, "--base-tilt-deg", -180.0, 180.0),
-        north_offset=options.angle(north_offset_deg, "--north-offset-deg"),
-        setting_sd=options.angle(rig_sd_deg, "--rig-sd-deg", 0.0, options.LARGEST_SD),
-        inclination_zero=options.angle(inclination_zero_deg, "--inclination-zero-deg", -180.0, 180.0),
+        dip=dip,
+        base_tilt=base_tilt,
+        north_offset=north_offset,
+        setting_sd=rig_sd,
+        inclination_zero=inclination_zero,
         faults=[use.misread(text, len(places)) for text in misread or ()],
     )
     again = None if tool is None else use.read_visited(tool)
@@ -155,26 +157,25 @@ def bench(
     if truth is not None:
         write_truth(drawn, extras, truth)
     output.warnings(readings.warnings)
-    if json:
-        output.print_json({"stations": len(readings), "output": output_, "truth": truth})
-    else:
-        output.say(f"{output.counted(len(readings), 'station')} written to {output_}")
+    _done(
+        output.counted(len(readings), "station"), json, {"stations": len(readings), "output": output_, "truth": truth}
+    )
 
 
 def well(
     *,
-    truth: Input,
-    output_: Output,
+    truth: options.Input,
+    output_: options.Output,
     seed: int = 1,
-    kickoff_m: float = 300.0,
-    inclination_deg: float = 60.0,
-    azimuth_deg: float = 75.0,
-    hold_m: float = 900.0,
-    spacing_m: float = 30.0,
-    dip_deg: float = DIP_DEG,
+    kickoff: Annotated[float, options.quantity("m")] = 300.0,
+    inclination: options.Inclination = 60.0 * options.SI["deg"],
+    azimuth: options.Azimuth = 75.0 * options.SI["deg"],
+    hold: Annotated[float, options.quantity("m")] = 900.0,
+    spacing: Annotated[float, options.quantity("m")] = 30.0,
+    dip: options.Dip = DIP,
     sensors: Sensors = USUAL,
-    path: AlsoWritten = None,
-    json: Json = False,
+    path: options.AlsoWritten = None,
+    json: options.Json = False,
 ) -> None:
     """Simulate the raw survey of a build-and-hold well with a simulated tool.
 
@@ -186,17 +187,17 @@ def well(
         Raw survey CSV: md_m and the channels.
     seed
         Decides toolfaces and noise.
-    kickoff_m
+    kickoff
         Depth at which building starts.
-    inclination_deg
+    inclination
         Of the hold section.
-    azimuth_deg
+    azimuth
         From magnetic north.
-    hold_m
+    hold
         Length of the hold section.
-    spacing_m
+    spacing
         Between stations.
-    dip_deg
+    dip
         Magnetic dip at the well.
     path
         Write the true path (survey CSV columns).
@@ -207,33 +208,30 @@ def well(
     found = use.well(
         use.read_visited(truth)[0],
         seed,
-        kickoff=kickoff_m,
-        inclination=options.angle(inclination_deg, "--inclination-deg", 0.0, 180.0),
-        azimuth=options.angle(azimuth_deg, "--azimuth-deg"),
-        hold=hold_m,
-        spacing=spacing_m,
-        dip=options.angle(dip_deg, "--dip-deg", -90.0, 90.0),
+        kickoff=kickoff,
+        inclination=inclination,
+        azimuth=azimuth,
+        hold=hold,
+        spacing=spacing,
+        dip=dip,
         noise=sensors.noise,
         characteristic=sensors.characteristics(),
     )
     use.write_well(found, output_, path)
-    if json:
-        output.print_json({"stations": len(found.md), "output": output_, "path": path})
-    else:
-        output.say(f"{output.counted(len(found.md), 'station')} written to {output_}")
+    _done(output.counted(len(found.md), "station"), json, {"stations": len(found.md), "output": output_, "path": path})
 
 
 def log(
     *,
-    plan: Annotated[str, Parameter(group=options.INPUT, help=f"A CSV file of positions, or {options.plan_names()}.")],
-    output_: Output,
+    plan: Plan,
+    output_: options.Output,
     seed: int = 1,
-    tool: InputOrNone = None,
-    truth: AlsoWritten = None,
-    dwell_s: float = 5.0,
-    move_s: float = 2.0,
-    rate_hz: float = 100.0,
-    json: Json = False,
+    tool: options.InputOrNone = None,
+    truth: options.AlsoWritten = None,
+    dwell: Annotated[float, options.quantity("s")] = 5.0,
+    move: Annotated[float, options.quantity("s")] = 2.0,
+    rate: Annotated[float, options.quantity("hz")] = 100.0,
+    json: options.Json = False,
 ) -> None:
     """Simulate a continuous log: the tool rests at each position of a plan and moves between them.
 
@@ -247,11 +245,11 @@ def log(
         truth.json, tool.json or a data sheet: this tool, not one of the seed.
     truth
         Write the tool behind the log.
-    dwell_s
+    dwell
         Rest at each position.
-    move_s
+    move
         Time between rests.
-    rate_hz
+    rate
         Samples a second.
     """
     from inclinometry.files.datasheet_toml import read_nameplate
@@ -262,36 +260,34 @@ def log(
     output.claim({"--output": output_, "--truth": truth}, {"--plan": plan_file(plan), "--tool": tool})
     places = use.plan_named(plan)
     known = None if tool is None else read_nameplate(tool)
-    found, made = use.log(places, seed, known, dwell=dwell_s, move=move_s, rate=rate_hz)
+    found, made = use.log(places, seed, known, dwell=dwell, move=move, rate=rate)
     use.write_log(found, output_)
     if truth is not None:
         write_truth(made, {"seed": seed}, truth)
-    if json:
-        output.print_json({"samples": len(found.time), "rests": len(places), "output": output_})
-    else:
-        output.say(f"{len(found.time)} samples, {output.counted(len(places), 'rest')}, written to {output_}")
+    what = f"{len(found.time)} samples, {output.counted(len(places), 'rest')},"
+    _done(what, json, {"samples": len(found.time), "rests": len(places), "output": output_})
 
 
 def gyro(
     *,
-    output_: Output,
+    output_: options.Output,
     seed: int = 1,
     noise_seed: int | None = None,
-    truth: AlsoWritten = None,
+    truth: options.AlsoWritten = None,
     site: SiteWritten = None,
     scenario: Literal["hot", "cool"] = "hot",
     stations: int = 60,
-    scheme: Scheme = "four",
-    latitude_deg: float = 45.0,
-    arw_deg_sqrt_h: float = 0.005,
-    dwell_s: float = 400.0,
-    bias_deg_h: float = 1.0,
-    drift_deg_h_h: float = 0.0,
+    scheme: options.Scheme = "four",
+    latitude: Annotated[float, options.quantity("deg", -89.0, 89.0)] = 45.0 * options.SI["deg"],
+    arw: Annotated[float, options.quantity("deg_sqrt_h", 0.0, 10.0)] = 0.005 * options.SI["deg_sqrt_h"],
+    dwell: Annotated[float, options.quantity("s", 1e-3, 1e6)] = 400.0,
+    bias: Annotated[float, options.quantity("deg_h")] = options.SI["deg_h"],
+    drift: Annotated[float, options.quantity("deg_h_h")] = 0.0,
     axes: Literal[2, 3] = 2,
     gyros: Literal[1, 2] = 2,
-    accel_sd_m_s2: float = 0.0005,
+    accel_sd: Annotated[float, options.quantity("m_s2", 0.0, 1.0)] = 0.0005,
     spike: str | None = None,
-    json: Json = False,
+    json: options.Json = False,
 ) -> None:
     """Simulate a gyro run: readings at the index positions of each station.
 
@@ -309,21 +305,21 @@ def gyro(
         hot: 20 to 140 degC, the scale factor follows; cool: 20 degC, scale 1.
     stations
         Number of stations, 30 m apart.
-    latitude_deg
+    latitude
         North positive.
-    arw_deg_sqrt_h
+    arw
         Angle random walk of the gyros.
-    dwell_s
+    dwell
         Time at a station, shared by its positions.
-    bias_deg_h
+    bias
         Of every gyro.
-    drift_deg_h_h
+    drift
         Of the bias.
     axes
         3: gyro and accelerometer along the tool too.
     gyros
         1: a single gyro across the tool.
-    accel_sd_m_s2
+    accel_sd
         Noise of one accelerometer reading.
     spike
         A fault STATION:POSITION:DEG_H, e.g. 3:2:5; none when not given.
@@ -336,35 +332,29 @@ def gyro(
         raise InputError("--axes 3 goes with --gyros 2: a gyro along the tool beside two across")
     if not 2 <= stations <= 100_000:
         raise InputError(f"--stations is {stations}; allowed 2 to 100000")
-    values = (("--arw-deg-sqrt-h", arw_deg_sqrt_h, 10.0), ("--accel-sd-m-s2", accel_sd_m_s2, 1.0))
-    for name, value, high in (*values, ("--dwell-s", dwell_s, 1e6)):
-        low = 1e-3 if name == "--dwell-s" else 0.0
-        if not low <= value <= high:
-            raise InputError(f"{name} is {value:g}; allowed {low:g} to {high:g}")
-    request = use.GyroRunRequest(
-        scenario,
-        stations,
-        scheme,
-        options.angle(latitude_deg, "--latitude-deg", -89.0, 89.0),
-        np.radians(arw_deg_sqrt_h) / 60.0,
-        dwell_s,
-        bias_deg_h * DEG_PER_HOUR,
-        drift_deg_h_h * DEG_PER_HOUR / 3600.0,
-        axes,
-        gyros,
-        accel_sd_m_s2,
-        None if spike is None else _spike(spike, stations, len(use.POSITIONS[scheme])),
+    run = use.gyro_run(
+        seed,
+        noise_seed,
+        scenario=scenario,
+        stations=stations,
+        scheme=scheme,
+        latitude=latitude,
+        arw=arw,
+        dwell=dwell,
+        bias=bias,
+        drift=drift,
+        axes=axes,
+        gyros=gyros,
+        accelerometer_noise=accel_sd,
+        spike=None if spike is None else _spike(spike, stations, len(use.POSITIONS[scheme])),
     )
-    run, _ = use.gyro_run(request, seed, noise_seed)
     use.write_gyro(run, output_)
     if truth is not None:
         use.write_gyro_truth(run, seed, truth)
     if site is not None:
-        write_text(f'latitude_deg = {latitude_deg:.10g}\nnorth_reference = "true"\n', site)
-    if json:
-        output.print_json({"stations": stations, "readings": len(run.station), "output": output_, "truth": truth})
-    else:
-        output.say(f"{output.counted(stations, 'station')}, {len(run.station)} readings, written to {output_}")
+        write_text(f'latitude_deg = {np.degrees(latitude):.10g}\nnorth_reference = "true"\n', site)
+    what = f"{output.counted(stations, 'station')}, {len(run.station)} readings,"
+    _done(what, json, {"stations": stations, "readings": len(run.station), "output": output_, "truth": truth})
 
 
 def _spike(text: str, stations: int, positions: int) -> tuple[int, int, float]:
@@ -381,17 +371,17 @@ def _spike(text: str, stations: int, positions: int) -> tuple[int, int, float]:
 
 def drilling(
     *,
-    output_: Output,
+    output_: options.Output,
     scenario: Literal[
         "smooth", "vibration-5g", "vibration-20g", "stick-slip", "sliding", "stationary", "fast", "whirl"
     ] = "stick-slip",
     seed: int = 1,
-    duration_s: float | None = None,
-    inclination_deg: float | None = None,
-    azimuth_deg: float | None = None,
-    truth: AlsoWritten = None,
+    duration: Annotated[float | None, options.quantity("s")] = None,
+    inclination: options.InclinationOrNone = None,
+    azimuth: options.AzimuthOrNone = None,
+    truth: options.AlsoWritten = None,
     site: SiteWritten = None,
-    json: Json = False,
+    json: options.Json = False,
 ) -> None:
     """Simulate a tool that drills: readings while it turns and shakes.
 
@@ -403,11 +393,11 @@ def drilling(
         How the string moves.
     seed
         Decides all that is random.
-    duration_s
+    duration
         Length of the run; the scenario's own when not given.
-    inclination_deg
+    inclination
         Of the hole; the scenario's own when not given.
-    azimuth_deg
+    azimuth
         Of the hole, from magnetic north; the scenario's own when not given.
     truth
         Write the true angles, .parquet or .csv.
@@ -416,28 +406,20 @@ def drilling(
     from inclinometry.workflow import simulate_drilling as use
 
     output.claim({"--output": output_, "--truth": truth, "--site": site}, {})
-    request = use.DrillingRequest(
-        scenario,
-        seed,
-        duration_s,
-        options.angle_or_none(inclination_deg, "--inclination-deg", 0.0, 180.0),
-        options.angle_or_none(azimuth_deg, "--azimuth-deg"),
-    )
+    request = use.DrillingRequest(scenario, seed, duration, inclination, azimuth)
     with output.working("simulating") as progress:
         samples = use.write_drilling(request, output_, truth, progress=progress)
     if site is not None:
         write_text(use.site_text(request.chosen.hole), site)
+    summary, interval = request.chosen.summary, request.chosen.instrument.interval
+    told = {"scenario": scenario, "summary": summary, "samples": samples, "sampling_interval_s": interval}
+    _done(f"{summary}\n{output.counted(samples, 'sample')}", json, {**told, "output": output_, "truth": truth})
+
+
+def _done(what: str, json: bool, content: Mapping[str, object]) -> None:
+    """What was simulated and where it is; JSON names the truth beside it too."""
     if json:
-        output.print_json(
-            {
-                "scenario": scenario,
-                "summary": request.chosen.summary,
-                "samples": samples,
-                "sampling_interval_s": request.chosen.instrument.interval,
-                "output": output_,
-                "truth": truth,
-            }
-        )
-        return
-    output.say(request.chosen.summary)
-    output.say(f"{output.counted(samples, 'sample')} written to {output_}" + (f", truth to {truth}" if truth else ""))
+        output.print_json(content)
+    else:
+        truth = f", truth to {content['truth']}" if content.get("truth") else ""
+        output.say(f"{what} written to {content['output']}{truth}")

@@ -9,32 +9,21 @@ import numpy as np
 from cyclopts import Parameter
 
 from inclinometry.cli import options, output
-from inclinometry.cli.options import (
-    Convention,
-    FieldSite,
-    InputOrNone,
-    Json,
-    ModelOrTool,
-    Output,
-    Report,
-    SixAxisForm,
-    TrustFile,
-)
 from inclinometry.cli.quality import show_checks
 from inclinometry.errors import InputError
 from inclinometry.files.corrections_json import write_corrections
 from inclinometry.files.limits import read_quality_limits
-from inclinometry.files.writing import write_text
 from inclinometry.survey.quality import QUANTITIES, FieldQuality
+from inclinometry.workflow import six_axis
 from inclinometry.workflow.gyro_quality import check_json
-from inclinometry.workflow.six_axis import Analysis, SixAxis, analyse, judge, read_six_axis
+from inclinometry.workflow.six_axis import Analysis, SixAxis, read_six_axis
 
 
 def quality(
     raw: Path,
     /,
     *,
-    site: FieldSite,
+    site: options.FieldSite,
     limits: Annotated[
         str | None,
         Parameter(
@@ -43,11 +32,11 @@ def quality(
             "uncertainties of tool and site at each attitude.",
         ),
     ] = None,
-    calibration: ModelOrTool = None,
-    from_: SixAxisForm = None,
-    convention: Convention = None,
-    trust_file: TrustFile = (),
-    json: Json = False,
+    calibration: options.ModelOrTool = None,
+    from_: options.SixAxisForm = None,
+    convention: options.Convention = None,
+    ignore: options.Ignore = (),
+    json: options.Json = False,
 ) -> int:
     """Judge gravity, magnetic field and dip of each station against the site; exit status 0 pass, 1 fail, 2 bad input.
 
@@ -59,9 +48,10 @@ def quality(
     fixed = None if limits is None else read_quality_limits(limits)
     with output.reading(raw) as progress:
         run = read_six_axis(
-            raw, site, calibration, form=from_, convention=convention, trusted=trust_file, progress=progress
+            raw, site, calibration, form=from_, convention=convention, ignored=ignore, progress=progress
         )
-    judged = judge(run.stations, run.site, fixed)
+    judged = six_axis.quality(run.stations, run.site, fixed)
+    output.findings(run.findings)
     output.warnings(run.warnings)
     if json:
         output.print_json(
@@ -72,6 +62,7 @@ def quality(
                 "stations": [station_json(judged.quality, row) for row in range(len(run.stations))],
                 "notes": [*run.notes, *judged.quality.notes],
                 "warnings": run.warnings,
+                "findings": [one.plain() for one in run.findings],
             }
         )
     else:
@@ -82,7 +73,7 @@ def quality(
         failed = [check.name for check in judged.checks if check.verdict == "fail"]
         left = [check.name for check in judged.checks if check.verdict not in ("pass", "fail")]
         said = [f"{what}: {', '.join(names)}" for what, names in (("failed", failed), ("not judged", left)) if names]
-        output.headline(f"{judged.verdict}: " + ("; ".join(said) or "every check passed"))
+        output.say(f"{judged.verdict}: " + ("; ".join(said) or "every check passed"))
     return 0 if judged.verdict == "pass" else 1
 
 
@@ -129,16 +120,16 @@ def msa(
     raw: Path,
     /,
     *,
-    site: FieldSite,
-    output_: Output,
-    calibration: InputOrNone = None,
+    site: options.FieldSite,
+    output_: options.Output,
+    calibration: options.InputOrNone = None,
     priors: Literal["iscwsa", "unknown"] | None = None,
-    axial_sigma_nt: float | None = None,
-    from_: SixAxisForm = None,
-    convention: Convention = None,
-    trust_file: TrustFile = (),
-    report: Report = None,
-    json: Json = False,
+    axial_sigma: Annotated[float | None, options.quantity("nt")] = None,
+    from_: options.SixAxisForm = None,
+    convention: options.Convention = None,
+    ignore: options.Ignore = (),
+    report: options.Report = None,
+    json: options.Json = False,
 ) -> None:
     """Multi-station analysis: the errors that the sensors of one run have in common, with uncertainty.
 
@@ -152,9 +143,11 @@ def msa(
         tool.json, whose covariance is then the prior.
     priors
         What is known of a tool without a calibration: iscwsa (kept to the ISCWSA model; when not given) or unknown.
-    axial_sigma_nt
+    axial_sigma
         Standard deviation of the axial magnetic interference, nT; 2000 when not given.
     """
+    from inclinometry.report import language
+
     output.claim(
         {"--output": output_, "--report": report},
         {"the raw channels": raw, "--calibration": calibration, "--site": site},
@@ -163,14 +156,17 @@ def msa(
         raise InputError("--priors is given with --calibration, whose covariance is the prior; leave one of them out")
     with output.reading(raw) as progress:
         run = read_six_axis(
-            raw, site, calibration, form=from_, convention=convention, trusted=trust_file, progress=progress
+            raw, site, calibration, form=from_, convention=convention, ignored=ignore, progress=progress
         )
     with output.busy(f"analysing {output.counted(len(run.stations), 'station')}"):
-        done = analyse(run, priors or "iscwsa", axial_sigma_nt)
-        page = None if report is None else _page(run, done)
-    write_corrections(done.correction, output_)
-    if page is not None:
-        write_text(page, report or "")
+        done = six_axis.msa(run, priors or "iscwsa", axial_sigma)
+    beside = {"tool": done.correction.tool, "notes": run.notes, "inputs": run.inputs}
+    said = [*language.said(run.findings), *run.warnings]
+    with output.reported(
+        report, "msa:msa_report", done.found, run.stations, done.judged.quality, **beside, warnings=said
+    ):
+        write_corrections(done.correction, output_)
+    output.findings(run.findings)
     output.warnings((*run.warnings, *done.warnings))
     if json:
         output.print_json(_summary(run, done, output_))
@@ -178,20 +174,6 @@ def msa(
     for sentence in (*run.notes, done.found.corrected.history[-1]):
         output.say(sentence)
     show_parameters(done)
-
-
-def _page(run: SixAxis, done: Analysis) -> str:
-    from inclinometry.report.msa import msa_report
-
-    return msa_report(
-        done.found,
-        run.stations,
-        done.judged.quality,
-        tool=done.correction.tool,
-        notes=run.notes,
-        warnings=run.warnings,
-        inputs=run.inputs,
-    )
 
 
 def _summary(run: SixAxis, done: Analysis, path: Path) -> dict[str, object]:
@@ -205,6 +187,7 @@ def _summary(run: SixAxis, done: Analysis, path: Path) -> dict[str, object]:
         "influence_deg": np.degrees(found.influence),
         "notes": run.notes,
         "warnings": [*run.warnings, *done.warnings],
+        "findings": [one.plain() for one in run.findings],
         "output": path,
     }
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Final, TypeAlias
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import TYPE_CHECKING, Final, Literal, TypeAlias
 
 import numpy as np
 
@@ -17,19 +18,17 @@ if TYPE_CHECKING:
 Columns: TypeAlias = "dict[str, Array | Sequence[object]]"
 
 
-def print_template(arguments: list[str]) -> int:
-    """Print the template of the command in `arguments` on standard output.
+def print_template(words: Sequence[str]) -> int:
+    """Print the template of the command that `words` begin with on standard output.
 
     Raises
     ------
     InputError
         A command that reads no table of its own.
     """
-    words = [word for word in arguments if word != "--template"]
-    command = next((" ".join(words[:n]) for n in (2, 1) if " ".join(words[:n]) in TEMPLATES), None)
-    if command is None:
+    if not words or words[0] not in TEMPLATES:
         raise InputError(f"--template is for {', '.join(TEMPLATES)}")
-    about, make = TEMPLATES[command]
+    about, make = TEMPLATES[words[0]]
     columns = make()
     rows = zip(*columns.values(), strict=True)
     lines = [f"# {about}", ",".join(columns), *(",".join(map(_cell, row)) for row in rows)]
@@ -41,22 +40,12 @@ def _cell(value: object) -> str:
     return value if isinstance(value, str) else f"{value:.10g}"
 
 
-def _bench() -> Columns:
-    from inclinometry.calibration.plans import twelve
-
-    return _readings_at(twelve(), 1)
-
-
-def _verification() -> Columns:
-    from inclinometry.calibration.plans import spread
-
-    return _readings_at(spread(), 2)
-
-
-def _readings_at(plan: Plan, seed: int) -> Columns:
-    """Readings of a tool without errors, noise of its converter apart."""
+def _readings_at(name: Literal["twelve", "spread"], seed: int) -> Columns:
+    """Readings of a tool without errors at the positions of a plan, noise of its converter apart."""
+    from inclinometry.calibration import plans
     from inclinometry.orientation import fields
 
+    plan: Plan = getattr(plans, name)()
     g, b = fields(plan.azimuth, plan.inclination, plan.toolface, np.radians(70.0))
     noise = np.random.default_rng(seed).normal(0.0, 1e-4, (2, *g.shape))
     angles = {
@@ -112,10 +101,6 @@ def _log() -> Columns:
     return _run(np.clip((np.arange(300) / 10.0 - 12.0) / 6.0, 0.0, 1.0) * np.pi / 2.0)
 
 
-def _rest() -> Columns:
-    return _run(np.zeros(300))
-
-
 def _run(toolface: Array) -> Columns:
     from inclinometry.orientation import fields
 
@@ -155,26 +140,29 @@ def _triad(name: str, values: Array, digits: int) -> Columns:
     }
 
 
-_SIX: Final = (
-    "gravity and magnetic field in the tool's axes at every station; convention, see `inclinometry list conventions`",
-    _six_axis,
+_READINGS: Final = "one row a position: what the dials say and the channels, with their units or none (counts)"
+_TABLE: Final[tuple[tuple[str, str, Callable[[], Columns]], ...]] = (
+    ("calibrate compare", _READINGS, partial(_readings_at, "twelve", 1)),
+    ("verify", _READINGS, partial(_readings_at, "spread", 2)),
+    (
+        "survey quality msa",
+        "gravity and magnetic field in the tool's axes at every station; convention, see `inclinometry list "
+        "conventions`",
+        _six_axis,
+    ),
+    ("position", "stations; azimuth_reference says which north: magnetic, true or grid", _survey),
+    (
+        "readings dynamic",
+        "time and the channels with their units; date and time in any columns will do as well",
+        _log,
+    ),
+    (
+        "allan",
+        "a log at rest, the longer the better: time and the channels with their units",
+        lambda: _run(np.zeros(300)),
+    ),
+    ("displacement", "readings of an inclinometer casing, both runs of both axes, each step", _casing),
+    ("holes", "shots of many drill holes, dip from the horizontal: state --dip-down negative or positive", _holes),
 )
-_RUN: Final = ("time and the channels with their units; date and time in any columns will do as well", _log)
-_READINGS: Final = (
-    "one row a position: what the dials say and the channels, with their units or none (counts)", _bench,
-)  # fmt: skip
-TEMPLATES: Final[Mapping[str, tuple[str, Callable[[], Columns]]]] = {
-    "calibrate": _READINGS,
-    "compare": _READINGS,
-    "verify": (_READINGS[0], _verification),
-    "survey": _SIX,
-    "quality": _SIX,
-    "msa": _SIX,
-    "position": ("stations; azimuth_reference says which north: magnetic, true or grid", _survey),
-    "readings": _RUN,
-    "allan": ("a log at rest, the longer the better: time and the channels with their units", _rest),
-    "dynamic": _RUN,
-    "displacement": ("readings of an inclinometer casing, both runs of both axes, each step", _casing),
-    "holes": ("shots of many drill holes, dip from the horizontal: state --dip-down negative or positive", _holes),
-}
+TEMPLATES: Final = {command: (about, make) for commands, about, make in _TABLE for command in commands.split()}
 """Command -> what its file holds, and what makes one."""

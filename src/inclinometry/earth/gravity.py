@@ -14,40 +14,13 @@ SEMI_MAJOR_AXIS: Final = 6378137.0
 """m (WGS84)."""
 FLATTENING: Final = 1.0 / 298.257223563
 """WGS84."""
-GRAVITY_SIGMA: Final = 4e-4
-"""Standard deviation to assume for normal gravity when nothing is known of the place, m/s^2: gravity anomalies are
-commonly some tens of mGal (1 mGal = 1e-5 m/s^2), here 40, and several times that in high mountains."""
 
 
 def normal_gravity(latitude: ArrayLike, height: ArrayLike = 0.0) -> Array:
-    """Gravity of the WGS84 ellipsoid on and above it.
+    """Gravity of the WGS84 ellipsoid, m/s^2, at a geodetic latitude (rad) and height (m, -12000 to 20000).
 
-    Parameters
-    ----------
-    latitude : (...) array_like
-        Geodetic, rad.
-    height : (...) array_like
-        Above the ellipsoid, m, -12000 to 20000. A negative height is the free-air formula carried on downward, right
-        in open air (a valley) or for small depths; inside rock use `gravity_at_depth`.
-
-    Returns
-    -------
-    (...) ndarray
-        m/s^2.
-
-    Raises
-    ------
-    InputError
-        Latitude or height out of range.
-
-    Notes
-    -----
-    Somigliana's closed formula (NIMA TR8350.2, equation 4-1) and the second-order free-air reduction (4-3).
-
-    Examples
-    --------
-    >>> normal_gravity(np.radians([0.0, 45.0, 90.0])).round(6)
-    array([9.780325, 9.806198, 9.832185])
+    Somigliana's closed formula (NIMA TR8350.2, equation 4-1) and the second-order free-air reduction (4-3). A negative
+    height is free air too: right in a valley or at small depths; inside rock use `gravity_at_depth`.
     """
     phi = within(latitude, "latitude", -np.pi / 2, np.pi / 2, "rad")
     h = within(height, "height", -12e3, 20e3, "m")
@@ -105,34 +78,11 @@ def gravity_at_depth(latitude: ArrayLike, depth: ArrayLike, surface_height: Arra
 def relative_gravity(
     here: float | None, calibration: float | None, here_sd: float | None = None
 ) -> tuple[float, float]:
-    """Gravity in units of that at a calibration, and its standard uncertainty in the same units.
+    """Gravity in units of that at a calibration, and its standard uncertainty in the same units; inputs in m/s^2.
 
-    Two accelerometers are calibrated in units of the gravity of their stand and take their third component from |g|: a
-    wrong value stated at both ends cancels at the same place, elsewhere it does not. Two places are assumed.
-
-    Parameters
-    ----------
-    here : float or None
-        Gravity where the tool is used, m/s^2, as stated or by the latitude.
-    calibration : float or None
-        Gravity stated at the calibration, m/s^2.
-    here_sd : float, optional
-        Standard uncertainty of `here`, m/s^2.
-
-    Returns
-    -------
-    ratio : float
-        1 where one of the two is not known.
-    sd : float
-        `GRAVITY_SPREAD` at most where one of them is not known or a textbook's value (9.8, 9.81, 9.80665).
-
-    Examples
-    --------
-    >>> relative_gravity(None, 9.8121)
-    (1.0, 0.003)
-    >>> ratio, sd = relative_gravity(9.8192, 9.7950, 1e-4)
-    >>> round(ratio, 6), round(sd, 6)
-    (1.002471, 0.000101)
+    Two accelerometers take their third component from |g|, in units of the gravity of their stand. A wrong value stated
+    at both ends cancels at one place, elsewhere not: two places are assumed. The ratio is 1 where one is unknown. The
+    sd is at most `GRAVITY_SPREAD` where one is unknown or a textbook's value (9.8, 9.81, 9.80665).
     """
     if here is None or calibration is None:
         return 1.0, GRAVITY_SPREAD

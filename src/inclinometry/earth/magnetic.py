@@ -172,15 +172,12 @@ class ReferenceErrors(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class MagneticField:
-    """Main field at points and dates of any common shape (...).
+    """Main field at points and dates of any common shape (...), by a model valid for `years`.
 
-    model : name of the model
-    years : first and last decimal year for which it is valid
-    north, east, down : nT
-    b : nT; dip : rad, positive down; declination : rad, positive east
-    b_sigma, dip_sigma, declination_sigma : the model's standard deviation there: what a main field leaves out (crust,
-        disturbances of a mean day) and its ageing; global means, several times larger over magnetic rocks
-    covariance : (..., 3, 3) of north, east, down, nT^2, with errors of b, dip and declination taken as independent
+    north, east, down, b : nT. dip : rad, positive down. declination : rad, positive east.
+    b_sigma and so on : what a main field leaves out (crust, disturbances of a mean day) and its ageing; global means,
+        several times larger over magnetic rocks.
+    covariance : of north, east, down, nT^2, with errors of b, dip and declination taken as independent.
     """
 
     model: str
@@ -214,43 +211,11 @@ Model = Callable[[ArrayLike, ArrayLike, ArrayLike, "datetime.date | ArrayLike"],
 def wmm2025(
     latitude: ArrayLike, longitude: ArrayLike, height_m: ArrayLike, date: datetime.date | ArrayLike
 ) -> MagneticField:
-    """World Magnetic Model 2025, degree 12.
+    """World Magnetic Model 2025, degree 12, for dates or decimal years 2025 to 2030; rad, m above the ellipsoid.
 
-    Parameters
-    ----------
-    latitude, longitude : (...) array_like
-        Geodetic, rad, north and east positive; the poles are allowed.
-    height_m : (...) array_like
-        Above the WGS84 ellipsoid, m.
-    date : datetime.date or (...) array_like
-        Date, or decimal years, 2025 to 2030.
-
-    Returns
-    -------
-    MagneticField
-        Of the shape to which the arguments broadcast.
-
-    Raises
-    ------
-    InputError
-        Latitude, longitude, height or date out of range.
-
-    Notes
-    -----
-    Equations 7 to 12, 17 and 19 of the report, with recursions that divide by nothing at the poles. Standard
-    deviations: ISCWSA look-up for the WMM; that of declination is sqrt(0.23^2 + (5430 nT / H)^2) deg.
-
-    References
-    ----------
-    NOAA/NCEI and BGS, The US/UK World Magnetic Model for 2025-2030, 2025.
-
-    Examples
-    --------
-    The report's first test value, 80 deg north, 2025.0:
-
-    >>> field = wmm2025(np.radians(80.0), 0.0, 0.0, datetime.date(2025, 1, 1))
-    >>> field.north.round(1), field.east.round(1), field.down.round(1)
-    (np.float64(6521.6), np.float64(145.9), np.float64(54791.5))
+    NOAA/NCEI and BGS, The US/UK World Magnetic Model for 2025-2030, 2025: equations 7 to 12, 17 and 19, with recursions
+    regular at the poles. Standard deviations: ISCWSA look-up for the WMM; that of declination is sqrt(0.23^2 + (5430 nT
+    / H)^2) deg.
     """
     return _field("WMM2025", wmm2025_coefficients(), reference_errors("WMM"), latitude, longitude, height_m, date)
 
@@ -260,24 +225,9 @@ def igrf14(
 ) -> MagneticField:
     """International Geomagnetic Reference Field, 14th generation, degree 13 (10 before 2000), 1900 to 2030.
 
-    Parameters, returned field and errors as `wmm2025`.
-
-    Notes
-    -----
-    Coefficients are linear between the epochs, five years apart; definitive until 2020, a forecast after 2025. The
-    ISCWSA look-up has no row for the IGRF: that of the WMM is taken, which leaves out the same crustal field. Before
-    the 1960s the model itself is worse than that.
-
-    References
-    ----------
-    Alken et al., International Geomagnetic Reference Field: the thirteenth generation, Earth Planets Space 73:49
-    (2021), equations 1 to 3, for the form; IAGA 2024 for the coefficients.
-
-    Examples
-    --------
-    >>> field = igrf14(np.radians(60.0), np.radians([10.0, 11.0]), 0.0, datetime.date(2018, 7, 1))
-    >>> np.degrees(field.declination).round(2)
-    array([3.19, 3.61])
+    Alken et al., Earth Planets Space 73:49 (2021), equations 1 to 3, for the form; IAGA 2024 for the coefficients:
+    linear between epochs, definitive until 2020, a forecast after 2025. Standard deviations are those of the WMM, which
+    leaves out the same crustal field: ISCWSA has none for the IGRF, which is worse before the 1960s.
     """
     return _field("IGRF-14", igrf14_coefficients(), reference_errors("WMM"), latitude, longitude, height_m, date)
 
@@ -287,23 +237,7 @@ MODELS: Final[Mapping[str, Model]] = MappingProxyType({"wmm2025": wmm2025, "igrf
 
 
 def reference_errors(kind: str) -> ReferenceErrors:
-    """ISCWSA standard deviations of a kind of geomagnetic reference.
-
-    Parameters
-    ----------
-    kind : {"WMM", "BGGM", "HDGM", "IFR1", "IFR2"}
-        Main field; main field with crust; high definition; in-field referencing without and with the disturbance field.
-
-    Raises
-    ------
-    InputError
-        Another kind.
-
-    Examples
-    --------
-    >>> reference_errors("IFR1").b
-    50.0
-    """
+    """ISCWSA standard deviations of a geomagnetic reference: main field (WMM), with crust (BGGM), HDGM, IFR1, IFR2."""
     rows = _errors_content()["models"]
     if kind not in rows:
         raise InputError(f"kind of geomagnetic reference is {kind!r}; allowed: {', '.join(rows)}")
@@ -332,33 +266,9 @@ def decimal_year(date: datetime.date) -> float:
 
 
 def complete_site(site: Site, model: Model) -> Site:
-    """The site with what it lacks of b, dip and declination filled from a model.
+    """The site with b, dip and declination filled from a model where it lacks them; `site.origin("b")` is the source.
 
-    Parameters
-    ----------
-    site : Site
-        Its own values and their sigmas stay as they are (in-field referencing); a value of its own without a sigma gets
-        none.
-    model : callable
-        `wmm2025` or `igrf14`.
-
-    Returns
-    -------
-    Site
-        `site.origin("b")` says where a value comes from: "given" or the model.
-
-    Raises
-    ------
-    InputError
-        Something is lacking and latitude, longitude or date is not known, or the model does not cover the date. The
-        height counts as 0 when it is not given: 1000 m change b by about 0.05 per cent.
-
-    Examples
-    --------
-    >>> site = Site(latitude=1.0, longitude=0.2, height_m=0.0, date=datetime.date(2026, 3, 1), b=50_100.0, b_sigma=45.0)
-    >>> done = complete_site(site, wmm2025)
-    >>> done.b, done.origin("b"), np.degrees(done.dip).round(2), done.origin("dip")
-    (50100.0, 'given', np.float64(71.32), 'WMM2025')
+    A value of its own without a sigma gets none. A height that is not given is 0: 1000 m change b by about 0.05 %.
     """
     lacking = [name for name in ("b", "dip", "declination") if getattr(site, name) is None]
     if not lacking:

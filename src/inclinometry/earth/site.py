@@ -3,41 +3,29 @@
 from __future__ import annotations
 
 import datetime
-from dataclasses import dataclass, fields
-from typing import Final
+from dataclasses import dataclass
+from typing import Annotated, Final, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from inclinometry.arrays import Array, finite, within
-from inclinometry.earth.gravity import GRAVITY_SIGMA, normal_gravity
-from inclinometry.errors import InputError
+from inclinometry.arrays import Array, finite
+from inclinometry.earth.gravity import normal_gravity
+from inclinometry.errors import InputError, SiteError
 from inclinometry.rotations import wrap_positive
+from inclinometry.settings import Range, Settings
 from inclinometry.tabular import Column, Tabular
 
 REFERENCES: Final = ("magnetic", "true", "grid")
 """The norths an azimuth may be counted from."""
 
-_RANGES: Final = {
-    "latitude": (-np.pi / 2, np.pi / 2, "rad"),
-    "longitude": (-np.pi, 2.0 * np.pi, "rad"),
-    "height_m": (-12e3, 20e3, "m"),
-    "declination": (-np.pi, np.pi, "rad"),
-    "convergence": (-np.pi, np.pi, "rad"),
-    "g": (9.5, 10.1, "m/s^2"),
-    "b": (5e3, 2e5, "nT"),
-    "dip": (-np.pi / 2, np.pi / 2, "rad"),
-    "declination_sigma": (0.0, np.pi, "rad"),
-    "convergence_sigma": (0.0, np.pi, "rad"),
-    "g_sigma": (0.0, 0.1, "m/s^2"),
-    "b_sigma": (0.0, 1e4, "nT"),
-    "dip_sigma": (0.0, np.pi / 2, "rad"),
-    "latitude_sigma": (0.0, np.pi / 2, "rad"),
-}
+Azimuth: TypeAlias = Annotated[float | None, Range(-np.pi, np.pi, "rad")]
+Tilt: TypeAlias = Annotated[float | None, Range(-np.pi / 2, np.pi / 2, "rad")]
+Sigma: TypeAlias = Annotated[float | None, Range(0.0, np.pi, "rad")]
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
-class Site(Tabular):
+class Site(Tabular, Settings):
     """What is known of a place; everything is optional, nothing is guessed.
 
     Parameters
@@ -76,35 +64,34 @@ class Site(Tabular):
     9.8121
     """
 
-    latitude: float | None = None
-    longitude: float | None = None
-    height_m: float | None = None
+    latitude: Tilt = None
+    longitude: Annotated[float | None, Range(-np.pi, 2.0 * np.pi, "rad")] = None
+    height_m: Annotated[float | None, Range(-12e3, 20e3, "m")] = None
     date: datetime.date | None = None
     north_reference: str = "magnetic"
-    declination: float | None = None
-    convergence: float | None = None
-    g: float | None = None
-    b: float | None = None
-    dip: float | None = None
-    declination_sigma: float | None = None
-    convergence_sigma: float | None = None
-    g_sigma: float | None = None
-    b_sigma: float | None = None
-    dip_sigma: float | None = None
-    latitude_sigma: float | None = None
+    declination: Azimuth = None
+    convergence: Azimuth = None
+    g: Annotated[float | None, Range(9.5, 10.1, "m/s^2")] = None
+    b: Annotated[float | None, Range(5e3, 2e5, "nT")] = None
+    dip: Tilt = None
+    declination_sigma: Sigma = None
+    convergence_sigma: Sigma = None
+    g_sigma: Annotated[float | None, Range(0.0, 0.1, "m/s^2")] = None
+    b_sigma: Annotated[float | None, Range(0.0, 1e4, "nT")] = None
+    dip_sigma: Annotated[float | None, Range(0.0, np.pi / 2, "rad")] = None
+    latitude_sigma: Annotated[float | None, Range(0.0, np.pi / 2, "rad")] = None
     crs: str | None = None
     origins: tuple[tuple[str, str], ...] = ()
 
     def __post_init__(self) -> None:
         _known(self.north_reference)
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if value is None or field.name not in _RANGES:
-                continue
-            object.__setattr__(self, field.name, float(within(value, field.name, *_RANGES[field.name])))
-            quantity = field.name.removesuffix("_sigma")
-            if getattr(self, quantity) is None:
-                raise InputError(f"{field.name} is given without {quantity}; give both or neither")
+        super().__post_init__()
+        for name in self._ranges:
+            value, quantity = getattr(self, name), name.removesuffix("_sigma")
+            if value is not None:
+                object.__setattr__(self, name, float(value))
+                if getattr(self, quantity) is None:
+                    raise InputError(f"{name} is given without {quantity}; give both or neither")
 
     def origin(self, name: str) -> str | None:
         """Where the site has a value from: "given", or what computed it; None when it has none.
@@ -130,18 +117,20 @@ class Site(Tabular):
         """Its standard deviation, m/s^2: as given, else that of normal gravity; None when a given g came without."""
         if self.g is not None or self.latitude is None:
             return self.g_sigma
-        return GRAVITY_SIGMA
+        # gravity anomalies are commonly some tens of mGal, here 40, and several times that in high mountains
+        return 4e-4
 
     def to_dict(self) -> dict[str, Column]:
         """One row a quantity that is known: value, standard deviation, unit and where it comes from."""
-        known = [name for name in _RANGES if not name.endswith("_sigma") and getattr(self, name) is not None]
-        angle = {name: np.degrees(1.0) if _RANGES[name][2] == "rad" else 1.0 for name in known}
+        known = [name for name in self._ranges if not name.endswith("_sigma") and getattr(self, name) is not None]
+        unit = {name: self._ranges[name].unit for name in known}
+        angle = {name: np.degrees(1.0) if unit[name] == "rad" else 1.0 for name in known}
         spread = {name: getattr(self, f"{name}_sigma", None) for name in known}
         return {
             "quantity": [name.removesuffix("_m") for name in known],
             "value": [float(np.round(getattr(self, name) * angle[name], 10)) for name in known],
             "sigma": [np.nan if (s := spread[name]) is None else float(s * angle[name]) for name in known],
-            "unit": ["deg" if _RANGES[name][2] == "rad" else _RANGES[name][2] for name in known],
+            "unit": ["deg" if unit[name] == "rad" else unit[name] for name in known],
             "origin": [self.origin(name) or "" for name in known],
         }
 
@@ -154,48 +143,18 @@ class Site(Tabular):
 
 
 def convert_azimuth(azimuth: ArrayLike, source: str, target: str, site: Site) -> Array:
-    """Azimuth counted from one north, rad, expressed from another, in [0, 2 pi).
-
-    Parameters
-    ----------
-    azimuth : (...) array_like
-        rad, clockwise from the `source` north.
-    source, target : {"magnetic", "true", "grid"}
-        A gyro gives "true". Only the corrections between the two are asked of the site.
-    site : Site
-
-    Raises
-    ------
-    InputError
-        Unknown reference, or a site without the declination or convergence that is needed.
-
-    Examples
-    --------
-    >>> float(convert_azimuth(1.0, "true", "grid", Site(convergence=0.25)))
-    0.75
-    """
+    """Azimuth from one north ("magnetic", "true" or "grid") expressed from another, rad in [0, 2 pi)."""
     shift = sum(sign * value for sign, value, _ in _corrections(source, target, site))
     return wrap_positive(finite(azimuth, "azimuth") + shift)
 
 
 def azimuth_sigma(source: str, target: str, site: Site) -> float:
-    """Standard deviation, rad, that `convert_azimuth` adds to an azimuth, common to all azimuths of the site.
-
-    Raises
-    ------
-    InputError
-        As `convert_azimuth`, or when a correction that is used has no sigma.
-
-    Examples
-    --------
-    >>> azimuth_sigma("magnetic", "true", Site(declination=0.05, declination_sigma=0.006))
-    0.006
-    """
+    """Standard deviation, rad, that `convert_azimuth` adds to an azimuth, common to all azimuths of the site."""
     total = 0.0
     for _, _, name in _corrections(source, target, site):
         sigma = getattr(site, f"{name}_sigma")
         if sigma is None:
-            raise InputError(f"the site has no {name}_sigma; give it to state the uncertainty of {target} azimuths")
+            raise SiteError(f"the site has no {name}_sigma; give it to state the uncertainty of {target} azimuths")
         total = float(np.hypot(total, sigma))
     return total
 
@@ -209,7 +168,7 @@ def _corrections(source: str, target: str, site: Site) -> list[tuple[float, floa
     for name, sign in steps[min(start, stop) : max(start, stop)]:
         value = getattr(site, name)
         if value is None:
-            raise InputError(f"the site has no {name}; {target} azimuths from {source} ones need it: give the {name}")
+            raise SiteError(f"the site has no {name}; {target} azimuths from {source} ones need it: give the {name}")
         found.append((direction * sign, value, name))
     return found
 

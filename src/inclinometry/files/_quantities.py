@@ -26,6 +26,14 @@ Candidates: TypeAlias = tuple[tuple[str, str | None], ...]
 _BETWEEN = re.compile(r"[\s_\-.,]+")
 
 
+class ColumnError(InputError):
+    """A column whose unit cannot be used; `lack` says what of it."""
+
+    def __init__(self, name: str, lack: str, remedy: str) -> None:
+        super().__init__(f"column {name!r} has {lack}{remedy}")
+        self.lack = lack
+
+
 class Unit(NamedTuple):
     """value in SI (rad, nT, degC) = factor * value + offset."""
 
@@ -38,11 +46,9 @@ class Unit(NamedTuple):
 class Quantity:
     """One quantity of a survey file.
 
-    key : place in SurveyFile, e.g. "md", "g.0", "reference.dip", "covariance.01".
-    column : the package's column name, with its unit.
-    unit : the unit of that column; its offset is zero.
-    las : mnemonic in LAS.
-    low, high : what the column may hold, in the package's unit.
+    key : place in SurveyFile, e.g. "md", "g.0", "reference.dip", "covariance.01". las : mnemonic in LAS.
+    column : the package's name of the column, with its unit. unit : that unit; its offset is zero.
+    low, high : what the column may hold, in that unit.
     """
 
     key: str
@@ -71,8 +77,6 @@ def _data() -> Mapping[str, Any]:
 def quantities() -> Mapping[str, Quantity]:
     """Every numeric quantity by its key, in the order files are written in.
 
-    Examples
-    --------
     >>> quantities()["g.0"].column, quantities()["g.0"].las
     ('gx_m_s2', 'GX')
     """
@@ -84,6 +88,16 @@ def quantities() -> Mapping[str, Quantity]:
         unit = next(u for u in _units(dimension).values() if u.label == own["native"])
         found[key] = Quantity(key, column, unit, dimension, entry["las"], entry["low"], entry["high"])
     return found
+
+
+@lru_cache(maxsize=1)
+def quantities_by_column() -> Mapping[str, Quantity]:
+    """Every numeric quantity by the package's name of its column.
+
+    >>> quantities_by_column()["gx_m_s2"].key
+    'g.0'
+    """
+    return {quantity.column: quantity for quantity in quantities().values()}
 
 
 @lru_cache(maxsize=16)
@@ -136,31 +150,11 @@ def _unwrapped(name: str) -> str:
 
 
 def meaning(name: str, stated: str | None = None, beside: Collection[str] = ()) -> Meaning | None:
-    """What a column is, by its name and, where it stands apart, its unit; None for a column that is not read.
+    """What a column is by its name and a unit `stated` apart from it; None for a column that is not read.
 
-    Parameters
-    ----------
-    name : str
-        As in the file, the unit perhaps within it.
-    stated : str, optional
-        Unit stated apart from the name.
-    beside : collection of str
-        The other columns; they tell a table of the package's own, whose contract fixes some units.
-
-    Raises
-    ------
-    InputError
-        A known name whose unit is missing, unknown or of something else; a name that is nearly a known one.
-
-    Examples
-    --------
+    The columns `beside` it show a table of the package's own, whose contract fixes some units.
     >>> meaning("GX(g)").key, meaning("MD (ft)").unit.factor, meaning("AZ", "g").key, meaning("AZ", "deg").key
     ('g.0', 0.3048, 'g.2', 'azimuth')
-    >>> meaning("operator") is None
-    True
-    >>> meaning("Gx")
-    Traceback (most recent call last):
-    inclinometry.errors.InputError: column 'Gx' has no unit; write gx_m_s2 or the like
     """
     if name.startswith(EXTRA) or name in ("flags", "toolface_type", *PARTS):
         return None
@@ -200,23 +194,19 @@ def meaning(name: str, stated: str | None = None, beside: Collection[str] = ()) 
     known = quantities()
     columns = " or ".join(known[key].column for key, _ in candidates)
     if written is None:
-        raise InputError(f"column {name!r} has no unit; write {columns} or the like")
+        raise ColumnError(name, "no unit", f"; write {columns} or the like")
     fits = [(key, north, _unit(written, known[key].dimension)) for key, north in candidates]
     fits = [fit for fit in fits if fit[2] is not None]
     if len(fits) != 1:
-        allowed = dict.fromkeys(unit for key, _ in candidates for unit in _labels(known[key].dimension))
-        raise InputError(
-            f"column {name!r} has the unit {written!r}; allowed: {', '.join(allowed)} (if it is something else, "
-            f"rename it to {EXTRA}{_BETWEEN.sub('_', name)})"
-        )
+        allowed = dict.fromkeys(u.label for key, _ in candidates for u in _units(known[key].dimension).values())
+        other = f"(if it is something else, rename it to {EXTRA}{_BETWEEN.sub('_', name)})"
+        raise ColumnError(name, f"the unit {written!r}", f"; allowed: {', '.join(allowed)} {other}")
     return Meaning(*fits[0][:1], fits[0][2], fits[0][1])
 
 
 def columns_called(name: str) -> tuple[str, ...]:
     """The package's columns that go by a name without its unit.
 
-    Examples
-    --------
     >>> columns_called("INC"), columns_called("INC (deg)")
     (('inclination_deg',), ())
     """
@@ -236,8 +226,6 @@ def _one_unit(name: str, written: str | None, stated: str | None) -> str | None:
 def same_unit(one: str, other: str) -> bool:
     """Whether two spellings are the same unit of some quantity.
 
-    Examples
-    --------
     >>> same_unit("F", "ft"), same_unit("m", "ft")
     (True, False)
     """
@@ -247,8 +235,6 @@ def same_unit(one: str, other: str) -> bool:
 def dimension_of(unit: str) -> str | None:
     """What is measured in this unit; None where it is not known, or may be of two quantities (F: feet or Fahrenheit).
 
-    Examples
-    --------
     >>> dimension_of("ft"), dimension_of("gauss"), dimension_of("G"), dimension_of("furlong"), dimension_of("F")
     ('length', 'magnetic', 'magnetic', None, None)
     """
@@ -261,8 +247,6 @@ def dimension_of(unit: str) -> str | None:
 def unit_factor(unit: str, own: str) -> tuple[float, float]:
     """Factor and offset that turn values in `unit` into values in `own`.
 
-    Examples
-    --------
     >>> unit_factor("ft", "m"), unit_factor("gauss", "nT")
     ((0.3048, 0.0), (100000.0, 0.0))
     """
@@ -273,23 +257,31 @@ def unit_factor(unit: str, own: str) -> tuple[float, float]:
     raise InputError(f"{unit!r} cannot be converted to {own!r}; give a unit of the same quantity")
 
 
+def to_si(unit: str) -> tuple[str, float]:
+    """The unit inside of a channel's unit, and its factor; counts, and what is not known, stay.
+
+    >>> to_si("mg"), to_si("counts")
+    (('m/s^2', 0.00980665), ('counts', 1.0))
+    """
+    inside = {"acceleration": "m/s^2", "magnetic": "nT", "rate": "rad/s", "voltage": "V"}.get(dimension_of(unit) or "")
+    return (unit, 1.0) if inside is None else (inside, unit_factor(unit, inside)[0])
+
+
+def hole_names(what: str) -> tuple[str, ...]:
+    """Squashed names of a column of drill holes: "hole", "depth", "dip" .. of shots, "x" .. "end" of collars, "casing".
+
+    >>> hole_names("dip")
+    ('dip', 'dipangle', 'plunge')
+    """
+    return tuple(_data()["hole"][what])
+
+
 def factor_of(name: str, names: Collection[str], own: str, stated: Collection[str] = ()) -> float | None:
-    """Factor to the unit `own` of a column that goes by one of `names` (squashed); None for another column.
+    """Factor to the unit `own` of a column named one of `names` (squashed); None for another column.
 
     The unit is in the name, or one of those `stated` for the whole file.
-
-    Raises
-    ------
-    InputError
-        No unit, or one of something else.
-
-    Examples
-    --------
     >>> factor_of("End depth (ft)", ["enddepth"], "m"), factor_of("X", ["x"], "m", ["deg", "m"])
     (0.3048, 1.0)
-    >>> factor_of("X", ["x"], "m")
-    Traceback (most recent call last):
-    inclinometry.errors.InputError: column 'X' has no unit; write x_m or the like, or state --units m
     """
     name = _unwrapped(name)
     bracketed = _BRACKETED.fullmatch(name)
@@ -302,22 +294,21 @@ def factor_of(name: str, names: Collection[str], own: str, stated: Collection[st
         return None
     if not unit:
         unit = next((word for word in stated if dimension_of(word) == dimension_of(own)), "")
+    usual = "deg" if own == "rad" else own
     if not unit:
         raise InputError(
-            f"column {name!r} has no unit; write {_BETWEEN.sub('_', name).lower()}_{own} or the like, or state "
-            f"--units {own}"
+            f"column {name!r} has no unit; write {_BETWEEN.sub('_', name).lower()}_{usual} or the like, or state "
+            f"--units {usual}"
         )
     try:
         return unit_factor(unit, own)[0]
     except InputError:
-        raise InputError(f"column {name!r} has the unit {unit!r}; give one such as {own}") from None
+        raise InputError(f"column {name!r} has the unit {unit!r}; give one such as {usual}") from None
 
 
 def seconds_of(name: str, stated: Collection[str] = ()) -> float | None:
     """Seconds in the unit of a column of time; None for another column, and where neither it nor `stated` has a unit.
 
-    Examples
-    --------
     >>> seconds_of("Time (ms)"), seconds_of("TimeUS"), seconds_of("t"), seconds_of("t", ["s"])
     (0.001, 1e-06, None, 1.0)
     """
@@ -330,6 +321,19 @@ def seconds_of(name: str, stated: Collection[str] = ()) -> float | None:
         return None
 
 
+def listed_axis(name: str, stated: Collection[str] = ()) -> tuple[str, float] | None:
+    """The axis ("north", "east", "tvd") of a column of positions and its factor to metres; None for another column.
+
+    >>> listed_axis("+N/-S (ft)"), listed_axis("E(+) (m)"), listed_axis("North Reference", ["m"])
+    (('north', 0.3048), ('east', 1.0), None)
+    """
+    plain = re.sub(r"\(\s*[-+\u2212]\s*\)|[+\u2212]", "", name)  # of N(+) and +N/-S
+    for axis, names in _data()["listed"].items():
+        if (factor := factor_of(plain, names, "m", stated)) is not None:
+            return axis, factor
+    return None
+
+
 def _contract(name: str, beside: Collection[str]) -> str | None:
     for start, entry in _data()["contract"].items():
         if (name == start or name.startswith(f"{start}_")) and all(other in beside for other in entry["beside"]):
@@ -337,15 +341,9 @@ def _contract(name: str, beside: Collection[str]) -> str | None:
     return None
 
 
-def _labels(dimension: str) -> list[str]:
-    return list(dict.fromkeys(unit.label for unit in _units(dimension).values()))
-
-
 def is_number(name: str) -> bool:
     """Whether a column will be read as numbers; a name that will be refused need not be.
 
-    Examples
-    --------
     >>> is_number("Gx (m/s2)"), is_number("azimuth_reference"), is_number("Gx")
     (True, False, False)
     """
@@ -355,6 +353,15 @@ def is_number(name: str) -> bool:
     except InputError:
         return False
     return found is not None and found.unit is not None
+
+
+def is_depth(name: str) -> bool:
+    """Whether a column is the depth along the hole, in a unit that is known."""
+    try:
+        found = meaning(name)
+    except InputError:
+        return False
+    return found is not None and found.key == "md"
 
 
 def from_si(values: Array, quantity: Quantity) -> Array:

@@ -11,10 +11,7 @@ import numpy as np
 
 from inclinometry.allan import ChannelNoise, Coefficient, NoiseRecord
 from inclinometry.files import json_codec
-from inclinometry.files.writing import write_bytes
 
-VERSION = 1
-SCHEMA = "inclinometry/allan"
 COEFFICIENTS = ("angle_random_walk", "bias_instability", "rate_random_walk")
 """What every record states, by the names of `NoiseModel`."""
 _DEG = 180.0 / np.pi
@@ -30,46 +27,35 @@ class PlottedCurve:
     factor: float
 
 
-@dataclass(frozen=True)
-class NoiseUnits:
-    """How the noise of one kind of channel is shown; `coefficients` in the order of `COEFFICIENTS`."""
-
-    coefficients: tuple[PlottedCurve, PlottedCurve, PlottedCurve]
-    deviation: PlottedCurve
-
-
-_GYRO = NoiseUnits(
-    (
-        PlottedCurve("arw_deg_sqrt_h", "angle random walk", "deg/√h", _DEG * 60.0),
-        PlottedCurve("bias_instability_deg_h", "bias instability", "deg/h", _DEG * 3600.0),
-        PlottedCurve("rate_random_walk_deg_h_sqrt_h", "rate random walk", "deg/h/√h", _DEG * 3600.0 * 60.0),
-    ),
+_GYRO = (
+    PlottedCurve("arw_deg_sqrt_h", "angle random walk", "deg/√h", _DEG * 60.0),
+    PlottedCurve("bias_instability_deg_h", "bias instability", "deg/h", _DEG * 3600.0),
+    PlottedCurve("rate_random_walk_deg_h_sqrt_h", "rate random walk", "deg/h/√h", _DEG * 3600.0 * 60.0),
     PlottedCurve("deviation_deg_h", "Allan deviation", "deg/h", _DEG * 3600.0),
 )
-_ACCELEROMETER = NoiseUnits(
-    (
-        PlottedCurve("velocity_random_walk_m_s_sqrt_h", "velocity random walk", "m/s/√h", 60.0),
-        PlottedCurve("bias_instability_m_s2", "bias instability", "m/s²", 1.0),
-        PlottedCurve("acceleration_random_walk_m_s2_sqrt_h", "acceleration random walk", "m/s²/√h", 60.0),
-    ),
+_ACCELEROMETER = (
+    PlottedCurve("velocity_random_walk_m_s_sqrt_h", "velocity random walk", "m/s/√h", 60.0),
+    PlottedCurve("bias_instability_m_s2", "bias instability", "m/s²", 1.0),
+    PlottedCurve("acceleration_random_walk_m_s2_sqrt_h", "acceleration random walk", "m/s²/√h", 60.0),
     PlottedCurve("deviation_m_s2", "Allan deviation", "m/s²", 1.0),
 )
 
 
-def units_of(channel: ChannelNoise) -> NoiseUnits:
-    """The units of a channel: deg and hours for rates, metres and hours for accelerations, else those of the signal."""
+def units_of(channel: ChannelNoise) -> tuple[PlottedCurve, ...]:
+    """How the coefficients of a channel, in the order of `COEFFICIENTS`, and its Allan deviation are shown.
+
+    Deg and hours for rates, metres and hours for accelerations, else the units of the signal.
+    """
     if channel.unit == "rad/s":
         return _GYRO
     if channel.unit == "m/s^2":
         return _ACCELEROMETER
     unit = channel.unit
     label = unit.replace("/", "_").replace("^", "")
-    return NoiseUnits(
-        (
-            PlottedCurve(f"white_noise_{label}_sqrt_s", "white noise", f"{unit}·√s", 1.0),
-            PlottedCurve(f"bias_instability_{label}", "bias instability", unit, 1.0),
-            PlottedCurve(f"random_walk_{label}_per_sqrt_s", "random walk", f"{unit}/√s", 1.0),
-        ),
+    return (
+        PlottedCurve(f"white_noise_{label}_sqrt_s", "white noise", f"{unit}·√s", 1.0),
+        PlottedCurve(f"bias_instability_{label}", "bias instability", unit, 1.0),
+        PlottedCurve(f"random_walk_{label}_per_sqrt_s", "random walk", f"{unit}/√s", 1.0),
         PlottedCurve(f"deviation_{label}", "Allan deviation", unit, 1.0),
     )
 
@@ -77,14 +63,14 @@ def units_of(channel: ChannelNoise) -> NoiseUnits:
 def coefficients_of(channel: ChannelNoise) -> list[tuple[PlottedCurve, Coefficient]]:
     """The three coefficients with how each is shown."""
     found = [getattr(channel.model, name) for name in COEFFICIENTS]
-    return list(zip(units_of(channel).coefficients, found, strict=True))
+    return list(zip(units_of(channel)[:3], found, strict=True))
 
 
 def allan_content(record: NoiseRecord) -> dict[str, Any]:
     """What `write_allan` writes, as plain mappings, lists and arrays; null where the record is too short to tell."""
     return {
-        "schema": SCHEMA,
-        "version": VERSION,
+        "schema": "inclinometry/allan",
+        "version": 1,
         "inputs": dict(record.inputs),
         "sampling_interval_s": record.dt,
         "samples": record.samples,
@@ -94,7 +80,7 @@ def allan_content(record: NoiseRecord) -> dict[str, Any]:
 
 
 def _channel_content(channel: ChannelNoise) -> dict[str, Any]:
-    shown = units_of(channel).deviation
+    shown = units_of(channel)[-1]
     content: dict[str, Any] = {
         "channel": channel.name,
         "kind": channel.kind,
@@ -113,7 +99,7 @@ def _channel_content(channel: ChannelNoise) -> dict[str, Any]:
 
 def write_allan(record: NoiseRecord, path: str | Path) -> None:
     """Write allan.json: the same record gives the same bytes. FileError where it cannot be written."""
-    write_bytes(json_codec.canonical(allan_content(record)), path)
+    json_codec.store(allan_content(record), path, "allan")
 
 
 def read_allan(path: str | Path) -> Mapping[str, Any]:
@@ -124,4 +110,4 @@ def read_allan(path: str | Path) -> Mapping[str, Any]:
     FileError
         Not JSON, another kind of file, a newer version, or content the schema refuses.
     """
-    return json_codec.of_kind(json_codec.load(path), path, SCHEMA, version=VERSION)
+    return json_codec.stored(path, "allan")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
@@ -14,9 +13,9 @@ from inclinometry.constants import RPM
 from inclinometry.earth.site import REFERENCES
 from inclinometry.errors import FileError
 from inclinometry.files import writing
+from inclinometry.files.parquet import write_table
 from inclinometry.files.run_file import checked_ending
 from inclinometry.files.table import read_table
-from inclinometry.files.writing import replacing
 from inclinometry.motion.result import BITS, METHODS, AttitudeRows
 from inclinometry.orientation import SWITCH
 from inclinometry.rotations import dcm, quaternion_from_dcm
@@ -29,12 +28,9 @@ COLUMNS: Final = (
     "u_random_azimuth_deg", "u_random_toolface_deg",
 )  # fmt: skip
 """The contract of the attitude file, in its order; what follows `flags` is absent from older files."""
-_FIRST: Final = COLUMNS[: COLUMNS.index("flags") + 1]
 
-SCHEMA: Final = "inclinometry/attitude"
 _TEXT: Final = ("azimuth_reference", "method", "flags", "toolface_type")
 _QUATERNION: Final = ("q_w", "q_x", "q_y", "q_z")
-_ROUND: Final = ("azimuth_deg", "toolface_deg", "magnetic_toolface_deg")
 _DEGREES: Final = {name: name.removesuffix("_deg") for name in COLUMNS if name.endswith("_deg")}
 
 
@@ -43,31 +39,20 @@ def write_attitude(
 ) -> None:
     """Write attitude.csv or attitude.parquet, by the ending of the name, whole or not at all.
 
-    Parameters
-    ----------
-    rows : AttitudeRows
-    path : str or Path
-    header : name -> text, optional
-        Digests of the inputs and the like: metadata `inclinometry.header` of a Parquet file; CSV has no place for it.
-    switch : float
-        rad, inclination below which `toolface_type` says magnetic, from there on gravity.
-
-    Raises
-    ------
-    FileError
-        Another ending; the file cannot be written.
-
-    Examples
-    --------
-    See `read_attitude`.
+    `header` is metadata `inclinometry.header` of a Parquet file; CSV has no place for it. `toolface_type` is magnetic
+    below the inclination `switch`, rad, and gravity from there on.
     """
     # columns of the contract, texts as lists
     found: dict[str, Array | list[str]] = {}
     for name in COLUMNS:
         if name in _DEGREES:
             angles = writing.degrees(getattr(rows, _DEGREES[name]))
-            found[name] = np.where(angles == 360.0, 0.0, angles) if name in _ROUND else angles
-    names = {code: "|".join(_named(int(code))) for code in np.unique(rows.flags)}
+            found[name] = (
+                np.where(angles == 360.0, 0.0, angles)
+                if name.endswith(("azimuth_deg", "toolface_deg")) and name[:2] != "u_"
+                else angles
+            )
+    names = {code: "|".join(name for name, bit in BITS.items() if int(code) & bit) for code in np.unique(rows.flags)}
     found |= {
         "time_s": np.asarray(np.round(rows.time, 9) + 0.0),
         "azimuth_reference": [REFERENCES[n] for n in rows.north],
@@ -83,26 +68,10 @@ def write_attitude(
     }
     columns = {name: found[name] for name in COLUMNS}
     if checked_ending(path) == ".csv":
-        cells = [writing.column(v) if isinstance(v, np.ndarray) else v for v in columns.values()]
-        writing.write_columns(COLUMNS, cells, path)
+        writing.write_columns(columns, path)
         return
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    fields, arrays = [], []
-    for name, values in columns.items():
-        kind = pa.string() if name in _TEXT else pa.float64()
-        unit = "deg" if name in _DEGREES else {"time_s": "s", "rpm": "1/min"}.get(name)
-        fields.append(pa.field(name, kind, metadata={"unit": unit} if unit else None))
-        arrays.append(pa.array(values, kind, from_pandas=True))
-    text = json.dumps({"schema": SCHEMA, "version": "1", **(header or {})}, ensure_ascii=False).encode()
-    table = pa.Table.from_arrays(arrays, schema=pa.schema(fields, metadata={b"inclinometry.header": text}))
-    with replacing(path) as stream:
-        pq.write_table(table, stream, compression="zstd", compression_level=1, write_page_checksum=True)
-
-
-def _named(bits: int) -> list[str]:
-    return [name for name, bit in BITS.items() if bits & bit]
+    units = {**dict.fromkeys(_DEGREES, "deg"), "time_s": "s", "rpm": "1/min"}
+    write_table(columns, units, {"schema": "inclinometry/attitude", "version": "1", **(header or {})}, path)
 
 
 def read_attitude(path: str | Path) -> AttitudeRows:
@@ -127,7 +96,11 @@ def read_attitude(path: str | Path) -> AttitudeRows:
     (('clipped',), True, 1.0)
     """
     where = Path(path)
-    columns = _parquet_columns(where) if checked_ending(where) == ".parquet" else _csv_columns(where)
+    checked_ending(where)
+    table = read_table(where, numeric=lambda name: name in COLUMNS and name not in _TEXT, gaps=COLUMNS)
+    table.require(COLUMNS[: COLUMNS.index("flags") + 1])
+    there = [name for name in COLUMNS if name in table.names]
+    columns = _later({name: table.text(name) if name in _TEXT else table.number(name) for name in there})
     # the random part is what the common one leaves of the whole
     angles = {
         name: np.radians(columns[column])
@@ -145,31 +118,6 @@ def read_attitude(path: str | Path) -> AttitudeRows:
         method=_places(columns["method"], METHODS, where, "method").astype(np.uint8),
         north=north.astype(np.uint8),
         quaternion=np.stack([columns[name] for name in _QUATERNION], axis=1),
-    )
-
-
-def _csv_columns(path: Path) -> dict[str, Any]:
-    table = read_table(path, numeric=lambda name: name in COLUMNS and name not in _TEXT, gaps=COLUMNS)
-    table.require(_FIRST)
-    there = [name for name in COLUMNS if name in table.header]
-    return _later({name: table.text(name) if name in _TEXT else table.number(name) for name in there})
-
-
-def _parquet_columns(path: Path) -> dict[str, Any]:
-    from inclinometry.files.parquet import _table
-
-    table = _table(path)
-    missing = next((name for name in _FIRST if name not in table.column_names), None)
-    if missing is not None:
-        raise FileError(f"column {missing!r} is missing; columns found: {', '.join(table.column_names)}", path=path)
-    return _later(
-        {
-            name: table.column(name).to_pylist()
-            if name in _TEXT
-            else np.array(table.column(name).to_numpy(), dtype=float)
-            for name in COLUMNS
-            if name in table.column_names
-        }
     )
 
 

@@ -13,32 +13,21 @@ from numpy.typing import NDArray
 from inclinometry.arrays import Array
 from inclinometry.calibration.plans import Plan
 from inclinometry.calibration.readings import BenchReadings, converter_steps
+from inclinometry.constants import DIALS
 from inclinometry.errors import FileError, InputError
 from inclinometry.files import writing
-from inclinometry.files.columns import ANGLES, BENCH, KIND_PREFIX, PLAN, REFERENCES, UNIT_LABELS, numbers_among
+from inclinometry.files.columns import BENCH, PLAN, REFERENCES, numbers_among
+from inclinometry.files.frame import Frame
 from inclinometry.files.profile import current
 from inclinometry.files.signals import Signals, need_settings, read_settings, read_signals, read_temperature
-from inclinometry.files.table import Progress, Table, read_table
+from inclinometry.files.table import read_table
+from inclinometry.files.text import Progress
 from inclinometry.rotations import dcm, wrap_signed
-from inclinometry.tabular import axes, check_record
+from inclinometry.tabular import channel_columns, check_record
 
 
 def read_plan(path: str | Path) -> Plan:
-    """Read a plan; its name is the file's without the ending.
-
-    Raises
-    ------
-    FileError
-        As `table.read_table`; an angle column is missing, out of range, or looks like radians.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     _ = Path(folder, "mine.csv").write_text("azimuth_deg,inclination_deg,toolface_deg\\n0,90,0\\n")
-    ...     read_plan(Path(folder, "mine.csv")).name
-    'mine'
-    """
+    """Read a plan; its name is the file's without the ending."""
     table = read_table(path, numeric=numbers_among(PLAN))
     table.unknown(PLAN)
     settings = need_settings(table)
@@ -48,19 +37,12 @@ def read_plan(path: str | Path) -> Plan:
 
 def write_plan(plan: Plan, path: str | Path) -> None:
     """Write a plan, angles rounded to 1e-10 deg; stations are numbered from 1."""
-    columns = [[str(i + 1) for i in range(len(plan))]]
-    columns += [writing.column(writing.degrees(a)) for a in (plan.azimuth, plan.inclination, plan.toolface)]
-    names = ["station", *ANGLES]
-    if plan.roll_set:
-        names.append("roll_set")
-        columns.append(list(plan.roll_set))
-    writing.write_columns(names, columns, path)
+    columns: dict[str, Array | Sequence[str] | None] = {"station": [str(i + 1) for i in range(len(plan))]}
+    columns |= {f"{name}_deg": writing.degrees(getattr(plan, name)) for name in DIALS}
+    writing.write_columns({**columns, "roll_set": plan.roll_set or None}, path)
 
 
 # Equal extremes that the attitudes alone do not give away: judged by noise, and by the field's direction.
-
-IMPROBABLE = 1e-3
-FLAT = 0.1  # share of a channel's largest sensitivity to attitude below which its scatter is that of the sensor
 
 
 def field_basis(values: Array, cosines: Array) -> Array:
@@ -93,7 +75,8 @@ def improbably_equal(values: Array, channel: int, at: NDArray[np.bool_], basis: 
     model, *_ = np.linalg.lstsq(basis, values, rcond=1e-9)
     slope = np.linalg.norm(np.cross(model[:3].T[None], attitudes[:, None, :3]), axis=-1)
     there, size = np.unique(group[at]), np.bincount(group)
-    flat = slope <= np.maximum(FLAT * slope.max(axis=0), slope[there, channel].max())
+    # a tenth of a channel's largest sensitivity to attitude: below it the scatter is that of the sensor
+    flat = slope <= np.maximum(0.1 * slope.max(axis=0), slope[there, channel].max())
     flat[there, channel] = False
     total = np.stack([np.bincount(group, column) for column in values.T], axis=1)
     left = values - (total / size[:, None])[group]
@@ -106,7 +89,7 @@ def improbably_equal(values: Array, channel: int, at: NDArray[np.bool_], basis: 
     step = steps[steps > 1e-9 * np.abs(values).max()].min(initial=np.inf)
     if count < 2 or not spread > step:
         return False
-    return bool((step / (spread * np.sqrt(2.0 * np.pi))) ** count / np.sqrt(count + 1.0) < IMPROBABLE)
+    return bool((step / (spread * np.sqrt(2.0 * np.pi))) ** count / np.sqrt(count + 1.0) < 1e-3)
 
 
 # Channels that cannot be right: stuck at one value, or resting on a rail.
@@ -328,10 +311,6 @@ def _predicted_beyond(
 
 # Stations read more than once: found, checked for contradiction, averaged, and their scatter put to use.
 
-SAME_ANGLE = np.radians(1e-6)
-CONTRADICTION = np.radians(0.5)
-SAME_TEMPERATURE = 2.0
-
 
 class Repeats(NamedTuple):
     """Which rows are one station.
@@ -384,7 +363,7 @@ class Repeats(NamedTuple):
 
 
 def find_repeats(
-    table: Table,
+    table: Frame,
     station: Sequence[str],
     settings: tuple[Array, Array, Array] | None,
     temperature: Array | None,
@@ -392,12 +371,8 @@ def find_repeats(
 ) -> Repeats:
     """Rows with one station name, one setting (1e-6 deg) and one temperature (2 degC) are one station.
 
-    Without settings nothing is averaged: the tool may have been held otherwise each time.
-
-    Raises
-    ------
-    FileError
-        One name with settings more than 0.5 deg apart, or in two roll sets; names both lines.
+    Without settings nothing is averaged: the tool may have been held otherwise each time. One name with settings more
+    than 0.5 deg apart, or in two roll sets, is an error.
     """
     rows_of: dict[str, list[int]] = {}
     for row, name in enumerate(station):
@@ -415,9 +390,9 @@ def find_repeats(
         clusters: list[list[int]] = []
         left = np.array(rows)
         while left.size:
-            near = np.all([np.abs(wrap_signed(a[left] - a[left[0]])) <= SAME_ANGLE for a in settings], axis=0)
+            near = np.all([np.abs(wrap_signed(a[left] - a[left[0]])) <= np.radians(1e-6) for a in settings], axis=0)
             if temperature is not None:
-                near &= np.abs(temperature[left] - temperature[left[0]]) <= SAME_TEMPERATURE
+                near &= np.abs(temperature[left] - temperature[left[0]]) <= 2.0
             clusters.append(left[near].tolist())
             left = left[~near]
         for cluster in clusters:
@@ -429,14 +404,14 @@ def find_repeats(
 
 
 def _check(
-    table: Table, name: str, rows: list[int], settings: tuple[Array, Array, Array], roll_set: Sequence[str]
+    table: Frame, name: str, rows: list[int], settings: tuple[Array, Array, Array], roll_set: Sequence[str]
 ) -> None:
     def shown(row: int) -> str:
         angles = ", ".join(f"{np.degrees(a[row]):.6g}" for a in settings)
         return f"azimuth, inclination, toolface {angles} deg in line {table.lines[row]}"
 
     index = np.array(rows)
-    apart = np.any([np.abs(wrap_signed(a[index] - a[rows[0]])) > CONTRADICTION for a in settings], axis=0)
+    apart = np.any([np.abs(wrap_signed(a[index] - a[rows[0]])) > np.radians(0.5) for a in settings], axis=0)
     if apart.any():
         row = int(index[apart.argmax()])
         problem = f"station {name!r} is repeated with contradictory angles: {shown(rows[0])}, {shown(row)}"
@@ -451,13 +426,6 @@ def _shortened(notes: list[str], most: int = 10) -> tuple[str, ...]:
     if len(notes) <= most:
         return tuple(notes)
     return (*notes[:most], f"and {len(notes) - most} more repeated stations likewise")
-
-
-_REFERENCE_LIMITS = {
-    "reference_g_m_s2": (9.5, 10.0, "m/s^2"),
-    "reference_b_nT": (1e3, 1e6, "nT"),
-    "reference_dip_deg": (-90.0, 90.0, "deg"),
-}
 
 
 def read_bench(path: str | Path, *, progress: Progress | None = None) -> BenchReadings:
@@ -497,7 +465,7 @@ def read_bench(path: str | Path, *, progress: Progress | None = None) -> BenchRe
            [3., 1.]])
     """
     table = read_table(path, progress, numeric=numbers_among(BENCH))
-    unused = [f"column {name!r} is not known and was not used" for name in table.unknown(BENCH)]
+    unused = table.unknown(BENCH)
     signals, settings = read_signals(table), read_settings(table)
     temperature, count = read_temperature(table), _count(table)
     station = _stations(table)
@@ -537,7 +505,7 @@ def read_bench(path: str | Path, *, progress: Progress | None = None) -> BenchRe
 
 
 def _merged(
-    table: Table,
+    table: Frame,
     signals: Signals,
     settings: Settings | None,
     temperature: Array | None,
@@ -577,7 +545,7 @@ def _merged(
     )
 
 
-def _stations(table: Table) -> tuple[str, ...]:
+def _stations(table: Frame) -> tuple[str, ...]:
     if "station" not in table:
         return tuple(str(i + 1) for i in range(len(table)))
     names = table.text("station")
@@ -586,7 +554,7 @@ def _stations(table: Table) -> tuple[str, ...]:
     return names
 
 
-def _count(table: Table) -> Array | None:
+def _count(table: Frame) -> Array | None:
     if "count" not in table:
         return None
     values = table.number("count")
@@ -597,22 +565,20 @@ def _count(table: Table) -> Array | None:
     return values
 
 
-def _reference(table: Table) -> dict[str, float]:
+def _reference(table: Frame) -> dict[str, float]:
     """The fields at the stand, SI (nT for b) and radians."""
     reference: dict[str, float] = {}
-    for name, (low, high, unit) in _REFERENCE_LIMITS.items():
+    limits = ((9.5, 10.0, " m/s^2"), (1e3, 1e6, " nT"), (-90.0, 90.0, " deg"))
+    for name, key, limit in zip(REFERENCES, ("g", "b", "dip"), limits, strict=True):
         if name not in table:
             continue
         values = table.number(name)
-        value = float(values[0])
-        other = np.flatnonzero(values != value)
+        other = np.flatnonzero(values != values[0])
         if other.size:
             row = int(other[0])
-            problem = f"{name} is {value:.10g} in line {table.lines[0]} and {values[row]:.10g} here"
+            problem = f"{name} is {values[0]:.10g} in line {table.lines[0]} and {values[row]:.10g} here"
             raise table.error(f"{problem}; it must be the same in the whole file", row)
-        if not low <= value <= high:
-            raise table.error(f"{name} is {value:.10g}; allowed {low:g} to {high:g} {unit}", 0)
-        key = {"reference_g_m_s2": "g", "reference_b_nT": "b", "reference_dip_deg": "dip"}[name]
+        value = float(table.within(name, *limit)[0])
         reference[key] = float(np.radians(value)) if key == "dip" else value
     return reference
 
@@ -633,70 +599,30 @@ def write_bench(readings: BenchReadings, path: str | Path) -> None:
     The unit stands in the channels' names (`accel_x_m_s2`) where it is one the reader knows; counts need none.
     """
     check_record(readings, BenchReadings, "write_bench")
-    names, columns = ["station"], [list(readings.station)]
+    columns: dict[str, Array | Sequence[str] | None] = {"station": readings.station}
     if readings.azimuth is not None:
-        for name, angle in zip(("azimuth_deg", "inclination_deg", "toolface_deg"), readings.dials, strict=True):
-            names.append(name)
-            columns.append(writing.column(writing.degrees(angle)))
-    if readings.temperature is not None:
-        names.append("temperature_degC")
-        columns.append(writing.column(readings.temperature))
-    _add_channels(readings, names, columns)
-    if readings.count is not None:
-        names.append("count")
-        columns.append(writing.column(readings.count))
-    if readings.roll_set:
-        names.append("roll_set")
-        columns.append(list(readings.roll_set))
+        columns |= {f"{name}_deg": writing.degrees(angle) for name, angle in zip(DIALS, readings.dials, strict=True)}
+    columns["temperature_degC"] = readings.temperature
+    repeats = np.ones(len(readings)) if readings.count is None else readings.count
+    for kind, values in readings.channels.items():
+        columns |= channel_columns({kind: values}, readings.units)
+        if kind in readings.sd:
+            columns |= channel_columns({kind: readings.sd[kind] * np.sqrt(repeats)[:, None]}, readings.units, "_sd")
+    columns |= {"count": readings.count, "roll_set": readings.roll_set or None}
     for name, key in zip(REFERENCES, ("g", "b", "dip"), strict=True):
         if key in readings.reference:
             value = readings.reference[key]
-            names.append(name)
-            columns.append([writing.number(float(writing.degrees(value)) if key == "dip" else value)] * len(readings))
-    writing.write_columns(names, columns, path)
-
-
-def _add_channels(readings: BenchReadings, names: list[str], columns: list[list[str]]) -> None:
-    suffixes = {label: f"_{suffix}" for suffix, label in UNIT_LABELS.items() if label != "counts"}
-    repeats = np.ones(len(readings)) if readings.count is None else readings.count
-    for kind, values in readings.channels.items():
-        tail = suffixes.get(readings.units[kind], "")
-        channels = [f"{KIND_PREFIX[kind]}_{axis}{tail}" for axis in axes(values.shape[1])]
-        names += channels
-        columns += [writing.column(column) for column in values.T]
-        if kind in readings.sd:
-            names += [f"{name}_sd" for name in channels]
-            columns += [writing.column(column * np.sqrt(repeats)) for column in readings.sd[kind].T]
+            columns[name] = np.full(len(readings), writing.degrees(value) if key == "dip" else value)
+    writing.write_columns(columns, path)
 
 
 def write_raw_survey(
     path: str | Path, md: Array, channels: Mapping[str, Array], temperature: Array | None = None
 ) -> None:
-    """Raw survey CSV: md_m, channels, temperature_degC.
-
-    Parameters
-    ----------
-    path : str or Path
-    md : (n,) m
-    channels : kind -> (n, m)
-    temperature : (n,) degC, optional
-    """
-    _write_against("md_m", md, channels, temperature, path)
+    """Raw survey CSV: md_m, channels (kind -> (n, m)), temperature_degC."""
+    writing.write_columns({"md_m": md, **channel_columns(channels, {}), "temperature_degC": temperature}, path)
 
 
 def write_log(path: str | Path, time: Array, channels: Mapping[str, Array], temperature: Array | None = None) -> None:
     """Log CSV: time_s, channels, temperature_degC; parameters as `write_raw_survey`."""
-    _write_against("time_s", time, channels, temperature, path)
-
-
-def _write_against(
-    name: str, values: Array, channels: Mapping[str, Array], temperature: Array | None, path: str | Path
-) -> None:
-    names, columns = [name], [writing.column(values)]
-    for kind, signals in channels.items():
-        names += [f"{KIND_PREFIX[kind]}_{axis}" for axis in axes(signals.shape[1])]
-        columns += [writing.column(column) for column in signals.T]
-    if temperature is not None:
-        names.append("temperature_degC")
-        columns.append(writing.column(temperature))
-    writing.write_columns(names, columns, path)
+    writing.write_columns({"time_s": time, **channel_columns(channels, {}), "temperature_degC": temperature}, path)

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Final, TypeAlias
 
 import numpy as np
 
@@ -26,31 +26,12 @@ HELD: Final = ("md_m", "inclination_deg", "azimuth_deg", "azimuth_reference", "d
 """Columns of a survey that these files hold."""
 
 
-class Leg(NamedTuple):
-    """From one station to the next: names, m, and degrees from north and from the horizontal, upwards."""
-
-    start: str
-    end: str
-    length: float
-    compass: float
-    clino: float
-    md: float
+Leg: TypeAlias = tuple[str, str, float, float, float, float]
+"""A station and the next, length in m, degrees from north and from the horizontal, upwards, depth of the next."""
 
 
 def legs(survey: SurveyFile) -> list[Leg]:
-    """Legs between the stations that are used.
-
-    Raises
-    ------
-    InputError
-        Fewer than two stations; an inclination or azimuth that is missing.
-
-    Examples
-    --------
-    >>> survey = SurveyFile(md=[0, 10, 30], inclination=[0.5, 0.5, 0.5], azimuth=[1, 1, 1], azimuth_reference="true")
-    >>> [(leg.start, leg.end, round(leg.length, 6), round(leg.clino, 3)) for leg in legs(survey)]
-    [('0', '1', 10.0, -61.352), ('1', '2', 20.0, -61.352)]
-    """
+    """Legs between the stations that are used: chords of minimum curvature."""
     if survey.inclination is None or survey.azimuth is None:
         raise InputError("legs need inclination and azimuth at every station; the survey lacks one of them")
     rows = np.arange(len(survey)) if survey.used is None else np.flatnonzero(survey.used)
@@ -68,36 +49,19 @@ def legs(survey: SurveyFile) -> list[Leg]:
     compass = np.degrees(np.arctan2(east, north)) % 360.0
     clino = -np.degrees(np.arctan2(down, flat))
     return [
-        Leg(str(k), str(k + 1), float(length[k]), float(compass[k]), float(clino[k]), float(survey.md[rows[k + 1]]))
+        (str(k), str(k + 1), float(length[k]), float(compass[k]), float(clino[k]), float(survey.md[rows[k + 1]]))
         for k in range(len(length))
     ]
 
 
 def write_survex(file: SurveyFile, path: str | Path) -> None:
-    """Write a survey as Survex data; errors as `legs`.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> survey = SurveyFile(md=[0, 10], inclination=[0, 0], azimuth=[0, 0], azimuth_reference="true")
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     write_survex(survey, Path(folder, "hole 7.svx"))
-    ...     print(Path(folder, "hole 7.svx").read_text())
-    *begin hole_7
-    ; azimuths from true north; legs are chords of minimum curvature between the stations
-    *units tape metres
-    *units compass clino degrees
-    *data normal from to tape compass clino
-    0	1	10.0000	-	-90.0000	; 10 m
-    *end hole_7
-    <BLANKLINE>
-    """
+    """Write a survey as Survex data; a vertical leg has no bearing."""
     name = _name(path)
     rows = [
         # a plumbed leg has no bearing
-        f"{leg.start}\t{leg.end}\t{leg.length:.4f}\t"
-        f"{'-' if abs(leg.clino) > 90.0 - 5e-5 else f'{leg.compass:.4f}'}\t{leg.clino:.4f}\t; {leg.md:.12g} m"
-        for leg in legs(file)
+        f"{start}\t{end}\t{length:.4f}\t"
+        f"{'-' if abs(clino) > 90.0 - 5e-5 else f'{compass:.4f}'}\t{clino:.4f}\t; {md:.12g} m"
+        for start, end, length, compass, clino, md in legs(file)
     ]
     declination = _declination(file)
     lines = [
@@ -116,8 +80,8 @@ def write_therion(file: SurveyFile, path: str | Path) -> None:
         "    units compass clino degrees",
         *([] if declination is None else [f"    declination {declination:.4f} degrees"]),
         "    data normal from to length compass clino",
-        *(f"      {leg.start} {leg.end} {leg.length:.4f} {leg.compass:.4f} {leg.clino:.4f} # {leg.md:.12g} m"
-          for leg in legs(file)),
+        *(f"      {start} {end} {length:.4f} {compass:.4f} {clino:.4f} # {md:.12g} m"
+          for start, end, length, compass, clino, md in legs(file)),
         "  endcentreline", "endsurvey",
     ]  # fmt: skip
     write_text("\n".join(lines) + "\n", path)
@@ -139,8 +103,8 @@ def write_compass(file: SurveyFile, path: str | Path) -> None:
         "FROM TO LENGTH BEARING INC LEFT UP DOWN RIGHT FLAGS COMMENTS",
         "",
         *(
-            f"{leg.start} {leg.end} {leg.length / FOOT:.4f} {leg.compass:.4f} {leg.clino:.4f} {unknown}"
-            for leg in legs(file)
+            f"{start} {end} {length / FOOT:.4f} {compass:.4f} {clino:.4f} {unknown}"
+            for start, end, length, compass, clino, _ in legs(file)
         ),
         "\f",
     ]

@@ -11,48 +11,30 @@ from typing import Any
 import numpy as np
 
 from inclinometry.arrays import Array
-from inclinometry.constants import FIELD_UNITS
+from inclinometry.constants import FIELD_UNITS, KIND_PREFIX
 from inclinometry.digest import digest_file
 from inclinometry.errors import InputError
 from inclinometry.files import json_codec
 from inclinometry.files.tool_json import read_tool
 from inclinometry.sensors import Tool, Triad, classical_view
 
-VERSION = 1
 FORMULA = "a = W(t) (U - U0(t)), t = T - reference temperature; each matrix a sum of matrix[power] t^power"
 CONVENTION = (
     "tool axes x index mark, y 90 deg clockwise of it looking down hole, z down hole; fields are the fields "
     "themselves, gravity points down: for specific force reverse the cosines of an accelerometer"
 )
-_SHORT = {"accelerometer": "accel", "magnetometer": "mag", "gyro": "gyro"}
 
 
 def coefficients(path: str | Path, temperature: float | None = None) -> dict[str, Any]:
     """All views of the sensors of a tool.json or truth.json, units and angles in the names.
 
-    Parameters
-    ----------
-    path : str or Path
-    temperature : float, optional
-        degC of the views; each triad's reference temperature when not given. Given, W and U0 are those of this
-        temperature alone; otherwise they are polynomials over the range of the calibration.
-
-    Returns
-    -------
-    dict
-        What the JSON format holds, schema "inclinometry/coefficients".
-
-    Raises
-    ------
-    FileError
-        As `read_tool`.
-    InputError
-        A tool that depends on temperature and states no range.
+    At a `temperature`, degC, W and U0 are those of this temperature alone. Without one they are polynomials over the
+    range of the calibration, and the other views are at each triad's reference temperature.
     """
     tool = read_tool(path)
     return {
         "schema": "inclinometry/coefficients",
-        "version": VERSION,
+        "version": 1,
         "tool": tool.name,
         "calibration": {"digest": digest_file(path), "created": json_codec.load(path).get("created")},
         "convention": CONVENTION,
@@ -165,7 +147,7 @@ def coefficients_c(content: dict[str, Any]) -> str:
 
 
 def _c_triad(kind: str, triad: dict[str, Any]) -> list[str]:
-    short, unit = _SHORT[kind], _comment(triad["unit"])
+    short, unit = KIND_PREFIX[kind], _comment(triad["unit"])
     offset, inverse = triad["firmware"]["U0"], triad["firmware"]["W"]
     powers, count = offset.shape
     big, name = f"INCLINOMETRY_{short.upper()}", f"inclinometry_{short}"

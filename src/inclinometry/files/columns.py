@@ -19,10 +19,14 @@ RAW_SURVEY = ("md_m", "md_ft", "temperature_degC")
 LOG = ("time_s", "temperature_degC")
 PLAN = ("station", *ANGLES, "roll_set")
 GYRO_RUN = ("station", "md_m", "md_ft", "index_deg", "temperature_degC", "time_s")
-SURVEY = (
-    "md_m", "inclination_deg", "azimuth_deg", "azimuth_reference", "toolface_deg", "magnetic_toolface_deg", "g_total",
-    "b_total_nT", "dip_deg", "u_inclination_deg", "u_azimuth_deg", "u_toolface_deg", "flags",
-)  # fmt: skip
+SURVEY_QUANTITIES = {
+    "md": "md_m", "inclination": "inclination_deg", "azimuth": "azimuth_deg", "azimuth_reference": "azimuth_reference",
+    "toolface": "toolface_deg", "magnetic_toolface": "magnetic_toolface_deg", "g_total": "g_total",
+    "b_total": "b_total_nT", "dip": "dip_deg", "u_inclination": "u_inclination_deg", "u_azimuth": "u_azimuth_deg",
+    "u_toolface": "u_toolface_deg", "flags": "flags",
+}  # fmt: skip
+"""Name inside the package (SI, rad, nT) -> column of the survey file."""
+SURVEY = tuple(SURVEY_QUANTITIES.values())
 """The contract of the survey file, in its order; g_total is in m/s^2."""
 PARTS = tuple(
     name.format(part)
@@ -33,7 +37,6 @@ PARTS = tuple(
 correlation of inclination with azimuth in each."""
 
 KNOWN = frozenset({*BENCH, *RAW_SURVEY, *LOG, *PLAN, *GYRO_RUN, *SURVEY})
-_NUMBERS = KNOWN - set(TEXT)
 _CHANNEL = re.compile(
     rf"(?P<kind>{'|'.join(PREFIXES)})_(?P<axis>[xyz]|[1-9]\d{{0,2}})(_(?P<unit>{'|'.join(UNIT_LABELS)}))?(?P<sd>_sd)?"
 )
@@ -60,12 +63,8 @@ class Channel:
 def channel(name: str) -> Channel | None:
     """Read a column's name as a channel's, or None.
 
-    Examples
-    --------
     >>> channel("accel_x_m_s2_sd")
     Channel(name='accel_x_m_s2_sd', kind='accelerometer', axis='x', unit='m/s^2', sd=True)
-    >>> channel("accelerometer") is None
-    True
     """
     found = _CHANNEL.fullmatch(name)
     if found is None:
@@ -77,19 +76,15 @@ def channel(name: str) -> Channel | None:
 def is_number(name: str) -> bool:
     """Whether a column of this name is read as numbers; every other column is kept as text.
 
-    Examples
-    --------
     >>> is_number("mag_4"), is_number("azimuth_deg"), is_number("station"), is_number("operator")
     (True, True, False, False)
     """
-    return name in _NUMBERS or channel(name) is not None
+    return (name in KNOWN and name not in TEXT) or channel(name) is not None
 
 
 def numbers_among(names: Iterable[str]) -> Callable[[str], bool]:
     """Which columns a reader of `names` takes as numbers: these and the channels; any other stays text.
 
-    Examples
-    --------
     >>> numbers_among(LOG)("time_s"), numbers_among(LOG)("md_m")
     (True, False)
     """
@@ -100,15 +95,8 @@ def numbers_among(names: Iterable[str]) -> Callable[[str], bool]:
 def advice(name: str, known: Iterable[str]) -> str | None:
     """What to write instead of a name that is nearly a known one; None when it is simply another column.
 
-    Examples
-    --------
-    >>> advice("inclination", ["inclination_deg"])
-    'unit missing: write inclination_deg'
-    >>> advice("inclination_rad", ["inclination_deg"])
-    'unit not accepted: convert it and write inclination_deg'
-    >>> advice("Azimut_deg", ["azimuth_deg"])
-    'did you mean azimuth_deg?'
-    >>> advice("operator", ["azimuth_deg"])
+    >>> advice("inclination_rad", ["inclination_deg"]), advice("operator", ["azimuth_deg"])
+    ('unit not accepted: convert it and write inclination_deg', None)
     """
     names = list(known)
     bases = {_SUFFIX.sub("", k).lower(): k for k in reversed(names) if _SUFFIX.search(k)}
@@ -127,13 +115,8 @@ def advice(name: str, known: Iterable[str]) -> str | None:
 def channel_advice(name: str) -> str | None:
     """What to write instead of a name that begins as a channel's and ends in no unit known here; else None.
 
-    Examples
-    --------
-    >>> channel_advice("Accel_x")
-    'did you mean accel_x?'
     >>> channel_advice("accel_x_bananas")
     "unit 'bananas' is not known: use counts, V, mV, g, mg, m_s2, nT, uT, rad_s, deg_s, deg_h or no unit (counts)"
-    >>> channel_advice("mag_declination")
     """
     if channel(name.lower()):
         return f"did you mean {name.lower()}?"

@@ -12,14 +12,10 @@ from inclinometry.arrays import Array
 from inclinometry.errors import FileError, InputError
 from inclinometry.files import json_codec
 from inclinometry.files.tool_json import covariance
-from inclinometry.files.writing import write_bytes
 from inclinometry.survey.multistation import Parameter
 from inclinometry.survey.multistation_priors import FieldReference
 from inclinometry.survey.reduce import SensorCorrection
 
-SCHEMA = "inclinometry/corrections"
-VERSION = 1
-_CHANNELS = ("gx", "gy", "gz", "bx", "by", "bz")
 _REFERENCE = ("g", "b", "dip", "g_sigma", "b_sigma", "dip_sigma", "g_random", "b_random", "dip_random")
 _KEYS = (
     "g_m_s2", "b_nT", "dip_deg", "sigma_g_m_s2", "sigma_b_nT", "sigma_dip_deg", "random_g_m_s2", "random_b_nT",
@@ -40,8 +36,6 @@ def write_corrections(correction: SensorCorrection, path: str | Path) -> None:
     }
     names = list(correction.parameters)
     content = {
-        "schema": SCHEMA,
-        "version": VERSION,
         "tool": correction.tool,
         "priors": correction.priors,
         "inputs": dict(correction.inputs),
@@ -61,7 +55,7 @@ def write_corrections(correction: SensorCorrection, path: str | Path) -> None:
         },
         "warnings": list(correction.warnings),
     }
-    write_bytes(json_codec.canonical(content), path)
+    json_codec.store(content, path, "corrections")
 
 
 def _entry(name: str, correction: SensorCorrection, row: int) -> dict[str, Any]:
@@ -87,13 +81,15 @@ def read_corrections(path: str | Path) -> SensorCorrection:
     FileError
         Not such a file, a later version, a value out of place, with its JSON path.
     """
-    content = json_codec.of_kind(json_codec.load(path), path, SCHEMA, version=VERSION)
+    content = json_codec.stored(path, "corrections")
     entries, run = content["parameters"], content["run"]
     names = [entry["name"] for entry in entries]
     if content["covariance"]["parameters"] != names or len(set(names)) < len(names):
         raise FileError("$.covariance.parameters are not the names of $.parameters, each once", path=path)
     matrix = covariance(content["covariance"], path, "$.covariance")
-    noise = covariance({"parameters": list(_CHANNELS), "matrix": content["noise"]}, path, "$.noise")
+    noise = covariance(
+        {"parameters": ["gx", "gy", "gz", "bx", "by", "bz"], "matrix": content["noise"]}, path, "$.noise"
+    )
     alone = {}  # files of earlier versions lack it
     if "stations_alone" in content and content["stations_alone"]["score"]:
         matrix_of = {"parameters": names, "matrix": content["stations_alone"]["information"]}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -11,25 +10,21 @@ import numpy as np
 
 from inclinometry.arrays import Array
 from inclinometry.calibration.result import Calibration, Residuals, Rig
-from inclinometry.constants import EARTH_RATE, KINDS, STANDARD_GRAVITY
+from inclinometry.constants import EARTH_RATE, FIELD_UNITS, KINDS, STANDARD_GRAVITY
 from inclinometry.digest import digest_file
 from inclinometry.errors import FileError, InputError
 from inclinometry.files import toml_keys
+from inclinometry.files._quantities import unit_factor
 from inclinometry.files.tool_json import read_tool
 from inclinometry.sensors import Tool, Triad
 
-DEGREE_PER_HOUR = math.radians(1.0) / 3600.0
-# strength of the field that N is stated for, in SI, and the size in SI of each unit a data sheet may be written in;
+# strength of the field that N is stated for, in SI, and the units a data sheet may be written in;
 # N and the strength are kept together, so that the choice of the strength changes no angle
-FIELD: Mapping[str, tuple[float, Mapping[str, float]]] = {
-    "accelerometer": (STANDARD_GRAVITY, {"g": STANDARD_GRAVITY, "mg": 1e-3 * STANDARD_GRAVITY, "m/s^2": 1.0}),
-    "magnetometer": (50000.0, {"nT": 1.0, "uT": 1e3, "mG": 100.0, "G": 1e5}),
-    "gyro": (EARTH_RATE, {"deg/h": DEGREE_PER_HOUR, "deg/s": 3600.0 * DEGREE_PER_HOUR, "rad/s": 1.0}),
+_FIELD: Mapping[str, tuple[float, tuple[str, ...]]] = {
+    "accelerometer": (STANDARD_GRAVITY, ("g", "mg", "m/s^2")),
+    "magnetometer": (50000.0, ("nT", "uT", "mG", "G")),
+    "gyro": (EARTH_RATE, ("deg/h", "deg/s", "rad/s")),
 }
-_KEYS = (
-    "unit", "per", "scale", "offset", "bias", "axes", "misalignment_deg", "u_scale_percent", "u_offset", "u_bias",
-    "u_axes_deg", "noise",
-)  # fmt: skip
 RANGES: Mapping[str, tuple[float, float]] = {
     # signals in counts of 32 bits or in nV, fields in nT or in G: what lies outside is a slip of the pen
     "scale": (1e-12, 1e12),
@@ -72,40 +67,11 @@ misalignment_deg = [[0.3, 0.0], [0.0, -0.2], [0.1, 0.0]]   # toward the two othe
 
 
 def read_datasheet(path: str | Path) -> Calibration:
-    """The tool of a data sheet, as a calibration of which nothing was measured.
+    """The tool of a data sheet (keys as in `TEMPLATE`), as a calibration of which nothing was measured.
 
-    Keys of each triad: `unit` of the signals; `scale` K in `unit` per `per`; `offset` U0 in `unit`, or `bias` in `per`;
-    `axes`, direction cosines C, or `misalignment_deg`, small angles from x, y, z toward the two other axes; standard
-    uncertainties `u_scale_percent`, `u_offset` or `u_bias`, `u_axes_deg`; `noise` of one reading in `unit`. Each is one
-    number for all sensors or a list.
-
-    Returns
-    -------
-    Calibration
-        Method "datasheet", without stations; its covariance is that of the stated uncertainties, zero without them,
-        which the warnings say.
-
-    Raises
-    ------
-    FileError
-        Wrong syntax, with its line; an unknown key, with the closest; a value that is missing, out of range or of a
-        number that does not go together with the others.
-
-    Notes
-    -----
     N = K |F| C, equations (1)-(3) and (11) of Rogatykh 2018. With u_k the relative uncertainty of the conversion factor
-    and u_a that of the axis, the covariance of a row n is |n|^2 (u_k^2 c c' + u_a^2 (1 - c c')).
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     _ = Path(folder, "datasheet.toml").write_text(TEMPLATE)
-    ...     tool = read_datasheet(Path(folder, "datasheet.toml")).tool
-    >>> tool.triads["accelerometer"].tensor[0].round(3) + 0.0
-    array([[2.51, 0.  , 0.  ],
-           [0.  , 2.47, 0.  ],
-           [0.  , 0.  , 2.5 ]])
+    and u_a that of the axis, the covariance of a row n is |n|^2 (u_k^2 c c' + u_a^2 (1 - c c')). It is zero where no
+    uncertainty is stated, and a warning says so.
     """
     settings = toml_keys.load(path, ("tool", *KINDS))
     name = settings.text("tool")
@@ -150,13 +116,13 @@ def _triad(kind: str, content: Any, path: str | Path) -> tuple[Triad, Array, Arr
     """Triad, covariance (m, 4, 4) of each sensor's parameters, noise (m,)."""
     if not isinstance(content, dict):
         raise InputError(f"is {content!r}; a section with unit, per, scale and offset is needed")
-    settings = toml_keys.Settings(path, content, _KEYS)
-    strength, units = FIELD[kind]
+    settings = toml_keys.Settings(path, content, ("unit", "per", *RANGES))
+    strength, units = _FIELD[kind]
     unit, per = settings.text("unit"), settings.text("per", units)
     for key, value in (("unit", unit), ("per", per), ("scale", content.get("scale"))):
         if value is None:
             raise InputError(f"{key} is missing")
-    field = strength / units[str(per)]  # the field, in the data sheet's unit
+    field = strength / unit_factor(str(per), FIELD_UNITS[kind])[0]  # the field, in the data sheet's unit
     count = max((len(v) for v in content.values() if isinstance(v, list)), default=3)
     axes = _axes(content, count)
     scale = _numbers(content, "scale", count)

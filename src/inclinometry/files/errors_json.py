@@ -11,7 +11,7 @@ import numpy as np
 from inclinometry.arrays import Array, frozen
 from inclinometry.errors import FileError, InputError
 from inclinometry.files import json_codec
-from inclinometry.files.writing import degrees, write_bytes
+from inclinometry.files.writing import degrees
 from inclinometry.uncertainty import AngleErrors, covariance_matrix
 
 
@@ -19,12 +19,8 @@ from inclinometry.uncertainty import AngleErrors, covariance_matrix
 class RunErrors:
     """Stations of a run and what may be wrong with their angles.
 
-    md : (n,) m.
-    inclination, azimuth : (n,) rad.
-    azimuth_reference : the north they count from.
-    errors : cause -> AngleErrors.
-    tool : its name, "" where it has none.
-    inputs : name -> digest.
+    md : (n,) m. inclination, azimuth : (n,) rad, from the north `azimuth_reference`. errors : cause -> AngleErrors.
+    tool : its name, "" where it has none. inputs : name -> digest.
     """
 
     md: Array
@@ -40,7 +36,7 @@ _ROWS = ("inclination", "azimuth", "north", "east")
 
 
 def write_errors(run: RunErrors, path: str | Path) -> None:
-    """Write errors.json; the same run gives the same bytes.
+    """Write errors.json; the same run gives the same bytes. Stations without angles, of a failed channel, are left out.
 
     Raises
     ------
@@ -51,28 +47,27 @@ def write_errors(run: RunErrors, path: str | Path) -> None:
         raise InputError(
             "what the errors of these stations share is not known of this method; --errors needs --scale joint or fixed"
         )
+    kept = np.isfinite(run.inclination) & np.isfinite(run.azimuth)
     content = {
-        "schema": "inclinometry/errors",
-        "version": 1,
         "tool": run.tool,
         "inputs": dict(run.inputs),
         "azimuth_reference": run.azimuth_reference,
         "stations": {
-            "md_m": run.md,
-            "inclination_deg": degrees(run.inclination),
-            "azimuth_deg": degrees(run.azimuth),
+            "md_m": run.md[kept],
+            "inclination_deg": degrees(run.inclination[kept]),
+            "azimuth_deg": degrees(run.azimuth[kept]),
         },
         "errors": [
             {
                 "cause": name,
                 "shared": one.shared,
                 "covariance": one.covariance,
-                "by_parameter": {row: one.by_parameter[:, k] for k, row in enumerate(_ROWS)},
+                "by_parameter": {row: one.by_parameter[kept, k] for k, row in enumerate(_ROWS)},
             }
             for name, one in run.errors.items()
         ],
     }
-    write_bytes(json_codec.canonical(content), path)
+    json_codec.store(content, path, "errors")
 
 
 def read_errors(path: str | Path) -> RunErrors:
@@ -83,7 +78,7 @@ def read_errors(path: str | Path) -> RunErrors:
     FileError
         Not such a file, a later version, a value out of place, with its JSON path.
     """
-    content = json_codec.of_kind(json_codec.load(path), path, "inclinometry/errors")
+    content = json_codec.stored(path, "errors")
     stations, errors = content["stations"], {}
     size = len(stations["md_m"])
     if any(len(values) != size for values in stations.values()):

@@ -2,78 +2,39 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field, replace
 from datetime import datetime
-from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Final, TypeAlias
+from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from inclinometry.arrays import Array, Mask, finite, frozen
 from inclinometry.constants import ANGLES
 from inclinometry.conventions import Convention, named
 from inclinometry.earth.site import REFERENCES
 from inclinometry.earth.site import REFERENCES as NORTHS
-from inclinometry.errors import FileError, InputError
-from inclinometry.files._quantities import EXTRA, Meaning, Quantity, meaning, quantities
+from inclinometry.errors import InputError
+from inclinometry.files import writing
+from inclinometry.files._quantities import EXTRA, Meaning, Quantity, from_si, meaning, quantities
 from inclinometry.files.columns import closest
-from inclinometry.files.writing import number
+from inclinometry.files.frame import Column, Frame
 from inclinometry.tabular import Column as TableColumn
 from inclinometry.tabular import Tabular
 
 VECTORS: Final = ("g", "b", "w")
 """Optional fields in tool axes, three numbers a station."""
 
-MEASURED: Final = ("g", "b", "dip", "earth_rate", "latitude", "dogleg_severity")
-"""Names in `SurveyFile.measured`: m/s^2, nT, rad, rad/s, rad, rad/m."""
-
-REFERENCE: Final = ("g", "b", "dip", "declination", "convergence", "latitude", "earth_rate")
-"""Names in `SurveyFile.reference`: m/s^2, nT, rad, rad, rad, rad, rad/s."""
-
-CORRECTIONS: Final = ("gx", "gy", "gz", "bx", "by", "bz", "sag_inclination", "sag_azimuth", "sensor_offset")
-"""Names in `SurveyFile.corrections`, added to what was measured: m/s^2, nT, rad, rad, m."""
-
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class SurveyFile(Tabular):
     """Stations of one well or run as a file of any format holds them; None, or NaN at a station, where it is silent.
 
-    md : (n,) measured depth, m; strictly increasing over the stations that are used (a repeated shot is not).
-    inclination, azimuth, toolface, magnetic_toolface, gyro_toolface : (n,) rad; toolface is the gravity toolface.
-    azimuth_reference : "magnetic", "true" or "grid"; required with an azimuth.
-    north, east, tvd : (n,) m from the well's origin.
-    g, b, w : (n, 3) gravity, m/s^2 (the field: positive down, not the specific force), magnetic flux density, nT, and
-        rotation rate, rad/s, in tool axes: x = index mark, y = 90 deg clockwise of it looking down hole,
-        z down hole. The reader of a format has already mapped that format's own axes and signs.
-    measured : name of `MEASURED` -> (n,), what the file says was found.
-    reference : name of `REFERENCE` -> (n,), what was expected, or the correction between norths.
-    corrections : name of `CORRECTIONS` -> (n,).
-    sigma : name of `ANGLES` -> (n,), standard uncertainty of that angle.
-    covariance : (n, 3, 3) of the position in north, east, vertical (down), m^2, at one standard deviation.
-    used, valid : (n,) bool, or None where the file does not say: taken into the definitive survey; passed its checks.
-    times : (n,) ISO 8601 texts, empty where unknown.
-    temperature : (n,) degC.
-    extra : other columns, as (n,) texts.
-    header : well, run, units, originals: whatever the head of the file says, as texts.
-    notes : findings of the reader.
-    digest : SHA-256 of the file read.
-
-    Raises
-    ------
-    InputError
-        Depths that do not increase, another shape, infinity, an unknown name, an azimuth without its north.
-
-    Examples
-    --------
-    >>> survey = SurveyFile(md=[0, 30], inclination=[0, 0.1], reference={"dip": 1.2})
-    >>> len(survey), survey.reference["dip"]
-    (2, array([1.2, 1.2]))
-    >>> SurveyFile(md=[0, 30], azimuth=[1, 1])
-    Traceback (most recent call last):
-    inclinometry.errors.InputError: azimuths without a north; give azimuth_reference: magnetic, true, grid
+    SI, rad; g (the field, down), b, w in tool axes: readers have mapped a format's own. md increases over the stations
+    that are `used` (a repeated shot is not). toolface : gravity. reference : what was expected, or the correction
+    between norths. covariance : of north, east, down, m^2, one standard deviation. sigma : standard uncertainty of an
+    angle. valid : passed its checks. times : ISO 8601, "" where unknown. extra : other columns, as texts.
     """
 
     md: Array
@@ -113,22 +74,19 @@ class SurveyFile(Tabular):
                 keep[name] = np.array(_shaped(keep[name], name, (size,)), dtype=np.bool_)
         _increasing(keep["md"], keep["used"])
         # optional quantities with one number a station
-        station = (
-            "inclination",
-            "azimuth",
-            "toolface",
-            "magnetic_toolface",
-            "gyro_toolface",
-            "north",
-            "east",
-            "tvd",
-            "temperature",
-        )
+        toolfaces = ("toolface", "magnetic_toolface", "gyro_toolface")
+        station = ("inclination", "azimuth", *toolfaces, "north", "east", "tvd", "temperature")
         for name in (*station, *VECTORS, "covariance"):
             shape = (size, 3, 3) if name == "covariance" else (size, 3) if name in VECTORS else (size,)
             value = getattr(self, name)
             keep[name] = None if value is None else frozen(_shaped(value, name, shape))
-        allowed = {"measured": MEASURED, "reference": REFERENCE, "corrections": CORRECTIONS, "sigma": ANGLES}
+        axes = ("gx", "gy", "gz", "bx", "by", "bz")  # corrections are added to what was measured
+        allowed = {
+            "measured": ("g", "b", "dip", "earth_rate", "latitude", "dogleg_severity"),  # the last in rad/m
+            "reference": ("g", "b", "dip", "declination", "convergence", "latitude", "earth_rate"),
+            "corrections": (*axes, "sag_inclination", "sag_azimuth", "sensor_offset"),
+            "sigma": ANGLES,
+        }
         for name, names in allowed.items():
             values = getattr(self, name)
             unknown = sorted(set(values) - set(names))
@@ -152,14 +110,7 @@ class SurveyFile(Tabular):
 
     def to_dict(self) -> dict[str, TableColumn]:
         """One row a station: what the survey has, under the names of columns in files."""
-        from inclinometry.files.survey_csv import columns_of
-
-        return {c.name: list(c.values) if isinstance(c.values, tuple) else c.values for c in columns_of(self)}
-
-    def same_as(self, other: SurveyFile, *, rtol: float = 0.0, atol: float = 0.0) -> bool:
-        """Whether all that is not `notes`, `header` and `digest` agrees within the tolerances; NaN equals NaN."""
-        names = (f.name for f in fields(self) if f.name not in ("notes", "header", "digest"))
-        return all(_alike(getattr(self, name), getattr(other, name), rtol, atol) for name in names)
+        return {name: list(v) if isinstance(v, tuple) else v for name, v in columns_of(self).items()}
 
 
 def _shaped(value: Any, name: str, shape: tuple[int, ...]) -> Any:
@@ -185,8 +136,6 @@ def _increasing(md: Array, used: Mask | None) -> None:
 def first_not_increasing(md: Array, used: Mask | None = None) -> int | None:
     """Index of the first used station that is not deeper than the used one before it, or None.
 
-    Examples
-    --------
     >>> first_not_increasing(np.array([0.0, 30.0, 30.0])), first_not_increasing(np.array([0.0, 30.0]))
     (2, None)
     """
@@ -198,114 +147,45 @@ def first_not_increasing(md: Array, used: Mask | None = None) -> int | None:
     return int(back[0] + 1 if rows is None else rows[back[0] + 1])
 
 
-def _alike(a: Any, b: Any, rtol: float, atol: float) -> bool:
-    if isinstance(a, Mapping) and isinstance(b, Mapping):
-        return a.keys() == b.keys() and all(_alike(a[k], b[k], rtol, atol) for k in a)
-    if isinstance(a, np.ndarray) and isinstance(b, np.ndarray):
-        return a.shape == b.shape and bool(np.allclose(a, b, rtol, atol, equal_nan=True))
-    return type(a) is type(b) and bool(a == b)
-
-
-Column: TypeAlias = Array | tuple[str, ...]
 KINDS: Final = {"g": "accelerometer", "b": "magnetometer", "w": "gyro"}
 
 
-@dataclass(frozen=True, eq=False)
-class Sheet:
-    """A table as its file holds it.
-
-    columns : name -> (n,) numbers, NaN where empty, or texts.
-    units : unit of a column where it stands apart from the name.
-    rows : (n,) number of each row in the file, from 1; `word` is what the file calls it: line or row.
-    place : what the error names besides the file, e.g. the sheet of a workbook.
-    north : of the azimuths, where the head of the file says it.
-    header, digest : as in SurveyFile.
-    """
-
-    path: Path
-    columns: Mapping[str, Column]
-    rows: NDArray[np.int64]
-    units: Mapping[str, str] = field(default_factory=dict)
-    word: str = "line"
-    place: str = ""
-    header_row: int | None = None
-    north: str | None = None
-    header: Mapping[str, str] = field(default_factory=dict)
-    digest: str = ""
-
-    def error(self, problem: str, row: int | None = None) -> FileError:
-        """An error about one row, or about the header."""
-        line = self.header_row if row is None else int(self.rows[row])
-        return row_error(self.path, problem, line, self.word, self.place)
-
-
-def row_error(path: str | Path, problem: str, row: int | None, word: str = "row", place: str = "") -> FileError:
-    """A FileError that counts rows where the file has no lines.
-
-    Examples
-    --------
-    >>> str(row_error("a.xlsx", "no number", 3, place="sheet 'run 2'"))
-    "a.xlsx: sheet 'run 2', row 3: no number"
-    """
-    if word == "line":
-        return FileError(problem, path=path, line=row)
-    where = ", ".join(part for part in (place, f"{word} {row}" if row is not None else "") if part)
-    error = FileError(f"{where}: {problem}" if where else problem, path=path)
-    error.line = row
-    return error
-
-
-def survey_of(sheet: Sheet, *, convention: str = "native", azimuth_reference: str | None = None) -> SurveyFile:
-    """The survey a table holds.
-
-    Parameters
-    ----------
-    sheet : Sheet
-    convention : str
-        Axes and signs of the sensors in the file, as `conventions.named` knows them.
-    azimuth_reference : {"magnetic", "true", "grid"}, optional
-        Where the file does not say it.
-
-    Raises
-    ------
-    FileError
-        No depth or nothing besides it; a unit that is missing or unknown; two columns for one quantity, an incomplete
-        triad; depths that do not increase; a value out of range; azimuths without, or with more than one, north.
-    """
+def survey_of(frame: Frame, *, convention: str = "native", azimuth_reference: str | None = None) -> SurveyFile:
+    """The survey a table holds; `azimuth_reference` is for a file that does not state it."""
     vendor = named(convention)
     # what each column of the package's own is; one column a quantity
     meanings: dict[str, Meaning] = {}
     taken: dict[str, str] = {}
-    for name in sheet.columns:
+    for name in frame.columns:
         try:
-            what = meaning(name, sheet.units.get(name), sheet.columns.keys())
+            what = meaning(name, None, frame.columns.keys())
         except InputError as error:
-            raise sheet.error(str(error)) from None
+            raise frame.error(str(error)) from None
         if what is None:
             continue
         if what.key in taken:
-            raise sheet.error(f"columns {taken[what.key]!r} and {name!r} both give {what.key}; remove one")
+            raise frame.error(f"columns {taken[what.key]!r} and {name!r} both give {what.key}; remove one")
         taken[what.key] = name
         meanings[name] = what
     found: dict[str, Array] = {}
     for name, what in meanings.items():
         if what.unit is not None:
-            values = _numbers(sheet, name, what)
+            values = _numbers(frame, name, what)
             # a column without a single value is a column that is not there
             if what.key == "md" or not np.isnan(values).all():
                 found[what.key] = values
     texts = {what.key: name for name, what in meanings.items() if what.unit is None}
     if "md" not in found:
-        near = closest("md_m", list(sheet.columns))
+        near = closest("md_m", list(frame.columns))
         hint = f" (is it {near!r}?)" if near else ""
-        raise sheet.error(f"no depth; add a column md_m or md_ft{hint}; columns found: {_shown(list(sheet.columns))}")
+        raise frame.error(f"no depth; add a column md_m or md_ft{hint}; columns found: {frame.shown}")
     if len(found) == 1:
-        raise sheet.error(f"nothing besides the depth is known; columns found: {_shown(list(sheet.columns))}")
-    flags = {key: _flags(sheet, texts[key]) for key in ("used", "valid") if key in texts}
-    _depths(sheet, found["md"], flags.get("used"))
-    extra, times = _texts(sheet, meanings, texts.get("times"))
-    north = _north(sheet, meanings, texts.get("azimuth_reference"), "azimuth" in found, azimuth_reference)
-    parts = _parts(sheet, found, {what.key for what in meanings.values()}, vendor)
+        raise frame.error(f"nothing besides the depth is known; columns found: {frame.shown}")
+    flags = {key: _flags(frame, texts[key]) for key in ("used", "valid") if key in texts}
+    _depths(frame, found["md"], flags.get("used"))
+    extra, times = _texts(frame, meanings, texts.get("times"))
+    north = _north(frame, meanings, texts.get("azimuth_reference"), "azimuth" in found, azimuth_reference)
+    parts = _parts(frame, found, {what.key for what in meanings.values()}, vendor)
     return SurveyFile(
         **parts,
         azimuth_reference=north,
@@ -313,33 +193,29 @@ def survey_of(sheet: Sheet, *, convention: str = "native", azimuth_reference: st
         valid=flags.get("valid"),
         times=times,
         extra=extra,
-        header=dict(sheet.header),
+        header=dict(frame.header),
         notes=_doubts(parts.get("g"), parts.get("b")),
-        digest=sheet.digest,
+        digest=frame.digest,
     )
 
 
-def _shown(names: Sequence[str]) -> str:
-    return ", ".join(names[:20]) + (", ..." if len(names) > 20 else "")
-
-
-def _numbers(sheet: Sheet, name: str, what: Meaning) -> Array:
+def _numbers(frame: Frame, name: str, what: Meaning) -> Array:
     """One column in SI, rad, nT or degC, within its range."""
-    values, quantity = sheet.columns[name], quantities()[what.key]
+    values, quantity = frame.columns[name], quantities()[what.key]
     if isinstance(values, tuple):
         row = next((i for i, text in enumerate(values) if text), 0)
-        raise sheet.error(f"{values[row]!r} in column {name!r} is not a number; correct it", row)
+        raise frame.error(f"{values[row]!r} in column {name!r} is not a number; correct it", row)
     if what.unit is None:
         return values
     infinite = np.isinf(values)
     if infinite.any():
-        raise sheet.error(f"column {name!r} is infinite; correct it or leave it empty", int(np.argmax(infinite)))
+        raise frame.error(f"column {name!r} is infinite; correct it or leave it empty", int(np.argmax(infinite)))
     turned = values if what.unit[1:] == (1.0, 0.0) else values * what.unit.factor + what.unit.offset
-    _within(sheet, name, values, turned, quantity)
+    _within(frame, name, values, turned, quantity)
     return turned
 
 
-def _within(sheet: Sheet, name: str, values: Array, turned: Array, quantity: Quantity) -> None:
+def _within(frame: Frame, name: str, values: Array, turned: Array, quantity: Quantity) -> None:
     unit = quantity.unit
     # a full turn in radians may exceed 360 deg by rounding
     slack = 1e-9 * max(abs(quantity.low), abs(quantity.high))
@@ -347,47 +223,46 @@ def _within(sheet: Sheet, name: str, values: Array, turned: Array, quantity: Qua
     if bad.any():
         row = int(np.argmax(bad))
         allowed = f"{quantity.low:g} to {quantity.high:g} {unit.label}"
-        raise sheet.error(f"column {name!r} is {values[row]:.10g}; allowed {allowed}: is the unit right?", row)
+        raise frame.error(f"column {name!r} is {values[row]:.10g}; allowed {allowed}: is the unit right?", row)
 
 
-def _depths(sheet: Sheet, md: Array, used: Mask | None) -> None:
+def _depths(frame: Frame, md: Array, used: Mask | None) -> None:
     if np.isnan(md).any():
-        raise sheet.error("the depth is empty; fill it in or remove the row", int(np.argmax(np.isnan(md))))
+        raise frame.error("the depth is empty; fill it in or remove the row", int(np.argmax(np.isnan(md))))
     row = first_not_increasing(md, used)
     if row is not None:
         last = int(np.flatnonzero(np.ones(row, bool) if used is None else used[:row])[-1])
         how = "repeats" if md[row] == md[last] else "is less than"
-        problem = f"the depth {md[row]:.12g} m {how} {md[last]:.12g} m in {sheet.word} {sheet.rows[last]}"
-        raise sheet.error(f"{problem}; it must increase: sort the rows and keep one of each", row)
+        problem = f"the depth {md[row]:.12g} m {how} {md[last]:.12g} m in {frame.word} {frame.lines[last]}"
+        raise frame.error(f"{problem}; it must increase: sort the rows and keep one of each", row)
 
 
-def _flags(sheet: Sheet, name: str) -> Mask | None:
+def _flags(frame: Frame, name: str) -> Mask | None:
     """A column of yes and no; None where it is all empty."""
-    values = sheet.columns[name]
-    texts = values if isinstance(values, tuple) else tuple(map(number, values.tolist()))
+    values = frame.columns[name]
+    texts = texts_of(values)
     if not any(texts):
         return None
     yes_no = {"1": True, "true": True, "yes": True, "y": True, "0": False, "false": False, "no": False, "n": False}
     for row, text in enumerate(texts):
         if text.strip().lower() not in yes_no:
-            raise sheet.error(f"column {name!r} is {text!r}; allowed: 1, 0, true, false, yes, no", row)
+            raise frame.error(f"column {name!r} is {text!r}; allowed: 1, 0, true, false, yes, no", row)
     return np.array([yes_no[text.strip().lower()] for text in texts], dtype=np.bool_)
 
 
 def _texts(
-    sheet: Sheet, meanings: Mapping[str, Meaning], time: str | None
+    frame: Frame, meanings: Mapping[str, Meaning], time: str | None
 ) -> tuple[dict[str, tuple[str, ...]], tuple[str, ...] | None]:
     """Columns that are not read, as text, and the times; times that are not ISO 8601 are such a column."""
     extra: dict[str, tuple[str, ...]] = {}
-    for name, values in sheet.columns.items():
+    for name, values in frame.columns.items():
         if name not in meanings:
-            cells = values if isinstance(values, tuple) else tuple(map(number, values.tolist()))
+            cells = texts_of(values)
             if any(cells):
-                extra[name.removeprefix(EXTRA)] = cells
+                extra[frame.bare.get(name, name).removeprefix(EXTRA)] = cells
     if time is None:
         return extra, None
-    stamps = sheet.columns[time]
-    texts = stamps if isinstance(stamps, tuple) else tuple(map(number, stamps.tolist()))
+    texts = texts_of(frame.columns[time])
     if all(_is_iso(text) for text in texts):
         return extra, texts if any(texts) else None
     return {**extra, time: texts}, None
@@ -404,41 +279,41 @@ def _is_iso(text: str) -> bool:
 
 
 def _north(
-    sheet: Sheet, meanings: Mapping[str, Meaning], column: str | None, needed: bool, given: str | None
+    frame: Frame, meanings: Mapping[str, Meaning], column: str | None, needed: bool, given: str | None
 ) -> str | None:
     """The north of the azimuths, from its column, the name of the azimuths, or the caller; they may not disagree."""
     if given is not None and given not in REFERENCES:
         raise InputError(f"azimuth reference {given!r} is not known; allowed: {', '.join(REFERENCES)}")
     in_name = next((what.north for what in meanings.values() if what.north), None)
-    stated = None if column is None else _one_north(sheet, column)
-    if sheet.north is not None and sheet.north not in REFERENCES:
-        raise sheet.error(f"azimuth reference is {sheet.north!r}; allowed: {', '.join(REFERENCES)}")
-    found = list(dict.fromkeys(n for n in (stated, in_name, sheet.north, given) if n))
+    stated = None if column is None else _one_north(frame, column)
+    if frame.north is not None and frame.north not in REFERENCES:
+        raise frame.error(f"azimuth reference is {frame.north!r}; allowed: {', '.join(REFERENCES)}")
+    found = list(dict.fromkeys(n for n in (stated, in_name, frame.north, given) if n))
     if len(found) > 1:
-        raise sheet.error(f"azimuths are said to be from {' and from '.join(found)} north; correct one of them")
+        raise frame.error(f"azimuths are said to be from {' and from '.join(found)} north; correct one of them")
     if needed and not found:
         allowed = ", ".join(REFERENCES)
-        raise sheet.error(
+        raise frame.error(
             f"azimuths without a north; add a column azimuth_reference ({allowed}) or give --azimuth-reference"
         )
     return found[0] if found else None
 
 
-def _one_north(sheet: Sheet, column: str) -> str | None:
-    values = sheet.columns[column]
-    texts = values if isinstance(values, tuple) else tuple(map(number, values.tolist()))
+def _one_north(frame: Frame, column: str) -> str | None:
+    values = frame.columns[column]
+    texts = texts_of(values)
     first: str | None = None
     for row, text in enumerate(texts):
         north = text.strip().lower()
         if north and north not in REFERENCES:
-            raise sheet.error(f"column {column!r} is {text!r}; allowed: {', '.join(REFERENCES)}", row)
+            raise frame.error(f"column {column!r} is {text!r}; allowed: {', '.join(REFERENCES)}", row)
         if first and north and north != first:
-            raise sheet.error(f"the azimuths are from {first} north above and from {north} north here; use one", row)
+            raise frame.error(f"the azimuths are from {first} north above and from {north} north here; use one", row)
         first = first or north or None
     return first
 
 
-def _parts(sheet: Sheet, found: Mapping[str, Array], there: Collection[str], vendor: Convention) -> dict[str, Any]:
+def _parts(frame: Frame, found: Mapping[str, Array], there: Collection[str], vendor: Convention) -> dict[str, Any]:
     """The arguments of SurveyFile from columns by key."""
     parts: dict[str, Any] = {}
     size = len(found["md"])
@@ -457,14 +332,14 @@ def _parts(sheet: Sheet, found: Mapping[str, Array], there: Collection[str], ven
     for group in (*VECTORS, "covariance"):
         lacking = [q.column for k, q in quantities().items() if k.startswith(f"{group}.") and k not in there]
         if group in parts and lacking:
-            raise sheet.error(f"column {lacking[0]!r} is missing; a triad or covariance is given whole or not at all")
+            raise frame.error(f"column {lacking[0]!r} is missing; a triad or covariance is given whole or not at all")
     for group in VECTORS:
         if group in parts:
-            parts[group] = _to_native(parts[group], vendor.matrix(KINDS[group]))
+            parts[group] = _turned(parts[group], vendor.matrix(KINDS[group]))
     return parts
 
 
-def _to_native(values: Array, matrix: Array) -> Array:
+def _turned(values: Array, matrix: Array) -> Array:
     """Components in tool axes; unknown where a component they are made of is unknown."""
     turned = np.nan_to_num(values) @ matrix.T + 0.0
     turned[np.isnan(values) @ (np.abs(matrix.T) > 1e-12)] = np.nan
@@ -484,3 +359,92 @@ def _doubts(g: Array | None, b: Array | None) -> tuple[str, ...]:
                 "unit in the header right, are the channels calibrated?"
             )
     return tuple(notes)
+
+
+# From a survey to the columns of a table: names with units, numbers in them, texts; what is unknown is left out.
+
+
+def columns_of(file: SurveyFile) -> dict[str, Column]:
+    """All that a survey knows, as columns; a quantity without a single value has none.
+
+    >>> list(columns_of(SurveyFile(md=[0, 30], g=[[0, 0, 9.8]] * 2, extra={"rig": ("A", "A")})))
+    ['md_m', 'gx_m_s2', 'gy_m_s2', 'gz_m_s2', 'rig']
+    """
+    values, found = values_of(file), dict[str, Column]()
+    for key, quantity in quantities().items():
+        if key in values:
+            found[quantity.column] = values[key]
+        if key == "azimuth" and file.azimuth_reference is not None:
+            found["azimuth_reference"] = (file.azimuth_reference,) * len(file)
+    for name in ("used", "valid"):
+        mask = getattr(file, name)
+        if mask is not None:
+            found[name] = tuple("1" if yes else "0" for yes in mask)
+    if file.times is not None and any(file.times):
+        found["time"] = tuple(file.times)
+    return found | {_extra_name(name): tuple(cells) for name, cells in file.extra.items()}
+
+
+def values_of(file: SurveyFile) -> dict[str, Array]:
+    """Key of a quantity -> values in the unit of its column, of every quantity that has one at some station."""
+    found: dict[str, Array] = {}
+    for key, quantity in quantities().items():
+        group, _, place = key.partition(".")
+        value = getattr(file, group)
+        if isinstance(value, Mapping):
+            value = value.get(place)
+        # a triad or covariance is there whole or not at all
+        if value is not None and not np.isnan(value).all():
+            values = value if value.ndim == 1 else value[(slice(None), *map(int, place))]
+            found[key] = from_si(np.asarray(values), quantity)
+    return found
+
+
+def _extra_name(name: str) -> str:
+    """A name under which the column is not taken for one of the package's when it is read."""
+    try:
+        taken = meaning(name) is not None or name.startswith(EXTRA)
+    except InputError:
+        taken = True
+    return f"{EXTRA}{name}" if taken else name
+
+
+def texts_of(column: Column) -> tuple[str, ...]:
+    """Numbers as the shortest text that reads back the same, texts as they are."""
+    return column if isinstance(column, tuple) else tuple(writing.column(column))
+
+
+# From tool axes to those of a file, for the writers; the reverse is done where columns are read.
+
+
+def to_vendor(file: SurveyFile, convention: str) -> SurveyFile:
+    """The survey with its vectors, and their corrections, in a vendor's axes and signs.
+
+    >>> to_vendor(SurveyFile(md=[9.0], g=[[1.0, 2.0, 9.0]]), "iscwsa").g
+    array([[-2.,  1.,  9.]])
+    """
+    vendor = named(convention)
+    # the matrix is orthogonal: its transpose leads back
+    parts: dict[str, Any] = {
+        name: _turned(getattr(file, name), vendor.matrix(KINDS[name]).T)
+        for name in VECTORS
+        if getattr(file, name) is not None
+    }
+    return replace(file, corrections=corrections_to_native(file.corrections, vendor, back=True), **parts)
+
+
+def corrections_to_native(
+    corrections: Mapping[str, Array], vendor: Convention, *, back: bool = False
+) -> dict[str, Array]:
+    """Corrections in tool axes from those in the vendor's, or `back`."""
+    found = dict(corrections)
+    for vector_of, names in {"g": ("gx", "gy", "gz"), "b": ("bx", "by", "bz")}.items():
+        matrix = vendor.matrix(KINDS[vector_of])
+        given = [corrections[name] for name in names if name in corrections]
+        if given:
+            absent = np.zeros(given[0].shape)  # one that is not stated is no correction
+            vector = np.stack([corrections.get(name, absent) for name in names], axis=1)
+            for name, values in zip(names, _turned(vector, matrix.T if back else matrix).T, strict=True):
+                if name in found or np.nan_to_num(values).any():
+                    found[name] = values
+    return found

@@ -6,17 +6,22 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from inclinometry.arrays import Array, Index, frozen
-from inclinometry.constants import FOOT, KINDS
+from inclinometry.constants import KINDS
+from inclinometry.errors import InputError
 from inclinometry.files import writing
 from inclinometry.files.columns import GYRO_RUN, KIND_PREFIX, PARTS, UNIT_LABELS, channel, numbers_among
-from inclinometry.files.signals import Signals, read_kind, read_signals, read_temperature
+from inclinometry.files.frame import Frame
+from inclinometry.files.signals import Signals, read_signals, read_temperature
 from inclinometry.files.survey_csv import survey_cells
-from inclinometry.files.table import Progress, Table, read_table
+from inclinometry.files.table import read_table
+from inclinometry.files.text import Progress
+from inclinometry.gyro.indexing import IndexTurns
 from inclinometry.tabular import Column, Tabular, channel_columns, in_degrees
 
 # Gyro runs: readings at index positions in, stations with scale factor out.
@@ -30,16 +35,10 @@ STATION = ("scale", "u_scale", "root", "K", "temperature_degC", *CORRECTED)
 class GyroReadings(Tabular):
     """Readings of one run in the order they were taken; n stations of several index positions, K readings.
 
-    station : (K,) number of the station, from 0, of each reading.
-    labels : (n,) what the file calls the stations.
-    md : (n,) m; all different, increasing or decreasing.
-    index : (K,) rad.
-    channels : kind -> (K, m) signals.
-    letters : kind -> axes of the channels, e.g. "xy"; "" where they are numbered.
-    sd : kind -> (K, m) standard deviations, where the file has them.
-    units : kind -> unit.
+    station : (K,) number of the station, from 0. labels : (n,) their names. md : (n,) m, increasing or decreasing.
+    index : (K,) rad, as the file counts it; index_turns : which way it counts, looking down hole.
+    channels, sd : kind -> (K, m). letters : kind -> axes, e.g. "xy"; "" where they are numbered.
     temperature, time : (K,) degC, s, or None.
-    notes, lines, digest : as elsewhere.
     """
 
     station: Index
@@ -56,9 +55,15 @@ class GyroReadings(Tabular):
     lines: NDArray[np.int64]
     path: Path
     digest: str
+    index_turns: IndexTurns = "clockwise"
 
     def __len__(self) -> int:
         return len(self.labels)
+
+    @property
+    def clockwise(self) -> Array:
+        """The index (K,) counted clockwise looking down hole, rad."""
+        return self.index if self.index_turns == "clockwise" else -self.index
 
     def mean(self, values: Array) -> Array:
         """Mean (n,) over the readings of each station."""
@@ -73,14 +78,26 @@ class GyroReadings(Tabular):
         return found | channel_columns(self.channels, self.units)
 
 
-def read_gyro_run(path: str | Path, *, progress: Progress | None = None) -> GyroReadings:
+def read_gyro_run(
+    path: str | Path, *, index_turns: IndexTurns = "clockwise", progress: Progress | None = None
+) -> GyroReadings:
     """Read `station, md_m, index_deg, temperature_degC, time_s`, `accel_x, accel_y[, accel_z]`, `gyro_x_deg_h ...`.
 
     One row is one reading at one index position; the rows of a station stand together. `temperature_degC` and `time_s`
     may be absent; one gyro (x) is enough where the index gives y.
 
+    Parameters
+    ----------
+    path : str or Path
+    index_turns : {"clockwise", "counterclockwise"}
+        Which way the file's index angles count, looking down hole. Counted the other way azimuths come out mirrored:
+        channels x and y show that, a single channel does not.
+    progress : callable, optional
+
     Raises
     ------
+    InputError
+        Another value of `index_turns`.
     FileError
         As `table.read_table`; a station in two places or at two depths; depths that repeat or change direction; an
         index that looks like radians.
@@ -95,22 +112,19 @@ def read_gyro_run(path: str | Path, *, progress: Progress | None = None) -> Gyro
     >>> len(run), run.letters["gyro"], run.units["gyro"]
     (1, 'x', 'deg/h')
     """
+    if index_turns not in get_args(IndexTurns):
+        raise InputError(f"index_turns is {index_turns!r}; allowed: {', '.join(get_args(IndexTurns))}")
     table = read_table(path, progress, numeric=numbers_among(GYRO_RUN), timed=True)
-    unused = [f"column {name!r} is not known and was not used" for name in table.unknown(GYRO_RUN)]
+    unused = table.unknown(GYRO_RUN)
     station, labels = _stations(table)
     md = _depths(table, station)
-    unused += [f"column {n!r} is not used in a gyro run" for n in table.header if n.startswith("mag_") and channel(n)]
-    values: dict[str, Array] = {}
-    sd: dict[str, Array] = {}
-    units: dict[str, str] = {}
+    unused += [f"column {n!r} is not used in a gyro run" for n in table.names if n.startswith("mag_") and channel(n)]
+    wanted = {"accelerometer": "accel", "gyro": "gyro"}
+    found = read_signals(table, tuple(wanted))
     letters: dict[str, str] = {}
-    for kind, prefix in (("accelerometer", "accel"), ("gyro", "gyro")):
-        found = read_kind(table, kind)
-        if found is None:
+    for kind, prefix in wanted.items():
+        if kind not in found.values:
             raise table.error(f"no {kind}; add columns {prefix}_x and {prefix}_y")
-        values |= found.values
-        units |= found.units
-        sd |= _positive(table, found)
         axes = "".join(name.split("_")[1] for name in found.names[kind])
         letters[kind] = axes if axes.isalpha() else ""
     return GyroReadings(
@@ -118,20 +132,21 @@ def read_gyro_run(path: str | Path, *, progress: Progress | None = None) -> Gyro
         labels,
         md,
         frozen(np.radians(_index(table))),
-        MappingProxyType({kind: frozen(array) for kind, array in values.items()}),
+        MappingProxyType({kind: frozen(array) for kind, array in found.values.items()}),
         MappingProxyType(letters),
-        MappingProxyType(sd),
-        MappingProxyType(units),
+        MappingProxyType(_positive(table, found)),
+        MappingProxyType(found.units),
         read_temperature(table),
         table.number("time_s") if "time_s" in table else None,
         tuple(unused),
         table.lines,
         table.path,
         table.digest,
+        index_turns,
     )
 
 
-def _positive(table: Table, found: Signals) -> dict[str, Array]:
+def _positive(table: Frame, found: Signals) -> dict[str, Array]:
     """Standard deviations of the readings, none of them zero."""
     for kind, sd in found.sd.items():
         if (sd <= 0.0).any():
@@ -141,7 +156,7 @@ def _positive(table: Table, found: Signals) -> dict[str, Array]:
     return found.sd
 
 
-def _stations(table: Table) -> tuple[Index, tuple[str, ...]]:
+def _stations(table: Frame) -> tuple[Index, tuple[str, ...]]:
     """Number of the station of each row, and the labels; the rows of a station must stand together."""
     names = table.text("station")
     labels: list[str] = []
@@ -164,8 +179,8 @@ def _stations(table: Table) -> tuple[Index, tuple[str, ...]]:
     return numbers, tuple(labels)
 
 
-def _depths(table: Table, station: Index) -> Array:
-    name = "md_ft" if "md_ft" in table else "md_m"
+def _depths(table: Frame, station: Index) -> Array:
+    name, metres = table.depth()
     values = table.number(name)
     first = np.flatnonzero(np.diff(station, prepend=-1))
     md = values[first]
@@ -180,45 +195,28 @@ def _depths(table: Table, station: Index) -> Array:
         how = "repeats" if steps[at - 1] == 0.0 else "turns back"
         problem = f"{name} {md[at]:.12g} {how} after {md[at - 1]:.12g} in line {table.lines[first[at - 1]]}"
         raise table.error(f"{problem}; a run goes one way: sort the stations and keep one of each", int(first[at]))
-    return frozen(md * FOOT) if name == "md_ft" else frozen(md)
+    return frozen(metres[first])
 
 
-def _index(table: Table) -> Array:
-    values = table.number("index_deg")
-    turns = 36000.0
-    if (np.abs(values) > turns).any():
-        row = int(np.argmax(np.abs(values) > turns))
-        raise table.error(f"index_deg is {values[row]:g}; allowed {-turns:g} to {turns:g} deg", row)
+def _index(table: Frame) -> Array:
+    values = table.within("index_deg", -36000.0, 36000.0, " deg")
     spread = float(np.ptp(values))
     if 0.0 < spread <= 2.0 * np.pi + 1e-6 and not np.allclose(values, np.round(values), atol=1e-6):
         raise table.error(f"index_deg spans {spread:.4g} only, as radians would; give degrees")
     return values
 
 
-def write_gyro_stations(path: str | Path, columns: Mapping[str, object]) -> None:
-    """Write stations.csv: the columns of the survey file, then those of `STATION`.
-
-    Parameters
-    ----------
-    path : str or Path
-    columns : mapping
-        As `survey_csv.write_survey_csv` takes them, and those of `STATION`: `root` is text, all others numbers; those
-        of `PARTS` where they are known.
-    """
-    own = {name: columns[name] for name in STATION}
-    names, cells = survey_cells({k: v for k, v in columns.items() if k not in (*STATION, *PARTS)})  # type: ignore[misc]
-    size = len(cells[0])
-    extra: list[Sequence[str]] = []
-    for name in STATION:
-        value = own[name]
+def write_gyro_stations(path: str | Path, columns: Mapping[str, Any]) -> None:
+    """Write stations.csv: the columns of the survey file, then those of `STATION`, and those of `PARTS` where known."""
+    cells = survey_cells({k: v for k, v in columns.items() if k not in (*STATION, *PARTS)})
+    for name in (*STATION, *(name for name in PARTS if name in columns)):
+        value = columns[name]
         if name == "root":
-            extra.append([str(v) for v in value])  # type: ignore[attr-defined]
+            cells[name] = [str(v) for v in value]
         else:
-            numbers = np.full(size, np.nan) if value is None else np.asarray(value, dtype=np.float64)
-            extra.append(writing.column(np.where(np.isfinite(numbers), numbers, np.nan)))
-    parts = {name: columns[name] for name in PARTS if name in columns}
-    extra += [writing.column(np.asarray(value, dtype=np.float64)) for value in parts.values()]
-    writing.write_columns([*names, *STATION, *parts], [*cells, *extra], path)
+            numbers = np.asarray(np.full(np.size(columns["md"]), np.nan) if value is None else value, dtype=np.float64)
+            cells[name] = np.where(np.isfinite(numbers), numbers, np.nan)
+    writing.write_columns(cells, path)
 
 
 def write_gyro_run(
@@ -234,42 +232,23 @@ def write_gyro_run(
     time: Array | None = None,
 ) -> None:
     """Write readings as `read_gyro_run` reads them; arrays have one row a reading, angles in rad."""
-    names = ["station", "md_m", "index_deg"]
-    cells: list[Sequence[str]] = [list(station), writing.column(md), writing.column(writing.degrees(index))]
-    if temperature is not None:
-        names.append("temperature_degC")
-        cells.append(writing.column(temperature))
     suffixes = {label: f"_{suffix}" for suffix, label in UNIT_LABELS.items() if suffix != "counts"}
-    for kind, values in channels.items():
-        for axis, column in zip(letters[kind], values.T, strict=True):
-            names.append(f"{KIND_PREFIX[kind]}_{axis}{suffixes.get(units[kind], '')}")
-            cells.append(writing.column(column))
-    if time is not None:
-        names.append("time_s")
-        cells.append(writing.column(time))
-    writing.write_columns(names, cells, path)
-
-
-FASTEST = 3600.0
-"""No table turns a tool faster, deg/s."""
-_LIMITS = {"inclination_deg": 180.0, "toolface_deg": 360.0, "azimuth_deg": 360.0, "rate_deg_s": FASTEST}
+    signals = {
+        f"{KIND_PREFIX[kind]}_{axis}{suffixes.get(units[kind], '')}": column
+        for kind, values in channels.items()
+        for axis, column in zip(letters[kind], values.T, strict=True)
+    }
+    start = {"station": station, "md_m": md, "index_deg": writing.degrees(index), "temperature_degC": temperature}
+    writing.write_columns({**start, **signals, "time_s": time}, path)
 
 
 @dataclass(frozen=True, eq=False)
 class RateSteps:
     """Steps of a tool on a rate table, one row a step; angles in rad.
 
-    station : names.
-    inclination, toolface : (K,) of the tool as mounted.
-    azimuth : (K,) from true north; NaN where it is not given.
-    rate : (K,) rad/s, clockwise seen from above.
-    signals, sd : (K, m) of the gyros and, where the file has it, the standard deviation of each; else None.
-    temperature : (K,) degC, or None.
-    unit : of the signals.
-    names : of the m columns of the gyros.
-    lines : (K,) of the file, from 1.
-    notes : findings of the reader.
-    path, digest : of the file, SHA-256.
+    inclination, toolface : (K,) of the tool as mounted. azimuth : (K,) from true north; NaN where it is not given.
+    rate : (K,) rad/s, clockwise seen from above. signals, sd : (K, m) of the gyros, in `unit`. temperature : (K,) degC.
+    names : of the m columns of the gyros. lines : (K,) of the file, from 1.
     """
 
     station: tuple[str, ...]
@@ -306,35 +285,16 @@ class RateSteps:
 
 
 def read_rate_steps(path: str | Path, *, progress: Progress | None = None) -> RateSteps:
-    """Read the steps of a rate table.
-
-    Parameters
-    ----------
-    path : str or Path
-        CSV as `table.read_table` understands it. `azimuth_deg` (from true north) is needed, and its cells may be empty,
-        but where the table is at rest.
-
-    Raises
-    ------
-    FileError
-        As `table.read_table`; values out of range, rates that look like radians per second, a table at rest without
-        azimuth, no gyro.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> rows = "inclination_deg,toolface_deg,rate_deg_s,gyro_x,gyro_y\\n0,0,10,1,2\\n90,0,-10,3,1\\n"
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     _ = Path(folder, "steps.csv").write_text(rows)
-    ...     steps = read_rate_steps(Path(folder, "steps.csv"))
-    >>> np.degrees(steps.rate).round(9)
-    array([ 10., -10.])
-    """
+    """Read the steps of a rate table; `azimuth_deg`, from true north, is needed where the table is at rest."""
     # columns of the steps of a rate table, besides the gyros'
     rate_steps = ("station", "inclination_deg", "toolface_deg", "azimuth_deg", "rate_deg_s", "temperature_degC")
     table = read_table(path, progress, numeric=numbers_among(rate_steps), gaps=("azimuth_deg",))
-    unused = [f"column {name!r} is not known and was not used" for name in table.unknown(rate_steps)]
-    degrees = {name: _within(table, name) for name in _LIMITS if name != "azimuth_deg" or name in table}
+    unused = table.unknown(rate_steps)
+    fastest = 3600.0  # deg/s; no table turns a tool faster
+    limits = {"inclination_deg": 180.0, "toolface_deg": 360.0, "azimuth_deg": 360.0, "rate_deg_s": fastest}
+    degrees = {
+        name: table.within(name, -most, most) for name, most in limits.items() if name != "azimuth_deg" or name in table
+    }
     rate = degrees["rate_deg_s"]
     if looks_like_radians(rate):
         reach = f"largest {np.abs(rate).max():.5g}"
@@ -368,25 +328,11 @@ def read_rate_steps(path: str | Path, *, progress: Progress | None = None) -> Ra
     )
 
 
-def _within(table: Table, name: str) -> Array:
-    values, limit = table.number(name), _LIMITS[name]
-    bad = np.abs(values) > limit
-    if bad.any():
-        row = int(np.flatnonzero(bad)[0])
-        raise table.error(f"{name} is {values[row]:g}; allowed {-limit:g} to {limit:g}", row)
-    return values
-
-
 def looks_like_radians(rate: Array) -> bool:
     """Whether rates said to be in deg/s are in rad/s.
 
     True when two or more different speeds are no multiples of 0.01 themselves, but become whole degrees per second, to
-    a hundredth, when taken for radians per second. Only tables set in degrees give themselves away like that.
-
-    Examples
-    --------
-    >>> looks_like_radians(np.array([0.1745, -0.1745, 0.5236])), looks_like_radians(np.array([0.5, 1.0, 0.0]))
-    (True, False)
+    a hundredth, when taken for radians per second. This finds only tables that were set in whole degrees.
     """
     speed = np.unique(np.abs(rate[rate != 0.0]))
     if len(speed) < 2:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -11,31 +11,19 @@ import numpy as np
 
 from inclinometry.arrays import Array, Index
 from inclinometry.errors import FileError, InputError
-from inclinometry.files._quantities import factor_of
+from inclinometry.files._quantities import factor_of, hole_names
 from inclinometry.files.columns import closest
+from inclinometry.files.frame import Frame
 from inclinometry.files.profile import current
-from inclinometry.files.table import Progress, Table, read_table
-from inclinometry.files.writing import column, degrees, write_columns
+from inclinometry.files.table import TableFile
+from inclinometry.files.text import Progress
+from inclinometry.files.writing import joined, write_columns
 from inclinometry.survey.path import Path as HolePath
 from inclinometry.survey.path import dogleg_severity_deg
+from inclinometry.tabular import in_degrees
 
-IDS: Final = (
-    "hole", "holeid", "holename", "holeno", "bhid", "dhid", "borehole", "boreholeid", "drillhole", "drillholeid",
-)  # fmt: skip
-DEPTH: Final = ("md", "measureddepth", "depth", "dept", "at", "distance", "surveydepth")
-_DIP: Final = ("dip", "dipangle", "plunge")
-INCLINATION: Final = ("inclination", "incl", "inc")
-AZIMUTH: Final = ("azimuth", "azim", "azi", "az", "bearing", "brg")
-EAST: Final = ("x", "east", "easting", "xcollar", "collarx")
-NORTH: Final = ("y", "north", "northing", "ycollar", "collary")
-ELEVATION: Final = ("z", "elevation", "elev", "rl", "zcollar", "collarz", "level")
-END: Final = ("enddepth", "eoh", "maxdepth", "totaldepth", "length", "finaldepth", "depth")
-
-
-_SHOT: Final = {
-    "depth": (DEPTH, "m"), "dip": (_DIP, "rad"), "inclination": (INCLINATION, "rad"), "azimuth": (AZIMUTH, "rad"),
-}  # fmt: skip
-"""What a shot has: names of its column, unit here."""
+_UNITS: Final = {"depth": "m", "dip": "rad", "inclination": "rad", "azimuth": "rad"}
+"""What a shot has besides its hole: unit here."""
 
 
 class Shots(NamedTuple):
@@ -51,7 +39,7 @@ class Shots(NamedTuple):
     dip: Array | None
     inclination: Array | None
     azimuth: Array
-    table: Table
+    table: Frame
 
 
 class Collar(NamedTuple):
@@ -72,10 +60,10 @@ def read_shots(path: str | Path, progress: Progress | None = None) -> Shots:
     FileError
         As `table.read_table`; a column or its unit is missing, both dip and inclination, a hole without name.
     """
-    table, rows, found = _by_hole(path, _SHOT, progress)
+    table, rows, found = _by_hole(path, _UNITS, progress)
     for name in ("depth", "azimuth"):
         if name not in found:
-            raise table.error(f"column '{name}' is missing; columns found: {', '.join(table.header[:20])}")
+            raise table.error(f"column '{name}' is missing; columns found: {', '.join(table.names[:20])}")
     if ("dip" in found) == ("inclination" in found):
         what = "both dip and inclination are there" if "dip" in found else "column 'dip' is missing"
         raise table.error(f"{what}; give the dip from the horizontal, or the inclination from the vertical")
@@ -85,21 +73,19 @@ def read_shots(path: str | Path, progress: Progress | None = None) -> Shots:
 def hole_column(name: str) -> str:
     """What a column of shots of many holes is: "hole", "depth", "dip", "inclination", "azimuth", or "" for another.
 
-    Examples
-    --------
     >>> hole_column("BHID"), hole_column("Dip (deg)"), hole_column("lithology")
     ('hole', 'dip', '')
     """
-    if "".join(filter(str.isalnum, name)).lower() in IDS:
+    if "".join(filter(str.isalnum, name)).lower() in hole_names("hole"):
         return "hole"
-    for what, (known, own) in _SHOT.items():
+    for what, own in _UNITS.items():
         with suppress(InputError):
-            if factor_of(name, known, own, ("m", "deg")) is not None:
+            if factor_of(name, hole_names(what), own, ("m", "deg")) is not None:
                 return what
     return ""
 
 
-def read_collars(path: str | Path) -> tuple[dict[str, list[Collar]], Table]:
+def read_collars(path: str | Path) -> tuple[dict[str, list[Collar]], Frame]:
     """Read hole, x, y, z (east, north, elevation) and, where there is one, the end depth; every row of a hole.
 
     Raises
@@ -107,11 +93,10 @@ def read_collars(path: str | Path) -> tuple[dict[str, list[Collar]], Table]:
     FileError
         As `table.read_table`; a column or its unit is missing, an empty position, a hole without name.
     """
-    wanted = {"x": (EAST, "m"), "y": (NORTH, "m"), "z": (ELEVATION, "m"), "end": (END, "m")}
-    table, rows, found = _by_hole(path, wanted, None)
+    table, rows, found = _by_hole(path, dict.fromkeys(("x", "y", "z", "end"), "m"), None)
     for name in ("x", "y", "z"):
         if name not in found:
-            raise table.error(f"column '{name}' is missing; columns found: {', '.join(table.header[:20])}")
+            raise table.error(f"column '{name}' is missing; columns found: {', '.join(table.names[:20])}")
         if (bad := np.flatnonzero(np.isnan(found[name]))).size:
             raise table.error(f"{name} is empty; fill it in or remove the row", int(bad[0]))
     end = found.get("end", np.full(len(table), np.nan))
@@ -121,21 +106,22 @@ def read_collars(path: str | Path) -> tuple[dict[str, list[Collar]], Table]:
 
 
 def _by_hole(
-    path: str | Path, wanted: Mapping[str, tuple[Collection[str], str]], progress: Progress | None
-) -> tuple[Table, dict[str, Index], dict[str, Array]]:
+    path: str | Path, wanted: Mapping[str, str], progress: Progress | None
+) -> tuple[Frame, dict[str, Index], dict[str, Array]]:
     """A table, the rows of each hole, and its columns by what they are, in m and rad."""
-    names = read_table(path, numeric=lambda name: False).header
-    ids = [name for name in names if "".join(filter(str.isalnum, name)).lower() in IDS]
+    opened = TableFile(path, progress)
+    names, known = opened.names, hole_names("hole")
+    ids = [name for name in names if "".join(filter(str.isalnum, name)).lower() in known]
     if len(ids) != 1:
-        near = next((name for name in names if closest(name, IDS)), None)
+        near = next((name for name in names if closest(name, known)), None)
         what = f"{len(ids)} columns name the hole ({', '.join(ids)})" if ids else "no column names the hole"
         hint = f"; is it {near!r}? then rename it to hole" if near and not ids else ""
         raise FileError(f"{what}{hint}; columns found: {', '.join(names[:20])}", path=path)
     found: dict[str, tuple[str, float]] = {}
     try:
         for name in names:
-            for what, (known, own) in wanted.items():
-                factor = None if name in ids else factor_of(name, known, own, current().units)
+            for what, own in wanted.items():
+                factor = None if name in ids else factor_of(name, hole_names(what), own, current().units)
                 if factor is None:
                     continue
                 if what in found:
@@ -144,7 +130,7 @@ def _by_hole(
     except InputError as error:
         raise FileError(str(error), path=path) from None
     numbers = {name for name, _ in found.values()}
-    table = read_table(path, progress, numeric=lambda name: name in numbers, gaps=numbers)
+    table = opened.read(lambda name: name in numbers, numbers)
     rows: dict[str, list[int]] = {}
     for row, hole in enumerate(table.text(ids[0])):
         if not hole:
@@ -155,20 +141,15 @@ def _by_hole(
 
 
 def write_positions(path: str | Path, holes: Sequence[tuple[str, HolePath, tuple[float, float, float]]]) -> None:
-    """Write one row a station: `hole`, `md_m`, inclination and azimuth, `east_m`, `north_m`, `elevation_m`, dogleg.
-
-    Parameters
-    ----------
-    path : str or Path
-    holes : sequence
-        Name, path from the collar, and east, north and elevation of the collar, m.
-    """
-    names = ("hole", "md_m", "inclination_deg", "azimuth_deg", "east_m", "north_m", "elevation_m", "dls_deg_30m")
-    cells: list[list[str]] = [[] for _ in names]
+    """Write one row a station; `holes` are name, path from the collar, and east, north, elevation of the collar, m."""
+    tables: list[dict[str, Array | list[str]]] = []
     for name, hole, (east, north, elevation) in holes:
-        lengths = (east + hole.east, north + hole.north, elevation - hole.tvd)
-        parts = (hole.md, degrees(hole.inclination), degrees(hole.azimuth), *(np.round(x, 6) + 0.0 for x in lengths))
-        cells[0] += [name] * len(hole)
-        for place, values in enumerate((*parts, np.round(dogleg_severity_deg(hole), 6)), 1):
-            cells[place] += column(values)
-    write_columns(names, cells, path)
+        lengths = {"east_m": east + hole.east, "north_m": north + hole.north, "elevation_m": elevation - hole.tvd}
+        tables.append({
+            "hole": [name] * len(hole),
+            "md_m": hole.md,
+            **in_degrees(hole, "inclination", "azimuth"),
+            **{column: np.round(x, 6) + 0.0 for column, x in lengths.items()},
+            "dls_deg_30m": np.round(dogleg_severity_deg(hole), 6),
+        })  # fmt: skip
+    write_columns(joined(tables), path)

@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from inclinometry.errors import FileError, InputError
-from inclinometry.opening import LARGEST_RECORD, whole
+from inclinometry.files.writing import write_bytes
+from inclinometry.opening import whole
 
 if TYPE_CHECKING:
     from jsonschema import Draft202012Validator
@@ -22,20 +23,10 @@ Json = dict[str, Any]
 
 
 def canonical(content: Mapping[str, Any]) -> bytes:
-    r"""UTF-8 bytes that depend on the content alone.
+    r"""UTF-8 bytes that depend on the content alone; NaN and infinity are refused.
 
     Keys sorted, one space of indent, a list of plain values on one line, numbers as the shortest decimal that reads
     back to the same float64, "\n" at the end. Numpy arrays and numbers are taken as lists and numbers.
-
-    Raises
-    ------
-    InputError
-        NaN or infinity, text that is not Unicode, a value JSON cannot hold; with its JSON path.
-
-    Examples
-    --------
-    >>> canonical({"b": np.eye(2), "a": 0.1})
-    b'{\n "a": 0.1,\n "b": [\n  [1.0, 0.0],\n  [0.0, 1.0]\n ]\n}\n'
     """
     text = _dump(content, "$", 0) + "\n"
     try:
@@ -76,7 +67,8 @@ def _wrap(start: str, cells: list[str], end: str, depth: int) -> str:
 def load(path: str | Path) -> Json:
     """The object in a JSON file; FileError for anything else, doubled keys and NaN included."""
     try:
-        text = whole(path, LARGEST_RECORD).decode("utf-8-sig")
+        # in memory a record takes up to twenty times as much
+        text = whole(path, 20_000_000).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise FileError(f"not UTF-8 text (byte {error.start}); a JSON file is needed", path=path) from None
     try:
@@ -86,17 +78,8 @@ def load(path: str | Path) -> Json:
     except (ValueError, RecursionError) as error:
         raise FileError(f"not usable JSON: {error}", path=path) from None
     if not isinstance(content, dict):
-        raise FileError(f"holds {_called(content)}; an object of JSON is needed", path=path)
+        raise FileError(f"holds {shown(content)}; an object of JSON is needed", path=path)
     return content
-
-
-def _called(content: object) -> str:
-    """What JSON calls a value that is no object."""
-    if content is None or isinstance(content, bool):
-        return json.dumps(content)
-    if isinstance(content, str):
-        return "a text"
-    return "a list" if isinstance(content, list) else "a number"
 
 
 def parse(text: str | bytes) -> Any:
@@ -127,8 +110,6 @@ def _finite_number(text: str) -> float:
 def schema(name: str) -> Json:
     """A schema shipped with the package, e.g. "tool-1" (JSON Schema, draft 2020-12).
 
-    Examples
-    --------
     >>> schema("tool-1")["$id"]
     'urn:inclinometry:tool-1'
     """
@@ -205,8 +186,8 @@ def of_kind(content: Json, where: str | Path, *kinds: str, version: int = 1) -> 
             named = str(kind)[:60].replace('"', "'")
             said = f'this is JSON of a kind that is not known: its schema is "{named}"'
         wanted = " or ".join(_KINDS[one][0] for one in kinds)
-        commands = " or ".join(_KINDS[one][1] for one in kinds)
-        raise FileError(f"{said}; needed is {wanted}: choose the file that `{commands}` writes", path=where)
+        commands = " or ".join(f"`{_KINDS[one][1]}`" for one in kinds)
+        raise FileError(f"{said}; needed is {wanted}: choose the file that {commands} writes", path=where)
     if isinstance(found, int) and found > version:
         problem = f"$.version is {found}, written by a newer release; this one reads version {version}"
         raise FileError(f"{problem}: update inclinometry", path=where)
@@ -215,11 +196,19 @@ def of_kind(content: Json, where: str | Path, *kinds: str, version: int = 1) -> 
     return content
 
 
+def stored(path: str | Path, kind: str, version: int = 1) -> Json:
+    """The content of a stored record of a kind, e.g. "allan"; errors as `load` and `of_kind`."""
+    return of_kind(load(path), path, f"inclinometry/{kind}", version=version)
+
+
+def store(content: Mapping[str, Any], path: str | Path, kind: str, version: int = 1) -> None:
+    """Write a record of a kind, whole or not at all; the same content gives the same bytes."""
+    write_bytes(canonical({"schema": f"inclinometry/{kind}", "version": version, **content}), path)
+
+
 def shown(value: Any) -> str:
     """A JSON value on one short line; long lists and objects by their size.
 
-    Examples
-    --------
     >>> shown([1, 2]), shown(list(range(100))), shown("x" * 90)[-5:]
     ('[1, 2]', 'a list of 100 entries', 'x..."')
     """

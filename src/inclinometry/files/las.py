@@ -14,13 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inclinometry.arrays import Array
-from inclinometry.digest import digest_bytes
 from inclinometry.errors import FileError, InputError
 from inclinometry.files import writing
-from inclinometry.files._quantities import meaning, same_unit
-from inclinometry.files.exchange import Column, Sheet, SurveyFile, survey_of
-from inclinometry.files.profile import PLAIN, current
-from inclinometry.files.survey_csv import OutColumn, columns_of
+from inclinometry.files._quantities import meaning, quantities_by_column, same_unit
+from inclinometry.files.exchange import SurveyFile, columns_of
+from inclinometry.files.frame import Column, Frame
+from inclinometry.files.profile import with_unit
+from inclinometry.files.text import NULLS
 from inclinometry.files.writing import number, write_text
 from inclinometry.opening import whole
 
@@ -160,43 +160,15 @@ _NORTH: Final = "AZIREF"
 _MARK: Final = "Head of the survey, one name and text a line:"
 
 
-def read_las(path: str | Path, *, convention: str = "native", azimuth_reference: str | None = None) -> SurveyFile:
-    """Read a survey from LAS 1.2 or 2.0; mnemonics as the names of columns `six_axis.read_csv` knows.
-
-    Parameters
-    ----------
-    path : str or Path
-        Wrapped or not. The file's own NULL is unknown.
-    convention : str
-        As in `six_axis.read_csv`.
-    azimuth_reference : {"magnetic", "true", "grid"}, optional
-        Where the file has no parameter AZIREF.
+def las_frame(where: Path) -> Frame:
+    """The curves of LAS 1.2 or 2.0 as a table: the file's own NULL is unknown, AZIREF the north of the azimuths.
 
     Raises
     ------
     FileError
-        Not LAS or another version of it; a damaged header; a row of another length, text in a number's place; data that
-        do not reach STRT and STOP (truncated); else as `six_axis.read_csv`, with the line.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     write_las(SurveyFile(md=[0, 30], tvd=[0, np.nan], inclination=[0, 0.1]), Path(folder, "a.las"))
-    ...     survey = read_las(Path(folder, "a.las"))
-    >>> survey.tvd
-    array([ 0., nan])
+        A header that is damaged, data that do not reach STRT and STOP (truncated), values that are no numbers.
     """
-    if current() != PLAIN:
-        from inclinometry.files.six_axis import read_csv
-
-        return read_csv(path, convention=convention, azimuth_reference=azimuth_reference)
-    return survey_of(las_sheet(Path(path)), convention=convention, azimuth_reference=azimuth_reference)
-
-
-def las_sheet(where: Path) -> Sheet:
-    """The curves of a LAS file as a table; errors as `read_las`."""
-    data, text = _text(where)
+    text = _text(where)
     head, lines, first = split_at_data(where, text)
     las = _header(where, head)
     names = [str(curve.original_mnemonic).strip() for curve in las.curves]
@@ -229,17 +201,22 @@ def las_sheet(where: Path) -> Sheet:
                 problem = f"the header says {name} {wanted:.10g}, the data have {found:.10g}; is the file truncated?"
                 raise FileError(problem, path=where, line=line)
     header, north = _head_texts(where, las)
-    return Sheet(where, columns, rows, units, north=north, header=header, digest=digest_bytes(data))
+    try:
+        bare = {with_unit(name, units.get(name)): name for name in columns}
+    except InputError as error:
+        raise FileError(str(error), path=where) from None
+    named = {name: columns[own] for name, own in bare.items()}
+    return Frame(where, named, rows, bare=bare, north=north, header=header)
 
 
-def _text(path: Path) -> tuple[bytes, str]:
+def _text(path: Path) -> str:
     data = whole(path, LARGEST, "save the table as CSV or Parquet")
     if b"\0" in data[:100_000]:
         raise FileError("not a LAS file (it holds zero bytes)", path=path)
     try:
-        return data, data.decode("utf-8-sig")
+        return data.decode("utf-8-sig")
     except UnicodeDecodeError:
-        return data, data.decode("latin-1")  # older writers; what matters is ASCII
+        return data.decode("latin-1")  # older writers; what matters is ASCII
 
 
 def _header(path: Path, head: str) -> Any:
@@ -327,50 +304,44 @@ def write_las(file: SurveyFile, path: str | Path) -> None:
     """Write a survey as LAS 2.0, not wrapped; the head of `file` goes into the section ~Other.
 
     LAS holds numbers only: `times` and those columns of `extra` that are not all numbers are not written.
-
-    Examples
-    --------
-    See `read_las`.
     """
-    columns = [column for column in map(_curve, columns_of(file)) if column is not None]
-    everything = np.concatenate([np.asarray(column.values) for column in columns])
-    # values that may stand for nothing; the first that is no value of the survey's is taken
-    nulls = (-999.25, -9999.25, -99999.25, -999999.25)
-    null = next(value for value in nulls if not (everything == value).any())
+    curves: dict[str, Array] = {}
+    for name, column in columns_of(file).items():
+        values = _numbers(name, column)
+        if values is not None:
+            curves[name] = values
+    everything = np.concatenate(list(curves.values()))
+    # the first that is no value of the survey's
+    null = next(value for value in NULLS if not (everything == value).any())
     gap = writing.number(null)
-    cells = [[text or gap for text in writing.column(np.asarray(column.values))] for column in columns]
+    cells = [[text or gap for text in writing.column(values)] for values in curves.values()]
     rows = "\n".join(" ".join(row) for row in zip(*cells, strict=True))
-    write_text(f"{_header_text(file, columns, null)}{rows}\n", path)
+    write_text(f"{_header_text(file, curves, null)}{rows}\n", path)
 
 
-def _curve(column: OutColumn) -> OutColumn | None:
-    """A column as numbers under its mnemonic; None where it is text."""
-    if not isinstance(column.values, tuple):
-        return OutColumn(column.quantity.las if column.quantity else column.name, column.values, column.quantity)
-    if column.name == "azimuth_reference" or set(column.name) & set(" .:~#\t"):
+def _numbers(name: str, column: Column) -> Array | None:
+    """Numbers, or texts that numbers read back to, NaN where empty; else None."""
+    if not isinstance(column, tuple):
+        return column
+    if name == "azimuth_reference" or set(name) & set(" .:~#\t"):
         return None
-    numbers = _all_numbers(column.values)
-    return None if numbers is None else OutColumn(column.name, numbers)
-
-
-def _all_numbers(texts: Sequence[str]) -> Array | None:
-    """Numbers that read back to the same texts, NaN where empty; else None."""
     try:
-        numbers = np.array([float(text) if text else np.nan for text in texts])
+        numbers = np.array([float(text) if text else np.nan for text in column])
     except ValueError:
         return None
-    return numbers if writing.column(numbers) == list(texts) else None
+    return numbers if writing.column(numbers) == list(column) else None
 
 
-def _header_text(file: SurveyFile, columns: Sequence[OutColumn], null: float) -> str:
+def _header_text(file: SurveyFile, curves: Mapping[str, Array], null: float) -> str:
     """Everything up to the data, by lasio."""
     import lasio
 
     las = lasio.LASFile()
-    for column in columns:
-        unit = column.quantity.unit.label if column.quantity else ""
-        about = column.quantity.column if column.quantity else column.name
-        las.append_curve(column.name, np.asarray(column.values[:2], dtype=np.float64), unit=unit, descr=about)
+    known = quantities_by_column()
+    for name, values in curves.items():
+        quantity = known.get(name)
+        mnemonic, unit = (name, "") if quantity is None else (quantity.las, quantity.unit.label)
+        las.append_curve(mnemonic, values[:2], unit=unit, descr=name)
     las.well["NULL"].value = null
     well = next((text for name, text in file.header.items() if name.lower() in ("well", "namewell")), "")
     las.well["WELL"].value = " ".join(well.replace(":", " ").split())

@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from inclinometry.calibration.acceptance import GUARDS, Limits
+from inclinometry.calibration.decision import GUARDS, Limits
 from inclinometry.errors import FileError, InputError
 from inclinometry.files import toml_keys
 from inclinometry.survey.gyro import RepeatLimits
@@ -32,8 +32,6 @@ _REPEATS: Final = {
 def limit_names(folder: str = "limits") -> tuple[str, ...]:
     """Names of the presets of a kind: "limits" of verifications, "quality_limits" of fields, "repeat_limits" of runs.
 
-    Examples
-    --------
     >>> limit_names(), limit_names("repeat_limits")
     (('rogatykh-2018-fluxgate', 'rogatykh-2018-magnetoresistive'), ('gyro-repeat',))
     """
@@ -46,18 +44,6 @@ def read_limits(name_or_path: str | Path) -> Limits:
 
     Keys: `source` (required), `inclination_deg`, `azimuth_deg`, `toolface_deg` (at least one),
     `min_inclination_deg_for_azimuth` (0), `guard` ("none" or "expanded-uncertainty").
-
-    Raises
-    ------
-    InputError
-        A name that is neither a preset nor a file; lists the presets.
-    FileError
-        Wrong syntax, an unknown key, a value out of range, no source, no limit.
-
-    Examples
-    --------
-    >>> round(float(np.degrees(read_limits("rogatykh-2018-fluxgate").azimuth)), 9)
-    2.0
     """
     keys = {**_ANGLES, "min_inclination_deg_for_azimuth": (0.0, 90.0)}
     settings, source, values = _read("limits", name_or_path, keys, ("guard",))
@@ -72,14 +58,7 @@ def read_limits(name_or_path: str | Path) -> Limits:
 
 
 def read_quality_limits(name_or_path: str | Path) -> FieldLimits:
-    """Fixed limits of |g|, |b| and dip; errors as `read_limits`. Keys: `source`, `g_m_s2`, `b_nT`, `dip_deg`.
-
-    Examples
-    --------
-    >>> limits = read_quality_limits("iscwsa-ebook")
-    >>> limits.g, limits.b, round(float(np.degrees(limits.dip)), 9)
-    (None, 300.0, 0.25)
-    """
+    """Fixed limits of |g|, |b| and dip, as `read_limits`. Keys: `source`, `g_m_s2`, `b_nT`, `dip_deg`."""
     settings, source, values = _read("quality_limits", name_or_path, _FIELDS)
     if not values:
         raise FileError(f"there is no limit; give at least one of {', '.join(_FIELDS)}", path=settings.path)
@@ -87,15 +66,10 @@ def read_quality_limits(name_or_path: str | Path) -> FieldLimits:
 
 
 def read_repeat_limits(name_or_path: str | Path = GYRO_REPEAT) -> RepeatLimits:
-    """Limits of a comparison of two runs; errors as `read_limits`.
+    """Limits of a comparison of two runs, as `read_limits`.
 
     Keys, all required: `source`, `inclination_deg`, `azimuth_deg`, `azimuth_steep_deg` (holds below the inclination
     `steep_below_deg`), `stations` (fewest compared), `interval_m` (longest distance interpolated over).
-
-    Examples
-    --------
-    >>> round(float(np.degrees(read_repeat_limits().inclination)), 9)
-    0.23
     """
     settings, source, values = _read("repeat_limits", name_or_path, _REPEATS)
     if missing := [key for key in _REPEATS if key not in values]:

@@ -13,18 +13,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 
-from inclinometry.arrays import Array
 from inclinometry.errors import FileError, InputError
 from inclinometry.files import writing
 from inclinometry.files._quantities import quantities, unit_factor
-from inclinometry.files.exchange import Column, Sheet, SurveyFile, survey_of
-from inclinometry.files.six_axis import to_vendor
-from inclinometry.files.survey_csv import columns_of
-from inclinometry.files.table import LineReader, NumberReader
+from inclinometry.files.exchange import SurveyFile, survey_of, to_vendor, values_of
+from inclinometry.files.frame import Column, Frame
+from inclinometry.files.text import LineReader, NumberReader
 from inclinometry.files.writing import write_text
 
 # Fields of the P7/17 records M7 and G7, and what the header says of their units and north.
@@ -50,34 +48,26 @@ UNITS: Final = {"1": "m", "5": "ft", "6": "ftUS"}
 """Reference numbers of units of length a depth may be in (IOGP 483-7, table of format-defined units)."""
 NORTHS: Final = {"6": "magnetic", "7": "true", "8": "grid"}
 """Types of azimuth (wellbore observables)."""
-AZIMUTH_NAMES: Final = {"magnetic": "AZIM_MAGN", "true": "AZIM_TRUE", "grid": "AZIM_GRID"}
-SURVEY_DETAILS: Final = ("H7", "1", "5", "1")
-
-_STAMP: Final = re.compile(r"(\d{4}):(\d\d):(\d\d):(\d\d:\d\d:\d\d(?:\.\d+)?)", re.ASCII)
-_ISO: Final = re.compile(r"(\d{4})-(\d\d)-(\d\d)[T ](\d\d:\d\d:\d\d(?:\.\d+)?)(?:Z|\+00:00)?", re.ASCII)
 
 
 def iso_time(text: str) -> str | None:
     """ISO 8601 from a P7/17 date and time, which are in UTC; None where it is neither that nor empty.
 
-    Examples
-    --------
     >>> iso_time("2014:09:17:13:15:22.0"), iso_time(""), iso_time("17 Sep 2014")
     ('2014-09-17T13:15:22.0Z', '', None)
     """
-    found = _STAMP.fullmatch(text)
+    found = re.fullmatch(r"(\d{4}):(\d\d):(\d\d):(\d\d:\d\d:\d\d(?:\.\d+)?)", text, re.ASCII)
     return "" if not text else f"{found[1]}-{found[2]}-{found[3]}T{found[4]}Z" if found else None
 
 
 def p7_time(text: str) -> str | None:
     """A P7/17 date and time from ISO 8601, UTC or without a zone; None where it is neither that nor empty.
 
-    Examples
-    --------
     >>> p7_time("2014-09-17T13:15:22.0Z")
     '2014:09:17:13:15:22.0'
     """
-    found = _ISO.fullmatch(text)
+    iso = r"(\d{4})-(\d\d)-(\d\d)[T ](\d\d:\d\d:\d\d(?:\.\d+)?)(?:Z|\+00:00)?"
+    found = re.fullmatch(iso, text, re.ASCII)
     return "" if not text else f"{found[1]}:{found[2]}:{found[3]}:{found[4]}" if found else None
 
 
@@ -89,7 +79,7 @@ def survey_details(cells: list[str], line: int, path: str) -> tuple[int, str | N
     FileError
         Too few fields, or depths in no unit of length.
     """
-    if tuple(cells[:4]) != SURVEY_DETAILS:
+    if tuple(cells[:4]) != ("H7", "1", "5", "1"):
         return None
     if len(cells) < 14 or not cells[5].isdigit():
         problem = f"Survey Details has {len(cells)} fields, survey number {cells[5:6]}; 23 and a number are needed"
@@ -101,7 +91,6 @@ def survey_details(cells: list[str], line: int, path: str) -> tuple[int, str | N
     return int(cells[5]), unit, NORTHS.get(cells[12])
 
 
-_TEXTS: Final = ("version", "record", "transmitted", "extension")
 _ASIDE: Final = "p7_"  # begins the names in SurveyFile.extra of fields that are no quantity
 
 
@@ -119,11 +108,6 @@ class P7File:
     counts: Mapping[str, int]
 
 
-class _Row(NamedTuple):
-    line: int
-    cells: list[str]
-
-
 def read_p7(
     path: str | Path,
     *,
@@ -131,39 +115,11 @@ def read_p7(
     depth_unit: str | None = None,
     azimuth_reference: str | None = None,
 ) -> P7File:
-    """Read the raw surveys of a P7/17 file.
+    """Read the raw surveys of a P7/17 file; sensors in the axes and signs of `convention` (iscwsa is the format's).
 
-    Parameters
-    ----------
-    path : str or Path
-    convention : str
-        Axes and signs of the sensors: iscwsa (the format's), native, specific-force or z-up.
-    depth_unit : {"m", "ft", "ftUS"}, optional
-        Where the file has no Survey Details (H7,1,5,1); it may not contradict them.
-    azimuth_reference : {"magnetic", "true", "grid"}, optional
-        Likewise.
-
-    Returns
-    -------
-    P7File
-        Fields that are no quantity (record version and number, transmission flag, extension) are in `extra` of each
-        survey as `p7_version`, `p7_record`, `p7_transmitted`, `p7_extension`.
-
-    Raises
-    ------
-    FileError
-        No P7/17 file; no M7 or G7 record; a wrong number of fields; M7 and G7 in one survey; no unit of depth, two of
-        them; text or NaN in a number's place; depths that do not increase over the stations used; each with its line.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> survey = SurveyFile(md=[9.0], g=[[0.0, -5.0, 8.4]], b=[[1e4, 2e4, 4e4]])
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     write_p7(p7_file(survey), Path(folder, "a.p717"))
-    ...     found = read_p7(Path(folder, "a.p717"))
-    >>> found.surveys[1].g, found.counts["M7"]
-    (array([[ 0. , -5. ,  8.4]]), 1)
+    `depth_unit` (m, ft, ftUS) and `azimuth_reference` are for a file without Survey Details (H7,1,5,1) and may not
+    contradict them. Fields that are no quantity (record version and number, transmission flag, extension) are in
+    `extra` of each survey as `p7_version`, `p7_record`, `p7_transmitted`, `p7_extension`.
     """
     others, rows, details, digest = _sorted_lines(Path(path))
     if not rows:
@@ -171,10 +127,10 @@ def read_p7(
     surveys = {}
     for number, (kind, mine) in rows.items():
         unit, north = details.get(number, (None, None))
-        unit = _agreed(path, mine[0].line, "unit of depth", unit, depth_unit)
-        sheet = _sheet(Path(path), kind, mine, unit, digest)
-        sheet = replace(sheet, north=north, header={"survey": str(number), "record": kind, "depth_unit": unit})
-        survey = survey_of(sheet, convention=convention, azimuth_reference=azimuth_reference)
+        unit = _agreed(path, mine[0][0], "unit of depth", unit, depth_unit)
+        frame = _frame(Path(path), kind, mine, unit, digest)
+        frame = replace(frame, north=north, header={"survey": str(number), "record": kind, "depth_unit": unit})
+        survey = survey_of(frame, convention=convention, azimuth_reference=azimuth_reference)
         surveys[number] = replace(survey, extra={name: cells for name, cells in survey.extra.items() if any(cells)})
     counts = Counter(line.split(",", 1)[0].strip() for line in others if line.strip())
     for kind, mine in rows.values():
@@ -184,10 +140,12 @@ def read_p7(
 
 def _sorted_lines(
     path: Path,
-) -> tuple[list[str], dict[int, tuple[str, list[_Row]]], dict[int, tuple[str | None, str | None]], str]:
+) -> tuple[
+    list[str], dict[int, tuple[str, list[tuple[int, list[str]]]]], dict[int, tuple[str | None, str | None]], str
+]:
     """Other lines, raw records by survey, unit and north by survey, digest."""
     others: list[str] = []
-    rows: dict[int, tuple[str, list[_Row]]] = {}
+    rows: dict[int, tuple[str, list[tuple[int, list[str]]]]] = {}
     details: dict[int, tuple[str | None, str | None]] = {}
     reader = LineReader(path)
     for block in reader.blocks():
@@ -220,7 +178,7 @@ def _sorted_lines(
             kind, mine = rows.setdefault(number, (cells[0], []))
             if kind != cells[0]:
                 raise FileError(f"survey {number} has M7 and G7 records; give each its own", path=path, line=line)
-            mine.append(_Row(line, cells[1:]))
+            mine.append((line, cells[1:]))
     if not others:
         raise FileError("the file is empty; 'IOGP, ..., 7' is needed in line 1", path=path)
     return others, rows, details, reader.digest
@@ -235,21 +193,20 @@ def _agreed(path: str | Path, line: int, what: str, stated: str | None, given: s
     return stated or given or ""
 
 
-def _sheet(path: Path, kind: str, rows: Sequence[_Row], unit: str, digest: str) -> Sheet:
+def _frame(path: Path, kind: str, rows: Sequence[tuple[int, list[str]]], unit: str, digest: str) -> Frame:
     """The records as columns by the package's names."""
-    lines = [row.line for row in rows]
+    lines = [line for line, _ in rows]
     numbers, known = NumberReader(path), quantities()
     columns: dict[str, Column] = {}
-    units: dict[str, str] = {}
     for place, key in enumerate(FIELDS[kind]):
-        cells = [row.cells[place] for row in rows]
+        cells = [row[place] for _, row in rows]
         if key not in known:
-            columns[f"{_ASIDE}{key}" if key in _TEXTS else key] = tuple(cells)
+            columns[f"{_ASIDE}{key}" if key in ("version", "record", "transmitted", "extension") else key] = tuple(
+                cells
+            )
             continue
-        name = key if key in LENGTHS else known[key].column
-        if key in LENGTHS:
-            units[name] = unit
-        columns[name] = numbers.convert(cells, name, lines, gaps=key != "md", plain=False)
+        name = f"{key} ({unit})" if key in LENGTHS else known[key].column
+        columns[name] = numbers.convert(cells, name, lines, gaps=key != "md")
     found = []
     for line, text in zip(lines, columns.pop("time"), strict=True):
         time = iso_time(str(text))
@@ -258,7 +215,7 @@ def _sheet(path: Path, kind: str, rows: Sequence[_Row], unit: str, digest: str) 
         found.append(time)
     columns["time"] = tuple(found)
     del columns["survey"]
-    return Sheet(path, columns, np.array(lines), units, digest=digest)
+    return Frame(path, columns, np.array(lines), digest=digest)
 
 
 def p7_file(survey: SurveyFile, *, number: int = 1) -> P7File:
@@ -266,15 +223,10 @@ def p7_file(survey: SurveyFile, *, number: int = 1) -> P7File:
 
     A P7/17 file for exchange also describes structure, well, rig and coordinate system, which a survey does not know:
     replace `records` by those.
-
-    Examples
-    --------
-    >>> p7_file(SurveyFile(md=[9.0], g=[[0, 0, 9.8]], b=[[1e4, 2e4, 4e4]])).records[0]
-    'IOGP,raw survey data,7,1.0,1,,,,'
     """
     north = survey.azimuth_reference
     type_id = next((k for k, v in NORTHS.items() if v == north), "10")
-    type_name = AZIMUTH_NAMES[north] if north else "AZIM_NONE"
+    type_name = f"AZIM_{(north or 'none')[:4].upper()}"
     details = f"H7,1,5,1,{'Survey Details':<50},{number},1,4,MD-Other,1,Indicated Depth,1,{type_id},{type_name},1,"
     records = ("IOGP,raw survey data,7,1.0,1,,,,", details + "Surveyed,,,,,,,")
     counts = {"IOGP": 1, "H7": 1, _kind(survey): len(survey)}
@@ -293,20 +245,6 @@ def write_p7(file: P7File, path: str | Path, *, convention: str = "iscwsa") -> N
 
     Numbers are the shortest text that reads back the same, angles and depths to 1e-10; what is unknown is empty. Field
     covariances, temperatures, corrections, `valid` and other columns have no place in the format and are not written.
-
-    Parameters
-    ----------
-    file : P7File
-        As `read_p7` or `p7_file` give it.
-    path : str or Path
-    convention : str
-        Axes and signs to write the sensors in.
-
-    Raises
-    ------
-    InputError
-        A survey with both or neither of b and w; a time that is not ISO 8601 in UTC; a comma in a text; a survey
-        without Survey Details in `records`.
     """
     details = [survey_details([c.strip() for c in text.split(",")], 0, str(path)) for text in file.records]
     units = {found[0]: found[1] for found in details if found is not None}
@@ -316,13 +254,13 @@ def write_p7(file: P7File, path: str | Path, *, convention: str = "iscwsa") -> N
         if unit is None:
             raise InputError(f"survey {number} has no Survey Details (H7,1,5,1) among the records; add it")
         kind, size = _kind(survey), len(survey)
-        columns = {c.quantity.key: c.values for c in columns_of(to_vendor(survey, convention)) if c.quantity}
+        columns = values_of(to_vendor(survey, convention))
         factor, _ = unit_factor(unit, "m")
         empty = np.full(size, np.nan)
         cells: list[Sequence[str]] = []
         for key in FIELDS[kind]:
             if key in quantities():
-                values: Array = np.asarray(columns.get(key, empty))
+                values = columns.get(key, empty)
                 if key in LENGTHS and unit != "m":
                     values = np.round(values / factor, 10) + 0.0
                 cells.append(writing.column(values))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,11 +13,16 @@ from numpy.typing import NDArray
 from inclinometry.arrays import Array, frozen
 from inclinometry.constants import FOOT
 from inclinometry.earth.site import REFERENCES
+from inclinometry.errors import InputError
 from inclinometry.files import writing
+from inclinometry.files._quantities import listed_axis
 from inclinometry.files.columns import PARTS, SURVEY, numbers_among
+from inclinometry.files.frame import Frame
 from inclinometry.files.gyro_csv import STATION
+from inclinometry.files.profile import current
 from inclinometry.files.survey_csv import check_increasing
-from inclinometry.files.table import Progress, Table, read_table
+from inclinometry.files.table import read_table
+from inclinometry.files.text import NULLS, NumberReader, Progress
 from inclinometry.position.propagation import PositionUncertainty
 from inclinometry.position.well import hole_sigmas, horizontal_ellipse
 from inclinometry.survey.path import REVERSAL, directions, dogleg_severity_deg
@@ -31,24 +36,25 @@ POSITION: Final = (
 )  # fmt: skip
 """The contract of the position file, in its order; axes of the horizontal ellipse and sigmas are one standard
 deviation, the reference says which north they and the positions count from."""
-SOURCES: Final = ("md_m", "source", "propagation", *COVARIANCES)
-"""The contract of the file of sources."""
 
 _LISTED: Final = ("north_m", "east_m", "tvd_m")
-_PAIRS: Final = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+
+
+class Listed(NamedTuple):
+    """A column of positions beside the angles: "north", "east" or "tvd", its name, (n,) m with NaN where empty."""
+
+    axis: str
+    name: str
+    values: Array
 
 
 @dataclass(frozen=True, eq=False)
 class WellStations:
     """n stations of a well, in the order of depth.
 
-    md : (n,) m, increasing.
-    inclination, azimuth : (n,) rad.
-    azimuth_reference : the north they count from.
-    toolface : (n,) rad, NaN where the file is silent; None without a column.
-    temperature : (n,) degC, or None.
-    lines, path, digest : as in `table.Table`.
-    listed : (n, 3) north, east and true vertical depth that the file states itself, m, NaN where it is silent.
+    md : (n,) m, increasing. inclination, azimuth : (n,) rad, from the north `azimuth_reference`. temperature : degC.
+    toolface : (n,) rad, NaN where the file is silent; None without a column. lines, digest : as in `Frame`.
+    listed : columns of positions in the file. unread : those that have no unit of length, or are no numbers.
     left_out : lines of the rows without inclination and azimuth, which are no stations.
     """
 
@@ -61,7 +67,8 @@ class WellStations:
     lines: NDArray[np.int64]
     path: Path
     digest: str
-    listed: Array | None = None
+    listed: tuple[Listed, ...] = ()
+    unread: tuple[str, ...] = ()
     left_out: tuple[int, ...] = ()
 
     def __len__(self) -> int:
@@ -100,12 +107,9 @@ def read_well(path: str | Path, *, progress: Progress | None = None) -> WellStat
     left_out: tuple[int, ...] = ()
     if empty.any() and not empty.all():
         table, left_out = table.rows(~empty), tuple(table.lines[empty].tolist())
-    if "md_m" in table and "md_ft" in table:
-        raise table.error("both 'md_m' and 'md_ft' give the depth; remove one")
-    name = "md_ft" if "md_ft" in table else "md_m"
+    name, metres = table.depth()
     values = table.number(name)
     check_increasing(table, name, values)
-    metres = values * FOOT if name == "md_ft" else values
     deepest = 20e3  # measured depth, m, that no well reaches; the longest is 15 km, which is 50,000 ft
     wrong = (metres < 0.0) | (metres > deepest)
     if wrong.any():
@@ -117,6 +121,37 @@ def read_well(path: str | Path, *, progress: Progress | None = None) -> WellStat
         raise table.error(f"the file has {len(metres)} station; a path needs two or more")
     md = frozen(metres)
     inclination, azimuth = _angle(table, "inclination_deg", 0.0, 180.0), _angle(table, "azimuth_deg", -360.0, 360.0)
+    reference = _reference(table)
+    along = directions(inclination, azimuth)
+    # half the dogleg, without the digits that an arccosine loses
+    apart, together = (np.linalg.norm(x, axis=1) for x in (along[1:] - along[:-1], along[1:] + along[:-1]))
+    dogleg = 2.0 * np.arctan2(apart, together)
+    if dogleg.max() > np.pi - REVERSAL:
+        row = int(np.argmax(dogleg > np.pi - REVERSAL)) + 1
+        problem = f"the hole turns by {np.degrees(dogleg[row - 1]):.4f} deg from line {table.lines[row - 1]} to here"
+        span = f"md {md[row - 1]:.10g} to {md[row]:.10g} m"
+        raise table.error(f"{problem} ({span}); no arc can be chosen for half a turn: correct one of the two", row)
+    toolface = frozen(np.radians(table.number("toolface_deg"))) if "toolface_deg" in table else None
+    temperature = frozen(table.number("temperature_degC")) if "temperature_degC" in table else None
+    listed, unread = _listed(table)
+    return WellStations(
+        md,
+        inclination,
+        azimuth,
+        reference,
+        toolface,
+        temperature,
+        table.lines,
+        table.path,
+        table.digest,
+        listed,
+        unread,
+        left_out,
+    )
+
+
+def _reference(table: Frame) -> str:
+    """The north of all azimuths."""
     allowed = ", ".join(REFERENCES)
     if "azimuth_reference" not in table:
         raise table.error(
@@ -130,36 +165,38 @@ def read_well(path: str | Path, *, progress: Progress | None = None) -> WellStat
         if cell != cells[0]:
             above = f"{cells[0]!r} in line {table.lines[0]}"
             raise table.error(f"azimuth_reference is {cell!r} after {above}; one north for all stations", row)
-    reference = cells[0]
-    along = directions(inclination, azimuth)
-    # half the dogleg, without the digits that an arccosine loses
-    apart, together = (np.linalg.norm(x, axis=1) for x in (along[1:] - along[:-1], along[1:] + along[:-1]))
-    dogleg = 2.0 * np.arctan2(apart, together)
-    if dogleg.max() > np.pi - REVERSAL:
-        row = int(np.argmax(dogleg > np.pi - REVERSAL)) + 1
-        problem = f"the hole turns by {np.degrees(dogleg[row - 1]):.4f} deg from line {table.lines[row - 1]} to here"
-        span = f"md {md[row - 1]:.10g} to {md[row]:.10g} m"
-        raise table.error(f"{problem} ({span}); no arc can be chosen for half a turn: correct one of the two", row)
-    toolface = frozen(np.radians(table.number("toolface_deg"))) if "toolface_deg" in table else None
-    temperature = frozen(table.number("temperature_degC")) if "temperature_degC" in table else None
-    silent = np.full(len(md), np.nan)
-    listed = [table.number(name) if name in table else silent for name in _LISTED]
-    return WellStations(
-        md,
-        inclination,
-        azimuth,
-        reference,
-        toolface,
-        temperature,
-        table.lines,
-        table.path,
-        table.digest,
-        frozen(np.stack(listed, axis=1)) if any(name in table for name in _LISTED) else None,
-        left_out,
-    )
+    return cells[0]
 
 
-def _remedy(table: Table, name: str, row: int) -> str:
+def _listed(table: Frame) -> tuple[tuple[Listed, ...], tuple[str, ...]]:
+    """Columns of positions, and the names of those that cannot be read; nothing of the path depends on them."""
+    found: list[Listed] = []
+    unread: list[str] = []
+    profile = current()
+    for name in table.names:
+        if name in _LISTED:
+            found.append(Listed(name.removesuffix("_m"), name, table.number(name)))
+            continue
+        cells = table.columns[name]
+        if not isinstance(cells, tuple) or not any(cells):
+            continue
+        try:
+            what = listed_axis(name, profile.units)
+            if what is None:
+                continue
+            reader = NumberReader(table.path)
+            values = reader.convert(cells, name, table.lines.tolist(), gaps=True)
+            reader.finish()
+        except InputError:
+            # N may be a count and E an error
+            unread += [name] if sum(map(str.isalpha, name)) > 1 else []
+            continue
+        empty = np.isin(values, NULLS if profile.null is None else (profile.null,))
+        found.append(Listed(what[0], name, np.where(empty, np.nan, values * what[1])))
+    return tuple(found), tuple(unread)
+
+
+def _remedy(table: Frame, name: str, row: int) -> str:
     """What an angle out of range may be meant as."""
     values, azimuths = table.number(name), table.number("azimuth_deg")
     value, upright = float(values[row]), name == "inclination_deg" and len(values) > 2
@@ -175,7 +212,7 @@ def _remedy(table: Table, name: str, row: int) -> str:
     return "" if value < 0.0 else f"; grads belong in a column {name.replace('_deg', '_gon')}"
 
 
-def _angle(table: Table, name: str, low: float, high: float) -> Array:
+def _angle(table: Frame, name: str, low: float, high: float) -> Array:
     values = table.number(name)
     wrong = ~((values >= low) & (values <= high))
     if wrong.any():
@@ -189,15 +226,7 @@ def _angle(table: Table, name: str, low: float, high: float) -> Array:
 
 
 def position_columns(path: WellPath, uncertainty: PositionUncertainty | None, north: str) -> Mapping[str, Array | str]:
-    """Columns of the position file in degrees and metres; NaN where there is no uncertainty.
-
-    Parameters
-    ----------
-    path : inclinometry.survey.path.Path
-        Counted from `north`.
-    uncertainty : PositionUncertainty, optional
-    north : {"true", "grid"}
-    """
+    """Columns of the position file, degrees and metres, from true or grid `north`; NaN without uncertainty."""
     found: dict[str, Array | str] = {
         "md_m": path.md,
         "tvd_m": path.tvd,
@@ -220,7 +249,8 @@ def position_columns(path: WellPath, uncertainty: PositionUncertainty | None, no
 
 
 def _covariance_columns(covariance: Array) -> dict[str, Array]:
-    return {name: covariance[:, i, j] + 0.0 for name, (i, j) in zip(COVARIANCES, _PAIRS, strict=True)}
+    places = {name: ["nev".index(axis) for axis in name.removeprefix("cov_")] for name in COVARIANCES}
+    return {name: covariance[:, i, j] + 0.0 for name, (i, j) in places.items()}
 
 
 def write_position_csv(
@@ -235,16 +265,15 @@ def write_position_csv(
     Columns: `POSITION`. Without an uncertainty its cells are empty. Comments stand above the names, after `#`.
     """
     columns = position_columns(path, uncertainty, north)
-    cells: list[Sequence[str]] = [
-        [values] * len(path) if isinstance(values, str) else writing.column(values) for values in columns.values()
-    ]
-    writing.write_columns(list(columns), cells, target, comments)
+    cells = {name: [values] * len(path) if isinstance(values, str) else values for name, values in columns.items()}
+    writing.write_columns(cells, target, comments)
 
 
 def write_sources_csv(target: str | Path, uncertainty: PositionUncertainty) -> None:
     """Write the covariance of every source at every station, one row each; their sum is the total.
 
-    Columns: `SOURCES`. A tie-on position that is itself uncertain is a source of that name.
+    Columns: md_m, source, propagation and `COVARIANCES`. A tie-on position that is itself uncertain is a source of
+    that name.
     """
     size = len(uncertainty)
     parts = [(name, one.propagation, one.covariance) for name, one in uncertainty.sources.items()]
@@ -253,10 +282,12 @@ def write_sources_csv(target: str | Path, uncertainty: PositionUncertainty) -> N
         parts.append(("tie-on", "systematic", np.broadcast_to(tie, (size, 3, 3))))
     # the sources of a station stand together
     stacked = np.stack([covariance for _, _, covariance in parts], axis=1).reshape(-1, 3, 3)
-    cells: list[Sequence[str]] = [
-        writing.column(np.repeat(uncertainty.survey.md, len(parts))),
-        [name for name, _, _ in parts] * size,
-        [kind for _, kind, _ in parts] * size,
-        *(writing.column(values) for values in _covariance_columns(stacked).values()),
-    ]
-    writing.write_columns(SOURCES, cells, target)
+    writing.write_columns(
+        {
+            "md_m": np.repeat(uncertainty.survey.md, len(parts)),
+            "source": [name for name, _, _ in parts] * size,
+            "propagation": [kind for _, kind, _ in parts] * size,
+            **_covariance_columns(stacked),
+        },
+        target,
+    )

@@ -14,8 +14,8 @@ from typing import Any, Final, NamedTuple
 from inclinometry.conventions import named
 from inclinometry.errors import FileError, InputError
 from inclinometry.files._quantities import dimension_of, meaning, quantities, same_unit, seconds_of, unit_factor
-from inclinometry.files.columns import KIND_PREFIX, PREFIXES, TEXT, UNIT_LABELS, channel, closest, is_number
-from inclinometry.files.toml_keys import parsed
+from inclinometry.files.columns import KIND_PREFIX, PREFIXES, TEXT, UNIT_LABELS, channel, is_number
+from inclinometry.files.toml_keys import Settings, parsed
 from inclinometry.opening import LARGEST_SETTINGS, whole
 
 SEPARATORS: Final = {"comma": ",", "semicolon": ";", "tab": "\t", "space": " "}
@@ -32,21 +32,12 @@ class Reading(NamedTuple):
 
 @dataclass(frozen=True)
 class Profile:
-    """How a file is laid out and what its columns are.
+    """How a file is laid out and what its columns are; a column goes by its name in the file, or its number from 1.
 
-    separator : "," or ";" or a tab or a blank (any number of them); None where the line of names tells.
-    skip : lines before the names (or before the first row, where there are no names).
-    header : whether there is a line of names; columns are numbered from 1 otherwise.
-    units_row : whether a line of units follows the names.
-    columns : name or number in the file -> name here, with its unit ("accel_x_mg"); "" for a column to be left out.
-    given : name or number in the file -> unit it is in, where the name here has another.
-    units : units of columns that state none, one a dimension ("ft", "deg", "gauss", "mg").
-    axes : kind of sensor -> for x, y, z of the tool, the axis of the file with its sign ("y", "-x", "z").
-    rate_hz : rows a second, where the file has no time.
-    constants : columns the file lacks -> their one value.
-    blank : name or number in the file -> what a cell says where it says nothing ("0" of a set, "-9999").
-    null : the number that says in every column that there is nothing, as -999.25.
-    roll_sets : name of a set -> its first and last row, from 1; of files that end with the last one.
+    separator : " " is any number of blanks; None where the names show it. skip : lines before the names or first row.
+    columns : -> name here, with its unit ("accel_x_mg"); "" leaves it out. given : -> unit, where the name has another.
+    blank : -> what an empty cell says ("-9999"); null : the same for all. units : of columns without, one a dimension.
+    axes : kind -> axis of the file ("-x") for x, y, z of the tool. constants : columns the file lacks -> their value.
     """
 
     title: str = ""
@@ -171,6 +162,31 @@ def stated_unit(name: str) -> str | None:
     return what.unit.label if what is not None and what.unit is not None else None
 
 
+def with_unit(name: str, unit: str | None) -> str:
+    """The name with the unit that stands apart from it, unless it says it itself.
+
+    Raises
+    ------
+    InputError
+        Name and unit contradict each other; a unit of a channel that is not known.
+    """
+    own = _own_unit(name) or stated_unit(name)
+    if not unit or (own is None and channel(name) is None and describes(name)):
+        return name
+    if own is not None:
+        if not same_unit(own, unit) and dimension_of(unit) is not None:
+            raise InputError(f"column {name!r} has the unit {unit!r}, which its name contradicts; correct one of them")
+        return name
+    if channel(name) is None:
+        return f"{name} ({unit})"
+    plain = unit if dimension_of(unit) else unit.lower()
+    found = next((end for end in UNIT_LABELS if same_unit(end, unit) or plain == end.lower()), None)
+    if found is None:
+        known = ", ".join(UNIT_LABELS.values())
+        raise InputError(f"column {name!r} has the unit {unit!r}, which is not known; use {known}")
+    return name if found == "counts" else f"{name.removesuffix('_sd')}_{found}{'_sd' * name.endswith('_sd')}"
+
+
 def _own_unit(name: str) -> str | None:
     """The unit a name of the package states."""
     signal = channel(name)
@@ -248,8 +264,6 @@ def reading_with(
 def with_constants(**constants: float | str) -> Profile:
     """The profile tables are read with now, and a column with one value for each name.
 
-    Examples
-    --------
     >>> dict(with_constants(azimuth_reference="true").constants)
     {'azimuth_reference': 'true'}
     """
@@ -260,8 +274,6 @@ def with_constants(**constants: float | str) -> Profile:
 def shipped() -> tuple[str, ...]:
     """Names of the profiles that come with the package.
 
-    Examples
-    --------
     >>> "sap6" in shipped()
     True
     """
@@ -270,18 +282,7 @@ def shipped() -> tuple[str, ...]:
 
 
 def read_profile(name: str | Path) -> Profile:
-    """A profile that is shipped, by its name, or one's own, by its file.
-
-    Raises
-    ------
-    FileError
-        No such profile or file; a key, column, unit or axis that is not known, with the allowed ones.
-
-    Examples
-    --------
-    >>> read_profile("mpu").rate_hz
-    100.0
-    """
+    """A profile that is shipped, by its name, or one's own, by its file."""
     path = Path(name)
     if str(name) in shipped():
         text = (files("inclinometry.files") / "profiles" / f"{name}.toml").read_text(encoding="utf-8")
@@ -293,7 +294,9 @@ def read_profile(name: str | Path) -> Profile:
         except UnicodeDecodeError as error:
             raise FileError(f"cannot be read ({error})", path=path) from None
     try:
-        return _profile(parsed(text))
+        return _profile(Settings(path, parsed(text), _TYPES).content)
+    except FileError:
+        raise
     except (InputError, tomllib.TOMLDecodeError) as error:
         raise FileError(str(error), path=path) from None
 
@@ -307,11 +310,6 @@ _TYPES: Final[Mapping[str, type | tuple[type, ...]]] = {
 
 def _profile(content: dict[str, Any]) -> Profile:
     for key, value in content.items():
-        if key not in _TYPES:
-            near = closest(key, list(_TYPES))
-            raise InputError(
-                f"key {key!r:.80} is not known; {f'did you mean {near}?' if near else ''} allowed: {', '.join(_TYPES)}"
-            )
         wanted = _TYPES[key]
         if not isinstance(value, wanted) or (isinstance(value, bool) and wanted is not bool):
             raise InputError(f"{key} is {value!r}; {_kind(wanted)} is needed")

@@ -32,44 +32,10 @@ _ELEMENT = {
 
 
 def read_bha(path: str | Path) -> Bha:
-    """Read an assembly.
+    """Read an assembly: keys of the whole, elements from the bit up, one `[[stabiliser]]` for each set of blades.
 
-    Keys: `name`; `sensor_to_bit_m`, `hole_diameter_m`, `mud_density_kg_m3` (needed); `over_gauge_m` (0.001),
-    `sigma_hole_m` (0.001), `sigma_stiffness` and `sigma_weight` (relative, 0.05). From the bit up one `[[element]]`
-    each: `length_m`, `od_m`, `id_m` (needed), `weight_kg` of the whole element in air (else of solid metal between
-    the diameters), `material` ("steel" or "nonmagnetic"), `density_kg_m3` and `young_gpa` (the material's), `name`.
-    One `[[stabiliser]]` for each set of blades: `to_bit_m` (their middle), `blade_od_m`.
-
-    Raises
-    ------
-    FileError
-        Wrong syntax, an unknown or missing key, a value out of range, naming the element (counted from the bit).
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> text = '''
-    ... sensor_to_bit_m = 5.0
-    ... hole_diameter_m = 0.2159
-    ... mud_density_kg_m3 = 1200
-    ... [[element]]
-    ... length_m = 0.3
-    ... od_m = 0.2159
-    ... id_m = 0.05
-    ... weight_kg = 50
-    ... [[element]]
-    ... length_m = 18.0
-    ... od_m = 0.171
-    ... id_m = 0.071
-    ... [[stabiliser]]
-    ... to_bit_m = 9.0
-    ... blade_od_m = 0.2127
-    ... '''
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     _ = Path(folder, "bha.toml").write_text(text)
-    ...     bha = read_bha(Path(folder, "bha.toml"))
-    >>> round(bha.elements[1].weight, 1), bha.stabilisers
-    (149.2, (Stabiliser(position=9.0, outer=0.2127),))
+    `weight_kg` is that of the whole element in air; without it, of solid metal between the diameters. `density_kg_m3`
+    and `young_gpa` are the material's. `to_bit_m` leads to the middle of the blades.
     """
     settings = toml_keys.load(path, ("name", *_WHOLE, "element", "stabiliser"))
     values: dict[str, Any] = {}

@@ -12,19 +12,15 @@ import numpy as np
 from inclinometry.arrays import Array, frozen
 from inclinometry.errors import FileError, InputError
 from inclinometry.files import json_codec
-from inclinometry.files.writing import write_bytes
 from inclinometry.gyro.tracking import ScaleBelief
 
 
 @dataclass(frozen=True, eq=False)
 class ScaleRecord:
-    """The scale factor of one run.
+    """The scale factor of one run; arrays of n stations, in the order measured.
 
-    tool : name of the calibrated tool, "" without one.
-    belief : what is known after the run.
-    md, temperature, expected, expected_sd, scale, scale_sd : (n,) stations, in the order measured.
-    learnt : (n,) of bool
-    inputs : name -> digest.
+    belief : what is known after the run. learnt : False where a station's rates do not determine its scale.
+    tool : name of the calibrated tool, "" without one. inputs : name -> digest.
     """
 
     tool: str
@@ -39,8 +35,10 @@ class ScaleRecord:
     inputs: Mapping[str, str]
 
 
-_COLUMNS = ("md", "temperature", "expected", "expected_sd", "scale", "scale_sd")
-_NAMES = ("md_m", "temperature_degC", "expected", "u_expected", "scale", "u_scale")
+_COLUMNS = {
+    "md": "md_m", "temperature": "temperature_degC", "expected": "expected", "expected_sd": "u_expected",
+    "scale": "scale", "scale_sd": "u_scale",
+}  # fmt: skip
 
 
 def write_scale(record: ScaleRecord, path: str | Path) -> None:
@@ -48,8 +46,6 @@ def write_scale(record: ScaleRecord, path: str | Path) -> None:
     belief = record.belief
     span = belief.temperature_range
     content = {
-        "schema": "inclinometry/scale",
-        "version": 1,
         "tool": record.tool,
         "inputs": dict(record.inputs),
         "belief": {
@@ -58,16 +54,13 @@ def write_scale(record: ScaleRecord, path: str | Path) -> None:
             "per_degC": 100.0,
             "reference_temperature_degC": belief.reference_temperature,
             "temperature_range_degC": None if span is None else list(span),
-            "walk_per_root_degC": belief.walk,
-            "jitter": belief.jitter,
-            "wandered": list(belief.stands),
         },
         "stations": {
-            **{name: getattr(record, own) for name, own in zip(_NAMES, _COLUMNS, strict=True)},
+            **{name: getattr(record, own) for own, name in _COLUMNS.items()},
             "learnt": list(record.learnt),
         },
     }
-    write_bytes(json_codec.canonical(content), path)
+    json_codec.store(content, path, "scale", 2)
 
 
 def read_scale(path: str | Path) -> ScaleRecord:
@@ -78,7 +71,7 @@ def read_scale(path: str | Path) -> ScaleRecord:
     FileError
         Not such a file, a later version, a value out of place, with its JSON path.
     """
-    content = json_codec.of_kind(json_codec.load(path), path, "inclinometry/scale")
+    content = json_codec.stored(path, "scale", 2)
     belief: dict[str, Any] = content["belief"]
     stations: dict[str, Any] = content["stations"]
     sizes = {name: len(values) for name, values in stations.items()}
@@ -86,17 +79,16 @@ def read_scale(path: str | Path) -> ScaleRecord:
         raise FileError(f"$.stations has columns of different lengths: {sizes}", path=path)
     span = belief["temperature_range_degC"]
     try:
+        mean, spread = np.array(belief["coefficients"]), np.array(belief["covariance"])
+        if content["version"] == 1:  # what had wandered by the end of that run is part of the scale factor
+            value, variance, _ = belief["wandered"]
+            one = np.eye(len(mean))[0]
+            mean, spread = mean + value * one, spread + variance * np.outer(one, one)
         known = ScaleBelief(
-            np.array(belief["coefficients"]),
-            np.array(belief["covariance"]),
-            belief["walk_per_root_degC"],
-            belief["jitter"],
-            belief["reference_temperature_degC"],
-            tuple(belief["wandered"]),
-            None if span is None else (span[0], span[1]),
+            mean, spread, belief["reference_temperature_degC"], None if span is None else (span[0], span[1])
         )
     except (InputError, ValueError) as error:
         raise FileError(f"$.belief: {error}", path=path) from None
-    columns = {own: frozen(stations[name]) for name, own in zip(_NAMES, _COLUMNS, strict=True)}
+    columns = {own: frozen(stations[name]) for own, name in _COLUMNS.items()}
     learnt, inputs = tuple(stations["learnt"]), content["inputs"]
     return ScaleRecord(tool=content["tool"], belief=known, learnt=learnt, inputs=inputs, **columns)

@@ -16,7 +16,7 @@ from inclinometry.files.columns import (
     Channel,
     channel,
 )
-from inclinometry.files.table import Table
+from inclinometry.files.frame import Frame
 from inclinometry.rotations import wrap_positive
 
 COLDEST, HOTTEST = -100.0, 400.0
@@ -38,12 +38,12 @@ class Signals(NamedTuple):
     notes: tuple[str, ...]
 
 
-def read_signals(table: Table) -> Signals:
-    """All channels of a table by kind; FileError for an incomplete or contradictory set of columns."""
-    found = [c for c in map(channel, table.header) if c is not None]
+def read_signals(table: Frame, kinds: Sequence[str] = KINDS) -> Signals:
+    """The channels of a table by kind; FileError for an incomplete or contradictory set of columns."""
+    found = [c for c in map(channel, table.names) if c is not None and c.kind in kinds]
     signals = Signals({}, {}, {}, {}, ())
     notes: list[str] = []
-    for kind in KINDS:
+    for kind in kinds:
         ordered = _ordered(table, kind, [c for c in found if c.kind == kind and not c.sd])
         if not ordered:
             continue
@@ -59,35 +59,21 @@ def read_signals(table: Table) -> Signals:
             signals.sd[kind] = _deviations(table, signals.names[kind])
     _orphans(table, found)
     if not signals.values:
-        shown = ", ".join(table.header[:20])
+        shown = ", ".join(table.names[:20])
         raise table.error(
             f"no channels; add columns such as accel_x, accel_y, accel_z or mag_1; columns found: {shown}"
         )
     return signals._replace(notes=tuple(notes))
 
 
-def read_kind(table: Table, kind: str) -> Signals | None:
-    """Channels of one kind, where a single x will do; None where there is none."""
-    found = [c for c in map(channel, table.header) if c is not None and c.kind == kind]
-    _orphans(table, found)
-    channels = [c for c in found if not c.sd]
-    if not channels:
-        return None
-    ordered = channels if [c.axis for c in channels] == ["x"] else _ordered(table, kind, channels)
-    names = tuple(c.name for c in ordered)
-    values = {kind: np.stack([_readings(table, name) for name in names], axis=1)}
-    sd = {kind: _deviations(table, names)} if any(c.sd for c in found) else {}
-    return Signals(values, sd, {kind: ordered[0].unit}, {kind: names}, ())
-
-
-def _orphans(table: Table, found: Sequence[Channel]) -> None:
+def _orphans(table: Frame, found: Sequence[Channel]) -> None:
     """FileError for a standard deviation without its channel."""
     lost = next((c for c in found if c.sd and c.name.removesuffix("_sd") not in table), None)
     if lost is not None:
         raise table.error(f"column {lost.name!r} has no {lost.name.removesuffix('_sd')!r} beside it; add or remove it")
 
 
-def _ordered(table: Table, kind: str, found: Sequence[Channel]) -> list[Channel]:
+def _ordered(table: Frame, kind: str, found: Sequence[Channel]) -> list[Channel]:
     """The channels of a kind in the order x, y, z or 1..m, after checking that the set is complete."""
     if not found:
         return []
@@ -106,18 +92,11 @@ def _ordered(table: Table, kind: str, found: Sequence[Channel]) -> list[Channel]
     return [by_axis[axis] for axis in wanted]
 
 
-def _readings(table: Table, name: str) -> Array:
-    values = table.number(name)
-    if len(values) and max(values.max(), -values.min()) > LARGEST:
-        row = int(np.argmax(np.abs(values) > LARGEST))
-        problem = (
-            f"column {name!r} is {values[row]:g}; allowed -{LARGEST:g} to {LARGEST:g}: correct it or remove the row"
-        )
-        raise table.error(problem, row)
-    return values
+def _readings(table: Frame, name: str) -> Array:
+    return table.within(name, -LARGEST, LARGEST, remedy=": correct it or remove the row")
 
 
-def _deviations(table: Table, names: Sequence[str]) -> Array:
+def _deviations(table: Frame, names: Sequence[str]) -> Array:
     sd = np.stack([_readings(table, f"{name}_sd") for name in names], axis=1)
     if (sd < 0.0).any():
         row, column = np.argwhere(sd < 0.0)[0].tolist()
@@ -125,28 +104,19 @@ def _deviations(table: Table, names: Sequence[str]) -> Array:
     return sd
 
 
-def read_temperature(table: Table) -> Array | None:
+def read_temperature(table: Frame) -> Array | None:
     """Column temperature_degC within what an instrument survives, or None."""
     if "temperature_degC" not in table:
         return None
-    values = table.number("temperature_degC")
-    bad = (values < COLDEST) | (values > HOTTEST)
-    if bad.any():
-        row = int(np.flatnonzero(bad)[0])
-        allowed = f"allowed {COLDEST:g} to {HOTTEST:g}"
-        raise table.error(f"temperature_degC is {values[row]:g}; {allowed}: is it in another unit?", row)
-    return values
+    return table.within("temperature_degC", COLDEST, HOTTEST, remedy=": is it in another unit?")
 
 
-_LIMITS = {"azimuth_deg": 360.0, "inclination_deg": 180.0, "toolface_deg": 360.0}
-
-
-def read_settings(table: Table) -> tuple[Array, Array, Array] | None:
+def read_settings(table: Frame) -> tuple[Array, Array, Array] | None:
     """Azimuth, inclination, toolface (n,), rad; None when the table has none of them. Errors as `need_settings`."""
     return need_settings(table) if any(name in table for name in ANGLES) else None
 
 
-def need_settings(table: Table) -> tuple[Array, Array, Array]:
+def need_settings(table: Frame) -> tuple[Array, Array, Array]:
     """Azimuth, inclination, toolface (n,), rad.
 
     Raises
@@ -154,22 +124,17 @@ def need_settings(table: Table) -> tuple[Array, Array, Array]:
     FileError
         One of the three is missing, values out of range, angles that look like radians.
     """
-    dips = [name for name in table.header if name.lower() in ("dip", "dip_deg")]
+    dips = [name for name in table.names if name.lower() in ("dip", "dip_deg")]
     if dips and "inclination_deg" not in table:
         # in mines and caves dip is the angle of the tool below the horizon; here it is that of the magnetic field
         raise table.error(
             f"column 'inclination_deg' is missing; if {dips[0]!r} is the angle of the tool from the horizontal, name "
-            "it inclination_deg and state --inclination-from horizontal (positive downwards) or horizontal-up "
-            "(positive upwards); the dip of the magnetic field at the stand is reference_dip_deg"
+            "it inclination_deg and state that the dial counts from the horizontal, downwards or upwards; the dip of "
+            "the magnetic field at the stand is reference_dip_deg"
         )
     table.require(ANGLES)
-    degrees = [table.number(name) for name in ANGLES]
-    for name, values in zip(ANGLES, degrees, strict=True):
-        limit = _LIMITS[name]
-        bad = np.abs(values) > limit
-        if bad.any():
-            row = int(np.flatnonzero(bad)[0])
-            raise table.error(f"{name} is {values[row]:g}; allowed {-limit:g} to {limit:g} deg", row)
+    limits = (360.0, 180.0, 360.0)
+    degrees = [table.within(name, -limit, limit, " deg") for name, limit in zip(ANGLES, limits, strict=True)]
     if look_like_radians(*degrees):
         reach = ", ".join(f"{n} {np.abs(v).max():.5g}" for n, v in zip(ANGLES, degrees, strict=True))
         raise table.error(f"the angles look like radians (largest: {reach}); convert them to degrees")
@@ -183,12 +148,6 @@ def look_like_radians(azimuth: Array, inclination: Array, toolface: Array) -> bo
     True when nothing exceeds what radians can be (inclination pi, the others 2 pi), and read as radians the toolface or
     the azimuth visits at least three quadrants, as a plan does. Settings in whole quarters of a degree are believed to
     be degrees: a fine scan 0, 1, .. 6 deg near vertical is a real plan, and radians of a plan are never such numbers.
-
-    Examples
-    --------
-    >>> zero, turn = np.zeros(4), np.arange(4) * 90.0
-    >>> look_like_radians(zero, zero + 90.0, turn), look_like_radians(zero, zero + 1.5708, np.radians(turn))
-    (False, True)
     """
     if len(toolface) < 4 or np.abs(inclination).max() > 3.15:
         return False

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import datetime
 import math
-import re
 import warnings
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,9 +19,6 @@ from inclinometry.files import toml_keys
 if TYPE_CHECKING:
     from pyproj import CRS
 
-LARGEST_SCALE: Final = 100.0
-"""A point drawn larger than this is where the projection runs to infinity."""
-
 
 class Grid(NamedTuple):
     """At points of shape (...): convergence, rad, positive where grid north is east of true; scale along grid north."""
@@ -32,38 +28,12 @@ class Grid(NamedTuple):
 
 
 def grid_convergence(crs: str, latitude: ArrayLike, longitude: ArrayLike) -> Grid:
-    """Convergence and scale factor of a map grid.
+    """Convergence, rad, and scale of the map grid `crs` (as PROJ knows it) at geodetic points, rad, in its own datum.
 
-    Parameters
-    ----------
-    crs : str
-        The grid as PROJ knows it: "EPSG:32632", WKT, a PROJ string.
-    latitude, longitude : (...) array_like
-        Geodetic, rad, in the grid's own datum. That of another datum, some hundred metres off, changes the convergence
-        by some thousandths of a degree.
-
-    Returns
-    -------
-    Grid
-        Convergence, rad, to be subtracted from true azimuths; scale, grid length over true length along the meridian.
-
-    Raises
-    ------
-    InputError
-        An unknown crs, one that is no map grid, a point the grid cannot show.
-
-    Notes
-    -----
-    PROJ's factors of the projection. For a transverse Mercator on a sphere tan(convergence) = tan(d) sin(latitude), d
-    being the longitude from the central meridian; on the ellipsoid it differs by some 1e-4 deg within a UTM zone.
-
-    Examples
-    --------
-    One degree east of the central meridian of UTM zone 32:
-
-    >>> found = grid_convergence("EPSG:32632", np.radians(60.0), np.radians(10.0))
-    >>> np.degrees(found.convergence).round(4), found.scale.round(6)
-    (np.float64(0.866), np.float64(0.999638))
+    The convergence is subtracted from true azimuths; another datum, some hundred metres off, changes it by
+    thousandths of a degree. The scale is grid over true length along the meridian. Transverse Mercator on a sphere:
+    tan(convergence) = tan(d) sin(latitude), d the longitude from the central meridian; on the ellipsoid it differs by
+    some 1e-4 deg within a UTM zone.
     """
     from pyproj import Proj
 
@@ -75,7 +45,7 @@ def grid_convergence(crs: str, latitude: ArrayLike, longitude: ArrayLike) -> Gri
         factors = Proj(map_grid(crs)).get_factors(lam, phi, radians=True, errcheck=False)
     convergence, scale = np.radians(factors.meridian_convergence), np.asarray(factors.meridional_scale)
     # where a projection runs to infinity PROJ may still give a number
-    good = np.isfinite(convergence) & (scale < LARGEST_SCALE)
+    good = np.isfinite(convergence) & (scale < 100.0)
     if not good.all():
         where = tuple(np.argwhere(~good)[0])
         place = f"latitude {np.degrees(phi[where]):.6g}, longitude {np.degrees(lam[where]):.6g} deg"
@@ -109,8 +79,6 @@ def map_grid(crs: str) -> CRS:
 def out_of_area(crs: str, latitude: float, longitude: float) -> str | None:
     """A sentence when a point, rad, lies outside the area a grid is made for; None when it lies inside.
 
-    Examples
-    --------
     >>> out_of_area("EPSG:32632", np.radians(60.0), np.radians(10.0)) is None
     True
     """
@@ -144,7 +112,6 @@ _NUMBERS = {
     "sigma_declination_deg": ("declination_sigma", 0.0, 180.0),
     "sigma_convergence_deg": ("convergence_sigma", 0.0, 180.0),
 }
-_KEYS = (*_NUMBERS, "date", "north_reference", "crs")
 
 
 def read_site(path: str | Path) -> Site:
@@ -171,28 +138,25 @@ def read_site(path: str | Path) -> Site:
     >>> round(site.dip, 6), site.b
     (1.22173, 50000.0)
     """
-    settings = toml_keys.load(path, _KEYS)
+    settings = toml_keys.load(path, (*_NUMBERS, "date", "north_reference", "crs"))
     values: dict[str, Any] = {}
     for key, (name, low, high) in _NUMBERS.items():
         value = settings.number(key, low, high)
         values[name] = float(np.radians(value)) if value is not None and key.endswith("_deg") else value
     reference = settings.text("north_reference", REFERENCES)
+    for key, (name, _, _) in _NUMBERS.items():
+        if name.endswith("_sigma") and values[name] is not None and values[name.removesuffix("_sigma")] is None:
+            problem = f"{key} is given without {key.removeprefix('sigma_')}; give both or neither"
+            raise FileError(problem, path=path)
+    crs = settings.text("crs")
     try:
-        crs = _crs(settings)
+        if crs is not None:
+            map_grid(crs)
         return Site(date=_date(settings), north_reference=reference or "magnetic", crs=crs, **values)
     except FileError:
         raise
     except InputError as error:
-        names = {name: key for key, (name, _, _) in _NUMBERS.items()}
-        problem = re.sub(r"\w+", lambda word: names.get(word[0], word[0]), str(error))
-        raise FileError(problem, path=path) from None
-
-
-def _crs(settings: toml_keys.Settings) -> str | None:
-    crs = settings.text("crs")
-    if crs is not None:
-        map_grid(crs)
-    return crs
+        raise FileError(str(error), path=path) from None
 
 
 def _date(settings: toml_keys.Settings) -> datetime.date | None:

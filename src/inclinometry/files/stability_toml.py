@@ -25,31 +25,7 @@ _KEYS: Final = {
 
 
 def read_stability(path: str | Path) -> Stability:
-    """Read a tool's stability.
-
-    Keys: `accelerometer_offset_m_s2`, `accelerometer_scale`, `magnetometer_offset_nT`, `magnetometer_scale` (needed),
-    `accelerometer_axis_deg`, `magnetometer_axis_deg` (0), standard deviations after one year; `source` (needed).
-
-    Raises
-    ------
-    FileError
-        Wrong syntax, an unknown or missing key, a value out of range.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> text = '''
-    ... accelerometer_offset_m_s2 = 0.001
-    ... accelerometer_scale = 1e-4
-    ... magnetometer_offset_nT = 20
-    ... magnetometer_scale = 4e-4
-    ... source = "own fleet, 2026"
-    ... '''
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     _ = Path(folder, "stability.toml").write_text(text)
-    ...     read_stability(Path(folder, "stability.toml")).magnetometer_offset
-    20.0
-    """
+    """Read a tool's stability: standard deviations after one year, and their `source`; the axes' may be missing (0)."""
     settings = toml_keys.load(path, (*_KEYS, "source"))
     values: dict[str, float] = {}
     for key, (name, most, unit) in _KEYS.items():

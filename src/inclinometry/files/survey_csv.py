@@ -11,111 +11,23 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from inclinometry.arrays import Array, frozen
-from inclinometry.constants import FOOT
 from inclinometry.errors import InputError
 from inclinometry.files import writing
-from inclinometry.files._quantities import EXTRA, Quantity, from_si, meaning, quantities
-from inclinometry.files.columns import RAW_SURVEY, SURVEY, numbers_among
-from inclinometry.files.exchange import SurveyFile
+from inclinometry.files.columns import RAW_SURVEY, SURVEY, SURVEY_QUANTITIES, numbers_among
+from inclinometry.files.frame import Frame
 from inclinometry.files.signals import read_signals, read_temperature
-from inclinometry.files.table import Progress, Table, read_table
+from inclinometry.files.table import TableFile, read_table
+from inclinometry.files.text import Progress
 from inclinometry.tabular import Column, Tabular, channel_columns
-
-# From a survey to the columns of a table: names with units, numbers in them, texts; what is unknown is left out.
-
-
-@dataclass(frozen=True, eq=False)
-class OutColumn:
-    """One column: numbers with their quantity, or texts."""
-
-    name: str
-    values: Array | tuple[str, ...]
-    quantity: Quantity | None = None
-
-
-def columns_of(file: SurveyFile) -> list[OutColumn]:
-    """All that a survey knows, as columns; a quantity without a single value has none.
-
-    Examples
-    --------
-    >>> [c.name for c in columns_of(SurveyFile(md=[0, 30], g=[[0, 0, 9.8]] * 2, extra={"rig": ("A", "A")}))]
-    ['md_m', 'gx_m_s2', 'gy_m_s2', 'gz_m_s2', 'rig']
-    """
-    found = []
-    for key, quantity in quantities().items():
-        # the values of one quantity; None where the file is silent. A triad or covariance is there whole or not at all
-        group, _, place = key.partition(".")
-        value = getattr(file, group)
-        if isinstance(value, Mapping):
-            value = value.get(place)
-        if value is None or np.isnan(value).all():
-            values = None
-        elif value.ndim == 1:
-            values = np.asarray(value)
-        else:
-            values = np.asarray(value[(slice(None), *map(int, place))])
-        if values is not None:
-            found.append(OutColumn(quantity.column, from_si(values, quantity), quantity))
-        if key == "azimuth" and file.azimuth_reference is not None:
-            found.append(OutColumn("azimuth_reference", (file.azimuth_reference,) * len(file)))
-    return found + _texts(file)
-
-
-def _texts(file: SurveyFile) -> list[OutColumn]:
-    found = []
-    for name in ("used", "valid"):
-        mask = getattr(file, name)
-        if mask is not None:
-            found.append(OutColumn(name, tuple("1" if yes else "0" for yes in mask)))
-    if file.times is not None and any(file.times):
-        found.append(OutColumn("time", tuple(file.times)))
-    return found + [OutColumn(_extra_name(name), tuple(cells)) for name, cells in file.extra.items()]
-
-
-def _extra_name(name: str) -> str:
-    """A name under which the column is not taken for one of the package's when it is read."""
-    try:
-        taken = meaning(name) is not None or name.startswith(EXTRA)
-    except InputError:
-        taken = True
-    return f"{EXTRA}{name}" if taken else name
-
-
-def column_texts(column: OutColumn) -> Sequence[str]:
-    """Numbers as the shortest text that reads back the same, texts as they are."""
-    return column.values if isinstance(column.values, tuple) else writing.column(column.values)
-
-
-_QUANTITIES = {
-    "md": "md_m",
-    "inclination": "inclination_deg",
-    "azimuth": "azimuth_deg",
-    "azimuth_reference": "azimuth_reference",
-    "toolface": "toolface_deg",
-    "magnetic_toolface": "magnetic_toolface_deg",
-    "g_total": "g_total",
-    "b_total": "b_total_nT",
-    "dip": "dip_deg",
-    "u_inclination": "u_inclination_deg",
-    "u_azimuth": "u_azimuth_deg",
-    "u_toolface": "u_toolface_deg",
-    "flags": "flags",
-}
-"""Name inside the package (SI, rad, nT) -> column of the file."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RawSurvey(Tabular):
     """Raw stations of one run, in the order of depth.
 
-    md : (n,) measured depth, m, strictly increasing.
-    channels : kind -> (n, m) signals.
-    temperature : (n,) degC, or None.
-    units : kind -> unit of the signals.
-    extra : other columns of the file, as text.
-    notes : findings of the reader.
-    lines : (n,) line of the file each station stands in.
-    digest : SHA-256 of the file.
+    md : (n,) m, strictly increasing. channels : kind -> (n, m) in `units`. temperature : (n,) degC, or None.
+    extra : other columns of the file, as text. notes : findings of the reader.
+    lines : (n,) line of the file of each station. digest : SHA-256 of the file.
     """
 
     md: Array
@@ -136,8 +48,10 @@ class RawSurvey(Tabular):
         return found | ({} if self.temperature is None else {"temperature_degC": self.temperature})
 
 
-def read_raw_survey(path: str | Path, *, progress: Progress | None = None) -> RawSurvey:
+def read_raw_survey(path: str | Path | TableFile, *, progress: Progress | None = None) -> RawSurvey:
     """Read raw stations: `md_m` (or `md_ft`), the channels as in bench readings, `temperature_degC`, anything else.
+
+    A table whose names have been looked at may be given as it is, open.
 
     Raises
     ------
@@ -153,14 +67,12 @@ def read_raw_survey(path: str | Path, *, progress: Progress | None = None) -> Ra
     >>> raw.md, raw.channels["accelerometer"][0]
     (array([30.48, 60.96]), array([1., 2.]))
     """
-    table = read_table(path, progress, numeric=numbers_among(RAW_SURVEY))
+    opened = path if isinstance(path, TableFile) else TableFile(path, progress)
+    table = opened.read(numbers_among(RAW_SURVEY))
     table.unknown(RAW_SURVEY)
-    if "md_m" in table and "md_ft" in table:
-        raise table.error("both 'md_m' and 'md_ft' give the depth; remove one")
-    name = "md_ft" if "md_ft" in table else "md_m"
-    values = table.number(name)
-    check_increasing(table, name, values)
-    md, signals = frozen(values * FOOT) if name == "md_ft" else values, read_signals(table)
+    name, md = table.depth()
+    check_increasing(table, name, table.number(name))
+    signals = read_signals(table)
     temperature = read_temperature(table)
     return RawSurvey(
         md,
@@ -174,7 +86,7 @@ def read_raw_survey(path: str | Path, *, progress: Progress | None = None) -> Ra
     )
 
 
-def check_increasing(table: Table, name: str, values: Array) -> None:
+def check_increasing(table: Frame, name: str, values: Array) -> None:
     """FileError naming both lines where a column does not strictly increase."""
     back = np.flatnonzero(np.diff(values) <= 0.0)
     if back.size:
@@ -188,52 +100,42 @@ def check_increasing(table: Table, name: str, values: Array) -> None:
 def write_survey_csv(path: str | Path, columns: Mapping[str, ArrayLike | Sequence[str] | str]) -> None:
     """Write survey stations; the names, units and order of the columns are fixed.
 
-    Parameters
-    ----------
-    path : str or Path
-    columns : mapping
-        `md` (n,) m; `inclination`, `azimuth`, `toolface`, `magnetic_toolface`, `dip` and the standard uncertainties
-        `u_inclination`, `u_azimuth`, `u_toolface`, rad; `g_total`, m/s^2; `b_total`, nT; `azimuth_reference` and
-        `flags`, one text or one a station. What is missing, and NaN, becomes an empty cell; `md` is required.
-
-    Raises
-    ------
-    InputError
-        An unknown name, a column of another length, infinity.
+    `md` (m) is required; angles, `dip` and `u_inclination`, `u_azimuth`, `u_toolface` in rad, `g_total` in m/s^2,
+    `b_total` in nT; `azimuth_reference` and `flags` are one text or one a station. What is missing, and NaN, becomes an
+    empty cell.
     """
-    names, cells = survey_cells(columns)
-    writing.write_columns(names, cells, path)
+    writing.write_columns(survey_cells(columns), path)
 
 
 def survey_cells(
     columns: Mapping[str, ArrayLike | Sequence[str] | str],
-) -> tuple[tuple[str, ...], list[list[str]]]:
-    """Names and cells of the columns of a survey file; parameters and errors as `write_survey_csv`."""
-    unknown = sorted(set(columns) - set(_QUANTITIES))
+) -> dict[str, Array | Sequence[str] | None]:
+    """The columns of a survey file; parameters and errors as `write_survey_csv`."""
+    unknown = sorted(set(columns) - set(SURVEY_QUANTITIES))
     if unknown or "md" not in columns:
         problem = f"unknown survey columns {unknown}" if unknown else "no column 'md'"
-        raise InputError(f"{problem}; allowed: {', '.join(_QUANTITIES)}")
+        raise InputError(f"{problem}; allowed: {', '.join(SURVEY_QUANTITIES)}")
     size = int(np.size(np.asarray(columns["md"], dtype=np.float64)))
-    return SURVEY, [_cells(name, column, columns.get(name), size) for name, column in _QUANTITIES.items()]
+    return {column: _cells(name, column, columns.get(name), size) for name, column in SURVEY_QUANTITIES.items()}
 
 
-def _cells(name: str, column: str, value: ArrayLike | Sequence[str] | str | None, size: int) -> list[str]:
+def _cells(name: str, column: str, value: ArrayLike | Sequence[str] | str | None, size: int) -> Array | Sequence[str]:
+    found: Array | Sequence[str]
     if value is None:
         return [""] * size
     if name in ("azimuth_reference", "flags"):
-        texts = [value] * size if isinstance(value, str) else [str(v) for v in np.atleast_1d(np.asarray(value))]
+        found = [value] * size if isinstance(value, str) else [str(v) for v in np.atleast_1d(np.asarray(value))]
     else:
-        numbers = np.asarray(value, dtype=np.float64).ravel()
-        if np.isinf(numbers).any():
-            raise InputError(f"{name} is infinite at station {int(np.isinf(numbers).argmax())}; use NaN for unknown")
+        found = np.asarray(value, dtype=np.float64).ravel()
+        if np.isinf(found).any():
+            raise InputError(f"{name} is infinite at station {int(np.isinf(found).argmax())}; use NaN for unknown")
         if column.endswith("_deg"):
-            numbers = writing.degrees(numbers)
+            found = writing.degrees(found)
         if name in ("azimuth", "toolface", "magnetic_toolface"):
-            numbers = np.where(numbers == 360.0, 0.0, numbers)  # 360 - 1e-12 rounds up to what is printed as 0
-        texts = writing.column(numbers)
-    if len(texts) != size:
-        raise InputError(f"{name} has {len(texts)} values; md has {size}")
-    return texts
+            found = np.where(found == 360.0, 0.0, found)  # 360 - 1e-12 rounds up to what is printed as 0
+    if len(found) != size:
+        raise InputError(f"{name} has {len(found)} values; md has {size}")
+    return found
 
 
 def read_survey_csv(path: str | Path) -> dict[str, Array | tuple[str, ...]]:
@@ -248,7 +150,7 @@ def read_survey_csv(path: str | Path) -> dict[str, Array | tuple[str, ...]]:
     table.require(SURVEY)
     check_increasing(table, "md_m", table.number("md_m"))
     found: dict[str, Array | tuple[str, ...]] = {}
-    for name, column in _QUANTITIES.items():
+    for name, column in SURVEY_QUANTITIES.items():
         values = table.columns[column]
         found[name] = (
             frozen(np.radians(values)) if column.endswith("_deg") and not isinstance(values, tuple) else values

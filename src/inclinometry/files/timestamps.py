@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from datetime import datetime
-from itertools import chain
 from pathlib import Path
 from typing import Final
 
+import numpy as np
+
+from inclinometry.arrays import Array
 from inclinometry.errors import FileError
 from inclinometry.files._quantities import seconds_of
-from inclinometry.files.layout import cut, joined
-from inclinometry.files.table import Block
 
 Seconds = Callable[[Sequence[str]], float]
 """Seconds since the first row, by the cells of the columns of time."""
@@ -34,8 +34,6 @@ _DAY: Final = 86400.0
 def part_of_time(name: str) -> str | None:
     """What of date and time a column's name says: "year" .. "nanosecond", or "whole" where the cells tell.
 
-    Examples
-    --------
     >>> [part_of_time(name) for name in ("UTC_Year", "Hour (hh)", "Date/Time", "time_s", "inclination")]
     ['year', 'hour', 'whole', None, None]
     """
@@ -44,61 +42,41 @@ def part_of_time(name: str) -> str | None:
     return "whole" if plain in _WHOLE else next((part for part, names in _PARTS.items() if plain in names), None)
 
 
-def timed(blocks: Iterator[Block], path: Path) -> Iterator[Block]:
-    """Blocks of a plain table with date and time replaced by `time_s`, seconds since the first row.
+class Clock:
+    """Seconds since the first row by the columns of date and time, where the first row shows that there are any.
 
-    A table that has no date and time, or a `time_s` besides, stays as it is.
-
-    Raises
-    ------
-    FileError
-        A cell that is no date or time where that of the first row is; a date whose day may be its month.
+    places : of these columns; none where there is no date and time, or a `time_s` besides.
     """
-    held: list[Block] = []
-    rows: list[tuple[int, int]] = []
-    for block in blocks:
-        rows += [(len(held), k) for k, line in enumerate(block.lines) if line.strip() and line.lstrip()[0] != "#"]
-        held.append(block)
-        if len(rows) > 1:
-            break
-    if len(rows) < 2:
-        yield from held
-        return
-    names, first = (held[k].lines[row] for k, row in rows[:2])
-    mark = next((mark for mark in "\t;," if mark in "".join(names.split('"')[::2])), ",")
-    header, cells = cut(names, mark), cut(first, mark)
-    found = _found(header, cells)
-    if found is None:
-        yield from chain(held, blocks)
-        return
-    places, seconds = found
-    kept = [k for k in range(len(header)) if k not in places]
-    last = max(places)
-    before = rows[1]
-    for number, block in enumerate(chain(held, blocks)):
-        out = list(block.lines)
-        for row, line in enumerate(block.lines):
-            if (number, row) == rows[0]:
-                out[row] = joined(["time_s", *(header[k] for k in kept)], mark)
-            if (number, row) < before or not line.strip() or line.lstrip()[0] == "#":
-                continue
-            cells = cut(line, mark)
-            if len(cells) <= last:
-                continue  # too short: the reader of the table says so
+
+    def __init__(self, path: Path, names: Sequence[str], first: Sequence[str]) -> None:
+        found = _found(names, first)
+        self.places: list[int] = found[0] if found else []
+        self._seconds = found[1] if found else None
+        self._path, self._names = path, names
+
+    def of(self, columns: Sequence[Sequence[str]], lines: Iterable[int]) -> Array:
+        """Seconds by the cells of the columns of date and time.
+
+        Raises
+        ------
+        FileError
+            A cell that is no date or time where that of the first row is; a date whose day may be its month.
+        """
+        times: list[float] = []
+        if self._seconds is None:
+            return np.array(times)
+        for cells, line in zip(zip(*columns, strict=True), lines, strict=True):
+            texts = [cell.strip() for cell in cells]
             try:
-                time = seconds([cells[k].strip() for k in places])
+                times.append(round(self._seconds(texts) * 1e6) / 1e6)
             except (ValueError, OverflowError) as error:
-                raise FileError(_problem(header, cells, places, error), path=path, line=block.first + row) from None
-            # an exponent in the place of a point: it goes with decimal points and commas alike
-            out[row] = joined([f"{round(time * 1e6)}e-6", *(cells[k] for k in kept if k < len(cells))], mark)
-        yield Block(block.first, out, block.plain)
+                raise FileError(self._problem(texts, error), path=self._path, line=int(line)) from None
+        return np.array(times)
 
-
-def _problem(header: Sequence[str], cells: Sequence[str], places: Sequence[int], error: Exception) -> str:
-    shown = " ".join(cells[k].strip() for k in places)[:60]
-    names = ", ".join(repr(header[k].strip()) for k in places)
-    why = str(error) if "first" in str(error) else "correct it or remove the row"
-    return f"{shown!r} in column {names} is no date and time such as 2026-05-01 12:30:00.5; {why}"
+    def _problem(self, texts: Sequence[str], error: Exception) -> str:
+        names = ", ".join(repr(self._names[k].strip()) for k in self.places)
+        why = str(error) if "first" in str(error) else "correct it or remove the row"
+        return f"{' '.join(texts)[:60]!r} in column {names} is no date and time such as 2026-05-01 12:30:00.5; {why}"
 
 
 def _found(header: Sequence[str], cells: Sequence[str]) -> tuple[list[int], Seconds] | None:

@@ -13,7 +13,6 @@ import numpy as np
 from inclinometry.constants import FOOT
 from inclinometry.errors import FileError, InputError
 from inclinometry.files import json_codec
-from inclinometry.files.writing import write_bytes
 from inclinometry.position.tool_code import Term, ToolCode, term
 from inclinometry.tabular import check_record
 
@@ -28,8 +27,6 @@ _PARAMETERS: Final = {
 }
 
 
-_COURSE: Final = ("XCLA", "XCLH")
-"""Terms of long courses (SPE 187249), which act over all of a course; files of the OWSG don't say so."""
 _COURSE_SINGULAR: Final = (
     "-Sin(AzT) * XCLTortuosity * (MD - MDPrev)",
     "Cos(AzT) * XCLTortuosity * (MD - MDPrev)",
@@ -40,8 +37,6 @@ _COURSE_SINGULAR: Final = (
 def tool_code_names() -> tuple[str, ...]:
     """Names of the tool codes shipped with the package.
 
-    Examples
-    --------
     >>> tool_code_names()[:2]
     ('iscwsa-mwd-rev4', 'iscwsa-mwd-rev5.1')
     """
@@ -140,7 +135,8 @@ def _degrees(low: float, high: float) -> tuple[float, float]:
 
 def _term(cells: Mapping[str, Any], where: str, path: Path) -> Term:
     singular = [cells.get(key) or "0" for key in _SINGULAR] if any(cells.get(key) for key in _SINGULAR) else None
-    course = cells.get("course", cells["name"] in _COURSE)
+    # terms of long courses (SPE 187249) act over all of a course; files of the OWSG don't say so
+    course = cells.get("course", cells["name"] in ("XCLA", "XCLH"))
     for key in ("depth_factor", "inclination_factor", "azimuth_factor"):
         if cells.get(key, 1) not in (0, 1):  # published files mark with 0 and 1 what the formulas say anyway
             raise FileError(f"{where}.{key} is {cells[key]}; write it into the formula, and leave it out", path=path)
@@ -200,13 +196,11 @@ def write_tool_code(code: ToolCode, path: str | Path, evidence: Mapping[str, obj
     metadata: dict[str, object] = {"short_name": code.name, "long_name": code.description, "source": code.source}
     metadata |= {"revision": code.revision} | ({} if evidence is None else {"evidence": dict(evidence)})
     content = {
-        "schema": "inclinometry/tool-code",
-        "version": 1,
         "metadata": metadata,
         "parameters": parameters,
         "terms": [_cells(one) for one in code.terms],
     }
-    write_bytes(json_codec.canonical(content), path)
+    json_codec.store(content, path, "tool-code")
 
 
 def _cells(one: Term) -> dict[str, object]:

@@ -14,7 +14,6 @@ from inclinometry.constants import FIELD_UNITS, SHORT_INCLINATIONS
 from inclinometry.errors import FileError, InputError
 from inclinometry.files import json_codec
 from inclinometry.files.json_codec import Json, shown
-from inclinometry.files.writing import write_bytes
 from inclinometry.sensors import Tool, Triad
 from inclinometry.tabular import check_record
 
@@ -22,7 +21,6 @@ from inclinometry.tabular import check_record
 
 LARGEST = 1e100  # squares and products of larger numbers leave float64
 SYMMETRIC = 1e-9
-POSITIVE = 1e-6
 
 
 def check_arrays(content: Json, path: str | Path) -> None:
@@ -101,14 +99,12 @@ def covariance(entry: Mapping[str, Any], path: str | Path, where: str) -> Array:
         raise FileError(f"{problem}; a covariance must be symmetric: repeat the calibration", path=path)
     scale = np.where(sd > 0.0, sd, 1.0)
     least = float(np.linalg.eigvalsh(matrix / scale / scale[:, None]).min(initial=0.0))
-    if least < -POSITIVE:
+    if least < -1e-6:
         problem = f"{place} has an eigenvalue of {least:.3g} as a matrix of correlations; it must be 0 or more"
         raise FileError(f"{problem}: repeat the calibration", path=path)
     return frozen(matrix)
 
 
-VERSION = {"inclinometry/tool": 2, "inclinometry/truth": 1}
-"""The newest of each; a calibration without shares is written as version 1, which has no place for them."""
 CONVENTION = "native"
 
 
@@ -130,7 +126,7 @@ def write_calibration(calibration: Calibration, path: str | Path, *, created: st
         The file cannot be written.
     """
     check_record(calibration, Calibration, "write_calibration")
-    write_bytes(json_codec.canonical(calibration_content(calibration, created)), path)
+    json_codec.store(calibration_content(calibration, created), path, "tool")
 
 
 def calibration_content(calibration: Calibration, created: str | None = None) -> dict[str, Any]:
@@ -167,11 +163,13 @@ def calibration_content(calibration: Calibration, created: str | None = None) ->
             "leverage": residuals.leverage,
         },
         "temperature_range_degC": tool.temperature_range,
-        "warnings": list(calibration.warnings),
-        "notes": list(calibration.notes),
+        "warnings": calibration.remarks,
+        "notes": [*calibration.notes, *(str(one) for one in calibration.findings if one.severity == "note")],
     }
     if np.isfinite(rig.freedom).any():
         content["rig"]["degrees_of_freedom"] = [float(nu) if np.isfinite(nu) else None for nu in rig.freedom]
+    if calibration.freedom is not None:
+        content["covariance"]["degrees_of_freedom"] = calibration.freedom if np.isfinite(calibration.freedom) else None
     if calibration.shares:
         content["calibration_shares"] = {
             "inclination_deg": np.degrees(SHORT_INCLINATIONS).round(9),
@@ -225,15 +223,13 @@ def write_truth(tool: Tool, extras: Mapping[str, Any], path: str | Path) -> None
     Names in `extras` carry their units; angles end in _deg or _rad. Numpy arrays are written as lists.
     """
     content = {
-        "schema": "inclinometry/truth",
-        "version": VERSION["inclinometry/truth"],
         "tool": tool.name,
         "convention": CONVENTION,
         "triads": _triads_content(tool),
         "temperature_range_degC": tool.temperature_range,
         "extras": dict(extras),
     }
-    write_bytes(json_codec.canonical(content), path)
+    json_codec.store(content, path, "truth")
 
 
 def read_calibration(path: str | Path) -> Calibration:
@@ -282,9 +278,16 @@ def calibration_from(content: dict[str, Any], where: str | Path) -> Calibration:
                 for name, rows in content.get("calibration_shares", {}).get("causes", {}).items()
                 if len(rows) == len(SHORT_INCLINATIONS)
             },
+            freedom=_freedom(content["covariance"]),
         )
     except (ValueError, OverflowError) as error:
         raise _refused(error, where) from None
+
+
+def _freedom(block: Mapping[str, Any]) -> float | None:
+    """Effective degrees of freedom of a covariance: null is infinite, files of before say nothing."""
+    found = block.get("degrees_of_freedom", np.nan)
+    return np.inf if found is None else None if np.isnan(found) else float(found)
 
 
 def read_tool(path: str | Path) -> Tool:
@@ -312,7 +315,8 @@ def _load(path: str | Path, kinds: tuple[str, ...]) -> dict[str, Any]:
 
 def _checked(content: dict[str, Any], kinds: tuple[str, ...], path: str | Path) -> dict[str, Any]:
     """The content, when it is of one of these kinds and fits its schema."""
-    newest = VERSION.get(str(content.get("schema")), 1)
+    # a calibration without shares is written as version 1, which has no place for them
+    newest = 2 if content.get("schema") == "inclinometry/tool" else 1
     found = json_codec.of_kind(content, path, *kinds, version=newest)
     check_arrays(found, path)
     return found

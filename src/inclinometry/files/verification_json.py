@@ -2,25 +2,23 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
 from inclinometry.arrays import Array
-from inclinometry.calibration.acceptance import Limits, Verification
+from inclinometry.calibration.acceptance import Verification
+from inclinometry.calibration.decision import AGREES, DISAGREES, Limits, rayleigh
 from inclinometry.calibration.result import Calibration
-from inclinometry.constants import ANGLES
-from inclinometry.conventions import OLD_NATIVE
+from inclinometry.constants import ANGLES, COVERAGE_FACTOR
 from inclinometry.digest import digest_bytes
 from inclinometry.errors import FileError
 from inclinometry.files import json_codec
 from inclinometry.files.tool_json import calibration_content
-from inclinometry.files.writing import program, write_bytes
-
-SCHEMA: Final = "inclinometry/verification"
-VERSION: Final = 1
+from inclinometry.files.writing import program
 
 
 def calibration_digest(calibration: Calibration) -> str:
@@ -35,7 +33,7 @@ def _digest(content: Mapping[str, Any]) -> str:
 def _digests(calibration: Calibration) -> tuple[str, str]:
     """The digest of its content, and that of the content as it was written when "native" was called "house"."""
     content = calibration_content(calibration)
-    return _digest(content), _digest(content | {"convention": OLD_NATIVE})
+    return _digest(content), _digest(content | {"convention": "house"})
 
 
 def write_verification(path: str | Path, found: Verification, limits: Limits | None, calibration: Calibration) -> None:
@@ -47,39 +45,28 @@ def write_verification(path: str | Path, found: Verification, limits: Limits | N
         The file cannot be written.
     """
     content = {
-        "schema": SCHEMA,
-        "version": VERSION,
         "tool": calibration.tool.name,
         "calibration": calibration_digest(calibration),
         "verdict": found.verdict,
-        "limits": stated_limits(found, limits),
+        "limits": stated_limits(limits),
         "report": judged_positions(found),
         "inputs": found.inputs,
         "program": program(),
     }
-    write_bytes(json_codec.canonical(content), path)
+    json_codec.store(content, path, "verification", 2)
 
 
 def write_planned(path: str | Path, found: Verification, limits: Limits | None, calibration: Calibration) -> None:
-    """Write what a verification at these positions will be worth, before any reading is taken; for the agreement with
-    a customer, and to be held against the verification itself.
-
-    Raises
-    ------
-    FileError
-        The file cannot be written.
-    """
+    """What a verification at these positions will be worth, before any reading; for the agreement with a customer."""
     judged = [
         {key: value for key, value in row.items() if key not in ANGLES}
         | {name: {key: row[name][key] for key in ("U_deg", "limit_deg")} for name in ANGLES}
         for row in judged_positions(found)["positions"]
     ]
     content = {
-        "schema": "inclinometry/planned-verification",
-        "version": 1,
         "tool": calibration.tool.name,
         "calibration": calibration_digest(calibration),
-        "limits": stated_limits(found, limits),
+        "limits": stated_limits(limits),
         "coverage_factor": found.coverage_factor,
         "positions": judged,
         "worth": worth_of(found),
@@ -87,7 +74,7 @@ def write_planned(path: str | Path, found: Verification, limits: Limits | None, 
         "warnings": list(found.warnings),
         "program": program(),
     }
-    write_bytes(json_codec.canonical(content), path)
+    json_codec.store(content, path, "planned-verification", 2)
 
 
 def worth_of(found: Verification) -> dict[str, Any]:
@@ -127,16 +114,46 @@ def judged_positions(found: Verification) -> dict[str, Any]:
     }
 
 
-def stated_limits(found: Verification, limits: Limits | None) -> dict[str, Any]:
-    """What the errors were held against, degrees, for records."""
-    stated: dict[str, Any] = {"name": found.limits_name, "source": found.limits_source}
-    if limits is not None:
-        stated["guard"] = limits.guard
-        stated["min_inclination_deg_for_azimuth"] = _degree(limits.min_inclination_for_azimuth)
-        for name in ANGLES:
-            value = getattr(limits, name)
-            stated[f"{name}_deg"] = None if value is None else _degree(value)
-    return stated
+def stated_limits(limits: Limits | None) -> dict[str, Any] | None:
+    """The agreed limits, degrees, for records; None where none were agreed."""
+    if limits is None:
+        return None
+    return {
+        "name": limits.name,
+        "source": limits.source,
+        "guard": limits.guard,
+        "min_inclination_deg_for_azimuth": _degree(limits.min_inclination_for_azimuth),
+        **{f"{name}_deg": None if (x := getattr(limits, name)) is None else _degree(x) for name in ANGLES},
+    }
+
+
+def without_conformity(recorded: Mapping[str, Any]) -> dict[str, Any]:
+    """A recorded "verdict", "limits" and "report" as they are recorded now.
+
+    Records of older versions, where nobody agreed on limits, state k times the standard uncertainty as a limit and
+    a pass within it: they say that the tool agrees, without limits, and U is that of k = 2.
+    """
+    limits, report = recorded["limits"], recorded["report"]
+    if limits is None or "guard" in limits:
+        return dict(recorded)
+    words = {"pass": AGREES, "fail": DISAGREES}
+    k = report["coverage_factor"]
+
+    def angle(one: Mapping[str, Any], steep: bool) -> dict[str, Any]:
+        # near the vertical the error is the length of a tilt, of which U shrinks more slowly than k
+        share = rayleigh(COVERAGE_FACTOR) / rayleigh(k) if steep else COVERAGE_FACTOR / k
+        u = None if one["U_deg"] is None else one["U_deg"] * share
+        return {**one, "U_deg": u, "limit_deg": None, "decision": words.get(one["decision"], one["decision"])}
+
+    rows = [
+        {**row, **{name: angle(row[name], row["azimuth"]["decision"] == "not judged") for name in ANGLES}}
+        for row in report["positions"]
+    ]
+    # sentences of limits that nobody agreed
+    old = r"within its limit|not accepted; worst|(producer|consumer)'s risk"
+    reasons = [one for one in report["reasons"] if not re.search(old, one)]
+    report = {**report, "coverage_factor": COVERAGE_FACTOR, "positions": rows, "reasons": reasons}
+    return {**recorded, "verdict": words[recorded["verdict"]], "limits": None, "report": report}
 
 
 def _degrees(values: Array) -> list[float]:
@@ -149,15 +166,8 @@ def _degree(value: float) -> float | None:
 
 
 def read_verification(path: str | Path, calibration: Calibration) -> dict[str, Any]:
-    """Read verify.json of this calibration.
-
-    Raises
-    ------
-    FileError
-        Another kind of file, a newer version, content the schema refuses, a verification of another tool or of another
-        calibration, an angle that is judged without a number.
-    """
-    content = json_codec.of_kind(json_codec.load(path), path, SCHEMA, version=VERSION)
+    """Read verify.json; one of another tool or of another calibration is refused."""
+    content = without_conformity(json_codec.stored(path, "verification", 2))
     if content["tool"] != calibration.tool.name:
         raise FileError(
             f"this verification is of tool {content['tool']!r:.60}, the calibration of {calibration.tool.name!r:.60}",
@@ -168,7 +178,7 @@ def read_verification(path: str | Path, calibration: Calibration) -> dict[str, A
     for row in content["report"]["positions"]:
         for name in ANGLES:
             one = row[name]
-            judged = one["decision"] != "not judged" and one["limit_deg"] is not None
+            judged = one["decision"] != "not judged" and (content["limits"] is None or one["limit_deg"] is not None)
             if judged and None in (one["error_deg"], one["U_deg"]):
                 problem = f"{name} of position {row['position']!r:.40} is judged ({one['decision']}) without error or U"
                 raise FileError(f"{problem}; verify again", path=path)

@@ -7,7 +7,7 @@ likes; so nothing is read without a map. `record_7` is that of the survey record
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import datetime
 from pathlib import Path
@@ -16,16 +16,14 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from inclinometry.arrays import Array
 from inclinometry.conventions import named
 from inclinometry.earth.site import REFERENCES
 from inclinometry.errors import FileError, InputError
 from inclinometry.files import writing
-from inclinometry.files._quantities import Meaning, meaning
-from inclinometry.files.exchange import Column, Sheet, SurveyFile, survey_of
-from inclinometry.files.six_axis import to_vendor
-from inclinometry.files.survey_csv import columns_of
-from inclinometry.files.table import LineReader
+from inclinometry.files._quantities import Meaning, meaning, quantities
+from inclinometry.files.exchange import SurveyFile, survey_of, to_vendor, values_of
+from inclinometry.files.frame import Column, Frame
+from inclinometry.files.text import NUMBER, LineReader
 from inclinometry.files.toml_keys import load
 from inclinometry.files.writing import write_text
 
@@ -33,10 +31,9 @@ from inclinometry.files.writing import write_text
 
 BEGIN: Final = "&&"
 END: Final = "!!"
-_ITEM: Final = re.compile(r"([0-9]{4})(.*)")
 
 
-class Frame(NamedTuple):
+class WitsFrame(NamedTuple):
     """One frame: the line its && stands in, and item number -> value as text, with the line of each."""
 
     line: int
@@ -44,95 +41,60 @@ class Frame(NamedTuple):
     lines: dict[str, int]
 
 
-class Broken(NamedTuple):
-    """A frame that cannot be used: the line it fails in and why."""
+def read_frames(path: str | Path) -> tuple[list[WitsFrame], list[tuple[int, str]], str]:
+    """The frames of a stream, line and reason of those that are broken and left out, and the digest of the file.
 
-    line: int
-    why: str
-
-
-class Frames(NamedTuple):
-    """All frames of a stream, those that are broken, and the digest of the file."""
-
-    whole: list[Frame]
-    broken: list[Broken]
-    digest: str
-
-
-def read_frames(path: str | Path) -> Frames:
-    r"""Split a stream into frames; what is broken is listed and left out. Lines between frames are not looked at.
-
-    Raises
-    ------
-    FileError
-        Not text; no frame at all.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     _ = Path(folder, "a.wits").write_text("&&\n07089.5\n!!\n&&\n070810\n&&\n070811\n!!\n")
-    ...     found = read_frames(Path(folder, "a.wits"))
-    >>> [frame.items for frame in found.whole], found.broken
-    ([{'0708': '9.5'}, {'0708': '11'}], [Broken(line=4, why='the frame does not end (!! is missing)')])
+    Lines between frames are not looked at.
     """
     reader = LineReader(Path(path))
-    found = Frames([], [], "")
-    frame: Frame | None = None
-    why: Broken | None = None
-    for line, text in _lines(reader):
-        if text == BEGIN:
-            _close(found, frame, why or (frame and Broken(frame.line, "the frame does not end (!! is missing)")))
-            frame, why = Frame(line, {}, {}), None
-        elif text == END and frame is not None:
-            _close(found, frame, why)
-            frame, why = None, None
-        elif text == END:
-            found.broken.append(Broken(line, "the end of a frame (!!) without its beginning (&&)"))
-        elif frame is not None and text:
-            why = why or _take(frame, line, text)
-    _close(found, frame, why or (frame and Broken(frame.line, "the frame does not end (!! is missing): truncated?")))
-    if not found.whole and not found.broken:
-        raise FileError("no frame (&& to !!); this is no WITS level 0 stream", path=path)
-    return found._replace(digest=reader.digest)
+    whole: list[WitsFrame] = []
+    broken: list[tuple[int, str]] = []
+    frame: WitsFrame | None = None
+    why: tuple[int, str] | None = None
 
+    def close(unended: str = "") -> None:
+        if frame is None:
+            return
+        wrong = why or (
+            (frame.line, unended) if unended else None if frame.items else (frame.line, "the frame is empty")
+        )
+        if wrong is None:
+            whole.append(frame)
+        else:
+            broken.append(wrong)
 
-def _lines(reader: LineReader) -> Iterator[tuple[int, str]]:
     for block in reader.blocks():
-        for line, text in enumerate(block.lines, block.first):
-            yield line, text.strip()
+        for line, text in enumerate(map(str.strip, block.lines), block.first):
+            if text == BEGIN:
+                close("the frame does not end (!! is missing)")
+                frame, why = WitsFrame(line, {}, {}), None
+            elif text == END and frame is not None:
+                close()
+                frame, why = None, None
+            elif text == END:
+                broken.append((line, "the end of a frame (!!) without its beginning (&&)"))
+            elif frame is not None and text and why is None:
+                wrong = take_item(frame, line, text)
+                why = None if wrong is None else (line, wrong)
+    close("the frame does not end (!! is missing): truncated?")
+    if not whole and not broken:
+        raise FileError("no frame (&& to !!); this is no WITS level 0 stream", path=path)
+    return whole, broken, reader.digest
 
 
-def _take(frame: Frame, line: int, text: str) -> Broken | None:
+def take_item(frame: WitsFrame, line: int, text: str) -> str | None:
     """Add one item; what is wrong with it, or None."""
-    item = _ITEM.fullmatch(text)
+    item = re.fullmatch(r"([0-9]{4})(.*)", text)
     if item is None:
-        return Broken(line, f"{text[:40]!r} is no item (four digits and a value)")
+        return f"{text[:40]!r} is no item (four digits and a value)"
     if item[1] in frame.items:
-        return Broken(line, f"item {item[1]} appears twice in one frame")
+        return f"item {item[1]} appears twice in one frame"
     largest = 10_000  # items of one frame; 25 records of 99 items are defined
     if len(frame.items) >= largest:
-        return Broken(line, f"more than {largest} items in one frame")
+        return f"more than {largest} items in one frame"
     frame.items[item[1]] = item[2].strip()
     frame.lines[item[1]] = line
     return None
-
-
-def _close(found: Frames, frame: Frame | None, why: Broken | None) -> None:
-    if frame is None:
-        return
-    if why is not None:
-        found.broken.append(why)
-    elif frame.items:
-        found.whole.append(frame)
-    else:
-        found.broken.append(Broken(frame.line, "the frame is empty"))
-
-
-NOTHING: Final = ("-9999", "-8888")
-"""Values that stand for nothing: no value, and value not computed."""
-_NUMBER: Final = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
-_NOTES: Final = 20  # broken frames named one by one; all are counted
 
 
 @dataclass(frozen=True)
@@ -140,20 +102,7 @@ class Wits0Map:
     """What the items of a stream are.
 
     channels : item, four digits (record and item) -> column name with its unit, as in a survey table: "md_ft",
-        "inclination_deg", "gx_mg", "bx_nT". Times are read from items 05 (date) and 06 (time) of the depth's record.
-    convention : axes and signs of the sensors: native, iscwsa, specific-force or z-up.
-    azimuth_reference : "magnetic", "true" or "grid".
-
-    Raises
-    ------
-    InputError
-        An item that is not four digits; a name that is unknown or without a unit; a quantity twice; no depth.
-
-    Examples
-    --------
-    >>> Wits0Map({"0708": "md"})
-    Traceback (most recent call last):
-    inclinometry.errors.InputError: item 0708: column 'md' has no unit; write md_m or the like
+    "inclination_deg", "gx_mg", "bx_nT". Times are read from items 05 (date) and 06 (time) of the depth's record.
     """
 
     channels: Mapping[str, str]
@@ -193,8 +142,6 @@ class Wits0Map:
 def record_7(*, feet: bool = False) -> dict[str, str]:
     """The standard survey items of WITS record 7, depths in metres or feet; add the vendor's own spare items.
 
-    Examples
-    --------
     >>> Wits0Map(record_7() | {"0722": "gx_g", "0723": "gy_g", "0724": "gz_g"}).depth_item
     '0708'
     """
@@ -208,21 +155,7 @@ def record_7(*, feet: bool = False) -> dict[str, str]:
 
 
 def read_wits0_map(path: str | Path) -> Wits0Map:
-    r"""Read a map from TOML: `convention`, `azimuth_reference` and the table `[channels]` of item = "column_unit".
-
-    Raises
-    ------
-    FileError
-        Not TOML, an unknown key, or what `Wits0Map` refuses.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     _ = Path(folder, "m.toml").write_text('[channels]\n0708 = "md_m"\n0713 = "inclination_deg"\n')
-    ...     read_wits0_map(Path(folder, "m.toml")).channels["0713"]
-    'inclination_deg'
-    """
+    """Read a map from TOML: `convention`, `azimuth_reference` and the table `[channels]` of item = "column_unit"."""
     settings = load(path, ("convention", "azimuth_reference", "channels"))
     channels = settings.content.get("channels")
     if not isinstance(channels, dict) or not all(isinstance(name, str) for name in channels.values()):
@@ -235,45 +168,20 @@ def read_wits0_map(path: str | Path) -> Wits0Map:
 
 
 def read_wits0(path: str | Path, channels: Wits0Map) -> SurveyFile:
-    r"""Read the survey stations of a WITS level 0 stream.
+    """Read the survey stations of a WITS level 0 stream; items that are not mapped are in `extra` under their number.
 
     A frame with the depth and another mapped item is a station; a station sent again unchanged is one station. Other
-    frames are passed over. Broken frames do not stop the reading: they are counted and named in `notes`.
-
-    Parameters
-    ----------
-    path : str or Path
-    channels : Wits0Map
-
-    Returns
-    -------
-    SurveyFile
-        Items that are not mapped are in `extra` under their number; `header` has the counts of frames: `frames`,
-        `frames_broken`, `frames_passed_over`, `frames_repeated`.
-
-    Raises
-    ------
-    FileError
-        No frame; no station in any frame; depths that do not increase; a value out of range; with the line.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     _ = Path(folder, "a.wits").write_text("&&\n070830\n07131.5\n!!\n&&\n070860\n07132.0\n!!\n")
-    ...     survey = read_wits0(Path(folder, "a.wits"), Wits0Map(record_7()))
-    >>> survey.md, np.degrees(survey.inclination).round(9)
-    (array([30., 60.]), array([1.5, 2. ]))
+    frames are passed over. Broken frames do not stop the reading: they are counted in `header` and named in `notes`.
     """
-    frames = read_frames(path)
-    stations: list[Frame] = []
-    broken, passed, again = list(frames.broken), 0, 0
-    for frame in frames.whole:
+    whole, broken, digest = read_frames(path)
+    stations: list[WitsFrame] = []
+    passed = again = 0
+    for frame in whole:
         mine = [item for item in channels.meanings if _there(frame, item)]
-        wrong = next((item for item in mine if not _NUMBER.fullmatch(frame.items[item])), None)
+        wrong = next((item for item in mine if not NUMBER.fullmatch(frame.items[item])), None)
         if wrong is not None:
             why = f"{frame.items[wrong][:40]!r} of item {wrong} ({channels.channels[wrong]}) is not a number"
-            broken.append(Broken(frame.lines[wrong], why))
+            broken.append((frame.lines[wrong], why))
         elif channels.depth_item not in mine or len(mine) < 2:
             passed += 1
         elif any(
@@ -283,7 +191,7 @@ def read_wits0(path: str | Path, channels: Wits0Map) -> SurveyFile:
         else:
             stations.append(frame)
     if not stations:
-        reason = f"; the first broken one, line {broken[0].line}: {broken[0].why}" if broken else ""
+        reason = f"; the first broken one, line {broken[0][0]}: {broken[0][1]}" if broken else ""
         problem = f"no frame has item {channels.depth_item} and another mapped item; {len(broken)} frames are broken"
         raise FileError(problem + reason, path=path)
     total = len(stations) + len(broken) + passed + again
@@ -302,24 +210,24 @@ def read_wits0(path: str | Path, channels: Wits0Map) -> SurveyFile:
         if item not in channels.channels and item not in stamps:
             columns[item] = tuple(frame.items.get(item, "") for frame in stations)
     rows = np.array([frame.lines[channels.depth_item] for frame in stations])
-    sheet = Sheet(Path(path), columns, rows, header=header, digest=frames.digest)
-    survey = survey_of(sheet, convention=channels.convention, azimuth_reference=channels.azimuth_reference)
+    table = Frame(Path(path), columns, rows, header=header, digest=digest)
+    survey = survey_of(table, convention=channels.convention, azimuth_reference=channels.azimuth_reference)
     return replace(survey, notes=(*survey.notes, *_broken_notes(sorted(broken))))
 
 
-def _there(frame: Frame, item: str) -> bool:
+def _there(frame: WitsFrame, item: str) -> bool:
     text = frame.items.get(item, "")
-    return bool(text) and not (_NUMBER.fullmatch(text) and f"{float(text):g}" in NOTHING)
+    return bool(text) and not (NUMBER.fullmatch(text) and f"{float(text):g}" in ("-9999", "-8888"))
 
 
-def _broken_notes(broken: Sequence[Broken]) -> list[str]:
-    notes = [f"line {place.line}: broken frame left out: {place.why}" for place in broken[:_NOTES]]
-    if len(broken) > _NOTES:
-        notes.append(f"{len(broken) - _NOTES} more broken frames were left out")
+def _broken_notes(broken: Sequence[tuple[int, str]]) -> list[str]:
+    notes = [f"line {line}: broken frame left out: {why}" for line, why in broken[:20]]
+    if len(broken) > 20:
+        notes.append(f"{len(broken) - 20} more broken frames were left out")
     return notes
 
 
-def _time(frame: Frame, record: str) -> str:
+def _time(frame: WitsFrame, record: str) -> str:
     """ISO 8601 from the record's date (YYMMDD) and time (HHMMSS); empty where they are not both there and valid."""
     date, clock = (frame.items.get(record + tail, "") for tail in ("05", "06"))
     try:
@@ -333,33 +241,17 @@ def write_wits0(survey: SurveyFile, path: str | Path, channels: Wits0Map) -> Non
 
     Numbers are the shortest text that reads back the same, to 1e-10 of their unit. What is not mapped is not written;
     items 05 and 06 of the depth's record carry the time.
-
-    Raises
-    ------
-    InputError
-        Azimuths counted from another north than the map says; nothing mapped besides the depth; a time that is not
-        ISO 8601.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     survey = SurveyFile(md=[30.0], inclination=np.radians([1.5]))
-    ...     write_wits0(survey, Path(folder, "a.wits"), Wits0Map(record_7(feet=True)))
-    ...     Path(folder, "a.wits").read_text().split()
-    ['&&', '070898.4251968504', '07131.5', '!!']
     """
     norths = (survey.azimuth_reference, channels.azimuth_reference)
     azimuths = "azimuth" in [what.key for what in channels.meanings.values()] and survey.azimuth is not None
     if azimuths and norths[0] != norths[1]:
         raise InputError(f"azimuths are from {norths[0]} north, the map says {norths[1]}; convert one of them")
-    known = {c.quantity.key: c for c in columns_of(to_vendor(survey, channels.convention)) if c.quantity}
+    known = values_of(to_vendor(survey, channels.convention))
     texts: dict[str, list[str]] = {}
     for item, what in channels.meanings.items():
-        column = known.get(what.key)
-        if column is not None and column.quantity is not None and what.unit is not None:
-            own = column.quantity.unit
-            values: Array = np.asarray(column.values)
+        values = known.get(what.key)
+        if values is not None and what.unit is not None:
+            own = quantities()[what.key].unit
             if own != what.unit:
                 values = (values * own.factor - what.unit.offset) / what.unit.factor
                 values = np.round(values, 10) + 0.0

@@ -11,14 +11,13 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from datetime import datetime
 from functools import lru_cache
 from importlib.resources import files
 from pathlib import Path
-from types import MappingProxyType
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import numpy as np
 
@@ -28,9 +27,9 @@ from inclinometry.digest import digest_bytes
 from inclinometry.errors import FileError, InputError
 from inclinometry.files import writing
 from inclinometry.files._quantities import quantities
-from inclinometry.files.exchange import Column, Sheet, SurveyFile, survey_of
-from inclinometry.files.six_axis import corrections_to_native, to_vendor
-from inclinometry.files.survey_csv import columns_of
+from inclinometry.files.exchange import SurveyFile, corrections_to_native, survey_of, to_vendor, values_of
+from inclinometry.files.frame import Column, Frame
+from inclinometry.files.text import NUMBER
 from inclinometry.files.writing import write_bytes
 from inclinometry.opening import whole
 from inclinometry.rotations import wrap_signed
@@ -41,39 +40,19 @@ GROUPS: Final = ("rawData", "corUsed", "valid", "matrixCov")
 NORTHS: Final = {"magnetic north": "magnetic", "true north": "true", "grid north": "grid"}
 
 
-class Element(NamedTuple):
-    """A quantity's element: its key in `_quantities`, the kind of its unit, the unit written ("" when only read)."""
-
-    key: str
-    kind: str
-    written: str
-
-
 @lru_cache(maxsize=1)
 def _data() -> Mapping[str, Any]:
     return tomllib.loads(files("inclinometry.files").joinpath("witsml_1411.toml").read_text(encoding="utf-8"))
 
 
-def _version() -> str:
-    """The version of the schema."""
-    return str(_data()["version"])
-
-
-def _namespace() -> str:
-    """The XML namespace."""
-    return str(_data()["namespace"])
-
-
 @lru_cache(maxsize=8)
-def _elements(parent: str) -> Mapping[str, Element]:
-    """Element -> quantity, of "station" or of one of `GROUPS`.
+def _elements(parent: str) -> Mapping[str, tuple[str, str, str]]:
+    """Element of "station" or of one of `GROUPS` -> quantity, kind of unit, and unit written ("" when only read).
 
-    Examples
-    --------
     >>> _elements("rawData")["gravAxialRaw"]
-    Element(key='g.2', kind='acceleration', written='m/s2')
+    ('g.2', 'acceleration', 'm/s2')
     """
-    return {name: Element(*entry) for name, entry in _data()[parent].items()}
+    return {name: tuple(entry) for name, entry in _data()[parent].items()}
 
 
 def _station_texts() -> tuple[str, ...]:
@@ -82,18 +61,7 @@ def _station_texts() -> tuple[str, ...]:
 
 
 def _factor(kind: str, uom: str | None) -> float:
-    """SI (rad, nT) of one unit.
-
-    Raises
-    ------
-    InputError
-        No unit, or one that is not of this kind; units are never assumed.
-
-    Examples
-    --------
-    >>> _factor("length", "ft")
-    0.3048
-    """
+    """SI (rad, nT) of one unit of a kind; units are never assumed."""
     known = _data()["uom"][kind]
     if uom is None:
         raise InputError(f"has no uom; add one of {', '.join(known)}")
@@ -104,14 +72,13 @@ def _factor(kind: str, uom: str | None) -> float:
 
 LARGEST: Final = 256 * 1024 * 1024
 """Bytes of a file that are parsed; 10,000 stations with everything have some 24 MB."""
-_NUMBER: Final = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 
 
 def load(path: Path) -> tuple[Any, bytes]:
     """The root element `trajectorys`, checked for namespace and version, and the bytes of the file."""
     from lxml import etree
 
-    data = _bytes(path)
+    data = whole(path, LARGEST, "split it by trajectory")
     # a document type is where entities are declared; no WITSML document has one
     if b"<!DOCTYPE" in data or b"<!ENTITY" in data:
         line = data[: max(data.find(b"<!DOCTYPE"), data.find(b"<!ENTITY"))].count(b"\n") + 1
@@ -128,24 +95,20 @@ def load(path: Path) -> tuple[Any, bytes]:
         ) from None
     if root.getroottree().docinfo.internalDTD is not None:
         raise FileError("a document type is declared; remove it, WITSML has none", path=path, line=1)
-    wanted = f"{{{_namespace()}}}trajectorys"
+    wanted = f"{{{_data()['namespace']}}}trajectorys"
     if root.tag != wanted:
-        problem = f"the root is {root.tag!r:.100}; {wanted!r} (WITSML {_version()}) is needed"
+        problem = f"the root is {root.tag!r:.100}; {wanted!r} (WITSML {_data()['version']}) is needed"
         raise FileError(problem, path=path, line=root.sourceline)
-    if root.get("version") != _version():
+    if root.get("version") != _data()["version"]:
         found = root.get("version")
-        problem = f"version is {found!r:.60}; {_version()!r} is needed: export it so"
+        problem = f"version is {found!r:.60}; {_data()['version']!r} is needed: export it so"
         raise FileError(problem, path=path, line=root.sourceline)
     return root, data
 
 
-def _bytes(path: Path) -> bytes:
-    return whole(path, LARGEST, "split it by trajectory")
-
-
 def children(element: Any) -> Iterator[tuple[str, Any]]:
     """Children in WITSML's namespace, by name."""
-    start = f"{{{_namespace()}}}"
+    start = f"{{{_data()['namespace']}}}"
     for child in element:
         if isinstance(child.tag, str) and child.tag.startswith(start):
             yield child.tag[len(start) :], child
@@ -159,7 +122,7 @@ def text_of(element: Any) -> str:
 def quantity_of(path: Path, name: str, element: Any, kind: str) -> float:
     """Value in SI (rad, nT); FileError naming element and line for what is no finite number or has no such unit."""
     text = text_of(element)
-    if not _NUMBER.fullmatch(text):
+    if not NUMBER.fullmatch(text):
         problem = f"{name} is {text[:40]!r}; a finite number is needed: correct it or remove the element"
         raise FileError(problem, path=path, line=element.sourceline)
     try:
@@ -170,31 +133,27 @@ def quantity_of(path: Path, name: str, element: Any, kind: str) -> float:
 
 # From a survey to the bytes of a WITSML 1.4.1.1 document.
 
-_NAMES: Final = ("nameWell", "nameWellbore", "name")
-_XSD_TIME: Final = re.compile(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(\.\d+)?(Z|[+-]\d\d:\d\d)", re.ASCII)
-_AZI_REF: Final = {north: text for text, north in NORTHS.items()}
-
 
 def document(survey: SurveyFile, convention: str) -> bytes:
     """The whole document, UTF-8."""
     from lxml import etree
 
-    root = etree.Element(_tag("trajectorys"), nsmap={None: _namespace()})  # type: ignore[dict-item]
-    root.set("version", _version())
+    root = etree.Element(_tag("trajectorys"), nsmap={None: _data()["namespace"]})  # type: ignore[dict-item]
+    root.set("version", _data()["version"])
     trajectory = etree.SubElement(root, _tag("trajectory"))
     for name, default in (("uidWell", "well"), ("uidWellbore", "wellbore"), ("uid", "trajectory")):
         _set(trajectory, name, survey.header.get(name, default))
     well = next((survey.header[name] for name in ("well", "Well", "WELL") if name in survey.header), "unknown")
-    for name in _NAMES:
+    for name in ("nameWell", "nameWellbore", "name"):
         _add(trajectory, name, survey.header.get(name) or (well if name == "nameWell" else "unknown"))
     for name, value in (("mdMn", survey.md.min()), ("mdMx", survey.md.max())):
         _add(trajectory, name, writing.number(float(value)), "m")
     if survey.header.get("serviceCompany"):
         _add(trajectory, "serviceCompany", survey.header["serviceCompany"])
     if survey.azimuth_reference:
-        _add(trajectory, "aziRef", _AZI_REF[survey.azimuth_reference])
+        _add(trajectory, "aziRef", f"{survey.azimuth_reference} north")
     turned = to_vendor(survey, convention)
-    cells = {c.quantity.key: writing.column(c.values) for c in columns_of(turned) if c.quantity}  # type: ignore[arg-type]
+    cells = {key: writing.column(values) for key, values in values_of(turned).items()}
     uids = survey.extra.get("uid") or tuple(str(i + 1) for i in range(len(survey)))
     if len(set(uids)) < len(uids) or not all(uids):
         raise InputError("the stations' uids are not each another; correct extra['uid'] or remove it")
@@ -206,7 +165,7 @@ def document(survey: SurveyFile, convention: str) -> bytes:
 
 
 def _tag(name: str) -> str:
-    return f"{{{_namespace()}}}{name}"
+    return f"{{{_data()['namespace']}}}{name}"
 
 
 def _set(element: Any, name: str, text: str) -> None:
@@ -236,18 +195,18 @@ def _write_station(station: Any, survey: SurveyFile, row: int, cells: Mapping[st
             _group(station, name, cells)
         elif name in texts:
             _add(station, name, texts[name])
-        elif (element := _elements("station").get(name)) and element.key in cells:
-            _add(station, name, cells[element.key], element.written)
+        elif (element := _elements("station").get(name)) and element[0] in cells:
+            _add(station, name, cells[element[0]], element[2])
 
 
 def _group(station: Any, name: str, cells: Mapping[str, str]) -> None:
     from lxml import etree
 
-    found = [(n, e) for n, e in _elements(name).items() if e.written and e.key in cells]
+    found = [(n, cells[key], unit) for n, (key, _, unit) in _elements(name).items() if unit and key in cells]
     if found:
         group = etree.SubElement(station, _tag(name))
-        for child, element in found:
-            _add(group, child, cells[element.key], element.written)
+        for child in found:
+            _add(group, *child)
 
 
 def _texts(survey: SurveyFile, row: int) -> dict[str, str]:
@@ -266,17 +225,13 @@ def _texts(survey: SurveyFile, row: int) -> dict[str, str]:
 
 def _time(text: str, row: int) -> str:
     """Date and time as the schema has them: always both, with T between and a zone; UTC where none is stated."""
-    if _XSD_TIME.fullmatch(text):
+    if re.fullmatch(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(\.\d+)?(Z|[+-]\d\d:\d\d)", text, re.ASCII):
         return text
     try:
         time = datetime.fromisoformat(text)
         return time.isoformat() + ("Z" if time.tzinfo is None else "")
     except ValueError:
         raise InputError(f"time {text!r} at station {row + 1}; ISO 8601 is needed") from None
-
-
-_APART: Final = 5.0  # deg between two toolfaces that a turned convention, 90 deg or more, exceeds and noise does not
-_ENDS: Final[Mapping[str, Callable[[list[float]], float]]] = MappingProxyType({"mdMn": min, "mdMx": max})
 
 
 def read_witsml(
@@ -286,41 +241,12 @@ def read_witsml(
     convention: str = "iscwsa",
     azimuth_reference: str | None = None,
 ) -> SurveyFile:
-    """Read one trajectory of a WITSML 1.4.1.1 document.
+    """Read one trajectory (uid or name) of a WITSML 1.4.1.1 document.
 
-    Parameters
-    ----------
-    path : str or Path
-    trajectory : str, optional
-        uid or name, where the document has more than one.
-    convention : str
-        Axes and signs of the sensors: tran1, tran2 and axial are this convention's x, y and z.
-    azimuth_reference : {"magnetic", "true", "grid"}, optional
-        Where `aziRef` is missing or unknown.
-
-    Returns
-    -------
-    SurveyFile
-        A station of status "rejected" is not used. `corrections` is the sum of drill string and multi-station
-        corrections. Convergence, from stnGridConUsed or the deprecated stnGridCorUsed, is positive where true north is
-        west of grid north, as everywhere in the package. Texts of stations are in `extra`, those of the trajectory in
-        `header`.
-
-    Raises
-    ------
-    FileError
-        Not well-formed; a document type or entity; another namespace or version; no station; a uom that is missing or
-        unknown, naming the element; an element twice; text, NaN or infinity in a number's place; depths that do not
-        increase, that are in several units or not what mdMn and mdMx say; azimuths without a north; each with its line.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> survey = SurveyFile(md=[9.0], inclination=[0.1], azimuth=[1.0], azimuth_reference="grid")
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     write_witsml(survey, Path(folder, "a.xml"))
-    ...     read_witsml(Path(folder, "a.xml")).azimuth_reference
-    'grid'
+    tran1, tran2 and axial are x, y, z of `convention`. A station of status "rejected" is not used. `corrections` adds
+    those of drill string and multi-station. Convergence, from stnGridConUsed or the deprecated stnGridCorUsed, is
+    positive where true north is west of grid north, as everywhere in the package. `azimuth_reference` is for a file
+    whose `aziRef` is missing or unknown.
     """
     where = Path(path)
     root, data = load(where)
@@ -356,9 +282,9 @@ def read_witsml(
     stations = [_station(where, child) for name, child in children(chosen) if name == "trajectoryStation"]
     if not stations:
         raise FileError("the trajectory has no trajectoryStation", path=path, line=chosen.sourceline)
-    sheet = _sheet(where, stations, shared, convention)
-    sheet = replace(sheet, north=north, header=header, digest=digest_bytes(data))
-    survey = survey_of(sheet, convention=convention, azimuth_reference=azimuth_reference)
+    frame = _frame(where, stations, shared, convention)
+    frame = replace(frame, north=north, header=header, digest=digest_bytes(data))
+    survey = survey_of(frame, convention=convention, azimuth_reference=azimuth_reference)
     _depth_units(where, chosen, stations)
     unread = sorted({name for station in stations for name in station.unread})
     notes = [f"not read: {', '.join(unread)}"] if unread else []
@@ -403,7 +329,7 @@ def _quantities_of(path: Path, station: _Station, group: str, found: Any) -> Non
         elif name in station.values:
             raise FileError(f"{name} appears twice in a station; remove one", path=path, line=child.sourceline)
         else:
-            station.values[name] = quantity_of(path, name, child, known[name].kind)
+            station.values[name] = quantity_of(path, name, child, known[name][1])
 
 
 def _depth_units(path: Path, chosen: Any, stations: list[_Station]) -> None:
@@ -416,10 +342,14 @@ def _depth_units(path: Path, chosen: Any, stations: list[_Station]) -> None:
     unit = _factor("length", first.md_uom)
     kept = [station.values["md"] for station in stations if station.texts.get("statusTrajStation") != "rejected"]
     for name, child in children(chosen):
-        if name in _ENDS:
+        if name in ("mdMn", "mdMx"):
             stated = quantity_of(path, name, child, "length")
             # of all stations or of those not rejected: programs differ
-            ends = [_ENDS[name](depths) for depths in (kept, [s.values["md"] for s in stations]) if depths]
+            ends = [
+                (min if name == "mdMn" else max)(depths)
+                for depths in (kept, [s.values["md"] for s in stations])
+                if depths
+            ]
             found = min(ends, key=lambda end: abs(end - stated))
             # a head may be rounded to whole units; a wrong unit is far beyond that
             if abs(stated - found) > 0.501 * unit + 1e-3 * abs(found):
@@ -430,16 +360,16 @@ def _depth_units(path: Path, chosen: Any, stations: list[_Station]) -> None:
                 raise FileError(problem, path=path, line=child.sourceline)
 
 
-def _sheet(path: Path, stations: list[_Station], shared: dict[str, float], convention: str) -> Sheet:
+def _frame(path: Path, stations: list[_Station], shared: dict[str, float], convention: str) -> Frame:
     """Stations as columns by the package's names."""
     found: dict[str, Array] = {}
     for group in ("station", *GROUPS):
-        for name, element in _elements(group).items():
+        for name, (key, _, _) in _elements(group).items():
             default = shared.get(name, np.nan)
             values = np.array([station.values.get(name, default) for station in stations])
             if not np.isnan(values).all():
-                before = found.get(element.key)
-                found[element.key] = values if before is None else _joined(path, stations, name, before, values)
+                before = found.get(key)
+                found[key] = values if before is None else _joined(path, stations, name, before, values)
     known = quantities()
     columns: dict[str, Column] = {}
     # corrections in tool axes; the fields themselves are turned with the columns
@@ -462,7 +392,7 @@ def _sheet(path: Path, stations: list[_Station], shared: dict[str, float], conve
     status = [station.texts.get("statusTrajStation", "") for station in stations]
     if any(status):
         columns["used"] = tuple("no" if text == "rejected" else "yes" for text in status)
-    return Sheet(path, columns, np.array([station.line for station in stations]))
+    return Frame(path, columns, np.array([station.line for station in stations]))
 
 
 def _joined(path: Path, stations: list[_Station], name: str, before: Array, values: Array) -> Array:
@@ -485,7 +415,8 @@ def _toolface_notes(survey: SurveyFile, convention: str) -> list[str]:
     apart = np.degrees(np.abs(wrap_signed(np.arctan2(survey.g[:, 1], -survey.g[:, 0]) - survey.toolface)))
     tilted = np.hypot(survey.g[:, 0], survey.g[:, 1]) > 0.5  # below 3 deg the toolface is noise
     apart = apart[tilted & np.isfinite(apart)]
-    if not apart.size or float(np.median(apart)) < _APART:
+    # a turned convention makes 90 deg or more, noise less than 5
+    if not apart.size or float(np.median(apart)) < 5.0:
         return []
     return [
         f"the toolfaces of the raw data are {float(np.median(apart)):.0f} deg (median) from gtf: are their axes in "
@@ -497,20 +428,7 @@ def write_witsml(survey: SurveyFile, path: str | Path, *, convention: str = "isc
     """Write a survey as a WITSML 1.4.1.1 trajectory, elements in the order of the schema.
 
     Units are m, dega, m/s2, nT, dega/30m and m2; numbers the shortest text that reads back the same, angles to 1e-10
-    deg. uid, uidWell, uidWellbore, nameWell, nameWellbore, name, serviceCompany come from `header`, station uids and
-    texts such as typeTrajStation from `extra`; a time without a zone is written as UTC. Rotation rates, temperature,
-    gyro toolface, `valid`, and other columns have no element in this version and are not written.
-
-    Parameters
-    ----------
-    survey : SurveyFile
-    path : str or Path
-    convention : str
-        Axes and signs to write the sensors in, as in `read_witsml`.
-
-    Raises
-    ------
-    InputError
-        A text that XML cannot hold; a station uid twice; a time that is not ISO 8601.
+    deg. Names and uids come from `header`, station uids and texts such as typeTrajStation from `extra`; a time without
+    a zone is UTC. Rotation rates, temperature, gyro toolface, `valid` and other columns have no element.
     """
     write_bytes(document(survey, convention), path)

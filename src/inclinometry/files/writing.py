@@ -6,11 +6,13 @@ import csv
 import io
 import os
 import secrets
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 from typing import BinaryIO
+
+import numpy as np
 
 from inclinometry.arrays import Array
 from inclinometry.errors import FileError, InputError
@@ -24,11 +26,6 @@ def replacing(path: str | Path) -> Iterator[BinaryIO]:
     The bytes go to a temporary name in the same folder (a rename across file systems is not atomic), are flushed to the
     disk and renamed. On any exception, KeyboardInterrupt included, the temporary file is removed and what stood at
     `path` before is untouched. A device or pipe (/dev/stdout) cannot be renamed over and is written directly.
-
-    Raises
-    ------
-    FileError
-        The folder does not exist or cannot be written, the disk is full, `path` is a folder.
     """
     # the file a link points to, so that the link survives; the errors a person can act on
     try:
@@ -80,16 +77,7 @@ def _readable(path: str | Path) -> Iterator[None]:
 
 
 def write_bytes(data: bytes, path: str | Path) -> None:
-    """Write `data` to `path`, whole or not at all; see `replacing`.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     write_bytes(b"ok", f"{folder}/a.txt")
-    ...     Path(folder, "a.txt").read_bytes()
-    b'ok'
-    """
+    """Write `data` to `path`, whole or not at all; see `replacing`."""
     with replacing(path) as stream:
         stream.write(data)
 
@@ -106,8 +94,6 @@ def write_text(text: str, path: str | Path) -> None:
 def number(value: float) -> str:
     """Shortest text that reads back to the same float64; empty for NaN.
 
-    Examples
-    --------
     >>> number(90.0), number(0.1), number(float("nan"))
     ('90', '0.1', '')
     """
@@ -122,25 +108,42 @@ def column(values: Array) -> list[str]:
     return list(map(number, values.tolist()))
 
 
+def joined(tables: Sequence[Mapping[str, Array | list[str]]]) -> dict[str, Array | list[str]]:
+    """One table below the other; all have the same columns."""
+    if len(tables) == 1:
+        return dict(tables[0])
+    return {
+        name: np.concatenate([np.asarray(table[name]) for table in tables])
+        if isinstance(first, np.ndarray)
+        else [cell for table in tables for cell in table[name]]
+        for name, first in tables[0].items()
+    }
+
+
 def write_columns(
-    names: Sequence[str], columns: Sequence[Iterable[str]], path: str | Path, comments: Sequence[str] = ()
+    columns: Mapping[str, Array | Sequence[str] | None], path: str | Path, comments: Sequence[str] = ()
 ) -> None:
-    """Write a table of text columns of one length as comma-separated UTF-8, whole or not at all.
+    """Write columns of one length, numbers or texts, as comma-separated UTF-8, whole or not at all; None is left out.
 
     Everything is quoted when a first cell begins with `#`, which would be a comment unquoted. A line break inside a
     cell is an InputError, as the reader takes one line for one row. Comments are lines of their own above the names.
     """
-    cells = [list(column) for column in columns]
-    if any("\n" in cell or "\r" in cell for column in cells for cell in column):
-        raise InputError("a text for a table has a line break; write it on one line")
-    ambiguous = any(cell.startswith("#") for cell in cells[0])
+    kept = {name: values for name, values in columns.items() if values is not None}
+    first = next(iter(kept.values()))
+    ambiguous = not isinstance(first, np.ndarray) and any(cell.startswith("#") for cell in first)
     with replacing(path) as stream:
         text = io.TextIOWrapper(stream, encoding="utf-8", newline="", write_through=False)
         try:
             text.writelines(f"# {' '.join(comment.split())}\n" for comment in comments)
             writer = csv.writer(text, lineterminator="\n", quoting=csv.QUOTE_ALL if ambiguous else csv.QUOTE_MINIMAL)
-            writer.writerow(names)
-            writer.writerows(zip(*cells, strict=True))
+            writer.writerow(kept)
+            # some rows at a time: all cells of a long table would fill the memory
+            for start in range(0, len(first), 10_000):
+                part = slice(start, start + 10_000)
+                cells = [column(v[part]) if isinstance(v, np.ndarray) else v[part] for v in kept.values()]
+                if any("\n" in cell or "\r" in cell for texts in cells for cell in texts):
+                    raise InputError("a text for a table has a line break; write it on one line")
+                writer.writerows(zip(*cells, strict=True))
         finally:
             text.detach()
 

@@ -97,7 +97,7 @@ def _angles(
 
 @compiled(*(types.void(*(of,) * 6, VECTOR, *(_FLOATS_OUT,) * 3) for of in (_INTS, _FLOATS)))
 def _degrees(ux: Any, uy: Any, uz: Any, vx: Any, vy: Any, vz: Any, c: Any, inc: Any, azi: Any, tf: Any) -> None:
-    """Angles in degrees of n samples; `c` as the COEFFICIENTS of `compiled`; all NaN where a channel is."""
+    """Angles in degrees of n samples; `c` as in `compiled`; all NaN where a channel is."""
     kept = np.empty((6, _BLOCK), dtype=np.float32)
     for a in range(0, inc.size, _BLOCK):
         b = min(a + _BLOCK, inc.size)

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from inclinometry.errors import InclinometryError, InputError
+from inclinometry.errors import FileError, InclinometryError, InputError
+from inclinometry.fleet.checksums import FOLDER, digest_of, recorded
+from inclinometry.fleet.commit import Table
 from inclinometry.fleet.plan import table
 from inclinometry.fleet.raw import CATALOGUE, Raw, catalogue
 from inclinometry.fleet.store import STAGED, Store
-from inclinometry.fleet.task import VERSION, footer_of
+from inclinometry.fleet.task import VERSION, check_pages, footer_of
 from inclinometry.laboratory.certified import Certificates, Certified
 
 Progress = Callable[[float], None] | None
@@ -35,19 +37,9 @@ class Why(NamedTuple):
 
 
 def why(store: Store, name: str, certificates: Certificates | None) -> Why:
-    """From a result to its input, calibration, certificate and code.
+    """From a result to its input, calibration, certificate and code; the folder of a run means its one result.
 
-    Parameters
-    ----------
-    name : str
-        In the store, or the path of a file in its folder; the folder of a run stands for the one result in it.
-    certificates : Certificates, optional
-        Of the ledger; without it the certificate is known by its number alone.
-
-    Raises
-    ------
-    InputError
-        No such file, or no result of a fleet.
+    Without `certificates` the certificate is known by its number alone.
     """
     name = name_in(store, name)
     if not name.endswith(".parquet"):
@@ -57,6 +49,12 @@ def why(store: Store, name: str, certificates: Certificates | None) -> Why:
         if len(here) != 1:
             raise InputError(f"{name} has {len(here)} results that are current; name one file")
         name = here[0]
+    product = name.partition("/")[0]
+    known = recorded(store, product).get(name)
+    if known and digest_of(store, name) not in known:
+        raise InputError(
+            f"{name}: its bytes are not those that were made; remove it and run again, which makes it anew"
+        )
     footer = footer_of(store, name)
     if "key" not in footer:
         raise InputError(f"{name} is no result of a fleet: its footer names no calibration")
@@ -97,50 +95,70 @@ def name_in(store: Store, path: str) -> str:
 def verify(store: Store, progress: Progress = None) -> Iterator[str]:
     """Read everything again; a sentence for each file that is not what it was.
 
-    Counts are held against their digest in the catalogue; results against the name that says what they are made of, and
-    every page of them against its checksum.
+    Every file is compared with the digest recorded when it was committed. A result without one is compared with its
+    name, which says what it is made of, and its pages with their checksums.
     """
-    runs = catalogue(store)
-    results = [name for product in VERSION for name in table(store, product).paths()]
+    runs: list[Raw] = []
+    tables: list[Table] = []
+    results: list[tuple[str, Table]] = []
+    try:
+        runs = catalogue(store)
+    except FileError as error:
+        yield str(error)
+    for product in VERSION:
+        held = table(store, product)
+        try:
+            results += [(name, held) for name in held.paths()]
+            tables.append(held)
+        except FileError as error:
+            yield str(error)
     total = max(len(runs) + len(results), 1)
     digests = {raw.digest for raw in runs}
     for number, raw in enumerate(runs, 1):
         try:
-            found = hashlib.sha256()
-            with store.reading(raw.name) as stream:
-                while piece := stream.read(1 << 22):
-                    found.update(piece)
-            if f"sha256:{found.hexdigest()}" != raw.digest:
+            if digest_of(store, raw.name) != raw.digest:
                 yield f"{raw.name}: its bytes are not those that were added; put it back from a copy"
         except InclinometryError as error:
             yield f"{raw.name}: {error}"
         if progress is not None:
             progress(number / total)
-    for number, name in enumerate(results, len(runs) + 1):
+    for number, (name, held) in enumerate(results, len(runs) + 1):
         try:
-            yield from (f"{name}: {problem}" for problem in _result(store, name, digests))
+            yield from (f"{name}: {problem}" for problem in _result(store, name, digests, held.recorded.get(name)))
         except InclinometryError as error:
-            yield f"{name}: {error}"
+            yield str(error) if name in str(error) else f"{name}: {error}"
         if progress is not None:
             progress(number / total)
 
 
-def _result(store: Store, name: str, digests: Iterable[str]) -> Iterator[str]:
-    import pyarrow as pa
-    import pyarrow.parquet as pq
+def unrecorded(store: Store) -> list[str]:
+    """A sentence for each table of which files have no checksum: those of fleets before there were any."""
+    found = []
+    for product in (CATALOGUE, *VERSION):
+        have = recorded(store, product)
+        held = set() if product == CATALOGUE else set(table(store, product).paths())
+        log = product if product == CATALOGUE else f"{product}/_delta_log"
+        names = {name for name in store.names(log) if not name.rpartition("/")[2].startswith((".", "_"))} | held
+        names = {name for name in names if f"/{FOLDER}/" not in name}
+        if bare := len(names - have.keys()):
+            found.append(f"{product}: no checksum recorded of {bare} of {len(names)} files")
+    return found
 
+
+def _result(store: Store, name: str, digests: Collection[str], known: Collection[str] | None) -> Iterator[str]:
+    if store.size(name) is None:
+        yield "it is gone; run again, which makes it anew"
+        return
+    if known and digest_of(store, name) not in known:
+        yield "its bytes are not those that were made; remove it and run again, which makes it anew"
+        return
     footer = footer_of(store, name)
     if not name.endswith(f"part-{footer.get('key')}.parquet"):
-        yield "it is another file than its name says; remove it, the next run makes it anew"
-    elif footer["input"] not in digests:
+        yield "it is another file than its name says; remove it and run again, which makes it anew"
+    elif digests and footer["input"] not in digests:
         yield f"the catalogue does not know its input, {footer['input']}"
-    try:
-        with store.reading(name) as stream:
-            source = pq.ParquetFile(stream, buffer_size=1 << 20, pre_buffer=False, page_checksum_verification=True)
-            for _ in source.iter_batches(batch_size=1 << 18, use_threads=False):
-                pass
-    except (pa.ArrowException, OSError) as error:
-        yield f"damaged ({str(error).splitlines()[0][:200]}); remove it, the next run makes it anew"
+    if not known:
+        check_pages(store, name)
 
 
 def superfluous(store: Store, days: float) -> list[str]:
@@ -165,44 +183,37 @@ def digest(store: Store, product: str, *, contents: bool = True) -> str:
     With `contents` of their bytes instead of the sizes, each of which is read.
     """
     found = hashlib.sha256()
-    for name, size in sorted(table(store, product).paths().items()):
+    held = table(store, product)
+    for name, size in sorted(held.paths().items()):
         found.update(name.encode() + b"\0")
         if not contents:
             found.update(f"{size}\0".encode())
             continue
+        own = hashlib.sha256()
         with store.reading(name) as stream:
             while piece := stream.read(1 << 22):
                 found.update(piece)
+                own.update(piece)
+        known = held.recorded.get(name)
+        if known and f"sha256:{own.hexdigest()}" not in known:
+            raise FileError("its bytes are not those that were made; remove it and run again", path=store.uri(name))
     return f"sha256:{found.hexdigest()}"
 
 
 def shown(found: Why) -> dict[str, Any]:
     """As a mapping for a person or a program."""
     raw, certified = found.raw, found.certificate
+    run = {name: getattr(raw, name, None) for name in ("tool", "run", "date", "source", "source_digest")}
+    state: dict[str, str | None] = dict.fromkeys(("state", "since", "superseded_by"))
+    if certified is not None:
+        state = {"state": certified.state, "since": str(certified.since), "superseded_by": certified.by or None}
+    record = None if certified is None else certified.calibration
     return {
         "file": found.name,
         "current": found.current,
-        "product": found.footer["product"],
-        "input": {
-            "digest": found.footer["input"],
-            "file": found.footer.get("raw"),
-            "tool": raw.tool if raw else None,
-            "run": raw.run if raw else None,
-            "date": raw.date if raw else None,
-            "source": raw.source if raw else None,
-            "source_digest": raw.source_digest if raw else None,
-        },
-        "calibration": {
-            "digest": found.footer["calibration"],
-            "record": certified.calibration if certified else None,
-        },
-        "certificate": {
-            "number": found.footer["certificate"],
-            "state": certified.state if certified else None,
-            "since": str(certified.since) if certified else None,
-            "superseded_by": certified.by or None if certified else None,
-        },
-        "code": found.footer["code"],
-        "key": found.footer["key"],
+        **{name: found.footer[name] for name in ("product", "code", "key")},
+        "input": {"digest": found.footer["input"], "file": found.footer.get("raw"), **run},
+        "calibration": {"digest": found.footer["calibration"], "record": record},
+        "certificate": {"number": found.footer["certificate"], **state},
         "problems": list(found.problems),
     }

@@ -11,7 +11,7 @@ from cyclopts import Parameter
 
 from inclinometry.cli import output
 from inclinometry.cli.options import Flag, Json
-from inclinometry.errors import InclinometryError, InputError
+from inclinometry.errors import FileError, InclinometryError, InputError
 from inclinometry.laboratory.commands import LedgerAddress
 
 if TYPE_CHECKING:
@@ -21,8 +21,7 @@ Address: TypeAlias = Annotated[
     str, Parameter(name="--fleet", help="Folder of the fleet, or s3://bucket/folder of an object store.")
 ]
 Product: TypeAlias = Annotated[
-    Literal["windows", "angles"],
-    Parameter(help="Means and scatter of windows, or the angles of every sample."),
+    Literal["windows", "angles"], Parameter(help="Means and scatter of windows, or the angles of every sample.")
 ]
 Window: TypeAlias = Annotated[
     float | None,
@@ -66,6 +65,8 @@ def add(
     store = Store(fleet)
     try:
         known = {one.name: one for one in raw.catalogue(store)}
+    except FileError:
+        raise
     except InputError:
         if store.folder is not None and not store.folder.parent.is_dir():
             raise InputError(
@@ -121,7 +122,7 @@ def plan(
     behind = sum(map(len, todo.behind.values()))
     if json:
         content = {"product": product, "to_make": len(todo.todo), "by_tool": dict(tools), "to_replace": behind}
-        refused = [{"file": one.raw.name, "why": one.why} for one in todo.refused]
+        refused = [{"file": raw.name, "why": reason} for raw, reason in todo.refused]
         output.print_json(content | {"current": todo.current, "refused": refused})
         return 1 if todo.refused else 0
     if tools:
@@ -131,7 +132,7 @@ def plan(
             [[name, str(count)] for name, count in sorted(tools.items())],
         )
     output.say(f"{len(todo.todo)} to make, {behind} to take out, {todo.current} as wanted, {len(todo.refused)} refused")
-    output.warnings([f"{one.raw.name}: {one.why}" for one in todo.refused])
+    output.warnings([f"{raw.name}: {reason}" for raw, reason in todo.refused])
     return 1 if todo.refused else 0
 
 
@@ -173,7 +174,7 @@ def run(
     if scheduler is not None:
         client = ways.connect(scheduler)
         receipts = ways.by_dask(todo.todo, client)
-        output.notes([f"dashboard {client.dashboard}"])
+        output.notes([f"dashboard {client.dashboard_link}"])
     elif threads is not None:
         receipts = ways.by_threads(todo.todo, threads)
     else:
@@ -187,8 +188,8 @@ def run(
     finally:
         receipts.close()
         if client is not None:
-            client.client.close()
-    problems = [*done.problems, *(f"{one.raw.name}: {one.why}" for one in todo.refused)]
+            client.close()
+    problems = [*done.problems, *(f"{raw.name}: {reason}" for raw, reason in todo.refused)]
     if json:
         content = {"made": done.made, "adopted": done.adopted, "replaced": done.removed, "samples": done.samples}
         output.print_json(content | {"work_s": round(done.seconds, 3), "version": done.version, "problems": problems})
@@ -262,11 +263,14 @@ def verify(*, fleet: Address = "fleet", json: Json = False) -> int:
 
     with output.working("verifying") as progress:
         problems = list(audit.verify(Store(fleet), progress))
+    bare = [] if problems else audit.unrecorded(Store(fleet))
     if json:
-        output.print_json({"ok": not problems, "problems": problems})
+        output.print_json({"ok": not problems, "problems": problems, "no_checksum": bare})
         return 1 if problems else 0
     output.warnings(problems)
-    output.say(f"{output.counted(len(problems), 'file')} damaged" if problems else "every file is what it was")
+    output.notes(bare)
+    sound = "every file with a checksum is what it was" if bare else "every file is what it was"
+    output.say(f"{output.counted(len(problems), 'file')} damaged" if problems else sound)
     return 1 if problems else 0
 
 

@@ -8,29 +8,20 @@ from collections.abc import Iterable, Mapping
 from typing import Any, Final, TypeAlias
 
 from inclinometry.errors import InputError
+from inclinometry.fleet import checksums
 from inclinometry.fleet.store import Store
 
 BY: Final = ("tool", "run", "date")
 """Partitions of every table."""
-Added: TypeAlias = tuple[int, int, tuple[str, str, str]]
-"""Of a file that becomes current: bytes, rows, (tool, run, date)."""
+Added: TypeAlias = tuple[int, int, tuple[str, str, str], str]
+"""Of a file that becomes current: bytes, rows, (tool, run, date), digest."""
 _ATTEMPTS: Final = 50  # of a commit when another driver commits at the same moment
 
 
 class Table:
-    """A table of files that are made elsewhere; a transaction adds and removes names.
+    """A table of files made elsewhere (Delta Lake, by its Rust library); a transaction adds and removes names.
 
-    Parameters
-    ----------
-    store : Store
-    name : str
-        Folder of the table in the store.
-    schema : pyarrow.Schema
-        Of the files, without the partitions.
-
-    Notes
-    -----
-    Delta Lake's protocol, by its reference implementation in Rust; any engine that knows it can read the table.
+    `schema` is that of the files, without the partitions.
     """
 
     def __init__(self, store: Store, name: str, schema: Any) -> None:
@@ -39,6 +30,7 @@ class Table:
         self._store, self.name = store, name
         self._schema = pa.schema([*schema, *(pa.field(by, pa.string()) for by in BY)])
         self._opened: Any = None
+        self._recorded: dict[str, set[str]] = {}
 
     def paths(self) -> dict[str, int]:
         """Name in the store -> bytes of each file that is current; nothing where the table is not there yet."""
@@ -47,9 +39,15 @@ class Table:
             return {}
         import pyarrow as pa
 
-        found = pa.table(table.get_add_actions(flatten=True))
+        found = checksums.guarded(lambda: pa.table(table.get_add_actions(flatten=True)), self._uri, self._remedy)
         sizes = found.column("size_bytes").to_pylist()
         return {f"{self.name}/{path}": size for path, size in zip(found.column("path").to_pylist(), sizes, strict=True)}
+
+    @property
+    def recorded(self) -> dict[str, set[str]]:
+        """Name in the store -> digests with which the file was committed, where they were recorded."""
+        self._table()
+        return self._recorded
 
     @property
     def version(self) -> int | None:
@@ -58,16 +56,10 @@ class Table:
         return None if table is None else int(table.version())
 
     def commit(self, added: Mapping[str, Added], removed: Iterable[str], facts: Mapping[str, str]) -> int:
-        """Add and remove files in one transaction; how many names it changed.
+        """Add and remove files in one transaction; the number of names changed.
 
-        Parameters
-        ----------
-        added : name in the store -> Added
-            A name that is current already is left as it is: two drivers that do the same work agree.
-        removed : names in the store
-            Names that are not current are passed over.
-        facts : mapping
-            Of the transaction, kept in the log.
+        An added name that is current with as many bytes is left: two drivers that do the same work agree. Removed names
+        that are not current are passed over. `facts` are kept in the log.
         """
         from deltalake import DeltaTable, Schema
         from deltalake.exceptions import CommitFailedError, DeltaError
@@ -94,8 +86,8 @@ class Table:
                         data_change=True,
                         stats=json.dumps({"numRecords": rows}),
                     )
-                    for name, (size, rows, partition) in added.items()
-                    if name not in current
+                    for name, (size, rows, partition, _) in added.items()
+                    if current.get(name) != size
                 ]
                 actions += [RemoveAction(name[start:], True, now) for name in gone if name in current]
                 if actions:
@@ -107,6 +99,8 @@ class Table:
                         commit_properties=CommitProperties(custom_metadata=dict(facts)),
                     )
                     self._opened = None
+                if actions or added:
+                    checksums.record(self._store, self.name, {name: one[3] for name, one in added.items()})
                 return len(actions)
             except (CommitFailedError, DeltaError) as error:
                 # another driver was quicker: look again at what is current
@@ -119,21 +113,24 @@ class Table:
     def said(self) -> Mapping[str, Any]:
         """What was said of the last transaction; nothing where the table is not there yet."""
         table = self._table()
-        return {} if table is None else table.history(1)[0]
+        if table is None:
+            return {}
+        found: Mapping[str, Any] = checksums.guarded(lambda: table.history(1)[0], self._uri, self._remedy)
+        return found
 
     @property
     def _uri(self) -> str:
         return self._store.uri(self.name)
 
-    def _table(self) -> Any:
-        from deltalake import DeltaTable
-        from deltalake.exceptions import TableNotFoundError
+    @property
+    def _remedy(self) -> str:
+        # without its checksums nothing says that a result is what was made
+        return (
+            f"put it back from a copy, or remove the folder {self.name} and run again with the same --window-s, which "
+            "makes its results anew"
+        )
 
+    def _table(self) -> Any:
         if self._opened is None:
-            try:
-                self._opened = DeltaTable(self._uri)
-            except TableNotFoundError:
-                return None
-            except OSError as error:
-                raise InputError(f"{self._uri}: the table cannot be read ({str(error)[:300]})") from None
+            self._opened, self._recorded = checksums.opened_table(self._store, self.name, self._remedy)
         return self._opened

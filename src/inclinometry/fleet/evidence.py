@@ -5,7 +5,7 @@ from __future__ import annotations
 from datetime import date
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 from cyclopts import Parameter
@@ -85,6 +85,7 @@ def evidence(
     day = options.day(date_, "--date")
     from inclinometry.files.tool_json import tool_of
     from inclinometry.fleet.statistics import known_drift
+    from inclinometry.history import UNSEEN
     from inclinometry.survey.evidence import run_evidence
 
     with Ledger(_where(ledger), read_only=not record) as opened:
@@ -104,38 +105,20 @@ def evidence(
         alarm = drift.judge_run(known.history, reduced, found, model, past)
         if record and not alarm.raised:
             drift.record_run(opened, tool, found, author=_who())
-    kept = record and not alarm.raised
+    # directions of the parameters that the run shows at all: ten times better than nothing
+    seen = int(np.sum(np.linalg.eigvalsh(covariance) < (0.1 * UNSEEN) ** 2))
     if json:
-        output.print_json(
-            {
-                "tool": tool,
-                "run": run,
-                "date": day.isoformat(),
-                "stations": found.stations,
-                "verdict": alarm.sentence,
-                "cause": alarm.cause if alarm.raised else None,
-                "parameters_seen": _seen(covariance),
-                "recorded": kept,
-            }
-        )
+        content = {"tool": tool, "run": run, "date": day.isoformat(), "stations": found.stations}
+        content |= {"verdict": alarm.sentence, "cause": alarm.cause if alarm.raised else None}
+        output.print_json(content | {"parameters_seen": seen, "recorded": record and not alarm.raised})
         return 1 if alarm.raised else 0
-    output.say(
-        f"{tool}, run {run} of {day}: {alarm.sentence}; {found.stations} stations show {_seen(covariance)} of "
-        f"{len(values)} directions"
-    )
+    shown = f"{found.stations} stations show {seen} of {len(values)} directions"
+    output.say(f"{tool}, run {run} of {day}: {alarm.sentence}; {shown}")
     if alarm.raised:
         output.say("it contradicts the history and is not taken in: make a full calibration")
-        return 1
-    if kept:
+    elif record:
         output.say("recorded as evidence")
-    return 0
-
-
-def _seen(covariance: Any) -> int:
-    """Directions of the parameters that the run shows at all: ten times better than nothing."""
-    from inclinometry.history import UNSEEN
-
-    return int(np.sum(np.linalg.eigvalsh(covariance) < (0.1 * UNSEEN) ** 2))
+    return 1 if alarm.raised else 0
 
 
 def _analysed(

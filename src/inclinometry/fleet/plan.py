@@ -15,20 +15,13 @@ from inclinometry.fleet.task import KINDS, VERSION, Task, key, schema
 from inclinometry.laboratory.certified import Certificates, Certified
 
 
-class Refused(NamedTuple):
-    """A file of counts that nothing is made of, and why."""
-
-    raw: Raw
-    why: str
-
-
 class Plan(NamedTuple):
     """A product as it is and as it is to be.
 
     window_ns : length of its windows, 0 of angles. todo : what is to be made.
     behind : folder of a run -> its results that are current and not wanted any more.
     current : how many files are as they are wanted.
-    refused : files that nothing can be made of.
+    refused : files of counts that nothing can be made of, and why.
     """
 
     product: str
@@ -36,7 +29,7 @@ class Plan(NamedTuple):
     todo: tuple[Task, ...]
     behind: dict[str, tuple[str, ...]]
     current: int
-    refused: tuple[Refused, ...]
+    refused: tuple[tuple[Raw, str], ...]
 
 
 def table(store: Store, product: str) -> Table:
@@ -47,20 +40,7 @@ def table(store: Store, product: str) -> Table:
 def plan(store: Store, certificates: Certificates, product: str = "windows", window_ns: int | None = None) -> Plan:
     """Compare what the catalogue and the ledger ask for with what the table of a product holds.
 
-    Parameters
-    ----------
-    store : Store
-    certificates : Certificates
-        Those of the ledger, as they stand now.
-    product : {"windows", "angles"}
-    window_ns : int, optional
-        Length of a window; when not given that of the last run, a second where there was none. A table has windows of
-        one length: with another, all of them are made anew.
-
-    Raises
-    ------
-    InputError
-        There is no fleet; an unknown product; a window of no length.
+    A table has windows of one length (that of the last run by default, else 1 s): another length makes all anew.
     """
     if product not in VERSION:
         raise InputError(f"product is {product!r}; allowed: {', '.join(VERSION)}")
@@ -68,12 +48,12 @@ def plan(store: Store, certificates: Certificates, product: str = "windows", win
         raise InputError(f"a window of {window_ns} ns is asked for; {product} have none, or none so short")
     runs = catalogue(store)
     current = table(store, product)
-    held = current.paths()
+    held, known, there = current.paths(), current.recorded, set(store.names(product))
     last = int(current.said().get("window_ns", 10**9)) if window_ns is None else window_ns
     width = last if product == "windows" else 0
     twice = _twice(runs)
     wanted: dict[str, Task] = {}
-    refused: list[Refused] = []
+    refused: list[tuple[Raw, str]] = []
     for raw in runs:
         try:
             if raw.name in twice:
@@ -81,10 +61,12 @@ def plan(store: Store, certificates: Certificates, product: str = "windows", win
             certified = certificates.at(raw.tool, date.fromisoformat(raw.date))
             wanted_task = _task(store, raw, certified, certificates, product, width)
         except InputError as error:
-            refused.append(Refused(raw, str(error)))
+            refused.append((raw, str(error)))
             continue
-        wanted[wanted_task.target] = wanted_task
-    todo = tuple(task for name, task in wanted.items() if name not in held)
+        digests = tuple(sorted(known.get(wanted_task.target, ())))
+        wanted[wanted_task.target] = wanted_task._replace(known=digests)
+    # a result that was removed is made anew
+    todo = tuple(task for name, task in wanted.items() if name not in held or name not in there)
     behind: dict[str, tuple[str, ...]] = {}
     for name in sorted(held.keys() - wanted.keys()):
         folder = name.rpartition("/")[0]

@@ -5,7 +5,9 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from datetime import UTC, date, datetime
+from itertools import chain
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -15,9 +17,11 @@ from inclinometry.arrays import Array
 from inclinometry.digest import digest_file
 from inclinometry.errors import FileError, InputError
 from inclinometry.files.run_file import RunFile, open_run
+from inclinometry.fleet import checksums
 from inclinometry.fleet.store import Store, folder_name
 
 CATALOGUE: Final = "raw/_catalogue"
+_REMEDY: Final = f"put it back from a copy, or remove {CATALOGUE} and add the runs again"
 MOST_ROWS: Final = 1 << 26
 """Of a file; a longer run is several files."""
 ROW_GROUP: Final = 1 << 20
@@ -28,11 +32,10 @@ _EPOCH: Final = 1e8  # s; a time beyond is counted from 1970, one below from the
 class Raw(NamedTuple):
     """A file of counts as the catalogue knows it.
 
-    name : in the store. digest : SHA-256 of its bytes. size : bytes. mtime_ns : its last change when it was written.
-    rows : samples. first_ns, last_ns : time of the first and the last; from 1970 where `absolute`.
-    units : kind of triad -> (unit, number of sensors). temperature : whether it has one.
+    digest : SHA-256 of the file. rows : samples. gaps : steps of the clock of more than ten usual ones.
+    first_ns, last_ns : time of the first and last sample, from 1970 where `absolute`.
+    units : kind of triad -> (unit, number of sensors).
     source, source_digest : the file it was read from.
-    gaps : steps of the clock of more than ten usual ones.
     """
 
     name: str
@@ -66,20 +69,23 @@ def catalogue(store: Store) -> list[Raw]:
     InputError
         There is no fleet at this address.
     """
-    from deltalake import DeltaTable
-    from deltalake.exceptions import TableNotFoundError
+    table, have = checksums.opened_table(store, CATALOGUE, _REMEDY)
+    if table is None:
+        raise InputError(f"{store.address}: there is no fleet here; `inclinometry fleet add` begins one")
 
-    try:
-        table = DeltaTable(store.uri(CATALOGUE))
-    except TableNotFoundError:
-        raise InputError(f"{store.address}: there is no fleet here; `inclinometry fleet add` begins one") from None
-    except OSError as error:
-        raise InputError(f"{store.uri(CATALOGUE)} cannot be read ({str(error)[:300]})") from None
-    columns = table.to_pyarrow_table().select(Raw._fields).to_pydict()
-    # a few sets of channels in thousands of files
-    units = {text: {kind: (unit, count) for kind, unit, count in json.loads(text)} for text in set(columns["units"])}
-    columns["units"] = [units[text] for text in columns["units"]]
-    found = [Raw(*row) for row in zip(*columns.values(), strict=True)]
+    def read() -> list[Raw]:
+        names = [f"{CATALOGUE}/{path}" for path in pa.table(table.get_add_actions()).column("path").to_pylist()]
+        for name in checksums.damaged(store, CATALOGUE, have, names):
+            raise FileError(f"its bytes are not those that were committed; {_REMEDY}", path=store.uri(name))
+        columns = table.to_pyarrow_table().select(Raw._fields).to_pydict()
+        # a few sets of channels in thousands of files
+        units = {text: {kind: (unit, n) for kind, unit, n in json.loads(text)} for text in set(columns["units"])}
+        columns["units"] = [units[text] for text in columns["units"]]
+        return [Raw(*row) for row in zip(*columns.values(), strict=True)]
+
+    import pyarrow as pa
+
+    found = checksums.guarded(read, store.uri(CATALOGUE), _REMEDY)
     return sorted({raw.name: raw for raw in found}.values(), key=lambda raw: raw.name)
 
 
@@ -94,6 +100,7 @@ def record(store: Store, added: Sequence[Raw]) -> None:
     rows = [raw._asdict() | {"units": json.dumps([[kind, *pair] for kind, pair in raw.units.items()])} for raw in added]
     if rows:
         write_deltalake(store.uri(CATALOGUE), pa.Table.from_pylist(rows, schema=schema), mode="append")
+        checksums.record(store, CATALOGUE)
 
 
 class About(NamedTuple):
@@ -138,25 +145,12 @@ def about(path: Path, pattern: str | None, tool: str | None, run: str | None, da
 def add(
     store: Store, path: Path, what: About, known: Mapping[str, Raw], progress: Callable[[int], None] | None = None
 ) -> list[Raw]:
-    """Write a run into the data set; what is to be entered into the catalogue, nothing where it is there already.
+    """Write a run into the data set; returns the new entries of the catalogue, none where it is there already.
 
-    Counts stay counts: int32 where every value is a whole number, else float32. Values that are missing are NaN. A file
-    is named by its digest, so that adding it twice adds nothing.
-
-    Parameters
-    ----------
-    known : name of each file in the catalogue -> its entry
-
-    Raises
-    ------
-    FileError
-        As `files.run_file.open_run`; no accelerometer and magnetometer; a clock that runs back, stands still or is set;
-        other counts of the same run at the same time.
-    InputError
-        The store cannot be written.
+    Counts stay counts: int32 where every value is a whole number, else float32. Missing values are NaN. A file is named
+    by its digest, so adding it twice adds nothing.
     """
     import pyarrow as pa
-    import pyarrow.parquet as pq
 
     run = open_run(path, progress=progress)
     for kind in ("accelerometer", "magnetometer"):
@@ -169,7 +163,7 @@ def add(
     kind_of = pa.int32() if whole else pa.float32()
     fields = [pa.field("time_ns", pa.int64(), nullable=False)]
     fields += [pa.field(name, kind_of, nullable=False) for found in names.values() for name in found]
-    if run.header.temperature:
+    if "temperature_degC" in run.wanted:
         fields.append(pa.field("temperature_degC", pa.float32(), nullable=False))
     metadata = {"inclinometry.tool": what.tool, "inclinometry.run": what.run, "inclinometry.date": str(what.date)}
     metadata["inclinometry.units"] = json.dumps({kind: unit for kind, (unit, _) in units.items()})
@@ -182,41 +176,33 @@ def add(
     for blocks in _parts(run):
         with store.staged(folder) as (scratch, publish):
             state = _State()
-            with pq.ParquetWriter(scratch, schema, **encoding(schema)) as writer:
-                held: list[Any] = []
-                rows = 0
+            with row_groups(scratch, schema) as rows:
                 for block in blocks:
-                    time = state.times(block.time, origin, path)
-                    columns = [time]
+                    columns = [state.times(block.time, origin, path)]
                     for kind, found in names.items():
                         columns += [block.channels[kind][:, place] for place in range(len(found))]
-                    if run.header.temperature:
-                        columns.append(block.temperature)
-                    held.append(
-                        [
-                            np.ascontiguousarray(c, f.type.to_pandas_dtype())
-                            for c, f in zip(columns, schema, strict=True)
-                        ]
-                    )
-                    rows += len(time)
-                    if rows >= ROW_GROUP:
-                        rows, held = 0, _written(writer, held, schema)
-                if held:
-                    _written(writer, held, schema)
+                    rows.add([*columns, block.temperature] if "temperature_degC" in run.wanted else columns)
             if state.first == state.last and state.rows > 1:
                 raise FileError(f"its clock stands still: {state.rows} rows have the same time", path=path)
             digest = digest_file(scratch)
             name = f"{folder}/part-{digest.removeprefix('sha256:')[:20]}.parquet"
             if name in known:
                 continue
-            _new(what, state, known, path)
+            for one in known.values():
+                same = one.partition == (what.tool, what.run, what.date.isoformat())
+                if same and state.first <= one.last_ns and one.first_ns <= state.last:
+                    raise FileError(
+                        f"run {what.run!r} of tool {what.tool!r} has these minutes already, of {one.source}; if it is "
+                        "another run, give it another name (--run)",
+                        path=path,
+                    )
             size = scratch.stat().st_size
             publish(name)
         stamp = store.stamp(name)
         added.append(
             Raw(
                 name, what.tool, what.run, what.date.isoformat(), digest, size, 0 if stamp is None else stamp[1],
-                state.rows, state.first, state.last, state.absolute, units, run.header.temperature,
+                state.rows, state.first, state.last, state.absolute, units, "temperature_degC" in run.wanted,
                 str(path), "", state.gaps,
             )
         )  # fmt: skip
@@ -238,18 +224,46 @@ def channel_names(kind: str, count: int) -> tuple[str, ...]:
     return tuple(f"{KIND_PREFIX[kind]}_{axis}" for axis in axes(count))
 
 
-def encoding(schema: Any) -> dict[str, Any]:
-    """How every Parquet file of a fleet is written: byte streams split, LZ4, page checksums, no dictionaries."""
-    columns = {f.name: "BYTE_STREAM_SPLIT" for f in schema if f.name not in ("time_ns", "samples")}
+class RowGroups:
+    """Columns (n,) each, gathered into row groups of a Parquet file; `rows` so far."""
+
+    def __init__(self, writer: Any, schema: Any) -> None:
+        self._writer, self._schema = writer, schema
+        self._held: list[Sequence[Any]] = []
+        self.rows = self._waiting = 0
+
+    def add(self, columns: Sequence[Any]) -> None:
+        """Rows behind those before, as the schema has them."""
+        kinds = [field.type.to_pandas_dtype() for field in self._schema]
+        self._held.append([np.ascontiguousarray(c, kind) for c, kind in zip(columns, kinds, strict=True)])
+        self.rows, self._waiting = self.rows + len(columns[0]), self._waiting + len(columns[0])
+        if self._waiting >= ROW_GROUP:
+            self.write()
+
+    def write(self) -> None:
+        """Write what is held."""
+        import pyarrow as pa
+
+        if self._held:
+            arrays = [pa.array(np.concatenate(parts)) for parts in zip(*self._held, strict=True)]
+            self._writer.write_table(pa.Table.from_arrays(arrays, schema=self._schema), row_group_size=ROW_GROUP)
+        self._held, self._waiting = [], 0
+
+
+@contextmanager
+def row_groups(path: Path, schema: Any) -> Iterator[RowGroups]:
+    """A Parquet file of a fleet to write into: byte streams split, LZ4, page checksums, no dictionaries."""
+    import pyarrow.parquet as pq
+
     # a regular clock takes next to nothing as differences
-    columns |= {f.name: "DELTA_BINARY_PACKED" for f in schema if f.name in ("time_ns", "samples")}
-    return {
-        "compression": "lz4",
-        "use_dictionary": False,
-        "column_encoding": columns,
-        "write_page_checksum": True,
-        "store_schema": True,
-    }
+    differences = ("time_ns", "samples")
+    encoding = {f.name: "DELTA_BINARY_PACKED" if f.name in differences else "BYTE_STREAM_SPLIT" for f in schema}
+    with pq.ParquetWriter(
+        path, schema, compression="lz4", use_dictionary=False, column_encoding=encoding, write_page_checksum=True
+    ) as writer:
+        made = RowGroups(writer, schema)
+        yield made
+        made.write()
 
 
 def _whole(run: RunFile, path: Path) -> bool:
@@ -266,18 +280,6 @@ def _whole(run: RunFile, path: Path) -> bool:
                     path=path,
                 )
     return whole
-
-
-def _new(what: About, state: _State, known: Mapping[str, Raw], path: Path) -> None:
-    """Refuse other counts of the same run at the same time."""
-    for one in known.values():
-        same = one.partition == (what.tool, what.run, what.date.isoformat())
-        if same and state.first <= one.last_ns and one.first_ns <= state.last:
-            raise FileError(
-                f"run {what.run!r} of tool {what.tool!r} has these minutes already, of {one.source}; if it is another "
-                "run, give it another name (--run)",
-                path=path,
-            )
 
 
 class _State:
@@ -307,31 +309,17 @@ class _State:
         return time
 
 
-def _written(writer: Any, held: list[Any], schema: Any) -> list[Any]:
-    import pyarrow as pa
-
-    columns = [np.concatenate(parts) if len(parts) > 1 else parts[0] for parts in zip(*held, strict=True)]
-    writer.write_table(pa.Table.from_arrays([pa.array(c) for c in columns], schema=schema), row_group_size=ROW_GROUP)
-    return []
-
-
 def _parts(run: RunFile) -> Iterator[Iterator[Any]]:
     """The blocks of a run, those of one file at a time."""
     blocks = run.blocks(1 << 16)
-    first = next(blocks, None)
-    while first is not None:
-        part = _Part(blocks, first)
-        yield iter(part)
-        first = part.next
+    for first in blocks:
+        yield _part(first, blocks)
 
 
-class _Part:
-    def __init__(self, blocks: Iterator[Any], first: Any) -> None:
-        self._blocks, self.next = blocks, first
-
-    def __iter__(self) -> Iterator[Any]:
-        rows = 0
-        while self.next is not None and rows < MOST_ROWS:
-            block, self.next = self.next, next(self._blocks, None)
-            rows += len(block.time)
-            yield block
+def _part(first: Any, blocks: Iterator[Any]) -> Iterator[Any]:
+    rows = 0
+    for block in chain([first], blocks):
+        yield block
+        rows += len(block.time)
+        if rows >= MOST_ROWS:
+            return

@@ -7,7 +7,7 @@ import shutil
 from collections.abc import Callable
 from datetime import UTC, date, datetime, timedelta
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Final
 
 import numpy as np
 from cyclopts import Parameter
@@ -23,7 +23,7 @@ from inclinometry.constants import DIP
 from inclinometry.errors import FileError, InputError
 from inclinometry.files.tool_json import write_truth
 from inclinometry.files.writing import write_bytes, write_text
-from inclinometry.history import tool_from_relative
+from inclinometry.history import ToolHistory, tool_from_relative
 from inclinometry.sensors import Tool
 from inclinometry.simulate.bench import BenchSimulation, Rig, simulate_bench
 from inclinometry.simulate.fleet import FleetScene, FleetSimulation, simulate_calibrations, simulate_fleet
@@ -41,16 +41,6 @@ RIG_SD: Final = float(np.radians(0.1))
 JUMP: Final = 8e-3
 """Offset by which the x magnetometer of a tool jumps, of the full field: 400 nT."""
 _BITS: Final = 16
-_RATE: Final = 100.0  # Hz
-
-
-class Bench(NamedTuple):
-    """A simulated calibration: number of the tool, which of its calibrations, when, and the readings."""
-
-    tool: int
-    number: int
-    day: date
-    readings: BenchSimulation
 
 
 def simulate(
@@ -155,8 +145,8 @@ def _fleet(
         settings = np.stack([plan.azimuth, plan.inclination, plan.toolface], axis=1)
         rig = Rig(DIP, setting_sd=RIG_SD)
         benches = simulate_calibrations(tool, found.truth[i], rig, settings, bits=_BITS, seed=streams[f"bench {i}"])
-        rows += [Bench(i, k, history.date[k], one) for k, one in enumerate(benches)]
-    rows.sort(key=lambda row: (row.day, row.tool))
+        rows += [(history.date[k], i, k, one) for k, one in enumerate(benches)]
+    rows.sort(key=lambda row: row[:2])
     _truth(folder / "truth", found, nominal)
     named = zip(("name", "address", "country"), LABORATORY, strict=True)
     write_text("".join(f'{name} = "{value}"\n' for name, value in named), folder / "lab.toml")
@@ -168,31 +158,32 @@ def _fleet(
         for history in found.histories:
             put_tool(ledger, RegisteredTool(history.serial, type_), author=AUTHOR)
         numbers: dict[int, int] = {}
-        for count, row in enumerate(rows, 1):
-            numbers[row.day.year] = numbers.get(row.day.year, 0) + 1
-            _certified(ledger, found, row, f"{row.day.year}-{numbers[row.day.year]:04d}")
+        for count, (day, owner, place, bench) in enumerate(rows, 1):
+            numbers[day.year] = numbers.get(day.year, 0) + 1
+            _certified(ledger, found.histories[owner], place, bench, f"{day.year}-{numbers[day.year]:04d}")
             if progress is not None:
                 progress(count / len(rows))
     return len(rows)
 
 
-def _certified(ledger: Ledger, fleet: FleetSimulation, row: Bench, number: str) -> None:
+def _certified(ledger: Ledger, history: ToolHistory, place: int, bench: BenchSimulation, number: str) -> None:
     """Calibrate, record and certify, as on the day of the readings."""
     from inclinometry.laboratory import certificates
-    from inclinometry.laboratory.certificate.laboratory_toml import Laboratory
+    from inclinometry.laboratory.certificate.laboratory import Laboratory
     from inclinometry.laboratory.import_file import record_calibration
 
-    history, bench = fleet.histories[row.tool], row.readings
+    day = history.date[place]
     readings = BenchReadings(
         bench.signals, bench.azimuth, bench.inclination, bench.toolface, units=bench.units, reference=bench.reference
     )
     found = calibrate_joint(readings, rig_sd=RIG_SD, diagnose=False, name=history.serial)
-    doses = {"hours": float(np.asarray(history.hours)[row.number])}
-    settings = {"settings": {"performed": row.day.isoformat(), **doses}}
-    record = record_calibration(ledger, found, history.serial, history.rig[row.number], settings, author=AUTHOR)
+    doses = {"hours": float(np.asarray(history.hours)[place])}
+    settings = {"settings": {"performed": day.isoformat(), **doses}}
+    record = record_calibration(ledger, found, history.serial, history.rig[place], settings, author=AUTHOR)
     certificates.issue(
         ledger, record.id, None, Laboratory(*LABORATORY), author=AUTHOR, number=number,
-        now=datetime(row.day.year, row.day.month, row.day.day, tzinfo=UTC), pdf=False,
+        now=datetime(day.year, day.month, day.day, tzinfo=UTC), pdf=False,
+        accept_warnings="simulated readings",
     )  # fmt: skip
 
 
@@ -227,7 +218,7 @@ def _runs(
     for number, day in enumerate(days.tolist(), 1):
         values = np.array([np.interp(day, passed, column) for column in found.truth[tool].T])
         now = tool_from_relative(nominal, values, np.zeros((24, 24)))
-        time = np.arange(samples) / _RATE
+        time = np.arange(samples) / 100.0
         inclination, azimuth, start = random.uniform([5.0, 0.0, 0.0], [90.0, 360.0, 360.0])
         rate = 15.0  # deg/s
         at: list[Array] = [np.full(samples, np.radians(x)) for x in (azimuth, inclination)]

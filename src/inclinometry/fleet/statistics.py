@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from datetime import date
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final, TypeAlias
 
@@ -19,11 +18,8 @@ from inclinometry.opening import whole
 if TYPE_CHECKING:
     from inclinometry.arrays import Array
     from inclinometry.calibration.drift import DriftModel
-    from inclinometry.calibration.drift_check import DriftCheck
     from inclinometry.calibration.drift_status import FleetStatus
     from inclinometry.history import ToolHistory
-    from inclinometry.laboratory.drift import LedgerHistory
-    from inclinometry.laboratory.registry import RegisteredRig
 
 Type: TypeAlias = Annotated[
     str | None,
@@ -167,8 +163,8 @@ def report(
     type_: Type = None,
     output_: OutputOrNone = None,
     day: str | None = None,
-    limit_deg: float = 0.5,
-    inclination_deg: float = 60.0,
+    limit: Annotated[float, options.quantity("deg", 1e-3, 90.0)] = 0.5 * options.SI["deg"],
+    inclination: Annotated[float, options.quantity("deg", 0.1, 179.9)] = 60.0 * options.SI["deg"],
     reliability: float = 0.95,
     calendar_share: Share = 1.0,
     json: Json = False,
@@ -181,9 +177,9 @@ def report(
         Page (HTML); --language ru or zh: in Russian or Chinese.
     day
         For which it stands, YYYY-MM-DD; that of the last calibration when not given.
-    limit_deg
+    limit
         Azimuth error that a tool must not exceed, rms over azimuth and toolface.
-    inclination_deg
+    inclination
         Where it must not.
     reliability
         Share of the tools that are to be within it when they are due.
@@ -196,8 +192,7 @@ def report(
     from inclinometry.report.fleet import fleet_report
 
     output.claim({"--output": output_}, {})
-    inclination = options.angle(inclination_deg, "--inclination-deg", 0.1, 179.9)
-    asked = Requirement(options.angle(limit_deg, "--limit-deg", 1e-3, 90.0), reliability, (inclination,))
+    asked = Requirement(limit, reliability, (inclination,))
     with Ledger(_where(ledger), read_only=True) as opened:
         histories = _histories(opened, type_)
     status = _status(
@@ -218,20 +213,15 @@ def report(
         content = {"type": status.model.type, "day": status.day.isoformat(), "tools": rows}
         output.print_json(content | {"rigs_off": [rig.rig for rig in off], "output": output_})
         return 1 if overdue or alarmed or off else 0
-    shown = 20
+    lines, count = [], len(status.tools)
+    for tool in status.tools[:20]:
+        now, six = (f"{np.degrees(u[SIXTY]):.3f}" for u in (tool.now, tool.checked))
+        days = [tool.due.date.isoformat(), tool.last.isoformat()]
+        lines.append([tool.history.serial, *days, now, "refused" if tool in alarmed else six])
     output.table(
-        f"type {status.model.type} on {status.day}{output.excerpt(min(shown, len(status.tools)), len(status.tools))}",
+        f"type {status.model.type} on {status.day}{output.excerpt(len(lines), count)}",
         ["tool", "due", "last", "u now", "u after six"],
-        [
-            [
-                tool.history.serial,
-                tool.due.date.isoformat(),
-                tool.last.isoformat(),
-                f"{np.degrees(tool.now[SIXTY]):.3f}",
-                "refused" if tool in alarmed else f"{np.degrees(tool.checked[SIXTY]):.3f}",
-            ]
-            for tool in status.tools[:shown]
-        ],
+        lines,
         "u: standard uncertainty of azimuth, deg, at inclination 60, now and after a check of six positions",
     )
     output.say(f"{len(overdue)} overdue, {len(alarmed)} with an alarm")
@@ -258,6 +248,7 @@ def check(
     record: Flag = False,
     certify: Flag = False,
     laboratory: InputOrNone = None,
+    accept_warnings: str = "",
     json: Json = False,
 ) -> int:
     """Calibrate a tool at few positions, for example of the plan six, completed by its history.
@@ -287,14 +278,20 @@ def check(
         And issue a certificate: only then it counts, for runs and for the history.
     laboratory
         lab.toml, for the certificate.
+    accept_warnings
+        Reason to certify though warnings are open; it is recorded and printed on the certificate.
     """
     from inclinometry.calibration.drift import azimuth_sd
+    from inclinometry.history import relative_parameters
     from inclinometry.laboratory import drift
     from inclinometry.laboratory.certificate.laboratory_toml import read_laboratory
     from inclinometry.laboratory.certified import Certificates
     from inclinometry.laboratory.commands.enter import certified, doses_of, performed_on
     from inclinometry.laboratory.commands.ledger import _where, _who
+    from inclinometry.laboratory.import_file import LARGEST, import_file
     from inclinometry.laboratory.registry import find_rig
+    from inclinometry.laboratory.session import load_session
+    from inclinometry.workflow.calibrate import readings_at
 
     day, doses = performed_on(performed), doses_of(hours, shock, heat)
     if certify and laboratory is None:
@@ -305,12 +302,24 @@ def check(
         if stand is None:
             raise InputError(f"rig {rig!r} is not registered in {opened.shown}; `inclinometry ledger enter` does it")
         known = drift.ledger_history(opened, Certificates(opened), tool)
-        found = _checked(opened, readings, known, stand, day, list(doses.values()))
+        given = readings_at(readings, dials=stand.dials)
+        model, past = known_drift(opened, known.history.type)
+        with output.busy("checking"):
+            try:
+                found = drift.check_tool(known, given, model, past, stand, day, list(doses.values()))
+            except FileError:
+                raise
+            except InputError as error:
+                raise FileError(str(error), path=readings) from None
         made, number = None, None
         if found.calibration is not None and (record or certify):
-            made = _recorded(opened, readings, tool, rig, day, doses, known, found, _who())
-            number = certified(opened, made, who, None, "") if certify else None
-    u = None if found.calibration is None else azimuth_sd(_covariance(known, found))
+            taken = whole(readings, LARGEST)
+            session = import_file(opened, taken, tool, rig, author=_who(), performed=day, doses=doses)
+            made = drift.record_check(opened, load_session(opened, session.id), known, found, author=_who())
+            number = certified(opened, made, who, None, "", accept_warnings) if certify else None
+    u = None
+    if found.calibration is not None and known.history.reference is not None:
+        u = azimuth_sd(relative_parameters(found.calibration.tool, known.history.reference)[1])
     if json:
         content: dict[str, Any] = {"tool": tool, "refused": found.refusal or None, "verdict": found.alarm.sentence}
         content |= {
@@ -330,31 +339,6 @@ def check(
     return 0
 
 
-def _covariance(known: LedgerHistory, found: DriftCheck) -> Any:
-    from inclinometry.history import relative_parameters
-
-    if found.calibration is None or known.history.reference is None:
-        raise InputError(found.refusal)
-    return relative_parameters(found.calibration.tool, known.history.reference)[1]
-
-
-def _checked(
-    ledger: Ledger, path: Path, known: LedgerHistory, rig: RegisteredRig, day: date, doses: list[float]
-) -> DriftCheck:
-    from inclinometry.files.bench_csv import read_bench
-    from inclinometry.laboratory import drift
-
-    readings = rig.dials.read(read_bench(path))
-    model, past = known_drift(ledger, known.history.type)
-    with output.busy("checking"):
-        try:
-            return drift.check_tool(known, readings, model, past, rig, day, doses)
-        except FileError:
-            raise
-        except InputError as error:
-            raise FileError(str(error), path=path) from None
-
-
 def known_drift(ledger: Ledger, kind: str) -> tuple[DriftModel, Array]:
     """Drift of a type and the largest statistics of its past calibrations: as kept, else fitted now."""
     from inclinometry.laboratory.drift import find_fit
@@ -366,25 +350,6 @@ def known_drift(ledger: Ledger, kind: str) -> tuple[DriftModel, Array]:
     status = _status(_histories(ledger, kind))
     output.notes([f"drift of type {kind} fitted now; `inclinometry fleet fit --type {kind!r} --record` keeps it"])
     return status.model, status.past
-
-
-def _recorded(
-    ledger: Ledger,
-    path: Path,
-    serial: str,
-    rig: str,
-    day: date,
-    doses: dict[str, float],
-    known: LedgerHistory,
-    found: DriftCheck,
-    author: str,
-) -> Any:
-    from inclinometry.laboratory import drift
-    from inclinometry.laboratory.import_file import LARGEST, import_file
-    from inclinometry.laboratory.session import load_session
-
-    session = import_file(ledger, whole(path, LARGEST), serial, rig, author=author, performed=day, doses=doses)
-    return drift.record_check(ledger, load_session(ledger, session.id), known, found, author=author)
 
 
 def _histories(ledger: Ledger, type_: str | None) -> list[ToolHistory]:

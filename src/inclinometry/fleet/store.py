@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 import secrets
+import shutil
 import tempfile
 import time
 from collections.abc import Iterator
@@ -24,19 +25,8 @@ STAGED: Final = re.compile(r"^\.[0-9a-f]{16}\.part$")
 class Store(NamedTuple):
     """A folder, by its path, or a bucket, by an address such as s3://bucket/fleet.
 
-    Keys and end point of an object store are taken from its usual variables: AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY,
-    AWS_REGION, AWS_ENDPOINT_URL.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     store = Store(folder)
-    ...     with store.staged() as (scratch, publish):
-    ...         _ = scratch.write_bytes(b"counts")
-    ...         publish("raw/part.parquet")
-    ...     store.size("raw/part.parquet"), list(store.names("raw"))
-    (6, ['raw/part.parquet'])
+    Keys and end point of an object store come from AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY, AWS_REGION,
+    AWS_ENDPOINT_URL.
     """
 
     address: str
@@ -52,15 +42,8 @@ class Store(NamedTuple):
 
     def size(self, name: str) -> int | None:
         """Bytes of a file, None where there is none."""
-        if self.folder is not None:
-            try:
-                return (self.folder / name).stat().st_size
-            except (FileNotFoundError, NotADirectoryError):
-                return None
-        system, root = _system(self.address)
-        with _said(self.uri(name)):
-            found = system.get_file_info(f"{root}/{name}")
-        return int(found.size) if found.is_file else None
+        found = self.stamp(name)
+        return None if found is None else found[0]
 
     def stamp(self, name: str) -> tuple[int, int] | None:
         """(bytes, time of the last change in ns) of a file, None where there is none."""
@@ -126,7 +109,9 @@ class Store(NamedTuple):
         def publish(name: str) -> None:
             with _said(self.uri(name)):
                 if self.folder is None:
-                    _send(self.address, scratch, name)
+                    system, root = _system(self.address)
+                    with scratch.open("rb") as source, system.open_output_stream(f"{root}/{name}") as sent:
+                        shutil.copyfileobj(source, sent, 1 << 23)
                     return
                 with scratch.open("rb+") as stream:
                     os.fsync(stream.fileno())
@@ -161,13 +146,6 @@ class Store(NamedTuple):
         """Seconds since the last change of a file; infinite where it is not there."""
         found = self.stamp(name)
         return float("inf") if found is None else time.time() - found[1] / 1e9
-
-
-def _send(address: str, scratch: Path, name: str) -> None:
-    system, root = _system(address)
-    with scratch.open("rb") as source, system.open_output_stream(f"{root}/{name}") as target:
-        while piece := source.read(1 << 23):
-            target.write(piece)
 
 
 @contextmanager

@@ -12,27 +12,26 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from inclinometry.arrays import Array
+from inclinometry.digest import digest_file
 from inclinometry.errors import InclinometryError, InputError
 from inclinometry.files.tool_json import calibration_from
-from inclinometry.fleet.raw import ROW_GROUP, channel_names, encoding
+from inclinometry.fleet.checksums import digest_of
+from inclinometry.fleet.raw import channel_names, row_groups
 from inclinometry.fleet.store import Store
 from inclinometry.sensors import Tool
 
 VERSION: Final = {"windows": 1, "angles": 1}
 """Of each product; a new one makes everything anew."""
 BATCH: Final = 1 << 18  # rows at a time: little memory whatever the row groups of the file
-_CANONICAL: Final = json.JSONEncoder(sort_keys=True, separators=(",", ":"))
 KINDS: Final = ("accelerometer", "magnetometer")
 
 
 class Task(NamedTuple):
     """What a worker is given.
 
-    address : of the store. raw : file of counts. target : name of the result, which tells what it is made of.
-    product : "windows" or "angles". window_ns : length of a window, 0 of angles.
-    footer : kept in the result: product, input, calibration, certificate, key, code.
-    calibration : content of the tool.json.
-    size : bytes of `raw` as the catalogue knows it.
+    raw : file of counts, `size` its bytes as the catalogue knows it. window_ns : 0 for angles.
+    target : name of the result, which tells what it is made of; known : its digests where it was made before.
+    footer : kept in the result. calibration : content of the tool.json.
     """
 
     address: str
@@ -43,12 +42,13 @@ class Task(NamedTuple):
     footer: Mapping[str, str]
     calibration: Mapping[str, Any]
     size: int
+    known: tuple[str, ...] = ()
 
 
 class Receipt(NamedTuple):
     """What a worker gives back: the file that is there now, or why it is not.
 
-    adopted : it was there already. seconds : of work.
+    adopted : it was there already. seconds : of work. digest : of the file.
     """
 
     target: str
@@ -58,6 +58,7 @@ class Receipt(NamedTuple):
     seconds: float = 0.0
     adopted: bool = False
     problem: str = ""
+    digest: str = ""
 
 
 def key(input_digest: str, calibration_digest: str, product: str, window_ns: int) -> str:
@@ -74,7 +75,8 @@ def key(input_digest: str, calibration_digest: str, product: str, window_ns: int
         "options": {"window_ns": window_ns},
         "product": f"{product}/{VERSION[product]}",
     }
-    return hashlib.sha256(_CANONICAL.encode(said).encode()).hexdigest()[:20]
+    canonical = json.dumps(said, sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256(canonical.encode()).hexdigest()[:20]
 
 
 def schema(product: str) -> Any:
@@ -108,10 +110,13 @@ def footer_of(store: Store, name: str) -> dict[str, str]:
     try:
         with store.reading(name) as stream:
             metadata = pq.ParquetFile(stream).schema_arrow.metadata or {}
-    except (pa.ArrowException, OSError) as error:
+        start = "inclinometry."
+        own = {k.decode(): v.decode() for k, v in metadata.items()}
+    except (pa.ArrowException, OSError, ValueError) as error:
+        if isinstance(error, InputError):
+            raise
         raise InputError(f"{name}: not a Parquet file, or a damaged one ({str(error)[:200]})") from None
-    start = "inclinometry."
-    return {k.decode().removeprefix(start): v.decode() for k, v in metadata.items() if k.decode().startswith(start)}
+    return {k.removeprefix(start): v for k, v in own.items() if k.startswith(start)}
 
 
 def run(task: Task) -> Receipt:
@@ -131,13 +136,13 @@ def run(task: Task) -> Receipt:
         if found != task.size:
             has = "it is gone" if found is None else f"it has {found} bytes"
             raise InputError(f"{has}, {task.size} bytes when it was added; put it back from a copy")
-        rows, size, samples = _done(store, task)
+        rows, size, samples, digest = _done(store, task)
     except InclinometryError as error:
         return Receipt(task.target, problem=f"{task.raw}: {error}")
     except (pa.ArrowException, OSError, KeyError, ValueError) as error:
         said = (str(error).strip().splitlines() or [type(error).__name__])[0][:300]
         return Receipt(task.target, problem=f"{task.raw}: a damaged file ({said}); put it back from a copy")
-    return Receipt(task.target, rows, size, samples, time.perf_counter() - begun)
+    return Receipt(task.target, rows, size, samples, time.perf_counter() - begun, digest=digest)
 
 
 def _adopted(store: Store, task: Task, size: int) -> Receipt:
@@ -145,53 +150,55 @@ def _adopted(store: Store, task: Task, size: int) -> Receipt:
 
     if footer_of(store, task.target).get("key") != task.footer["key"]:
         raise InputError(f"{task.target} is in its place and is another file; remove it")
+    found = digest_of(store, task.target)
+    if task.known and found not in task.known:
+        raise InputError(f"{task.target} is not what was made; remove it and run again")
+    if not task.known:
+        check_pages(store, task.target)
     with store.reading(task.target) as stream:
         rows = int(pq.ParquetFile(stream).metadata.num_rows)
-    return Receipt(task.target, rows, size, adopted=True)
+    return Receipt(task.target, rows, size, adopted=True, digest=found)
 
 
-def _done(store: Store, task: Task) -> tuple[int, int, int]:
+def check_pages(store: Store, name: str) -> None:
+    """Read every page of a result against its own checksum; InputError where one is damaged."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        with store.reading(name) as stream:
+            source = pq.ParquetFile(stream, buffer_size=1 << 20, pre_buffer=False, page_checksum_verification=True)
+            for _ in source.iter_batches(batch_size=BATCH, use_threads=False):
+                pass
+    except (pa.ArrowException, OSError, ValueError) as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError(f"{name}: damaged ({str(error).splitlines()[0][:200]}); remove it and run again") from None
+
+
+def _done(store: Store, task: Task) -> tuple[int, int, int, str]:
     import pyarrow.parquet as pq
 
     convert, columns = _prepared(json.dumps(task.calibration))
     wanted = schema(task.product).with_metadata({f"inclinometry.{k}": v for k, v in task.footer.items()})
     angles = [np.empty(BATCH, dtype=np.float32) for _ in range(3)]
-    samples = rows = 0
+    samples = 0
     make = _windows(task.window_ns) if task.product == "windows" else _angles
     with store.reading(task.raw) as stream:
         # page checksums: without them a flipped bit is read as a number
         source = pq.ParquetFile(stream, buffer_size=1 << 20, pre_buffer=False, page_checksum_verification=True)
         with store.staged(task.target.rpartition("/")[0]) as (scratch, publish):
-            with pq.ParquetWriter(scratch, wanted, **encoding(wanted)) as writer:
-                held: list[list[Any]] = []
-                waiting = 0
-                pieces = source.iter_batches(batch_size=BATCH, columns=["time_ns", *columns], use_threads=False)
-                for batch in pieces:
+            with row_groups(scratch, wanted) as rows:
+                for batch in source.iter_batches(batch_size=BATCH, columns=["time_ns", *columns], use_threads=False):
                     clock = batch.column("time_ns").to_numpy()
-                    values = {name: batch.column(name).to_numpy() for name in columns}
-                    made = make(clock, *convert(values), angles)
                     samples += len(clock)
-                    waiting, rows = waiting + len(made[0]), rows + len(made[0])
-                    held.append(made)
-                    if waiting >= ROW_GROUP:
-                        held, waiting = _flushed(writer, held, wanted), 0
+                    values = {name: batch.column(name).to_numpy() for name in columns}
+                    rows.add(make(clock, *convert(values), angles))
                 if (rest := make(None, [], None, angles)) is not None:
-                    held.append(rest)
-                    rows += len(rest[0])
-                if held:
-                    _flushed(writer, held, wanted)
-            size = scratch.stat().st_size
+                    rows.add(rest)
+            size, digest = scratch.stat().st_size, digest_file(scratch)
             publish(task.target)
-    return rows, size, samples
-
-
-def _flushed(writer: Any, held: list[list[Any]], schema: Any) -> list[list[Any]]:
-    import pyarrow as pa
-
-    columns = [np.concatenate(parts) for parts in zip(*held, strict=True)]
-    arrays = [pa.array(c, f.type) for c, f in zip(columns, schema, strict=True)]
-    writer.write_table(pa.Table.from_arrays(arrays, schema=schema), row_group_size=ROW_GROUP)
-    return []
+    return rows.rows, size, samples, digest
 
 
 Convert = Callable[[Mapping[str, Array]], tuple[list[Array], Array]]
@@ -206,13 +213,7 @@ def _prepared(content: str) -> tuple[Convert, list[str]]:
 def converter(tool: Tool) -> tuple[Convert, list[str]]:
     """What turns columns into six channels and 24 coefficients, and the columns it needs.
 
-    Triads of three sensors that do not know temperature go through as they are stored; of others the fields are worked
-    out first.
-
-    Raises
-    ------
-    InputError
-        A tool without accelerometers and magnetometers that see three components each.
+    Triads of three sensors without temperature terms go through as stored; of others the fields are worked out first.
     """
     triads = [tool.triads.get(kind) for kind in KINDS]
     if any(triad is None or not triad.full for triad in triads):

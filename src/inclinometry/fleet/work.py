@@ -38,19 +38,10 @@ def carry_out(
     progress: Callable[[float], None] | None = None,
     every: float = 20.0,
 ) -> Done:
-    """Take the receipts of a plan's tasks and commit what they name.
+    """Take the receipts of a plan's tasks and commit what they name, every `every` seconds.
 
-    The results of a run replace those that are behind in the transaction that adds them. What is of no run any more is
-    taken away at the end. An exception, Ctrl-C among them, commits what was done and goes on.
-
-    Parameters
-    ----------
-    receipts : iterable of Receipt
-        As `workers` yields them.
-    progress : callable, optional
-        Called with the share done.
-    every : float
-        Seconds between two transactions.
+    New results of a run replace the old ones in the same transaction; results of no run go at the end. An exception,
+    Ctrl-C included, commits what was done and goes on.
     """
     of = {task.target: task for task in todo.todo}
     left = Counter(_folder(name) for name in of)
@@ -80,7 +71,8 @@ def carry_out(
             else:
                 made, adopted = made + (not receipt.adopted), adopted + receipt.adopted
                 mine = waiting.setdefault(folder, {})
-                mine[receipt.target] = (receipt.size, receipt.rows, _partition(task.raw))
+                tool, run, date = (plain_name(part.partition("=")[2]) for part in task.raw.split("/")[1:4])
+                mine[receipt.target] = (receipt.size, receipt.rows, (tool, run, date), receipt.digest)
             left[folder] -= 1
             if not left[folder]:
                 added |= waiting.pop(folder, {})
@@ -98,8 +90,3 @@ def carry_out(
 
 def _folder(name: str) -> str:
     return name.rpartition("/")[0]
-
-
-def _partition(raw: str) -> tuple[str, str, str]:
-    tool, run, date = (plain_name(part.partition("=")[2]) for part in raw.split("/")[1:4])
-    return tool, run, date

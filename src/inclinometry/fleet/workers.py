@@ -10,33 +10,24 @@ import threading
 import time
 from collections import deque
 from collections.abc import Generator, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import contextmanager, suppress
 from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection
 from multiprocessing.connection import wait as wait_any
 from queue import Empty, SimpleQueue
-from typing import Any, Final, NamedTuple
+from typing import Any
 
 from inclinometry.errors import InclinometryError, InputError
 from inclinometry.fleet.task import Receipt, Task, run
-
-ATTEMPTS: Final = 3
-"""How often a task is begun whose worker dies; it may be the worker's fault, or nobody's."""
 
 
 def by_threads(tasks: Sequence[Task], threads: int) -> Generator[Receipt, None, None]:
     """Least processor time and memory; a file that crashes the decoder ends the program."""
     pool = ThreadPoolExecutor(threads)
     try:
-        waiting = deque(tasks)
-        running: set[Future[Receipt]] = set()
-        while waiting or running:
-            while waiting and len(running) < 2 * threads:
-                running.add(pool.submit(run, waiting.popleft()))
-            done, running = wait(running, return_when=FIRST_COMPLETED)
-            for future in done:
-                yield future.result()
+        for future in as_completed([pool.submit(run, task) for task in tasks]):
+            yield future.result()
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
 
@@ -111,11 +102,8 @@ def _end_with(parent: Any) -> None:
 def by_processes(tasks: Sequence[Task], workers: int, *, patience: float = 60.0) -> Generator[Receipt, None, None]:
     """One lane a worker, each with one task: a worker that dies is known by its task, and is replaced.
 
-    Parameters
-    ----------
-    patience : float
-        Seconds, and at least ten times what tasks usually take, after which a task is begun a second time on a lane
-        that has nothing to do: its worker may be stopped. Both would write the same bytes.
+    After `patience` seconds, and ten times what tasks usually take, an idle lane begins a task a second time, as its
+    worker may be stopped. Both write the same bytes.
     """
     context = multiprocessing.get_context("spawn")
     lanes = [_Lane(context) for _ in range(min(workers, max(len(tasks), 1)))]
@@ -131,7 +119,9 @@ def by_processes(tasks: Sequence[Task], workers: int, *, patience: float = 60.0)
             busy = [lane for lane in lanes if lane.task is not None]
             ready = wait_any([*(lane.pipe for lane in busy), *(lane.process.sentinel for lane in busy)], 1.0)
             for lane in busy:
-                receipt = _answer(lane) if lane.pipe in ready else None
+                receipt: Receipt | None = None
+                with suppress(EOFError, OSError):
+                    receipt = lane.pipe.recv() if lane.pipe in ready else None
                 task = lane.task
                 if receipt is not None:
                     times.append(time.monotonic() - lane.since)
@@ -140,7 +130,7 @@ def by_processes(tasks: Sequence[Task], workers: int, *, patience: float = 60.0)
                     lanes[lanes.index(lane)] = _Lane(context)
                     lane.end()
                     begun[task.target] += 1
-                    if begun[task.target] < ATTEMPTS:
+                    if begun[task.target] < 3:  # it may be the worker's fault, or nobody's
                         waiting.append(task)  # last: a task that kills workers must not stop the others
                         continue
                     receipt = Receipt(task.target, problem=_died(task))
@@ -152,14 +142,6 @@ def by_processes(tasks: Sequence[Task], workers: int, *, patience: float = 60.0)
     finally:
         for lane in lanes:
             lane.end()
-
-
-def _answer(lane: _Lane) -> Receipt | None:
-    try:
-        receipt: Receipt = lane.pipe.recv()
-    except (EOFError, OSError):
-        return None
-    return receipt
 
 
 def _next(
@@ -177,15 +159,8 @@ def _next(
     return next((task for task in slow if task.target not in doubled), None)
 
 
-class Dask(NamedTuple):
-    """A client of a Dask scheduler; `dashboard` is its address."""
-
-    client: Any
-    dashboard: str
-
-
-def connect(scheduler: str, timeout: float = 20.0) -> Dask:
-    """Connect to a scheduler, tcp://host:8786.
+def connect(scheduler: str, timeout: float = 20.0) -> Any:
+    """A client of a Dask scheduler, tcp://host:8786.
 
     Raises
     ------
@@ -197,36 +172,26 @@ def connect(scheduler: str, timeout: float = 20.0) -> Dask:
 
     dask.config.set({"distributed.comm.timeouts.connect": timeout})
     try:
-        client = Client(scheduler, timeout=timeout, set_as_default=False)
+        return Client(scheduler, timeout=timeout, set_as_default=False)
     except (OSError, ValueError, TimeoutError) as error:
         raise InputError(
-            f"no Dask scheduler answers at {scheduler!r} ({type(error).__name__}); begin one with `dask scheduler`, "
-            "and workers with `dask worker ADDRESS`"
+            f"no Dask scheduler answers at {scheduler!r} ({type(error).__name__}); begin one with "
+            "`dask scheduler --host 127.0.0.1`, and workers with `dask worker ADDRESS`"
         ) from None
-    return Dask(client, str(client.dashboard_link))
 
 
 class SchedulerLostError(InclinometryError):
     """The scheduler went away, or all its workers did; what was done is kept, the next run goes on."""
 
 
-def by_dask(tasks: Sequence[Task], dask: Dask, *, patience: float = 60.0) -> Generator[Receipt, None, None]:
+def by_dask(tasks: Sequence[Task], client: Any, *, patience: float = 60.0) -> Generator[Receipt, None, None]:
     """The workers of a scheduler; four tasks a worker are under way at a time.
 
-    A task is accused with its neighbours when a worker dies: those are done once more at the end, one at a time.
-
-    Parameters
-    ----------
-    patience : float
-        Seconds without any worker after which the run ends: a nanny does not bring back a worker that was killed while
-        it began, and a scheduler waits for workers for ever.
-
-    Raises
-    ------
-    SchedulerLostError
-        The connection ended, or no worker was there for so long.
+    When a worker dies, its neighbours' tasks are suspect too: they are done again at the end, one at a time. The run
+    ends after `patience` seconds without a worker: no nanny revives one killed at its start, and a scheduler waits for
+    ever.
     """
-    client, waiting, accused = dask.client, deque((task, task.target) for task in tasks), deque[Task]()
+    waiting, accused = deque((task, task.target) for task in tasks), deque[Task]()
     # who holds no future of a task has given it up
     of: dict[str, tuple[Task, Any]] = {}
     ready: SimpleQueue[Any] = SimpleQueue()

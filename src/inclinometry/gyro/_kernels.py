@@ -14,11 +14,13 @@ from typing import Final
 import numpy as np
 
 from inclinometry.arrays import Array
-from inclinometry.compiled import MATRIX, MATRIX_OUT, VECTOR, compiled, inlined, math, types
+from inclinometry.compiled import MATRIX, MATRIX_OUT, VECTOR, VECTOR_OUT, compiled, inlined, math, types
 
 GRID: Final = 64  # azimuths at which every cost is laid out; valleys are never narrower than 40 deg apart from twins
+LEAST: Final = 1e-12  # information below which there is none
 FLAT: Final = 0.5  # standard uncertainty, rad, beyond which the cost is called flat without looking at its shape
-COLUMNS: Final = 10
+COLUMNS: Final = 14
+CIRCLE: Final = 1440  # azimuths over which a posterior that is not Gaussian is summed
 
 _TABLE = np.stack([np.cos(2.0 * np.pi * np.arange(GRID) / GRID), np.sin(2.0 * np.pi * np.arange(GRID) / GRID)])
 
@@ -67,6 +69,21 @@ def _fisher(h: Array, e: Array, psi: float, k0: float, w: float, out: Array) -> 
         cross -= residual * turned
     out[0], out[1], out[2], out[3] = k, k * k * pp, k * pk, q + w
     out[4], out[5], out[6] = slope, bend, cross
+
+
+@inlined
+def _variance(fisher: Array, w: float) -> float:
+    """Variance of azimuth by what `_fisher` found."""
+    lost = 0.0 if w == math.inf else fisher[2] * fisher[2] / max(fisher[3], LEAST)
+    variance: float = 1.0 / max(fisher[1] - lost, LEAST)
+    return variance
+
+
+@inlined
+def _mass(fisher: Array, w: float) -> float:
+    """Root of the variance of azimuth, times that of k in units of its prior's."""
+    sharper: float = 1.0 if w == math.inf else math.sqrt(w / max(fisher[3], LEAST))
+    return sharper * math.sqrt(_variance(fisher, w))
 
 
 @inlined
@@ -141,16 +158,16 @@ def _twin_starts(h: Array, e: Array, starts: Array) -> int:
 def north(
     rate: Array, covariance: Array, inclination: Array, latitude: Array, k0: Array, weight: Array, out: Array
 ) -> None:
-    """Azimuth and k of n stations.
+    """Azimuth and k of n stations: rate (n, 3) a, b, z (NaN: not measured) over the Earth rate, weight 1 / var k0.
 
-    rate (n, 3): high-side rates a, b and z (NaN: not measured) in units of the Earth rate; covariance (n, 6) of them:
-    aa ab bb az bz zz; weight (n,): 1 / variance of k0. out (n, 10): azimuth, k, variance of azimuth, covariance,
-    variance of k, cost, azimuth of the runner-up (NaN: none), its cost, cost at azimuth -/+ 2 standard uncertainties.
+    covariance (n, 6): aa ab bb az bz zz. out (n, 14): azimuth, k, their variances with the covariance between, cost;
+    azimuth (NaN: none) and cost of the runner-up; cost at azimuth -/+ 2 standard uncertainties; mass; k, variance of
+    azimuth and mass of the runner-up. Mass: integral of exp(-cost / 2) over azimuth and the prior of k, in units of
+    sqrt(2 pi) exp(-cost at the bottom / 2).
     """
     table = _TABLE
     h, e, found, starts = np.empty(3), np.empty((3, 3)), np.empty(7), np.empty(4)
     lay = np.empty(GRID)
-    least = 1e-12  # information below which there is none
     for n in range(inclination.size):
         _whiten(rate[n], covariance[n], inclination[n], latitude[n], h, e)
         prior, w = k0[n], weight[n]
@@ -179,8 +196,8 @@ def north(
             best_cost = lay[0]
         _fisher(h, e, best, prior, w, found)
         known = w == math.inf
-        own = max(found[3], least)
-        variance = 1.0 / max(found[1] - (0.0 if known else found[2] * found[2] / own), least)
+        own = max(found[3], LEAST)
+        variance = _variance(found, w)
         variance_k = 0.0
         covariance_k = 0.0
         if not known:
@@ -194,3 +211,46 @@ def north(
         for side in range(2):
             there = best + (2.0 * side - 1.0) * 2.0 * sd
             out[n, 8 + side] = _cost(h, e, math.cos(there), math.sin(there), prior, w)
+        out[n, 10] = _mass(found, w)
+        _fisher(h, e, second, prior, w, found)
+        out[n, 11], out[n, 12], out[n, 13] = found[0], _variance(found, w), _mass(found, w)
+
+
+@compiled(types.void(MATRIX, MATRIX, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR_OUT))
+def spread(
+    rate: Array,
+    covariance: Array,
+    inclination: Array,
+    latitude: Array,
+    k0: Array,
+    weight: Array,
+    azimuth: Array,
+    out: Array,
+) -> None:
+    """Standard deviation (n,) of the azimuth about `azimuth` (n,) by the posterior of each station; stations as above.
+
+    The sum over a circle that begins at `azimuth`, so that a narrow peak is met at its top; k is integrated out.
+    """
+    h, e, cost = np.empty(3), np.empty((3, 3)), np.empty(CIRCLE)
+    for n in range(out.size):
+        _whiten(rate[n], covariance[n], inclination[n], latitude[n], h, e)
+        w, least = weight[n], math.inf
+        for i in range(CIRCLE):
+            psi = azimuth[n] + 2.0 * math.pi * i / CIRCLE
+            cost[i] = _cost(h, e, math.cos(psi), math.sin(psi), k0[n], w)
+            least = min(least, cost[i])
+        total, square = 0.0, 0.0
+        for i in range(CIRCLE):
+            turn = 2.0 * math.pi * i / CIRCLE
+            c, s = math.cos(azimuth[n] + turn), math.sin(azimuth[n] + turn)
+            wide = 1.0
+            if w != math.inf:
+                wide = w
+                for axis in range(3):
+                    model = e[0, axis] + e[1, axis] * c + e[2, axis] * s
+                    wide += model * model
+            share = math.exp(-0.5 * (cost[i] - least)) / math.sqrt(wide)
+            off = turn if turn <= math.pi else turn - 2.0 * math.pi
+            total += share
+            square += share * off * off
+        out[n] = math.sqrt(square / total)

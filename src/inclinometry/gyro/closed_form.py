@@ -46,29 +46,9 @@ class Tilt(NamedTuple):
 
 
 def tilt(gravity: ArrayLike, g: float | None = None) -> Tilt:
-    """Inclination and toolface from gravity in tool axes.
+    """Inclination and toolface from gravity (n, 2) or (n, 3) in tool axes; `g` in its unit, needed where z is NaN.
 
-    Parameters
-    ----------
-    gravity : (n, 2) or (n, 3) array_like
-        m/s^2 (any unit when every z is given); z NaN where it is not measured.
-    g : float, optional
-        Gravity, same unit; needed where z is not measured.
-
-    Raises
-    ------
-    InputError
-        Values that are not finite, z missing without g, cross-axis gravity more than 5 % above g, no gravity at all.
-
-    Notes
-    -----
     theta = atan2(hypot(gx, gy), gz), or arcsin(hypot(gx, gy)/g); phi = atan2(gy, -gx).
-
-    Examples
-    --------
-    >>> found = tilt([[-0.5, 0.0]], g=1.0)
-    >>> np.degrees(found.inclination).round(9), found.unseen
-    (array([30.]), array([ True]))
     """
     # any unit of gravity gives less
     field = vectors(gravity, "gravity", 1e9)
@@ -130,26 +110,7 @@ def settle_vertical(inclination: Array, azimuth: Array, toolface: Array) -> tupl
 
 
 def high_side(rate: ArrayLike, toolface: ArrayLike) -> tuple[Array, Array]:
-    """Cross-axis rates turned back by the toolface, to high side and 90 deg clockwise of it.
-
-    Parameters
-    ----------
-    rate : (..., 2) or (..., 3) array_like
-        x and y in tool axes, any unit; z is not used.
-    toolface : (...) array_like
-        rad.
-
-    Returns
-    -------
-    a, b : (...) ndarray
-        A = wx cos T - wy sin T, B = wx sin T + wy cos T, in the unit of `rate`.
-
-    Examples
-    --------
-    >>> a, b = high_side([0.0, -2.0], np.pi / 2)
-    >>> float(a), bool(abs(b) < 1e-15)
-    (2.0, True)
-    """
+    """Cross-axis rates turned to high side and right: A = wx cos T - wy sin T, B = wx sin T + wy cos T."""
     rate, toolface = np.asarray(rate, dtype=np.float64), finite(toolface, "toolface")
     x, y = finite(rate[..., 0], "rate x"), finite(rate[..., 1], "rate y")
     c, s = np.cos(toolface), np.sin(toolface)
@@ -157,15 +118,7 @@ def high_side(rate: ArrayLike, toolface: ArrayLike) -> tuple[Array, Array]:
 
 
 def expected_rates(azimuth: ArrayLike, inclination: ArrayLike, latitude: ArrayLike) -> tuple[Array, Array, Array]:
-    """High side, right and axial parts (X, Y, Z) of the Earth rate, in its unit; angles (...) in rad.
-
-    Examples
-    --------
-    Down the vertical at 30 deg, azimuth east:
-
-    >>> [round(float(v), 3) + 0.0 for v in expected_rates(np.pi / 2, 0.0, np.pi / 6)]
-    [0.0, -0.866, -0.5]
-    """
+    """High side, right and axial parts (X, Y, Z) of the Earth rate, in its unit; angles (...) in rad."""
     psi, th, lat = (np.asarray(v, dtype=np.float64) for v in (azimuth, inclination, latitude))
     level, down = np.cos(lat), np.sin(lat)
     north = level * np.cos(psi)
@@ -176,54 +129,19 @@ def expected_rates(azimuth: ArrayLike, inclination: ArrayLike, latitude: ArrayLi
 def scale_condition(azimuth: ArrayLike, inclination: ArrayLike, latitude: ArrayLike) -> Array:
     """K = cos a cos th + sin a sin th cos psi, shape (...): the uncertainty of the scale factor goes as 1/|K|.
 
-    It is the east part of (tool axis) x (direction of the Earth rate); the root of the closed form that is true has
-    its sign.
-
-    Examples
-    --------
-    >>> round(float(scale_condition(np.pi, np.pi / 3, np.pi / 6)), 9)
-    0.0
+    It is the east part of (tool axis) x (direction of the Earth rate); the true root of the closed form has its sign.
     """
     psi, th, lat = (np.asarray(v, dtype=np.float64) for v in (azimuth, inclination, latitude))
     return np.asarray(np.cos(lat) * np.cos(th) + np.sin(lat) * np.sin(th) * np.cos(psi))
 
 
 def scale_roots(a: ArrayLike, b: ArrayLike, inclination: ArrayLike, latitude: ArrayLike) -> tuple[Array, Array]:
-    """Both scale factors that make the horizontal Earth rate what it is at this latitude.
+    """Both scale factors (..., 2), + and - before the root, and the discriminant; a, b over the Earth rate.
 
-    Parameters
-    ----------
-    a, b : (...) array_like
-        `high_side` readings in units of the Earth rate.
-    inclination, latitude : (...) array_like
-        rad; inclination 0 to 90 deg.
-
-    Returns
-    -------
-    roots : (..., 2) ndarray
-        With + and with - before the square root. NaN where the discriminant is negative or nothing is measured.
-    discriminant : (...) ndarray
-        What stands under the root; (cos a K / s)^2 for readings without error.
-
-    Raises
-    ------
-    InputError
-        Not finite, or an angle out of range.
-
-    Notes
-    -----
-    Step D of the patent, with D = A^2 + B^2 cos^2 th (equal to the printed wx^2 + wy^2 - sin^2 th B^2):
-
-        s = [A sin a sin th +- cos th sqrt((wx^2 + wy^2) cos^2 a - sin^2 th B^2)] / D.
-
-    The smaller numerator is formed from the product of the roots, -cos(a + th) cos(a - th)/D, so that it keeps its
-    digits. Both roots are positive wherever th > 90 deg - |a|.
-
-    Examples
-    --------
-    >>> x, y, _ = expected_rates(np.radians(135.0), np.radians(75.0), np.radians(45.0))
-    >>> scale_roots(x / 1.01, y / 1.01, np.radians(75.0), np.radians(45.0))[0].round(4)
-    array([1.3531, 1.01  ])
+    Step D of the patent: s = [A sin a sin th +- cos th sqrt((wx^2 + wy^2) cos^2 a - sin^2 th B^2)] / D, NaN where the
+    discriminant is negative; D = A^2 + B^2 cos^2 th is the printed wx^2 + wy^2 - sin^2 th B^2. The smaller numerator
+    comes from the product of the roots, -cos(a + th) cos(a - th)/D, so that it keeps its digits. Both roots are
+    positive wherever th > 90 deg - |a|.
     """
     a, b = finite(a, "a"), finite(b, "b")
     th, lat = (
@@ -244,23 +162,10 @@ def scale_roots(a: ArrayLike, b: ArrayLike, inclination: ArrayLike, latitude: Ar
 
 
 def azimuth_arctan2(a: ArrayLike, b: ArrayLike, scale: ArrayLike, inclination: ArrayLike, latitude: ArrayLike) -> Array:
-    """Azimuth psi = atan2(-s B cos th, s A - sin a sin th), rad in [0, 2 pi), with a scale factor that is known.
+    """Azimuth psi = atan2(-s B cos th, s A - sin a sin th), rad in [0, 2 pi), with a known scale factor.
 
-    Parameters
-    ----------
-    a, b, scale, inclination, latitude : (...) array_like
-        As for `scale_roots`; they broadcast. Above 90 deg of inclination the result is the opposite azimuth, because
-        the factor cos th that both arguments carry has changed sign. A NaN scale gives NaN.
-
-    Notes
-    -----
-    The same as `patent_azimuth` without its factor g^2 sin th, so it holds down to the vertical.
-
-    Examples
-    --------
-    >>> x, y, _ = expected_rates(np.radians(300.0), np.radians(60.0), np.radians(45.0))
-    >>> float(np.degrees(azimuth_arctan2(x, y, 1.0, np.radians(60.0), np.radians(45.0))).round(9))
-    300.0
+    `patent_azimuth` without its factor g^2 sin th, so it holds down to the vertical. Above 90 deg of inclination the
+    result is the opposite azimuth: the factor cos th that both arguments carry has changed sign.
     """
     a, b, s, th, lat = (np.asarray(v, dtype=np.float64) for v in (a, b, scale, inclination, latitude))
     return wrap_positive(np.arctan2(-s * b * np.cos(th), s * a - np.sin(lat) * np.sin(th)))
@@ -310,13 +215,8 @@ def patent_azimuth(
 def printed_toolface(gx: ArrayLike, gy: ArrayLike) -> Array:
     """Toolface by step C as printed, rad in [-pi/2, 3 pi/2); kept to show its defects, use atan2(gy, -gx).
 
-    -arctan(gy/gx) where gx <= 0, pi - arctan(gy/gx) where gx > 0. At gx = +0 exactly it is half a turn off
-    (+-90 deg change places; at -0 they do not), and it is NaN where gx = gy = 0. Elsewhere it is right.
-
-    Examples
-    --------
-    >>> np.degrees(printed_toolface([-1.0, 1.0, 0.0, -0.0], [1.0, 1.0, 1.0, 1.0]))
-    array([ 45., 135., -90.,  90.])
+    -arctan(gy/gx) where gx <= 0, pi - arctan(gy/gx) where gx > 0. At gx = +0 exactly it is half a turn off (+-90 deg
+    change places; at -0 they do not), and it is NaN where gx = gy = 0. Elsewhere it is right.
     """
     gx, gy = finite(gx, "gx"), finite(gy, "gy")
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -339,9 +239,9 @@ class Attitude(NamedTuple):
 
     inclination: Array
     toolface: Array
-    covariance: Array  # (n, 2, 2) of inclination and toolface
+    covariance: Array  #: (n, 2, 2) of inclination and toolface
     up: Mask
-    assumed: Mask  # no z reading: taken as pointing down
+    assumed: Mask  #: no z reading: taken as pointing down
     vertical: Mask
     horizontal: Mask
 
@@ -649,39 +549,10 @@ def solve_fixed_arctan2(
     rate_covariance: ArrayLike | None = None,
     g: float | None = None,
 ) -> North:
-    """The classical closed form: azimuth by `azimuth_arctan2` with a scale factor that is given, not found.
+    """The classical closed form: azimuth by `azimuth_arctan2` with a given scale factor; parameters as `solve_patent`.
 
-    Parameters
-    ----------
-    scale, u_scale : (n,) array_like or float
-        True rate over reading, and its standard uncertainty (component "scale").
-    gravity, rate, latitude, gravity_covariance, rate_covariance, g
-        As for `solve_patent`.
-
-    Returns
-    -------
-    North
-        method "fixed"; NaN and flagged when vertical (gyro toolface kept), horizontal or up.
-
-    Raises
-    ------
-    InputError
-        As `solve_patent`; scale not positive.
-
-    Notes
-    -----
-    dpsi = -tan a tan th sin psi ds for an error of the scale factor. Two readings for one unknown: not the estimate
-    of least variance, even with the scale factor known.
-
-    Examples
-    --------
-    One per cent of scale, east at 80 deg:
-
-    >>> x, y, _ = expected_rates(np.radians(90.0), np.radians(80.0), np.radians(45.0))
-    >>> gravity = 9.8 * np.array([[-np.sin(np.radians(80.0)), 0.0, np.cos(np.radians(80.0))]])
-    >>> north = solve_fixed_arctan2(gravity, [[7.292115e-5 * x, 7.292115e-5 * y]], np.radians(45.0), u_scale=0.01)
-    >>> float(np.degrees(north.azimuth[0]).round(6)), float(np.degrees(north.u("azimuth")[0]).round(2))
-    (90.0, 3.25)
+    An error ds of the scale factor gives dpsi = -tan a tan th sin psi ds (component "scale"). Two readings for one
+    unknown: not the estimate of least variance. NaN and flagged when vertical (gyro toolface kept), horizontal or up.
     """
     attitude, a, b, noise, lat = prepare(gravity, rate, latitude, gravity_covariance, rate_covariance, g)
     s = np.broadcast_to(within(scale, "scale", 1e-3, 1e3), a.shape)

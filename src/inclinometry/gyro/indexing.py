@@ -5,17 +5,21 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
-from typing import Final, NamedTuple
+from typing import Final, Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from inclinometry.arrays import Array, Index, Mask, finite, frozen, within
-from inclinometry.errors import InputError
+from inclinometry.errors import InputError, refused
+from inclinometry.findings import Value
 from inclinometry.gyro.bias_walk import bias_walk, walk_covariance
 from inclinometry.gyro.result import IndexAverage
 from inclinometry.rotations import wrap_signed
 from inclinometry.uncertainty import chi_square_tail
+
+IndexTurns: TypeAlias = Literal["clockwise", "counterclockwise"]
+"""Which way index angles count, looking down hole."""
 
 # Least squares for many stations at once: arrays in and out, no checks.
 
@@ -23,10 +27,10 @@ from inclinometry.uncertainty import chi_square_tail
 class Columns(NamedTuple):
     """Which unknown each column of the design is: v_x, v_y[, v_z], a bias of each free channel[, a drift of each]."""
 
-    field: int  # 2, or 3 when z is seen
-    biased: Index  # indices of channels whose bias is fitted
+    field: int  #: 2, or 3 when z is seen
+    biased: Index  #: indices of channels whose bias is fitted
     drift: bool
-    prior: Array  # (q,) information (1/sd^2) of each column before the readings, about zero
+    prior: Array  #: (q,) information (1/sd^2) of each column before the readings, about zero
 
     def width(self, channels: int) -> int:
         """Number of unknowns of a station."""
@@ -40,14 +44,14 @@ class Columns(NamedTuple):
 class Solved(NamedTuple):
     """Fits of S stations of P rows and m channels; q unknowns."""
 
-    estimate: Array  # (S, q)
-    covariance: Array  # (S, q, q)
-    residual: Array  # (S, P, m) reading minus model
-    chi_square: Array  # (S,) prior included
-    dof: Array  # (S,)
-    determined: Mask  # (S,)
-    redundancy: Array  # (S, m) readings of a channel less the unknowns they pay for
-    statistic: Array  # (S, P) drop in chi-square when a row is left out; NaN where the others cannot replace it
+    estimate: Array  #: (S, q)
+    covariance: Array  #: (S, q, q)
+    residual: Array  #: (S, P, m) reading minus model
+    chi_square: Array  #: (S,) prior included
+    dof: Array  #: (S,)
+    determined: Mask  #: (S,)
+    redundancy: Array  #: (S, m) readings of a channel less the unknowns they pay for
+    statistic: Array  #: (S, P) drop in chi-square when a row is left out; NaN where the others cannot replace it
 
 
 def design(index: Array, time: Array, tensor: Array, columns: Columns, damping: float) -> Array:
@@ -132,17 +136,17 @@ MANY = 8
 class Batch:
     """Stations with equally many rows."""
 
-    stations: Index  # (S,) place of the station in the file
-    rows: Index  # (S, P) rows of the file
-    index: Array  # (S, P)
-    time: Array  # (S, P) centred, over its half range; 0 without time
-    second: Array  # (S,) the half range, s
-    values: Array  # (S, P, m) less the known offset
-    tensor: Array  # (S or 1, 1, m, 3), as it broadcasts
-    relative: Array  # (S, P, m) sd of a reading over the channel's noise
+    stations: Index  #: (S,) place of the station in the file
+    rows: Index  #: (S, P) rows of the file
+    index: Array  #: (S, P)
+    time: Array  #: (S, P) centred, over its half range; 0 without time
+    second: Array  #: (S,) the half range, s
+    values: Array  #: (S, P, m) less the known offset
+    tensor: Array  #: (S or 1, 1, m, 3), as it broadcasts
+    relative: Array  #: (S, P, m) sd of a reading over the channel's noise
     columns: Columns
     damping: float
-    used: Mask = field(default_factory=lambda: np.ones((0, 0), dtype=np.bool_))  # (S, P)
+    used: Mask = field(default_factory=lambda: np.ones((0, 0), dtype=np.bool_))  #: (S, P)
 
     def matrix(self, part: slice | Mask = slice(None)) -> Array:
         """Design (S, P, m, q) of the stations."""
@@ -166,8 +170,8 @@ class Noise:
     """Standard deviation (m,) of one reading, and how well it is known."""
 
     sd: Array
-    dof: float | None = None  # None: given
-    inside: bool = False  # the tested readings themselves weigh in it
+    dof: float | None = None  #: None: given
+    inside: bool = False  #: the tested readings themselves weigh in it
 
     def tail(self, drop: Array, freedom: Array) -> Array:
         """Chance of a chi-square so large in `freedom` degrees of freedom."""
@@ -202,7 +206,7 @@ def slices(shape: tuple[int, int], channels: int) -> Iterator[slice]:
     return (slice(start, start + step) for start in range(0, shape[0], step))
 
 
-def pooled_noise(batches: Sequence[Batch], clean: Mask, names: Sequence[str]) -> Noise:
+def pooled_noise(batches: Sequence[Batch], clean: Mask) -> Noise:
     """Noise of each channel from the residuals of all stations that are clean (n,).
 
     The residuals of a channel are set against its redundancy (readings less the unknowns they pay for); over many
@@ -216,18 +220,15 @@ def pooled_noise(batches: Sequence[Batch], clean: Mask, names: Sequence[str]) ->
     # reading per field (m,) of each channel, by which the noises of sensors of one kind compare
     rows = np.mean([np.linalg.norm(batch.tensor, axis=-1).mean(axis=(0, 1)) for batch in batches], axis=0)
     gain = np.where(rows > 0.0, rows, 1.0)
-    sd = np.full(len(names), max(1e-3 * largest, floor))
+    sd = np.full(len(gain), max(1e-3 * largest, floor))
     dof = 0.0
     for _ in range(6):
         square, redundancy = _station_squares(batches, sd, clean)
         poor = np.flatnonzero(redundancy.sum(axis=0) < 1e-6)
         if len(poor):
-            raise InputError(
-                f"noise is not given and the readings of the {names[poor[0]]} sensor are all needed for the result: no "
-                "residual is left to estimate it from; give the noise of one reading, or measure at more positions"
-            )
+            raise refused("gyro-noise-unknown", {"freedom": 0.0})
         # variances (m,) drawn together where each rests on few residuals: a weight that collapses is worse than none
-        variance = _typical(square, redundancy)
+        variance = typical_variance(square, redundancy)
         own = redundancy.sum(axis=0)
         common = np.sum(own * variance / gain**2) / np.sum(own)
         # the likeness of sensors of one kind is worth 30 degrees of freedom; many residuals speak for themselves
@@ -240,10 +241,7 @@ def pooled_noise(batches: Sequence[Batch], clean: Mask, names: Sequence[str]) ->
             break
     # for the uncertainty of an estimated noise to be finite
     if dof <= 2.5:
-        raise InputError(
-            f"noise is not given and {dof:.1f} degrees of freedom are too few to estimate it from; give the noise of "
-            "one reading, or measure more stations or positions"
-        )
+        raise refused("gyro-noise-unknown", {"freedom": dof})
     return Noise(sd, dof, inside=len(square) < MANY)
 
 
@@ -261,7 +259,7 @@ def _station_squares(batches: Sequence[Batch], sd: Array, clean: Mask) -> tuple[
     return np.concatenate(squares), np.concatenate(redundancies)
 
 
-def _typical(square: Array, redundancy: Array) -> Array:
+def typical_variance(square: Array, redundancy: Array) -> Array:
     """Variance (m,) of one reading from squared residuals and redundancies (n, m) of stations."""
     from scipy.special import gammaincinv
 
@@ -317,20 +315,14 @@ def _with_used(batch: Batch, used: Mask) -> Batch:
 
 @dataclass(frozen=True)
 class Scheme:
-    """A way of turning the sensors about the tool axis.
+    """A way of turning the sensors about the tool axis."""
 
-    name : as on the command line.
-    positions_deg : index angles in the order in which they are visited; empty where any will do.
-    minimum : different positions (for a fixed order: visits) a station needs.
-    drift : whether a drift of the bias is fitted; None: where time is given and there are 6 readings or more.
-    sentence : what it is good for.
-    """
-
-    name: str
-    positions_deg: tuple[float, ...]
-    minimum: int
+    name: str  #: as on the command line
+    positions_deg: tuple[float, ...]  #: index angles in order of visit; empty where any will do
+    minimum: int  #: different positions (for a fixed order: visits) a station needs
+    # whether a drift of the bias is fitted; None: where time is given and there are 6 readings or more
     drift: bool | None
-    sentence: str
+    sentence: str  #: what it is good for
 
 
 SCHEMES: Final[Mapping[str, Scheme]] = MappingProxyType(
@@ -354,6 +346,10 @@ SCHEMES: Final[Mapping[str, Scheme]] = MappingProxyType(
 """Index schemes by name."""
 
 
+TOLERANCE: Final = np.pi / 180.0
+"""rad off the scheme's position that are allowed; positions closer than that coincide."""
+
+
 def scheme_named(name: str) -> Scheme:
     """The scheme of a name, or an error that lists them."""
     if name not in SCHEMES:
@@ -361,32 +357,32 @@ def scheme_named(name: str) -> Scheme:
     return SCHEMES[name]
 
 
-def check_positions(scheme: Scheme, labels: Index, index: Array, tolerance: float) -> None:
+def check_positions(scheme: Scheme, labels: Index, index: Array) -> None:
     """Raise unless the positions (S, P) of every station are those of the scheme, repeats in place allowed."""
     if scheme.positions_deg:
         # nearly always all stations hold exactly the scheme's positions, one reading each
         wanted = np.radians(scheme.positions_deg)
         unlike: Mask = np.ones(len(index), dtype=np.bool_)
         if index.shape[1] == len(wanted):
-            unlike = np.asarray(~(np.abs(wrap_signed(index - wanted)) <= tolerance).all(axis=1))
+            unlike = np.asarray(~(np.abs(wrap_signed(index - wanted)) <= TOLERANCE).all(axis=1))
         for place in np.flatnonzero(unlike):
-            _check_visits(scheme, int(labels[place]), index[place], tolerance)
+            _check_visits(scheme, int(labels[place]), index[place])
         return
     # number (S,) of positions further apart than the tolerance, around the circle
     turned = np.sort(np.mod(index, 2.0 * np.pi), axis=1)
     gaps = np.diff(turned, axis=1, append=turned[:, :1] + 2.0 * np.pi)
-    apart = np.count_nonzero(gaps > tolerance, axis=1)
+    apart = np.count_nonzero(gaps > TOLERANCE, axis=1)
     # a dense rotation has no gap at all, but the ground it covers counts
-    covered = np.floor(np.where(gaps > tolerance, 0.0, gaps).sum(axis=1) / tolerance)
+    covered = np.floor(np.where(gaps > TOLERANCE, 0.0, gaps).sum(axis=1) / TOLERANCE)
     different = np.asarray(np.maximum(np.maximum(1, apart), covered), dtype=np.intp)
     poor = np.flatnonzero(different < scheme.minimum)
     if len(poor):
         at = poor[0]
-        raise InputError(
-            f"station {labels[at]}: {different[at]} different index positions ({_listed(index[at])} deg; those within "
-            f"{np.degrees(tolerance):g} deg coincide); scheme {scheme.name!r} needs {scheme.minimum} or more: measure "
-            "at further positions"
-        )
+        values: dict[str, Value] = {
+            "station": int(labels[at]), "index_deg": _degrees(index[at]),
+            "scheme": scheme.name, "needed": scheme.minimum,
+        }  # fmt: skip
+        raise refused("gyro-positions-few", values)
 
 
 def check_times(labels: Index, time: Array) -> None:
@@ -394,39 +390,35 @@ def check_times(labels: Index, time: Array) -> None:
     wrong = np.argwhere(np.diff(time, axis=1) <= 0.0)
     if len(wrong):
         at, row = wrong[0]
-        raise InputError(
-            f"station {labels[at]}: time goes from {time[at, row]:.10g} s to {time[at, row + 1]:.10g} s at its "
-            f"reading {row + 2}; it must increase within a station: put the rows in the order of measurement"
+        before, after = time[at, row : row + 2].tolist()
+        raise refused(
+            "gyro-time-order",
+            {"station": int(labels[at]), "before_s": before, "time_s": after, "reading": int(row) + 2},
         )
 
 
-def _check_visits(scheme: Scheme, label: int, index: Array, tolerance: float) -> None:
+def _check_visits(scheme: Scheme, label: int, index: Array) -> None:
     """One station whose rows are not one reading a position: repeats in place and whole cycles are as good."""
-    found, wanted = _visits(index, tolerance), np.radians(scheme.positions_deg)
-    if len(index) < len(wanted) or len(found) < len(_visits(wanted, tolerance)):
-        raise InputError(
-            f"station {label}: {len(index)} readings at index {_listed(index)} deg; scheme {scheme.name!r} needs "
-            f"{_listed(wanted)} deg: measure the missing positions, or use scheme 'n' if there are three or more"
-        )
+    found, wanted = _visits(index), np.radians(scheme.positions_deg)
+    named: dict[str, Value] = {"station": label, "scheme": scheme.name, "needed_deg": scheme.positions_deg}
+    if len(index) < len(wanted) or len(found) < len(_visits(wanted)):
+        named |= {"readings": len(index), "index_deg": _degrees(index)}
+        raise refused("gyro-positions-missing", named)
     for cycles in range(1, len(found) // 2 + 1):
-        expected = _visits(np.tile(wanted, cycles), tolerance)
-        if len(expected) == len(found) and (np.abs(wrap_signed(found - expected)) <= tolerance).all():
+        expected = _visits(np.tile(wanted, cycles))
+        if len(expected) == len(found) and (np.abs(wrap_signed(found - expected)) <= TOLERANCE).all():
             return
-    raise InputError(
-        f"station {label}: index positions in the order {_listed(found)} deg; scheme {scheme.name!r} needs "
-        f"{_listed(wanted)} deg within {np.degrees(tolerance):g} deg, in that order, since what a drift does to the "
-        "mean depends on it: put the rows in the order of measurement, or use scheme 'n', which takes any order"
-    )
+    raise refused("gyro-positions-order", named | {"index_deg": _degrees(found)})
 
 
-def _visits(index: Array, tolerance: float) -> Array:
+def _visits(index: Array) -> Array:
     """Positions with repeats in place struck out."""
-    return np.asarray(index[np.concatenate([[True], np.abs(wrap_signed(np.diff(index))) > tolerance])])
+    return np.asarray(index[np.concatenate([[True], np.abs(wrap_signed(np.diff(index))) > TOLERANCE])])
 
 
-def _listed(index: Array, most: int = 12) -> str:
-    shown = ", ".join(f"{round(float(v), 2) + 0.0:g}" for v in np.degrees(index[:most]))
-    return shown if len(index) <= most else f"{shown}, ... ({len(index)} in all)"
+def _degrees(index: Array) -> tuple[float, ...]:
+    """Positions as a finding shows them, the first twelve."""
+    return tuple((np.degrees(index[:12]).round(2) + 0.0).tolist())
 
 
 # What the index average is given, checked and cut into batches of stations.
@@ -436,13 +428,12 @@ def _listed(index: Array, most: int = 12) -> str:
 class Table:
     """The readings, checked; stations in the order of the file."""
 
-    labels: Index  # (n,)
-    starts: Index  # (n + 1,) rows where stations begin
+    labels: Index  #: (n,)
+    starts: Index  #: (n + 1,) rows where stations begin
     index: Array
     signals: Array
     time: Array | None
-    offset: Array  # (n or 1, m)
-    tolerance: float
+    offset: Array  #: (n or 1, m)
 
     def groups(self) -> list[Index]:
         """Places of the stations with equally many rows, by number of rows."""
@@ -458,7 +449,7 @@ class Table:
         """Positions and times of every station."""
         for places in self.groups():
             rows = self.rows(places)
-            check_positions(plan, self.labels[places], self.index[rows], self.tolerance)
+            check_positions(plan, self.labels[places], self.index[rows])
             if self.time is not None:
                 check_times(self.labels[places], self.time[rows])
 
@@ -469,7 +460,6 @@ def read_table(
     signals: ArrayLike,
     time: ArrayLike | None,
     offset: ArrayLike | None,
-    tolerance: float,
 ) -> Table:
     """Check the columns and cut them into stations."""
     labels = np.asarray(station)
@@ -485,7 +475,7 @@ def read_table(
     own = labels[starts[:-1]]
     if len(np.unique(own)) < len(own):
         again = next(int(label) for place, label in enumerate(own) if label in own[:place])
-        raise InputError(f"station {again} comes back after another one; put its rows together or number it anew")
+        raise refused("gyro-station-again", {"station": again})
     known = finite(np.zeros(channels) if offset is None else offset, "offset", (channels,))
     if known.shape not in ((channels,), (len(own), channels)):
         raise InputError(f"offset has shape {known.shape}; expected ({channels},) or ({len(own)}, {channels})")
@@ -496,7 +486,6 @@ def read_table(
         signals=values,
         time=None if time is None else finite(time, "time", (size,)),
         offset=known.reshape(-1, channels),
-        tolerance=float(within(tolerance, "tolerance", 1e-9, np.pi / 4, "rad")),
     )
 
 
@@ -512,12 +501,6 @@ def read_axes(tensor: ArrayLike | None, table: Table) -> Array:
     if axes.shape[0] not in (1, stations) or not np.any(axes, axis=-1).all():
         raise InputError(f"tensor has shape {axes.shape}; expected ({stations}, {channels}, 3), no sensor of all zeros")
     return axes
-
-
-def channel_names(axes: Array) -> Sequence[str]:
-    """What messages call the channels."""
-    count = axes.shape[1]
-    return list("xyz"[:count]) if count <= 3 else [f"{place + 1}." for place in range(count)]
 
 
 def read_noise(noise: ArrayLike | None, shape: tuple[int, ...]) -> tuple[Array, Array | None]:
@@ -555,9 +538,7 @@ def fits_drift(plan: Scheme, drift: bool | None, table: Table, places: Index) ->
         # from six readings on a scheme with free positions can afford a drift
         return table.time is not None and count >= 6
     if wanted and table.time is None:
-        remedy = "give time_s" + ("" if plan.positions_deg else ", or do not fit a drift")
-        label = table.labels[places[0]]
-        raise InputError(f"station {label}: scheme {plan.name!r} fits a drift but time is missing; {remedy}")
+        raise refused("gyro-time-missing", {"station": int(table.labels[places[0]]), "scheme": plan.name})
     return wanted
 
 
@@ -599,90 +580,75 @@ def make_batches(
 
 
 def average_index(
+    station: ArrayLike,  # (K,); readings of a station must be consecutive
+    index: ArrayLike,  # (K,) rad, the middle of the reading where the sensors turn meanwhile
+    signals: ArrayLike,  # (K, m) x, or x and y, or x, y and z, or the rows of the tensor
+    *,
+    scheme: str,
+    time: ArrayLike | None = None,  # s; needed where a drift is fitted
+    noise: ArrayLike | None = None,  # (m,) or (K, m) of one reading; from the residuals of all stations when absent
+    tensor: ArrayLike | None = None,  # N, (m, 3) or (n, m, 3); x, y, z when absent
+    offset: ArrayLike | None = None,  # known part of the bias, (m,) or (n, m)
+    # (m,) inf: nothing known; finite for a channel that sees mostly z, whose bias no turn separates from the field.
+    # When absent inf across the tool, 0 along it
+    offset_sd: ArrayLike | None = None,
+    sweep: float = 0.0,  # rad turned while one reading is averaged
+    drift: bool | None = None,  # as the scheme says when absent
+    # variance of the bias's step over the noise's; when absent from the readings (`bias_walk`) if the noise is stated,
+    # else part of the noise
+    walk: float | None = None,
+    sound: ArrayLike | None = None,  # (n,) stations from which noise and walk are estimated; all when absent
+    index_turns: IndexTurns = "clockwise",  # looking down hole; the wrong way mirrors the field of a single sensor
+) -> IndexAverage:
+    """Field of gyros or accelerometers in tool axes at index 0, without bias and, where the scheme can, linear drift.
+
+    Per station: signals = N R_z(index) diag(a, a, 1) v + offset + bias + drift (t - t_mean) + noise, with
+    a = sin(sweep/2)/(sweep/2). One x sensor at 0, 90, 180, 270 deg gives v_x = (x0 - x180)/2, v_y = (x90 - x270)/2:
+    steps A and B of the fibre-optic gyro inclinometer patent of 2015. The covariance is that of the weighted least
+    squares, multiplied by chi-square/dof where the station is flagged "noisy".
+    """
+    table, batches, given = index_batches(
+        station, index, signals, scheme=scheme, time=time, noise=noise, tensor=tensor, offset=offset,
+        offset_sd=offset_sd, sweep=sweep, drift=drift, index_turns=index_turns,
+    )  # fmt: skip
+    # positions and sensors must tell field, bias and drift apart
+    for batch in batches:
+        level = np.ones(batch.values.shape[-1]) if given is None else given
+        lost = np.flatnonzero(~batch.solve(level).determined)
+        if len(lost) == 0:
+            continue
+        station, positions = int(table.labels[batch.stations[lost[0]]]), _degrees(batch.index[lost[0]])
+        values = {"station": station, "channels": batch.values.shape[-1], "index_deg": positions}
+        raise refused("gyro-positions-blind", values)
+    every = np.ones(len(table.labels), dtype=np.bool_) if sound is None else np.asarray(sound, dtype=np.bool_)
+    if every.shape != table.labels.shape or not every.any():
+        raise InputError(f"sound has shape {every.shape}; expected {table.labels.shape}, with one station or more")
+    return _averaged(batches, given, table, walk, every)
+
+
+def index_batches(
     station: ArrayLike,
     index: ArrayLike,
     signals: ArrayLike,
     *,
     scheme: str,
-    time: ArrayLike | None = None,
-    noise: ArrayLike | None = None,
-    tensor: ArrayLike | None = None,
-    offset: ArrayLike | None = None,
-    offset_sd: ArrayLike | None = None,
-    sweep: float = 0.0,
+    time: ArrayLike | None,
+    noise: ArrayLike | None,
+    tensor: ArrayLike | None,
+    offset: ArrayLike | None,
+    offset_sd: ArrayLike | None,
+    sweep: float,
     drift: bool | None = None,
-    walk: float | None = None,
-    tolerance: float = np.pi / 180.0,
-) -> IndexAverage:
-    """Field in tool axes at index 0 of every station, freed from bias and, where the scheme can, from linear drift.
-
-    Serves gyros and accelerometers alike.
-
-    Parameters
-    ----------
-    station : (K,) array_like of int
-        Station of each reading; the readings of a station stand together.
-    index : (K,) array_like
-        Index angle, rad, clockwise looking down hole; the middle of the reading where the sensors turn meanwhile.
-    signals : (K, m) array_like
-        Readings of m channels: x, or x and y, or x, y and z, or as many as the tensor has rows.
-    scheme : str
-        A key of `SCHEMES`.
-    time : (K,) array_like, optional
-        s; needed where a drift is fitted.
-    noise : (m,) or (K, m) array_like, optional
-        Standard deviation of one reading; estimated from the residuals of all stations when absent.
-    tensor : (m, 3) or (n, m, 3) array_like, optional
-        N of the calibration, for all stations or for each; x, y, z when absent.
-    offset : (m,) or (n, m) array_like, optional
-        Known part of the bias.
-    offset_sd : (m,) array_like, optional
-        Standard uncertainty of that; inf: nothing is known. A channel that sees mostly z cannot tell bias from field by
-        turning, so that its must be finite. When absent: inf for channels across the tool, and 0 (the offset is taken
-        as known) for those along it.
-    sweep : float
-        Angle turned while one reading is averaged, rad; the average shrinks by sin(sweep/2)/(sweep/2), which is undone.
-    drift : bool, optional
-        Fit a drift or not; as the scheme says when absent.
-    walk : float, optional
-        Variance of the step that the bias takes from reading to reading, in units of the noise's; where absent it is
-        found from the readings if the noise is stated (`inclinometry.gyro.bias_walk.bias_walk`), else in the noise.
-    tolerance : float
-        rad, by which a position may be off the scheme's (the angle read is used, not the scheme's); positions closer
-        than that coincide.
-
-    Returns
-    -------
-    IndexAverage
-        `bias` is the known offset plus what was found; `left_out` holds station labels and rows of the input. The
-        covariance is that of the weighted least squares, from the noise stated; for a station flagged "noisy" it is
-        multiplied by chi-square/dof. With estimated noise it is as uncertain as the noise, see the notes.
-
-    Raises
-    ------
-    InputError
-        Shapes that do not fit; too few, coinciding or wrongly ordered positions; time missing or not increasing;
-        readings that cannot determine the field, or not the noise when that is wanted.
-
-    Notes
-    -----
-    For each station: signals = N R_z(index) diag(a, a, 1) v + offset + bias + drift (t - t_mean) + noise, with
-    a = sin(sweep/2)/(sweep/2). One x sensor at 0, 90, 180, 270 deg gives v_x = (x0 - x180)/2, v_y = (x90 - x270)/2:
-    steps A and B of the fibre-optic gyro inclinometer patent of 2015.
-
-    Examples
-    --------
-    One x gyro, deg/h, with a bias of 5:
-
-    >>> average = average_index(
-    ...     [7, 7, 7, 7], np.radians([0, 90, 180, 270]), [[15.0], [2.0], [-5.0], [8.0]], scheme="four", noise=[0.01]
-    ... )
-    >>> average.field.round(9), average.bias.round(9)
-    (array([[10., -3., nan]]), array([[5.]]))
-    """
+    index_turns: IndexTurns = "clockwise",
+) -> tuple[Table, list[Batch], Array | None]:
+    """What `average_index` is given, checked, as batches; the noise of each channel where it is."""
     plan = scheme_named(scheme)
-    table = read_table(station, index, signals, time, offset, tolerance)
+    table = read_table(station, index, signals, time, offset)
     table.check_scheme(plan)
+    if index_turns not in get_args(IndexTurns):
+        raise InputError(f"index_turns is {index_turns!r}; allowed: {', '.join(get_args(IndexTurns))}")
+    if index_turns == "counterclockwise":
+        table = replace(table, index=-table.index)
     axes = read_axes(tensor, table)
     relative, given = read_noise(noise, table.signals.shape)
     known = read_offset_sd(offset_sd, axes)
@@ -692,37 +658,19 @@ def average_index(
         for rows in table.groups()
         for batch in make_batches(table, rows, axes, relative, known, fits_drift(plan, drift, table, rows), damping)
     ]
-    names = channel_names(axes)
-    # positions and sensors must tell field, bias and drift apart
-    for batch in batches:
-        noise = np.ones(batch.values.shape[-1]) if given is None else given
-        lost = np.flatnonzero(~batch.solve(noise).determined)
-        if len(lost) == 0:
-            continue
-        shown = ", ".join(f"{v:g}" for v in np.degrees(batch.index[lost[0], :8]).round(2) + 0.0)
-        remedy = "measure at further positions" + (", or do not fit a drift" if batch.columns.drift else "")
-        if plan.name == "two":
-            remedy = "add a second sensor across the tool, or measure at four positions (scheme 'four')"
-        raise InputError(
-            f"station {table.labels[batch.stations[lost[0]]]}: {batch.values.shape[-1]} channel(s) at index {shown} "
-            f"deg do not determine both components of the field across the tool beside the bias; {remedy}"
-        )
-    return _averaged(batches, given, table, names, walk)
+    return table, batches, given
 
 
-def _averaged(
-    batches: list[Batch], given: Array | None, table: Table, names: Sequence[str], walk: float | None
-) -> IndexAverage:
+def _averaged(batches: list[Batch], given: Array | None, table: Table, walk: float | None, every: Mask) -> IndexAverage:
     """Noise, spikes, final fit."""
     stations, (total, channels) = len(table.labels), table.signals.shape
-    every = np.ones(stations, dtype=np.bool_)
-    noise = pooled_noise(batches, every, names) if given is None else Noise(given)
+    noise = pooled_noise(batches, every) if given is None else Noise(given)
     found = [find_spikes(batch, noise, total) for batch in batches]
     batches = [batch for batch, _ in found]
     if given is None:
-        noise = pooled_noise(batches, every, names)
+        noise = pooled_noise(batches, every)
     if walk is None:
-        walk = 0.0 if given is None else _walk_of(found, noise, stations)
+        walk = 0.0 if given is None else _walk_of(found, noise, stations, every)
     out = _Sums(stations, channels)
     for batch, unsure in found:
         out.take(batch, batch.solve(noise.sd), noise, unsure, walk)
@@ -732,23 +680,6 @@ def _averaged(
         for s, p in np.argwhere(~batch.used)
     ]
     left_out.sort(key=lambda pair: pair[1])
-    warnings = [
-        f"Station {label}: reading in row {row} disagrees with the others; left out." for label, row in left_out
-    ]
-    noisy = table.labels[out.noisy]
-    if len(noisy):
-        shown = ", ".join(str(label) for label in noisy[:10]) + (", ..." if len(noisy) > 10 else "")
-        warnings.append(
-            f"{len(noisy)} station(s) disagree within themselves by more than the noise ({shown}); their covariance "
-            "is multiplied by chi-square over degrees of freedom."
-        )
-    notes: tuple[str, ...] = ()
-    if noise.dof is not None:
-        values = ", ".join(f"{name} {value:.3g}" for name, value in zip(names, noise.sd, strict=True))
-        notes = (
-            f"Noise of one reading, estimated from the residuals of {len(table.labels)} station(s) with "
-            f"{noise.dof:.0f} degrees of freedom: {values}.",
-        )
     return IndexAverage(
         field=frozen(out.field),
         covariance=frozen(out.covariance),
@@ -762,8 +693,6 @@ def _averaged(
             for s, n in zip(out.spike.tolist(), out.noisy.tolist(), strict=True)
         ),
         left_out=tuple(left_out),
-        notes=notes,
-        warnings=tuple(warnings),
         noise_freedom=np.inf if noise.dof is None else noise.dof,
     )
 
@@ -774,11 +703,11 @@ def _noisy(fit: Solved, noise: Noise, unsure: Mask, stations: int) -> Mask:
     return np.asarray(unsure | ((fit.dof > 0.0) & (likely < LEVEL)))
 
 
-def _walk_of(found: Sequence[tuple[Batch, Mask]], noise: Noise, stations: int) -> float:
+def _walk_of(found: Sequence[tuple[Batch, Mask]], noise: Noise, stations: int, every: Mask) -> float:
     """Walk of the bias as `bias_walk` finds it, of stations that lack no reading and are not noisy."""
     parts = []
     for batch, unsure in found:
-        whole = batch.used.all(axis=1) & ~_noisy(batch.solve(noise.sd), noise, unsure, stations)
+        whole = every[batch.stations] & batch.used.all(axis=1) & ~_noisy(batch.solve(noise.sd), noise, unsure, stations)
         size, channels = batch.values.shape[1:]
         spread = np.broadcast_to(batch.relative * noise.sd, batch.values.shape)[whole]
         parts.append((

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from inclinometry.arrays import Array, Mask
 from inclinometry.gyro.closed_form import expected_rates
 from inclinometry.gyro.result import covariances, per_station, vectors
-from inclinometry.rotations import wrap_positive, wrap_signed
+from inclinometry.rotations import wrap_positive
 
 RIVAL = 25.0
 """Cost by which the second-best azimuth must be worse: five standard uncertainties."""
@@ -26,26 +26,26 @@ SCALES = (0.2, 5.0)
 
 
 class JointBatch(NamedTuple):
-    """n stations, rad.
+    """n stations, rad; all fields (n,)."""
 
-    azimuth : (n,) in [0, 2 pi).
-    k : (n,) 1 / scale.
-    var_azimuth, cov_azimuth_k, var_k : (n,) inverse of the Fisher information, prior included.
-    cost : (n,) squared misfit at the solution, in variances: of rates and prior together.
-    rival, rival_cost : (n,) the second-best azimuth and its cost; NaN and infinite where there is none.
-    ambiguous, weak : (n,) another azimuth fits nearly as well; the posterior is not Gaussian.
-    """
-
-    azimuth: Array
-    k: Array
+    azimuth: Array  #: in [0, 2 pi)
+    k: Array  #: 1 / scale
+    # var_azimuth, cov_azimuth_k, var_k: inverse of the Fisher information, prior included
     var_azimuth: Array
     cov_azimuth_k: Array
     var_k: Array
-    cost: Array
+    cost: Array  #: squared misfit at the solution, in variances: of rates and prior together
+    # rival, rival_cost: the second-best azimuth and its cost; NaN and infinite where there is none
     rival: Array
     rival_cost: Array
-    ambiguous: Mask
-    weak: Mask
+    ambiguous: Mask  #: another azimuth fits nearly as well
+    weak: Mask  #: the posterior is not Gaussian
+    # mass, rival_mass: integral of exp(-cost / 2) about the two azimuths, in units of sqrt(2 pi) exp(-cost / 2)
+    mass: Array
+    # rival_k, rival_var: k and variance of azimuth of the second-best; 0 where there is none
+    rival_k: Array
+    rival_var: Array
+    rival_mass: Array
 
 
 def solve_joint(
@@ -55,43 +55,12 @@ def solve_joint(
     latitude: ArrayLike,
     *,
     scale: ArrayLike = 1.0,
-    scale_sd: ArrayLike = np.inf,
+    scale_sd: ArrayLike = np.inf,  # 0: scale known exactly
 ) -> JointBatch:
-    """Most probable azimuth and k = 1/scale of many stations.
+    """Most probable azimuth and k = 1/scale of n stations; rates of `high_side` over the Earth rate, z may be NaN.
 
-    Parameters
-    ----------
-    rates : (n, 2) or (n, 3) array_like
-        Readings turned to the high side: a = wx cos T - wy sin T, b = wx sin T + wy cos T, and wz, in units of the
-        Earth rate; wz may be NaN where it is not measured.
-    covariance : (n, 2, 2) or (n, 3, 3) array_like
-        Of the rates; one matrix serves all stations.
-    inclination, latitude : (n,) array_like
-        rad, 0..pi and -pi/2..pi/2; a scalar serves all stations.
-    scale, scale_sd : (n,) array_like
-        Prior of the scale factor; infinite: nothing, 0: exactly.
-
-    Returns
-    -------
-    JointBatch
-
-    Raises
-    ------
-    InputError
-        Shapes that do not fit; a covariance that is not positive; angles, scales out of range.
-
-    Notes
-    -----
     Minimises (h - k E(psi))' C^-1 (h - k E(psi)) + (k - k0)^2 / sd^2 with E the Earth rate of azimuth psi in high-side
     axes. k is eliminated in closed form; no square root, no choice of roots, no complex case.
-
-    Examples
-    --------
-    A reading 1 % low, latitude 45, inclination 60, azimuth 90 deg:
-
-    >>> found = solve_joint([[0.99 * 0.75**0.5 * 0.5**0.5, -0.99 * 0.5**0.5]], [1e-6 * np.eye(2)], np.pi / 3, np.pi / 4)
-    >>> np.degrees(found.azimuth).round(9), (1 / found.k).round(9)
-    (array([90.]), array([1.01010101]))
     """
     h = vectors(rates, "rates", LARGEST)
     seen = np.isfinite(h[:, 2])
@@ -99,14 +68,10 @@ def solve_joint(
     inc = per_station(inclination, len(h), "inclination", 0.0, np.pi, "rad")
     lat = per_station(latitude, len(h), "latitude", -np.pi / 2, np.pi / 2, "rad")
     k0, sd = prior_of_k(scale, scale_sd, len(h))
-    with np.errstate(divide="ignore"):
-        weight = 1.0 / (sd * sd)
-    cov = np.where(np.isfinite(wide), wide, np.eye(3))[:, [0, 1, 1, 2, 2, 2], [0, 0, 1, 0, 1, 2]]
     from inclinometry.gyro import _kernels  # here and not above: it brings in numba
 
     out = np.empty((len(h), _kernels.COLUMNS))
-    inc, lat, k0, weight = (np.ascontiguousarray(v) for v in (inc, lat, k0, weight))
-    _kernels.north(h, np.ascontiguousarray(cov), inc, lat, k0, weight, out)
+    _kernels.north(*_stations(h, wide, inc, lat, k0, sd), out)
     low, high = out[:, 8] - out[:, 5], out[:, 9] - out[:, 5]
     weak = (out[:, 2] >= _kernels.FLAT**2) | (np.minimum(low, high) < BENT[0]) | (np.maximum(low, high) > BENT[1])
     return JointBatch(
@@ -120,6 +85,8 @@ def solve_joint(
         out[:, 7],
         out[:, 7] - out[:, 5] < RIVAL,
         weak,
+        out[:, 10],
+        *np.where(np.isfinite(out[:, 7]), out[:, 11:].T, 0.0),
     )
 
 
@@ -136,26 +103,33 @@ def posterior_sd(
 ) -> Array:
     """Standard uncertainty (n,) of azimuth about its estimate, rad, from the whole posterior of each station.
 
-    Integrates over azimuth, k eliminated; used where the posterior has more than one peak or is flat.
+    Integrates over azimuth and k; used where the posterior has more than one peak or is flat.
     """
-    circle = 1440  # azimuths over which a posterior that is not Gaussian is integrated
-    psi = 2.0 * np.pi * np.arange(circle) / circle
-    spread = np.empty(len(azimuth))
-    for n in range(len(azimuth)):
-        axes = 3 if np.isfinite(rates[n, -1]) and rates.shape[1] == 3 else 2
-        # a shifted circle, so that a narrow peak is met at its top
-        model = earth_in_tool(psi + azimuth[n], inclination[n], latitude[n])[:, :axes]
-        lower = np.linalg.cholesky(covariance[n, :axes, :axes])
-        e, h = np.linalg.solve(lower, model.T), np.linalg.solve(lower, rates[n, :axes])
-        p, q = e.T @ h, np.sum(e * e, axis=0)
-        w = np.inf if sd[n] == 0.0 else 1.0 / sd[n] ** 2
-        k = np.full(circle, k0[n]) if np.isinf(w) else np.maximum((p + k0[n] * w) / np.maximum(q + w, 1e-300), 0.0)
-        cost = np.sum((h[:, None] - k * e) ** 2, axis=0)
-        if np.isfinite(w):
-            cost = cost + w * (k - k0[n]) ** 2 + np.log(q + w)
-        density = np.exp(-0.5 * (cost - cost.min()))
-        spread[n] = np.sqrt(density @ wrap_signed(psi) ** 2 / density.sum())
-    return spread
+    h = vectors(rates, "rates", LARGEST)
+    wide = covariances(covariance, "covariance", np.isfinite(h[:, 2]), positive=True)
+    out = np.empty(len(h))
+    from inclinometry.gyro import _kernels
+
+    _kernels.spread(*_stations(h, wide, inclination, latitude, k0, sd), np.ascontiguousarray(azimuth), out)
+    return out
+
+
+def _stations(
+    h: Array, covariance: Array, inclination: Array, latitude: Array, k0: Array, sd: Array
+) -> tuple[Array, Array, Array, Array, Array, Array]:
+    """What the kernels take of the stations."""
+    with np.errstate(divide="ignore"):
+        weight = 1.0 / (sd * sd)
+    packed = np.where(np.isfinite(covariance), covariance, np.eye(3))[:, [0, 1, 1, 2, 2, 2], [0, 0, 1, 0, 1, 2]]
+    inclination, latitude, k0 = (np.ascontiguousarray(one) for one in (inclination, latitude, k0))
+    return (
+        np.ascontiguousarray(h),
+        np.ascontiguousarray(packed),
+        inclination,
+        latitude,
+        k0,
+        np.ascontiguousarray(weight),
+    )
 
 
 def earth_in_tool(azimuth: ArrayLike, inclination: ArrayLike, latitude: ArrayLike) -> Array:

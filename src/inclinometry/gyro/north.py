@@ -22,6 +22,7 @@ from inclinometry.gyro.joint import (
     posterior_sd,
     solve_joint,
 )
+from inclinometry.gyro.point_mass import Rates, ScaleLaw, solve_law
 from inclinometry.gyro.result import North, covariances, one_value, per_station, vectors
 from inclinometry.rotations import wrap_positive, wrap_signed
 from inclinometry.uncertainty import UNKNOWN
@@ -34,7 +35,7 @@ def estimate_north(
     *,
     gravity_covariance: ArrayLike,
     rate_covariance: ArrayLike,
-    scale: ArrayLike = 1.0,
+    scale: ArrayLike | ScaleLaw = 1.0,
     scale_sd: ArrayLike = 0.003,
     g: float | None = None,
     hole: str | None = None,
@@ -54,13 +55,13 @@ def estimate_north(
     gravity_covariance, rate_covariance : (n, k, k) array_like
         Of gravity and rate, in their units.
     scale, scale_sd : (n,) or scalar
-        Prior of the scale factor: from the calibration, the station before, or both; infinite:
-        nothing.
+        Prior of the scale factor from the calibration; infinite: nothing. A `ScaleLaw` as `scale`, from a
+        `ScaleTrack`, gives it as a density, and `scale_sd` is not looked at.
     g : float, optional
         Gravity, m/s^2; needed where gravity has no z.
     hole : {"down", "up"}, optional
         Whether the tool points below or above the horizon, for tools that cannot tell (no z). Without it a gyro along
-        the tool decides; failing that down is taken and flagged.
+        the tool decides; failing that down is assumed and flagged.
     latitude_sd : float
         rad.
 
@@ -76,7 +77,8 @@ def estimate_north(
     Notes
     -----
     See `solve_joint`. Uncertainty by J C J' from the gyros, the accelerometers, the prior on scale and the latitude,
-    kept apart; where the posterior is not Gaussian, or has two peaks, its own spread is added as "shape".
+    kept apart; where the posterior is not Gaussian, or has two peaks, its own spread is added as "shape". By a
+    `ScaleLaw` the azimuth is the mean about the highest peak of its density (`solve_law`).
 
     Examples
     --------
@@ -87,8 +89,12 @@ def estimate_north(
     >>> float(np.degrees(found.azimuth[0]).round(2)), float(found.scale[0].round(3))
     (90.0, 1.01)
     """
+    law = None
+    if isinstance(scale, ScaleLaw):
+        law = scale
+        scale, scale_sd = law.moments()
     problem = _problem(gravity, rate, latitude, gravity_covariance, rate_covariance, scale, scale_sd, g, hole)
-    return _north(problem, problem.scale_sd, latitude_sd, "joint")
+    return _north(problem, problem.scale_sd, latitude_sd, "joint", law)
 
 
 def estimate_north_fixed(
@@ -108,15 +114,6 @@ def estimate_north_fixed(
 
     The scale is not corrected by the rates; its uncertainty is carried into the azimuth's. Least squares uses both
     cross-axis rates, so it is never worse than the arctangent of the closed form.
-
-    Examples
-    --------
-    >>> rate = 7.292115e-5 * np.array([[0.75**0.5 * 0.5**0.5, -0.5**0.5]])
-    >>> down = 9.8 * np.array([[-np.sin(np.pi / 3), 0.0, 0.5]])
-    >>> found = estimate_north_fixed(down, rate, np.pi / 4, gravity_covariance=[1e-8 * np.eye(3)],
-    ...                              rate_covariance=[1e-15 * np.eye(2)])
-    >>> float(np.degrees(found.azimuth[0]).round(2))
-    90.0
     """
     problem = _problem(gravity, rate, latitude, gravity_covariance, rate_covariance, scale, scale_sd, g, hole)
     if np.isinf(problem.scale_sd).any():
@@ -135,7 +132,7 @@ class _Problem(NamedTuple):
     scale: Array
     scale_sd: Array
     assumed: Mask
-    open: Mask  # the gyro along the tool is to decide between down and up
+    open: Mask  #: the gyro along the tool is to decide between down and up
 
 
 def _problem(
@@ -190,22 +187,31 @@ def to_high_side(rate: Array, covariance: Array, toolface: Array) -> tuple[Array
     return out, cov
 
 
-def _north(problem: _Problem, prior_sd: Array, latitude_sd: float, method: str) -> North:
+def _north(problem: _Problem, prior_sd: Array, latitude_sd: float, method: str, law: ScaleLaw | None = None) -> North:
     one_value(latitude_sd, "latitude_sd", 0.0, np.pi / 2, "rad")
     found = problem.tilt
     high, covariance = to_high_side(problem.rate, problem.rate_covariance, found.toolface)
     latitude = np.full(len(high), problem.latitude)
 
-    def solve(inclination: Array) -> JointBatch:
-        return solve_joint(high, covariance, inclination, latitude, scale=problem.scale, scale_sd=prior_sd)
+    def solve(inclination: Array) -> tuple[JointBatch, Array, Array, Array]:
+        """Solution, the standard deviation of its azimuth where known, that of k expected, and how far k is from it."""
+        if law is not None:
+            whole = solve_law(Rates(high, covariance, inclination, problem.latitude), law)
+            return whole.found, whole.azimuth_sd, whole.prior_sd, whole.surprise
+        one = solve_joint(high, covariance, inclination, latitude, scale=problem.scale, scale_sd=prior_sd)
+        expected_sd = problem.scale_sd / problem.scale**2
+        off = np.abs(one.k - 1.0 / problem.scale)
+        surprise = np.divide(off, expected_sd, out=np.zeros_like(off), where=expected_sd > 0.0)
+        return one, np.full(len(high), np.nan), expected_sd, surprise
 
-    best = first = solve(found.inclination)
+    (best, spread, sd_k, surprise) = (first, *_) = solve(found.inclination)
     if problem.open.any():
-        other = solve(np.pi - found.inclination)
+        other, *more = solve(np.pi - found.inclination)
         rather = problem.open & (other.cost < best.cost)
         close = problem.open & (np.abs(other.cost - best.cost) < RIVAL)
         found = upward(found, rather)
         best = JointBatch(*(np.where(rather, b, a) for a, b in zip(best, other, strict=True)))
+        spread, sd_k, surprise = (np.where(rather, b, a) for a, b in zip((spread, sd_k, surprise), more, strict=True))
         loser = np.where(rather, first.azimuth, other.azimuth), np.where(rather, first.cost, other.cost)
         nearer = close & ~(best.rival_cost < loser[1])
         best = best._replace(
@@ -214,8 +220,30 @@ def _north(problem: _Problem, prior_sd: Array, latitude_sd: float, method: str) 
             rival_cost=np.where(nearer, loser[1], best.rival_cost),
         )
     response = _responses(best, found, high, covariance, latitude, problem.scale)
-    components = _components(problem, prior_sd, best, found, response, latitude_sd)
-    # stations without z so near 90 deg that their inclination, by arcsine, is lost
+    components = _components(problem, prior_sd, sd_k, best, found, response, latitude_sd)
+    lost = _lost(problem)
+    odd = np.flatnonzero(best.weak | best.ambiguous)
+    if law is None and odd.size:
+        spread[odd] = posterior_sd(
+            high[odd], covariance[odd], found.inclination[odd], latitude[odd],
+            1.0 / problem.scale[odd], prior_sd[odd] / problem.scale[odd] ** 2, best.azimuth[odd],
+        )  # fmt: skip
+        # a rival too narrow for the integral counts by its likelihood
+        odds = 1.0 / (1.0 + np.exp(0.5 * np.minimum(best.rival_cost[odd] - best.cost[odd], 1e3)))
+        apart = np.where(np.isfinite(best.rival[odd]), wrap_signed(best.rival[odd] - best.azimuth[odd]), 0.0)
+        spread[odd] = np.maximum(spread[odd], np.sqrt(odds) * np.abs(apart))
+    if np.isfinite(spread).any():
+        beyond = np.nan_to_num(spread) ** 2 - np.minimum(best.var_azimuth, UNKNOWN**2)
+        components["shape"] = _azimuth_only(np.maximum(beyond, 0.0))
+    quadrant = lost & np.isnan(problem.rate[:, 2])
+    if quadrant.any():  # azimuth and 180 deg - azimuth look alike
+        components["quadrant"] = _azimuth_only(np.where(quadrant, UNKNOWN**2, 0.0))
+    result = _result(problem, best, found, components, response[1], method, lost, surprise)
+    return replace(result, response=_by_angle(problem, prior_sd, sd_k, best, found, response))
+
+
+def _lost(problem: _Problem) -> Mask:
+    """Stations without z so near 90 deg that their inclination, by arcsine, is lost."""
     level = problem.tilt
     across = np.stack([-np.cos(level.toolface), np.sin(level.toolface)], axis=1)
     arc = np.sqrt(np.einsum("ni,nij,nj->n", across, problem.gravity_covariance[:, :2, :2], across))
@@ -224,25 +252,7 @@ def _north(problem: _Problem, prior_sd: Array, latitude_sd: float, method: str) 
     # u(inclination) is that error over the cosine, and 90 deg less the inclination is 2 gap / spread of them. Five are
     # asked for: with 3, three stations in 20 000 at exactly 90 deg passed with an azimuth wrong by a hundred degrees,
     # since the inclination errs there by the root of the noise
-    lost = np.asarray(level.unseen & (gap <= 0.5 * 5.0 * arc))
-    odd = np.flatnonzero(best.weak | best.ambiguous)
-    if odd.size:
-        spread = posterior_sd(
-            high[odd], covariance[odd], found.inclination[odd], latitude[odd],
-            1.0 / problem.scale[odd], prior_sd[odd] / problem.scale[odd] ** 2, best.azimuth[odd],
-        )  # fmt: skip
-        # a rival too narrow for the integral counts by its likelihood
-        odds = 1.0 / (1.0 + np.exp(0.5 * np.minimum(best.rival_cost[odd] - best.cost[odd], 1e3)))
-        apart = np.where(np.isfinite(best.rival[odd]), wrap_signed(best.rival[odd] - best.azimuth[odd]), 0.0)
-        spread = np.maximum(spread, np.sqrt(odds) * np.abs(apart))
-        shape = np.zeros((len(high), 4))
-        shape[odd, 1] = shape[odd, 3] = np.maximum(spread**2 - np.minimum(best.var_azimuth[odd], UNKNOWN**2), 0.0)
-        components["shape"] = shape
-    quadrant = lost & np.isnan(problem.rate[:, 2])
-    if quadrant.any():  # azimuth and 180 deg - azimuth look alike
-        components["quadrant"] = _azimuth_only(np.where(quadrant, UNKNOWN**2, 0.0))
-    result = _result(problem, best, found, components, response[1], method, lost)
-    return replace(result, response=_by_angle(problem, prior_sd, best, found, response))
+    return np.asarray(level.unseen & (gap <= 0.5 * 5.0 * arc))
 
 
 def _responses(
@@ -283,9 +293,15 @@ def _responses(
 
 
 def _components(
-    problem: _Problem, prior_sd: Array, best: JointBatch, found: Tilt, response: tuple[Array, ...], latitude_sd: float
+    problem: _Problem,
+    prior_sd: Array,
+    sd_k: Array,
+    best: JointBatch,
+    found: Tilt,
+    response: tuple[Array, ...],
+    latitude_sd: float,
 ) -> dict[str, Array]:
-    """Variances (n, 4) of inclination, azimuth, toolface and gyro toolface by cause."""
+    """Variances (n, 4) of inclination, azimuth, toolface and gyro toolface by cause; sd_k: of k expected."""
     size = len(best.azimuth)
     seen = np.isfinite(problem.rate[:, 2])
     _, cov_rate = to_high_side(problem.rate, problem.rate_covariance, found.toolface)
@@ -297,7 +313,6 @@ def _components(
     row[:, 1] = by_tilt[:, :1] * found.by_gravity[:, 0] + by_tilt[:, 1:] * found.by_gravity[:, 1]
     row[:, 3] = by_tilt[:, :1] * found.by_gravity[:, 0] + (by_tilt[:, 1:] + 1.0) * found.by_gravity[:, 1]
     cov_gravity = np.where(np.isfinite(problem.gravity_covariance), problem.gravity_covariance, 0.0)
-    sd_k = problem.scale_sd / problem.scale**2
     fixed, flat = prior_sd == 0.0, np.isinf(sd_k)
     own = (by_prior * sd_k) ** 2
     safe = np.where(flat | fixed | (sd_k == 0.0), 1.0, sd_k)
@@ -313,7 +328,7 @@ def _components(
 
 
 def _by_angle(
-    problem: _Problem, prior_sd: Array, best: JointBatch, found: Tilt, response: tuple[Array, ...]
+    problem: _Problem, prior_sd: Array, sd_k: Array, best: JointBatch, found: Tilt, response: tuple[Array, ...]
 ) -> dict[str, Array]:
     """How inclination, azimuth and the direction of the hole follow what they are found from: `North.response`."""
     size = len(best.azimuth)
@@ -323,7 +338,6 @@ def _by_angle(
     turned = np.stack([c * by_rate[:, 0] + s * by_rate[:, 1], c * by_rate[:, 1] - s * by_rate[:, 0], by_rate[:, 2]], 1)
     turned[np.isnan(problem.rate[:, 2]), 2] = 0.0
     # of the estimate with an expected scale: P[azimuth, k] / variance of k expected
-    sd_k = problem.scale_sd / problem.scale**2
     free = (prior_sd > 0.0) & np.isfinite(sd_k)
     safe = np.where(free, sd_k, 1.0)
     joint = np.where(free, best.cov_azimuth_k / safe**2, np.where(np.isfinite(by_prior), by_prior, 0.0))
@@ -358,6 +372,7 @@ def _result(
     by_tilt: Array,
     method: str,
     lost: Mask,
+    surprise: Array,
 ) -> North:
     azimuth, toolface = settle_vertical(found.inclination, best.azimuth, found.toolface)
     inc = found.inclination
@@ -372,9 +387,6 @@ def _result(
     spread = np.sqrt(np.sum([part[:, 0] for part in components.values()], axis=0))
     dof = np.where(np.isfinite(problem.rate[:, 2]), 3.0, 2.0) - (1.0 if method == "fixed" else 2.0)
     dof = dof + (np.isfinite(problem.scale_sd) if method == "joint" else 0.0)
-    sd_k = problem.scale_sd / problem.scale**2
-    with np.errstate(invalid="ignore", divide="ignore"):
-        surprise = np.abs(best.k - 1.0 / problem.scale) > 4.0 * sd_k
     masks = {
         # by the sine: the inclination of a tool without z is uncertain near horizontal too
         "vertical": np.sin(inc) <= 5.0 * spread * np.abs(np.cos(inc)),
@@ -382,7 +394,7 @@ def _result(
         "horizontal": lost,
         "ambiguous": best.ambiguous,
         "weak": best.weak,
-        "scale": surprise & (method == "joint"),
+        "scale": (surprise > 4.0) & (method == "joint"),
         "misfit": best.cost > 16.0 * np.maximum(dof, 1.0),  # a degree of freedom
     }
     flags = tuple(tuple(name for name, mask in masks.items() if mask[n]) for n in range(len(inc)))

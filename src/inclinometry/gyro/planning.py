@@ -25,26 +25,16 @@ AZIMUTHS = 720
 
 @dataclass(frozen=True)
 class GyroSetup:
-    """What the azimuth depends on besides place and attitude; rates in rad/s, angles in rad.
+    """What the azimuth depends on besides place and attitude; rates in rad/s, angles in rad."""
 
-    arw : angle random walk N of one gyro, rad/sqrt(s).
-    bias_instability : B; what flicker leaves in the mean over the index positions, whatever the time.
-    scale_sd : prior relative standard uncertainty of the scale factor.
-    gyros : 1 or 2 across the tool.
-    axes : 2, or 3 with a gyro along the tool, whose bias no turn about the tool axis removes.
-    axial_bias_sd : of that bias after calibration.
-    tilt_sd : of the level by the accelerometers (their standard uncertainty over gravity).
-    positions : index angles visited in turn for equal times.
-    """
-
-    arw: float
-    bias_instability: float = 0.0
-    scale_sd: float = 0.003
-    gyros: int = 2
-    axes: int = 2
-    axial_bias_sd: float = 0.0
-    tilt_sd: float = 0.0
-    positions: Sequence[float] = (0.0, np.pi / 2.0, np.pi, 1.5 * np.pi)
+    arw: float  #: angle random walk N of one gyro, rad/sqrt(s)
+    bias_instability: float = 0.0  #: B; what flicker leaves in the mean over the index positions, whatever the time
+    scale_sd: float = 0.003  #: prior relative standard uncertainty of the scale factor
+    gyros: int = 2  #: 1 or 2 across the tool
+    axes: int = 2  #: 2, or 3 with a gyro along the tool, whose bias no turn about the tool axis removes
+    axial_bias_sd: float = 0.0  #: of that bias after calibration
+    tilt_sd: float = 0.0  #: of the level by the accelerometers (their standard uncertainty over gravity)
+    positions: Sequence[float] = (0.0, np.pi / 2.0, np.pi, 1.5 * np.pi)  #: index angles visited in turn for equal times
 
     def __post_init__(self) -> None:
         limits = {"arw": 0.1, "bias_instability": 0.1, "scale_sd": 1.0, "axial_bias_sd": 0.1, "tilt_sd": 0.5}
@@ -62,22 +52,14 @@ class GyroSetup:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class StandstillPlan(Tabular):
-    """Time of standing still for a wanted azimuth, over azimuths of the hole.
+    """Time of standing still for a wanted azimuth, over azimuths of the hole."""
 
-    azimuth : (n,) rad.
-    time : (n,) s on all index positions together; infinite where a day is not enough.
-    floor : (n,) standard uncertainty of azimuth that is left after any time, rad.
-    moving : s spent between index positions, not in `time`.
-    wanted : standard uncertainty asked for, rad.
-    notes : what stands in the way and what would help.
-    """
-
-    azimuth: Array
-    time: Array
-    floor: Array
-    moving: float
-    wanted: float
-    notes: tuple[str, ...]
+    azimuth: Array  #: (n,) rad
+    time: Array  #: (n,) s on all index positions together; infinite where a day is not enough
+    floor: Array  #: (n,) standard uncertainty of azimuth that is left after any time, rad
+    moving: float  #: s spent between index positions, not in `time`
+    wanted: float  #: standard uncertainty, rad
+    notes: tuple[str, ...]  #: what limits the azimuth and what would help
 
     def at(self, share: float) -> int:
         """Row of the azimuth at a share of the order of times: 0 the best, 0.5 the median, 1 the worst."""
@@ -98,46 +80,12 @@ def standstill_time(
     azimuth: float | None = None,
     move_time: float = 0.0,
 ) -> StandstillPlan:
-    """Time of standing still that brings azimuth to a wanted standard uncertainty.
+    """Time of standing still for `azimuth_sd`; all round without `azimuth`, gyro toolface within 1 deg of the vertical.
 
-    Parameters
-    ----------
-    latitude, inclination : float
-        rad. Within 1 deg of the vertical the gyro toolface (azimuth + toolface) is planned for.
-    azimuth_sd : float
-        Wanted standard uncertainty, rad.
-    setup : GyroSetup
-    azimuth : float, optional
-        rad from true north; all round when not given.
-    move_time : float
-        From one index position to the next, s.
-
-    Returns
-    -------
-    StandstillPlan
-
-    Raises
-    ------
-    InputError
-        Values out of range; a pole, where there is no north.
-
-    Notes
-    -----
-    The joint estimate reads h = k E(psi) with E the Earth rate in high-side axes and k = 1/scale, known to
-    `scale_sd`; its variance of azimuth is the inverse of the Fisher information. One gyro across the tool, turned to
-    three or more even positions in total time T, gives each cross-axis rate a standard deviation N sqrt(2/T), two give
-    N / sqrt(T). With D the squared areas |E x dE/dpsi| and r = sigma^2 / scale_sd^2
-
-        var(psi) = sigma^2 (|E|^2 + r) / (D + r |dE/dpsi|^2).
-
-    Level, one gyro, scale known: sigma_psi = sqrt(2) N / (sqrt(T) we cos(latitude)).
-
-    Examples
-    --------
-    >>> setup = GyroSetup(arw=np.radians(0.005) / 60.0, gyros=1)
-    >>> plan = standstill_time(np.pi / 4, 0.0, np.radians(0.1475), setup, azimuth=0.0)
-    >>> round(float(plan.time[0]))
-    240
+    The joint estimate's Fisher information. One gyro across, turned to three or more even positions in total time T,
+    gives each cross-axis rate sigma = N sqrt(2/T), two give N / sqrt(T). With D the squared areas |E x dE/dpsi| and
+    r = sigma^2 / scale_sd^2: var(psi) = sigma^2 (|E|^2 + r) / (D + r |dE/dpsi|^2). Level, one gyro, scale known:
+    sigma_psi = sqrt(2) N / (sqrt(T) we cos(latitude)).
     """
     place = float(within(latitude, "latitude", -np.pi / 2.0, np.pi / 2.0, "rad"))
     if abs(place) > np.radians(89.9):

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from inclinometry.arrays import Array, Mask
 from inclinometry.errors import InputError
+from inclinometry.findings import Finding
 from inclinometry.tabular import Column, Tabular, degrees, in_degrees
 from inclinometry.uncertainty import angle_sd
 
@@ -101,13 +102,14 @@ def covariances(value: ArrayLike, name: str, seen: Mask, *, positive: bool) -> A
 
 FLAGS = {
     "vertical": "azimuth and toolface are hardly defined; use the gyro toolface (azimuth + toolface)",
-    "down-assumed": "nothing along the tool tells down from up; down is taken: state the direction of the hole",
+    "down-assumed": "hole direction not given: down assumed; give --hole",
     "ambiguous": "another azimuth fits the rates nearly as well; a gyro along the tool or a better known scale decides",
     "weak": "the rates hardly depend on azimuth here (near horizontal east-west); u covers the whole likely range",
     "scale": "the scale factor is further from what was expected than its uncertainty allows",
-    "misfit": "the rates do not fit the Earth's at this latitude within their uncertainty",
+    "misfit": "the rates do not fit the Earth's at this latitude within their uncertainty; no azimuth where none fits",
     "spike": "one index position disagrees with the others and was left out",
     "noisy": "index positions disagree by more than the noise",
+    "channel": "a channel failed here: it kept one value, changed its size, or was ten times as noisy; no azimuth",
     "temperature": "outside the temperatures of the calibration; the parameters are extrapolated",
     "complex": "no real scale factor solves the closed form: noise near its double root",
     "double-root": "the two scale factors of the closed form cannot be told apart (K is zero within noise)",
@@ -121,31 +123,22 @@ FLAGS = {
 
 @dataclass(frozen=True, eq=False)
 class IndexAverage:
-    """Field in tool axes at index 0, one row a station (n), freed from what does not turn with the index.
+    """Field in tool axes at index 0, one row a station (n), freed from what does not turn with the index."""
 
-    field : (n, 3) in the unit of the readings (or of the calibration's field); z NaN where no channel sees it.
-    covariance : (n, 3, 3); rows and columns of z NaN where z is.
-    bias, drift : (n, m) of each channel, per reading unit and per second; drift 0 where it was not fitted.
-    chi_square, dof : (n,) weighted squared residuals and their degrees of freedom.
-    noise : (m,) standard deviation of one reading that the covariance rests on.
-    noise_freedom : degrees of freedom of the residuals it was estimated from; infinite where it was given.
-    flags : per station, names of `FLAGS`.
-    left_out : (station, row) of readings not used.
-    notes : what was estimated; warnings : what may be wrong.
-    """
-
-    field: Array
-    covariance: Array
+    field: Array  #: (n, 3) in the unit of the readings (or of the calibration's field); z NaN where no channel sees it
+    covariance: Array  #: (n, 3, 3); rows and columns of z NaN where z is
+    # bias, known offset included, and drift: (n, m) of each channel, per reading unit and per second; drift 0 where it
+    # was not fitted
     bias: Array
     drift: Array
+    # chi_square, dof: (n,) weighted squared residuals and their degrees of freedom
     chi_square: Array
     dof: Array
-    noise: Array
-    flags: Sequence[Sequence[str]]
-    left_out: Sequence[tuple[int, int]] = ()
-    notes: Sequence[str] = ()
-    warnings: Sequence[str] = ()
-    noise_freedom: float = np.inf
+    noise: Array  #: (m,) standard deviation of one reading that the covariance rests on
+    flags: Sequence[Sequence[str]]  #: per station, names of `FLAGS`
+    left_out: Sequence[tuple[int, int]] = ()  #: (station, row) of readings not used
+    findings: Sequence[Finding] = ()  #: on the readings of a run
+    noise_freedom: float = np.inf  #: of the residuals the noise was estimated from; infinite where given
 
     def __len__(self) -> int:
         return len(self.field)
@@ -155,35 +148,28 @@ class IndexAverage:
 class North(Tabular):
     """Stations with azimuth from true north; angles in rad, one row a station (n).
 
-    inclination, azimuth, toolface, gyro_toolface : (n,) gyro_toolface is azimuth + toolface, defined when vertical too.
-    scale, u_scale : (n,) true rate = scale x reading.
-    k : (n,) K = cos(lat) cos(inc) + sin(lat) sin(inc) cos(azi): the scale factor cannot be seen where it is zero.
-    root : per station "+" or "-", the sign of K, which is the root of the closed form that is true.
-    components : cause -> (n, 4) variances of inclination, azimuth, toolface, gyro toolface, rad^2.
-    chi_square, dof : (n,) misfit of the rates, prior included, and its degrees of freedom.
-    flags : per station, names of `FLAGS`.
-    method : "joint", "fixed", "patent" or "tracked".
-    response : how inclination, azimuth, and the hole's direction to north and east (rows) follow "gravity" and "rate"
-        in tool axes, (n, 4, 3), per m/s^2 and rad/s, what was expected of 1/scale, "prior", and the latitude,
-        "latitude", (n, 4, 1). Of the joint and the fixed estimate only.
-
     Where the closed form fails azimuth and scale are NaN and the flag says why; the joint estimate is never NaN.
     """
 
     inclination: Array
     azimuth: Array
     toolface: Array
-    gyro_toolface: Array
-    scale: Array
+    gyro_toolface: Array  #: azimuth + toolface, defined when vertical too
+    scale: Array  #: true rate = scale x reading
     u_scale: Array
-    k: Array
-    root: Sequence[str]
+    k: Array  #: K = cos(lat) cos(inc) + sin(lat) sin(inc) cos(azi): the scale factor is not observable where it is zero
+    root: Sequence[str]  #: "+" or "-", the sign of K: the root of the closed form that is true
+    #: cause -> (n, 4) variances of inclination, azimuth, toolface, gyro toolface, rad^2
     components: Mapping[str, Array]
+    # chi_square, dof: misfit of the rates, prior included, and its degrees of freedom
     chi_square: Array
     dof: Array
-    flags: Sequence[Sequence[str]]
-    method: str
+    flags: Sequence[Sequence[str]]  #: per station, names of `FLAGS`
+    method: str  #: "joint", "fixed", "patent" or "tracked"
     notes: Sequence[str] = ()
+    # how inclination, azimuth, and the hole's direction to north and east (rows) follow "gravity" and "rate" in tool
+    # axes, (n, 4, 3), per m/s^2 and rad/s, the expected 1/scale, "prior", and the latitude, "latitude", (n, 4, 1); of
+    # the joint and the fixed estimate only
     response: Mapping[str, Array] = field(default_factory=dict)
 
     def __len__(self) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -17,40 +18,44 @@ from inclinometry.errors import FileError, InclinometryError, InputError
 from inclinometry.files.json_codec import parse
 from inclinometry.files.verification_json import stated_limits
 from inclinometry.files.writing import program
-from inclinometry.laboratory.certificate.dcc import dcc_bytes, read_dcc
-from inclinometry.laboratory.certificate.laboratory_toml import Laboratory, Order, Standard, laboratory_from
+from inclinometry.laboratory import registry
+from inclinometry.laboratory.certificate.dcc import dcc_bytes, number, read_dcc
+from inclinometry.laboratory.certificate.laboratory import Laboratory, Order, Standard, laboratory_from
 from inclinometry.laboratory.certificate.pdf import certificate_pdf
 from inclinometry.laboratory.certificate.record import (
     certificate_record,
     checked,
+    coverage,
     printable,
     record_bytes,
     record_digest,
 )
+from inclinometry.laboratory.certificate.requirements import only_conforming
 from inclinometry.laboratory.certificate.signing import seal, sign_files, unsigned
-from inclinometry.laboratory.certified import every
+from inclinometry.laboratory.certified import ended, ending
+from inclinometry.laboratory.ledger.chain import missing
 from inclinometry.laboratory.ledger.engine import MEDIA
 from inclinometry.laboratory.ledger.ledger import ConflictError, Draft, Ledger, LedgerError, Record
 from inclinometry.laboratory.ledger.users import LOCAL
-from inclinometry.laboratory.registry import find_laboratory, find_logo, find_site, find_tool, standards
+from inclinometry.laboratory.placeholders import stated
+from inclinometry.laboratory.registry import standards as registered
 from inclinometry.laboratory.results import calibration_of, measured, parameters
-from inclinometry.laboratory.session import load_session
-from inclinometry.laboratory.verification import judged, limits_of, report
+from inclinometry.laboratory.session import load_session, site_of
+from inclinometry.laboratory.verification import judged, limits_of, recorded, report
 
 # What a certificate says of laboratory, order and rig, from the records of the ledger.
 
 
 def laboratory_of(ledger: Ledger, session: Record) -> Laboratory:
     """The laboratory of a session's site, else that of the settings; InputError when neither names one."""
-    site = find_site(ledger, str(session.body.get("site", "")))
+    site = registry.find_site(ledger, site_of(ledger, session))
     if site is not None and site.laboratory:
         return laboratory_from(dict(site.laboratory))
-    found = find_laboratory(ledger)
-    if found is None:
-        raise InputError(
-            "the laboratory is not known: state name, address and country in the laboratory settings, or give them"
-        )
-    return found
+    if found := registry.find_laboratory(ledger):
+        return found
+    raise InputError(
+        "the laboratory is not known: state name, address and country in the laboratory settings, or give them"
+    )
 
 
 def authorised(laboratory: Laboratory, wanted: tuple[str, str], author: str) -> Laboratory:
@@ -64,11 +69,6 @@ def authorised(laboratory: Laboratory, wanted: tuple[str, str], author: str) -> 
     return laboratory if laboratory.authoriser else replace(laboratory, authoriser=own)
 
 
-def standards_of(ledger: Ledger) -> tuple[Standard, ...]:
-    """The reference standards the laboratory uses, as a certificate cites them."""
-    return tuple(Standard(one.name, one.certificate, one.due) for one in standards(ledger) if not one.retired)
-
-
 def order(
     ledger: Ledger,
     session: Record,
@@ -79,15 +79,14 @@ def order(
 ) -> Order:
     """What was ordered and done, from the records of session, tool, rig and readings; `said` goes before them."""
     body = {**session.body, **{name: value for name, value in said.items() if value}}
-    tool = find_tool(ledger, session.keys["serial"])
+    tool = registry.find_tool(ledger, session.keys["serial"])
     first, last = measured(ledger, calibration, session)
     if verification is not None:
         last = max(last, date.fromisoformat(verification.created[:10]))
     about = body.get("environment", {})
     # traceability and place of a rig as it was when the tool was calibrated; as they are now where none was stated
-    name = body["rig"]
-    then = ledger.find("rig", name=name, newest=True, after=session.seq, limit=1)
-    now = ledger.latest("rig", name=name)
+    then = ledger.find("rig", name=body["rig"], newest=True, after=session.seq, limit=1)
+    now = ledger.latest("rig", name=body["rig"])
     bodies = [record.body for record in (*then, now) if record is not None]
     traceability, place = (next((str(b[key]) for b in bodies if b.get(key)), "") for key in ("traceability", "place"))
     return Order(
@@ -139,9 +138,9 @@ class CertificateStatus:
 
     number: str
     state: str
+    by: str
+    reason: str
     record: Record
-    by: str = ""
-    reason: str = ""
 
 
 def issue(
@@ -151,112 +150,63 @@ def issue(
     laboratory: Laboratory | None = None,
     *,
     author: str,
-    language: str = "en",
-    nonconforming: bool = False,
     number: str | None = None,
-    about: Mapping[str, Any] | None = None,
-    authoriser: tuple[str, str] = ("", ""),
-    standards: Sequence[Standard] | None = None,
+    supersedes: str | None = None,
+    reason: str = "",
+    nonconforming: bool = False,
     now: datetime | None = None,
     fonts: Sequence[str | Path] = (),
     pdf: bool = True,
+    **said: Any,
 ) -> Record:
     """Issue a certificate: record, PDF, DCC and JSON file go into the ledger in one step.
 
-    Parameters
-    ----------
-    calibration, verification : str
-        Ids of their records; None for a certificate without a statement of conformity.
-    laboratory : Laboratory, optional
-        That of the session's site when not given.
-    nonconforming : bool
-        Agree that a failed verification is certified as such.
-    number : str, optional
-        The next of the year when not given, as 2026-0001.
-    about : mapping, optional
-        Of the order: customer, order, condition, received (2026-01-31), environment; each in place of what the session
-        says, where it is not empty.
-    authoriser : (str, str)
-        Name and role of who answers for it; what the laboratory names, or else the author, when empty.
-    standards : sequence of Standard, optional
-        The reference standards that were used; all the laboratory has when not given.
-    now : datetime, optional
-        Time of issue; the clock's when not given.
-    pdf : bool
-        False: digital only, without the PDF, which takes most of the time.
-
-    Raises
-    ------
-    LedgerError
-        The verification is of another calibration or tool, or failed; the calibration is certified already.
-    InputError
-        No laboratory, or one without name or country; a letter that no font shows.
+    Without a verification it states no conformity. With `supersedes` it takes the place of another certificate, which
+    stays in the ledger as superseded, with the reason. Without `pdf` most of the time is saved. `said` is what
+    `_record` and `certificate_record` take: standards (by default those of the site, as the laboratory), authoriser
+    (the laboratory's or else the author), about (values before the session's), language, accept_warnings.
     """
-    return _issued(
-        ledger,
-        _Request(
-            calibration,
-            verification,
-            laboratory,
-            language,
-            nonconforming,
-            number,
-            tuple(fonts),
-            about or {},
-            authoriser,
-            pdf,
-            standards,
-        ),
-        author,
-        (now or datetime.now(UTC)).astimezone(UTC).date(),
-    )
-
-
-def supersede(
-    ledger: Ledger,
-    number: str,
-    calibration: str,
-    verification: str | None,
-    laboratory: Laboratory | None = None,
-    *,
-    reason: str,
-    author: str,
-    language: str = "en",
-    nonconforming: bool = False,
-    about: Mapping[str, Any] | None = None,
-    authoriser: tuple[str, str] = ("", ""),
-    standards: Sequence[Standard] | None = None,
-    now: datetime | None = None,
-    fonts: Sequence[str | Path] = (),
-) -> Record:
-    """Issue a certificate in place of another, which stays in the ledger as superseded; arguments as `issue`."""
-    return _issued(
-        ledger,
-        _Request(
-            calibration,
-            verification,
-            laboratory,
-            language,
-            nonconforming,
-            None,
-            tuple(fonts),
-            about or {},
-            authoriser,
-            standards=standards,
-        ),
-        author,
-        (now or datetime.now(UTC)).astimezone(UTC).date(),
-        (number, _said(reason)),
-    )
+    replaced = None if supersedes is None else (supersedes, _said(reason))
+    today = (now or datetime.now(UTC)).astimezone(UTC).date()
+    # how often a number is taken anew when others issue at the same moment
+    for _ in range(20):
+        # the number first: whoever certifies the same calibration meanwhile takes it, and all is looked at anew
+        wanted = number or next_number(ledger, today.year)
+        if ledger.count("certificate", number=wanted):
+            if number is not None:
+                raise LedgerError(f"certificate number {number!r:.60} is taken; leave it out for the next one")
+            year, _, place = wanted.partition("-")
+            free = (f"{year}-{one:04d}" for one in itertools.count(int(place) + 1))
+            wanted = next(one for one in free if not ledger.count("certificate", number=one))
+        made = ledger.get("calibration", calibration)
+        judged_by = None if verification is None else _verification(ledger, verification, made, nonconforming)
+        _not_certified(ledger, made, replaced)
+        record = _record(ledger, made, judged_by, wanted, laboratory, today, replaced, author, **said)
+        files = _documents(ledger, record, fonts, pdf)
+        body = {
+            "record": record,
+            "calibration": calibration,
+            "verification": verification,
+            "documents": {name: digest_bytes(data) for name, data in files.items()},
+            "supersedes": record["supersedes"],
+            "head": record["head"],
+        }
+        keys = {"number": wanted, "serial": made.keys["serial"]}
+        drafts = [Draft("certificate", keys, body, [(MEDIA[name], data) for name, data in files.items()])]
+        if replaced is not None:
+            event = {"subject_kind": "certificate", "subject": replaced[0], "action": "superseded"}
+            drafts.append(Draft("event", event, {"reason": replaced[1], "details": {"by": wanted}}))
+        try:
+            return ledger.append_all(drafts, author=author)[0]
+        except ConflictError:
+            continue
+    raise ConflictError(f"certificates are issued faster than numbers can be taken in {ledger.shown}; try again")
 
 
 def void(ledger: Ledger, number: str, reason: str, *, author: str) -> CertificateStatus:
     """Declare a certificate void; it stays in the ledger with the reason.
 
-    Raises
-    ------
-    LedgerError
-        No such certificate, or it is void or superseded already; no reason.
+    Raises LedgerError: no such certificate, or it is void or superseded already; no reason.
     """
     _issued_only(status(ledger, number))
     event = {"subject_kind": "certificate", "subject": number, "action": "void"}
@@ -268,19 +218,8 @@ def status(ledger: Ledger, number: str) -> CertificateStatus:
     """How a certificate stands; LedgerError when there is none of that number."""
     record = ledger.latest("certificate", number=number)
     if record is None:
-        raise LedgerError(f"there is no certificate {number!r:.60} in {ledger.shown}")
+        raise LedgerError(missing("certificate", number, ledger.shown))
     return _status(ledger, record)
-
-
-class Issued:
-    """The records of all certificates by number, and the events that ended them."""
-
-    def __init__(self, ledger: Ledger) -> None:
-        self.records = {str(record.keys["number"]): record for record in every(ledger, "certificate")}
-        self.ended: dict[str, Record] = {}
-        for event in every(ledger, "event", subject_kind="certificate"):
-            if event.keys["action"] in ("void", "superseded"):
-                self.ended.setdefault(str(event.keys["subject"]), event)
 
 
 def certificates(
@@ -290,6 +229,13 @@ def certificates(
     keys = {} if serial is None else {"serial": serial}
     found = ledger.find("certificate", newest=True, after=before, limit=limit, **keys)
     return [_status(ledger, record) for record in found]
+
+
+def of_same_readings(ledger: Ledger, calibration: Record) -> list[CertificateStatus]:
+    """Certificates of a calibration, and of other evaluations of its readings, as they stand, newest first."""
+    same = {one.id for one in registry.listed(ledger, "calibration", session=calibration.keys["session"], limit=1000)}
+    found = certificates(ledger, serial=calibration.keys["serial"], limit=1000)
+    return [one for one in found if one.record.body["calibration"] in same]
 
 
 def documents(ledger: Ledger, record: Record) -> dict[str, tuple[str, str, bytes]]:
@@ -315,94 +261,31 @@ def next_number(ledger: Ledger, year: int) -> str:
         before = rows[-1].seq
 
 
-@dataclass(frozen=True)
-class _Request:
-    """What is to be certified."""
-
-    calibration: str
-    verification: str | None
-    laboratory: Laboratory | None
-    language: str
-    nonconforming: bool
-    number: str | None
-    fonts: tuple[str | Path, ...]
-    about: Mapping[str, Any]
-    authoriser: tuple[str, str]
-    pdf: bool = True
-    standards: Sequence[Standard] | None = None
+def _verification(ledger: Ledger, name: str, calibration: Record, nonconforming: bool) -> Record:
+    """The verification of a calibration; one of another, or one that failed unless that is certified, is refused."""
+    found, serial = ledger.get("verification", name), calibration.keys["serial"]
+    if found.keys["serial"] != serial:
+        raise LedgerError(f"the verification is of tool {found.keys['serial']}, the calibration of {serial}")
+    if found.keys["calibration"] != calibration.id:
+        raise LedgerError("the verification was made with another calibration of this tool; verify with this one")
+    if not nonconforming:
+        only_conforming(recorded(found))
+    return found
 
 
-def _issued(
-    ledger: Ledger, request: _Request, author: str, today: date, replaced: tuple[str, str] | None = None
-) -> Record:
-    # how often a number is taken anew when others issue at the same moment
-    for _ in range(20):
-        # the number first: whoever certifies the same calibration meanwhile takes it, and all is looked at anew
-        number = request.number or next_number(ledger, today.year)
-        if ledger.count("certificate", number=number):
-            if request.number is not None:
-                raise LedgerError(f"certificate number {number!r:.60} is taken; leave it out for the next one")
-            number = _free(ledger, number)
-        calibration = ledger.get("calibration", request.calibration)
-        verification = None if request.verification is None else ledger.get("verification", request.verification)
-        if verification is not None:
-            serial = calibration.keys["serial"]
-            if verification.keys["serial"] != serial:
-                raise LedgerError(
-                    f"the verification is of tool {verification.keys['serial']}, the calibration of {serial}"
-                )
-            if verification.keys["calibration"] != calibration.id:
-                raise LedgerError(
-                    "the verification was made with another calibration of this tool; verify with this one"
-                )
-            if verification.body["verdict"] == "fail" and not request.nonconforming:
-                raise LedgerError(
-                    "the verification failed: a certificate would state that the tool does not conform; agree to that, "
-                    "or calibrate and verify again"
-                )
-        _not_certified(ledger, calibration, replaced)
-        record = _record(ledger, request, author, calibration, verification, number, today, replaced)
-        settings, logo = find_laboratory(ledger), find_logo(ledger)
-        # the logo is that laboratory's, and of no other that is named instead
-        own = settings is not None and (record["laboratory"] or {}).get("name") == settings.name
-        files = _documents(ledger, record, request, logo[1] if logo and own else None)
-        body = {
-            "record": record,
-            "calibration": calibration.id,
-            "verification": None if verification is None else verification.id,
-            "documents": {name: digest_bytes(data) for name, data in files.items()},
-            "supersedes": record["supersedes"],
-            "head": record["head"],
-        }
-        keys = {"number": number, "serial": calibration.keys["serial"]}
-        drafts = [Draft("certificate", keys, body, [(MEDIA[name], data) for name, data in files.items()])]
-        if replaced is not None:
-            event = {"subject_kind": "certificate", "subject": replaced[0], "action": "superseded"}
-            drafts.append(Draft("event", event, {"reason": replaced[1], "details": {"by": number}}))
-        try:
-            return ledger.append_all(drafts, author=author)[0]
-        except ConflictError:
-            continue
-    raise ConflictError(f"certificates are issued faster than numbers can be taken in {ledger.shown}; try again")
-
-
-def _documents(ledger: Ledger, record: dict[str, Any], request: _Request, logo: bytes | None) -> dict[str, bytes]:
+def _documents(ledger: Ledger, record: dict[str, Any], fonts: Sequence[str | Path], with_pdf: bool) -> dict[str, bytes]:
     """The files of a certificate; those of a ledger that is signed are signed, too."""
+    settings, kept = registry.find_laboratory(ledger), registry.find_logo(ledger)
+    # the logo is that laboratory's, and of no other that is named instead
+    own = settings is not None and (record["laboratory"] or {}).get("name") == settings.name
+    logo = kept[1] if kept and own else None
     made = seal(record, ledger.keys) if ledger.signed_head() is not None else None
-    pdf = certificate_pdf(record, fonts=request.fonts, logo=logo, seal=str(made or "")) if request.pdf else None
+    pdf = certificate_pdf(record, fonts=fonts, logo=logo, seal=str(made or "")) if with_pdf else None
     dcc: bytes | None = dcc_bytes(record)
     text = record_bytes(record)
     if made is not None:
         pdf, dcc, text = sign_files(record, pdf, dcc, made, ledger.keys)
     return {name: data for name, data in (("pdf", pdf), ("dcc", dcc), ("json", text)) if data is not None}
-
-
-def _free(ledger: Ledger, number: str) -> str:
-    year, _, place = number.partition("-")
-    while ledger.count("certificate", number=number):
-        place = f"{int(place) + 1:04d}"
-        number = f"{year}-{place}"
-    return number
 
 
 def _not_certified(ledger: Ledger, calibration: Record, replaced: tuple[str, str] | None) -> None:
@@ -412,56 +295,61 @@ def _not_certified(ledger: Ledger, calibration: Record, replaced: tuple[str, str
         _issued_only(old)
         if old.record.keys["serial"] != serial:
             raise LedgerError(f"certificate {old.number} is of tool {old.record.keys['serial']}, not of {serial}")
-    for found in certificates(ledger, serial=serial, limit=1000):
-        spared = replaced is not None and found.number == replaced[0]
-        if found.state == "void" or found.record.body["calibration"] != calibration.id or spared:
+    for found in of_same_readings(ledger, calibration):
+        if found.state == "void" or (replaced is not None and found.number == replaced[0]):
             continue
         if found.state == "superseded" and replaced is None and status(ledger, found.by).state == "issued":
             raise LedgerError(
-                f"certificate {found.number} of this calibration was superseded by {found.by}: supersede that one, "
+                f"certificate {found.number} of these readings was superseded by {found.by}: supersede that one, "
                 "with a reason"
             )
         if found.state == "issued":
-            raise LedgerError(f"this calibration is certified already by {found.number}; void or supersede that one")
+            raise LedgerError(f"these readings are certified already by {found.number}; void or supersede that one")
 
 
 def _record(
     ledger: Ledger,
-    request: _Request,
-    author: str,
     calibration: Record,
     verification: Record | None,
     number: str,
+    laboratory: Laboratory | None,
     today: date,
     replaced: tuple[str, str] | None,
+    author: str,
+    *,
+    about: Mapping[str, Any] | None = None,
+    authoriser: tuple[str, str] = ("", ""),
+    standards: Sequence[Standard] | None = None,
+    **said: Any,
 ) -> dict[str, Any]:
+    """The record of a certificate, from those of the ledger."""
     session = ledger.get("session", calibration.keys["session"])
     found = calibration_of(calibration)
-    older = ledger.find("calibration", serial=calibration.keys["serial"], newest=True, after=calibration.seq, limit=1)
+    older = registry.calibration_before(ledger, calibration)
     try:
-        before = calibration_of(older[0]) if older else None
+        before = None if older is None else calibration_of(older)
     except InclinometryError:  # nothing can mend a recorded one; this certificate is complete without it
         before = None
-    if before is not None and not _comparable(before, found):
-        before = None
+    if before is None or not _comparable(before, found):
+        before = older = None
     inputs = {"calibration record": f"sha256:{calibration.digest}"}
     if verification is not None:
         inputs["verification record"] = f"sha256:{verification.digest}"
     return certificate_record(
         found,
-        authorised(request.laboratory or laboratory_of(ledger, session), request.authoriser, author),
-        order(ledger, session, calibration, verification, today, request.about),
+        authorised(laboratory or laboratory_of(ledger, session), authoriser, author),
+        order(ledger, session, calibration, verification, today, about or {}),
         number=number,
         program=program(),
-        language=request.language,
-        standards=standards_of(ledger) if request.standards is None else request.standards,
-        verification=None if verification is None else verification.body,
-        as_found=None if before is None else _as_found(ledger, verification, older[0], session),
+        standards=[one for one in registered(ledger) if not one.retired] if standards is None else standards,
+        verification=None if verification is None else recorded(verification),
+        as_found=None if older is None else _as_found(ledger, verification, older, session),
         previous=before,
-        previous_from="" if before is None else _named(ledger, older[0]),
+        previous_from="" if older is None else _named(ledger, older),
         inputs=inputs,
         head=str(ledger.head()),
         supersedes=None if replaced is None else replaced[0],
+        **said,
     )
 
 
@@ -475,7 +363,7 @@ def _as_found(ledger: Ledger, verification: Record | None, older: Record, sessio
         found = judged(ledger, seen.id, older.id, limits)
     except InclinometryError:  # a calibration that knows no stand; the certificate is complete without it
         return None
-    return {"verdict": found.verdict, "limits": stated_limits(found, limits), "report": report(found, seen)}
+    return {"verdict": found.verdict, "limits": stated_limits(limits), "report": report(found, seen)}
 
 
 def _comparable(one: Calibration, other: Calibration) -> bool:
@@ -494,12 +382,7 @@ def _named(ledger: Ledger, calibration: Record) -> str:
 
 def _status(ledger: Ledger, record: Record) -> CertificateStatus:
     number = record.keys["number"]
-    for event in ledger.find("event", subject_kind="certificate", subject=number):
-        action, reason = event.keys["action"], str(event.body.get("reason", ""))
-        if action in ("void", "superseded"):
-            by = str(event.body.get("details", {}).get("by", ""))
-            return CertificateStatus(number, action, record, by, reason)
-    return CertificateStatus(number, "issued", record)
+    return CertificateStatus(number, *ending(ended(ledger, subject=number).get(number)), record)
 
 
 def _issued_only(found: CertificateStatus) -> None:
@@ -509,7 +392,7 @@ def _issued_only(found: CertificateStatus) -> None:
 
 
 def _said(reason: str) -> str:
-    if not reason.strip():
+    if not stated(reason):
         raise LedgerError("say why: a certificate is not voided or superseded without a reason")
     return reason.strip()
 
@@ -522,39 +405,13 @@ def digest_of(record: Record) -> str:
 # A certificate checked against the ledger, years later: do its documents, its record and its calibration agree?
 
 
-@dataclass(frozen=True)
-class Check:
-    """What was found.
-
-    status : of the certificate.
-    digest : of its record, to be compared with the one on paper.
-    problems : sentences; none when everything agrees.
-    """
-
-    status: CertificateStatus
-    digest: str
-    problems: tuple[str, ...]
-
-    @property
-    def ok(self) -> bool:
-        """Whether nothing contradicts the certificate."""
-        return not self.problems
-
-
-def verify_certificate(ledger: Ledger, number: str) -> Check:
-    """Compare a certificate's PDF, DCC and JSON file with its record, and the record with its calibration.
+def verify_certificate(ledger: Ledger, number: str) -> list[str]:
+    """What contradicts a certificate: its PDF, DCC and JSON file against its record, that against its calibration.
 
     It says nothing of the rest of the ledger: `ledger verify` does.
-
-    Raises
-    ------
-    LedgerError
-        There is no certificate of that number.
     """
-    found = status(ledger, number)
-    record = found.record
-    problems = [*_own(record), *_files(ledger, record), *_source(ledger, record)]
-    return Check(found, record_digest(record.body["record"]), tuple(problems))
+    record = status(ledger, number).record
+    return [*_own(record), *_files(ledger, record), *_source(ledger, record)]
 
 
 def _own(record: Record) -> Iterator[str]:
@@ -601,8 +458,11 @@ def _dcc(data: bytes, content: dict[str, Any], digest: str) -> Iterator[str]:
         return
     if (said.number, said.digest) != (content["number"], digest):
         yield "its DCC is of another record"
-    values = {row["name"]: row["value"] for row in content["results"]["parameters"]}
-    if {name: value for name, (value, _) in said.parameters.items()} != values:
+    rows = {row["name"]: row for row in content["results"]["parameters"]}
+    # to the digits that a DCC has of a value
+    places = {name: None if row["u"] is None else coverage(content)[0] * row["u"] for name, row in rows.items()}
+    values = {name: number(row["value"], places[name]) for name, row in rows.items()}
+    if {name: number(value, places.get(name)) for name, (value, _) in said.parameters.items()} != values:
         yield "its DCC states other parameters than its record"
 
 
@@ -610,7 +470,7 @@ def _source(ledger: Ledger, record: Record) -> Iterator[str]:
     content = record.body["record"]
     try:
         calibration = ledger.get("calibration", record.body["calibration"])
-        known = parameters(calibration_of(calibration))
+        known = parameters(calibration_of(calibration).tool)
     except InputError as error:
         yield f"its calibration: {error}"
         return
@@ -628,7 +488,7 @@ def _source(ledger: Ledger, record: Record) -> Iterator[str]:
         except LedgerError as error:
             yield f"its verification: {error}"
             return
-        if content["verification"] != printable(
-            {key: verification.body[key] for key in ("verdict", "limits", "report")}
-        ):
+        held = {key: verification.body[key] for key in ("verdict", "limits", "report")}
+        # certificates of before state what an older record calls limits as it does
+        if content["verification"] not in (printable(held), printable(recorded(verification))):
             yield "it states another verification than the ledger holds"

@@ -4,23 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from datetime import date
-from typing import Any, Final, NamedTuple
+from typing import Any, NamedTuple
 
 from inclinometry.digest import digest_bytes
 from inclinometry.errors import InputError
 from inclinometry.files.json_codec import canonical
 from inclinometry.laboratory.ledger.ledger import Ledger, Record
 
-_PAGE: Final = 1000
-
 
 class Certified(NamedTuple):
     """A calibration with the certificate that states it.
 
-    number : of the certificate. state : "issued", "void" or "superseded" now.
-    by, reason : the certificate that superseded it; why it is void or superseded.
-    performed : last day of its readings.
-    since : day from which it holds: that day; of one that supersedes another, the earlier of the two.
+    number, state : of the certificate; "issued", "void" or "superseded". by, reason : what superseded it, and why.
+    performed : last day of its readings. since : that day, or the earlier one of the certificate it supersedes.
     calibration : id of its record. digest : SHA-256 of its tool.json.
     """
 
@@ -35,24 +31,13 @@ class Certified(NamedTuple):
 
 
 class Certificates:
-    """The certificates of a ledger as they stand now.
-
-    Parameters
-    ----------
-    ledger : Ledger
-        Opened; read once, and again only for the content of a calibration that is wanted.
-    """
+    """The certificates of a ledger as they stand now; it is read once, and again for the content of a calibration."""
 
     def __init__(self, ledger: Ledger) -> None:
         self._ledger = ledger
         self._contents: dict[str, tuple[str, dict[str, Any]]] = {}
         self._units: dict[str, Mapping[str, tuple[str, int]]] = {}
-        ended: dict[str, tuple[str, str, str]] = {}
-        for event in every(ledger, "event", subject_kind="certificate"):
-            action = event.keys["action"]
-            if action in ("void", "superseded"):
-                by = str(event.body.get("details", {}).get("by", ""))
-                ended.setdefault(event.keys["subject"], (action, by, str(event.body.get("reason", ""))))
+        events = ended(ledger)
         self._of: dict[str, list[Certified]] = {}
         since: dict[str, date] = {}
         for record in every(ledger, "certificate"):
@@ -61,8 +46,7 @@ class Certificates:
             day = date.fromisoformat(days["performed_to"] or days["performed_from"] or record.created[:10])
             replaced = record.body["supersedes"]
             since[number] = min(day, since[replaced]) if replaced in since else day
-            state, by, reason = ended.get(number, ("issued", "", ""))
-            found = Certified(number, state, by, reason, day, since[number], record.body["calibration"], "")
+            found = Certified(number, *ending(events.get(number)), day, since[number], record.body["calibration"], "")
             self._of.setdefault(record.keys["serial"], []).append(found)
 
     @property
@@ -77,10 +61,7 @@ class Certificates:
     def at(self, serial: str, day: date) -> Certified:
         """The certificate that holds on a day: of those issued, the latest that does.
 
-        Raises
-        ------
-        InputError
-            None does; says what there is.
+        Raises InputError: none does; says what there is.
         """
         known = self._of.get(serial)
         if not known:
@@ -115,7 +96,22 @@ def every(ledger: Ledger, kind: str, **keys: Any) -> list[Record]:
     """All records with these keys, however many, in order of their place in the chain."""
     found: list[Record] = []
     while True:
-        page = ledger.find(kind, after=found[-1].seq if found else 0, limit=_PAGE, **keys)
-        found += page
-        if len(page) < _PAGE:
+        page = ledger.find(kind, after=found[-1].seq if found else 0, limit=1000, **keys)
+        if not page:
             return found
+        found += page
+
+
+def ended(ledger: Ledger, **keys: Any) -> dict[str, Record]:
+    """Number of each certificate that is void or superseded -> the event that ended it."""
+    found: dict[str, Record] = {}
+    for event in every(ledger, "event", subject_kind="certificate", action=["void", "superseded"], **keys):
+        found.setdefault(str(event.keys["subject"]), event)
+    return found
+
+
+def ending(event: Record | None) -> tuple[str, str, str]:
+    """State of a certificate by the event that ended it, the number of what superseded it, and why."""
+    if event is None:
+        return "issued", "", ""
+    return event.keys["action"], str(event.body.get("details", {}).get("by", "")), str(event.body.get("reason", ""))

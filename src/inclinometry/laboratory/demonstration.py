@@ -5,24 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from inclinometry.calibration import plans
+from inclinometry.laboratory import registry
 from inclinometry.laboratory.instruments.simulated_instrument import SimulatedInstrument
 from inclinometry.laboratory.ledger.ledger import Ledger
-from inclinometry.laboratory.registry import (
-    RegisteredRig,
-    RegisteredSite,
-    RegisteredTool,
-    find_tool,
-    put_rig,
-    put_site,
-    put_tool,
-)
 from inclinometry.laboratory.results import finish_calibration
 from inclinometry.laboratory.session import Capture, Session, capture, load_session, open_session
 
 SERIAL = "DEMO-1"
 AUTHOR = "demonstration"
-SAMPLES = 50
-"""Averaged in each reading."""
 
 
 def half_way(ledger: Ledger, instrument: SimulatedInstrument) -> Session:
@@ -30,18 +20,18 @@ def half_way(ledger: Ledger, instrument: SimulatedInstrument) -> Session:
 
     A ledger that has been through this already is left as it is; its newest session is returned.
     """
-    if find_tool(ledger, SERIAL) is None:
+    if registry.find_tool(ledger, SERIAL) is None:
         triads = {kind: {"channels": triad.count, "unit": triad.unit} for kind, triad in instrument.tool.triads.items()}
-        tool = RegisteredTool(SERIAL, "simulated steering tool", triads, customer="nobody", interval_months=12)
-        put_tool(ledger, tool, author=AUTHOR)
+        tool = registry.RegisteredTool(SERIAL, "simulated steering tool", triads, customer="nobody", interval_months=12)
+        registry.put_tool(ledger, tool, author=AUTHOR)
         azimuth, inclination, toolface = (float(x) for x in np.broadcast_to(instrument.rig.setting_sd, 3))
-        rig = RegisteredRig(
+        rig = registry.RegisteredRig(
             "simulated stand", (azimuth, inclination, toolface), description="three axes, turned by the program"
         )
-        put_rig(ledger, rig, author=AUTHOR)
+        registry.put_rig(ledger, rig, author=AUTHOR)
         # ZZ: a code that no country has
         laboratory = {"name": "Demonstration laboratory", "address": "nowhere", "country": "ZZ"}
-        put_site(ledger, RegisteredSite("demonstration", laboratory=laboratory), author=AUTHOR)
+        registry.put_site(ledger, registry.RegisteredSite("demonstration", laboratory=laboratory), author=AUTHOR)
         first = _captured(ledger, instrument, plans.twelve(), 12)
         finish_calibration(ledger, first.id, author=AUTHOR)
         return _captured(ledger, instrument, plans.orthogonal(), 12)
@@ -55,21 +45,21 @@ def _captured(ledger: Ledger, instrument: SimulatedInstrument, plan: plans.Plan,
     )
     for position in session.positions[:number]:
         # each its own noise: samples are numbered on
-        taken = reading(instrument, position.dial, first=SAMPLES * position.number)
+        taken = reading(instrument, position.dial, first=50 * position.number)
         capture(ledger, session.id, position.number, taken, author=AUTHOR)
     return load_session(ledger, session.id)
 
 
 def reading(instrument: SimulatedInstrument, dial: tuple[float, float, float], first: int = 0) -> Capture:
-    """The mean of some samples at a setting, from the sample `first`, without waiting for the stand to turn."""
+    """The mean of 50 samples at a setting, from the sample `first`, without waiting for the stand to turn."""
     stand = instrument.stand
     stand.move(dial, 0.0, at_once=True)
-    samples = [stand.sample(first + number, 0.0) for number in range(SAMPLES)]
+    samples = [stand.sample(first + number, 0.0) for number in range(50)]
     channels = {kind: np.stack([s.channels[kind] for s in samples]) for kind in samples[0].channels}
     return Capture(
         {kind: values.mean(axis=0) for kind, values in channels.items()},
         dial,
-        SAMPLES,
+        len(samples),
         sd={kind: values.std(axis=0, ddof=1) for kind, values in channels.items()},
         units=dict(instrument.protocol.units),
         temperature=samples[0].temperature,

@@ -27,16 +27,15 @@ from inclinometry.history import (
 )
 from inclinometry.laboratory.certified import Certificates, every
 from inclinometry.laboratory.ledger.ledger import Ledger, LedgerError, Record
+from inclinometry.laboratory.placeholders import stated
 from inclinometry.laboratory.progress import Goal, Progress, progress_of, waiting_for
-from inclinometry.laboratory.registry import RegisteredRig, RegisteredTool, find_tool, listed, rig_of
+from inclinometry.laboratory.registry import RegisteredRig, RegisteredTool, find_tool, listed, outside, rig_of
 from inclinometry.laboratory.results import finish_calibration, record_fit
 from inclinometry.laboratory.session import Session, bench_readings, load_session
 from inclinometry.sensors import Tool
 
 DOSES: Final = ("hours", "shock", "heat")
 """What a session's settings may say of a tool since its calibration before: `history.CalibrationRecord`."""
-_SUBJECT: Final = "drift"
-_RUN: Final = "run"
 CHECK: Final = "six"
 """Name of the plan that is completed by the tool's history."""
 
@@ -76,10 +75,7 @@ class RunEvidence(NamedTuple):
 def judge_run(history: ToolHistory, reference: Tool, run: RunEvidence, model: DriftModel, past: Array) -> Alarm:
     """Evidence of a run held against what was known of the tool before its day.
 
-    Raises
-    ------
-    InputError
-        A run before the first calibration.
+    Raises InputError: a run before the first calibration.
     """
     before = [k for k, (day, name) in enumerate(zip(history.date, history.run, strict=True))
               if day <= run.date and name != run.run]  # fmt: skip
@@ -97,21 +93,14 @@ def judge_run(history: ToolHistory, reference: Tool, run: RunEvidence, model: Dr
 def _predicted(history: ToolHistory, model: DriftModel, day: date, doses: Sequence[float]) -> DriftState:
     """What is known of a tool on a day after all of its history; doses: hours, shock, heat since."""
     years = max((day - history.date[-1]).days / DAYS_PER_YEAR, 1e-3)
-    hours, *rest = doses
-    return drift_states([history], model)[0][-1].predicted(model, years, hours, rest)
+    return drift_states([history], model)[0][-1].predicted(model, years, doses[0], doses[1:])
 
 
 def ledger_history(ledger: Ledger, certificates: Certificates, serial: str) -> LedgerHistory:
-    """The certified calibrations of a registered tool on the days of their readings.
+    """The certified calibrations of a registered tool on the days of their readings, runs in the hole between them.
 
-    Those of certificates that are void or superseded are left out; what the tool did before a void one counts for the
-    next. Of a check that rested on the history itself, what its readings alone say is taken: nothing counts twice.
-    Evidence of runs in the hole stands between them.
-
-    Raises
-    ------
-    InputError
-        A tool that is not registered; no certified calibration; calibrations that do not go together.
+    Void and superseded ones are left out; what the tool did before a void one counts for the next. Of a check that
+    rested on the history, only what its readings alone say is taken: nothing counts twice.
     """
     tool = find_tool(ledger, serial)
     if tool is None:
@@ -157,14 +146,12 @@ def ledger_history(ledger: Ledger, certificates: Certificates, serial: str) -> L
 def _runs(ledger: Ledger, serial: str) -> list[CalibrationRecord]:
     """Runs in the hole whose evidence was recorded, by name the last, and not withdrawn."""
     found: dict[str, CalibrationRecord] = {}
-    for event in every(ledger, "event", subject_kind=_RUN, subject=serial):
+    for event in every(ledger, "event", subject_kind="run", subject=serial):
         said = event.body["details"]
         found.pop(said["run"], None)
         if event.keys["action"] != "recorded":
             continue
-        reference = ledger.get("calibration", said["reference"])
-        tool = tool_of(dict(reference.body["tool_json"]), f"calibration {reference.id}")
-        seen = tool_from_relative(tool, np.array(said["values"]), np.array(said["covariance"]), tool.name)
+        seen = _from_evidence(ledger, said)
         doses = {name: said[name] for name in DOSES}
         found[said["run"]] = CalibrationRecord(date.fromisoformat(said["date"]), seen, run=said["run"], **doses)
     return list(found.values())
@@ -172,19 +159,15 @@ def _runs(ledger: Ledger, serial: str) -> list[CalibrationRecord]:
 
 def record_run(ledger: Ledger, serial: str, run: RunEvidence, *, author: str) -> Record:
     """Record the evidence of a run for a tool's history; it takes the place of what a run of this name said before."""
-    details = {**run._asdict(), "date": run.date.isoformat(), "values": run.values.tolist()}
-    details |= {"covariance": run.covariance.tolist(), "inputs": dict(run.inputs)}
-    keys = {"subject_kind": _RUN, "subject": serial, "action": "recorded"}
+    details = {name: outside("", value) for name, value in run._asdict().items()}
+    keys = {"subject_kind": "run", "subject": serial, "action": "recorded"}
     return ledger.append("event", keys, {"details": details}, author=author)
 
 
 def withdraw_run(ledger: Ledger, serial: str, run: str, reason: str, *, author: str) -> None:
     """Take a run out of a tool's history; the record of it stays.
 
-    Raises
-    ------
-    InputError
-        No such run is in the history; no reason.
+    Raises InputError: no such run is in the history; no reason.
     """
     there = sorted(one.run for one in _runs(ledger, serial))
     if run not in there:
@@ -192,9 +175,9 @@ def withdraw_run(ledger: Ledger, serial: str, run: str, reason: str, *, author: 
             f"tool {serial!r} has no evidence of a run {run!r} in {ledger.shown}; there is: "
             f"{', '.join(there) or 'none'}"
         )
-    if not reason.strip():
+    if not stated(reason):
         raise InputError(f"run {run!r} is not withdrawn without a reason")
-    keys = {"subject_kind": _RUN, "subject": serial, "action": "withdrawn"}
+    keys = {"subject_kind": "run", "subject": serial, "action": "withdrawn"}
     ledger.append("event", keys, {"details": {"run": run}, "reason": reason}, author=author)
 
 
@@ -202,11 +185,15 @@ def _seen(ledger: Ledger, record: Record) -> Tool:
     """The tool as the readings of a calibration alone show it."""
     own = tool_of(dict(record.body["tool_json"]), f"calibration {record.id}")
     evidence = record.body.get("settings", {}).get("evidence")
-    if evidence is None:
-        return own
-    before = ledger.get("calibration", evidence["reference"])
-    reference = tool_of(dict(before.body["tool_json"]), f"calibration {before.id}")
-    return tool_from_relative(reference, np.array(evidence["values"]), np.array(evidence["covariance"]), own.name)
+    return own if evidence is None else _from_evidence(ledger, evidence, own.name)
+
+
+def _from_evidence(ledger: Ledger, said: Mapping[str, Any], name: str | None = None) -> Tool:
+    """The tool that is stated relative to a recorded calibration, by its name unless another is given."""
+    reference = ledger.get("calibration", said["reference"])
+    tool = tool_of(dict(reference.body["tool_json"]), f"calibration {reference.id}")
+    values, covariance = np.array(said["values"]), np.array(said["covariance"])
+    return tool_from_relative(tool, values, covariance, tool.name if name is None else name)
 
 
 def ledger_histories(ledger: Ledger, type: str | None = None) -> tuple[dict[str, list[ToolHistory]], list[str]]:
@@ -250,7 +237,7 @@ class StoredFit:
 
 def put_fit(ledger: Ledger, status: FleetStatus, *, author: str) -> Record:
     """Keep what was fitted to a type, for checks of its tools and the pages of the bench."""
-    model = {name: x.tolist() if isinstance(x, np.ndarray) else x for name, x in asdict(status.model).items()}
+    model = {name: outside("", value) for name, value in asdict(status.model).items()}
     tools = {
         tool.history.serial: {
             "due": tool.due.date.isoformat(),
@@ -262,13 +249,13 @@ def put_fit(ledger: Ledger, status: FleetStatus, *, author: str) -> Record:
         for tool in status.tools
     }
     details = {"model": model, "past": status.past.tolist(), "day": status.day.isoformat(), "tools": tools}
-    keys = {"subject_kind": _SUBJECT, "subject": status.model.type, "action": "fitted"}
+    keys = {"subject_kind": "drift", "subject": status.model.type, "action": "fitted"}
     return ledger.append("event", keys, {"details": details}, author=author)
 
 
 def find_fit(ledger: Ledger, type: str) -> StoredFit | None:
     """What was last fitted to a type and kept; None where nothing was."""
-    record = ledger.latest("event", subject_kind=_SUBJECT, subject=type, action="fitted")
+    record = ledger.latest("event", subject_kind="drift", subject=type, action="fitted")
     if record is None:
         return None
     said = record.body["details"]
@@ -307,24 +294,10 @@ def check_tool(
     day: date,
     doses: Sequence[float] = (0.0, 0.0, 0.0),
 ) -> DriftCheck:
-    """Readings at few positions held against a tool's history and completed by it.
+    """Readings at few positions, compared with a tool's history and completed by it.
 
-    Parameters
-    ----------
-    known : LedgerHistory
-    readings : BenchReadings
-    model, past : of the tool's type
-    rig : RegisteredRig
-        Its standard deviations are taken as known.
-    day : date
-        Of the readings.
-    doses : hours, shock, heat
-        Since the last calibration or run.
-
-    Raises
-    ------
-    InputError
-        A day before that; as `calibration.drift_check.check_with_prior`.
+    `model` and `past` are those of the tool's type; the rig's standard deviations are taken as known. `doses` (hours,
+    shock, heat) since the last calibration or run.
     """
     history = known.history
     last = history.date[-1]
@@ -343,10 +316,7 @@ def check_tool(
 def record_check(ledger: Ledger, seen: Session, known: LedgerHistory, found: DriftCheck, *, author: str) -> Record:
     """Record a check that was not refused as the calibration of its session, with what its readings alone say.
 
-    Raises
-    ------
-    InputError
-        It was refused.
+    Raises InputError: it was refused.
     """
     if found.calibration is None:
         raise InputError(found.refusal)
@@ -360,10 +330,7 @@ def record_check(ledger: Ledger, seen: Session, known: LedgerHistory, found: Dri
 def refuse_check(ledger: Ledger, serial: str) -> StoredFit:
     """The fit that a check of a tool rests on, where its history allows one.
 
-    Raises
-    ------
-    InputError
-        No fit of its type was kept, or the tool is not in it; its last calibration raised an alarm.
+    Raises InputError: no fit of its type was kept, or the tool is not in it; its last calibration raised an alarm.
     """
     tool = find_tool(ledger, serial)
     fit = None if tool is None else find_fit(ledger, tool.name)
@@ -398,21 +365,16 @@ def check_progress(ledger: Ledger, seen: Session, goal: Goal) -> Progress:
     try:
         found = _session_check(ledger, seen)[1]
     except InclinometryError as error:
-        return waiting_for(captured, str(error))
-    return (
-        waiting_for(captured, found.refusal)
-        if found.calibration is None
-        else progress_of(captured, found.calibration, goal)
-    )
+        return waiting_for(captured, error.finding or str(error))
+    if found.calibration is None:
+        return waiting_for(captured, found.refusal)
+    return progress_of(seen, found.calibration, goal)
 
 
 def finish(ledger: Ledger, session: str, *, author: str, goal: Goal | None = None) -> Record:
     """Record the calibration of a session and close it: a check by its history, any other by its readings.
 
-    Raises
-    ------
-    LedgerError
-        As `results.finish_calibration`; a check that is not complete or was refused.
+    Raises LedgerError: as `results.finish_calibration`; a check that is not complete or was refused.
     """
     seen = load_session(ledger, session)
     if seen.plan != CHECK or seen.closed:

@@ -33,14 +33,8 @@ def plan_for(
 ) -> tuple[Plan, dict[str, Any]]:
     """The positions to begin with, and what the session record keeps of the choice.
 
-    How many positions, for the optimal plan only; temperatures of a campaign in degC.
-    An adaptive plan begins with the one position that tells most and is continued by `progress.proposal`.
-
-    Raises
-    ------
-    InputError
-        A check of a tool whose history does not allow one, an unknown name,
-        a number for a plan that has its own, temperatures that are none.
+    `number` for the optimal plan only; temperatures of a campaign in degC. An adaptive plan begins with the one
+    position that tells most and is continued by `progress.proposal`.
     """
     if number is not None and name != "optimal":
         raise InputError(f"plan {name} has its own number of positions; leave the number out")
@@ -50,7 +44,7 @@ def plan_for(
         if temperatures:
             raise InputError(f"plan {CHECK} rests on the tool's history, which is of one temperature; leave them out")
     if name in protocols():
-        plan = protocols()[name].plan
+        plan = protocols()[name]
     elif name == ADAPTIVE:
         low, high = rig.inclination
         plan = Plan(ADAPTIVE, np.zeros(1), np.array([float(min(max(0.0, low), high))]), np.zeros(1))

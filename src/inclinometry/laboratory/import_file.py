@@ -16,26 +16,26 @@ from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
 from inclinometry.digest import digest_bytes
 from inclinometry.errors import FileError, InputError
-from inclinometry.files.bench_csv import read_bench
 from inclinometry.files.tool_json import read_calibration
-from inclinometry.files.writing import program
-from inclinometry.laboratory.certificate.laboratory_toml import begun
+from inclinometry.laboratory.certificate.laboratory import begun
 from inclinometry.laboratory.ledger.ledger import Draft, Ledger, LedgerError, Record
-from inclinometry.laboratory.registry import find_rig, find_tool
-from inclinometry.laboratory.results import expected_table, parameters, plain_content
+from inclinometry.laboratory.progress import on_rig
+from inclinometry.laboratory.registry import RegisteredRig, RegisteredSite, find_rig, find_tool, registered_site
+from inclinometry.laboratory.results import calibration_body, plain_content
 from inclinometry.laboratory.session import (
     MOST_POSITIONS,
     Capture,
     close_session,
     close_session_draft,
+    file_statements,
     open_session,
     reading_draft,
 )
+from inclinometry.workflow.calibrate import Fields, Options, at_site, calibrate, given, readings_at
 
 LARGEST: Final = 5_000_000
 """Bytes of a file; a bench run of thousands of positions has less."""
 SHOWN: Final = "the file"
-OTHER: Final = "it holds neither bench readings nor a calibration; choose a CSV file or tool.json"
 
 
 def import_file(
@@ -46,62 +46,40 @@ def import_file(
     *,
     author: str,
     site: str = "",
+    fields: Fields | None = None,
+    options: Options | None = None,
     purpose: str = "calibrate",
     performed: date | None = None,
     doses: Mapping[str, float] | None = None,
 ) -> Record:
-    """Record what a file holds: a CSV of bench readings, or tool.json.
+    """Record a CSV of bench readings, as an open session, or tool.json, as a calibration; the content tells which.
 
-    What kind of file it is, is told from its content; no name that came with it is used.
-
-    Parameters
-    ----------
-    content : bytes
-    serial, rig, site : str
-        Tool, rig and site as registered; no site when empty. The file holds what the rig's dials say.
-    purpose : {"calibrate", "verify", "temperature"}
-        Of the session of readings.
-    performed : date, optional
-        Day of the measurement, where it is not that of the import.
-    doses : mapping, optional
-        What the tool did since its calibration before: `laboratory.drift.DOSES`.
-
-    Returns
-    -------
-    Record
-        A session, open, with all readings; or a calibration.
-
-    Raises
-    ------
-    FileError
-        Too large, empty, neither of the two, without rig angles; with line, value and remedy.
-    LedgerError
-        A tool or rig that is not registered.
+    The file holds what the rig's dials say. `fields` are of a site that is not registered; the rig's standard
+    deviations are those registered. `performed` is the day of the measurement, `doses` what the tool did before it
+    (`drift.DOSES`).
     """
-    if not content:
-        raise FileError("nothing is in it (0 bytes); choose another file", path=SHOWN)
-    if len(content) > LARGEST:
-        raise FileError(f"{len(content)} bytes are too many; allowed {LARGEST}", path=SHOWN)
-    if find_tool(ledger, serial) is None:
-        raise LedgerError(f"tool {serial!r} is not registered; register it first")
-    if find_rig(ledger, rig) is None:
-        raise LedgerError(f"rig {rig!r} is not registered; register it first")
-    settings: dict[str, Any] = {"site": site} if site else {}
-    settings["settings"] = {"imported": digest_bytes(content)}
-    if performed is not None:
-        settings["settings"]["performed"] = performed.isoformat()
-    settings["settings"] |= {name: value for name, value in (doses or {}).items() if value}
-    found = _read(content)
+    for kind, name, known in (("tool", serial, find_tool(ledger, serial)), ("rig", rig, find_rig(ledger, rig))):
+        if known is None:
+            raise LedgerError(f"{kind} {name!r} is not registered; register it first")
+    known_site = registered_site(ledger, site) if site else None
+    found = file_content(content, fields)
+    if not isinstance(found, Calibration):
+        at_site(found, known_site)
     if performed is not None:
         begun(performed, "performed")
+    said: dict[str, Any] = {"imported": digest_bytes(content)}
+    if performed is not None:
+        said["performed"] = performed.isoformat()
+    said |= {name: value for name, value in (doses or {}).items() if value}
+    said |= {} if options is None else given(options)
+    settings = {**({"site": site} if site else {}), "settings": said}
     if isinstance(found, Calibration):
+        _refuse_stated(fields, options)
         _made_before_now(content)
         return record_calibration(ledger, found, serial, rig, settings, author=author)
-    if found.azimuth is None or found.inclination is None or found.toolface is None:
-        raise FileError("no rig angles; the columns azimuth_deg, inclination_deg, toolface_deg are needed", path=SHOWN)
-    if len(found.station) > MOST_POSITIONS:
-        raise FileError(f"{len(found.station)} stations; allowed {MOST_POSITIONS}", path=SHOWN)
-    plan = Plan("imported", found.azimuth, found.inclination, found.toolface, found.roll_set)
+    azimuth, inclination, toolface = found.dials
+    said |= file_statements(found)
+    plan = Plan("imported", azimuth, inclination, toolface, found.roll_set)
     captures = [_capture(found, row) for row in range(len(plan))]
     session = open_session(
         ledger, serial, plan, rig=rig, author=author, purpose=purpose, settings=settings, dialled=True
@@ -111,22 +89,49 @@ def import_file(
         ledger.append_all(drafts, author=author)
     except InputError as error:
         close_session(ledger, session.id, "abandoned", author=author, reason="the file could not be recorded")
-        raise LedgerError(f"the readings cannot be recorded: {error}") from None
+        raise LedgerError(error.finding or f"the readings cannot be recorded: {error}") from None
     return ledger.get("session", session.id)
 
 
-def _read(content: bytes) -> BenchReadings | Calibration:
+def try_file(content: bytes, rig: RegisteredRig, site: Fields | None, options: Options) -> Calibration:
+    """The calibration of a file on a rig, of which nothing is recorded; errors as of `calibrate`."""
+    found = file_content(content, site)
+    if isinstance(found, Calibration):
+        _refuse_stated(None if isinstance(site, RegisteredSite) else site, options)
+        return found
+    return calibrate(rig.dials.read(found), "joint", on_rig(options, rig))
+
+
+def _refuse_stated(fields: Fields | None, options: Options | None) -> None:
+    if fields is not None or (options is not None and given(options)):
+        raise InputError("what is stated of the stand or the fit is of use to bench readings only; leave it out")
+
+
+def file_content(content: bytes, fields: Fields | None = None) -> BenchReadings | Calibration:
+    """Bench readings as `calibrate` reads them, with their dials as they are; or the calibration of a tool.json.
+
+    Raises FileError: too large, empty, neither of the two; with line, value and remedy.
+    """
+    if not content:
+        raise FileError("nothing is in it (0 bytes); choose another file", path=SHOWN)
+    if len(content) > LARGEST:
+        raise FileError(f"{len(content)} bytes are too many; allowed {LARGEST}", path=SHOWN)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, "file")
         path.write_bytes(content)
         try:
-            if content.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"{"):
+            # readings may be JSON too: columns, or an object a line
+            if content.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"{") and b'"schema"' in content:
                 return read_calibration(path)
-            return read_bench(path)
+            found = readings_at(path, fields)
         except FileError as error:
             if b"\0" in content[:1000]:  # a picture, a document
-                raise FileError(OTHER, path=SHOWN) from None
-            raise FileError(error.problem, path=SHOWN, line=error.line) from None
+                other = "it holds neither bench readings nor a calibration; choose a CSV file or tool.json"
+                raise FileError(other, path=SHOWN) from None
+            raise FileError(error.finding or error.problem, path=SHOWN, line=error.line) from None
+    if len(found) > MOST_POSITIONS:
+        raise FileError(f"{len(found)} stations; allowed {MOST_POSITIONS}", path=SHOWN)
+    return found
 
 
 def _made_before_now(content: bytes) -> None:
@@ -144,7 +149,6 @@ def _made_before_now(content: bytes) -> None:
 def _capture(readings: BenchReadings, row: int) -> Capture:
     count = 1.0 if readings.count is None else float(readings.count[row])
     azimuth, inclination, toolface = (float(dial[row]) for dial in readings.dials)
-    notes = [f"station {readings.station[row]}", *((*readings.notes, *readings.warnings) if row == 0 else ())]
     return Capture(
         {kind: values[row] for kind, values in readings.channels.items()},
         (azimuth, inclination, toolface),
@@ -153,38 +157,17 @@ def _capture(readings: BenchReadings, row: int) -> Capture:
         units=dict(readings.units),
         temperature=None if readings.temperature is None else float(readings.temperature[row]),
         how="import",
-        note="; ".join(notes)[:10_000],
+        note=f"station {readings.station[row]}"[:10_000],
     )
 
 
 def record_calibration(
     ledger: Ledger, found: Calibration, serial: str, rig: str, settings: Mapping[str, Any], *, author: str
 ) -> Record:
-    """Record a calibration made elsewhere, with an empty session that says where it came from and when.
-
-    Parameters
-    ----------
-    serial, rig : str
-        As registered.
-    settings : mapping
-        Of the session, as `session.open_session` takes them.
-    """
+    """Record a calibration made elsewhere, with an empty session that says where it came from and when."""
     plan = {"name": "imported", "positions_deg": []}
     keys = {"serial": serial, "purpose": "calibrate"}
-    body = {
-        "tool_json": plain_content(found),
-        "method": found.method,
-        "readings": [],
-        "capability_deg": expected_table(found),
-        "summary": {
-            "rig": rig,
-            "plan": "imported",
-            "positions": len(found.residuals.station),
-            "warnings": list(found.warnings),
-            "parameters": [[name, *pair] for name, pair in parameters(found).items()],
-        },
-        "program": program(),
-    }
+    body = calibration_body(found, plain_content(found), [], rig, "imported", len(found.residuals.station))
     session = ledger.append("session", keys, {**settings, "plan": plan, "rig": rig}, author=author)
     drafts = [
         Draft("calibration", {"serial": serial, "session": session.id}, body),

@@ -18,20 +18,18 @@ from inclinometry.calibration.design import (
     optimal_plan,
     plan_value,
 )
-from inclinometry.calibration.expected import (
-    ALL_ANGLES,
-    certified_factor,
-    expanded,
-    expected_uncertainty,
-)
-from inclinometry.calibration.joint import calibrate_joint
+from inclinometry.calibration.expected import ALL_ANGLES, certified, expanded, expected_uncertainty
+from inclinometry.calibration.plausibility import misfit, odd_station
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
 from inclinometry.constants import COVERAGE_FACTOR, DIP, INCLINATION_RANGE, INCLINATIONS
-from inclinometry.errors import ConvergenceError, IdentifiabilityError, InputError
+from inclinometry.errors import ConvergenceError, IdentifiabilityError, InclinometryError, InputError
+from inclinometry.findings import Finding
+from inclinometry.laboratory.attitude import FAR, Judge, off_target
 from inclinometry.laboratory.ledger.ledger import Ledger
-from inclinometry.laboratory.registry import RegisteredRig, RegisteredSite, find_tool
+from inclinometry.laboratory.registry import RegisteredRig, find_tool
 from inclinometry.laboratory.session import Session, bench_readings
+from inclinometry.workflow.calibrate import Options, calibrate, options_given
 
 AIM: Final = 0.97
 """Share of the wanted uncertainty that is planned for: what is certified scatters a little."""
@@ -68,80 +66,113 @@ class Goal:
 class Progress:
     """A session's fit as of now.
 
-    captured : valid readings.
-    calibration : the running joint fit; None while it cannot be made, and then `waiting` says what for.
-    u_azimuth, u_inclination : expanded uncertainty of one reading at the worst attitude of the range, rad: the largest
-        of the rows of the certificate's table that cover it; NaN while there is no fit, or no such angle.
-    from_calibration : (inclination, azimuth), the same from the calibration alone.
-    noise : (inclination, azimuth), the same from the noise of one reading alone, which no calibration can better.
-    covered : lowest and highest inclination of those rows, rad.
-    outliers : position number -> sentence, of readings at odds with the others: retake them while the tool is there.
-    reached : whether every wanted uncertainty is reached and nothing is an outlier.
+    u_azimuth, u_inclination : expanded uncertainty (k) of one reading, rad, the largest of the certificate's
+        rows that cover the range; `covered`: their lowest and highest inclination. NaN without a fit or such an angle.
+    from_calibration, noise : (inclination, azimuth), of that part alone; no calibration betters the noise.
+    waiting : why there is no calibration. outliers : of positions, to retake now. reached : as wanted, no outlier.
     """
 
     captured: int
     calibration: Calibration | None
-    waiting: str
+    waiting: Finding | str
     u_azimuth: float
     u_inclination: float
-    outliers: Mapping[int, str]
+    outliers: Mapping[int, Finding]
     reached: bool
     from_calibration: tuple[float, float] = (np.nan, np.nan)
     noise: tuple[float, float] = (0.0, 0.0)
     covered: tuple[float, float] = (np.nan, np.nan)
+    k: float = COVERAGE_FACTOR
 
 
-def session_progress(
-    session: Session, goal: Goal, rig: RegisteredRig, site: RegisteredSite | None = None, *, estimate_rig: bool = False
-) -> Progress:
-    """The running fit of an open session.
+def session_progress(session: Session, goal: Goal, rig: RegisteredRig, *, earlier: Judge | None = None) -> Progress:
+    """The running fit of an open session; the rig's standard deviations are taken as known.
 
-    Parameters
-    ----------
-    session : Session
-    goal : Goal
-    rig : RegisteredRig
-        Its standard deviations are taken as known, unless `estimate_rig`.
-    site : RegisteredSite, optional
-        Fields at the stand.
+    An `earlier` calibration names positions where the readings do not fit together.
     """
-    captured = len(session.valid)
-    fields = {} if site is None else site.fields
     try:
-        readings = bench_readings(session, **fields)
-        sd = None if estimate_rig else np.array(rig.sd)
-        left = bool(dict(session.settings.get("settings", {})).get("left_handed", False))
-        found = _fitted(readings, sd, session.serial, left_handed=left)
-    except (InputError, IdentifiabilityError, ConvergenceError, np.linalg.LinAlgError) as error:
-        return waiting_for(captured, str(error))
-    return progress_of(captured, found, goal)
+        found = _fitted(session, bench_readings(session), options_of(session, rig))
+    except InputError as error:
+        named = error.finding.values.get("stations", ()) if error.finding else ()
+        names = named if isinstance(named, tuple) else ()
+        odd = {n: odd_station(name) for n, name in session.stations.items() if name in names}
+        odd |= far_positions(session, rig, earlier)
+        why = misfit([session.stations[number] for number in sorted(odd)]) if odd else error.finding or str(error)
+        return waiting_for(len(session.valid), why, odd)
+    except (IdentifiabilityError, ConvergenceError, np.linalg.LinAlgError) as error:
+        waiting = (error.finding if isinstance(error, InclinometryError) else None) or str(error)
+        return waiting_for(len(session.valid), waiting)
+    return progress_of(session, found, goal, far_positions(session, rig, earlier, found))
 
 
-def waiting_for(captured: int, why: str) -> Progress:
+def options_of(session: Session, rig: RegisteredRig | None) -> Options:
+    """Options of the fit: those stated when the session was opened or imported, and the rig's standard deviations."""
+    stated = replace(options_given(session.stated), name=session.serial)
+    return stated if rig is None else on_rig(stated, rig)
+
+
+def on_rig(options: Options, rig: RegisteredRig) -> Options:
+    """The options with the standard deviations of a rig's settings."""
+    azimuth, inclination, toolface = rig.sd
+    return replace(options, azimuth_sd=azimuth, inclination_sd=inclination, toolface_sd=toolface)
+
+
+def far_positions(
+    session: Session, rig: RegisteredRig, earlier: Judge | None, running: Calibration | None = None
+) -> dict[int, Finding]:
+    """Position -> what is said of readings far from their dials by an earlier calibration, and the running one if any.
+
+    None where most are: the tool was mended, or clamped otherwise.
+    """
+    if earlier is None:
+        return {}
+    found: dict[int, Finding] = {}
+    for row in session.valid:
+        off = off_target(earlier, session, rig.sd, row.capture)
+        if off is None or not off.far:
+            continue
+        now = None if running is None else off_target(Judge(running, ""), session, rig.sd, row.capture)
+        if now is None or now.rotation > FAR:
+            found[row.number] = Finding("ledger-station-far", {"station": row.number, "dials": off.dials})
+    return found if 2 * len(found) <= len(session.valid) else {}
+
+
+def judge_of(earlier: Judge | None, now: Progress | None) -> Judge | None:
+    """The calibration that says where the tool points.
+
+    The earlier one of this tool on this rig until the running one knows the azimuth to a degree. A running fit with
+    outliers, which turn it, does not count.
+    """
+    running = None if now is None or now.outliers else now.calibration
+    good = now is not None and now.from_calibration[1] < float(np.radians(1.0))
+    return Judge(running, "") if running is not None and (good or earlier is None) else earlier
+
+
+def waiting_for(captured: int, why: Finding | str, outliers: Mapping[int, Finding] | None = None) -> Progress:
     """How a session stands whose readings make no calibration yet."""
-    return Progress(captured, None, why, np.nan, np.nan, {}, False)
+    return Progress(captured, None, why, np.nan, np.nan, outliers or {}, False)
 
 
-def progress_of(captured: int, found: Calibration, goal: Goal) -> Progress:
-    """How a session stands whose readings make a calibration."""
-    table, k = expected_uncertainty(found, INCLINATIONS), certified_factor(found)
+def progress_of(session: Session, found: Calibration, goal: Goal, far: Mapping[int, Finding] | None = None) -> Progress:
+    """How a session stands whose readings make a calibration; `far` are positions far from their dials."""
+    measured, k, _ = certified(found)
+    table = expected_uncertainty(measured, INCLINATIONS)
     rows = covering(goal.inclination_range)
     inclination, azimuth = _worst(table.of_one_reading[rows], k)
-    outliers = {int(station): sentence for station, sentence in found.outliers.items()}
+    odd = {n: found.outliers[name] for n, name in session.stations.items() if name in found.outliers}
+    outliers = {**(far or {}), **odd}
     wanted = [(goal.u_azimuth, azimuth), (goal.u_inclination, inclination)]
     stated = [(limit, value) for limit, value in wanted if limit is not None]
     reached = bool(stated) and not outliers and all(value <= limit for limit, value in stated)
     noise = _worst(np.sqrt(table.components["sensor noise"].max(axis=(1, 2)))[rows], k)
     alone = _worst(table.from_calibration[rows], k)
     span = (float(table.inclination[rows][0]), float(table.inclination[rows][-1]))
-    return Progress(captured, found, "", azimuth, inclination, outliers, reached, alone, noise, span)
+    return Progress(len(session.valid), found, "", azimuth, inclination, outliers, reached, alone, noise, span, k)
 
 
 def covering(inclination_range: tuple[float, float]) -> slice:
     """The rows of the table of uncertainties that cover a range, its neighbours outside included.
 
-    Examples
-    --------
     >>> np.degrees(np.array(INCLINATIONS)[covering((np.radians(12.0), np.radians(88.0)))]).round()
     array([10., 15., 20., 30., 45., 60., 75., 90.])
     """
@@ -159,37 +190,31 @@ def _worst(u: Array, k: float) -> tuple[float, float]:
     return float(largest[ALL_ANGLES.index("inclination")]), float(largest[ALL_ANGLES.index("azimuth")])
 
 
-def _fitted(readings: BenchReadings, rig_sd: Array | None, name: str, *, left_handed: bool) -> Calibration:
-    """The joint fit with the noise the samples showed, or with that of the residuals where they are larger.
+def _fitted(session: Session, readings: BenchReadings, options: Options) -> Calibration:
+    """The fit of `calibrate`; of captured readings with the noise of the residuals where the samples show less.
 
     Noise that is known need not be estimated from a few residuals, which makes an uncertainty wide and scatter. But
     readings that scatter more from position to position than within one have causes the samples do not show.
     """
-    if not readings.sd:
-        return calibrate_joint(readings, rig_sd=rig_sd, name=name, left_handed=left_handed)
-    found = calibrate_joint(readings, rig_sd=rig_sd, name=name, left_handed=left_handed)
+    found = calibrate(readings, "joint", options)
+    if not readings.sd or "imported" in session.stated:
+        return found
     squares = np.concatenate([np.square(v).ravel() for v in found.residuals.standardised.values()])
     squares = squares[np.isfinite(squares)]
     freedom = max(squares.size - len(found.parameter_names), 1)
     # standard deviations by which the residuals may exceed the noise of the samples before they are believed instead
     if found.outliers or not squares.size or squares.mean() <= 1.0 + 3.0 * np.sqrt(2.0 / freedom):
         return found
-    wide = calibrate_joint(replace(readings, sd={}), rig_sd=rig_sd, name=name, left_handed=left_handed)
-    more_than_noise = (
-        "the readings scatter more from position to position than the sensors' noise and the rig explain: the noise "
-        "was estimated from the residuals instead"
-    )
-    return replace(wide, warnings=(*wide.warnings, more_than_noise))
+    wide = calibrate(replace(readings, sd={}), "joint", options)
+    return replace(wide, findings=(*wide.findings, Finding("bench-scatter")))
 
 
 def proposal(session: Session, goal: Goal, rig: RegisteredRig, so_far: Progress) -> NextPosition | None:
     """The position to take next, in the conventions; None when the stand has no more.
 
-    With a wanted uncertainty the rest of the run is planned ahead: the fewest positions that reach it together with
-    those taken, of which the first is proposed. Without one, or where none so few are enough, it is the one position
-    that shrinks the goal's criterion most. Without looking ahead a run takes up to half as many positions more.
-
-    With a running fit the tool's own axes, noise and dip are used; before, those of an ordinary tool.
+    With a wanted uncertainty it is the first of the fewest positions that reach it with those taken; else, or where
+    none reach it, the one that shrinks the goal's criterion most. Without looking ahead a run needs up to half as many
+    more. The tool's axes, noise and dip are those of the running fit, before it those of an ordinary tool.
     """
     rows = np.array([row.capture.dial for row in session.valid]).reshape(-1, 3)
     settings = np.stack(session.dials.settings(*rows.T), axis=1)
@@ -236,14 +261,12 @@ def _next_position(settings: Array, goal: Goal, so_far: Progress, about: Mapping
 
 def _relative_noise(calibration: Calibration, session: Session) -> dict[str, float]:
     """Noise of one reading, the mean of many samples, relative to the full field, for the design."""
-    noise = {}
+    noise, tool = {}, calibration.tool
     averaged = float(np.sqrt(np.mean([row.capture.count for row in session.valid])))
     for kind in BOTH:
-        triad = calibration.tool.triads[kind]
-        scale = np.sqrt(np.mean(np.sum(triad.tensor[0] ** 2, axis=1)))
-        spread: Array = calibration.tool.noise[kind]
+        scale = np.sqrt(np.mean(np.sum(tool.triads[kind].tensor[0] ** 2, axis=1)))
         # a quiet run must not make the design believe in readings without noise
-        noise[kind] = max(float(np.sqrt(np.mean(spread**2)) / scale) / averaged, 1e-6)
+        noise[kind] = max(float(np.sqrt(np.mean(tool.noise[kind] ** 2)) / scale) / averaged, 1e-6)
     return noise
 
 
@@ -254,13 +277,9 @@ def goal_of(ledger: Ledger, session: Session) -> Goal:
     """The goal of a session: `settings["wanted"]` in degrees, the attitude range of its tool."""
     wanted: dict[str, Any] = dict(session.settings.get("wanted", {}))
     tool = find_tool(ledger, session.serial)
+    angles = {name: wanted.get(f"{name}_deg") for name in ("u_azimuth", "u_inclination")}
     return Goal(
-        u_azimuth=_radians(wanted.get("u_azimuth_deg")),
-        u_inclination=_radians(wanted.get("u_inclination_deg")),
+        **{name: None if value is None else float(np.radians(value)) for name, value in angles.items()},
         inclination_range=Goal().inclination_range if tool is None else tool.inclination_range,
         criterion=str(wanted.get("criterion", "azimuth")),
     )
-
-
-def _radians(degrees: float | None) -> float | None:
-    return None if degrees is None else float(np.radians(degrees))

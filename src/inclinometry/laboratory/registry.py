@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import calendar
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import Field, asdict, dataclass, field, fields, is_dataclass, replace
 from datetime import date
+from functools import cache
 from threading import Lock
 from typing import Annotated, Any, Final, NamedTuple, TypeVar, get_args, get_type_hints
 from weakref import WeakKeyDictionary
@@ -14,15 +15,15 @@ import numpy as np
 from annotated_types import Interval, MaxLen
 from sqlalchemy import func, select
 
-from inclinometry.arrays import within
+from inclinometry.arrays import Array, within
 from inclinometry.calibration.conventions import USUAL, Dials
 from inclinometry.calibration.start import Stand, stand_within
 from inclinometry.conventions import current_name
 from inclinometry.digest import digest_bytes
 from inclinometry.errors import InputError
-from inclinometry.laboratory.certificate.laboratory_toml import Laboratory, laboratory_from
+from inclinometry.laboratory.certificate.laboratory import Laboratory, Standard, laboratory_from
 from inclinometry.laboratory.ledger.engine import KINDS, TABLES
-from inclinometry.laboratory.ledger.ledger import Draft, Ledger, Record
+from inclinometry.laboratory.ledger.ledger import Draft, Ledger, LedgerError, Record
 
 T = TypeVar("T")
 
@@ -42,9 +43,10 @@ class Outside(NamedTuple):
 
 MONTHS: Final = range(1, 121)
 """Intervals between calibrations that can be agreed."""
-LONGEST_TEXT: Final = 2000
-Text = Annotated[str, MaxLen(LONGEST_TEXT)]
+Text = Annotated[str, MaxLen(2000)]
 Pair = tuple[float, float]
+Vectors = Mapping[str, Array]
+"""Kind of triad -> (m,)."""
 
 
 @dataclass(frozen=True)
@@ -115,49 +117,24 @@ class RegisteredSite:
     laboratory: Annotated[Mapping[str, Text], MaxLen(20)] = field(default_factory=dict)
     description: Text = ""
 
-    @property
-    def fields(self) -> dict[str, float | None]:
-        """What is known of the fields, as `session.bench_readings` takes it."""
-        return {"g": self.g, "b": self.b, "dip": self.dip, "latitude": self.latitude}
 
+def declared(of: Any, first: int = 1) -> tuple[tuple[Field[Any], Any, Outside], ...]:
+    """Fields of what is registered beside its key, with their types and what they are called outside.
 
-@dataclass(frozen=True)
-class RegisteredStandard:
-    """A reference standard: what the angles and fields of the laboratory are traced to the SI by.
-
-    certificate : number of its own calibration certificate.
-    due : day from which it must not be used before it has been calibrated again; None where none is set.
+    `first` is 0 for a record that has no key.
     """
-
-    name: str
-    certificate: Annotated[str, MaxLen(200)] = ""
-    due: date | None = None
-    description: Text = ""
-    retired: bool = False
-
-    def overdue(self, today: date) -> bool:
-        """Whether its own calibration has run out."""
-        return self.due is not None and self.due < today
-
-    @property
-    def cited(self) -> str:
-        """How a certificate names it.
-
-        Examples
-        --------
-        >>> RegisteredStandard("Theodolite T2", "D-17", date(2027, 3, 1)).cited
-        'Theodolite T2 (D-17, 2027-03-01)'
-        """
-        about = ", ".join(filter(None, (self.certificate, "" if self.due is None else self.due.isoformat())))
-        return f"{self.name} ({about})" if about else self.name
+    return _declared(of)[first:]
 
 
-def declared(of: type[Any]) -> Iterator[tuple[Field[Any], Any, Outside]]:
-    """Fields of what is registered beside its key, with their types and what they are called outside."""
+@cache
+def _declared(of: Any) -> tuple[tuple[Field[Any], Any, Outside], ...]:
     hints = get_type_hints(of, include_extras=True)
-    for one in fields(of)[1:]:
+    found = []
+    for one in fields(of):
         marks = getattr(hints[one.name], "__metadata__", ())
-        yield one, hints[one.name], next((m for m in marks if isinstance(m, Outside)), Outside(one.name, one.name))
+        place = next((mark for mark in marks if isinstance(mark, Outside)), Outside(one.name, one.name))
+        found.append((one, hints[one.name], place))
+    return tuple(found)
 
 
 def limits_of(of: type[Any], name: str) -> tuple[float, float]:
@@ -175,14 +152,16 @@ def outside(name: str, value: Any) -> Any:
     if isinstance(value, date):
         return value.isoformat()
     if isinstance(value, Mapping):
-        return {key: dict(inner) if isinstance(inner, Mapping) else inner for key, inner in value.items()}
+        return {key: outside("", inner) for key, inner in value.items()}
+    if isinstance(value, np.ndarray):
+        return value.tolist()
     return value
 
 
-def stored(one: Any) -> dict[str, Any]:
-    """The body of the record of a tool, rig or site."""
+def stored(one: Any, first: int = 1) -> dict[str, Any]:
+    """The body of the record of a tool, rig or site, or of another record whose fields are `declared`."""
     body: dict[str, Any] = {}
-    for field_, _, (name, place, _) in declared(type(one)):
+    for field_, _, (name, place, _) in declared(type(one), first):
         group, _, last = place.rpartition(".")
         (body.setdefault(group, {}) if group else body)[last] = outside(name, getattr(one, field_.name))
     return body
@@ -190,33 +169,50 @@ def stored(one: Any) -> dict[str, Any]:
 
 def registered(of: type[T], key: str, said: Mapping[str, Any]) -> T:
     """The tool, rig or site of which a record or a body of the interface says this; the rest as declared."""
+    return of(key, **given(of, said))  # type: ignore[call-arg]
+
+
+def given(of: type[Any], said: Mapping[str, Any], first: int = 1) -> dict[str, Any]:
+    """The fields of a record of which a stored body or one of the interface says this, by name."""
     inner = {
         f"{group}.{name}": x for group, about in said.items() if isinstance(about, Mapping) for name, x in about.items()
     }
-    flat, given = {**said, **inner}, {}
-    for one, hint, (name, place, _) in declared(of):
+    flat, found = {**said, **inner}, {}
+    for one, hint, (name, place, _) in declared(of, first):
         if is_dataclass(hint):
             names = [f.name for f in fields(hint)]
-            given[one.name] = hint(**{n: flat[p] for n in names for p in (n, f"{place}.{n}") if p in flat})  # type: ignore[operator]
+            found[one.name] = hint(**{n: flat[p] for n in names for p in (n, f"{place}.{n}") if p in flat})  # type: ignore[operator]
         elif name in flat or place in flat:
             value = flat[name] if name in flat else flat[place]
             if name.endswith("_deg") and value is not None:
                 value = np.radians(value).tolist()
             if isinstance(value, str) and date in get_args(hint):
                 value = date.fromisoformat(value)
-            given[one.name] = tuple(value) if isinstance(value, list) else value
-    return of(key, **given)  # type: ignore[call-arg]
+            if hint == Vectors:
+                value = {kind: np.array(numbers) for kind, numbers in value.items()}
+            found[one.name] = tuple(value) if isinstance(value, list) else value
+    return found
+
+
+def _within_limits(one: T) -> T:
+    """What is to be registered, its numbers as floats; InputError for one outside the limits that are declared."""
+    found: dict[str, Any] = {}
+    for field_, _, (name, _, limits) in declared(type(one)):
+        value = getattr(one, field_.name)
+        if limits is not None and value is not None:
+            span = np.radians(limits) if name.endswith("_deg") else limits
+            unit = {"g_mps2": "m/s^2", "b_nT": "nT"}.get(name, "rad")
+            number = within(value, field_.name, float(span[0]), float(span[1]), unit).tolist()
+            found[field_.name] = tuple(number) if isinstance(number, list) else number
+    return replace(one, **found)  # type: ignore[type-var]
 
 
 def put_tool(ledger: Ledger, tool: RegisteredTool, *, author: str) -> Record:
     """Register a tool, or record what changed.
 
-    Raises
-    ------
-    InputError
-        A range of inclinations that is none, a serial number or text that cannot be recorded.
+    Raises InputError: A range of inclinations that is none, a serial number or text that cannot be recorded.
     """
-    low, high = within(tool.inclination_range, "inclination_range", 0.0, np.pi, "rad")
+    low, high = _within_limits(tool).inclination_range
     if low > high:
         raise InputError(f"inclination_range is {low:g} to {high:g} rad; the first must not exceed the second")
     if tool.interval_months is not None and not MONTHS[0] <= tool.interval_months <= MONTHS[-1]:
@@ -240,10 +236,8 @@ def tools(ledger: Ledger, *, limit: int = 1000, after: str = "") -> list[Registe
 
 def put_rig(ledger: Ledger, rig: RegisteredRig, *, author: str) -> Record:
     """Register a rig, or record what changed."""
-    low, high = np.radians(limits_of(RegisteredRig, "sd"))
-    within(rig.sd, "sd of the rig", low, high, "rad")
     stand_within(rig.azimuth, rig.inclination, rig.toolface, candidates=1)  # refuses limits that are none
-    body = stored(rig)
+    body = stored(_within_limits(rig))
     if rig.dials == USUAL:
         del body["dials"]
     return ledger.append("rig", {"name": rig.name}, body, author=author)
@@ -275,15 +269,7 @@ def rigs(ledger: Ledger) -> list[RegisteredRig]:
 
 def put_site(ledger: Ledger, site: RegisteredSite, *, author: str) -> Record:
     """Register a site, or record what changed."""
-    allowed = {
-        name: (*(np.radians(span) if unit == "rad" else span), unit)
-        for name, unit in (("g", "m/s^2"), ("b", "nT"), ("dip", "rad"), ("latitude", "rad"))
-        for span in [limits_of(RegisteredSite, name)]
-    }
-    known: dict[str, Any] = {
-        name: float(within(value, name, *allowed[name])) for name, value in site.fields.items() if value is not None
-    }
-    body = {name: value for name, value in stored(replace(site, **known)).items() if value is not None}
+    body = {name: value for name, value in stored(_within_limits(site)).items() if value is not None}
     return ledger.append("site", {"name": site.name}, body, author=author)
 
 
@@ -291,6 +277,14 @@ def find_site(ledger: Ledger, name: str) -> RegisteredSite | None:
     """The site as it is now; None when it was never registered."""
     record = ledger.latest("site", name=name)
     return None if record is None else registered(RegisteredSite, name, record.body)
+
+
+def registered_site(ledger: Ledger, name: str) -> RegisteredSite:
+    """The site of a name; LedgerError when it was never registered."""
+    found = find_site(ledger, name)
+    if found is None:
+        raise LedgerError(f"site {name!r} is not registered; register it first")
+    return found
 
 
 def sites(ledger: Ledger) -> list[RegisteredSite]:
@@ -301,39 +295,30 @@ def sites(ledger: Ledger) -> list[RegisteredSite]:
 # Reference standards and the laboratory itself: events of the ledger, so that a program that does not know them reads
 # the ledger as before. The newest event of a subject is how it is now.
 
-_STANDARD, _LABORATORY = "standard", "laboratory"
 LARGEST_LOGO: Final = 200_000
 """Bytes of a logo."""
-LOGOS: Final = {"png": "image/png", "svg": "image/svg+xml"}
 
 
-def put_standard(ledger: Ledger, standard: RegisteredStandard, *, author: str) -> Record:
+def put_standard(ledger: Ledger, standard: Standard, *, author: str) -> Record:
     """Register a reference standard, or record what changed."""
-    keys = {"subject_kind": _STANDARD, "subject": standard.name, "action": "registered"}
+    keys = {"subject_kind": "standard", "subject": standard.name, "action": "registered"}
     return ledger.append("event", keys, {"details": stored(standard)}, author=author)
 
 
-def find_standard(ledger: Ledger, name: str) -> RegisteredStandard | None:
+def find_standard(ledger: Ledger, name: str) -> Standard | None:
     """The standard as it is now; None when it was never registered."""
-    record = ledger.latest("event", subject_kind=_STANDARD, subject=name, action="registered")
-    return None if record is None else registered(RegisteredStandard, name, record.body["details"])
+    record = ledger.latest("event", subject_kind="standard", subject=name, action="registered")
+    return None if record is None else registered(Standard, name, record.body["details"])
 
 
-def standards(ledger: Ledger) -> list[RegisteredStandard]:
+def standards(ledger: Ledger) -> list[Standard]:
     """Reference standards by name."""
-    newest = {r.keys["subject"]: r for r in ledger.find("event", subject_kind=_STANDARD, action="registered")}
-    return [registered(RegisteredStandard, name, newest[name].body["details"]) for name in sorted(newest)]
+    newest = {r.keys["subject"]: r for r in ledger.find("event", subject_kind="standard", action="registered")}
+    return [registered(Standard, name, newest[name].body["details"]) for name in sorted(newest)]
 
 
 def logo_kind(data: bytes) -> str:
-    """ "png" or "svg".
-
-    Raises
-    ------
-    InputError
-        Too large, neither, an SVG that is not well-formed or refers to anything outside itself, a picture that cannot
-        be drawn.
-    """
+    """ "png" or "svg"; an SVG that refers to anything outside itself is refused."""
     if len(data) > LARGEST_LOGO:
         raise InputError(f"the logo has {len(data)} bytes; allowed {LARGEST_LOGO}")
     kind = "png" if data.startswith(b"\x89PNG\r\n\x1a\n") else "svg" if b"<svg" in data[:2000] else ""
@@ -355,32 +340,21 @@ def logo_kind(data: bytes) -> str:
 
 
 def put_laboratory(ledger: Ledger, laboratory: Laboratory, *, author: str, logo: bytes | None = None) -> Record:
-    """Record what the laboratory says of itself on certificates.
-
-    Parameters
-    ----------
-    logo : bytes, optional
-        PNG or SVG; the one recorded before is kept when not given, removed when empty.
-
-    Raises
-    ------
-    InputError
-        See `logo_kind`.
-    """
+    """Record what the laboratory says on certificates; the logo stays when not given, an empty one removes it."""
     kept = dict(_settings(ledger).get("logo", {}))
     details: dict[str, Any] = {name: value for name, value in asdict(laboratory).items() if value}
     documents: list[tuple[str, bytes]] = []
     if logo:
-        media = LOGOS[logo_kind(logo)]
+        media = {"png": "image/png", "svg": "image/svg+xml"}[logo_kind(logo)]
         kept, documents = {"digest": digest_bytes(logo), "media_type": media}, [(media, logo)]
     if kept and logo != b"":
         details["logo"] = kept
-    keys = {"subject_kind": _LABORATORY, "subject": "settings", "action": "recorded"}
+    keys = {"subject_kind": "laboratory", "subject": "settings", "action": "recorded"}
     return ledger.append_all([Draft("event", keys, {"details": details}, documents)], author=author)[0]
 
 
 def _settings(ledger: Ledger) -> Mapping[str, Any]:
-    record = ledger.latest("event", subject_kind=_LABORATORY, subject="settings", action="recorded")
+    record = ledger.latest("event", subject_kind="laboratory", subject="settings", action="recorded")
     return {} if record is None else record.body["details"]
 
 
@@ -399,8 +373,6 @@ def find_logo(ledger: Ledger) -> tuple[str, bytes] | None:
 def months_after(day: date, months: int) -> date:
     """The same day of a later month, or its last.
 
-    Examples
-    --------
     >>> months_after(date(2026, 1, 31), 1)
     datetime.date(2026, 2, 28)
     """
@@ -408,32 +380,13 @@ def months_after(day: date, months: int) -> date:
     return date(year, month + 1, min(day.day, calendar.monthrange(year, month + 1)[1]))
 
 
-@dataclass(frozen=True)
-class Listed:
-    """A record without its body."""
+def listed(ledger: Ledger, kind: str, *, limit: int = 50, before: int = 0, **keys: Any) -> list[Record]:
+    """Records of a kind (`engine.KINDS`) with these keys, newest first, before the place `before` (0: from the end).
 
-    kind: str
-    id: str
-    seq: int
-    created: str
-    author: str
-    keys: Mapping[str, Any]
-
-
-def listed(ledger: Ledger, kind: str, *, limit: int = 50, before: int = 0, **keys: Any) -> list[Listed]:
-    """Records of a kind with these keys, newest first, before the place `before` (0: from the end).
-
-    Parameters
-    ----------
-    ledger : Ledger
-    kind : str
-        See `inclinometry.laboratory.ledger.engine.KINDS`.
-    limit, before : int
-    **keys
-        Columns of the kind.
+    Their bodies are not read: they are empty.
     """
     table, names = TABLES[kind], KINDS[kind].keys
-    columns = [table.c[name] for name in ("id", "seq", "created", "author", *names)]
+    columns = [table.c[name] for name in ("id", "seq", "created", "author", "version", *names)]
     query = select(*columns).order_by(table.c.seq.desc()).limit(limit)
     for name, value in keys.items():
         query = query.where(table.c[name] == value)
@@ -442,22 +395,32 @@ def listed(ledger: Ledger, kind: str, *, limit: int = 50, before: int = 0, **key
     with ledger.snapshot() as connection:
         rows = connection.execute(query).all()
     return [
-        Listed(kind, row.id, row.seq, row.created, row.author, {name: getattr(row, name) for name in names})
-        for row in rows
+        Record(kind, r.id, r.seq, r.created, r.author, r.version, {name: getattr(r, name) for name in names}, {})
+        for r in rows
     ]
 
 
-_KEPT: WeakKeyDictionary[Ledger, dict[tuple[str, str], Any]] = WeakKeyDictionary()
-_LOCK = Lock()
+def evaluations(ledger: Ledger, serial: str, *, limit: int = 10_000) -> list[Record]:
+    """The calibrations of a tool in order, of each session the newest: one set of readings is one calibration."""
+    newest = listed(ledger, "calibration", serial=serial, limit=limit)
+    return list({one.keys["session"]: one for one in reversed(newest)}.values())
 
 
-def extract(ledger: Ledger, one: Listed, what: str, make: Callable[[Record], T]) -> T:
+def calibration_before(ledger: Ledger, calibration: Record) -> Record | None:
+    """The calibration of a tool by its readings before; None when there is none."""
+    found = evaluations(ledger, calibration.keys["serial"])
+    place = [one.keys["session"] for one in found].index(calibration.keys["session"])
+    return ledger.get("calibration", found[place - 1].id) if place else None
+
+
+_KEPT: Final[WeakKeyDictionary[Ledger, dict[tuple[str, str], Any]]] = WeakKeyDictionary()
+_LOCK: Final = Lock()
+
+
+def extract(ledger: Ledger, one: Record, what: str, make: Callable[[Record], T]) -> T:
     """What `make` finds in the body of a listed record, read and worked out only once in a process.
 
-    Parameters
-    ----------
-    what : str
-        Name of the extract, the same for the same `make`.
+    `what` is the name of the extract, the same for the same `make`.
     """
     with _LOCK:
         kept = _KEPT.setdefault(ledger, {})
@@ -484,8 +447,9 @@ def due_days(ledger: Ledger, tools: Sequence[RegisteredTool]) -> dict[str, date]
     with ledger.snapshot() as connection:
         last: dict[str, date] = {}
         # from its certificate; from its calibration where it has none; a tool never calibrated is due at once
-        for kind in ("certificate", "calibration"):
-            table = TABLES[kind]
+        made = TABLES["calibration"].c  # readings evaluated again are no newer
+        calibrated = select(made.serial, func.min(made.created).label("created")).group_by(made.serial, made.session)
+        for table in (TABLES["certificate"], calibrated.subquery()):
             last = {**_days(connection, table, func.max(table.c.created), asked.keys() - last.keys()), **last}
         table = TABLES["tool"]
         first = _days(connection, table, func.min(table.c.created), asked.keys() - last.keys())

@@ -3,117 +3,87 @@
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import date
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
 from inclinometry.arrays import Array
-from inclinometry.calibration.expected import ALL_ANGLES, certified_factor, expanded, expected_uncertainty
+from inclinometry.calibration.expected import certified, expected_uncertainty
 from inclinometry.calibration.result import Calibration
 from inclinometry.constants import INCLINATIONS
 from inclinometry.errors import InclinometryError, InputError
 from inclinometry.files.json_codec import canonical
-from inclinometry.files.tool_json import calibration_content, calibration_from
+from inclinometry.files.tool_json import calibration_content, calibration_from, tool_of
 from inclinometry.files.writing import program
+from inclinometry.findings import Finding
+from inclinometry.laboratory.attitude import Judge, earlier_calibration
+from inclinometry.laboratory.certificate.budget import expanded_columns
 from inclinometry.laboratory.ledger.ledger import Draft, Ledger, LedgerError, Record
 from inclinometry.laboratory.progress import Goal, session_progress
-from inclinometry.laboratory.registry import extract, find_site, listed, rig_of
-from inclinometry.laboratory.session import Session, close_session_draft, load_session, unless_closed
-from inclinometry.sensors import parameter_vector
-
-_DIALS: Final = {
-    "--inclination-from vertical": "the inclination from the vertical",
-    "--inclination-from other-end": "the inclination from the other end",
-    "--inclination-from horizontal": "the inclination from the horizontal",
-    "--inclination-from horizontal-up": "the inclination from the horizontal, positive above",
-    "--azimuth-counts clockwise": "the azimuth clockwise",
-    "--azimuth-counts counterclockwise": "the azimuth counterclockwise",
-    "--toolface-counts clockwise": "the toolface clockwise",
-    "--toolface-counts counterclockwise": "the toolface counterclockwise",
-}
-_ONE: Final = r"--(?:inclination-from|azimuth-counts|toolface-counts) [a-z-]+"
-_ELSEWHERE: Final = r"--(?:(?:level|north|dip|latitude|rig)(?:-sd)?-deg|site|nameplate|stand (?:fit|level|same))"
-"""Options of calibrate and verify that the bench does not have."""
-_STATED: Final = (
-    # the longest first: what follows is part of it
-    (
-        "State it, or put the column right.",
-        "State it on the rig (More, Rigs): the readings stay, and are judged anew.",
-    ),
-    ("--left-handed states that the channels are so", "a session begun with left-handed channels states that they are"),
-    (
-        "(--dip-deg, dip_deg in --site, the column reference_dip_deg, or the form of the bench)",
-        "(the dip of the site, or the form that begins a calibration)",
-    ),
-    ("(--dip-deg)", "(the dip of the site)"),
-    ("(latitude_deg in --site)", "(the latitude of the site)"),
-    ("state the dials, or verify", "state them on the rig (More, Rigs), or verify"),
-)
+from inclinometry.laboratory.registry import evaluations, extract, registered_site, rig_of
+from inclinometry.laboratory.session import EVALUATED, Session, close_session_draft, load_session, unless_closed
+from inclinometry.sensors import Tool, in_field_of, parameter_vector
 
 
-def at_the_bench(sentence: str) -> str:
-    """A sentence with each option of the command line replaced by what states it in the bench.
-
-    An option that the bench does not have is said to be of the command line.
-
-    Examples
-    --------
-    >>> at_the_bench("with --azimuth-counts counterclockwise --toolface-counts counterclockwise the readings fit")
-    'with dials that count the azimuth counterclockwise and the toolface counterclockwise the readings fit'
-    >>> at_the_bench("(state it with --north-deg)")
-    '(state it with calibrate --north-deg at the command line)'
-    """
-    if "--" not in sentence:
-        return sentence
-    for said, instead in _STATED:
-        sentence = sentence.replace(said, instead)
-
-    def dials(found: re.Match[str]) -> str:
-        options = re.findall(_ONE, found[0])
-        return f"dials that count {' and '.join(_DIALS.get(option, option) for option in options)}"
-
-    sentence = re.sub(rf"{_ONE}(?: {_ONE})*", dials, sentence)
-
-    def elsewhere(found: re.Match[str]) -> str:
-        command = "verify" if found[0].startswith("--stand") else "calibrate"
-        return f"{command} {found[0]} at the command line"
-
-    return re.sub(_ELSEWHERE, elsewhere, sentence)
-
-
-def finish_calibration(
-    ledger: Ledger, session: str, *, author: str, goal: Goal | None = None, estimate_rig: bool = False
-) -> Record:
+def finish_calibration(ledger: Ledger, session: str, *, author: str, goal: Goal | None = None) -> Record:
     """Fit the session's readings, record the calibration and close the session, in one step.
 
-    Raises
-    ------
-    LedgerError
-        The session is closed, or its readings cannot be fitted; says why.
+    Raises LedgerError: the session is closed, or its readings cannot be fitted; says why.
     """
-    # what is said of readings that are all alike, or whose fit has no usable uncertainty
-    unturned = "they do not determine the tool; was it turned to each position?"
     seen = load_session(ledger, session)
     if seen.closed:
         raise LedgerError("this session is closed already")
-    rig = rig_of(ledger, session)
+    found, outliers = _fit(ledger, seen, goal or Goal())
+    return record_fit(ledger, seen, found, author=author, outliers=outliers)
+
+
+def evaluate_again(ledger: Ledger, session: str, site: str, *, author: str, reason: str = "") -> Record:
+    """Fit the readings of a finished session with the fields of a registered site; that is another calibration.
+
+    From then on the session is of this site. The calibration before and its certificate stay as they are.
+    """
+    seen = load_session(ledger, session)
+    before = ledger.latest("calibration", session=session)
+    if before is None:
+        raise LedgerError("this session has no calibration; finish it first")
+    if not can_be_evaluated_again(before):
+        raise LedgerError(
+            "this calibration comes from tool.json or the tool's history, not from readings alone: calibrate the tool "
+            "again"
+        )
+    found, outliers = _fit(ledger, replace(seen, site=registered_site(ledger, site)), Goal())
+    details = {"site": site, "before": before.id}
+    keys = {"subject_kind": "session", "subject": session, "action": EVALUATED}
+    event = Draft("event", keys, {"reason": reason.strip(), "details": details})
+    return ledger.append_all([_draft(seen, found, outliers, details), event], author=author)[0]
+
+
+def can_be_evaluated_again(calibration: Record) -> bool:
+    """Whether a calibration is of readings in the ledger and of nothing else, as a tool.json or the tool's history."""
+    return bool(calibration.body["readings"]) and "evidence" not in calibration.body.get("settings", {})
+
+
+def _fit(ledger: Ledger, seen: Session, goal: Goal) -> tuple[Calibration, dict[str, str]]:
+    """The calibration of the readings of a session and its outliers; LedgerError where they make none."""
+    # of readings that are all alike, or whose fit has no usable uncertainty
+    undetermined = Finding("ledger-not-turned", severity="refused")
+    rig = rig_of(ledger, seen.id)
     if rig is None:
         raise LedgerError(f"rig {seen.rig!r} is not registered; register it first")
-    if len(seen.valid) > 1 and _distinct(seen) == 1:
-        raise LedgerError(f"these readings do not make a calibration: {unturned}")
-    site = find_site(ledger, str(seen.settings.get("site", "")))
-    now = session_progress(seen, goal or Goal(), rig, site, estimate_rig=estimate_rig)
+    distinct = {tuple((k, v.tobytes()) for k, v in sorted(row.capture.channels.items())) for row in seen.valid}
+    if len(seen.valid) > 1 and len(distinct) == 1:
+        raise LedgerError(undetermined)
+    earlier = earlier_judge(ledger, seen)
+    now = session_progress(seen, goal, rig, earlier=earlier)
     if now.calibration is None:
-        raise LedgerError(f"these readings do not make a calibration: {now.waiting}")
+        raise LedgerError(now.waiting)
     found = now.calibration
     if not np.isfinite(found.covariance).all() or (np.diagonal(found.covariance) < 0.0).any():
-        raise LedgerError(f"these readings do not make a calibration: {unturned}")
-    outliers = {str(number): sentence for number, sentence in now.outliers.items()}
-    return record_fit(ledger, seen, found, author=author, outliers=outliers)
+        raise LedgerError(undetermined)
+    return found, {str(number): str(what) for number, what in now.outliers.items()}
 
 
 def record_fit(
@@ -125,51 +95,45 @@ def record_fit(
     outliers: Mapping[str, str] | None = None,
     settings: Mapping[str, Any] | None = None,
 ) -> Record:
-    """Record what was fitted to the readings of a session and close it, in one step.
+    """Record what was fitted to the readings of a session and close it, in one step."""
+    drafts = [_draft(seen, found, outliers or {}, settings or {}), close_session_draft(seen.id, "finished")]
+    return ledger.append_all(drafts, author=author, unless=[unless_closed(seen.id)])[0]
 
-    Parameters
-    ----------
-    outliers : mapping of position to sentence
-    settings : mapping, optional
-        What else the record is to say of how it was made.
 
-    Raises
-    ------
-    LedgerError
-        The session is closed, or the calibration could not be read again.
-    """
+def _draft(seen: Session, found: Calibration, outliers: Mapping[str, str], settings: Mapping[str, Any]) -> Draft:
+    """The record of what was fitted; LedgerError where it could not be read again."""
     content = plain_content(found)
     # nothing is recorded that could not be read again, for what is recorded stays
     try:
         calibration_from(json.loads(canonical(dict(content))), "the fit")
     except InclinometryError as error:
-        raise LedgerError(f"these readings do not make a calibration: {error}") from None
-    body = {
-        **({"settings": dict(settings)} if settings else {}),
+        raise LedgerError(error.finding or str(error)) from None
+    readings = [row.record for row in seen.valid]
+    body = calibration_body(found, content, readings, seen.rig, seen.plan, len(readings), outliers=dict(outliers))
+    body |= {"settings": dict(settings)} if settings else {}
+    return Draft("calibration", {"serial": seen.serial, "session": seen.id}, body)
+
+
+def calibration_body(
+    found: Calibration,
+    content: Mapping[str, Any],
+    readings: list[str],
+    rig: str,
+    plan: str,
+    positions: int,
+    **more: Any,
+) -> dict[str, Any]:
+    """The body of the record of a calibration; `content` is that of its tool.json, `more` goes into the summary."""
+    values = [[name, *pair] for name, pair in parameters(found.tool).items()]
+    about = {"rig": rig, "plan": plan, "positions": positions, "warnings": found.remarks, "parameters": values}
+    return {
         "tool_json": content,
         "method": found.method,
-        "readings": [row.record for row in seen.valid],
+        "readings": readings,
         "capability_deg": expected_table(found),
-        "summary": {
-            "rig": seen.rig,
-            "plan": seen.plan,
-            "positions": len(seen.valid),
-            "warnings": list(found.warnings),
-            "outliers": dict(outliers or {}),
-            "parameters": [[name, *pair] for name, pair in parameters(found).items()],
-        },
+        "summary": about | more,
         "program": program(),
     }
-    drafts = [
-        Draft("calibration", {"serial": seen.serial, "session": seen.id}, body),
-        close_session_draft(seen.id, "finished"),
-    ]
-    return ledger.append_all(drafts, author=author, unless=[unless_closed(seen.id)])[0]
-
-
-def _distinct(seen: Session) -> int:
-    """How many readings differ from each other in any sensor."""
-    return len({tuple((kind, v.tobytes()) for kind, v in sorted(row.capture.channels.items())) for row in seen.valid})
 
 
 def plain_content(calibration: Calibration) -> dict[str, Any]:
@@ -183,31 +147,28 @@ def calibration_of(record: Record) -> Calibration:
     return calibration_from(dict(record.body["tool_json"]), f"calibration {record.id}")
 
 
+def earlier_judge(ledger: Ledger, session: Session) -> Judge | None:
+    """The newest calibration of the session's tool on its rig, by another session; None when there is none."""
+    record = earlier_calibration(ledger, session)
+    return None if record is None else Judge(calibration_of(record), record.created)
+
+
 def expected_table(calibration: Calibration) -> dict[str, Any]:
     """Expanded uncertainties over inclination, worst azimuth and toolface, degrees: of one reading, and below
     "from_calibration" from the calibration alone; empty for a tool that can give no angle.
     """
-    found = expected_uncertainty(calibration, INCLINATIONS)
-    if not found.angles:
-        return {}
-    k = certified_factor(calibration)
-    one, alone = (np.degrees(expanded(u, k)) for u in (found.of_one_reading, found.from_calibration))
-    columns = {f"U_{name}_deg": ALL_ANGLES.index(name) for name in found.angles}
-    return {
-        "coverage_factor": k,
-        "inclination_deg": np.degrees(INCLINATIONS).round(9).tolist(),
-        **{key: one[:, place].tolist() for key, place in columns.items()},
-        "from_calibration": {key: alone[:, place].tolist() for key, place in columns.items()},
-    }
+    stated, k, _ = certified(calibration)
+    found = expected_uncertainty(stated, INCLINATIONS)
+    return {"coverage_factor": k, **expanded_columns(found, k)} if found.angles else {}
 
 
 @dataclass(frozen=True, eq=False)
 class History:
     """The calibrations of one tool, by the day of their readings.
 
-    measured : last day of the readings of each; created : UTC of its record; records : their ids.
-    values, u : parameter -> (n,) estimate and standard uncertainty, in the parameter's unit; NaN where a calibration
-        does not have it.
+    values, u : parameter -> (n,), NaN where a calibration does not have it.
+    compared, u_compared : the same for the field of the first calibration; NaN where the unit is another.
+    scale_unknown : kinds whose common scale is not compared: the field's strength is not stated there or in the first.
     """
 
     serial: str
@@ -216,13 +177,16 @@ class History:
     records: Sequence[str]
     values: Mapping[str, Array]
     u: Mapping[str, Array]
+    compared: Mapping[str, Array]
+    u_compared: Mapping[str, Array]
+    scale_unknown: Sequence[tuple[str, ...]]
 
     def __len__(self) -> int:
         return len(self.created)
 
     def change(self, parameter: str) -> tuple[Array, Array]:
         """Change of a parameter since the first calibration and its standard uncertainty; two runs are independent."""
-        value, u = self.values[parameter], self.u[parameter]
+        value, u = self.compared[parameter], self.u_compared[parameter]
         spread = np.sqrt(u**2 + u[0] ** 2)
         spread[0] = 0.0
         return value - value[0], spread
@@ -231,30 +195,45 @@ class History:
 def history(ledger: Ledger, serial: str, *, limit: int = 200) -> History:
     """How the parameters of a tool went from calibration to calibration.
 
-    Raises
-    ------
-    InputError
-        A tool that was never calibrated.
+    Raises InputError: A tool that was never calibrated.
     """
-    records = listed(ledger, "calibration", serial=serial, limit=limit)
+    records = evaluations(ledger, serial, limit=limit)
     if not records:
         raise InputError(f"tool {serial!r} has no calibration in this ledger")
-    days = {
-        r.id: extract(
-            ledger, r, "measured", lambda one: measured(ledger, one, ledger.get("session", one.keys["session"]))
-        )
-        for r in records
-    }
-    records.sort(key=lambda r: (days[r.id][1], r.seq))
-    found = [extract(ledger, record, "parameters", recorded_parameters) for record in records]
-    names = list(dict.fromkeys(name for one in found for name in one))
-    values = {name: np.full(len(found), np.nan) for name in names}
-    u = {name: np.full(len(found), np.nan) for name in names}
-    for row, one in enumerate(found):
-        for name, (value, sd) in one.items():
-            values[name][row], u[name][row] = value, sd
+
+    def read(one: Record) -> tuple[date, date]:
+        return measured(ledger, one, ledger.get("session", one.keys["session"]))
+
+    days = {record.id: extract(ledger, record, "measured", read) for record in records}
+    records.sort(key=lambda r: days[r.id][1])
+    tools = [recorded_tool(ledger, record) for record in records]
+    compared = [comparable(tool, tools[0]) for tool in tools]
+    columns = (*_columns([parameters(tool) for tool in tools]), *_columns([one for one, _ in compared]))
+    unknown = [kinds for _, kinds in compared]
     ids = [r.id for r in records]
-    return History(serial, [days[name][1] for name in ids], [r.created for r in records], ids, values, u)
+    return History(serial, [days[name][1] for name in ids], [r.created for r in records], ids, *columns, unknown)
+
+
+def comparable(tool: Tool, other: Tool) -> tuple[dict[str, tuple[float, float]], tuple[str, ...]]:
+    """Parameters of a tool for the field of another calibration; the kinds whose common scale cannot be compared.
+
+    NaN where the signals are in another unit.
+    """
+    there, unknown = in_field_of(tool, other)
+    unlike = {
+        kind for kind, triad in tool.triads.items() if kind in other.triads and triad.unit != other.triads[kind].unit
+    }
+    found = {
+        name: (np.nan, np.nan) if name.partition(".")[0] in unlike else pair for name, pair in parameters(there).items()
+    }
+    return found, tuple(kind for kind in unknown if kind not in unlike)
+
+
+def _columns(found: Sequence[Mapping[str, tuple[float, float]]]) -> tuple[dict[str, Array], dict[str, Array]]:
+    """Estimates and standard uncertainties by parameter, NaN where a calibration does not have it."""
+    names = dict.fromkeys(name for one in found for name in one)
+    pairs = {name: np.array([one.get(name, (np.nan, np.nan)) for one in found]) for name in names}
+    return {name: both[:, 0] for name, both in pairs.items()}, {name: both[:, 1] for name, both in pairs.items()}
 
 
 def measured(ledger: Ledger, calibration: Record, session: Record) -> tuple[date, date]:
@@ -268,17 +247,13 @@ def measured(ledger: Ledger, calibration: Record, session: Record) -> tuple[date
     return found[0], found[-1]
 
 
-def recorded_parameters(record: Record) -> dict[str, tuple[float, float]]:
-    """Parameter -> (estimate, standard uncertainty) of a recorded calibration, from its summary where it has one."""
-    summary = record.body.get("summary", {}).get("parameters")
-    if summary:
-        return {str(name): (float(value), float(sd)) for name, value, sd in summary}
-    return parameters(calibration_of(record))
+def recorded_tool(ledger: Ledger, record: Record) -> Tool:
+    """The tool of a recorded calibration."""
+    return extract(ledger, record, "tool", lambda one: tool_of(dict(one.body["tool_json"]), f"calibration {one.id}"))
 
 
-def parameters(calibration: Calibration) -> dict[str, tuple[float, float]]:
+def parameters(tool: Tool) -> dict[str, tuple[float, float]]:
     """Parameter of the tool -> (estimate, standard uncertainty), in the parameter's unit."""
-    tool = calibration.tool
     estimate = np.concatenate([parameter_vector(triad) for triad in tool.triads.values()])
     sd = np.sqrt(np.diagonal(tool.covariance))
     return dict(zip(tool.parameter_names, zip(estimate.tolist(), sd.tolist(), strict=True), strict=True))

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any, Final
+from dataclasses import dataclass, field, replace
+from typing import Annotated, Any, Final
 
 import numpy as np
 
@@ -14,39 +14,30 @@ from inclinometry.calibration.plans import Plan
 from inclinometry.calibration.readings import LARGEST, BenchReadings
 from inclinometry.constants import KINDS
 from inclinometry.errors import InputError
-from inclinometry.laboratory.ledger.ledger import ConflictError, Draft, Ledger, LedgerError, Precondition, Record
-from inclinometry.laboratory.registry import dials_of
+from inclinometry.laboratory.ledger.ledger import ConflictError, Draft, Ledger, LedgerError, Record
+from inclinometry.laboratory.placeholders import stated
+from inclinometry.laboratory.registry import (
+    Outside,
+    RegisteredSite,
+    Vectors,
+    dials_of,
+    find_site,
+    given,
+    registered_site,
+    stored,
+)
 from inclinometry.rotations import wrap_positive
+from inclinometry.workflow.calibrate import at_site
 
 LOW, HIGH = -60.0, 250.0
 """Temperatures of any oven, degC."""
 
 
 def campaign(plan: Plan, temperatures: Sequence[float]) -> tuple[Plan, tuple[float, ...]]:
-    """All positions of a plan at each temperature, and the target temperature of each, degC.
+    """All positions of a plan at each temperature (degC, in the order of the oven), and the target temperature of each.
 
-    Parameters
-    ----------
-    plan : Plan
-    temperatures : sequence of float
-        degC, at least two, in the order in which the oven is to reach them.
-
-    Raises
-    ------
-    InputError
-        Fewer than two temperatures, two alike, or one no oven has.
-
-    Notes
-    -----
-    A reading is used with the temperature measured, not with its target: a ramp will do as well as a soak, as long as
-    the tool is even inside. The degree of the polynomial is chosen by the fit, which also states the range it holds in.
-
-    Examples
-    --------
-    >>> from inclinometry.calibration import plans
-    >>> hot, target = campaign(plans.twelve(), [20.0, 80.0])
-    >>> len(hot), target[0], target[-1]
-    (24, 20.0, 80.0)
+    A reading is used with the temperature measured: a ramp will do as well as a soak, as long as the tool is even
+    inside. The fit chooses the degree of the polynomial and states the range it holds in.
     """
     closest = 5.0  # two steps nearer to each other than this, degC, tell a polynomial nothing
     targets = within(list(temperatures), "temperatures", LOW, HIGH, "degC")
@@ -57,19 +48,17 @@ def campaign(plan: Plan, temperatures: Sequence[float]) -> tuple[Plan, tuple[flo
         )
     times = len(targets)
     sets = tuple(f"{t:g}:{name}" if name else "" for t in targets for name in (plan.roll_set or [""] * len(plan)))
-    repeated = Plan(
-        f"{plan.name} at {times} temperatures",
-        np.tile(plan.azimuth, times),
-        np.tile(plan.inclination, times),
-        np.tile(plan.toolface, times),
-        sets if any(sets) else (),
-    )
+    azimuth, inclination, toolface = (np.tile(x, times) for x in (plan.azimuth, plan.inclination, plan.toolface))
+    name = f"{plan.name} at {times} temperatures"
+    repeated = Plan(name, azimuth, inclination, toolface, sets if any(sets) else ())
     return repeated, tuple(float(t) for t in np.repeat(targets, len(plan)))
 
 
 PURPOSES: Final = ("calibrate", "verify", "temperature")
 MOST_POSITIONS: Final = 5000
 CLOSING: Final = ("finished", "abandoned")
+EVALUATED: Final = "evaluated again"
+"""What happened to a session whose site was stated after it was finished."""
 
 
 @dataclass(frozen=True)
@@ -89,21 +78,19 @@ class Capture:
 
     channels, sd : kind -> (m,) mean over the window and standard deviation of one sample, in `units`.
     drift : kind -> (m,) change over the window by a straight line, in `units`.
-    count, duration : samples, s.
     dial : (3,) azimuth, inclination, toolface as the rig's dials say them, rad.
-    how : "key", "automatic", "api" or "import".
     """
 
-    channels: Mapping[str, Array]
-    dial: tuple[float, float, float]
+    channels: Vectors
+    dial: Annotated[tuple[float, float, float], Outside("dial_deg", "dial_deg")]
     count: int = 1
-    sd: Mapping[str, Array] = field(default_factory=dict)
-    drift: Mapping[str, Array] = field(default_factory=dict)
+    sd: Vectors = field(default_factory=dict)
+    drift: Vectors = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
-    duration: float = 0.0
-    temperature: float | None = None
+    duration: Annotated[float, Outside("duration_s", "duration_s")] = 0.0
+    temperature: Annotated[float | None, Outside("temperature_degC", "temperature_degC")] = None
     still: bool = True
-    how: str = "key"
+    how: Annotated[str, Outside("captured", "captured")] = "key"
     note: str = ""
 
 
@@ -124,12 +111,10 @@ class RecordedReading:
 class Session:
     """A session as the ledger has it now.
 
-    taken : position number -> its newest reading.
-    attempts : position number -> how many readings were taken of it.
-    closed : "" while it is open, else what closed it ("finished", "abandoned").
-    settings : what was agreed when it was opened (wanted uncertainty, rig sd, attitude range, limits, environment ...).
-    dials : how the rig's dials count, as it is known now, or was when the session was closed: dials found to have been
-        stated wrongly are put right on the rig, and the readings stay.
+    taken, attempts : position -> its newest reading, number of readings. closed : "", "finished" or "abandoned".
+    settings : as agreed when it was opened; the site as stated last. site : with its fields as known now.
+    dials : how the dials count, as known now, or when the session was closed: dials stated wrongly are put right on the
+        rig, and the readings stay.
     """
 
     id: str
@@ -145,6 +130,19 @@ class Session:
     closed: str
     settings: Mapping[str, Any]
     dials: Dials = USUAL
+    site: RegisteredSite | None = None
+
+    @property
+    def stated(self) -> Mapping[str, Any]:
+        """What was stated with the readings: options of the fit, and what an imported file says of its stand."""
+        found: Mapping[str, Any] = self.settings.get("settings", {})
+        return found
+
+    @property
+    def stations(self) -> dict[int, str]:
+        """Position with a reading -> name of its station: that of the imported file, or else the position's number."""
+        named = dict(enumerate(self.stated.get("station", ()), 1))
+        return {row.number: named.get(row.number, str(row.number)) for row in self.valid}
 
     @property
     def next(self) -> Position | None:
@@ -172,23 +170,10 @@ def open_session(
     settings: Mapping[str, Any] | None = None,
     dialled: bool = False,
 ) -> Session:
-    """Begin a run of positions with a registered tool on a registered rig.
+    """Begin a run of positions with a registered tool on a rig; the session keeps what the dials say at them.
 
-    Parameters
-    ----------
-    plan : Plan
-        Settings in the conventions; the session keeps what the rig's dials say at them.
-    settings : mapping, optional
-        Further fields of the session record (JSON values; see the schema "session-1").
-    dialled : bool
-        The plan holds what the dials say already: readings that were taken.
-
-    Raises
-    ------
-    InputError
-        An unknown purpose, a plan without positions.
-    LedgerError
-        A tool or rig that is not registered.
+    Settings are further fields of the schema "session-1". `dialled`: the plan holds what the dials say already, as for
+    readings that were taken.
     """
     if purpose not in PURPOSES:
         raise InputError(f"purpose is {purpose!r}; allowed: {', '.join(PURPOSES)}")
@@ -197,6 +182,8 @@ def open_session(
     for kind, keys in (("tool", {"serial": serial}), ("rig", {"name": rig})):
         if ledger.latest(kind, **keys) is None:
             raise LedgerError(f"{kind} {next(iter(keys.values()))!r} is not registered; register it first")
+    if site := (settings or {}).get("site"):
+        registered_site(ledger, site)
     rows = plan.azimuth, plan.inclination, plan.toolface
     if not dialled:
         rows = on_dials(dials_of(ledger, rig), rows)
@@ -212,18 +199,16 @@ def open_session(
 def on_dials(dials: Dials, setting: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
     """What dials say at azimuth, inclination, toolface of the conventions, rad: a reversed one from 0 to a full turn.
 
-    Examples
-    --------
     >>> dials = Dials("horizontal", azimuth_counts="counterclockwise")
     >>> [float(x) for x in np.degrees(on_dials(dials, tuple(np.radians([90.0, 30.0, 0.0])))).round(9)]
     [270.0, 60.0, 0.0]
     """
     azimuth, inclination, toolface = dials.shown(*setting)
-    return (
-        wrap_positive(azimuth) if dials.azimuth_counts != USUAL.azimuth_counts else azimuth,
-        inclination,
-        wrap_positive(toolface) if dials.toolface_counts != USUAL.toolface_counts else toolface,
-    )
+    if dials.base != USUAL.base or dials.azimuth_counts != USUAL.azimuth_counts:
+        azimuth = wrap_positive(azimuth)
+    if dials.base != USUAL.base or dials.toolface_counts != USUAL.toolface_counts:
+        toolface = wrap_positive(toolface)
+    return azimuth, inclination, toolface
 
 
 def dial_at(dials: Dials, azimuth: float, inclination: float, toolface: float) -> tuple[float, float, float]:
@@ -242,29 +227,22 @@ def load_session(ledger: Ledger, session: str) -> Session:
     """The session as it stands: after a power cut exactly what was acknowledged."""
     record = ledger.get("session", session)
     body, plan = record.body, record.body["plan"]
-    ended = _closing(ledger, record.id)
+    ended, site = _closing(ledger, record.id), site_of(ledger, record)
     sets = plan.get("roll_set") or [""] * len(plan["positions_deg"])
-    positions = tuple(
-        Position(i, _radians(row), name)
-        for i, (row, name) in enumerate(zip(plan["positions_deg"], sets, strict=True), 1)
-    )
+    places = enumerate(zip(plan["positions_deg"], sets, strict=True), 1)
+    positions = tuple(Position(number, _radians(row), name) for number, (row, name) in places)
     taken: dict[int, RecordedReading] = {}
     attempts: dict[int, int] = {}
     for reading in ledger.find("reading", session=record.id, limit=20 * MOST_POSITIONS):
         found = _taken(reading)
         taken[found.number] = found
         attempts[found.number] = max(attempts.get(found.number, 0), found.attempt)
-    # record of a reading -> why it was left out, for those that were
-    records = [one.record for one in taken.values()]
-    reasons: dict[str, str] = {}
-    at_once = 500
-    for start in range(0, len(records), at_once):
-        some = list(records[start : start + at_once])
+    numbers = {one.record: number for number, one in taken.items()}
+    records = list(numbers)
+    for some in (records[start : start + 500] for start in range(0, len(records), 500)):
         for event in ledger.find("event", subject_kind="reading", action="rejected", subject=some):
-            reasons[event.keys["subject"]] = str(event.body.get("reason", ""))
-    for number, one in taken.items():
-        if one.record in reasons:
-            taken[number] = RecordedReading(**{**one.__dict__, "rejected": reasons[one.record] or "rejected"})
+            number, reason = numbers[event.keys["subject"]], str(event.body.get("reason", ""))
+            taken[number] = replace(taken[number], rejected=reason or "rejected")
     return Session(
         record.id,
         record.keys["serial"],
@@ -277,9 +255,16 @@ def load_session(ledger: Ledger, session: str) -> Session:
         taken,
         attempts,
         "" if ended is None else str(ended.keys["action"]),
-        {name: value for name, value in body.items() if name not in ("plan", "rig")},
+        {name: value for name, value in body.items() if name not in ("plan", "rig")} | ({"site": site} if site else {}),
         dials_of(ledger, body["rig"], 0 if ended is None else ended.seq),
+        find_site(ledger, site),
     )
+
+
+def site_of(ledger: Ledger, session: Record) -> str:
+    """Name of the site of a session as it was stated last; empty where none was."""
+    again = ledger.latest("event", subject_kind="session", subject=session.id, action=EVALUATED)
+    return str(session.body.get("site", "") if again is None else again.body["details"]["site"])
 
 
 def sessions(ledger: Ledger, *, serial: str | None = None, limit: int = 100, before: int = 0) -> list[Record]:
@@ -302,21 +287,10 @@ def _closing(ledger: Ledger, session: str) -> Record | None:
 def capture(
     ledger: Ledger, session: str, number: int, taken: Capture, *, author: str, attempt: int | None = None
 ) -> RecordedReading:
-    """Record the reading of a position; when this returns it survives a power cut.
+    """Record the reading of a position, from 1, added ones after the plan's; when this returns it survives a power cut.
 
-    Parameters
-    ----------
-    number : int
-        Of the position, from 1; one beyond the plan for an added position.
-    attempt : int, optional
-        Which attempt the caller believes this is; given, a reading somebody else took meanwhile is noticed.
-
-    Raises
-    ------
-    ConflictError
-        Somebody else has just captured this position.
-    LedgerError
-        The session is closed.
+    `attempt` is the one the caller believes this is: given, a reading somebody else took meanwhile raises
+    ConflictError.
     """
     if closing(ledger, session):
         raise LedgerError("this session is closed; open a new one")
@@ -343,16 +317,16 @@ def reading_draft(session: str, number: int, taken: Capture) -> Draft:
 
 def reject(ledger: Ledger, taken: RecordedReading, reason: str, *, author: str) -> None:
     """Leave a reading out from now on; it stays in the ledger with the reason."""
-    ledger.append(
-        "event",
-        {"subject_kind": "reading", "subject": taken.record, "action": "rejected"},
-        {"reason": reason},
-        author=author,
-    )
+    if not stated(reason):
+        raise InputError("say why: a reading is not left out without a reason")
+    keys = {"subject_kind": "reading", "subject": taken.record, "action": "rejected"}
+    ledger.append("event", keys, {"reason": reason}, author=author)
 
 
 def close_session(ledger: Ledger, session: str, how: str, *, author: str, reason: str = "") -> None:
     """Close a session: "finished" or "abandoned"; nothing more is captured in it."""
+    if how == "abandoned" and not stated(reason):
+        raise InputError("say why: a session is not abandoned without a reason")
     if closing(ledger, session):
         raise LedgerError("this session is closed already")
     ledger.append_all([close_session_draft(session, how, reason)], author=author, unless=[unless_closed(session)])
@@ -365,46 +339,52 @@ def close_session_draft(session: str, how: str, reason: str = "") -> Draft:
     return Draft("event", {"subject_kind": "session", "subject": session, "action": how}, {"reason": reason})
 
 
-def unless_closed(session: str, message: str = "this session is closed already") -> Precondition:
+def unless_closed(session: str, message: str = "this session is closed already") -> tuple[str, Mapping[str, Any], str]:
     """For what may be recorded only while a session is open: two who finish at once record one result."""
-    return Precondition("event", {"subject_kind": "session", "subject": session, "action": list(CLOSING)}, message)
+    return "event", {"subject_kind": "session", "subject": session, "action": list(CLOSING)}, message
 
 
-def bench_readings(
-    session: Session,
-    *,
-    g: float | None = None,
-    b: float | None = None,
-    dip: float | None = None,
-    latitude: float | None = None,
-) -> BenchReadings:
-    """The valid readings as a calibration takes them, dials converted; fields at the stand in m/s^2, nT, rad.
+def file_statements(readings: BenchReadings) -> dict[str, Any]:
+    """What a file says beside its readings, as the settings of a session keep it; `bench_readings` takes it up."""
+    reference = {_FIELDS[name][0]: value / _FIELDS[name][1] for name, value in readings.reference.items()}
+    said = {"reference": reference, "notes": list(readings.notes), "warnings": list(readings.warnings)}
+    return {"station": list(readings.station), **{name: value for name, value in said.items() if value}}
 
-    The scatter of the samples, where each position has enough of them, is the readings' standard deviation.
 
-    Raises
-    ------
-    InputError
-        No reading yet, or readings with different channels.
+_FIELDS: Final = {"g": ("g_mps2", 1.0), "b": ("b_nT", 1.0)} | {
+    name: (f"{name}_deg", float(np.radians(1.0))) for name in ("dip", "latitude", "north")
+}
+"""Reference of readings -> its name in a record and that unit in SI."""
+
+
+def bench_readings(session: Session) -> BenchReadings:
+    """The valid readings as a calibration takes them, dials converted, with the fields of the site.
+
+    What an imported file says of its stand and readings is as in the file. Of captured readings the scatter of the
+    samples, where each position has enough of them, is the standard deviation.
     """
     rows = session.valid
     if not rows:
         raise InputError("the session has no reading yet; capture the first position")
     kinds = [kind for kind in KINDS if kind in rows[0].capture.channels]
-    for row in rows:
-        shape = {k: len(v) for k, v in row.capture.channels.items()}
-        first = {k: len(v) for k, v in rows[0].capture.channels.items()}
-        if shape != first:
-            raise InputError(f"position {row.number} has the channels {shape}, the first one {first}; take it again")
+    shapes = [{kind: len(signals) for kind, signals in row.capture.channels.items()} for row in rows]
+    for row, shape in zip(rows, shapes, strict=True):
+        if shape != shapes[0]:
+            raise InputError(f"position {row.number} has the channels {shape}, the first {shapes[0]}; take it again")
     azimuth, inclination, toolface = np.array([row.capture.dial for row in rows]).T
     heat = [row.capture.temperature for row in rows]
     names = {p.number: p.roll_set for p in session.positions}
     roll_set = [names.get(row.number, "") for row in rows]
-    known = {"g": g, "b": b, "dip": dip, "latitude": latitude}
-    sd = {}
+    said, imported = session.stated, all(row.capture.how == "import" for row in rows)
+    kept = {_FIELDS[name][0]: name for name in _FIELDS}
+    sd = {
+        kind: np.stack([row.capture.sd[kind] / np.sqrt(row.capture.count) for row in rows])
+        for kind in kinds
+        if all(kind in row.capture.sd for row in rows)
+    }
     # from so many samples on, their scatter is taken for the noise of the sensors
-    if all(row.capture.count >= 8 and set(row.capture.sd) >= set(kinds) for row in rows):
-        sd = {kind: np.stack([row.capture.sd[kind] / np.sqrt(row.capture.count) for row in rows]) for kind in kinds}
+    if not imported:
+        sd = {} if len(sd) < len(kinds) or any(row.capture.count < 8 for row in rows) else sd
         # one sensor has one noise: what few samples say of it at one position is pooled over all
         sd = {kind: np.broadcast_to(np.sqrt(np.mean(v**2, axis=0)), v.shape) for kind, v in sd.items()}
         sd = {} if any((v <= 0.0).any() for v in sd.values()) else sd
@@ -413,15 +393,18 @@ def bench_readings(
         azimuth,
         inclination,
         toolface,
-        station=[str(row.number) for row in rows],
+        station=list(session.stations.values()),
         sd=sd,
         count=np.array([float(row.capture.count) for row in rows]),
         temperature=None if None in heat else np.array(heat, dtype=float),
         roll_set=roll_set if any(roll_set) else (),
         units=dict(rows[0].capture.units),
-        reference={name: value for name, value in known.items() if value is not None},
+        reference={kept[name]: value * _FIELDS[kept[name]][1] for name, value in said.get("reference", {}).items()},
+        notes=said.get("notes", ()),
+        warnings=said.get("warnings", ()),
+        digest=said.get("imported", "") if imported else "",
     )
-    return session.dials.read(readings)
+    return at_site(session.dials.read(readings), session.site)
 
 
 def _radians(row: Sequence[float]) -> tuple[float, float, float]:
@@ -446,44 +429,14 @@ def _capture_body(taken: Capture) -> dict[str, Any]:
         within(taken.sd.get(kind, 0.0), f"sd of the {kind}", 0.0, LARGEST)
     if taken.count < 1:
         raise InputError(f"count is {taken.count}; a reading is the mean of at least 1 sample")
-    body: dict[str, Any] = {
-        "dial_deg": np.degrees(dial).round(9).tolist(),
-        "count": int(taken.count),
-        "duration_s": float(taken.duration),
-        "temperature_degC": None if taken.temperature is None else float(taken.temperature),
-        "still": bool(taken.still),
-        "captured": taken.how,
-        "units": dict(taken.units),
+    vectors: dict[str, Any] = {
+        name: {kind: finite(v, f"{name} of the {kind}", (None,)) for kind, v in getattr(taken, name).items()}
+        for name in ("channels", "sd", "drift")
     }
-    for name in ("channels", "sd", "drift"):
-        values = {
-            kind: finite(v, f"{name} of the {kind}", (None,)).tolist() for kind, v in getattr(taken, name).items()
-        }
-        if values:
-            body[name] = values
-    if taken.note:
-        body["note"] = taken.note
-    return body
+    body = stored(replace(taken, **vectors), 0)
+    return {name: value for name, value in body.items() if value or name not in (*vectors, "note")}
 
 
 def _taken(record: Record) -> RecordedReading:
-    body = record.body
-    vectors = {
-        name: {kind: np.array(values) for kind, values in body.get(name, {}).items()}
-        for name in ("channels", "sd", "drift")
-    }
-    found = Capture(
-        channels=vectors["channels"],
-        dial=_radians(body["dial_deg"]),
-        count=body["count"],
-        sd=vectors["sd"],
-        drift=vectors["drift"],
-        units=body.get("units", {}),
-        duration=body.get("duration_s", 0.0),
-        temperature=body.get("temperature_degC"),
-        still=body.get("still", True),
-        how=body["captured"],
-        note=body.get("note", ""),
-    )
-    keys = record.keys
+    keys, found = record.keys, Capture(**given(Capture, {"channels": {}, **record.body}, 0))
     return RecordedReading(record.id, keys["position"], keys["attempt"], record.created, record.author, found)

@@ -4,21 +4,22 @@ from __future__ import annotations
 
 import itertools
 import json
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache
 from importlib.resources import files
 from typing import Any, Final
 
 import numpy as np
 
-from inclinometry.calibration.acceptance import Limits, Verification, planned, verify
+from inclinometry.calibration.acceptance import Verification, planned, verify
+from inclinometry.calibration.decision import Limits
 from inclinometry.calibration.plans import Plan, spread
 from inclinometry.constants import ANGLES
 from inclinometry.errors import InclinometryError, InputError
-from inclinometry.files.verification_json import judged_positions, stated_limits
+from inclinometry.files.verification_json import judged_positions, stated_limits, without_conformity
 from inclinometry.files.writing import program
 from inclinometry.laboratory.ledger.ledger import Draft, Ledger, LedgerError, Record
-from inclinometry.laboratory.registry import RegisteredRig, find_rig, find_site
+from inclinometry.laboratory.registry import RegisteredRig, find_rig
 from inclinometry.laboratory.results import calibration_of
 from inclinometry.laboratory.session import (
     Session,
@@ -26,6 +27,7 @@ from inclinometry.laboratory.session import (
     close_session_draft,
     load_session,
     open_session,
+    site_of,
     unless_closed,
 )
 
@@ -37,18 +39,12 @@ OWN: Final = "laboratory"
 
 def limits_content(limits: Limits) -> dict[str, Any]:
     """Limits in degrees, as a session keeps them."""
-    angles = {name: getattr(limits, name) for name in ANGLES}
-    return {
-        "name": limits.name,
-        "source": limits.source,
-        **{f"{name}_deg": None if value is None else _in_degrees(value) for name, value in angles.items()},
-        "min_inclination_deg_for_azimuth": _in_degrees(limits.min_inclination_for_azimuth),
-        "guard": limits.guard,
-    }
+    whole = stated_limits(limits) or {}
+    return {name: round(value, 9) if isinstance(value, float) else value for name, value in whole.items()}
 
 
 def limits_of(session: Session) -> Limits | None:
-    """The limits agreed when a verification was opened; None when it is held against its own uncertainty."""
+    """The limits agreed when a verification was opened; None where none were."""
     content = dict(session.settings.get("settings", {})).get("limits")
     return None if not content else limits_from(content)
 
@@ -56,8 +52,6 @@ def limits_of(session: Session) -> Limits | None:
 def limits_from(content: dict[str, Any]) -> Limits:
     """Limits of `limits_content`; InputError for a source that is not named, no limit, values out of range.
 
-    Examples
-    --------
     >>> limits_from({"name": "own", "source": "contract 7", "azimuth_deg": 1.0}).guard
     'none'
     """
@@ -67,30 +61,16 @@ def limits_from(content: dict[str, Any]) -> Limits:
     angles = {name: content.get(f"{name}_deg") for name in ANGLES}
     if all(value is None for value in angles.values()):
         raise InputError("there is no limit; give at least one of inclination, azimuth, toolface")
-    low = content.get("min_inclination_deg_for_azimuth") or 0.0
-    inclination, azimuth, toolface = (None if v is None else float(np.radians(v)) for v in angles.values())
-    return Limits(
-        str(content.get("name") or OWN),
-        source,
-        inclination,
-        azimuth,
-        toolface,
-        float(np.radians(low)),
-        str(content.get("guard") or "none"),
-    )
-
-
-def _in_degrees(angle: float) -> float:
-    return round(float(np.degrees(angle)), 9)
+    low = float(np.radians(content.get("min_inclination_deg_for_azimuth") or 0.0))
+    limits = {name: None if value is None else float(np.radians(value)) for name, value in angles.items()}
+    name, guard = str(content.get("name") or OWN), str(content.get("guard") or "none")
+    return Limits(name, source, **limits, min_inclination_for_azimuth=low, guard=guard)
 
 
 def applicable_limits(session: Session, calibration: str, limits: Limits | None) -> Limits | None:
     """The limits to judge a session by; what was agreed at its opening is not changed once there are results.
 
-    Raises
-    ------
-    LedgerError
-        Another calibration or other limits than agreed.
+    Raises LedgerError: another calibration or other limits than agreed.
     """
     agreed_with = session.settings.get("calibration")
     if not agreed_with:
@@ -99,70 +79,47 @@ def applicable_limits(session: Session, calibration: str, limits: Limits | None)
         raise LedgerError(f"this verification was opened for calibration {agreed_with}, not for {calibration}")
     agreed = limits_of(session)
     if limits is not None and (agreed is None or limits_content(limits) != limits_content(agreed)):
-        name = "the errors' own uncertainty" if agreed is None else f"limits {agreed.name!r}"
+        name = "no limits" if agreed is None else f"limits {agreed.name!r}"
         raise LedgerError(
             f"this verification was opened with {name}; it is not judged by {limits.name!r}: open another one for that"
         )
     return agreed
 
 
-@dataclass(frozen=True)
-class Protocol:
-    """A named set of positions: every inclination with every azimuth and toolface, in that order of turning, rad."""
-
-    name: str
-    title: str
-    source: str
-    plan: Plan
-
-
 @cache
-def protocols() -> dict[str, Protocol]:
-    """The shipped protocols by name.
+def protocols() -> dict[str, Plan]:
+    """The positions of the shipped protocols by name.
 
-    Examples
-    --------
-    >>> {name: len(protocol.plan) for name, protocol in protocols().items()}
+    Every inclination with every azimuth and toolface, in that order of turning.
+
+    >>> {name: len(plan) for name, plan in protocols().items()}
     {'spread-12': 12, 'azimuth': 72, 'inclination': 14, 'long': 480, 'roll-4': 4, 'roll-8': 8}
     """
-    text = files("inclinometry.laboratory").joinpath("protocols.json").read_text("utf-8")
-    return {name: _protocol(name, entry) for name, entry in json.loads(text).items()}
-
-
-def protocol(name: str) -> Protocol:
-    """A shipped protocol; InputError that lists them when there is none of that name."""
-    found = protocols().get(name)
-    if found is None:
-        raise InputError(f"protocol {name!r} is unknown; allowed: {', '.join(protocols())}")
+    found = {}
+    for name, entry in about_protocols().items():
+        if name == "spread-12":  # a plan of the command line too
+            found[name] = replace(spread(), name=name)
+            continue
+        dials = (entry[f"{dial}_deg"] for dial in ("inclination", "azimuth", "toolface"))
+        rows = np.radians(np.array(list(itertools.product(*dials)), dtype=float))
+        found[name] = Plan(name, rows[:, 1], rows[:, 0], rows[:, 2])
     return found
 
 
-def _protocol(name: str, entry: dict[str, Any]) -> Protocol:
-    if name == "spread-12":  # a plan of the command line too
-        return Protocol(name, entry["title"], entry["source"], replace(spread(), name=name))
-    dials = (entry[f"{dial}_deg"] for dial in ("inclination", "azimuth", "toolface"))
-    rows = np.radians(np.array(list(itertools.product(*dials)), dtype=float))
-    return Protocol(name, entry["title"], entry["source"], Plan(name, rows[:, 1], rows[:, 0], rows[:, 2]))
+@cache
+def about_protocols() -> dict[str, dict[str, Any]]:
+    """Title, source and dials of the shipped protocols by name."""
+    text = files("inclinometry.laboratory").joinpath("protocols.json").read_text("utf-8")
+    return dict(json.loads(text))
 
 
 def finish_verification(
     ledger: Ledger, session: str, calibration: str, *, author: str, limits: Limits | None = None
 ) -> Record:
-    """Judge a session's positions with a recorded calibration, record the verdict and close the session.
+    """Judge a session's positions with a recorded calibration of the same tool, record the verdict, close the session.
 
-    Parameters
-    ----------
-    session, calibration : str
-        Ids of their records; of the same tool.
-    limits : Limits, optional
-        As for `inclinometry.calibration.acceptance.verify`; those agreed when the session was opened go before.
-
-    Raises
-    ------
-    LedgerError
-        The session is closed, is of another tool, is the one the calibration was made from, or cannot be judged; a
-        position without a valid reading; a limit of an angle that no position judges; limits or a calibration other
-        than agreed when it was opened.
+    Limits agreed when the session was opened go before `limits`. Refused: the session the calibration was made from, a
+    position without a valid reading, a limit of an angle that no position judges.
     """
     seen, record = load_session(ledger, session), ledger.get("calibration", calibration)
     if seen.closed:
@@ -180,7 +137,7 @@ def finish_verification(
         raise LedgerError(lost)
     body = {
         "verdict": found.verdict,
-        "limits": stated_limits(found, limits),
+        "limits": stated_limits(limits),
         "report": report(found, seen),
         "readings": [row.record for row in seen.valid],
         "session": session,
@@ -212,17 +169,22 @@ def missing_positions(seen: Session, found: Verification, limits: Limits | None)
     return ""
 
 
+def recorded(record: Record) -> dict[str, Any]:
+    """Verdict, limits and report of a recorded verification, one of an older version as it is said now."""
+    return without_conformity({name: record.body[name] for name in ("verdict", "limits", "report")})
+
+
 def judged(ledger: Ledger, session: str, calibration: str, limits: Limits | None = None) -> Verification:
     """The verdict on the positions captured so far; nothing is recorded."""
     seen = load_session(ledger, session)
-    site = find_site(ledger, str(seen.settings.get("site", "")))
-    fields = {} if site is None else site.fields
     try:
-        return verify(bench_readings(seen, **fields), calibration_of(ledger.get("calibration", calibration)), limits)
+        made = calibration_of(ledger.get("calibration", calibration))
+        # limits agreed at the opening were found verifiable then, or warned of
+        return verify(bench_readings(seen), made, limits, agreed=limits_of(seen) is not None)
     except LedgerError:
         raise
     except InclinometryError as error:
-        raise LedgerError(f"these readings cannot be judged: {error}") from None
+        raise LedgerError(error.finding or f"these readings cannot be judged: {error}") from None
 
 
 def report(found: Verification, seen: Session) -> dict[str, Any]:
@@ -231,7 +193,7 @@ def report(found: Verification, seen: Session) -> dict[str, Any]:
     plan = {"name": seen.plan, "taken": taken, "positions": len(seen.positions)}
     made = judged_positions(found)
     foreseen = dict(seen.settings.get("settings", {})).get("foreseen", [])
-    before = [f"before the first reading: {said}" for said in foreseen]
+    before = [f"planned: {said}" for said in foreseen]
     # what came out as foreseen is said once
     found_since = [said for said in made["reasons"] if said not in foreseen]
     return {"protocol": plan, **made, "reasons": [*found_since, *before]}
@@ -245,21 +207,8 @@ def begin_verification(
 ) -> Session:
     """Open a session at the positions of a protocol, on the rig of the calibration.
 
-    Parameters
-    ----------
-    calibration : str
-        Id of its record.
-    protocol_name : str
-        See `verification.protocols`. Positions that the rig cannot be set to are left out; the plan's name says so.
-    limits : Limits, optional
-        What the errors will be held against; their own uncertainty when not given.
-
-    Raises
-    ------
-    InputError
-        An unknown protocol, a rig that can be set to none of its positions.
-    LedgerError
-        No such calibration.
+    Positions that the rig cannot be set to are left out; the plan's name says so. Without limits no conformity is
+    stated. A limit below twice the expanded uncertainty of the comparison is refused.
     """
     record, made, rig, plan = _planned(ledger, calibration, protocol_name)
     settings: dict[str, Any] = {"calibration": calibration, "limits": "" if limits is None else limits.name}
@@ -270,8 +219,10 @@ def begin_verification(
         kept["foreseen"] = worth.sentences
     if kept:
         settings["settings"] = kept
-    if made.body.get("site"):
-        settings["site"] = made.body["site"]
+    if site := site_of(ledger, made):
+        settings["site"] = site
+    if "reference" in made.body.get("settings", {}):
+        settings["settings"] = kept | {"reference": made.body["settings"]["reference"]}
     return open_session(
         ledger, record.keys["serial"], plan, rig=rig.name, author=author, purpose="verify", settings=settings
     )
@@ -291,10 +242,12 @@ def _planned(ledger: Ledger, calibration: str, protocol_name: str) -> tuple[Reco
     """Calibration, its session, its rig, and the positions of a protocol that this rig can be set to."""
     record = ledger.get("calibration", calibration)
     made = ledger.get("session", record.keys["session"])
-    rig = find_rig(ledger, made.body["rig"])
+    rig, plan = find_rig(ledger, made.body["rig"]), protocols().get(protocol_name)
     if rig is None:
         raise InputError(f"rig {made.body['rig']!r} of the calibration is not registered; register it first")
-    return record, made, rig, reachable(protocol(protocol_name).plan, rig)
+    if plan is None:
+        raise InputError(f"protocol {protocol_name!r} is unknown; allowed: {', '.join(protocols())}")
+    return record, made, rig, reachable(plan, rig)
 
 
 def reachable(plan: Plan, rig: RegisteredRig) -> Plan:

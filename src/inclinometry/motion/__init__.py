@@ -1,1 +1,1 @@
-"""Attitude while the tool turns and shakes, with its uncertainty: one row a window or a sample."""
+"""Attitude while the tool turns and shakes, with its uncertainty: one row a window."""

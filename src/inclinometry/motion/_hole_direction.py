@@ -76,19 +76,11 @@ def azimuth_unknown(matrix: Array, covariance: Array) -> bool:
 
 
 def rolled(frame: Array, spread: Array, matrix: Array, covariance: Array) -> tuple[Array, Array]:
-    """Attitude and covariance of a tool whose direction is the frame's and whose roll this row measured.
+    """Attitude (3, 3) and covariance of a tool whose direction is the frame's and whose roll this row measured.
 
-    Parameters
-    ----------
-    frame, spread : (3, 3), (2, 2) ndarray
-        Estimated direction and the covariance of its rotation vector.
-    matrix, covariance : (3, 3) ndarray
-        The row, already counted in the estimate.
-
-    Notes
-    -----
-    e_z given e_xy: with G = P_z,xy P_xy^-1 the roll is corrected by G e_xy, and
-    P_zz <- P_zz - G P_xy,z + G P_xy(estimate) G': the Kalman update of a roll about which nothing else is known.
+    `spread` (2, 2): covariance of the direction's rotation vector; the row is already counted in it. With
+    G = P_z,xy P_xy^-1 the roll is corrected by G e_xy, and P_zz <- P_zz - G P_xy,z + G P_xy(estimate) G': the Kalman
+    update of a roll about which nothing else is known.
     """
     offset, _, seen = observe(frame, matrix, covariance)
     back = _turn(seen)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 
@@ -12,31 +11,22 @@ from inclinometry.motion.result import AttitudeRows
 from inclinometry.rotations import wrap_positive, wrap_signed
 from inclinometry.tabular import Column, Tabular, check_record, in_degrees
 
-LEAST_BEND: Final = float(np.radians(0.05))
-"""rad by which a window may always differ from those before it: a hole that builds 3 deg in 30 m does so in half a
-metre."""
-SURE: Final = 3.0
-"""Standard deviations of its own part by which it may differ besides."""
-
 
 @dataclass(frozen=True, eq=False, repr=False)
 class AttitudeMeans(Tabular):
-    """Stretches (k,) of a run in which the hole keeps its direction.
+    """Stretches (k,) of a run in which the hole keeps its direction."""
 
-    start, stop : times of the first and the last window, s.
-    windows : number of them.
-    inclination, azimuth : means, rad; azimuth NaN where none of the windows has one.
-    u_inclination, u_azimuth : standard uncertainties, rad.
-    u_common_inclination, u_common_azimuth : the part of it that more windows do not make smaller, rad.
-    """
-
+    # start, stop: times of the first and the last window, s
     start: Array
     stop: Array
-    windows: Index
+    windows: Index  #: number of them
+    # inclination, azimuth: means, rad; azimuth NaN where none of the windows has one
     inclination: Array
     azimuth: Array
+    # u_inclination, u_azimuth: standard uncertainties, rad
     u_inclination: Array
     u_azimuth: Array
+    # u_common_inclination, u_common_azimuth: the part of it that more windows do not make smaller, rad
     u_common_inclination: Array
     u_common_azimuth: Array
 
@@ -80,57 +70,59 @@ def average_windows(rows: AttitudeRows) -> AttitudeMeans:
     (array([4]), [0.0036, 0.003])
     """
     check_record(rows, AttitudeRows, "average_windows")
+    angles = np.stack([rows.inclination, rows.azimuth], axis=1)
+    # columns are worked out of others at each access: once, and not once a window
+    own = np.stack([rows.u_random_inclination, rows.u_random_azimuth], axis=1)
+    shared = np.stack([rows.u_common_inclination, rows.u_common_azimuth], axis=1)
+    # of azimuth, as an angle of the direction
+    level = np.maximum(np.sin(rows.inclination), 1e-3)
+    # 0.05 deg, by which a window may always differ from those before it: a hole that builds 3 deg in 30 m does so in
+    # half a metre
+    bend = np.radians(0.05) / np.stack([np.ones(len(rows)), level], axis=1)
     stretches: list[list[int]] = []
-    sums = np.zeros(2)
-    for row in np.flatnonzero(~rows.refused):
-        if stretches and rows.north[row] == rows.north[stretches[-1][0]]:
-            first, count = stretches[-1][0], len(stretches[-1])
-            off = _off(rows, first, np.array([row]))[0]
-            own = np.array([rows.u_random_inclination[row], rows.u_random_azimuth[row]])
-            spread = SURE * own * np.sqrt(1.0 + 1.0 / count)
-            # of azimuth, as an angle of the direction
-            level = np.array([1.0, max(float(np.sin(rows.inclination[row])), 1e-3)])
-            away = np.abs(off - sums / count)
-            if not (away > np.maximum(spread, LEAST_BEND / level)).any():
-                stretches[-1].append(int(row))
-                sums = sums + np.nan_to_num(off)
-                continue
-        stretches.append([int(row)])
-        sums = np.zeros(2)
-    parts = [_mean(rows, np.array(each)) for each in stretches]
-    columns = np.array(parts, dtype=np.float64).reshape(-1, 6).T
+    north = rows.north
+    # of the windows of a stretch that have the angle: its first value, their number, the sum of what they differ by
+    first, count, sums = np.full(2, np.nan), np.zeros(2), np.zeros(2)
+    for row in np.flatnonzero(~rows.refused).tolist():
+        off = _off(angles[row], first)
+        away = np.abs(off - sums / np.maximum(count, 1.0))
+        bent = away > np.maximum(3.0 * own[row] * np.sqrt(1.0 + 1.0 / np.maximum(count, 1.0)), bend[row])
+        if not stretches or north[row] != north[stretches[-1][0]] or bent.any():
+            stretches.append([])
+            first, count, sums = np.full(2, np.nan), np.zeros(2), np.zeros(2)
+            off = np.full(2, np.nan)
+        stretches[-1].append(row)
+        first = np.where(np.isnan(first), angles[row], first)
+        count, sums = count + np.isfinite(angles[row]), sums + np.nan_to_num(off)
+    parts = [_mean(angles[each], own[each], shared[each]) for each in stretches]
     return AttitudeMeans(
         rows.time[[each[0] for each in stretches]],
         rows.time[[each[-1] for each in stretches]],
         np.array([len(each) for each in stretches], dtype=np.int64),
-        *columns,
+        *np.array(parts, dtype=np.float64).reshape(-1, 6).T,
     )
 
 
-def _off(rows: AttitudeRows, first: int, which: Index) -> Array:
-    """Inclination and azimuth (n, 2) less those of the first window."""
-    inclination = rows.inclination[which] - rows.inclination[first]
-    return np.stack([inclination, wrap_signed(rows.azimuth[which] - rows.azimuth[first])], axis=1)
+def _off(angles: Array, first: Array) -> Array:
+    """Inclination and azimuth (..., 2) less those of the first window."""
+    off = angles - first
+    return np.stack([off[..., 0], wrap_signed(off[..., 1])], axis=-1)
 
 
-def _mean(rows: AttitudeRows, which: Index) -> tuple[float, ...]:
-    """Inclination and azimuth, their uncertainties, and the common parts of these."""
-    off, first = _off(rows, int(which[0]), which), int(which[0])
-    value, u, common = [], [], []
-    for place, name in enumerate(("inclination", "azimuth")):
-        there = np.isfinite(off[:, place])
-        count = int(there.sum())
-        if not count:
-            value.append(np.nan)
-            u.append(np.nan)
-            common.append(np.nan)
+def _mean(angles: Array, own: Array, shared: Array) -> Array:
+    """Inclination and azimuth of a stretch (n, 2), their uncertainties, and the common parts of these."""
+    there = np.isfinite(angles)
+    first = angles[there.argmax(axis=0), [0, 1]]
+    off, found = _off(angles, first), np.full((3, 2), np.nan)
+    for place in range(2):
+        good = there[:, place]
+        if not (count := int(good.sum())):
             continue
-        some = which[there]
-        shared = float(getattr(rows, f"u_common_{name}")[some].mean())
-        own = float(np.mean(getattr(rows, f"u_random_{name}")[some] ** 2))
+        random = np.mean(own[good, place] ** 2)
         if count > 1:
-            own = max(own, float(np.var(off[there, place], ddof=1)))
-        value.append(float(getattr(rows, name)[first] + off[there, place].mean()))
-        common.append(shared)
-        u.append(float(np.sqrt(shared**2 + own / count)))
-    return value[0], float(wrap_positive(value[1])), *u, *common
+            random = max(random, np.var(off[good, place], ddof=1))
+        common = shared[good, place].mean()
+        mean = first[place] + off[good, place].mean()
+        found[:, place] = mean, np.hypot(common, np.sqrt(random / count)), common
+    found[0, 1] = wrap_positive(found[0, 1])
+    return found.ravel()

@@ -8,12 +8,13 @@ from typing import Final
 import numpy as np
 
 from inclinometry.arrays import Array
-from inclinometry.constants import STANDARD_GRAVITY
+from inclinometry.constants import RPM, STANDARD_GRAVITY
 from inclinometry.conventions import AXES, axes_matrix, find_mapping, named
 from inclinometry.earth.site import Site
-from inclinometry.errors import InputError
-from inclinometry.motion.reference import FAR_DIP, FieldOff
-from inclinometry.motion.result import Finding, Samples
+from inclinometry.errors import InputError, refused
+from inclinometry.findings import Finding, Value
+from inclinometry.motion.reference import FAR_DIP, FieldOff, dip_fault
+from inclinometry.motion.result import Fault, Samples
 from inclinometry.motion.turning import LEAST_TURNS, Harmonics, Turning
 from inclinometry.orientation import dip_angle
 
@@ -31,42 +32,29 @@ UP: Final = -0.3
 climb at 107 deg)."""
 GRAVITY_UNITS: Final = {"g": STANDARD_GRAVITY, "mg": STANDARD_GRAVITY / 1000.0}
 
-_AGAINST: Final = (
-    "the magnetic field turns against the gyro: one of them has a wrong sign or two exchanged transverse axes; gyro_z "
-    "is positive clockwise looking down hole, and then the field's angle from x to y falls. Where the magnetometer has "
-    "axes of its own state them: --mag-axes=y,x,-z are those of many chips"
-)
 TURNED_TO: Final = {"x": ("y,z,x", "z,y,-x"), "y": ("z,x,y", "x,z,-y")}
 """Axes that bring one of the file to z, where it points down the hole and where it points up."""
 
 
-def expected_dip(site: Site | None) -> tuple[float | None, str]:
-    """The site's dip, rad, else that of a dipole where the latitude leaves no doubt of its sign; in words.
-
-    Examples
-    --------
-    >>> expected_dip(Site(latitude=0.8))[1]
-    'at the latitude 45.8 deg it is near 64 deg'
-    """
-    if site is None:
-        return None, ""
-    if site.dip is not None:
-        return site.dip, f"the site's is {np.degrees(site.dip):.1f} deg"
+def expected_dip(site: Site | None) -> float | None:
+    """The site's dip, rad, else that of a dipole where the latitude leaves no doubt of its sign."""
+    if site is None or site.dip is not None:
+        return None if site is None else site.dip
     # from 30 deg on the sign of the dip is that of the latitude, wherever the magnetic poles are
     if site.latitude is None or abs(site.latitude) < float(np.radians(30.0)):
-        return None, ""
-    dip = float(np.arctan(2.0 * np.tan(site.latitude)))
-    return dip, f"at the latitude {np.degrees(site.latitude):.1f} deg it is near {np.degrees(dip):.0f} deg"
+        return None
+    return float(np.arctan(2.0 * np.tan(site.latitude)))
+
+
+def _mirrored(windows: int) -> InputError:
+    return refused("motion-field-mirrored", {"windows": windows, "total": windows})
 
 
 @dataclass
 class AxesCheck:
     """Collects windows and says what contradicts; what was right once is not asked again, for axes do not change.
 
-    Parameters
-    ----------
-    site : Site, optional
-        Its dip settles the sign of gravity.
+    The site's dip settles the sign of gravity.
     """
 
     site: Site | None = None
@@ -88,27 +76,11 @@ class AxesCheck:
 
     def add(
         self, window: Samples, turning: Turning, found: Harmonics | None, *, field_usable: bool, phase_usable: bool
-    ) -> list[Finding]:
-        """Look at one more window.
+    ) -> list[Fault]:
+        """Look at one more window; InputError where units, signs or channels are wrong, with what would be right.
 
-        Parameters
-        ----------
-        window : Samples
-        turning : Turning
-        found : Harmonics, optional
-            Of the window, where the phase is usable.
-        field_usable, phase_usable : bool
-            Whether the window has an undisturbed field, and an angle from sample to sample, to be judged by.
-
-        Returns
-        -------
-        list of Finding
-            A dip that is not constant although no exchange of channels explains it.
-
-        Raises
-        ------
-        InputError
-            Units, signs or channels that are wrong, with what would be right.
+        `found` where the phase is usable; `field_usable`, `phase_usable`: whether the window has an undisturbed field,
+        and an angle from sample to sample, to be judged by.
         """
         if window.gyro is not None:
             self._rates = self._rates + np.sum(window.gyro**2, axis=0)
@@ -124,24 +96,18 @@ class AxesCheck:
                 if len(self._strengths) >= ENOUGH:
                     units = {"uT": 1e3, "gauss": 1e5, "mgauss": 1e2, "T": 1e9}
                     # nT, of the Earth's field
-                    _unit("the magnetometer", "nT", float(np.median(self._strengths)), 18_000.0, 72_000.0, units)
+                    _unit("magnetometer", "nT", float(np.median(self._strengths)), 18_000.0, 72_000.0, units)
             if field_usable:
                 self._field_axis(window.mag)
         if not phase_usable:
             return []
-        findings = self._fields(found, field_usable=field_usable)
+        faults = self._fields(found, field_usable=field_usable)
         if turning.span > LEAST_TURNS * 2.0 * np.pi and window.accel is not None and not self._believed:
             self._gravity_axis(window.accel, turning.angle)
-        return findings
+        return faults
 
-    def against(self, turning: Turning) -> list[Finding]:
-        """A steady field that turns against the gyro, in a window of its own.
-
-        Raises
-        ------
-        InputError
-            In so many windows in succession.
-        """
+    def against(self, turning: Turning) -> list[Fault]:
+        """A steady field that turns against the gyro, in a window of its own; InputError in several in succession."""
         if turning.by != "gyro" or self._turns or not np.isfinite(turning.slope):
             return []
         # rad, rotation from which the field and a gyro can be held against each other
@@ -157,21 +123,13 @@ class AxesCheck:
         # a window that does not tell is as good or bad as those before it
         self._against = 0 if right else self._against + wrong
         if self._against >= ENOUGH:
-            raise InputError(_AGAINST)
-        return [Finding("axes", "mag and gyro", 2.0, True, _AGAINST)] if self._against else []
+            raise _mirrored(self._against)
+        return [Fault("motion-field-mirrored", {}, "axes", "mag and gyro", True)] if self._against else []
 
-    def dip(self, off: FieldOff) -> list[Finding]:
-        """A dip that is not the site's although the strength is: nothing can be made of the window.
+    def dip(self, off: FieldOff) -> list[Fault]:
+        """A dip that is not the site's in a strong, steady field: nothing can be made of the window.
 
-        Parameters
-        ----------
-        off : FieldOff
-            Of a window whose field is strong enough and steady.
-
-        Raises
-        ------
-        InputError
-            The dip has the other sign in several windows and was never right.
+        InputError where it has the other sign in several windows and was never right.
         """
         expected = None if self.site is None else self.site.dip
         if expected is None or not np.isfinite(off.dip):
@@ -183,65 +141,52 @@ class AxesCheck:
             return []
         opposite = abs(expected) > np.radians(10.0) and abs(off.dip + expected) < FAR_DIP + margin * off.u
         self._up = self._up + 1 if opposite else 0
-        said = f"the dip comes out as {np.degrees(off.dip):.1f} deg, the site's is {np.degrees(expected):.1f} deg"
         if self._up >= ENOUGH and not self._right:
-            raise InputError(f"{said}: {self._signs(self._seen)}")
+            raise self._signrefused(off.dip, expected, self._seen)
         # axes that were right once are right: then it is the field
-        where = "mag" if self._right >= ENOUGH else "accel and mag"
-        cause = (
-            "the field is disturbed"
-            if self._right >= ENOUGH
-            else "axes or signs of the magnetometer or of the accelerometer are exchanged, the field is disturbed, or "
-            "the site's dip is wrong: is this the right site file?"
-        )
-        return [Finding("axes", where, off.off / limit, True, f"{said}, while the strength is right: {cause}")]
+        return [dip_fault(off.dip, expected, believed=self._right >= ENOUGH)]
 
-    def notes(self) -> tuple[str, ...]:
+    def findings(self) -> list[Finding]:
         """What is possible but not likely."""
-        said = [self._free()] if self._free() else []
-        if self._climbs:
-            said.append("the tool axis points up: the hole climbs, or z points up the hole (then state --axes=x,-y,-z)")
-        return tuple(said)
+        return [*self._free(), *([Finding("motion-climbs")] if self._climbs else [])]
 
-    def _free(self) -> str:
-        """A sentence where the tool turns about no axis of its own; "" otherwise."""
+    def _free(self) -> list[Finding]:
+        """A tool that turns about no axis of its own."""
         total = float(self._rates.sum())
         lively = 0.2  # rad/s, root mean square rate of a tool that moves: beyond any bias
         along = 0.7  # share of z in the rotation below which it is not that of a tool in a hole, whose z lies along it
         alone = 0.95  # share of another axis from which it is the hole's, wrongly named
         if not total > self._samples * lively**2 or self._rates[2] > along * total or self._rates.max() > alone * total:
-            return ""
-        shares = ", ".join(f"{axis} {100.0 * one / total:.0f} %" for axis, one in zip("xyz", self._rates, strict=True))
-        return (
-            f"the tool turns about all its axes (of its rotation {shares}): it moves freely, not about the axis of a "
-            "hole; --method complementary is for that"
-        )
+            return []
+        x, y, z = (float(100.0 * one / total) for one in self._rates)
+        return [Finding("motion-free", {"x_percent": x, "y_percent": y, "z_percent": z})]
 
-    def _signs(self, seen: list[Harmonics]) -> str:
-        """Which statement of axes and signs makes a run right whose dip or gravity has the wrong sign."""
+    def _signs(self, seen: list[Harmonics]) -> tuple[str, ...]:
+        """Which statements of axes and signs make a run right whose dip or gravity has the wrong sign."""
         fits = []
-        dip, _ = expected_dip(self.site)
-        # how axes and signs that are often met are stated: option, words, convention and axes before it
+        dip = expected_dip(self.site)
+        # what is often met: option, convention, and axes before it
         stated = (
-            ("--convention specific-force", "accelerometers that report specific force", named("specific-force"), AXES),
-            ("--convention z-up", "z up the hole, and specific force", named("z-up"), AXES),
-            ("--axes=x,-y,-z", "z up the hole, and gravity", named("native"), ("x", "-y", "-z")),
+            ("--convention specific-force", "specific-force", AXES),
+            ("--convention z-up", "z-up", AXES),
+            ("--axes=x,-y,-z", "native", ("x", "-y", "-z")),
         )
-        for option, words, convention, axes in stated if seen else ():
-            turn = axes_matrix(axes).T
+        for option, name, axes in stated if seen else ():
+            turn, convention = axes_matrix(axes).T, named(name)
             accel = np.concatenate([one.accel for one in seen]) @ turn @ convention.matrix("accelerometer").T
             mag = np.concatenate([one.mag for one in seen]) @ turn @ convention.matrix("magnetometer").T
             right = float(np.median(accel[:, 2] / np.linalg.norm(accel, axis=1))) > UP
             if dip is not None and np.isfinite(mag).all():
                 right &= abs(float(np.median(dip_angle(accel, mag))) - dip) < 0.5 * abs(dip)
             if right:
-                fits.append(f"{option} ({words})")
-        free = "; for a tool that is not in a hole: --method complementary" if self._samples else ""
-        if not fits:
-            return f"signs or axes are wrong: state them by --convention or --axes{free}"
-        return f"the signs are right with {' or '.join(fits)}{free}"
+                fits.append(option)
+        return tuple(fits) or ("--convention", "--axes")
 
-    def _fields(self, found: Harmonics | None, *, field_usable: bool) -> list[Finding]:
+    def _signrefused(self, dip: float, expected: float, seen: list[Harmonics]) -> InputError:
+        degrees = {"dip_deg": float(np.degrees(dip)), "expected_deg": float(np.degrees(expected))}
+        return refused("motion-dip-sign", {**degrees, "options": self._signs(seen)})
+
+    def _fields(self, found: Harmonics | None, *, field_usable: bool) -> list[Fault]:
         """Strength of gravity, and its angle to the field."""
         if found is None:
             return []
@@ -256,7 +201,7 @@ class AxesCheck:
         if len(self._seen) < ENOUGH:
             return []
         strength = float(np.median([np.linalg.norm(one.accel, axis=1).mean() for one in self._seen]))
-        _unit("the accelerometer", "m/s^2", strength, 0.8 * STANDARD_GRAVITY, 1.2 * STANDARD_GRAVITY, GRAVITY_UNITS)
+        _unit("accelerometer", "m/s2", strength, 0.8 * STANDARD_GRAVITY, 1.2 * STANDARD_GRAVITY, GRAVITY_UNITS)
         return self._mapping()
 
     def _gyro(self, gyro: Array, turning: Turning, *, judged: bool, sampled: bool) -> None:
@@ -265,35 +210,26 @@ class AxesCheck:
         self._speeds = [*self._speeds, float(size.max())][-KEPT:]
         most_speed = 220.0  # rad/s, 2100 rpm: faster than any string
         if len(self._speeds) >= ENOUGH and min(self._speeds) > most_speed:
-            rpm = float(np.median(self._speeds)) * 30.0 / np.pi
-            raise InputError(
-                f"the gyro reads {rpm:.0f} rpm throughout (allowed {most_speed * 30.0 / np.pi:.0f}); its unit is "
-                "rad/s: convert deg/s or rpm first"
-            )
+            speeds = {"speed_rpm": float(np.median(self._speeds)) * RPM, "most_rpm": most_speed * RPM}
+            raise refused("motion-gyro-fast", {**speeds})
         if float(size.max()) > 1.0:
             self._axes = [*self._axes, int(size.argmax()) if size.max() > 5.0 * size[2] else 2][-KEPT:]
             if len(self._axes) >= ENOUGH and 2 not in self._axes:
                 axis = "xyz"[self._axes[-1]]
                 down, up = TURNED_TO[axis]
-                raise InputError(
-                    f"the tool turns about gyro_{axis}, not about gyro_z, which lies along the hole: state "
-                    f"--axes={down} where {axis} points down the hole, --axes={up} where it points up"
-                )
+                raise refused("motion-axis-gyro", {"channel": f"gyro_{axis}", "axis": axis, "down": down, "up": up})
         if judged and turning.by == "gyro" and turning.span > 4.0 * np.pi and np.isfinite(turning.slope):
             self._slopes = [*self._slopes, turning.slope][-KEPT:]
             if len(self._slopes) >= SURE:
                 slopes = np.array(self._slopes)
                 # opposite is told only when sampled fast enough
                 if sampled and (slopes < -0.5).all():
-                    raise InputError(_AGAINST)
+                    raise _mirrored(len(slopes))
                 units = {"deg/s": np.pi / 180.0, "deg/h": np.pi / 180.0 / 3600.0, "rpm": np.pi / 30.0}
                 for unit, factor in units.items():
                     if (np.abs(slopes / factor - 1.0) < 0.2).all():
                         times = 1.0 / float(np.median(slopes))
-                        raise InputError(
-                            f"the gyro reads {times:.4g} times the speed with which the magnetic field turns; its unit "
-                            f"is rad/s, the reading is right for {unit}: multiply by {factor:.6g}"
-                        )
+                        raise refused("motion-gyro-unit", {"times": times, "unit": unit, "factor": factor})
                 self._turns = bool((np.abs(slopes - 1.0) < 0.2).all())
 
     def _field_axis(self, mag: Array) -> None:
@@ -307,11 +243,10 @@ class AxesCheck:
         if len(self._along) >= SURE and 2 not in self._along:
             axis = "xyz"[self._along[-1]]
             down, up = TURNED_TO[axis]
-            option = "--mag-axes" if self._speeds else "--axes (or --mag-axes where the accelerometer's z is right)"
-            raise InputError(
-                f"while the tool turns mag_{axis} is constant, not mag_z, which lies along the hole: state {option} as "
-                f"{down} where {axis} points down the hole, as {up} where it points up"
-            )
+            # without a gyro the accelerometer's z may be as wrong
+            options = ("--mag-axes",) if self._speeds else ("--axes", "--mag-axes")
+            where: dict[str, Value] = {"channel": f"mag_{axis}", "axis": axis, "down": down, "up": up}
+            raise refused("motion-axis-mag", where | {"options": options})
 
     def _gravity_axis(self, accel: Array, angle: Array) -> None:
         """Gravity lies along z and goes round in x and y; what is constant across the hole is the lever arm's."""
@@ -323,14 +258,10 @@ class AxesCheck:
         if len(self._gravity) < SURE or max(self._gravity) > 0.8 * STANDARD_GRAVITY:
             return
         strength = float(np.median(self._gravity))
-        _unit("the accelerometer", "m/s^2", strength, 0.8 * STANDARD_GRAVITY, 1.2 * STANDARD_GRAVITY, GRAVITY_UNITS)
-        raise InputError(
-            f"gravity along accel_z, and going round in accel_x and accel_y while the tool turns, is only "
-            f"{strength:.2f} m/s^2: the accelerometer's z lies across the hole, that of the others along it; bring its "
-            "channels into the order of the others, or those into its (--mag-axes)"
-        )
+        _unit("accelerometer", "m/s2", strength, 0.8 * STANDARD_GRAVITY, 1.2 * STANDARD_GRAVITY, GRAVITY_UNITS)
+        raise refused("motion-axis-accel", {"gravity_m_s2": strength})
 
-    def _mapping(self) -> list[Finding]:
+    def _mapping(self) -> list[Fault]:
         """Whether the dip is constant, and of the site's sign."""
         usable = [one for one in self._seen if np.isfinite(one.mag).all()]
         dip = None if self.site is None else self.site.dip
@@ -354,44 +285,34 @@ class AxesCheck:
             return []
         if dip is not None and scatter <= slack and abs(float(dips.mean()) + dip) < FAR_DIP:
             self._sign(usable)
-        ranking = find_mapping(accel, mag, dip=dip, tolerance=slack)
-        fits = [one for one in ranking.mappings if one.scatter <= slack and one.axes != AXES]
+        mappings, _, _ = find_mapping(accel, mag, dip=dip, tolerance=slack)
+        fits = [one for one in mappings if one.scatter <= slack and one.axes != AXES]
         fits = [one for one in fits if dip is None or abs(one.dip - dip) <= slack]
-        said = f"the dip scatters by {np.degrees(scatter):.1f} deg while the tool turns"
-        said += f" and is {np.degrees(off):.1f} deg off the site's" if off > slack else ""
+        seen: dict[str, Value] = {"scatter_deg": float(np.degrees(scatter)), "off_deg": float(np.degrees(off))}
         if not fits:
-            share = max(scatter, off) / slack
-            return [Finding("axes", "mag", share, False, f"{said}; no exchange of axes explains it")]
-        raise InputError(
-            f"accelerometer and magnetometer do not lie along the same axes: {said}. It is right with "
-            + " or ".join(f"--mag-axes={','.join(one.axes)}" for one in fits[:3])
-            + (", or correct the site's dip" if scatter <= slack else "")
-        )
+            return [Fault("motion-dip-scatters", seen, "axes", "mag", False)]
+        seen["axes"] = tuple(",".join(one.axes) for one in fits[:3])
+        raise refused("motion-mag-axes-dip" if scatter <= slack else "motion-mag-axes", seen)
 
     def _sign(self, usable: list[Harmonics]) -> None:
         """Gravity that points up: specific force, most likely."""
         accel, mag = (np.concatenate([getattr(one, name) for one in usable]) for name in ("accel", "mag"))
-        wrong = ""
-        dip, words = expected_dip(self.site)
+        dip = expected_dip(self.site)
         if dip is not None and abs(dip) > np.radians(10.0) and np.isfinite(mag).all():
             found = float(np.median(dip_angle(accel, mag)))
             if abs(found + dip) < 0.5 * abs(dip):
-                wrong = f"the dip comes out as {np.degrees(found):.1f} deg, {words}"
+                raise self._signrefused(found, dip, usable)
         else:
             down = float(np.median(accel[:, 2] / np.linalg.norm(accel, axis=1)))
             if down < UP:
-                wrong = f"gravity comes out pointing up the hole ({down:.2f} of it along the tool axis)"
-        if wrong:
-            raise InputError(f"{wrong}: {self._signs(usable)}")
+                raise refused("motion-gravity-up", {"share": down, "options": self._signs(usable)})
 
 
-def _unit(what: str, unit: str, strength: float, low: float, high: float, others: dict[str, float]) -> None:
+def _unit(sensor: str, unit: str, strength: float, low: float, high: float, others: dict[str, float]) -> None:
     """Refuse a strength that is right in another unit."""
     if low <= strength <= high:
         return
     for other, factor in others.items():
         if low <= strength * factor <= high:
-            raise InputError(
-                f"{what} reads {strength:.4g} {unit} on the mean (allowed {low:.3g} to {high:.3g}): right for {other}; "
-                f"multiply by {factor:g}"
-            )
+            said: dict[str, Value] = {"sensor": sensor, "reading": strength, "unit": unit}
+            raise refused("motion-unit", said | {"other": other, "factor": factor})

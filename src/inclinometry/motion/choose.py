@@ -11,13 +11,14 @@ import numpy as np
 from inclinometry.arrays import within
 from inclinometry.earth.site import Site
 from inclinometry.errors import InputError
+from inclinometry.findings import Finding, Value
 from inclinometry.motion.health import HealthCheck, HealthSettings, WindowHealth, named
 from inclinometry.motion.inertial.filter import GyroStream, InertialStream
 from inclinometry.motion.inertial.state import InertialSettings
 from inclinometry.motion.magnetic.phase import MagneticSettings
 from inclinometry.motion.magnetic.window import MagneticStream
 from inclinometry.motion.reference import azimuth_uncertainty, to_magnetic, widened
-from inclinometry.motion.result import BITS, METHODS, Attitude, Samples, joined, refusals
+from inclinometry.motion.result import BITS, METHODS, Attitude, Samples, distinct, joined, refusals
 from inclinometry.motion.static import StaticSettings, static_attitude
 from inclinometry.motion.window_filter import WindowBuffer
 from inclinometry.motion.window_smoother import LazyStream, single
@@ -33,44 +34,20 @@ LONGEST: Final = 600.0
 
 @dataclass(frozen=True, kw_only=True)
 class ChooserSettings:
-    """Settings of the methods that are chosen from; their windows are set to `window` and laid side by side.
+    """Settings of the methods that are chosen from; their windows are set to `window` and laid side by side."""
 
-    Parameters
-    ----------
-    window : float
-        s, 0.5 to 600.
-    static, magnetic, inertial : settings of the methods
-    health : HealthSettings
-        What is known of the sensors.
-    """
-
-    window: float = 10.0
+    window: float = 10.0  #: s, 0.5 to 600
     static: StaticSettings = field(default_factory=StaticSettings)
     magnetic: MagneticSettings = field(default_factory=MagneticSettings)
     inertial: InertialSettings = field(default_factory=InertialSettings)
-    health: HealthSettings = field(default_factory=HealthSettings)
+    health: HealthSettings = field(default_factory=HealthSettings)  #: what is known of the sensors
 
     def __post_init__(self) -> None:
         within(self.window, "window", 0.5, LONGEST, "s")
 
 
 class AttitudeChooser:
-    """`choose_attitude` fed block by block; the same rows to the last bit.
-
-    Parameters
-    ----------
-    settings : ChooserSettings, optional
-    site : Site, optional
-
-    Examples
-    --------
-    >>> chooser = AttitudeChooser(ChooserSettings(window=1.0))
-    >>> still = Samples(np.arange(250) / 100.0, 0.01, accel=[[0.0, 0.0, 9.81]] * 250, mag=[[2e4, 0.0, 4e4]] * 250)
-    >>> len(chooser.push(still.part(0, 120))), len(chooser.push(still.part(120, 250)))
-    (1, 1)
-    >>> chooser.finish().notes[0]
-    '2 windows of 1 s: 2 still (2 static)'
-    """
+    """`choose_attitude` fed block by block; the same rows to the last bit."""
 
     def __init__(self, settings: ChooserSettings | None = None, site: Site | None = None) -> None:
         self._settings = settings or ChooserSettings()
@@ -81,23 +58,14 @@ class AttitudeChooser:
         self._filter = LazyStream(lambda: InertialStream(self._inertial(), site))
         self._gyro = LazyStream(lambda: GyroStream(self._inertial(), site))
         self._counts: Counter[tuple[str, str]] = Counter()
-        self._why: Counter[str] = Counter()
         self._interval, self._size, self._phased = 0.0, 0, False
         self._end = -np.inf
         self._short = 0
         self._north = "magnetic"
 
     def push(self, samples: Samples) -> Attitude:
-        """Rows of the windows that became complete with this block.
-
-        Raises
-        ------
-        InputError
-            A block without an accelerometer, or unlike those before it; units, signs or axes that contradict each
-            other (`HealthCheck`).
-        """
-        if not samples.has("accel"):
-            raise InputError("the samples have no accel; every method needs the accelerometer")
+        """Rows of the windows that became complete with this block, which must have an accelerometer."""
+        samples.need("accel")
         if not len(samples):
             return self._none()
         if self._buffer is None:
@@ -118,10 +86,11 @@ class AttitudeChooser:
     def finish(self) -> Attitude:
         """No rows (what is left is shorter than a window), but what was chosen and found."""
         rows = self._none() if self._buffer is None else self._rows(self._buffer.finish())
-        notes = [*self._said(), *self._health.notes()]
+        found = [*self._said(), *self._health.findings()]
         for stream in self._magnetic.values():
-            notes += [note for note in stream.finish().notes if "gaps between blocks" not in note]
-        return replace(rows, notes=tuple(dict.fromkeys(notes)))
+            told = {"motion-block-gaps", "motion-no-window", *(one.code for one in found)}
+            found += [one for one in stream.finish().findings if one.code not in told]
+        return replace(rows, findings=distinct(found))
 
     def _magnetic_settings(self, *, use_gyro: bool) -> MagneticSettings:
         site, given = self._site or self._settings.magnetic.site, self._settings.magnetic
@@ -148,9 +117,7 @@ class AttitudeChooser:
             row, kind, outcome = self._choose(health)
             row = named(row, health)
             self._counts[kind, outcome] += 1
-            if outcome == "refused":
-                self._why.update(row.names(0))
-            rows.append(replace(row, flags=row.flags | np.uint32(health.flags), notes=()))
+            rows.append(replace(row, flags=row.flags | np.uint32(health.flags), findings=()))
         return joined(rows) if rows else self._none()
 
     def _choose(self, health: WindowHealth) -> tuple[Attitude, str, str]:
@@ -237,33 +204,35 @@ class AttitudeChooser:
         return to_magnetic(lone, self._site)
 
     def _refusal(self, health: WindowHealth) -> Attitude:
-        """A refused row with the findings for reasons."""
-        found = {one.flag for one in health.findings if one.refuse}
+        """A refused row with the faults for reasons."""
+        found = {one.flag for one in health.faults if one.refuse}
         if not health.samples.has("mag"):
             found.add("no-field")
         time = float(health.samples.time[0] + 0.5 * self._interval * (len(health.samples) - 1))
         row = refusals([time], sorted(found or {"unobservable"}), "magnetic", self._north)
         return replace(row, rate=np.array([health.turning.mean]))
 
-    def _said(self) -> list[str]:
-        """What was chosen, how often, and why."""
-        total = sum(self._counts.values())
-        length = f"{self._size * self._interval:g} s"
+    def _said(self) -> list[Finding]:
+        """What the tool did and what was chosen, how often."""
+        total, length = sum(self._counts.values()), self._size * self._interval
         if not total:
-            return [f"the run has no whole window of {length}: no attitude"]
-        parts = []
+            return [Finding("motion-no-window", {"window_s": length})]
+        kinds: list[Value] = []
         for kind in ("still", "sliding", "rotating", "moving"):
-            mine = {outcome: count for (each, outcome), count in self._counts.items() if each == kind}
+            mine = {outcome: count for (each, outcome), count in sorted(self._counts.items()) if each == kind}
             if mine:
-                told = ", ".join(f"{count} {outcome}" for outcome, count in sorted(mine.items()))
-                parts.append(f"{sum(mine.values())} {kind} ({told})")
-        said = [f"{total} windows of {length}: {', '.join(parts)}"]
-        if self._why:
-            said.append("refused for: " + ", ".join(f"{name} ({count})" for name, count in sorted(self._why.items())))
-        if self._short:
-            rests = "rest" if self._short == 1 else "rests"
-            said.append(f"{self._short} {rests} of less than a window, at gaps or at the end, left out")
-        return said
+                methods = tuple(map(_outcome, mine, mine.values()))
+                kinds.append(Finding("motion-kind", {"kind": kind, "count": sum(mine.values()), "methods": methods}))
+        found = [
+            Finding("motion-windows", {"total": total, "window_s": length, "kinds": tuple(kinds)}, severity="note")
+        ]
+        return found + ([Finding("motion-rests", {"count": self._short}, severity="note")] if self._short else [])
+
+
+def _outcome(name: str, count: int) -> Finding:
+    if name == "refused":
+        return Finding("motion-method-refused", {"count": count})
+    return Finding("motion-method", {"method": name, "count": count})
 
 
 def choose_attitude(samples: Samples, settings: ChooserSettings | None = None, site: Site | None = None) -> Attitude:
@@ -280,8 +249,8 @@ def choose_attitude(samples: Samples, settings: ChooserSettings | None = None, s
     Returns
     -------
     Attitude
-        A row a window: at its middle, and by the filters at its last sample. `method` says which, `notes` how often and
-        why. North is "magnetic", or "true" where there is a gyro and no magnetometer.
+        A row a window: at its middle, and by the filters at its last sample. `method` says which, `findings` how often
+        and what was found. North is "magnetic", or "true" where there is a gyro and no magnetometer.
 
     Raises
     ------
@@ -302,8 +271,8 @@ def choose_attitude(samples: Samples, settings: ChooserSettings | None = None, s
     >>> time = np.arange(4000) / 200.0
     >>> g, b = fields(np.full(4000, 1.0), 0.5, 9.0 * time, 1.1)
     >>> rows = choose_attitude(Samples(time, 0.005, accel=9.81 * g, mag=50_000.0 * b))
-    >>> rows.notes[0], [round(float(x), 6) for x in rows.angles.inclination]
-    ('2 windows of 10 s: 2 rotating (2 magnetic)', [0.5, 0.5])
+    >>> print(rows.findings[0], [round(float(x), 6) for x in rows.angles.inclination])
+    Windows of 10 s: 2 (rotating 2: magnetic 2). Flags say why a window is refused. [0.5, 0.5]
     """
     check_record(samples, Samples, "choose_attitude")
     chooser = AttitudeChooser(settings, site)

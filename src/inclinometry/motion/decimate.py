@@ -9,20 +9,19 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from inclinometry.arrays import Array, Index, finite
-from inclinometry.errors import InputError
+from inclinometry.errors import InputError, refused
+from inclinometry.findings import Finding, Value
 from inclinometry.motion.magnetic.demodulate import Held
-from inclinometry.motion.result import CHANNELS, Finding, Samples
+from inclinometry.motion.result import CHANNELS, Fault, Samples
 from inclinometry.motion.turning import Turning
 from inclinometry.tabular import check_record
 
 # Sampling too slow for the rotation.
 
 
-def aliasing_findings(turning: Turning, interval: float) -> list[Finding]:
+def aliasing_faults(turning: Turning, interval: float) -> list[Fault]:
     """Whether the phase between samples is ambiguous, and the rate that would be needed.
 
-    Notes
-    -----
     Without a gyro a steady rotation faster than half a turn a sample looks like a slower one and cannot be told; one
     that changes its speed passes through half a turn and is.
     """
@@ -36,13 +35,10 @@ def aliasing_findings(turning: Turning, interval: float) -> list[Finding]:
     # lost turns with steps that are small are a matter of axes or of the field, not of sampling
     if not (share > 1.0 or (lost > 1.0 and turning.step > 0.5 * most_step)):
         return []
-    speed = turning.step / interval
+    turns_a_second = float(turning.step / interval / (2.0 * np.pi))
     samples_a_turn = 8.0  # to follow a speed that changes
-    text = (
-        f"sampled every {interval:.4g} s, too slowly for the rotation: {speed * 30.0 / np.pi:.0f} rpm needs "
-        f"{samples_a_turn * speed / (2.0 * np.pi):.0f} Hz or more"
-    )
-    return [Finding("aliased", turning.by, float(max(share, 1.0)), True, text)]
+    values = {"interval_s": interval, "speed_rpm": 60.0 * turns_a_second, "rate_Hz": samples_a_turn * turns_a_second}
+    return [Fault("motion-sampled-slowly", values, "aliased", turning.by, True)]
 
 
 # The even grid behind a run's time stamps: interval and start, robust to jitter, rounding and dropped samples.
@@ -85,37 +81,16 @@ class Grid(NamedTuple):
 
 
 def fit_grid(time: ArrayLike, known: float | None = None) -> Grid | None:
-    """Even grid through increasing stamps with some places empty; None where there is no such grid.
+    """Even grid through increasing stamps (n,), s, with some places empty; None where there is no such grid.
 
-    Parameters
-    ----------
-    time : (n,) array_like
-        s, n >= 2, strictly increasing, without gaps of more than a few intervals.
-    known : float, optional
-        Interval, s, to be kept when the stamps do not contradict it.
-
-    Raises
-    ------
-    InputError
-        Fewer than two stamps.
-
-    Notes
-    -----
     Of intervals about the median step the one is taken that brings the first stamps' phases closest together; they are
-    numbered, a straight line is fitted and numbers twice as many, until all are. The slope's standard deviation is
-    s sqrt(12 / n^3); an interval or a rate of up to four digits within four of it is taken for what was meant.
-
-    Examples
-    --------
-    300 Hz with stamps rounded to milliseconds:
-
-    >>> grid = fit_grid(np.round(np.arange(500) / 300.0, 3))
-    >>> round(1.0 / grid.interval, 6)
-    300.0
+    numbered, a straight line is fitted and numbers twice as many, until all are. The slope's standard deviation is s
+    sqrt(12 / n^3); an interval or a rate of up to four digits within four of it is taken for what was meant. A `known`
+    interval, s, is kept when the stamps do not contradict it.
     """
     t = finite(time, "time", (None,))
     if t.size < 2:
-        raise InputError(f"{t.size} time stamps; a sampling interval needs 2 or more")
+        raise refused("input-few", {"name": "time stamps", "count": int(t.size), "least": 2})
     # stamps the interval is searched with
     count = min(t.size, 64)
     start, interval, clear = _coarse(t[:count])
@@ -146,31 +121,26 @@ def fit_grid(time: ArrayLike, known: float | None = None) -> Grid | None:
     return grid._replace(start=grid.start + interval * float(numbers[0])) if good else None
 
 
-def unit_warning(interval: float) -> str:
-    """What is to be said of an interval that no sensor of a moving tool has; empty for a usual one.
+def check_interval(interval: float) -> None:
+    """Refuse an interval, s, that no sensor of a moving tool has.
 
-    Parameters
-    ----------
-    interval : float
-        s.
-
-    Examples
-    --------
-    >>> unit_warning(0.01), unit_warning(5.0)
-    ('', 'the stamps are 5 s apart; are they in milliseconds? time_s is in seconds: divide by 1000')
+    >>> check_interval(5.0)
+    Traceback (most recent call last):
+    inclinometry.errors.InputError: Stamps are 5 s apart: time_s seems to be in milliseconds. Multiply the stamps by
+    0.001.
     """
     shortest = 2e-5  # s, intervals between samples that are believed
     longest = 2.0
     if shortest <= interval <= longest:
-        return ""
-    said = f"the stamps are {interval:.6g} s apart"
+        return
     plausible = (2e-4, 0.5)  # s, those that another unit is guessed from
     units = {"milliseconds": 1e-3, "microseconds": 1e-6, "nanoseconds": 1e-9, "hours": 3600.0, "days": 86400.0}
     for unit, factor in units.items():
         if plausible[0] <= interval * factor <= plausible[1]:
-            way = f"divide by {1.0 / factor:.6g}" if factor < 1.0 else f"multiply by {factor:.6g}"
-            return f"{said}; are they in {unit}? time_s is in seconds: {way}"
-    return f"{said}; a moving tool is sampled every {shortest:g} to {longest:g} s, in seconds"
+            values: dict[str, Value] = {"interval_s": interval, "unit": unit, "factor": factor}
+            raise InputError(Finding("motion-stamps-unit", values, severity="refused"))
+    limits = {"interval_s": interval, "shortest_s": shortest, "longest_s": longest}
+    raise InputError(Finding("motion-interval", limits, severity="refused"))
 
 
 def _coarse(t: Array) -> tuple[float, float, float]:
@@ -252,22 +222,12 @@ def decimate(samples: Samples, factor: int) -> Samples:
 
 
 class DecimationStream:
-    """The same block by block; every sample is the same to the last bit however the run is cut.
-
-    After a gap between blocks the filter begins anew.
-
-    Examples
-    --------
-    >>> stream = DecimationStream(2)
-    >>> block = Samples(np.arange(40) * 0.01, 0.01, gyro=np.ones((40, 3)))
-    >>> len(stream.push(block))
-    0
-    """
+    """The same block by block, to the last bit; after a gap between blocks the filter begins anew."""
 
     def __init__(self, factor: int) -> None:
         largest = 1000  # factor
         if not (isinstance(factor, int | np.integer) and 1 <= factor <= largest):
-            raise InputError(f"the factor is {factor!r}; allowed: a whole number from 1 to {largest}")
+            raise refused("input-value", {"name": "factor", "value": repr(factor), "allowed": f"1 to {largest}"})
         self._factor = int(factor)
         self._taps = low_pass(self._factor)
         self._held = Held()
@@ -296,14 +256,7 @@ class DecimationStream:
 
 @lru_cache(maxsize=32)
 def low_pass(factor: int) -> Array:
-    """Taps (32 factor + 1,), symmetric, sum 1; the single tap 1 for factor 1.
-
-    Examples
-    --------
-    >>> taps = low_pass(4)
-    >>> taps.size, round(float(taps.sum()), 12)
-    (129, 1.0)
-    """
+    """Taps (32 factor + 1,), symmetric, sum 1; the single tap 1 for factor 1."""
     if factor == 1:
         return np.ones(1)
     half = 16 * factor

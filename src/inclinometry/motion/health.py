@@ -12,11 +12,12 @@ import numpy as np
 from inclinometry.arrays import Array, Mask, within
 from inclinometry.constants import STANDARD_GRAVITY
 from inclinometry.earth.site import Site
-from inclinometry.errors import InputError
+from inclinometry.errors import refused
+from inclinometry.findings import Finding, Value
 from inclinometry.motion.axes import AxesCheck
-from inclinometry.motion.decimate import aliasing_findings
-from inclinometry.motion.reference import FieldOff, SiteCheck, field_findings, field_off, field_strength
-from inclinometry.motion.result import BITS, CHANNELS, Attitude, Finding, Samples
+from inclinometry.motion.decimate import aliasing_faults
+from inclinometry.motion.reference import FieldOff, SiteCheck, field_faults, field_off, field_strength
+from inclinometry.motion.result import BITS, CHANNELS, Attitude, Fault, Samples
 from inclinometry.motion.turning import Turning, find_harmonics, find_turning
 from inclinometry.rotations import wrap_signed
 
@@ -27,14 +28,7 @@ RELATIVE: Final = 1e-5
 
 
 def rails(values: Array, reach: float | None) -> Mask:
-    """Samples (n,) of one channel that stand at the end of its range: a known one, or one that shows by a pile.
-
-    Examples
-    --------
-    >>> wave = np.sin(np.arange(2000.0)) + 0.1 * np.sin(17.0 * np.arange(2000.0) ** 1.1)
-    >>> int(rails(np.clip(wave, -0.8, 0.8), None).sum() - (abs(wave) >= 0.8).sum()), int(rails(wave, None).sum())
-    (0, 0)
-    """
+    """Samples (n,) of one channel that stand at the end of its range: a known one, or one that shows by a pile."""
     at = np.zeros(values.size, dtype=np.bool_)
     if reach is not None:
         at |= np.abs(values) >= reach * (1.0 - 1e-3)
@@ -73,16 +67,9 @@ def _step(values: Array) -> float:
     return float(np.diff(distinct).min()) if distinct.size > 1 else 0.0
 
 
-def clipping_findings(window: Samples, ranges: Mapping[str, float]) -> tuple[list[Finding], Mask]:
-    """Channels that clip, and the samples (n,) at a rail.
-
-    Parameters
-    ----------
-    window : Samples
-    ranges : mapping
-        Triad -> end of its range, of both signs, in its unit; absent where it is not known.
-    """
-    found: list[Finding] = []
+def clipping_faults(window: Samples, ranges: Mapping[str, float]) -> tuple[list[Fault], Mask]:
+    """Channels that clip, and the samples (n,) at a rail; by the ranges of triads that are known, in their units."""
+    found: list[Fault] = []
     marked = np.zeros(len(window), dtype=np.bool_)
     for triad in CHANNELS:
         values = getattr(window, triad)
@@ -90,31 +77,25 @@ def clipping_findings(window: Samples, ranges: Mapping[str, float]) -> tuple[lis
             continue
         reach = ranges.get(triad)
         for axis, column in zip("xyz", values.T, strict=True):
-            at = rails(column, reach)
+            channel, at = f"{triad}_{axis}", rails(column, reach)
             count = int(at.sum())
             if count:
-                share = count / len(window)
-                text = f"{triad}_{axis} stood at the end of its range in {100.0 * share:.2g} % of the samples"
-                found.append(Finding("clipped", f"{triad}_{axis}", 1.0 + share, False, text))
+                said: dict[str, Value] = {"channel": channel, "share_percent": 100.0 * count / len(window)}
+                found.append(Fault("motion-clipped", said, "clipped", channel, False))
                 marked |= at
             elif reach is not None:
                 # least distance of a range from the mean, in standard deviations: of a low-passed channel more was cut
                 # off before the filter than is left in it, 12 g under 5 g rms (0.4 deg) still looks like 4
                 margin, least = (reach - abs(float(column.mean()))) / max(float(column.std()), 1e-12), 4.5
                 if margin < least:
-                    text = (
-                        f"{triad}_{axis}: the end of its range is {max(margin, 0.0):.1f} standard deviations away; "
-                        "samples were cut off before the filter"
-                    )
-                    found.append(Finding("clipped", f"{triad}_{axis}", least / max(margin, 0.1), True, text))
+                    said = {"channel": channel, "margin": max(margin, 0.0)}
+                    found.append(Fault("motion-clipped-filter", said, "clipped", channel, True))
     return found, marked
 
 
-def stuck_findings(window: Samples) -> list[Finding]:
+def stuck_faults(window: Samples) -> list[Fault]:
     """Channels that kept one value while their neighbours moved too far for that.
 
-    Notes
-    -----
     While a transverse channel of amplitude A stays within one step q of its converter, its partner cannot change by
     more than sqrt(8 q A); three times that is asked for. An axial channel has no partner: it is stuck when it never
     changes although the noise of its neighbours is wider than two steps; a gyro's also when the field turned otherwise.
@@ -144,13 +125,13 @@ def stuck_findings(window: Samples) -> list[Finding]:
             else:
                 alive = run[1] - run[0] == len(values) and _axial_alive(values, turning=triad == "mag")
             if alive:
-                share = (run[1] - run[0]) / len(values)
-                text = f"{triad}_{axis} kept one value in {100.0 * share:.0f} % of a window while the others moved"
-                found.append(Finding("stuck", f"{triad}_{axis}", 1.0 + share, True, text))
+                channel, share = f"{triad}_{axis}", 100.0 * (run[1] - run[0]) / len(values)
+                said: dict[str, Value] = {"channel": channel, "share_percent": share}
+                found.append(Fault("motion-stuck", said, "stuck", channel, True))
     return found
 
 
-def held_findings(window: Samples) -> list[Finding]:
+def held_faults(window: Samples) -> list[Fault]:
     """Rows that repeat all readings of the row before although the tool shakes: a sensor slower than its record."""
     parts = [getattr(window, triad) for triad in CHANNELS if window.has(triad)]
     values = np.concatenate(parts, axis=1)
@@ -161,10 +142,7 @@ def held_findings(window: Samples) -> list[Finding]:
     most_held = 0.05  # share of rows that may repeat the row before
     if share <= most_held or min(np.unique(column).size for column in parts[0].T) < LEAST_RUN:
         return []
-    text = (
-        f"{100.0 * share:.0f} % of the rows repeat the readings of the row before: sampled faster than the sensors are"
-    )
-    return [Finding("stuck", "all", share / most_held, False, text)]
+    return [Fault("motion-rows-repeat", {"share_percent": 100.0 * share}, "stuck", "all", False)]
 
 
 def _turned_otherwise(speed: float, mag: Array, interval: float) -> bool:
@@ -202,15 +180,10 @@ def _largest(values: Array) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class HealthSettings:
-    """What is known of the sensors.
+    """What is known of the sensors: ends of ranges, of both signs, in m/s^2, nT and rad/s.
 
-    Parameters
-    ----------
-    accel_range, mag_range, gyro_range : float, optional
-        End of the range, of both signs: m/s^2, nT, rad/s. Without it clipping shows only where samples pile up, not
-        where a filter came after the clipping.
-    believe_axes : bool
-        Take units, signs and axes as they are, whatever speaks against them.
+    Without them clipping shows only where samples pile up, not where a filter came after the clipping. `believe_axes`
+    takes units, signs and axes as they are.
     """
 
     accel_range: float | None = None
@@ -222,7 +195,7 @@ class HealthSettings:
         for name in ("accel_range", "mag_range", "gyro_range"):
             value = getattr(self, name)
             if value is not None and not float(within(value, name, 0.0, 1e9)) > 0.0:
-                raise InputError(f"{name} is {value}; it must be positive")
+                raise refused("input-value", {"name": name, "value": str(value), "allowed": "> 0"})
 
     @property
     def ranges(self) -> dict[str, float]:
@@ -233,52 +206,37 @@ class HealthSettings:
 
 @dataclass(frozen=True, eq=False)
 class WindowHealth:
-    """Findings of one window.
+    """What was found in a window, whose samples at the end of a range are marked as clipped.
 
-    Attributes
-    ----------
-    samples : Samples
-        The window; samples at the end of a range are marked as clipped.
-    turning : Turning
-    findings : tuple of Finding
-    off : FieldOff
-        The window's field against the site's.
+    off : the window's field against the site's.
     """
 
     samples: Samples
     turning: Turning
-    findings: tuple[Finding, ...]
+    faults: tuple[Fault, ...]
     off: FieldOff
 
     @property
     def flags(self) -> int:
         """Bits of `FLAGS`."""
-        return int(sum(BITS[name] for name in {one.flag for one in self.findings}))
+        return int(sum(BITS[name] for name in {one.flag for one in self.faults}))
 
     def spoilt(self, triad: str) -> bool:
         """Whether a triad must not be used."""
-        return any(one.refuse and triad in one.where for one in self.findings)
+        return any(one.refuse and triad in one.where for one in self.faults)
 
     def has(self, flag: str) -> bool:
         """Whether a flag was raised."""
-        return any(one.flag == flag for one in self.findings)
+        return any(one.flag == flag for one in self.faults)
 
 
 class HealthCheck:
-    """Windows of a run, one after the other; remembers what was found.
+    """Windows of a run, one after the other, held against strength and dip of the site; remembers what was found.
 
-    Parameters
-    ----------
-    settings : HealthSettings, optional
-    site : Site, optional
-        Field strength and dip that are expected.
-
-    Examples
-    --------
     >>> rng = np.random.default_rng(0)
     >>> still = Samples(np.arange(500) / 100.0, 0.01, accel=[0, 0, 9.81] + rng.normal(0, 0.03, (500, 3)))
-    >>> [one.flag for one in HealthCheck().check(still).findings]
-    ['no-field']
+    >>> [one.code for one in HealthCheck().check(still).faults]
+    ['motion-no-magnetometer']
     """
 
     def __init__(self, settings: HealthSettings | None = None, site: Site | None = None) -> None:
@@ -286,30 +244,23 @@ class HealthCheck:
         self._site = site
         self._axes = AxesCheck(site)
         self._counts: Counter[tuple[str, str]] = Counter()
-        self._first: dict[tuple[str, str], str] = {}
+        self._first: dict[tuple[str, str], Fault] = {}
         self._windows = 0
         self._site_check = SiteCheck(site)
 
     def check(self, window: Samples) -> WindowHealth:
-        """Findings of the next window.
-
-        Raises
-        ------
-        InputError
-            Units, signs or axes that contradict each other over several windows, naming the remedy.
-        """
-        findings, marked = clipping_findings(window, self._settings.ranges)
-        findings += stuck_findings(window) + held_findings(window)
+        """Faults of the next window; InputError where units, signs or axes contradict each other over several."""
+        faults, marked = clipping_faults(window, self._settings.ranges)
+        faults += stuck_faults(window) + held_faults(window)
         if share := 0.0 if window.clipped is None else float(window.clipped.mean()):
-            text = f"{100.0 * share:.2g} % of the samples are missing or marked"
-            findings.append(Finding("gap", "all", 1.0 + share, False, text))
-        findings += _dead(window)
-        lame = window.mag is not None and any(one.refuse and one.where.startswith("gyro") for one in findings)
+            faults.append(Fault("motion-samples-missing", {"share_percent": 100.0 * share}, "gap", "all", False))
+        faults += _dead(window)
+        lame = window.mag is not None and any(one.refuse and one.where.startswith("gyro") for one in faults)
         judged = replace(window, gyro=None) if lame else window
         turning = find_turning(judged)
-        aliased = aliasing_findings(turning, window.interval)
-        field = field_findings(judged, turning, self._site)
-        findings += aliased + field
+        aliased = aliasing_faults(turning, window.interval)
+        field = field_faults(judged, turning, self._site)
+        faults += aliased + field
         strength, scatter, steady = field_strength(judged, self._site)
         found = None if aliased else find_harmonics(judged, turning)
         off = field_off(judged, found, self._site, strength=strength, scatter=scatter)
@@ -317,30 +268,27 @@ class HealthCheck:
         if judged.accel is not None and judged.mag is not None and np.ptp(judged.accel, axis=0).max() < 0.5:
             self._site_check.add(judged.accel.mean(axis=0), judged.mag.mean(axis=0), 0.0)
         if not self._settings.believe_axes and not any(
-            one.refuse for one in findings if one.flag in ("stuck", "clipped")
+            one.refuse for one in faults if one.flag in ("stuck", "clipped")
         ):
-            findings += self._axes.add(judged, turning, found, field_usable=steady, phase_usable=not aliased)
+            faults += self._axes.add(judged, turning, found, field_usable=steady, phase_usable=not aliased)
             if steady and not aliased:
-                findings += self._axes.against(turning) + self._axes.dip(off)
+                faults += self._axes.against(turning) + self._axes.dip(off)
         self._windows += 1
-        for key in {(one.flag, one.where) for one in findings}:
-            self._counts[key] += 1
-        for one in findings:
-            self._first.setdefault((one.flag, one.where), one.text)
+        self._counts.update({(one.code, one.where) for one in faults})
+        for one in faults:
+            self._first.setdefault((one.code, one.where), one)
         if marked.any():
             already = np.zeros(len(window), np.bool_) if window.clipped is None else window.clipped
             window = replace(window, clipped=already | marked)
-        return WindowHealth(window, turning, tuple(findings), off)
+        return WindowHealth(window, turning, tuple(faults), off)
 
-    def notes(self, besides: tuple[str, ...] = ()) -> tuple[str, ...]:
-        """A sentence for each kind of finding, with the number of windows; without some flags."""
-        said = tuple(
-            f"{text} (and the like in {self._counts[key]} of {self._windows} windows)" if self._windows > 1 else text
-            for key, text in self._first.items()
-            if key[0] not in besides
-        )
-        asked = any("right site file" in text for text in said)
-        return (*(() if asked else self._site_check.notes("at rest")), *said, *self._axes.notes())
+    def findings(self, besides: tuple[str, ...] = ()) -> tuple[Finding, ...]:
+        """Each kind of fault once, with the number of windows, but those of some flags."""
+        found = [
+            one.counted(self._counts[key], self._windows) for key, one in self._first.items() if one.flag not in besides
+        ]
+        asked = any(one.code == "motion-dip-axes" for one in found)  # whether the site is the right one
+        return (*(() if asked else self._site_check.findings()), *found, *self._axes.findings())
 
 
 def named(row: Attitude, health: WindowHealth) -> Attitude:
@@ -352,7 +300,7 @@ def named(row: Attitude, health: WindowHealth) -> Attitude:
     return replace(row, flags=np.where(clipped, row.flags ^ swap | np.uint32(BITS["gap"]), row.flags))
 
 
-def _dead(window: Samples) -> list[Finding]:
+def _dead(window: Samples) -> list[Fault]:
     """An accelerometer that does not even feel gravity."""
     if window.accel is None or not len(window):
         return []
@@ -360,5 +308,4 @@ def _dead(window: Samples) -> list[Finding]:
     least_sensed = 0.5 * STANDARD_GRAVITY  # m/s^2: gravity and shaking together are more
     if sensed >= least_sensed:
         return []
-    text = f"the accelerometer reads {sensed:.3g} m/s^2 (root mean square), less than half of gravity"
-    return [Finding("misfit", "accel", least_sensed / max(sensed, 1e-9), True, text)]
+    return [Fault("motion-no-gravity", {"sensed_m_s2": sensed}, "misfit", "accel", True)]

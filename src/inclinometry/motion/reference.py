@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
-from typing import Final, NamedTuple
+from dataclasses import replace
+from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
 
 from inclinometry.arrays import Array
 from inclinometry.constants import STANDARD_GRAVITY
 from inclinometry.earth.site import Site
-from inclinometry.motion.result import Attitude, Finding, Samples
+from inclinometry.findings import Finding, Value
+from inclinometry.motion.result import Attitude, Fault, Samples
 from inclinometry.motion.turning import BATCHES, Harmonics, Turning
 from inclinometry.motion.window_smoother import batch_means
 from inclinometry.orientation import dip_angle, dip_jacobian
@@ -24,26 +25,20 @@ DISTURBED: Final = 0.05
 """and the Earth's with something beside it. A calibrated tool's offsets leave 1 to 2 %."""
 
 
-def field_findings(window: Samples, turning: Turning, site: Site | None) -> list[Finding]:
-    """Missing or disturbed magnetic field.
+_Share: TypeAlias = tuple[float, float, str, dict[str, Value]]
+"""A statistic of the field over its limits, for no field and for a disturbed one, and what is said of it."""
 
-    Parameters
-    ----------
-    window : Samples
-    turning : Turning
-    site : Site, optional
-        Its strength, where given, is what the field is held against.
-    """
+
+def field_faults(window: Samples, turning: Turning, site: Site | None) -> list[Fault]:
+    """Missing or disturbed magnetic field, by its strength (the site's, where given), its scatter and its phase."""
     if window.mag is None:
-        return [Finding("no-field", "mag", np.inf, True, "there is no magnetometer")]
+        return [Fault("motion-no-magnetometer", {}, "no-field", "mag", True)]
     strength = np.sqrt(np.einsum("ij,ij->i", window.mag, window.mag))
     shares = [_strength(strength, site), _scatter(strength), _phase(turning)]
-    worst = max(shares, key=lambda one: one[0])
-    found = [Finding("no-field", "mag", value, True, text) for value, _, text in [worst] if value > 1.0]
-    worst = max(shares, key=lambda one: one[1])
-    if not found and worst[1] > 1.0:
-        found.append(Finding("disturbed", "mag", worst[1], False, worst[2]))
-    return found
+    lost, disturbed = max(shares, key=lambda one: one[0]), max(shares, key=lambda one: one[1])
+    if lost[0] > 1.0:
+        return [Fault(*lost[2:], "no-field", "mag", True)]
+    return [Fault(*disturbed[2:], "disturbed", "mag", False)] if disturbed[1] > 1.0 else []
 
 
 def field_strength(window: Samples, site: Site | None) -> tuple[float, float, bool]:
@@ -59,32 +54,32 @@ def field_strength(window: Samples, site: Site | None) -> tuple[float, float, bo
     return wrong[1] * DISTURBED, varied[1] * DISTURBED, steady
 
 
-def _strength(strength: Array, site: Site | None) -> tuple[float, float, str]:
-    """Strength over what it may be: for no field, for a disturbed one, in words."""
+def _strength(strength: Array, site: Site | None) -> _Share:
     mean = float(strength.mean())
     if site is None or site.b is None:
         # nT, an eighth of the weakest field on Earth
-        return 3000.0 / max(mean, 1.0), 0.0, f"the field is only {mean:.0f} nT strong"
+        return (3000.0 / max(mean, 1.0), 0.0, "motion-field-weak", {"field_nT": mean})
     off = abs(mean / site.b - 1.0)
-    return off / NO_FIELD, off / DISTURBED, f"the field is {mean:.0f} nT strong, the site's {site.b:.0f} nT"
+    return (off / NO_FIELD, off / DISTURBED, "motion-field-strength", {"field_nT": mean, "site_nT": site.b})
 
 
-def _scatter(strength: Array) -> tuple[float, float, str]:
+def _scatter(strength: Array) -> _Share:
     # of means over a twentieth of the window: noise of single samples does not count
     size = max(strength.size // 20, 1)
     means = strength[: strength.size // size * size].reshape(-1, size).mean(axis=1)
     scatter = float(means.std() / max(float(means.mean()), 1.0))
-    return scatter / NO_FIELD, scatter / DISTURBED, f"the field's strength changes by {100.0 * scatter:.0f} %"
+    values: dict[str, Value] = {"change_percent": 100.0 * scatter}
+    return (scatter / NO_FIELD, scatter / DISTURBED, "motion-field-changes", values)
 
 
-def _phase(turning: Turning) -> tuple[float, float, str]:
+def _phase(turning: Turning) -> _Share:
     # from half a turn on a field's phase must follow it
     if turning.by != "gyro" or not np.isfinite(turning.restless) or turning.span < np.pi or turning.slope < 0.0:
-        return 0.0, 0.0, ""
-    text = f"the transverse field does not turn with the tool: {np.degrees(turning.restless):.0f} deg about the gyro"
+        return (0.0, 0.0, "", {})
     # rad about the gyro's angle beyond which the phase does not turn with the tool, and beyond which it is
     # doubtful; a gyro's scale error drifts, which is taken off
-    return turning.restless / 0.6, turning.restless / 0.15, text
+    values: dict[str, Value] = {"off_deg": float(np.degrees(turning.restless))}
+    return (turning.restless / 0.6, turning.restless / 0.15, "motion-field-phase", values)
 
 
 UNSURE: Final = 3.0
@@ -110,21 +105,10 @@ class FieldOff(NamedTuple):
 def field_off(
     window: Samples, found: Harmonics | None, site: Site | None, *, strength: float, scatter: float
 ) -> FieldOff:
-    """Dip of a window, whether the tool turns, slides or rests.
+    """Dip of a window, whether the tool turns, slides or rests; NaN without accelerometer or magnetometer.
 
-    Parameters
-    ----------
-    window : Samples
-        With accelerometer and magnetometer, or the dip is NaN.
-    found : Harmonics, optional
-        Of a window that turned or rested.
-    site : Site, optional
-    strength, scatter : float
-        As in the result.
-
-    Notes
-    -----
-    A window without harmonics (a tool that slides) is turned back sample by sample by the magnetic phase; offsets stay.
+    A window without harmonics (a tool that slides) is turned back sample by sample by the magnetic phase; offsets
+    stay.
     """
     accel, mag, u = (None, None, np.inf) if found is None else (found.accel, found.mag, found.u_accel)
     if found is None and window.accel is not None and window.mag is not None:
@@ -162,17 +146,7 @@ def _turned_back(window: Samples) -> tuple[Array | None, Array | None, float]:
 class RunDip:
     """Dip of a whole run, however the tool moves: in g.b = |g| |b| sin(dip) shaking averages out.
 
-    Parameters
-    ----------
-    site : Site, optional
-        Its gravity stands for the mean of an accelerometer that shakes.
-
-    Examples
-    --------
-    >>> run = RunDip(Site(dip=1.0))
-    >>> run.add(Samples([0.0], 0.1, accel=[[0.0, 0.0, 9.80665]], mag=[[20e3, 0.0, 40e3]]))
-    >>> round(run.dip, 3)
-    1.107
+    The site's gravity stands for the mean of an accelerometer that shakes.
     """
 
     def __init__(self, site: Site | None) -> None:
@@ -199,15 +173,8 @@ class RunDip:
 def azimuth_uncertainty(off: FieldOff, site: Site | None) -> float:
     """rad, standard uncertainty of azimuth in a field that is off by so much: its share over the cosine of the dip.
 
-    Notes
-    -----
     A disturbance that turns or stretches the field by x of its strength turns its horizontal part by up to x / cos D;
     what lies across the meridian is not seen, so that the part that is seen is the estimate.
-
-    Examples
-    --------
-    >>> round(azimuth_uncertainty(FieldOff(1.1, 0.05, 0.001, 0.0, 0.0), Site(dip=1.0)), 4)
-    0.0919
     """
     # the departure is a root mean square over directions, in which noise alone makes twice that of a component
     noise = UNSURE * float(np.hypot(2.0 * off.u, (site.dip_sigma or 0.0) if site is not None else 0.0))
@@ -242,28 +209,10 @@ def widened(row: Attitude, u: float) -> Attitude:
 
 
 def to_magnetic(rows: Attitude, site: Site | None) -> Attitude | None:
-    """The same attitude from magnetic north; None where the site states no declination.
+    """The same attitude from magnetic instead of true north; None where the site states no declination.
 
-    Parameters
-    ----------
-    rows : Attitude
-        Counted from true north.
-    site : Site, optional
-
-    Notes
-    -----
     Magnetic north lies the declination D east of true north, so that C_t,magnetic = C_t,true R_z(D)'. Its standard
     deviation is added about the vertical.
-
-    Examples
-    --------
-    >>> from inclinometry.rotations import dcm
-    >>> from inclinometry.motion.result import METHODS
-    >>> one = Attitude(np.zeros(1), quaternion_from_dcm(dcm(1.0, 0.5, 2.0))[None], np.zeros((1, 3, 3)), np.zeros(1),
-    ...                np.ones(1), np.zeros(1, dtype=np.uint32), np.zeros(1, dtype=np.uint8), "true")
-    >>> found = to_magnetic(one, Site(declination=0.25))
-    >>> found.north, round(float(found.angles.azimuth[0]), 9)
-    ('magnetic', 0.75)
     """
     if site is None or site.declination is None:
         return None
@@ -288,115 +237,76 @@ FAR_DIP: Final = 0.12
 """rad, between the dip and the site's: no disturbance that leaves the strength right, but axes or signs."""
 
 
-def departure(gravity: Array, field: Array, covariance: Array, site: Site | None) -> tuple[float, str]:
-    """Hold the field of a window against the site.
+def dip_sigma(site: Site) -> float:
+    """Standard uncertainty of the site's dip, rad."""
+    return DIP_SIGMA if site.dip_sigma is None else site.dip_sigma
 
-    Parameters
-    ----------
-    gravity, field : (3,) ndarray
-        Means, m/s^2 and nT.
-    covariance : (6, 6) ndarray
-        Of both.
-    site : Site, optional
 
-    Returns
-    -------
-    extra : float
-        nT, standard deviation of a further error of the field, per axis, that the departure gives away: the part that
-        no uncertainty explains; as large across the departure as along it.
-    text : str
-        A sentence for the user where the departure is so far that no attitude may be built on the field.
-    Examples
-    --------
-    >>> from inclinometry.earth.site import Site
-    >>> place = Site(b=50e3, dip=1.0)
-    >>> g, b = np.array([0.0, 0.0, 9.8]), 50e3 * np.array([np.cos(1.3), 0.0, np.sin(1.3)])
-    >>> extra, text = departure(g, b, np.zeros((6, 6)), place)
-    >>> round(extra), text.partition(",")[0]
-    (14476, 'the dip comes out as 74.5 deg')
+def strength_sigma(site: Site) -> float:
+    """Standard uncertainty of the site's field, nT."""
+    return STRENGTH_SIGMA if site.b_sigma is None else site.b_sigma
+
+
+def departure(gravity: Array, field: Array, covariance: Array, site: Site | None) -> tuple[float, Fault | None]:
+    """A window's gravity and field (3,), m/s^2 and nT, with their covariance (6, 6) against the site's.
+
+    The standard deviation, nT, of a further error of the field, per axis: the part of the departure that no uncertainty
+    explains, as large across the departure as along it; and a fault where no attitude may be built on the field.
     """
     if site is None:
-        return 0.0, ""
+        return 0.0, None
     size = float(np.linalg.norm(field))
-    excess, said = np.zeros(2), []
+    excess, far = np.zeros(2), None
     sure = 5.0  # standard deviations of the window
     if site.dip is not None:
         slopes = dip_jacobian(gravity, field)
         own = float(np.sqrt(slopes @ covariance @ slopes))
-        allowed = COVERAGE * float(np.hypot(own, DIP_SIGMA if site.dip_sigma is None else site.dip_sigma))
+        allowed = COVERAGE * float(np.hypot(own, dip_sigma(site)))
         off = float(dip_angle(gravity, field)) - site.dip
         excess[0] = size * max(abs(off) - allowed, 0.0)
         if abs(off) > FAR_DIP + sure * own:
-            seen, stated = np.degrees((off + site.dip, site.dip))
-            said.append(f"the dip comes out as {seen:.1f} deg, the site's is {stated:.1f} deg")
+            far = dip_fault(off + site.dip, site.dip)
     if site.b is not None and size > 0.0:
         along = field / size
         own = float(np.sqrt(along @ covariance[3:, 3:] @ along))
-        allowed = COVERAGE * float(np.hypot(own, STRENGTH_SIGMA if site.b_sigma is None else site.b_sigma))
+        allowed = COVERAGE * float(np.hypot(own, strength_sigma(site)))
         off = size - site.b
         excess[1] = max(abs(off) - allowed, 0.0)
-        if abs(off) > 0.2 * site.b + sure * own:  # not the Earth's field
-            said.append(f"the field is {size:.0f} nT strong, the site's {site.b:.0f} nT")
-    text = f"{' and '.join(said)}: axes or signs that are wrong, steel nearby, or another site" if said else ""
-    return float(np.hypot(*excess)), text
+        if abs(off) > 0.2 * site.b + sure * own and far is None:  # not the Earth's field
+            far = Fault("motion-field-strength", {"field_nT": size, "site_nT": site.b}, "disturbed", "mag", True)
+    return float(np.hypot(*excess)), far
 
 
-class Referenced(NamedTuple):
-    """What the site's strength and dip make of gravity and field.
-
-    change : (6,) of gravity, m/s^2, and field, nT.
-    covariance, common : (6, 6) of both after it, and the part that the windows of a run share.
-    """
-
-    change: Array
-    covariance: Array
-    common: Array
+def dip_fault(dip: float, expected: float, *, believed: bool = False) -> Fault:
+    """A dip, rad, that is not the site's; where the axes are believed it is the field."""
+    values = {"dip_deg": float(np.degrees(dip)), "site_deg": float(np.degrees(expected))}
+    if believed:
+        return Fault("motion-dip-disturbed", values, "axes", "mag", True)
+    return Fault("motion-dip-axes", values, "axes", "accel and mag", True)
 
 
 def referenced(
     gravity: Array, field: Array, covariance: Array, common: Array, site: Site | None, scale: float
-) -> Referenced:
-    """Gravity and field weighed with the site's strength and dip.
+) -> tuple[Array, Array, Array]:
+    """Change (6,) of gravity and field, m/s^2 and nT, by the site's strength and dip; covariance and common part after.
 
-    Parameters
-    ----------
-    gravity, field : (3,) ndarray
-        Means, m/s^2 and nT.
-    covariance, common : (6, 6) ndarray
-        Of both, and the part of it that the windows of a run share.
-    site : Site, optional
-    scale : float
-        Standard deviation of each scale error and coupling of the magnetometer: strength and dip err by 0.7 of it.
-
-    Notes
-    -----
-    One step of a Kalman filter whose measurements are the strength and the dip that the site states. What lies along
-    the tool, which no rotation shows, is seen in them except across magnetic north and south near the horizontal; so is
-    a lag of the field away from the meridian (Brooks A.G., Gurden P.A., Noy K.A., SPE 49060, 1998). A departure beyond
-    what is expected widens the prior of the field by the ratio of their squares (Birge R.T., Physical Review 40, 1932).
-
-    Examples
-    --------
-    >>> from inclinometry.earth.site import Site
-    >>> g, b = np.array([0.0, 0.0, 9.8]), np.array([20e3, 0.0, 40_200.0])
-    >>> place = Site(b=float(np.hypot(20e3, 40e3)), dip=float(np.arctan2(40e3, 20e3)))
-    >>> steel = np.diag([0.0, 0.0, 0.0, 1.0, 1.0, 220.0**2])
-    >>> found = referenced(g, b, steel, steel, place, 0.0)
-    >>> [round(float(x)) for x in (found.change[5], np.sqrt(found.covariance[5, 5]))]
-    [-146, 115]
+    One step of a Kalman filter measures both; each errs by 0.7 of `scale`. What lies along the tool, which no rotation
+    shows, is seen in them except across magnetic north and south near the horizontal; so is a lag of the field away
+    from the meridian (Brooks A.G., Gurden P.A., Noy K.A., SPE 49060, 1998). A departure beyond what is expected widens
+    the prior of the field by the ratio of their squares (Birge R.T., Physical Review 40, 1932).
     """
     rows, off, spread = [], [], []
     size = max(float(np.linalg.norm(field)), 1e-9)
     if site is not None and site.b is not None:
         rows.append(np.concatenate([np.zeros(3), field / size]))
         off.append(size - site.b)
-        spread.append(np.hypot(STRENGTH_SIGMA if site.b_sigma is None else site.b_sigma, 0.7 * scale * size))
+        spread.append(np.hypot(strength_sigma(site), 0.7 * scale * size))
     if site is not None and site.dip is not None:
         rows.append(dip_jacobian(gravity, field))
         off.append(float(dip_angle(gravity, field)) - site.dip)
-        spread.append(np.hypot(DIP_SIGMA if site.dip_sigma is None else site.dip_sigma, 0.7 * scale))
+        spread.append(np.hypot(dip_sigma(site), 0.7 * scale))
     if not rows:
-        return Referenced(np.zeros(6), covariance, common)
+        return np.zeros(6), covariance, common
     h, z, noise = np.array(rows), np.array(off), np.diag(np.square(spread))
     departure = float(z @ np.linalg.solve(h @ covariance @ h.T + noise, z)) / len(z)
     if departure > 1.0:
@@ -405,63 +315,47 @@ def referenced(
     gain = np.linalg.solve(h @ covariance @ h.T + noise, h @ covariance).T
     keep = np.eye(6) - gain @ h
     told = gain @ noise @ gain.T
-    return Referenced(-gain @ z, keep @ covariance @ keep.T + told, keep @ common @ keep.T + told)
+    return -gain @ z, keep @ covariance @ keep.T + told, keep @ common @ keep.T + told
 
 
-@dataclass
 class SiteCheck:
-    """Windows that agree with each other on a field that is not the site's: another place, more likely than steel.
+    """Windows that agree with each other on a field that is not the site's: another place, more likely than steel."""
 
-    Parameters
-    ----------
-    site : Site, optional
+    def __init__(self, site: Site | None) -> None:
+        self.site = site
+        self._count, self._sums, self._missed = 0, np.zeros((2, 2)), np.zeros(2)
 
-    Examples
-    --------
-    >>> from inclinometry.earth.site import Site
-    >>> check = SiteCheck(Site(dip=1.2))
-    >>> for _ in range(3):
-    ...     check.add(np.array([0.0, 0.0, 9.8]), np.array([np.cos(1.1), 0.0, np.sin(1.1)]), 0.0)
-    >>> check.notes("at rest")[0].partition(":")[0]
-    'the site says dip 68.8 deg, all 3 windows at rest show 63.0'
-    """
-
-    site: Site | None
-    _count: int = 0
-    _sums: Array = field(default_factory=lambda: np.zeros((2, 2)))
-    _missed: Array = field(default_factory=lambda: np.zeros(2))
-
-    def add(self, gravity: Array, field_: Array, u: float) -> None:
+    def add(self, gravity: Array, field: Array, u: float) -> None:
         """Gravity and field (3,) of a window, in any unit and nT, and the standard uncertainty of the dip, rad."""
         site = self.site
-        if site is None or not (np.linalg.norm(gravity) > 0.0 and np.linalg.norm(field_) > 0.0):
+        if site is None or not (np.linalg.norm(gravity) > 0.0 and np.linalg.norm(field) > 0.0):
             return
-        seen = np.array([float(dip_angle(gravity, field_)), float(np.linalg.norm(field_))])
+        seen = np.array([float(dip_angle(gravity, field)), float(np.linalg.norm(field))])
         self._count += 1
         self._sums = self._sums + np.stack([seen, seen**2])
-        sigmas = (
-            float(np.hypot(DIP_SIGMA if site.dip_sigma is None else site.dip_sigma, u)),
-            STRENGTH_SIGMA if site.b_sigma is None else site.b_sigma,
-        )
+        sigmas = float(np.hypot(dip_sigma(site), u)), strength_sigma(site)
         for place, known in enumerate((site.dip, site.b)):
             self._missed[place] += known is not None and abs(seen[place] - known) > COVERAGE * sigmas[place]
 
-    def notes(self, kind: str) -> tuple[str, ...]:
-        """A sentence where all windows of this kind miss the site alike."""
+    def findings(self) -> tuple[Finding, ...]:
+        """Dip and strength in which all windows miss the site alike."""
         # windows that must agree before a site is doubted
         if self._count < 3 or self.site is None:
             return ()
         mean = self._sums[0] / self._count
         scatter = np.sqrt(np.maximum(self._sums[1] / self._count - mean**2, 0.0))
-        said = []
+        found = []
         for place, known in enumerate((self.site.dip, self.site.b)):
             # scatter of their fields, of their departure from the site's, up to which they are one field
             if known is None or self._missed[place] < self._count or scatter[place] > 0.2 * abs(mean[place] - known):
                 continue
-            pair = (f"dip {np.degrees(known):.1f} deg", f"{np.degrees(mean[0]):.1f}")
-            pair = pair if place == 0 else (f"a field of {known:.0f} nT", f"{mean[1]:.0f}")
-            said.append(f"the site says {pair[0]}, all {self._count} windows {kind} show {pair[1]}")
-        return (f"{'; '.join(said)}: is this the right site file, or does steel go with the tool?",) if said else ()
+            if place == 0:
+                pair = {"site_deg": float(np.degrees(known)), "seen_deg": float(np.degrees(mean[0]))}
+                found.append(Finding("motion-site-dip", {**pair, "windows": self._count}))
+            else:
+                pair = {"site_nT": known, "seen_nT": float(mean[1])}
+                found.append(Finding("motion-site-field", {**pair, "windows": self._count}))
+        return tuple(found)
 
 
 def inflated(covariance: Array, extra: float, gravity: float = 0.0) -> Array:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from typing import Any, Final, NamedTuple
 
@@ -12,28 +12,40 @@ from numpy.typing import ArrayLike, NDArray
 from inclinometry.arrays import Array, Mask, finite
 from inclinometry.constants import ANGLES, FIELD_UNITS, KIND_PREFIX, RPM
 from inclinometry.earth.site import REFERENCES
-from inclinometry.errors import InputError
+from inclinometry.errors import refused
+from inclinometry.findings import Finding, Severity, Value
 from inclinometry.orientation import SWITCH, Angles, angles
 from inclinometry.rotations import dcm_from_quaternion
 from inclinometry.tabular import Column, Tabular, channel_columns, degrees, draw, in_degrees
 from inclinometry.uncertainty import UNKNOWN
 
 
-class Finding(NamedTuple):
-    """What a check found.
+class Fault(NamedTuple):
+    """What a check found in a window: code and values of the `Finding` that counts such windows over a run.
 
-    flag : a name of `inclinometry.motion.result.FLAGS`.
-    where : channel or triad, e.g. "accel_x", "mag".
-    share : the statistic over its limit, above 1.
-    refuse : whether a window with it must not be used by a method that needs `where`.
-    text : a sentence for the user.
+    flag : a name of `FLAGS`.
+    where : channel or triads, e.g. "accel_x", "mag".
+    refuse : whether a method that needs `where` must not use the window.
     """
 
+    code: str
+    values: Mapping[str, Value]
     flag: str
     where: str
-    share: float
     refuse: bool
-    text: str
+
+    def counted(self, windows: int, total: int) -> Finding:
+        """The finding of a run with such windows; that it has no magnetometer is no news to its user."""
+        severity: Severity = "warning" if self.refuse and self.code != "motion-no-magnetometer" else "note"
+        return Finding(self.code, {**self.values, "windows": windows, "total": total}, severity=severity)
+
+
+def distinct(found: Iterable[Finding]) -> tuple[Finding, ...]:
+    """Findings in their order, each once."""
+    kept: list[Finding] = []
+    for one in found:
+        kept += [] if one in kept else [one]
+    return tuple(kept)
 
 
 CHANNELS: Final = ("accel", "mag", "gyro")
@@ -87,10 +99,10 @@ class Samples(Tabular):
     def __post_init__(self) -> None:
         time = finite(self.time, "time", (None,))
         if not (self.interval > 0.0 and np.isfinite(self.interval)):
-            raise InputError(f"the sampling interval is {self.interval} s; it must be positive")
+            raise refused("input-value", {"name": "interval", "value": str(self.interval), "allowed": "> 0"})
         object.__setattr__(self, "time", time)
         if all(getattr(self, name) is None for name in CHANNELS):
-            raise InputError(f"no triad is given; one or more of {', '.join(CHANNELS)} is needed")
+            raise refused("input-triads", {"lacking": CHANNELS, "needed": CHANNELS})
         self._take("accel", (3,))
         self._take("mag", (3,))
         self._take("gyro", (3,))
@@ -98,17 +110,16 @@ class Samples(Tabular):
         if self.clipped is not None:
             object.__setattr__(self, "clipped", np.asarray(self.clipped, dtype=np.bool_))
             if self.clipped.shape != time.shape:
-                raise InputError(f"clipped has shape {self.clipped.shape}; expected {time.shape}")
+                shape = str(self.clipped.shape)
+                raise refused("input-shape", {"name": "clipped", "shape": shape, "expected": str(time.shape)})
         if time.size:
             # rounding of the stamps themselves: a long run counts seconds in large numbers
             slack = MOST_JITTER * self.interval + 4.0 * float(np.spacing(np.abs(time).max()))
             off = np.abs(time - (time[0] + self.interval * np.arange(time.size)))
             if off.max() > slack:
                 worst = int(np.argmax(off > slack))
-                raise InputError(
-                    f"time[{worst}] is {time[worst]:.9g} s, {off[worst] / self.interval:.2f} intervals off the even "
-                    f"grid of {self.interval:.6g} s (allowed {MOST_JITTER}); cut the run at its gaps first"
-                )
+                values = {"row": worst, "time_s": float(time[worst]), "off": float(off[worst] / self.interval)}
+                raise refused("input-uneven", values)
 
     def _take(self, name: str, trailing: tuple[int, ...]) -> None:
         value: ArrayLike | None = getattr(self, name)
@@ -116,7 +127,8 @@ class Samples(Tabular):
             return
         array = np.ascontiguousarray(finite(value, name, trailing or None))
         if array.shape != (self.time.size, *trailing):
-            raise InputError(f"{name} has shape {array.shape}; expected {(self.time.size, *trailing)}")
+            expected = str((self.time.size, *trailing))
+            raise refused("input-shape", {"name": name, "shape": str(array.shape), "expected": expected})
         object.__setattr__(self, name, array)
 
     def __len__(self) -> int:
@@ -125,6 +137,11 @@ class Samples(Tabular):
     def has(self, name: str) -> bool:
         """Whether the triad is there: "accel", "mag" or "gyro"."""
         return getattr(self, name) is not None
+
+    def need(self, *names: str) -> None:
+        """Refuse samples that lack one of these triads."""
+        if lacking := tuple(name for name in names if not self.has(name)):
+            raise refused("input-triads", {"lacking": lacking, "needed": names})
 
     def part(self, start: int, stop: int) -> Samples:
         """Samples start to stop - 1, not copied.
@@ -155,7 +172,6 @@ METHODS: Final = (
     "magnetic",  # de-rotated by the magnetic phase
     "mean",  # plain mean in the de-rotated frame
     "gyro",  # strapdown quaternion, gravity and Earth rate
-    "complementary",  # strapdown with gravity and field filtered in the almost-inertial frame
     "filter",  # 15-state filter with gravity and field
     "robust",  # robust adaptive filter of windows
     "smoother",  # backward pass
@@ -190,44 +206,25 @@ BITS: Final = {name: 1 << place for place, name in enumerate(FLAGS)}
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Attitude(Tabular):
-    """Attitude of a moving tool, one row a window or a sample (k).
+    """Attitude of a moving tool, one row a window (k)."""
 
-    Attributes
-    ----------
-    time : (k,) ndarray
-        s, the instant the row's attitude is valid for; strictly increasing.
-    quaternion : (k, 4) ndarray
-        Scalar first, of the rotation from north-east-down to tool components (as `quaternion_from_dcm(dcm(A, I, T))`);
-        NaN in a row that was refused.
-    covariance : (k, 3, 3) ndarray
-        Of the small rotation vector e in tool axes, rad^2: dcm = (1 + [e x]) true dcm. NaN where refused; a direction
-        about which nothing is known has the square of `UNKNOWN` as variance or more, never infinity.
-    common : (k, 3, 3) ndarray, optional
-        The part of it by errors that all rows of the run share (offsets, scales, lags): it does not average out. All of
-        it where a method does not tell.
-    rate : (k,) ndarray
-        Mean rotation speed about the tool axis, rad/s, positive clockwise looking down hole; NaN where unknown.
-    quality : (k,) ndarray
-        1 far inside all limits of the method, 0 at one of them or refused: the least of clip(1 - value / limit, 0, 1).
-    flags : (k,) ndarray of uint32
-        Bits of `FLAGS`; `names` lists them.
-    method : (k,) ndarray of uint8
-        Places in `METHODS`.
-    north : {"magnetic", "true", "grid"}
-        What azimuth is counted from.
-    notes : tuple of str
-        Sentences for the user: what was chosen and why, what was found and removed.
-    """
-
-    time: Array
+    time: Array  #: s, the instant the row's attitude is valid for; strictly increasing
+    # (k, 4) scalar first, of the rotation from north-east-down to tool components, `quaternion_from_dcm(dcm(A, I, T))`;
+    # NaN in a row that was refused
     quaternion: Array
+    # (k, 3, 3) of the small rotation vector e in tool axes, rad^2: dcm = (1 + [e x]) true dcm. NaN where refused; a
+    # direction about which nothing is known has the square of `UNKNOWN` as variance or more, never infinity
     covariance: Array
+    # mean rotation speed about the tool axis, rad/s, positive clockwise looking down hole; NaN where unknown
     rate: Array
+    # 1 far inside all limits of the method, 0 at one of them or refused: the least of clip(1 - value / limit, 0, 1)
     quality: Array
-    flags: NDArray[np.uint32]
-    method: NDArray[np.uint8]
-    north: str
-    notes: tuple[str, ...] = ()
+    flags: NDArray[np.uint32]  #: bits of `FLAGS`; `names` lists them
+    method: NDArray[np.uint8]  #: places in `METHODS`
+    north: str  #: "magnetic", "true" or "grid": what azimuth is counted from
+    findings: tuple[Finding, ...] = ()  #: what was chosen and why, what was found and removed
+    # (k, 3, 3) the part of the covariance by errors that all rows of the run share (offsets, scales, lags): it does not
+    # average out. All of it where a method does not separate it
     common: Array = None  # type: ignore[assignment]  # told in __post_init__
 
     def __post_init__(self) -> None:
@@ -236,11 +233,12 @@ class Attitude(Tabular):
         size = len(self.time)
         wanted = {"quaternion": (size, 4), "covariance": (size, 3, 3), "common": (size, 3, 3)}
         for each in fields(self):
-            if each.name in ("time", "north", "notes"):
+            if each.name in ("time", "north", "findings"):
                 continue
             shape = wanted.get(each.name, (size,))
             if getattr(self, each.name).shape != shape:
-                raise InputError(f"{each.name} has shape {getattr(self, each.name).shape}; expected {shape}")
+                found = str(getattr(self, each.name).shape)
+                raise refused("input-shape", {"name": each.name, "shape": found, "expected": str(shape)})
 
     def __len__(self) -> int:
         return len(self.time)
@@ -288,7 +286,7 @@ class Attitude(Tabular):
         return tuple(name for name, bit in BITS.items() if int(self.flags[row]) & bit)
 
     def to_dict(self) -> dict[str, Column]:
-        """One row a window or sample: time, angles, their standard uncertainties, speed, quality, method and flags."""
+        """One row a window: time, angles, their standard uncertainties, speed, quality, method and flags."""
         found: dict[str, Column] = {"time_s": self.time}
         for start, three in (("", self.angles), ("u_", self.u)):
             found |= {f"{start}{name}_deg": degrees(getattr(three, name)) for name in ANGLES}
@@ -303,23 +301,9 @@ class Attitude(Tabular):
 def angle_rows(quaternion: ArrayLike) -> Array:
     """Derivatives (k, 4, 3) of inclination, azimuth, toolface and azimuth + toolface by the rotation vector e.
 
-    Parameters
-    ----------
-    quaternion : (k, 4) array_like
-        Of north-east-down to tool; dcm = (1 + [e x]) true dcm.
-
-    Notes
-    -----
-    With h = (-cos T, sin T, 0) and n = (sin T, cos T, 0):
+    dcm = (1 + [e x]) true dcm; with h = (-cos T, sin T, 0) and n = (sin T, cos T, 0):
 
         dI = -n.e,  dA = -h.e / sin I,  dT = -e_z + cot I h.e,  d(A + T) = -e_z - tan(I/2) h.e.
-
-    Exactly vertical the rows of azimuth and toolface are infinite.
-
-    Examples
-    --------
-    >>> angle_rows([[1.0, 0.0, 0.0, 0.0]])[0, 3] + 0.0
-    array([ 0.,  0., -1.])
     """
     matrix = dcm_from_quaternion(finite(quaternion, "quaternion", (4,)))
     down = matrix[:, :, 2]
@@ -340,7 +324,7 @@ def angle_rows(quaternion: ArrayLike) -> Array:
 
 
 def joined(parts: Sequence[Attitude]) -> Attitude:
-    """Rows of several results of one run, in order of time; notes that repeat are given once.
+    """Rows of several results of one run, in order of time; findings that repeat are given once.
 
     Raises
     ------
@@ -348,30 +332,25 @@ def joined(parts: Sequence[Attitude]) -> Attitude:
         Nothing to join, parts that count azimuth from different norths, rows out of order.
     """
     if not parts:
-        raise InputError("there are no results to join")
+        raise refused("input-few", {"name": "results", "count": 0, "least": 1})
     norths = {part.north for part in parts}
     if len(norths) > 1:
-        raise InputError(f"the parts count azimuth from {' and '.join(sorted(norths))} north; convert them first")
+        raise refused("input-north", {"norths": tuple(sorted(norths))})
     columns = {
         field.name: np.concatenate([getattr(part, field.name) for part in parts])
         for field in fields(Attitude)
-        if field.name not in ("north", "notes")
+        if field.name not in ("north", "findings")
     }
-    if (np.diff(columns["time"]) <= 0.0).any():
-        raise InputError("the parts are not in order of time")
-    notes = tuple(dict.fromkeys(note for part in parts for note in part.notes))
-    return Attitude(**columns, north=parts[0].north, notes=notes)
+    time = columns["time"]
+    if (late := np.flatnonzero(np.diff(time) <= 0.0)).size:
+        before, after = time[late[0] : late[0] + 2].tolist()
+        raise refused("input-backwards", {"time_s": after, "before_s": before})
+    findings = distinct(one for part in parts for one in part.findings)
+    return Attitude(**columns, north=parts[0].north, findings=findings)
 
 
 def refusals(time: ArrayLike, names: Sequence[str], method: str, north: str) -> Attitude:
-    """Rows without an attitude at the times (k,), all for the same reasons.
-
-    Examples
-    --------
-    >>> row = refusals([5.0], ["clipped"], "magnetic", "magnetic")
-    >>> row.names(0), bool(row.refused[0])
-    (('clipped',), True)
-    """
+    """Rows without an attitude at the times (k,), all for the same reasons."""
     at = finite(time, "time", (None,))
     size = len(at)
     bits = sum(BITS[name] for name in names)
@@ -403,39 +382,30 @@ def _judged_columns(rows: Attitude | AttitudeRows) -> dict[str, Column]:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class AttitudeRows(Tabular):
-    """Windows (k,) of a run in order of time; angles and rates are NaN where refused or unknown.
+    """Windows (k,) of a run in order of time; angles, rad, and rates are NaN where refused or unknown."""
 
-    time : s, the instant a row is valid for.
-    inclination, azimuth, toolface : rad.
-    u_inclination, u_azimuth, u_toolface : standard uncertainties, rad, site and calibration included.
-    rate : mean rotation speed, rad/s, positive clockwise looking down hole.
-    quality : 0 to 1, as `Attitude.quality`.
-    flags : bits of `FLAGS`.
-    method : places in `METHODS`.
-    quaternion : (k, 4), scalar first, of the rotation from north-east-down to tool components, north that of the
-        azimuth: v_tool = q v_ned q*; it has no singularity at the vertical. NaN where azimuth + toolface is not known.
-    u_common_inclination, u_common_azimuth, u_common_toolface : the part of the uncertainty, rad, by errors that all
-        rows share (offsets, scales, lags, site): it does not average out. All of it where a method does not tell.
-    magnetic_toolface, u_magnetic_toolface : azimuth + toolface and its standard uncertainty, rad, from magnetic north
-        whatever the azimuth is counted from; of a gyro's rows from true north (gyro toolface).
-    north : what azimuth is counted from, places in `inclinometry.earth.site.REFERENCES`.
-    """
-
-    time: Array
+    time: Array  #: s, the instant a row is valid for
     inclination: Array
     azimuth: Array
     toolface: Array
+    # u_inclination, u_azimuth, u_toolface: standard uncertainties, rad, site and calibration included
     u_inclination: Array
     u_azimuth: Array
     u_toolface: Array
-    rate: Array
-    quality: Array
-    flags: NDArray[np.uint32]
-    method: NDArray[np.uint8]
-    north: NDArray[np.uint8]
+    rate: Array  #: mean rotation speed, rad/s, positive clockwise looking down hole
+    quality: Array  #: 0 to 1, as `Attitude.quality`
+    flags: NDArray[np.uint32]  #: bits of `FLAGS`
+    method: NDArray[np.uint8]  #: places in `METHODS`
+    north: NDArray[np.uint8]  #: what azimuth is counted from, places in `inclinometry.earth.site.REFERENCES`
+    # (k, 4), scalar first, of the rotation from north-east-down to tool components, north that of the azimuth:
+    # v_tool = q v_ned q*; it has no singularity at the vertical. NaN where azimuth + toolface is not known
     quaternion: Array
+    # magnetic_toolface, u_magnetic_toolface: azimuth + toolface and its standard uncertainty, rad, from magnetic north
+    # whatever the azimuth is counted from; of a gyro's rows from true north (gyro toolface)
     magnetic_toolface: Array
     u_magnetic_toolface: Array
+    # u_common_*: the part of the uncertainty, rad, by errors that all rows share (offsets, scales, lags, site): it does
+    # not average out. All of it where a method does not separate it
     u_common_inclination: Array = None  # type: ignore[assignment]  # told in __post_init__
     u_common_azimuth: Array = None  # type: ignore[assignment]
     u_common_toolface: Array = None  # type: ignore[assignment]
@@ -448,7 +418,7 @@ class AttitudeRows(Tabular):
             shape = getattr(self, each.name).shape
             wanted = (len(self.time), 4) if each.name == "quaternion" else self.time.shape
             if shape != wanted:
-                raise InputError(f"{each.name} has shape {shape}; expected {wanted}")
+                raise refused("input-shape", {"name": each.name, "shape": str(shape), "expected": str(wanted)})
 
     def __len__(self) -> int:
         return len(self.time)
@@ -503,19 +473,13 @@ class AttitudeRows(Tabular):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Vibration(Tabular):
-    """How the tool shook and turned, one row (v,) a window; NaN where the channels for it are absent.
+    """How the tool shook and turned, one row (v,) a window; NaN where the channels for it are absent."""
 
-    time : s, middle of the window.
-    lateral : rms of one transverse component once its mean and the turning gravity are taken off, m/s^2.
-    axial : rms along the tool, m/s^2.
-    peak : largest magnitude of what is left in any direction, m/s^2.
-    slowest, mean, fastest : rotation speed, averaged over 0.1 s, rad/s.
-    """
-
-    time: Array
-    lateral: Array
-    axial: Array
-    peak: Array
+    time: Array  #: s, middle of the window
+    lateral: Array  #: rms of one transverse component without its mean and the turning gravity, m/s^2
+    axial: Array  #: rms along the tool, m/s^2
+    peak: Array  #: largest magnitude of the rest in any direction, m/s^2
+    # slowest, mean, fastest: rotation speed, averaged over 0.1 s, rad/s
     slowest: Array
     mean: Array
     fastest: Array
@@ -609,34 +573,23 @@ class RunCounts:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class DynamicRun(Tabular):
-    """A reduced run.
+    """A reduced run."""
 
-    rows : attitude, one row a window.
-    vibration : how the tool shook and turned.
-    envelopes, excerpts, spectrogram : the channels, thinned; spectrogram None without an accelerometer.
-    counts : sizes.
-    method : what was asked for, a key of `workflow.dynamic_methods.METHODS`.
-    window : length wanted of a window, s.
-    north : what azimuths are to be counted from; single rows say it of themselves.
-    notes : sentences for the user.
-    inputs : name -> digest.
-    tool : name of the calibrated tool, "" without a calibration.
-    switch : rad, inclination below which rows are steered by the magnetic toolface.
-    """
-
-    rows: AttitudeRows
+    rows: AttitudeRows  #: attitude, one row a window
     vibration: Vibration
+    # envelopes, excerpts, spectrogram: the channels, thinned; spectrogram None without an accelerometer
     envelopes: tuple[Envelope, ...]
     excerpts: tuple[Excerpt, ...]
     spectrogram: Spectrogram | None
     counts: RunCounts
-    method: str
-    window: float
-    north: str
-    notes: tuple[str, ...] = ()
-    inputs: Mapping[str, str] = field(default_factory=dict)
-    tool: str = ""
-    switch: float = SWITCH
+    method: str  #: as asked for, a key of `workflow.dynamic_methods.METHODS`
+    window: float  #: wanted length of a window, s
+    north: str  #: what azimuths are to be counted from; single rows have their own
+    notes: tuple[str, ...] = ()  #: sentences of the site and the file's columns
+    inputs: Mapping[str, str] = field(default_factory=dict)  #: name -> digest
+    tool: str = ""  #: name of the calibrated tool, "" without a calibration
+    switch: float = SWITCH  #: rad, inclination below which rows are steered by the magnetic toolface
+    findings: tuple[Finding, ...] = ()  #: of stamps, sensors, windows and methods
 
     def to_dict(self) -> dict[str, Column]:
         """One row a window, as `rows`."""

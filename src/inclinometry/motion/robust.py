@@ -10,40 +10,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from inclinometry.arrays import Array, finite, within
-from inclinometry.errors import InputError
+from inclinometry.errors import refused
 
 
 def huber_weight(t: ArrayLike, k: float = 1.345) -> Array:
-    """Huber's weight: 1 up to k, k/|t| beyond; no reading is rejected.
+    """Huber's weight of normalised departures t: 1 up to k, k/|t| beyond; no reading is rejected.
 
-    Parameters
-    ----------
-    t : (...) array_like
-        Normalised departures.
-    k : float
-        1 to 2; 1.345 keeps 95 % of the efficiency of least squares with Gaussian errors in one dimension.
-
-    Returns
-    -------
-    (...) ndarray
-        In (0, 1].
-
-    Raises
-    ------
-    InputError
-        k not positive, t not finite.
-
-    Notes
-    -----
-    The weighted sum of w t^2 has the derivative psi(t) = w t = t up to k and k sign(t) beyond: the maximum-likelihood
-    score of a density Gaussian in the middle with exponential tails. A reading's influence is bounded but never ends:
-    a gross error still shifts the estimate by k standard deviations' worth. Huber P.J., "Robust estimation of a
-    location parameter", Ann. Math. Statist. 35, 1964, pp. 73-101.
-
-    Examples
-    --------
-    >>> huber_weight([0.5, -2.0, 4.0], 1.0)
-    array([1.  , 0.5 , 0.25])
+    k 1 to 2; 1.345 keeps 95 % of the efficiency of least squares with Gaussian errors. psi(t) = w t is the score of a
+    density Gaussian in the middle with exponential tails: a gross error still shifts the estimate by k standard
+    deviations' worth (Huber P.J., Ann. Math. Statist. 35, 1964, pp. 73-101).
     """
     within(k, "k", 1e-6, 1e6)
     size = np.abs(finite(t, "t"))
@@ -51,45 +26,16 @@ def huber_weight(t: ArrayLike, k: float = 1.345) -> Array:
 
 
 def igg3_weight(t: ArrayLike, k0: float = 1.5, k1: float = 4.0) -> Array:
-    """IGG-III weight: 1 up to k0, falling smoothly to 0 at k1, and rejection beyond.
+    """IGG-III weight: 1 up to k0, k0/|t| ((k1 - |t|)/(k1 - k0))^2 to k1, 0 beyond (published: 1 to 1.5, 2.5 to 8).
 
-    Parameters
-    ----------
-    t : (...) array_like
-        Normalised departures.
-    k0, k1 : float
-        Published ranges 1 to 1.5 and 2.5 to 8.
-
-    Returns
-    -------
-    (...) ndarray
-        In [0, 1].
-
-    Raises
-    ------
-    InputError
-        Not 0 < k0 < k1, t not finite.
-
-    Notes
-    -----
-        w = 1                                        |t| <= k0
-        w = k0/|t| ((k1 - |t|)/(k1 - k0))^2    k0 < |t| <= k1
-        w = 0                                        |t| > k1
-
-    The first factor is Huber's weight; the second takes the influence psi = w t back to 0 with a slope that also ends
-    at 0, so that the weight is continuous at both limits. psi redescends, so the solution depends on its start: use it
-    where a prediction gives one. Yang Y., Song L., Xu T., "Robust estimator for correlated observations based on
-    bifactor equivalent weights", J. Geodesy 76, 2002, pp. 353-358.
-
-    Examples
-    --------
-    >>> igg3_weight([1.0, 2.0, 3.0], 1.0, 3.0)
-    array([1.   , 0.125, 0.   ])
+    The first factor is Huber's weight; the second takes the influence psi = w t back to 0 with a slope that ends at 0.
+    psi redescends, so the solution depends on its start: use it where a prediction gives one (Yang Y., Song L., Xu T.,
+    J. Geodesy 76, 2002, pp. 353-358).
     """
     within(k0, "k0", 1e-6, 1e6)
     within(k1, "k1", 1e-6, 1e6)
     if not k0 < k1:
-        raise InputError(f"k0 is {k0:g} and k1 {k1:g}; k1 must be the larger (k0 1 to 1.5, k1 2.5 to 8)")
+        raise refused("input-value", {"name": "k1", "value": f"{k1:g}", "allowed": f"> {k0:g} (k0)"})
     size = np.abs(finite(t, "t"))
     fall = np.clip((k1 - size) / (k1 - k0), 0.0, 1.0) ** 2
     return np.asarray(k0 / np.maximum(size, k0) * fall)
@@ -101,33 +47,9 @@ def igg3_weight(t: ArrayLike, k0: float = 1.5, k1: float = 4.0) -> Array:
 def yang_factor_two(departure: ArrayLike, c: float = 1.5) -> Array:
     """Adaptive factor of two sections: 1 up to c, c/|d| beyond; the predicted covariance is divided by it.
 
-    Parameters
-    ----------
-    departure : (...) array_like
-        Of a robust estimate from readings alone from the prediction, over its standard deviation.
-    c : float
-        Published range 1 to 2.5.
-
-    Returns
-    -------
-    (...) ndarray
-        In (0, 1].
-
-    Raises
-    ------
-    InputError
-        c not positive, departures not finite.
-
-    Notes
-    -----
-    Yang Y., He H., Xu G., "Adaptively robust filtering for kinematic geodetic positioning", J. Geodesy 75, 2001,
-    pp. 109-116, and Yang Y., Xu T., "An adaptive Kalman filter based on Sage windowing weights and variance
-    components", J. Navigation 56, 2003, pp. 231-240. The same shape as Huber's weight, turned on the prediction.
-
-    Examples
-    --------
-    >>> yang_factor_two([1.0, 3.0], 1.5)
-    array([1. , 0.5])
+    d: of a robust estimate from readings alone from the prediction, over its standard deviation; c 1 to 2.5 (Yang Y.,
+    He H., Xu G., J. Geodesy 75, 2001, pp. 109-116; Yang Y., Xu T., J. Navigation 56, 2003, pp. 231-240). The same
+    shape as Huber's weight, turned on the prediction.
     """
     return huber_weight(departure, c)
 
@@ -135,104 +57,31 @@ def yang_factor_two(departure: ArrayLike, c: float = 1.5) -> Array:
 def yang_factor_three(departure: ArrayLike, c0: float = 1.5, c1: float = 5.0) -> Array:
     """Adaptive factor of three sections: 1 up to c0, falling to 0 at c1, where the prediction is dropped.
 
-    Parameters
-    ----------
-    departure : (...) array_like
-        As for `yang_factor_two`.
-    c0, c1 : float
-        Published ranges 1 to 1.5 and 3 to 8.5.
-
-    Returns
-    -------
-    (...) ndarray
-        In [0, 1].
-
-    Raises
-    ------
-    InputError
-        Not 0 < c0 < c1, departures not finite.
-
-    Notes
-    -----
-    c0/|d| ((c1 - |d|)/(c1 - c0))^2 between the limits: Yang, He, Xu (2001), eq. for the three-segment factor. At 0 the
+    c0/|d| ((c1 - |d|)/(c1 - c0))^2 between the limits (published: 1 to 1.5, 3 to 8.5; Yang, He, Xu 2001). At 0 the
     epoch is solved from its readings alone; a filter needs a positive floor.
-
-    Examples
-    --------
-    >>> yang_factor_three([1.0, 2.0, 9.0], 1.0, 3.0)
-    array([1.   , 0.125, 0.   ])
     """
     return igg3_weight(departure, c0, c1)
 
 
 def sage_husa_share(forgetting: float, step: int) -> float:
-    """Share of the newest sample in a fading mean after `step` samples: (1 - b)/(1 - b^(step + 1)).
-
-    Parameters
-    ----------
-    forgetting : float
-        b, below 1; published range 0.95 to 0.995. The memory is about 1/(1 - b) samples.
-    step : int
-        0 for the first sample, which then counts in full.
-
-    Raises
-    ------
-    InputError
-        b outside (0, 1), a negative step.
-
-    Examples
-    --------
-    >>> sage_husa_share(0.9, 0), round(sage_husa_share(0.9, 1), 6), round(sage_husa_share(0.9, 1000), 6)
-    (1.0, 0.526316, 0.1)
-    """
+    """Share of the newest sample in a fading mean after `step` samples: (1 - b)/(1 - b^(step + 1)), b 0.95 to 0.995."""
     within(forgetting, "forgetting", 1e-6, 1.0 - 1e-9)
     if step < 0:
-        raise InputError(f"step is {step}; it counts from 0")
+        raise refused("input-value", {"name": "step", "value": str(step), "allowed": ">= 0"})
     return float((1.0 - forgetting) / (1.0 - forgetting ** (step + 1)))
 
 
 def sage_husa(noise: ArrayLike, innovation: ArrayLike, predicted: ArrayLike, share: float, floor: float) -> Array:
-    """Noise covariance (m, m) after one innovation, never below a floor.
+    """Noise covariance (m, m) after one innovation v, R <- (1 - d) R + d (v v' - H P H'), never below a floor.
 
-    Parameters
-    ----------
-    noise : (m, m) array_like
-        R so far.
-    innovation : (m,) array_like
-    predicted : (m, m) array_like
-        H P H', what the prediction's own uncertainty contributes to the innovation.
-    share : float
-        Of the new sample, `sage_husa_share`.
-    floor : float
-        Least eigenvalue of the result, > 0.
-
-    Returns
-    -------
-    (m, m) ndarray
-
-    Raises
-    ------
-    InputError
-        Shapes, a share outside [0, 1], a floor that is not positive.
-
-    Notes
-    -----
-        R <- (1 - d) R + d (v v' - H P H')
-
-    Sage A.P., Husa G.W., "Adaptive filtering with unknown prior statistics", Joint Automatic Control Conference, 1969,
-    pp. 760-769. The sample has the mean R but is not positive: an innovation smaller than its prediction takes R below
-    zero and the filter diverges. Eigenvalues below the floor are lifted to it.
-
-    Examples
-    --------
-    >>> sage_husa([[4.0]], [6.0], [[1.0]], 0.1, 0.5)
-    array([[7.1]])
-    >>> sage_husa([[1.0]], [0.0], [[90.0]], 0.1, 0.5)
-    array([[0.5]])
+    `predicted` is H P H', `share` d (`sage_husa_share`). The sample has the mean R but is not positive: an innovation
+    smaller than its prediction takes R below zero and the filter diverges; eigenvalues below the floor are lifted to
+    it (Sage A.P., Husa G.W., Joint Automatic Control Conference, 1969, pp. 760-769).
     """
     r, v, p = finite(noise, "noise", (None, None)), finite(innovation, "innovation", (None,)), finite(predicted, "HPH'")
     if r.shape != (v.size, v.size) or p.shape != r.shape:
-        raise InputError(f"noise has shape {r.shape} and HPH' {p.shape}; expected ({v.size}, {v.size})")
+        shapes = f"{r.shape}, {p.shape}"
+        raise refused("input-shape", {"name": "noise, HPH'", "shape": shapes, "expected": str((v.size, v.size))})
     within(share, "share", 0.0, 1.0)
     within(floor, "floor", 1e-300, 1e300)
     sample = (1.0 - share) * r + share * (np.outer(v, v) - p)
@@ -247,31 +96,9 @@ def fading_factor(
 ) -> float:
     """Strong-tracking fading factor, >= 1, that multiplies the carried covariance F P F'.
 
-    Parameters
-    ----------
-    spread : (m, m) array_like
-        V, fading mean of v v': V <- (rho V + v v') / (1 + rho), rho 0.95; the first is v v' itself.
-    process, noise, carried : (m, m) array_like
-        H Q H', R and H F P F' H'.
-    softening : float
-        beta >= 1, by which the noise is counted more, for a smoother estimate.
-
-    Raises
-    ------
-    InputError
-        A carried covariance whose trace is not positive, softening below 1.
-
-    Notes
-    -----
-    lambda = max(1, tr(V - H Q H' - beta R) / tr(H F P F' H')): the least factor for which innovations are as large as
-    predicted (Zhou D.H., Frank P.M., "Strong tracking filtering of nonlinear time-varying stochastic systems with
-    coloured noise", Int. J. Control 65, 1996, pp. 295-307). It takes outliers for motion: use it where readings are
-    clean and the motion is not known.
-
-    Examples
-    --------
-    >>> fading_factor([[9.0]], [[1.0]], [[2.0]], [[3.0]]), fading_factor([[1.0]], [[1.0]], [[2.0]], [[3.0]])
-    (2.0, 1.0)
+    lambda = max(1, tr(V - H Q H' - beta R) / tr(H F P F' H')), V the fading mean of v v': the least factor for which
+    innovations are as large as predicted (Zhou D.H., Frank P.M., Int. J. Control 65, 1996, pp. 295-307). It takes
+    outliers for motion: use it where readings are clean and the motion is not known. beta >= 1 (`softening`) smooths.
     """
     within(softening, "softening", 1.0, 1e6)
     traces = [
@@ -279,5 +106,5 @@ def fading_factor(
         for value, name in ((spread, "spread"), (process, "process"), (noise, "noise"), (carried, "carried"))
     ]
     if traces[3] <= 0.0:
-        raise InputError(f"the carried covariance has trace {traces[3]:g}; it must be positive")
+        raise refused("input-value", {"name": "trace", "value": f"{traces[3]:g}", "allowed": "> 0"})
     return max(1.0, (traces[0] - traces[1] - softening * traces[2]) / traces[3])

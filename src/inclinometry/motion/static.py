@@ -13,10 +13,10 @@ from numpy.typing import ArrayLike
 from inclinometry.arrays import Array, Mask
 from inclinometry.constants import EARTH_RATE
 from inclinometry.earth.site import Site
-from inclinometry.errors import InputError
-from inclinometry.motion.reference import COVERAGE, DIP_SIGMA, STRENGTH_SIGMA, Referenced, departure, referenced
-from inclinometry.motion.result import BITS, METHODS, Attitude, Samples, joined, refusals
-from inclinometry.motion.window_filter import WindowBuffer
+from inclinometry.errors import refused
+from inclinometry.motion.reference import COVERAGE, departure, dip_sigma, referenced, strength_sigma
+from inclinometry.motion.result import BITS, METHODS, Attitude, Samples, refusals
+from inclinometry.motion.window_filter import WindowStream
 from inclinometry.motion.window_smoother import batch_means, covariance_of_mean, rounding_variance
 from inclinometry.orientation import dip_angle, dip_jacobian, inclination_toolface
 from inclinometry.rotations import cross_matrix, dcm, quaternion_from_dcm, rotation_exp
@@ -34,7 +34,7 @@ class Limits:
 
     settings: StaticSettings
     site: Site | None
-    north: str  # "mag" or "gyro"
+    north: str  #: "mag" or "gyro"
     method: str = "static"
 
     def of(self, name: str, what: str) -> float:
@@ -54,9 +54,9 @@ class Mean(NamedTuple):
     life : "all" channels change, "never" does one, or "one" does not while the others take five values and more.
     """
 
-    value: Array  # (3,)
-    batches: Array  # (b, 3)
-    fixed: Array  # (3, 3)
+    value: Array  #: (3,)
+    batches: Array  #: (b, 3)
+    fixed: Array  #: (3, 3)
     life: str
 
     @property
@@ -124,9 +124,7 @@ def _weighted(
 def reduce_window(window: Samples, limits: Limits, solve: Solve) -> Attitude:
     """One row."""
     settings = limits.settings
-    if window.accel is None or (limits.north == "gyro" and window.gyro is None):
-        need = "accel" if window.accel is None else "gyro"
-        raise InputError(f"the samples have no {need}; a static attitude needs accel and mag, or accel and gyro")
+    window.need("accel", *(("gyro",) if limits.north == "gyro" else ()))
     time = float(window.time[0] + 0.5 * window.interval * (len(window) - 1))
     name = "magnetic" if limits.north == "mag" else "true"
     used = np.ones(len(window), np.bool_) if window.clipped is None else np.logical_not(window.clipped)
@@ -134,10 +132,7 @@ def reduce_window(window: Samples, limits: Limits, solve: Solve) -> Attitude:
     if share > settings.most_clipped:
         return refusals([time], ["clipped"], limits.method, name)
     if used.sum() < 2 * settings.batches:
-        raise InputError(
-            f"a window has {int(used.sum())} samples; {2 * settings.batches} are needed for {settings.batches} "
-            "batches: take longer windows or fewer batches"
-        )
+        raise refused("input-few", {"name": "samples", "count": int(used.sum()), "least": 2 * settings.batches})
     g = _mean(window, "accel", used, limits)
     second = _mean(window, limits.north, used, limits) if window.has(limits.north) else None
     flags = {"clipped"} if share > 0.0 else set()
@@ -148,7 +143,7 @@ def reduce_window(window: Samples, limits: Limits, solve: Solve) -> Attitude:
     if solution is None:
         return refusals([time], sorted({*flags, "misfit"}), limits.method, name)
     told = {} if second is None or unknown else _references(g, second, limits)
-    seen: Referenced | None = None
+    seen: tuple[Array, Array, Array] | None = None
     if second is not None and not unknown and limits.north == "mag":
         noise = np.zeros((6, 6))
         noise[:3, :3], noise[3:, 3:] = covariance_of_mean(g.batches), covariance_of_mean(second.batches)
@@ -161,7 +156,7 @@ def reduce_window(window: Samples, limits: Limits, solve: Solve) -> Attitude:
         if not extra and limits.site is not None and limits.method == "static":
             seen = referenced(g.value, second.value, fixed + noise, fixed, limits.site, settings.mag_scale_sigma)
     errors = _batch_errors(g, second, solution)
-    shake = float(np.sqrt(np.mean(np.sum((window.accel[used] - g.value) ** 2, axis=1))))
+    shake = float(np.sqrt(np.mean(np.sum((np.asarray(window.accel)[used] - g.value) ** 2, axis=1))))
     rate = _rate(window, used, errors)
     # largest departure of a quarter of the window from its mean, rad
     quarters = batch_means(errors if limits.north == "mag" else _batch_errors(g, None, solution), 4)
@@ -181,8 +176,8 @@ def reduce_window(window: Samples, limits: Limits, solve: Solve) -> Attitude:
     covariance = np.asarray(0.5 * (total + total.T))
     common, matrix = covariance if unknown else spread + solution.reference, solution.matrix
     if seen is not None:
-        matrix = rotation_exp(solution.response @ seen.change) @ matrix
-        covariance, common = (solution.response @ part @ solution.response.T for part in (seen.covariance, seen.common))
+        matrix = rotation_exp(solution.response @ seen[0]) @ matrix
+        covariance, common = (solution.response @ part @ solution.response.T for part in seen[1:])
     return _row(time, matrix, (covariance, common), rate, max(ratios.values()), flags, limits)
 
 
@@ -250,8 +245,7 @@ def _references(g: Mean, second: Mean, limits: Limits) -> dict[str, float]:
     elif limits.site is None:
         strength, spread, flag = None, 0.0, "disturbed"
     else:
-        given = limits.site.b_sigma
-        strength, spread, flag = limits.site.b, STRENGTH_SIGMA if given is None else given, "disturbed"
+        strength, spread, flag = limits.site.b, strength_sigma(limits.site), "disturbed"
     dip, dip_spread = _dip_reference(limits)
     found = 0.0
     if strength is not None:
@@ -269,7 +263,7 @@ def _dip_reference(limits: Limits) -> tuple[float | None, float]:
         return None, 0.0
     if limits.north == "gyro":
         return (None if site.latitude is None else -site.latitude), site.latitude_sigma or 0.0
-    return site.dip, DIP_SIGMA if site.dip_sigma is None else site.dip_sigma
+    return site.dip, dip_sigma(site)
 
 
 def _directions(dip: float) -> Array:
@@ -331,37 +325,11 @@ class StaticSettings(Settings):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.turn > self.most_turn:
-            raise InputError(f"turn is {self.turn:g} rad, above most_turn {self.most_turn:g}; flag before refusing")
+            most = f"<= {self.most_turn:g} (most_turn)"
+            raise refused("input-value", {"name": "turn", "value": f"{self.turn:g}", "allowed": most})
 
 
-class _Stream:
-    """Windows reduced one by one as they become complete."""
-
-    def __init__(self, seconds: float, reduce: Callable[[Samples], Attitude], north: str) -> None:
-        self._buffer = WindowBuffer(seconds)
-        self._reduce = reduce
-        self._north = north
-
-    def push(self, samples: Samples) -> Attitude:
-        """Rows of the windows that became complete with this block.
-
-        Raises
-        ------
-        InputError
-            A block without the triads needed, or unlike those before it.
-        """
-        return self._rows(self._buffer.push(samples))
-
-    def finish(self) -> Attitude:
-        """The row of the rest, when it fills half a window."""
-        return self._rows(self._buffer.finish())
-
-    def _rows(self, windows: list[Samples]) -> Attitude:
-        rows = [self._reduce(window) for window in windows]
-        return joined(rows) if rows else refusals([], (), "static", self._north)
-
-
-class StaticStream(_Stream):
+class StaticStream(WindowStream):
     """`static_attitude`, or `static_davenport` where `weighted`, fed block by block; the same rows to the last bit."""
 
     def __init__(
@@ -370,7 +338,7 @@ class StaticStream(_Stream):
         super().__init__(*_parts(settings, site, "mag", by_davenport if weighted else by_triad))
 
 
-class NorthSeekingStream(_Stream):
+class NorthSeekingStream(WindowStream):
     """`north_seeking_attitude` fed block by block, the same rows to the last bit; by Davenport's q where `weighted`."""
 
     def __init__(
@@ -420,7 +388,7 @@ def static_attitude(samples: Samples, settings: StaticSettings | None = None, si
     [30.0, 60.0, 99.96]
     """
     check_record(samples, Samples, "static_attitude")
-    return _whole(StaticStream(settings, site), samples)
+    return StaticStream(settings, site).whole(samples)
 
 
 def static_davenport(samples: Samples, settings: StaticSettings | None = None, site: Site | None = None) -> Attitude:
@@ -436,7 +404,7 @@ def static_davenport(samples: Samples, settings: StaticSettings | None = None, s
     0.0
     """
     check_record(samples, Samples, "static_davenport")
-    return _whole(StaticStream(settings, site, weighted=True), samples)
+    return StaticStream(settings, site, weighted=True).whole(samples)
 
 
 def static_svd(samples: Samples, settings: StaticSettings | None = None, site: Site | None = None) -> Attitude:
@@ -449,7 +417,7 @@ def static_svd(samples: Samples, settings: StaticSettings | None = None, site: S
     0.0
     """
     check_record(samples, Samples, "static_svd")
-    return _whole(_Stream(*_parts(settings, site, "mag", by_svd)), samples)
+    return WindowStream(*_parts(settings, site, "mag", by_svd)).whole(samples)
 
 
 def north_seeking_attitude(
@@ -488,23 +456,13 @@ def north_seeking_attitude(
     ('true', 1.0, 0.61)
     """
     check_record(samples, Samples, "north_seeking_attitude")
-    return _whole(NorthSeekingStream(settings, site), samples)
+    return NorthSeekingStream(settings, site).whole(samples)
 
 
 def _parts(
     settings: StaticSettings | None, site: Site | None, north: str, solve: Solve
-) -> tuple[float, Callable[[Samples], Attitude], str]:
+) -> tuple[float, Callable[[Samples], Attitude], Attitude]:
     chosen = settings or StaticSettings()
     limits = Limits(chosen, site, north, "static" if solve is by_triad else "quaternion")
-    return (
-        chosen.window,
-        partial(reduce_window, limits=limits, solve=solve),
-        "magnetic" if north == "mag" else "true",
-    )
-
-
-def _whole(stream: _Stream, samples: Samples) -> Attitude:
-    first, last = stream.push(samples), stream.finish()
-    if not len(first) and not len(last):
-        return first
-    return joined([part for part in (first, last) if len(part)])
+    nothing = refusals([], (), "static", "magnetic" if north == "mag" else "true")
+    return chosen.window, partial(reduce_window, limits=limits, solve=solve), nothing

@@ -13,8 +13,9 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from inclinometry.arrays import Array, Index, Mask, finite, within
-from inclinometry.errors import InputError
+from inclinometry.arrays import Array, Index, Mask, finite
+from inclinometry.errors import InputError, refused
+from inclinometry.findings import Finding, Value
 from inclinometry.motion.decimate import MOST_JITTER, NOBODY, Grid, fit_grid
 from inclinometry.motion.result import CHANNELS, Samples
 from inclinometry.motion.window_filter import columns_of, joined_columns
@@ -25,108 +26,61 @@ LISTED: Final = 20
 """Gaps and intervals that are kept one by one."""
 
 
-class Gap(NamedTuple):
-    """A place where a stretch was cut: s of the last stamp before and the first after, and why."""
-
-    before: float
-    after: float
-    reason: str
-
-
 @dataclass
 class TimingReport:
-    """What was found in the stamps so far.
+    """What was found in the stamps so far."""
 
-    Attributes
-    ----------
-    rows, repeats, shared, filled : int
-        Rows read; rows dropped because they repeat the row before; because the place nearest to their stamp was taken;
-        places of the grid without a reading.
-    stretches : int
-    intervals : list of float
-        s, of the stretches, without repetition.
-    jitter, most_jitter : float
-        s, largest root mean square and largest single departure of stamps from the grid.
-    gaps : list of Gap
-        The first `LISTED`; `cuts` counts all.
-    missing : dict
-        Channel -> readings that were not numbers.
-    absent : tuple of str
-        Triads without any value among the first rows, left out.
-    """
-
+    # rows, repeats, shared, filled: rows read; rows dropped because they repeat the row before; because the place
+    # nearest to their stamp was taken; places of the grid without a reading
     rows: int = 0
     repeats: int = 0
     shared: int = 0
     filled: int = 0
     stretches: int = 0
     cuts: int = 0
-    intervals: list[float] = field(default_factory=list)
+    intervals: list[float] = field(default_factory=list)  #: s, of the stretches, without repetition
+    # jitter, most_jitter: s, largest root mean square and largest single departure of stamps from the grid
     jitter: float = 0.0
     most_jitter: float = 0.0
-    gaps: list[Gap] = field(default_factory=list)
-    missing: dict[str, int] = field(default_factory=dict)
-    absent: tuple[str, ...] = ()
+    gaps: list[dict[str, Value]] = field(default_factory=list)  #: values of the first `LISTED` cuts
+    missing: dict[str, int] = field(default_factory=dict)  #: channel -> readings that were not numbers
+    absent: tuple[str, ...] = ()  #: triads without any value among the first rows, left out
 
     def add_interval(self, interval: float) -> None:
         """Note the interval of a stretch, once."""
         if interval not in self.intervals and len(self.intervals) <= LISTED:
             self.intervals.append(interval)
 
-    def notes(self) -> tuple[str, ...]:
-        """Sentences for the user; none where nothing had to be mended."""
-        said = []
+    def findings(self) -> tuple[Finding, ...]:
+        """What had to be mended: notes, and a warning for each triad that is left out."""
+        found: list[tuple[str, dict[str, Value]]] = []
         if self.repeats:
-            said.append(f"{self.repeats} of {self.rows} rows repeat the row before them (stamp and readings): dropped")
+            found.append(("motion-rows-dropped", {"count": self.repeats, "total": self.rows}))
         if self.shared:
-            said.append(f"the stamps of {self.shared} rows are nearest to a place that is taken: dropped")
+            found.append(("motion-stamps-shared", {"count": self.shared}))
         if self.filled:
-            said.append(f"{self.filled} samples are missing in small gaps: their places are kept and not used")
-        for gap in self.gaps:
-            said.append(f"the run was cut between {gap.before:.9g} s and {gap.after:.9g} s: {gap.reason}")
+            found.append(("motion-samples-filled", {"count": self.filled}))
+        found += [("motion-cut", gap) for gap in self.gaps]
         if self.cuts > len(self.gaps):
-            said.append(f"and at {self.cuts - len(self.gaps)} more places likewise")
+            found.append(("motion-cuts-more", {"count": self.cuts - len(self.gaps)}))
         if len(self.intervals) > 1:
-            said.append(
-                "the sampling interval changes: " + ", ".join(f"{one:.6g} s" for one in self.intervals[:LISTED])
-            )
+            found.append(("motion-interval-changes", {"intervals_s": tuple(self.intervals[:LISTED])}))
         if self.intervals and self.jitter > 0.1 * min(self.intervals):
-            said.append(f"the stamps jitter by {self.jitter:.3g} s (root mean square, the worst stretch)")
+            found.append(("motion-jitter", {"jitter_s": self.jitter}))
         for name, count in self.missing.items():
-            said.append(f"{name} has no value in {count} of {self.rows} rows: these samples are not used")
-        for triad in self.absent:
-            said.append(f"{triad} has no value in the first rows: the triad is left out")
-        return tuple(said)
+            found.append(("motion-channel-gaps", {"channel": name, "count": count, "total": self.rows}))
+        absent = [Finding("motion-triad-absent", {"triad": triad}) for triad in self.absent]
+        return (*(Finding(code, values, severity="note") for code, values in found), *absent)
 
 
 GATHERED: Final = 1024
 """Rows the grid of a stretch is fitted to."""
+MOST_FILLED: Final = 5
+"""Missing samples in a row that keep the grid, less than a tenth of a window of any method; more cut the stretch."""
 FEWEST: Final = 16
 """Rows that can tell a grid from chance."""
 FOLLOWED: Final = 64
-"""Stamps whose mean departure tells that the clock leaves the grid,"""
-_NONE: Final = np.zeros((FOLLOWED, 2), dtype=np.int64)
-
-
-@dataclass(frozen=True, kw_only=True)
-class TimingSettings:
-    """What is tolerated.
-
-    Parameters
-    ----------
-    fill : int
-        Most missing samples in a row that keep the grid, their places marked; more cut the stretch. Default 5: less
-        than a tenth of a window of any method.
-    most_missing : float
-        Share of the first rows in which a triad may have no value; more is taken for a slower sensor and refused.
-    """
-
-    fill: int = 5
-    most_missing: float = 0.5
-
-    def __post_init__(self) -> None:
-        within(self.fill, "fill", 0, 1000, "samples")
-        within(self.most_missing, "most_missing", 0.0, 1.0)
+"""Stamps whose mean departure tells that the clock leaves the grid."""
 
 
 class Piece(NamedTuple):
@@ -139,28 +93,11 @@ class Piece(NamedTuple):
 class StretchCutter:
     """Stream of raw rows -> pieces of even stretches, the same whatever blocks the rows come in.
 
-    Parameters
-    ----------
-    settings : TimingSettings, optional
-
-    Notes
-    -----
     The first `GATHERED` rows of a stretch are held back to find the grid (`fit_grid`); pieces carry the times of the
     grid. A channel without a number holds its last value, and the sample is marked `clipped`.
-
-    Examples
-    --------
-    >>> cutter = StretchCutter()
-    >>> time = np.delete(np.arange(40) * 0.01, [10, 11])
-    >>> pieces = [*cutter.push(time, gyro=np.ones((38, 3))), *cutter.finish()]
-    >>> [(piece.number, len(piece.samples), int(piece.samples.clipped.sum())) for piece in pieces]
-    [(0, 40, 2)]
-    >>> cutter.report.notes()
-    ('2 samples are missing in small gaps: their places are kept and not used',)
     """
 
-    def __init__(self, settings: TimingSettings | None = None) -> None:
-        self.settings = settings or TimingSettings()
+    def __init__(self) -> None:
         self.report = TimingReport()
         self._given: tuple[str, ...] | None = None  # names of the columns of the first block
         self._kept: tuple[str, ...] | None = None  # of them, those with values among the first rows
@@ -172,7 +109,7 @@ class StretchCutter:
         self._stamp = 0.0  # its stamp
         self._held = np.empty(0)  # its readings, mended
         self._before = NOBODY
-        self._trace = _NONE  # of the stamps before: departure, places skipped
+        self._trace = np.zeros((FOLLOWED, 2), dtype=np.int64)  # of the stamps before: departure, places skipped
         self._known: float | None = None
         self._ragged = 0
 
@@ -184,21 +121,10 @@ class StretchCutter:
         gyro: ArrayLike | None = None,
         temperature: ArrayLike | None = None,
     ) -> list[Piece]:
-        """Rows in, pieces that became certain out.
+        """Rows in, NaN where there is no value; pieces that became certain out.
 
-        Parameters
-        ----------
-        time : (n,) array_like
-            s.
-        accel, mag, gyro : (n, 3) array_like, optional
-            As `Samples`, but NaN where there is no value.
-        temperature : (n,) array_like, optional
-
-        Raises
-        ------
-        InputError
-            Time not finite or running backwards, one stamp with different readings, stamps too irregular for any grid,
-            a triad missing in most rows, columns other than in the first block.
+        InputError: time not finite or running backwards, one stamp with different readings, stamps too irregular for
+        any grid, a triad missing in most rows, columns other than in the first block.
         """
         t = finite(time, "time", (None,))
         # the columns side by side, (n, m)
@@ -206,17 +132,17 @@ class StretchCutter:
         names = tuple(name for name, value in given.items() if value is not None)
         if self._given is None:
             if not set(names) & set(CHANNELS):
-                raise InputError(f"no triad is given; one or more of {', '.join(CHANNELS)} is needed")
+                raise refused("input-triads", {"lacking": CHANNELS, "needed": CHANNELS})
             self._given = names
             self._rows = np.empty((0, sum(1 if name == "temperature" else 3 for name in names)))
         if names != self._given:
-            raise InputError(f"this block has {', '.join(names)}; the blocks before had {', '.join(self._given)}")
+            raise refused("input-block")
         parts = []
         for name in names:
             width = 1 if name == "temperature" else 3
             part = np.asarray(given[name], dtype=np.float64).reshape(-1, width)
             if len(part) != t.size:
-                raise InputError(f"{name} has {len(part)} rows, time {t.size}; they must be the same")
+                raise refused("input-shape", {"name": name, "shape": str(part.shape), "expected": str((t.size, width))})
             parts.append(part)
         rows = np.concatenate(parts, axis=1)
         if t.size == 0:
@@ -239,9 +165,8 @@ class StretchCutter:
         back = np.flatnonzero(t < before)
         if back.size:
             row = int(back[0])
-            raise InputError(
-                f"time of row {self.report.rows + row} is {t[row]:.12g} s, that of the row before {before[row]:.12g} s;"
-                " time must not run backwards: sort the rows, or cut the run where the clock was set"
+            raise self._row_wrong(
+                "motion-time-backwards", row, {"time_s": float(t[row]), "before_s": float(before[row])}
             )
         same = t == before
         at = np.flatnonzero(same)
@@ -251,12 +176,13 @@ class StretchCutter:
         differs = ((rows[at] != above) & ~(np.isnan(rows[at]) & np.isnan(above))).any(axis=1)
         if differs.any():
             row = int(at[differs.argmax()])
-            raise InputError(
-                f"rows {self.report.rows + row - 1} and {self.report.rows + row} have one time, {t[row]:.12g} s, and "
-                "different readings; give stamps finer than the sampling interval, or row number times interval"
-            )
+            raise self._row_wrong("motion-time-repeated", row, {"time_s": float(t[row])})
         self.report.repeats += at.size
         return np.asarray(~same)
+
+    def _row_wrong(self, code: str, row: int, values: dict[str, Value]) -> InputError:
+        row += self.report.rows
+        return InputError(Finding(code, values | {"row": row + 1}, (row,), "refused"))
 
     def _advance(self, *, final: bool) -> list[Piece]:
         pieces: list[Piece] = []
@@ -268,7 +194,7 @@ class StretchCutter:
                 if self._kept is None:
                     self._kept = self._present(self._rows[:GATHERED])
                 grid, self._place = self._fitted(self._time[:GATHERED]), -1
-                self._before, self._trace = NOBODY, _NONE
+                self._before, self._trace = NOBODY, np.zeros_like(self._trace)
                 self.report.add_interval(grid.interval)
                 self.report.jitter = max(self.report.jitter, grid.jitter)
                 self.report.stretches += 1
@@ -280,12 +206,12 @@ class StretchCutter:
         """Grid of the stamps before the first large gap."""
         steps = np.diff(t)
         usual = float(np.median(steps)) if steps.size else np.inf
-        ends = np.flatnonzero(steps > (self.settings.fill + 1.5) * usual)
+        ends = np.flatnonzero(steps > (MOST_FILLED + 1.5) * usual)
         count = int(ends[0]) + 1 if ends.size else t.size
         if count < FEWEST:
             interval = self._known or usual
             if not np.isfinite(interval):
-                raise InputError(f"{t.size} rows; a sampling interval needs 2 or more")
+                raise refused("input-few", {"name": "rows", "count": int(t.size), "least": 2})
             return Grid(float(t[0]), interval, 0.0)
         while count >= FEWEST:
             # a rate that changes among these rows leaves a shorter beginning with a grid of its own
@@ -307,15 +233,13 @@ class StretchCutter:
                 kept.append(name)
                 self._held[start : start + width] = rows[good.argmax(), start : start + width]
             share = 1.0 - float(good.mean())
-            if name in CHANNELS and good.any() and share > self.settings.most_missing:
-                raise InputError(
-                    f"{name} has no value in {100.0 * share:.0f} % of the first {len(rows)} rows (allowed "
-                    f"{100.0 * self.settings.most_missing:.0f} %): bring a slower sensor to the times of the others, "
-                    "or leave it out"
-                )
+            # more than half is taken for a slower sensor
+            if name in CHANNELS and good.any() and share > 0.5:
+                values: dict[str, Value] = {"triad": name, "missing_percent": 100.0 * share, "count": len(rows)}
+                raise refused("motion-triad-slow", values)
             start += width
         if not set(kept) & set(CHANNELS):
-            raise InputError(f"no triad has a value in the first {len(rows)} rows")
+            raise refused("motion-no-values", {"count": len(rows)})
         self.report.absent = tuple(name for name in self._given or () if name not in kept)
         return tuple(kept)
 
@@ -331,18 +255,18 @@ class StretchCutter:
         drift, uneven = ((total[FOLLOWED:] - total[:-FOLLOWED]) / FOLLOWED).T
         most_drift = 0.25  # intervals of mean departure that tell that the clock leaves the grid
         most_uneven = 0.45  # empty places, and twice the places taken already, a stamp, from which the rate has changed
-        lost = (step > self.settings.fill + 1) | (np.abs(drift) > most_drift * fine) | (uneven > most_uneven)
+        lost = (step > MOST_FILLED + 1) | (np.abs(drift) > most_drift * fine) | (uneven > most_uneven)
         count = int(lost.argmax()) if lost.any() else places.size
         pieces = self._pieces(grid, step[:count], off[:count])
         if lost.any():
             # give up the grid, and say why
             after = float(self._time[count])
             missing = int(step[count]) - 1
-            if missing > self.settings.fill:
-                reason = f"about {missing} samples are missing"
+            if missing > MOST_FILLED:
+                reason = Finding("motion-cut-missing", {"count": missing})
                 self._ragged = 0
             else:
-                reason = f"the stamps leave the grid of {grid.interval:.9g} s"
+                reason = Finding("motion-cut-grid", {"interval_s": grid.interval})
                 self._ragged = self._ragged + 1 if self._place < FEWEST else 0
                 if self._place >= GATHERED:
                     # a long stretch tells the interval better than its first rows did
@@ -352,7 +276,7 @@ class StretchCutter:
                 raise _no_grid(after)
             self.report.cuts += 1
             if len(self.report.gaps) < LISTED:
-                self.report.gaps.append(Gap(self._stamp, after, reason))
+                self.report.gaps.append({"before_s": self._stamp, "after_s": after, "reason": reason})
             self._grid = None
         self._trace = trace[-FOLLOWED:]
         self._time, self._rows = self._time[count:], self._rows[count:]
@@ -414,10 +338,7 @@ class StretchCutter:
 
 
 def _no_grid(time: float) -> InputError:
-    return InputError(
-        f"the stamps about {time:.9g} s lie on no even grid: they depart from it by more than {MOST_JITTER} of an "
-        "interval (rms); give better stamps or, if no rows are missing, row number times sampling interval"
-    )
+    return refused("motion-no-grid", {"time_s": time, "most": MOST_JITTER})
 
 
 class Stretches(NamedTuple):
@@ -433,8 +354,6 @@ def cut_stretches(
     mag: ArrayLike | None = None,
     gyro: ArrayLike | None = None,
     temperature: ArrayLike | None = None,
-    *,
-    settings: TimingSettings | None = None,
 ) -> Stretches:
     """Even stretches of a whole record; parameters and errors as `StretchCutter.push`.
 
@@ -442,10 +361,10 @@ def cut_stretches(
     --------
     >>> time = np.concatenate([np.arange(50) * 0.01, 2.0 + np.arange(50) * 0.01])
     >>> found = cut_stretches(time, accel=np.ones((100, 3)))
-    >>> [len(one) for one in found.samples], found.report.notes()[0]
-    ([50, 50], 'the run was cut between 0.49 s and 2 s: about 150 samples are missing')
+    >>> [len(one) for one in found.samples], found.report.findings()[0].code
+    ([50, 50], 'motion-cut')
     """
-    cutter = StretchCutter(settings)
+    cutter = StretchCutter()
     pieces = [*cutter.push(time, accel, mag, gyro, temperature), *cutter.finish()]
     numbers = dict.fromkeys(piece.number for piece in pieces)
     return Stretches(

@@ -18,39 +18,20 @@ SMOOTHED_S: Final = 0.1
 
 @dataclass(frozen=True, eq=False)
 class Turning:
-    """Rotation about the tool axis during a window; NaN where nothing tells it.
+    """Rotation about the tool axis during a window; NaN where nothing tells it."""
 
-    Attributes
-    ----------
-    angle : (n,) ndarray
-        rad, turned since the first sample, clockwise looking down hole; by the gyro where there is one.
-    speed : (k,) ndarray
-        rad/s, means over `SMOOTHED_S`.
-    step : float
-        rad, 99th percentile of the rotation from one sample to the next.
-    slope : float
-        Rotation by the field's phase over rotation by the gyro: 1 when both are right, -1 when one is mirrored.
-    lost : float
-        Whole turns by which the two differ: the phase was followed the wrong way round.
-    restless : float
-        rad, root mean square departure of the phase from the gyro's angle but for an offset and a drift.
-    mirror : float
-        The same with the gyro reversed, over `restless`: small when the tool swings and one of the two is mirrored.
-    swing : float
-        rad, root mean square of the gyro's angle but for an offset and a drift.
-    by : str
-        "gyro", "mag" or "".
-    """
-
+    #: (n,) rad, turned since the first sample, clockwise looking down hole; by the gyro where there is one
     angle: Array
-    speed: Array
-    step: float
+    speed: Array  #: (k,) rad/s, means over `SMOOTHED_S`
+    step: float  #: rad, 99th percentile of the rotation from one sample to the next
+    # rotation by the field's phase over rotation by the gyro: 1 when both are right, -1 when one is mirrored
     slope: float
-    lost: float
-    restless: float
-    by: str
+    lost: float  #: whole turns by which the two differ: the phase was followed the wrong way round
+    restless: float  #: rad, root mean square departure of the phase from the gyro's angle but for an offset and a drift
+    by: str  #: "gyro", "mag" or ""
+    # the same with the gyro reversed, over `restless`: small when the tool swings and one of the two is mirrored
     mirror: float = np.nan
-    swing: float = 0.0
+    swing: float = 0.0  #: rad, root mean square of the gyro's angle but for an offset and a drift
 
     @property
     def span(self) -> float:
@@ -69,21 +50,7 @@ class Turning:
 
 
 def find_turning(window: Samples) -> Turning:
-    """Rotation during a window.
-
-    Parameters
-    ----------
-    window : Samples
-        Two samples or more; marked samples hold the value before them, which is near enough here.
-
-    Examples
-    --------
-    >>> t = np.arange(500) / 100.0
-    >>> mag = np.stack([2e4 * np.cos(9 * t), -2e4 * np.sin(9 * t), np.full(500, 4e4)], axis=1)
-    >>> found = find_turning(Samples(t, 0.01, mag=mag, gyro=np.tile([0.0, 0.0, 9.0], (500, 1))))
-    >>> round(found.mean, 6), round(found.slope, 6), round(found.span, 2)
-    (9.0, 1.0, 44.91)
-    """
+    """Rotation during a window; marked samples hold the value before them, which is near enough here."""
     by_gyro = None if window.gyro is None else 0.5 * window.interval * (window.gyro[1:, 2] + window.gyro[:-1, 2])
     by_mag = None
     if window.mag is not None:
@@ -134,33 +101,21 @@ BATCHES: Final = 16
 
 @dataclass(frozen=True, eq=False)
 class Harmonics:
-    """Gravity and field at eight angles, or one where the tool did not turn.
+    """Gravity and field at eight angles, or one where the tool did not turn."""
 
-    Attributes
-    ----------
-    accel, mag : (k, 3) ndarray
-        m/s^2, nT; mag NaN where there is no magnetometer.
-    u_accel : float
-        m/s^2, standard uncertainty of a component.
-    turned : bool
-    """
-
+    # accel, mag: (k, 3) m/s^2, nT; mag NaN where there is no magnetometer
     accel: Array
     mag: Array
-    u_accel: float
+    u_accel: float  #: m/s^2, standard uncertainty of a component
     turned: bool
 
 
 def find_harmonics(window: Samples, turning: Turning) -> Harmonics | None:
-    """Mean and harmonic of the six channels; None without an accelerometer, or when the tool turned too little to tell
-    a harmonic and too much for a mean.
+    """Mean and harmonic of the six channels; None without an accelerometer, or between a harmonic's turn and a mean's.
 
-    Notes
-    -----
     Least squares of each channel on 1, cos and sin of the angle, square and change of speed: for rotation about any
     axis and for any order and sign of channels, as long as the angle is right but for its sign. Of the mean only the
-    part along the axis of rotation is kept, the normal to the harmonic's plane: across it lie the centripetal
-    acceleration and magnetic offsets.
+    part along the axis of rotation is kept: across it lie the centripetal acceleration and magnetic offsets.
     """
     if window.accel is None:
         return None

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, Final, NamedTuple
+from typing import Annotated, Any, Final, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from inclinometry.arrays import Array
-from inclinometry.errors import InputError
+from inclinometry.errors import refused
+from inclinometry.findings import Finding
 from inclinometry.motion._hole_direction import (
     azimuth_unknown,
     carried,
@@ -19,7 +21,7 @@ from inclinometry.motion._hole_direction import (
     turned,
     with_azimuth,
 )
-from inclinometry.motion.result import BITS, CHANNELS, LARGEST_BREAK, METHODS, Attitude, Samples
+from inclinometry.motion.result import BITS, CHANNELS, LARGEST_BREAK, METHODS, Attitude, Samples, joined
 from inclinometry.motion.robust import (
     fading_factor,
     huber_weight,
@@ -38,6 +40,18 @@ from inclinometry.uncertainty import UNKNOWN
 
 
 Columns = dict[str, NDArray[Any]]
+
+
+class Stream(Protocol):
+    """What every recursive method is."""
+
+    def push(self, samples: Samples) -> Attitude:
+        """Rows that became complete."""
+        ...
+
+    def finish(self) -> Attitude:
+        """The last rows, and what was found."""
+        ...
 
 
 class WindowBuffer:
@@ -61,10 +75,7 @@ class WindowBuffer:
         if self._held:
             first = self._parts[0]
             if block.interval != self._interval or columns.keys() != first.keys():
-                raise InputError(
-                    f"a block has the interval {block.interval:.6g} s or channels unlike those before it "
-                    f"({self._interval:.6g} s); feed one run to a stream and start another for the next"
-                )
+                raise refused("input-block")
             at = float(columns["time"][0])
             slack = LARGEST_BREAK * block.interval + 4.0 * float(np.spacing(abs(at)))
             if not abs(at - (first["time"][0] + block.interval * self._held)) <= slack:
@@ -96,6 +107,34 @@ class WindowBuffer:
         return Samples(held["time"][start] + self._interval * np.arange(stop - start), self._interval, **cut)
 
 
+class WindowStream:
+    """Windows of `seconds` reduced one by one as they become complete; `nothing` is the table without rows."""
+
+    def __init__(self, seconds: float, reduce: Callable[[Samples], Attitude], nothing: Attitude) -> None:
+        self._buffer, self._reduce, self._nothing = WindowBuffer(seconds), reduce, nothing
+
+    def push(self, samples: Samples) -> Attitude:
+        """Rows of the windows that became complete with this block.
+
+        Raises
+        ------
+        InputError
+            A block without the triads needed, or unlike those before it.
+        """
+        return self._rows(self._buffer.push(samples))
+
+    def finish(self) -> Attitude:
+        """The row of the rest, when it fills half a window."""
+        return self._rows(self._buffer.finish())
+
+    def _rows(self, windows: list[Samples]) -> Attitude:
+        return joined([self._nothing, *(self._reduce(window) for window in windows)]) if windows else self._nothing
+
+    def whole(self, samples: Samples) -> Attitude:
+        """Rows of a run given at once."""
+        return joined([self.push(samples), self.finish()])
+
+
 def columns_of(block: Samples) -> Columns:
     """Time, marks and what channels there are."""
     clipped = np.zeros(len(block), np.bool_) if block.clipped is None else block.clipped
@@ -116,8 +155,6 @@ def joined_columns(parts: list[Columns]) -> Columns:
 
 BIASED: Final = sum(BITS[name] for name in ("disturbed", "step", "aliased", "axes", "stuck"))
 """Flags of rows that may be off together: no evidence for a bend of the hole."""
-DOUBTFUL: Final = BIASED | sum(BITS[name] for name in ("clipped", "vibration", "misfit", "not-still"))
-"""Flags of rows whose uncertainty is counted larger."""
 LOW_WEIGHT: Final = 0.1
 """Weight below which a row is flagged as a misfit."""
 
@@ -134,8 +171,9 @@ class Row(NamedTuple):
 
     @property
     def doubtful(self) -> bool:
-        """Whether its own method doubts it."""
-        return bool(self.flags & DOUBTFUL)
+        """Whether its own method doubts it: its uncertainty is counted larger."""
+        doubtful = BIASED | sum(BITS[name] for name in ("clipped", "vibration", "misfit", "not-still"))
+        return bool(self.flags & doubtful)
 
     @property
     def evidence(self) -> bool:
@@ -161,25 +199,21 @@ class Belief:
 
 
 class Step(NamedTuple):
-    """One row done.
-
-    predicted, belief : before and after the row; None before the first attitude.
-    matrix, covariance : of the tool; None where there is none to give.
-    roll, roll_variance : of the tool in the frame of `belief`.
-    factor : on the row's covariance: doubt, noise scale and weight together.
-    weight : robust weight of the row's measurement; 0 where it had none.
-    """
+    """One row done."""
 
     row: Row
+    # predicted, belief: before and after the row; None before the first attitude
     predicted: Belief | None
     belief: Belief | None
+    # matrix, covariance: of the tool; None where there is none to give
     matrix: Array | None
     covariance: Array | None
     rate: float
+    # roll, roll_variance: of the tool in the frame of `belief`
     roll: float
     roll_variance: float
-    factor: float
-    weight: float
+    factor: float  #: on the row's covariance: doubt, noise scale and weight together
+    weight: float  #: robust weight of the row's measurement; 0 where it had none
     quality: float
 
 
@@ -216,7 +250,7 @@ def updated(predicted: Belief, offset: Array, noise: Array) -> Belief:
 
 
 def attitude_of(
-    steps: list[Step], north: str, method: str, settings: WindowFilterSettings, notes: tuple[str, ...] = ()
+    steps: list[Step], north: str, method: str, settings: WindowFilterSettings, findings: tuple[Finding, ...] = ()
 ) -> Attitude:
     """Rows of a pass as the common result; measured rows with a low weight are flagged as misfits.
 
@@ -251,7 +285,7 @@ def attitude_of(
         flags=flags,
         method=np.full(size, METHODS.index(method), dtype=np.uint8),
         north=north,
-        notes=notes,
+        findings=findings,
     )
 
 
@@ -456,9 +490,8 @@ class WindowFilterSettings(Settings):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.huber is not None and self.igg3 is not None:
-            raise InputError(
-                f"huber is {self.huber:g} and igg3 {self.igg3}; choose one weight and give None for the other"
-            )
+            value = f"{self.huber:g}, {self.igg3}"
+            raise refused("input-value", {"name": "huber, igg3", "value": value, "allowed": "huber | igg3"})
         if self.igg3 is not None:
             igg3_weight(0.0, *self.igg3)
         if self.adaptive_three is not None:
@@ -499,7 +532,7 @@ class RobustStream:
     def steps(self, rows: Attitude) -> list[Step]:
         """As `push`, with what a backward pass needs."""
         if self._north not in (None, rows.north):
-            raise InputError(f"the rows count azimuth from {rows.north} north, those before from {self._north}")
+            raise refused("input-north", {"norths": (self._north, rows.north)})
         self._north = rows.north
         done: list[Step] = []
         for place in range(len(rows)):
@@ -515,7 +548,7 @@ class RobustStream:
                 int(rows.flags[place]),
             )
             if not row.time > self._last:
-                raise InputError(f"time[{place}] is {row.time:.9g} s, not after {self._last:.9g} s; sort the rows")
+                raise refused("input-backwards", {"time_s": row.time, "before_s": self._last})
             self._last = row.time
             if row.matrix is not None:
                 done += self._release(row)
@@ -588,4 +621,4 @@ def robust_filter(rows: Attitude, settings: WindowFilterSettings | None = None) 
     check_record(rows, Attitude, "robust_filter")
     stream = RobustStream(settings)
     steps = stream.steps(rows) + stream.last_steps()
-    return attitude_of(steps, rows.north, "robust", stream.settings, rows.notes)
+    return attitude_of(steps, rows.north, "robust", stream.settings, rows.findings)

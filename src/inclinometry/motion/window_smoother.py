@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
-from typing import Protocol
 
 import numpy as np
 
@@ -15,6 +14,7 @@ from inclinometry.motion.result import BITS, Attitude, Samples
 from inclinometry.motion.window_filter import (
     Belief,
     RobustStream,
+    Stream,
     WindowFilterSettings,
     attitude_of,
     measured,
@@ -25,18 +25,6 @@ from inclinometry.motion.window_filter import (
 from inclinometry.uncertainty import UNKNOWN
 
 # A filter that is only run where it is wanted: the windows before are kept, and it catches up with them first.
-
-
-class Stream(Protocol):
-    """What every recursive method is."""
-
-    def push(self, samples: Samples) -> Attitude:
-        """Rows that became complete."""
-        ...
-
-    def finish(self) -> Attitude:
-        """The last rows, and what was found."""
-        ...
 
 
 class LazyStream:
@@ -60,15 +48,7 @@ class LazyStream:
         self._stream = None
 
     def take(self, window: Samples, *, good: bool, wanted: bool) -> Attitude | None:
-        """The window's row where it is wanted; None where there is none.
-
-        Parameters
-        ----------
-        window : Samples
-        good : bool
-            Whether it could be started from.
-        wanted : bool
-        """
+        """The window's row where it is wanted, None where there is none; `good`: it could be started from."""
         self._unwanted = 0 if wanted else self._unwanted + 1
         if self._stream is not None and _many(window, self._unwanted):
             self._stream = None  # what is kept now catches up as well
@@ -129,18 +109,9 @@ def batch_means(values: Array, batches: int) -> Array:
 def covariance_of_mean(deviations: Array) -> Array:
     """Covariance (p, p) of the mean of batch means (b, p) that are given as deviations from their mean.
 
-    Notes
-    -----
     S / b with S the covariance of the b batch means, times nu / (nu - p - 1), nu = b - 1: with S estimated,
     e' S^-1 e follows Hotelling's law, whose mean is that factor times p; so the normalised squared error has mean p.
     Correlation shorter than a batch is counted in full (batch means: Schmeiser 1982, Operations Research 30, 556-568).
-
-    Examples
-    --------
-    >>> draws = np.random.default_rng(0).standard_normal((4000, 16, 3))
-    >>> draws -= draws.mean(axis=1, keepdims=True)
-    >>> float(np.mean([covariance_of_mean(d)[0, 0] for d in draws]).round(2))  # 1/16 times 15/11
-    0.09
     """
     count, size = deviations.shape
     freedom = count - 1
@@ -151,27 +122,10 @@ def covariance_of_mean(deviations: Array) -> Array:
 def rounding_variance(values: Array, resolution: float) -> Array:
     """Variance (c,) of the mean of samples (n, c) that were rounded to a step, by the rounding alone.
 
-    Parameters
-    ----------
-    values : (n, c) ndarray
-    resolution : float
-        Step assumed where no channel changes, in the unit of the values.
-
-    Notes
-    -----
-    The mean of rounded samples with Gaussian noise s is off by sum_k (-1)^k q/(pi k) sin(2 pi k x/q)
-    exp(-2 pi^2 k^2 s^2/q^2) (Widrow and Kollar, Quantization Noise, 2008, sec. 4); over all x its variance is
-
-        sum_k q^2 / (2 pi^2 k^2) exp(-4 pi^2 k^2 s^2 / q^2),
-
-    q^2/12 without noise and nothing from s = q/2. The step q is the range over the number of distinct values less one,
-    s^2 the variance less q^2/12. A channel with one or two values tells no noise and has q^2/12; one that never changes
-    takes the largest step of the others, or `resolution`.
-
-    Examples
-    --------
-    >>> rounding_variance(np.full((100, 1), 0.3), 0.12)
-    array([0.0012])
+    sum_k q^2 / (2 pi^2 k^2) exp(-4 pi^2 k^2 s^2 / q^2) (Widrow and Kollar, Quantization Noise, 2008, sec. 4): q^2/12
+    without noise and nothing from s = q/2. The step q is the range over the number of distinct values less one, s^2
+    the variance less q^2/12. A channel with one or two values has q^2/12; one that never changes takes the largest
+    step of the others, or `resolution`.
     """
     distinct = np.array([np.unique(column).size for column in values.T])
     step = np.where(distinct > 1, np.ptp(values, axis=0) / np.maximum(distinct - 1, 1), 0.0)
@@ -186,42 +140,12 @@ def rounding_variance(values: Array, resolution: float) -> Array:
 
 
 def smooth_windows(rows: Attitude, settings: WindowFilterSettings | None = None) -> Attitude:
-    """Smooth window attitudes: the robust filter forward, then the Rauch-Tung-Striebel pass backward.
+    """The robust filter forward over window attitudes, then the Rauch-Tung-Striebel pass back (AIAA J. 3(8), 1965).
 
-    Parameters
-    ----------
-    rows : Attitude
-        As for `robust_filter`: windows that share no samples.
-    settings : WindowFilterSettings, optional
-
-    Returns
-    -------
-    Attitude
-        A row for each row given, as `robust_filter`, with less uncertainty; bridged rows lean on both sides.
-
-    Raises
-    ------
-    InputError
-        Times that do not increase.
-
-    Notes
-    -----
-    Rauch H.E., Tung F., Striebel C.T., AIAA J. 3(8), 1965: with the filter's belief x, P at a row and its prediction
-    x-, P- for the next,
-
-        K = P F' (P-)^-1,  x_s = x + K (x_s,next - x-),  P_s = P + K (P_s,next - P-) K'.
-
-    The difference of directions is the rotation vector between the two frames. P- is the one after the adaptive factor,
-    so nothing leaks backward across a bend. The toolface of a measured row is its own, corrected by the smoothed
-    direction through their correlation; that of a bridged row is the filter's, without the rows after it.
-    Rows before the filter's start are predicted backward from it and weighted likewise.
-
-    Examples
-    --------
-    >>> from inclinometry.motion.result import refusals
-    >>> rows = refusals([5.0, 15.0], ["clipped"], "magnetic", "magnetic")
-    >>> bool(smooth_windows(rows).refused.all())
-    True
+    K = P F' (P-)^-1, x_s = x + K (x_s,next - x-), P_s = P + K (P_s,next - P-) K'; differences of directions are turn
+    vectors. P- is the one after the adaptive factor: nothing leaks backward across a bend. The toolface of a measured
+    row is its own, corrected through its correlation; that of a bridged row the filter's. Rows before the filter's
+    start are predicted backward from it.
     """
     chosen = settings or WindowFilterSettings()
     stream = RobustStream(chosen)
@@ -261,7 +185,7 @@ def smooth_windows(rows: Attitude, settings: WindowFilterSettings | None = None)
                 found = carried(later.frame, spread, step.roll, step.roll_variance)
             smoothed[place] = step._replace(matrix=found[0], covariance=found[1], belief=later)
         seen_at = step.row.time if step.row.matrix is not None else seen_at
-    return attitude_of(smoothed, rows.north, "smoother", chosen, rows.notes)
+    return attitude_of(smoothed, rows.north, "smoother", chosen, rows.findings)
 
 
 def _back(belief: Belief, predicted: Belief, later: Belief) -> Belief:

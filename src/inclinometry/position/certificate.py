@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from inclinometry.arrays import Array, Index, finite, within
 from inclinometry.constants import VECTORS
 from inclinometry.earth.site import Site, convert_azimuth
-from inclinometry.errors import InputError
+from inclinometry.errors import InputError, SiteError
 from inclinometry.orientation import angles, angles_jacobian, axis_jacobian, fields
 from inclinometry.position.propagation import MatrixSource, check_directions, rows_of
 from inclinometry.position.tool_code import ToolCode
@@ -35,50 +35,16 @@ def error_model(
     temperature: ArrayLike | None = None,
     propagation: str = "systematic",
 ) -> tuple[MatrixSource, ...]:
-    """The certificate's covariance as sources of error of a well whose raw channels are not at hand.
+    """The certificate's covariance as sources of error of a well without raw channels: what the tool saw is computed.
 
-    Parameters
-    ----------
-    tool : Tool
-        Calibrated: with the covariance of its parameters.
-    survey : WellSurvey
-        Its site states gravity (or latitude), b, dip and declination: what the tool saw is computed from them.
-    toolface : (n,) array_like
-        Of each station, rad. Errors of the sensors across the tool turn with it, so it can't be guessed.
-    temperature : (n,) array_like, optional
-        degC; needed when the tool's parameters depend on it.
-    propagation : str
-        As `calibration_sources`.
-
-    Returns
-    -------
-    tuple of MatrixSource
-        See `calibration_sources`, which takes what the tool has measured in place of what it should have.
-
-    Raises
-    ------
-    InputError
-        No magnetometer; a covariance and a noise of zero: the certificate states no uncertainty; a site that lacks a
-        field.
-
-    Examples
-    --------
-    >>> from inclinometry.position.propagation import propagate
-    >>> from inclinometry.position.well import well_survey
-    >>> from inclinometry.sensors import Triad
-    >>> triads = {k: Triad(k, np.eye(3), np.zeros(3), field_strength=s) for k, s in zip(VECTORS, (9.81, 5e4))}
-    >>> tool = Tool("1", triads, np.diag(np.tile([0.0, 0.0, 0.0, 1e-6], 6)))  # offsets: 0.001 of each field
-    >>> site = Site(g=9.81, b=5e4, dip=np.radians(60.0), declination=0.0)
-    >>> well = well_survey([0.0, 500.0, 1000.0], np.radians([90.0, 90.0, 90.0]), [0.0, 0.0, 0.0], site)
-    >>> found = propagate(well, sources=error_model(tool, well, [0.0, 0.0, 0.0]))
-    >>> np.sqrt(np.diagonal(found.covariance[-1])).round(3)  # levers 250 + 500 m; the first station is known
-    array([0.   , 1.984, 0.75 ])
+    The site states gravity (or latitude), b, dip and declination. Errors of the sensors across the tool turn with the
+    toolface (n,), rad, so it is needed. Temperature (n,), degC, where the parameters depend on it.
     """
     site = survey.site
     known = {"gravity (or the latitude)": site.gravity, "b": site.b, "dip": site.dip, "declination": site.declination}
     lacking = [name for name, value in known.items() if value is None]
     if lacking:
-        raise InputError(
+        raise SiteError(
             f"the site has no {lacking[0]}; what the tool saw is computed from it: give it, or raw channels"
         )
     strengths = dict(zip(VECTORS, (float(site.gravity or 0.0), float(site.b or 0.0)), strict=True))
@@ -100,44 +66,11 @@ def error_model(
 def calibration_sources(
     stations: Stations, survey: WellSurvey, *, propagation: str = "systematic"
 ) -> tuple[MatrixSource, ...]:
-    """What is uncertain of six-axis stations as sources of error of the well's positions.
+    """What is uncertain of six-axis stations as sources of error of the well's positions, and "sensor noise", random.
 
-    Parameters
-    ----------
-    stations : Stations
-        From `inclinometry.survey.from_tool`, or what corrections made of them.
-    survey : WellSurvey
-        A station of each measured depth; it may have others above and below (the wellhead, other runs), of which the
-        sources say nothing. Its site states the declination.
-    propagation : {"systematic", "well", "global"}
-        What shares the errors: the run, or, where one tool surveyed them all, the well or all wells.
-
-    Returns
-    -------
-    tuple of MatrixSource
-        One for each source of the stations, under its name and with all the correlations of its parameters, and
-        "sensor noise", random.
-
-    Raises
-    ------
-    InputError
-        Stations that are not of this well: depths that do not match, angles apart by more than 5 deg; stations of which
-        nothing is uncertain; a site without declination.
-
-    Notes
-    -----
-    d(inclination, azimuth)/dp = J d(fields)/dp with J of `angles_jacobian`; near the vertical, where the azimuth has no
-    derivative but the hole has a direction, d(direction)/dp with J of `axis_jacobian`, turned from magnetic to true
-    north.
-
-    Examples
-    --------
-    >>> from inclinometry.position.well import well_survey
-    >>> noise = np.tile(np.diag([1e-6, 1e-6, 1e-6, 900.0, 900.0, 900.0]), (2, 1, 1))
-    >>> down = Stations([0.0, 30.0], [[0.0, 0.0, 9.8]] * 2, [[2e4, 0.0, 4e4]] * 2, noise=noise)
-    >>> well = well_survey([0.0, 30.0], [0.0, 0.0], [0.0, 0.0], Site(declination=0.1))
-    >>> [(one.name, one.propagation) for one in calibration_sources(down, well)]
-    [('sensor noise', 'random')]
+    `propagation`: what shares the errors: the run ("systematic"), the well, all wells ("global"). The survey may have
+    stations of other runs. Depths must match, angles within 5 deg. d(inclination, azimuth)/dp = J d(fields)/dp with J
+    of `angles_jacobian`; near the vertical d(direction)/dp with J of `axis_jacobian`, turned to true north.
     """
     if propagation not in ("systematic", "well", "global"):
         raise InputError(f"propagation is {propagation!r}; what stations share is systematic, well or global")
@@ -175,7 +108,7 @@ def calibration_sources(
 
 def _declination(site: Site) -> float:
     if site.declination is None:
-        raise InputError("the site has no declination; a magnetic tool's azimuths need it: give the declination")
+        raise SiteError("the site has no declination; a magnetic tool's azimuths need it: give the declination")
     return site.declination
 
 
@@ -199,22 +132,7 @@ def _roots(covariances: Array) -> Array:
 
 
 def reference_sources(survey: WellSurvey, *, propagation: str = "global") -> tuple[MatrixSource, ...]:
-    """The site's declination as a source of error, of which no certificate knows; none where its sigma is not stated.
-
-    Parameters
-    ----------
-    survey : WellSurvey
-    propagation : {"systematic", "well", "global"}
-        Neighbouring wells share an error of the magnetic model.
-
-    Examples
-    --------
-    >>> from inclinometry.position.well import well_survey
-    >>> site = Site(declination=0.1, declination_sigma=0.005)
-    >>> one = reference_sources(well_survey([0.0, 30.0], [1.0, 1.0], [0.0, 0.0], site))[0]
-    >>> one.name, one.propagation, float(one.covariance[0, 0] ** 0.5)
-    ('declination', 'global', 0.005)
-    """
+    """The site's declination as a source of error, shared by neighbouring wells; none where its sigma is not stated."""
     sigma = survey.site.declination_sigma
     if not sigma:
         return ()
@@ -224,36 +142,10 @@ def reference_sources(survey: WellSurvey, *, propagation: str = "global") -> tup
 
 
 def with_terms(code: ToolCode, names: Sequence[str], magnitudes: Mapping[str, float] | None = None) -> ToolCode:
-    """Terms of a tool code to stand beside a certificate: depth, declination, sag, misalignment, interference.
+    """The terms of a tool code that go beside a certificate: depth, declination, sag, misalignment, interference.
 
-    Parameters
-    ----------
-    code : ToolCode
-        E.g. "iscwsa-mwd-rev5.1".
-    names : sequence of str
-        Of the terms to take. Terms of the six sensors are refused: the certificate takes their place. Declination comes
-        either from here (DEC, DBH) or from `reference_sources`.
-    magnitudes : mapping of name to float, optional
-        One standard deviation in the term's own unit, where another than the code's is known.
-
-    Returns
-    -------
-    ToolCode
-
-    Raises
-    ------
-    InputError
-        A name that the code does not have, a term of the sensors, a magnitude of a term that was not taken or a
-        negative one.
-
-    Examples
-    --------
-    >>> from inclinometry.position.tool_code import term
-    >>> sag = term("SAG", 0.2, "deg", "systematic", ("0", "Sin(Inc)", "0"))
-    >>> bias = term("ABZ", 0.004, "m/s2", "systematic", ("0", "-Sin(Inc) / Gfield", "0"))
-    >>> code = ToolCode(name="two", terms=(sag, bias), source="example")
-    >>> [(one.name, one.magnitude) for one in with_terms(code, ["SAG"], {"SAG": 0.05}).terms]
-    [('SAG', 0.05)]
+    Terms of the six sensors are refused: the certificate takes their place. Declination comes either from here (DEC,
+    DBH) or from `reference_sources`. `magnitudes` replaces one standard deviation of a term, in its own unit.
     """
     own = {one.name: one for one in code.terms}
     sigmas = dict(magnitudes or {})
@@ -289,21 +181,7 @@ def is_sensor_term(name: str) -> bool:
 
 
 def fits_certificate(code: ToolCode) -> None:
-    """Refuse a tool code that cannot stand beside the certificate of a magnetic tool.
-
-    Raises
-    ------
-    InputError
-        A gyro's code; a code for surveys corrected axially.
-
-    Examples
-    --------
-    >>> from inclinometry.position.tool_code import term
-    >>> drift = term("GB1", 0.1, "deg/hr", "systematic", ("0", "0", "1 / EarthRate"))
-    >>> fits_certificate(ToolCode(name="gyro", terms=(drift,), source="example"))
-    Traceback (most recent call last):
-    inclinometry.errors.InputError: tool code gyro is of a gyro; ...
-    """
+    """Refuse a gyro's code, or one for axially corrected surveys, beside the certificate of a magnetic tool."""
     if any(one.unit in ("deg/hr", "deg/sqr(hr)") for one in code.terms):
         raise InputError(
             f"tool code {code.name} is of a gyro; the certificate of a magnetic tool says nothing of it: give one of "

@@ -24,7 +24,6 @@ from inclinometry.history import PARAMETERS
 from inclinometry.position.certificate import is_sensor_term
 from inclinometry.position.tool_code import ToolCode, term
 
-_WHERE: Final = {name: k for k, name in enumerate(PARAMETERS)}
 # fields in the high side's frame, relative to their strength
 _FIELDS: Final = {
     "accel": {"x": "-Sin(Inc)", "y": "0", "z": "Cos(Inc)"},
@@ -60,13 +59,6 @@ def _parameters() -> dict[str, tuple[str, Mapping[str, float]]]:
         for axis, other in ("xz", "yz", "zx", "zy"):
             name = f"{letter}M{axis.upper()}{other.upper()}"
             found[name] = (f"{kind} {axis} tilted toward {other}", {f"{prefix}_{axis}_{other}": 1.0})
-    return found
-
-
-def _direction(moved: Mapping[str, float]) -> Array:
-    found = np.zeros(len(PARAMETERS))
-    for name, size in moved.items():
-        found[_WHERE[name]] = size
     return found
 
 
@@ -134,7 +126,7 @@ def fleet_tool_code(
     covariance = certificate + model.reproducibility + 0.5 * years * grown * model.drift
     turned = _over_toolface(covariance)
     named = _parameters()
-    basis = np.stack([_direction(moved) for _, moved in named.values()], axis=1)
+    basis = np.array([[moved.get(one, 0.0) for _, moved in named.values()] for one in PARAMETERS])
     back = np.linalg.inv(basis)
     by_name = back @ turned @ back.T
     sd = np.sqrt(np.diagonal(by_name))
@@ -150,7 +142,7 @@ def fleet_tool_code(
         magnitude = float(sd[k] * leads[k])
         # what goes along by less than a thousandth of its own size is left out of the formula
         own = np.sqrt(np.diagonal(turned))
-        moved = {name: column[i] / magnitude for name, i in _WHERE.items() if abs(column[i]) > 1e-3 * own[i]}
+        moved = {name: column[i] / magnitude for i, name in enumerate(PARAMETERS) if abs(column[i]) > 1e-3 * own[i]}
         if leads[k] > 1e-3:
             inclination, azimuth, singular = _weights(moved)
             terms.append(

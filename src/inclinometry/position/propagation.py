@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial, reduce
 from types import MappingProxyType
 from typing import Any, Final, NamedTuple, Protocol
 
@@ -22,26 +22,12 @@ from inclinometry.uncertainty import AngleErrors, ellipsoid_factor, pooled_freed
 
 @dataclass(frozen=True, eq=False)
 class MatrixSource:
-    """p correlated errors known by what each does to the measurements of n stations.
+    """p correlated errors with the derivatives of the measurements of n stations by each; `covariance` may be singular.
 
-    name : str
-    by_angles : (n, 3, p) derivatives of measured depth, inclination and azimuth (m, rad, rad) by the parameters. Angles
-        of the first station don't count, its position and attitude are where the well begins; see `surface_attitude` of
-        `inclinometry.position.propagation.propagate`.
-    covariance : (p, p) of the parameters; may be singular.
-    propagation : {"random", "systematic", "well", "global"}
-    by_direction : (n, 3, p), optional
-        Derivatives of the unit vector along the hole (north, east, down; true north) by the parameters. They take the
-        place of those of inclination and azimuth at the stations where they are not NaN: vertical stations, whose
-        azimuth is not defined.
-    degrees_of_freedom : float
-        From which the covariance is known; see `Calibration.degrees_of_freedom`.
-
-    Examples
-    --------
-    >>> one = MatrixSource("sag", np.array([[[0.0], [1.0], [0.0]]] * 2), np.array([[1e-6]]), "systematic")
-    >>> one.by_angles.shape
-    (2, 3, 1)
+    by_angles : (n, 3, p) of measured depth, inclination, azimuth (m, rad, rad); angles of the first station do not
+        count.
+    by_direction : (n, 3, p) of the unit vector along the hole (north, east, down; true north), used in place of the
+        angles where it is not NaN: at vertical stations.
     """
 
     name: str
@@ -222,14 +208,11 @@ PAIRS: Final = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 
 
 class Run(NamedTuple):
-    """Stations of a well that one tool surveyed.
+    """Stations `first` to `last` of a well (rows from 0, both included) that one tool surveyed.
 
-    first, last : rows, from 0, both included.
-    code : ToolCode or None
-    sources : MatrixSource, with rows for all stations of the well.
-    surface_attitude : bool or None
-        Whether the attitude at the first station of the well is as uncertain as at the second, which then takes all of
-        the first course; as the tool code says where None.
+    sources : with rows for all stations of the well.
+    surface_attitude : whether the attitude at the first station of the well is as uncertain as at the second, which
+        then takes all of the first course; None: as the tool code has it.
     """
 
     first: int
@@ -239,28 +222,89 @@ class Run(NamedTuple):
     surface_attitude: bool | None = None
 
 
+class _Part(NamedTuple):
+    """One run of a source: weights of its realisations, levers, 1 at its stations, turn to the north of the results."""
+
+    weights: Callable[[], Sequence[Weights]]
+    arms: Levers
+    here: Array | None
+    turn: float
+
+    def errors(self, one: Weights) -> Array:
+        """Errors (2, 3, n) of a realisation: of the course before a station, and of that and the next."""
+        found = self.arms.errors(one if self.here is None else one.times(self.here))
+        if self.turn:
+            c, s = np.cos(self.turn), np.sin(self.turn)
+            found[:, :2] = np.array([[c, s], [-s, c]]) @ found[:, :2]
+        return found
+
+
 @dataclass(frozen=True, eq=False)
 class SourceUncertainty:
-    """What one source of error does to the positions of a well.
+    """What one source of error does to the n positions of a well, in p independent realisations.
 
-    name, propagation : str
-    vectors : (p, n, 3) north, east, down, m: each of its p independent realisations, one standard deviation. A random
-        source has the error of each station's own measurement here; those of the stations before are in `before`.
-    degrees_of_freedom : from which its size is known.
-    before : (n, 3, 3) covariance that a random source has collected before each station, m^2; None for the others.
+    Arrays are computed when first asked for: those of all sources of a long well would fill the memory.
     """
 
     name: str
     propagation: str
-    vectors: Array
-    before: Array | None = None
+    parts: tuple[_Part, ...] = field(compare=False)
     degrees_of_freedom: float = np.inf
+
+    def errors(self) -> Iterator[tuple[Array, Array | None]]:
+        """Of each realisation the error (3, n), m, at each station of one standard deviation.
+
+        Of a random source that of the station's own measurement, and what it adds to all stations after it.
+        """
+        weights = [part.weights() for part in self.parts]
+        if len({len(one) for one in weights}) > 1:
+            raise InputError(f"source {self.name!r} differs between runs in its parameters; rename one of them")
+        for runs in zip(*weights, strict=True):
+            errors = [part.errors(one) for part, one in zip(self.parts, runs, strict=True)]
+            own, both = reduce(np.add, errors)
+            if self.propagation != "random":
+                own[:, 1:] += np.cumsum(both, axis=1, out=both)[:, :-1]
+            yield own, both if self.propagation == "random" else None
+
+    def add_to(self, upper: Array) -> None:
+        """Add the covariance to elements (6, n) in the order of `PAIRS`."""
+        for own, after in self.errors():
+            for row, (i, j) in enumerate(PAIRS):
+                upper[row] += own[i] * own[j]
+                if after is not None:
+                    upper[row, 1:] += np.cumsum(after[i] * after[j])[:-1]
+
+    def at(self, row: int) -> Array:
+        """Covariance (3, 3) of the position at one station, m^2."""
+        total = np.zeros((3, 3))
+        for own, after in self.errors():
+            total += np.outer(own[:, row], own[:, row])
+            if after is not None:
+                before = after[:, : range(after.shape[1])[row]]
+                total += before @ before.T
+        return total
+
+    @cached_property
+    def vectors(self) -> Array:
+        """Errors (p, n, 3) north, east, down, m, as in `errors`."""
+        size = len(self.parts[0].arms.own)
+        return np.moveaxis(np.array([own for own, _ in self.errors()]).reshape(-1, 3, size), 1, 2)
 
     @cached_property
     def covariance(self) -> Array:
         """Covariance (n, 3, 3) of the position at each station, north, east, down, m^2."""
-        own = np.asarray(np.einsum("pni,pnj->nij", self.vectors, self.vectors))
-        return own if self.before is None else np.asarray(own + self.before)
+        return _covariance([self], len(self.parts[0].arms.own))
+
+
+def _covariance(sources: Iterable[SourceUncertainty], size: int) -> Array:
+    """Covariance (n, 3, 3) of all sources together."""
+    upper = np.zeros((len(PAIRS), size))
+    for one in sources:
+        one.add_to(upper)
+    total = np.empty((size, 3, 3))
+    for row, (i, j) in enumerate(PAIRS):
+        total[:, i, j] = total[:, j, i] = upper[row]
+    return total
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -286,8 +330,11 @@ class PositionUncertainty(Tabular):
 
         See `inclinometry.uncertainty.pooled_freedom`.
         """
-        traces = [(np.trace(s.covariance, axis1=1, axis2=2), s.degrees_of_freedom) for s in self.sources.values()]
-        return np.broadcast_to(pooled_freedom(traces), len(self))
+        estimated = [one for one in self.sources.values() if np.isfinite(one.degrees_of_freedom)]
+        traces = [(np.trace(one.covariance, axis1=1, axis2=2), one.degrees_of_freedom) for one in estimated]
+        whole = np.trace(self.covariance - self.survey.tie, axis1=1, axis2=2)
+        rest = whole - sum(trace for trace, _ in traces)
+        return pooled_freedom([*traces, (rest, np.inf)])
 
     def widened(self, probability: float) -> Array:
         """Covariance (n, 3, 3) whose normal ellipses of that probability are those of the degrees of freedom there are.
@@ -368,23 +415,9 @@ def propagate(
 
 
 def propagate_runs(survey: WellSurvey, runs: Sequence[Run]) -> PositionUncertainty:
-    """Uncertainty of positions of a well surveyed in several runs.
+    """Uncertainty of positions of a well surveyed in several runs, from top to bottom; each station is in one of them.
 
-    Parameters
-    ----------
-    survey : WellSurvey
-    runs : sequence of Run
-        From top to bottom; each station in exactly one.
-
-    Returns
-    -------
-    PositionUncertainty
-        Sources that propagate "well" or "global" and have the same name and magnitude in two runs are one error.
-
-    Raises
-    ------
-    InputError
-        Runs that leave stations out or overlap, and as `propagate`.
+    Sources that propagate "well" or "global" and have the same name and magnitude in two runs are one error.
     """
     expected = 0
     for number, run in enumerate(runs, 1):
@@ -406,23 +439,8 @@ def propagate_runs(survey: WellSurvey, runs: Sequence[Run]) -> PositionUncertain
     sources = {name: _joined(name, parts) for name, parts in pieces.items()}
     if not sources:
         raise InputError("there is no source of error; give a tool code, a calibration or other sources")
-    return PositionUncertainty(survey, MappingProxyType(sources), _total(survey, sources))
-
-
-def _total(survey: WellSurvey, sources: Mapping[str, SourceUncertainty]) -> Array:
-    """Covariance (n, 3, 3) of everything together with the tie."""
-    upper, product = np.zeros((len(PAIRS), len(survey))), np.empty(len(survey))
-    for one in sources.values():
-        for vector in one.vectors:
-            for row, (i, j) in enumerate(PAIRS):
-                upper[row] += np.multiply(vector[:, i], vector[:, j], out=product)
-    total = np.empty((len(survey), 3, 3))
-    for row, (i, j) in enumerate(PAIRS):
-        total[:, i, j] = total[:, j, i] = upper[row]
-    for one in sources.values():
-        if one.before is not None:
-            total += one.before
-    return np.asarray(total + survey.tie)
+    total = _covariance(sources.values(), len(survey)) + survey.tie
+    return PositionUncertainty(survey, MappingProxyType(sources), total)
 
 
 def _run_sources(survey: WellSurvey, run: Run, mask: Array | None) -> list[SourceUncertainty]:
@@ -431,7 +449,7 @@ def _run_sources(survey: WellSurvey, run: Run, mask: Array | None) -> list[Sourc
     if allowance is None:
         allowance = survey.surface and code is not None and code.surface_attitude
     arms = levers(survey.md, survey.inclination, survey.true_azimuth, survey.surface, allowance)
-    named: list[tuple[str, str, list[Weights]]] = []
+    named: list[tuple[str, str, Callable[[], Sequence[Weights]], float]] = []
     if code is not None:
         low, high = code.inclinations
         here = survey.inclination[run.first : run.last + 1]
@@ -443,107 +461,63 @@ def _run_sources(survey: WellSurvey, run: Run, mask: Array | None) -> list[Sourc
                 f"{code.name} is made for {np.degrees(low):g} to {np.degrees(high):g} deg"
             )
         evaluator = Evaluator(survey, code, run.first, run.last)
-        named += [(one.name, one.propagation, evaluator.realisations(one)) for one in code.terms]
-    named += [(one.name, one.propagation, one.weights(survey)) for one in run.sources]
-    twice = next((n for i, (n, _, _) in enumerate(named) if n in [m for m, _, _ in named[:i]]), None)
+        named += [(one.name, one.propagation, partial(evaluator.realisations, one), np.inf) for one in code.terms]
+    named += [(one.name, one.propagation, partial(one.weights, survey), one.degrees_of_freedom) for one in run.sources]
+    names = [name for name, *_ in named]
+    twice = next((name for i, name in enumerate(names) if name in names[:i]), None)
     if twice is not None:
         raise InputError(f"two sources of one run are called {twice!r}; names must differ")
-    turn = survey.site.convergence if survey.north == "grid" else None
-    # one block for the vectors of all sources: many small ones cost more time to allocate than to fill
-    ends = np.cumsum([len(weights) for _, _, weights in named])
-    block = np.empty((int(ends[-1]) if named else 0, 3, len(survey)))
-    parts = np.split(block, ends[:-1])
-    rows = zip(named, parts, strict=True) if named else ()
-    known = {one.name: one.degrees_of_freedom for one in run.sources}
+    turn = (survey.site.convergence or 0.0) if survey.north == "grid" else 0.0
     return [
-        replace(_source(name, kind, weights, arms, mask, turn, own), degrees_of_freedom=known.get(name, np.inf))
-        for (name, kind, weights), own in rows
+        SourceUncertainty(name, kind, (_Part(weights, arms, mask, turn),), freedom)
+        for name, kind, weights, freedom in named
     ]
-
-
-def _source(
-    name: str,
-    kind: str,
-    weights: Sequence[Weights],
-    arms: Levers,
-    mask: Array | None,
-    turn: float | None,
-    own: Array,
-) -> SourceUncertainty:
-    """One source's uncertainty; `own` (p, 3, n) becomes its vectors."""
-    size = len(arms.own_length)
-    both = np.empty((3, size))
-    before = np.zeros((3, 3, size)) if kind == "random" else None
-    for row, one in enumerate(weights):
-        _errors(one if mask is None else one.times(mask), arms, own[row], both)
-        if turn is not None:
-            for vectors in (own[row], both):
-                c, s = np.cos(turn), np.sin(turn)
-                vectors[:2] = c * vectors[0] + s * vectors[1], c * vectors[1] - s * vectors[0]
-        if before is None:
-            np.cumsum(both, axis=1, out=both)
-            own[row, :, 1:] += both[:, :-1]
-        else:
-            for i, j in PAIRS:
-                before[i, j] += both[i] * both[j]
-    collected = None
-    if before is not None:
-        # of all stations before each, from the upper half of their products
-        collected = np.zeros((size, 3, 3))
-        for i, j in PAIRS:
-            collected[1:, i, j] = collected[1:, j, i] = np.cumsum(before[i, j, :-1])
-    return SourceUncertainty(name, kind, np.moveaxis(own, 1, 2), collected)
-
-
-def _errors(weights: Weights, arms: Levers, own: Array, both: Array) -> None:
-    """Errors (3, n) of the course before a station, and of that and the next, in place."""
-    single = arms.course if weights.course else None
-    parts = [
-        (weight, single[k] if single else arms.own[k], single[k] if single else arms.both[k])
-        for k, weight in enumerate((weights.depth, weights.inclination, weights.azimuth))
-        if weight is not None
-    ]
-    if weights.direction is not None:
-        lengths = (arms.course_length,) * 2 if weights.course else (arms.own_length, arms.both_length)
-        parts.append((weights.direction, *lengths))
-    if not parts:
-        own[:], both[:] = 0.0, 0.0
-    for k, (weight, mine, couple) in enumerate(parts):
-        if k == 0:
-            np.multiply(weight, mine, out=own)
-            np.multiply(weight, couple, out=both)
-        else:
-            own += weight * mine
-            both += weight * couple
 
 
 def _joined(name: str, parts: Sequence[SourceUncertainty]) -> SourceUncertainty:
     """One source of all the runs that share it."""
-    if len(parts) == 1:
-        return parts[0]
-    kinds, sizes = {part.propagation for part in parts}, {len(part.vectors) for part in parts}
-    if len(kinds) > 1 or len(sizes) > 1:
-        raise InputError(f"source {name!r} differs between runs in propagation or parameters; rename one of them")
-    return SourceUncertainty(name, parts[0].propagation, np.sum([part.vectors for part in parts], axis=0))
+    if len({part.propagation for part in parts}) > 1:
+        raise InputError(f"source {name!r} differs between runs in propagation; rename one of them")
+    return replace(parts[0], parts=tuple(part for one in parts for part in one.parts))
 
 
-def relative_covariance(first: PositionUncertainty, i: int, second: PositionUncertainty, j: int) -> Array:
+GEOMAGNETIC: Final = tuple(f"{what}-{part}" for what in ("DEC", "DBH") for part in ("OS", "OH", "OI", "CI", "CH"))
+"""Terms that two wells share by the ISCWSA model from Revision 5 on: errors of the reference field."""
+
+
+def relative_covariance(
+    first: PositionUncertainty, i: int, second: PositionUncertainty, j: int, common: Collection[str] = "geomagnetic"
+) -> Array:
     """Covariance (3, 3), m^2, of the vector from station `i` of one well to station `j` of another.
 
-    Global sources of the same name are one error in both wells, the others are independent. The two wells must count
-    from the same north.
+    A common term of both wells is one error, of the magnitude that each well's tool code gives it; all other sources
+    are independent. The two wells must count from the same north.
+
+    Parameters
+    ----------
+    first, second : PositionUncertainty
+    i, j : int
+        Station of the first and of the second well.
+    common : "geomagnetic", "global" or sequence of str
+        Names of the common terms. "geomagnetic": `GEOMAGNETIC`, where both wells have them as global. "global": every
+        global source of one name.
 
     Raises
     ------
     InputError
-        Results of different norths, global sources of one name that differ in their parameters.
+        Results of different norths; an unknown name; a random source; sources of one name that differ in their
+        parameters.
+
+    References
+    ----------
+    ISCWSA, error model Revision 5, "Application of partial correlations between geomagnetic terms" (2020).
 
     Examples
     --------
     >>> from inclinometry.earth.site import Site
     >>> from inclinometry.position.tool_code import ToolCode, term
     >>> from inclinometry.position.well import well_survey
-    >>> declination = term("DEC", 0.36, "deg", "global", ("0", "0", "1"))
+    >>> declination = term("DEC-OS", 0.24, "deg", "global", ("0", "0", "1"))
     >>> code = ToolCode(name="declination", terms=(declination,), source="example")
     >>> well = propagate(well_survey([0, 30], [0.5, 0.5], [0.0, 0.0], Site()), code)
     >>> bool(np.abs(relative_covariance(well, 1, well, 1)).max() < 1e-12)
@@ -554,12 +528,29 @@ def relative_covariance(first: PositionUncertainty, i: int, second: PositionUnce
     if first.survey.north != second.survey.north:
         raise InputError(f"one well counts from {first.survey.north}, the other from {second.survey.north} north")
     total = first.covariance[i] + second.covariance[j]
-    for name, one in first.sources.items():
-        other = second.sources.get(name)
-        if other is None or one.propagation != "global" or other.propagation != "global":
-            continue
+    for name in _common(first.sources, second.sources, common):
+        one, other = first.sources[name], second.sources[name]
         if len(one.vectors) != len(other.vectors):
-            raise InputError(f"global source {name!r} has different parameters in the two wells; rename one of them")
+            raise InputError(f"source {name!r} has different parameters in the two wells; rename one of them")
         cross = one.vectors[:, i].T @ other.vectors[:, j]
         total = total - cross - cross.T
     return finite(total, "covariance")
+
+
+def _common(
+    first: Mapping[str, SourceUncertainty], second: Mapping[str, SourceUncertainty], names: Collection[str]
+) -> list[str]:
+    """Names, of those that are common, which both wells have."""
+    both = [name for name in first if name in second]
+    if isinstance(names, str):
+        if names not in ("geomagnetic", "global"):
+            raise InputError(f"common is {names!r}; allowed: geomagnetic, global or a list of names")
+        shared = [name for name in both if first[name].propagation == second[name].propagation == "global"]
+        return [name for name in shared if names == "global" or name in GEOMAGNETIC]
+    for name in names:
+        if name not in first and name not in second:
+            allowed = ", ".join(dict.fromkeys((*first, *second)))
+            raise InputError(f"common term {name!r} is in neither well; allowed: {allowed}")
+        if any(of[name].propagation == "random" for of in (first, second) if name in of):
+            raise InputError(f"source {name!r} is random; it is never common to two wells: remove it from common")
+    return [name for name in both if name in names]

@@ -11,12 +11,12 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import reduce
 from types import MappingProxyType
-from typing import Any, Final, NamedTuple, TypeAlias, cast
+from typing import Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
 
 from inclinometry.arrays import Array, Mask, finite
-from inclinometry.errors import InputError
+from inclinometry.errors import InputError, SiteError
 from inclinometry.position.well import WellSurvey
 
 Compute: TypeAlias = Callable[[Mapping[str, Any], dict[str, Any]], Any]
@@ -45,8 +45,6 @@ _OPERATORS: Final[dict[type, Callable[..., Any]]] = {
     ast.USub: np.negative,
     ast.UAdd: np.positive,
 }
-_CONSTANTS: Final = {"pi": np.pi, "rad": np.pi / 180.0}
-
 FUNCTIONS: Final = (*_ONE, *_MANY)
 """Functions a formula may call; upper and lower case are the same."""
 
@@ -61,7 +59,10 @@ class Formula:
 
     text: str
     names: frozenset[str]
-    _value: Compute
+    _value: Compute = field(compare=False)
+
+    def __reduce__(self) -> Any:
+        return parse, (self.text,)
 
     @property
     def is_zero(self) -> bool:
@@ -69,25 +70,7 @@ class Formula:
         return self.text.strip() in ("0", "0.0")
 
     def evaluate(self, variables: Mapping[str, Any], memory: dict[str, Any] | None = None) -> Any:
-        """Value of the formula.
-
-        Parameters
-        ----------
-        variables : mapping
-            Lower-case name -> number or (n,) array.
-        memory : dict, optional
-            Values of function calls, kept from one formula to the next that is evaluated with the same variables.
-
-        Raises
-        ------
-        InputError
-            A variable that has no value.
-
-        Examples
-        --------
-        >>> float(parse("Sin(Inc)^2 / Gfield").evaluate({"inc": np.pi / 2, "gfield": 10.0}))
-        0.1
-        """
+        """Value for lower-case variable names; `memory` keeps values of calls for formulas of the same variables."""
         missing = sorted(self.names - set(variables))
         if missing:
             raise InputError(f"formula {self.text!r} needs {', '.join(missing)}, of which nothing is known")
@@ -96,28 +79,9 @@ class Formula:
 
 
 def parse(text: str | float, variables: frozenset[str] | None = None) -> Formula:
-    """Check a formula and make it ready for evaluation.
+    """Check a formula and make it ready for evaluation; names are the same in upper and lower case.
 
-    Parameters
-    ----------
-    text : str or float
-        Numbers, variables, + - * / ^, brackets and the functions of `FUNCTIONS`; Sqr is the square root, RAD is
-        pi/180; names are the same in upper and lower case.
-    variables : frozenset of str, optional
-        Lower-case names that are allowed; any where not given.
-
-    Raises
-    ------
-    InputError
-        Wrong syntax, an unknown function or variable, anything that is not arithmetic.
-
-    Examples
-    --------
-    >>> sorted(parse("Tan(Dip) * Sin(AzM) / Gfield").names)
-    ['azm', 'dip', 'gfield']
-    >>> parse("Sinh(Inc)")
-    Traceback (most recent call last):
-    inclinometry.errors.InputError: formula 'Sinh(Inc)' calls 'Sinh'; allowed: sin, cos, ...
+    Numbers, variables, + - * / ^, brackets and `FUNCTIONS`; Sqr is the square root, RAD is pi/180.
     """
     longest = 2000  # characters; a longer one is not a weighting function
     source = str(text)
@@ -128,74 +92,50 @@ def parse(text: str | float, variables: frozenset[str] | None = None) -> Formula
     except (SyntaxError, ValueError, RecursionError, MemoryError):
         raise InputError(f"formula {source!r} cannot be read; check its brackets and operators") from None
     names: set[str] = set()
-    _check(tree, source, names)
+    compute = _compiled(tree, source, names)
     unknown = sorted(names - variables) if variables is not None else []
     if unknown:
         known = ", ".join(sorted(variables or ()))
         raise InputError(f"formula {source!r} has the unknown variable {unknown[0]!r}; known: {known}")
-    return Formula(source, frozenset(names), _built(tree))
+    return Formula(source, frozenset(names), compute)
 
 
-def _check(node: ast.expr, source: str, names: set[str]) -> None:
-    largest = 1e100
+def _compiled(node: ast.expr, source: str, names: set[str]) -> Compute:
+    """An expression as a function of the variables; InputError where it is no arithmetic. `names` are added to."""
+    constants, largest = {"pi": np.pi, "rad": np.pi / 180.0}, 1e100
     if isinstance(node, ast.Constant) and isinstance(node.value, int | float) and not isinstance(node.value, bool):
         if abs(node.value) > largest:
             raise InputError(f"formula {source!r} has a number beyond {largest:g}; no weight is so large")
-        return
-    if isinstance(node, ast.Name):
-        if node.id.lower() not in _CONSTANTS:
-            names.add(node.id.lower())
-        return
-    if isinstance(node, ast.BinOp | ast.UnaryOp) and type(node.op) in _OPERATORS:
-        parts = [node.left, node.right] if isinstance(node, ast.BinOp) else [node.operand]
-    elif isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and not node.keywords:
-        function = node.func.id
-        name = function.lower()
-        if name not in FUNCTIONS:
-            raise InputError(f"formula {source!r} calls {function!r}; allowed: {', '.join(FUNCTIONS)}")
-        fits = len(node.args) == 1 if name in _ONE else len(node.args) >= 2
-        if not fits:
-            wanted = "one argument" if name in _ONE else "two arguments or more"
-            raise InputError(f"formula {source!r} calls {function} with {len(node.args)} arguments; it takes {wanted}")
-        parts = node.args
-    else:
-        raise InputError(f"formula {source!r} has {ast.unparse(node)!r}, which is not arithmetic on numbers")
-    for part in parts:
-        _check(part, source, names)
-
-
-def _built(node: ast.expr) -> Compute:
-    """A checked expression as a function of the variables."""
-    if isinstance(node, ast.Constant):
         number = np.float64(str(node.value))  # integers would overflow silently, or refuse negative powers
         return lambda variables, memory: number
     if isinstance(node, ast.Name):
         name = node.id.lower()
-        if name in _CONSTANTS:
-            constant = _CONSTANTS[name]
-            return lambda variables, memory: constant
+        if name in constants:
+            return lambda variables, memory: constants[name]
+        names.add(name)
         return lambda variables, memory: variables[name]
-    if isinstance(node, ast.BinOp):
+    if isinstance(node, ast.BinOp | ast.UnaryOp) and type(node.op) in _OPERATORS:
         operator = _OPERATORS[type(node.op)]
-        left = _built(node.left)
-        right = _built(node.right)
-        return lambda variables, memory: operator(left(variables, memory), right(variables, memory))
-    if isinstance(node, ast.UnaryOp):
-        operand, sign = _built(node.operand), _OPERATORS[type(node.op)]
-        return lambda variables, memory: sign(operand(variables, memory))
-    return _remembered(node)
-
-
-def _remembered(node: ast.expr) -> Compute:
-    """A function call, whose value is kept for other formulas that have the same."""
-    call = cast(ast.Call, node)
-    name, key = cast(ast.Name, call.func).id.lower(), ast.unparse(node).lower()
-    parts = [_built(part) for part in call.args]
+        nodes = [node.left, node.right] if isinstance(node, ast.BinOp) else [node.operand]
+        parts = [_compiled(part, source, names) for part in nodes]
+        return lambda variables, memory: operator(*(part(variables, memory) for part in parts))
+    if not (isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and not node.keywords):
+        raise InputError(f"formula {source!r} has {ast.unparse(node)!r}, which is not arithmetic on numbers")
+    function = node.func.id.lower()
+    if function not in FUNCTIONS:
+        raise InputError(f"formula {source!r} calls {node.func.id!r}; allowed: {', '.join(FUNCTIONS)}")
+    if not (len(node.args) == 1 if function in _ONE else len(node.args) >= 2):
+        wanted = "one argument" if function in _ONE else "two arguments or more"
+        calls = f"{node.func.id} with {len(node.args)} arguments"
+        raise InputError(f"formula {source!r} calls {calls}; it takes {wanted}")
+    arguments = [_compiled(part, source, names) for part in node.args]
+    key = ast.unparse(node).lower()
 
     def compute(variables: Mapping[str, Any], memory: dict[str, Any]) -> Any:
+        # kept for other formulas that have the same call
         if key not in memory:
-            values = [part(variables, memory) for part in parts]
-            memory[key] = _ONE[name](values[0]) if name in _ONE else reduce(_MANY[name], values)
+            values = [part(variables, memory) for part in arguments]
+            memory[key] = _ONE[function](values[0]) if function in _ONE else reduce(_MANY[function], values)
         return memory[key]
 
     return compute
@@ -250,27 +190,12 @@ VARIABLES: Final = frozenset(
 
 @dataclass(frozen=True, kw_only=True)
 class Term:
-    """One source of error.
+    """One source of error; `magnitude` is one standard deviation in `unit`, weighted by a formula per measurement.
 
-    name, description, source : str
-    magnitude : float
-        One standard deviation, in `unit`.
-    unit : str
-        One of `UNITS`.
-    propagation : {"random", "systematic", "well", "global"}
-    depth, inclination, azimuth : Formula
-        Weights of the magnitude in measured depth, inclination and azimuth.
-    singular : three Formulas, optional
-        Weights north, east, down per metre, in place of inclination and azimuth at vertical stations.
-    course : bool
-        Whether the term acts over the whole course before the station alone (tangential) and not over half of the
-        courses on both sides.
-    inclinations : (low, high), rad
-        Where the term is active.
-    hold : bool
-        Whether stations above `inclinations` keep the weight it had at the upper end.
-    start : bool
-        Whether the weight is that of the first station of each stretch within `inclinations`, kept throughout.
+    singular : weights north, east, down per metre, in place of inclination and azimuth at vertical stations.
+    course : acts over the whole course before the station (tangential), not over half of the courses on both sides.
+    inclinations : rad, where it is active. hold : stations above keep the weight it had at the upper end.
+    start : the weight is that of the first station of each stretch within `inclinations`.
     """
 
     name: str
@@ -329,31 +254,7 @@ def term(
     singular: Sequence[str | float] | None = None,
     **options: object,
 ) -> Term:
-    """A term from the text of its formulas.
-
-    Parameters
-    ----------
-    name, magnitude, unit, propagation
-        As in `Term`.
-    weights : three texts
-        Formulas of depth, inclination, azimuth.
-    singular : three texts, optional
-    **options
-        Other fields of `Term`.
-
-    Raises
-    ------
-    InputError
-        Naming the term: a formula that cannot be read, an unknown variable, function, unit or propagation.
-
-    Examples
-    --------
-    >>> term("ABZ", 0.004, "m/s2", "systematic", ("0", "-Sin(Inc) / Gfield", "0")).sigma
-    0.004
-    >>> term("ABZ", 0.004, "m/s2", "systematic", ("0", "-Sin(Incl) / Gfield", "0"))
-    Traceback (most recent call last):
-    inclinometry.errors.InputError: term ABZ: formula ... has the unknown variable 'incl'; known: ...
-    """
+    """A `Term` from the text of its formulas: weights of depth, inclination, azimuth; three singular ones."""
     try:
         depth, inclination, azimuth = (parse(text, VARIABLES) for text in weights)
         vertical = None if singular is None else tuple(parse(text, VARIABLES) for text in singular)
@@ -374,20 +275,12 @@ def term(
 
 @dataclass(frozen=True, kw_only=True)
 class ToolCode:
-    """An error model.
+    """An error model for `inclinations`, rad; `parameters` are lower-case names of `PARAMETERS` with values in SI.
 
-    name, description, source, revision : str
-    terms : tuple of Term
-    parameters : lower-case name -> value in SI, of `PARAMETERS`
-    inclinations : (low, high), rad
-        For which the model was made.
-    vertical : float
-        Inclination, rad, below which the singular weights are taken.
-    surface_attitude : bool
-        Whether the attitude at the wellhead is as uncertain as a station (ISCWSA from Revision 5), which doubles the
-        weight of the first station below it.
-    continuous_above : float, optional
-        Inclination, rad, above which a continuous gyro runs and accumulates.
+    vertical : inclination, rad, below which the singular weights are taken.
+    surface_attitude : the attitude at the wellhead is as uncertain as a station's (ISCWSA from Revision 5), which
+        doubles the weight of the first station below it.
+    continuous_above : inclination, rad, above which a continuous gyro runs and accumulates.
     """
 
     name: str
@@ -438,40 +331,40 @@ class ToolCode:
 
 
 class Levers(NamedTuple):
-    """Derivatives of courses by the measurements at a station, axis (north, east, down) x stations, m or m per rad.
+    """Derivatives (3, n) of courses (north, east, down) by depth, inclination, azimuth at a station.
 
-    Each is a tuple of (3, n) by depth, inclination, azimuth.
-
-    own : of the course that ends at the station.
-    both : of that and the one that begins there.
-    course : inclination and azimuth acting over all of the course that ends at the station.
-    own_length, both_length : (n,) half the lengths of those courses: the levers of singular weights.
-    course_length : (n,) m.
+    depth_own, depth_both : of the course that ends at the station; of that and the one that begins there.
+    by_inclination, by_azimuth : per metre of the course; times half the lengths of those, own and both (n,), or of all
+    of the course (n,) that ends at the station where an error acts over it.
     """
 
-    own: tuple[Array, Array, Array]
-    both: tuple[Array, Array, Array]
-    course: tuple[Array, Array, Array]
-    own_length: Array
-    both_length: Array
-    course_length: Array
+    depth_own: Array
+    depth_both: Array
+    by_inclination: Array
+    by_azimuth: Array
+    own: Array
+    both: Array
+    course: Array
+
+    def errors(self, weights: Weights) -> Array:
+        """Errors (2, 3, n), m, of the course before a station, and of that and the next."""
+        turned = np.zeros_like(self.depth_own) if weights.direction is None else weights.direction
+        for weight, by in ((weights.inclination, self.by_inclination), (weights.azimuth, self.by_azimuth)):
+            turned = turned if weight is None else turned + weight * by
+        lengths = (self.course, self.course) if weights.course else (self.own, self.both)
+        found = np.stack([turned * length for length in lengths])
+        if weights.depth is not None and not weights.course:
+            found[0] += weights.depth * self.depth_own
+            found[1] += weights.depth * self.depth_both
+        return found
 
 
 def levers(md: Array, inclination: Array, azimuth: Array, surface: bool, surface_attitude: bool) -> Levers:
-    """Balanced-tangential levers.
+    """Balanced-tangential levers: SPE 67616, equations (8) to (13); ISCWSA error model, Rev 5, section 4.7.1.1.
 
-    Parameters
-    ----------
-    md, inclination, azimuth : (n,) m, rad
-    surface : bool
-        The depth of the first station has an error of its own.
-    surface_attitude : bool
-        The attitude at the first station is as uncertain as at the second: it takes all of the first course.
-
-    Notes
-    -----
-    SPE 67616, equations (8) to (13), and the ISCWSA's definition of the error model, Rev 5, section 4.7.1.1: the
-    Jacobian of balanced tangential courses, whose difference from minimum curvature doesn't matter to a covariance.
+    `surface`: the depth of the first station has an error of its own. `surface_attitude`: the attitude there is as
+    uncertain as at the second, which takes all of the first course. For a covariance the difference from minimum
+    curvature does not matter.
     """
     sine, cosine = np.sin(inclination), np.cos(inclination)
     north, east = np.cos(azimuth), np.sin(azimuth)
@@ -489,14 +382,7 @@ def levers(md: Array, inclination: Array, azimuth: Array, surface: bool, surface
     depth_both[:, 0] = 0.0  # the first station's depth error moves nothing that follows
     both = own + following
     both[0] = 0.0  # what is measured at the wellhead is not part of any course
-    return Levers(
-        (mean, own * by_inclination, own * by_azimuth),
-        (depth_both, both * by_inclination, both * by_azimuth),
-        (np.zeros_like(mean), length * by_inclination, length * by_azimuth),
-        own,
-        both,
-        length,
-    )
+    return Levers(mean, depth_both, by_inclination, by_azimuth, own, both, length)
 
 
 class Weights(NamedTuple):
@@ -608,7 +494,7 @@ class Evaluator:
             remedies = {"azm": "declination", "azmprev": "declination"}
             remedies |= {"gfield": "gravity or latitude", "bfield": "field strength"}
             wanted = ", ".join(sorted({remedies.get(name, name) for name in missing}))
-            raise InputError(
+            raise SiteError(
                 f"tool code {self.code.name}, term {term.name}: formula {formula.text!r} needs {', '.join(missing)}; "
                 f"give the site's {wanted}, or choose another tool code"
             )

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from inclinometry.arrays import Array, finite, frozen, within
 from inclinometry.constants import EARTH_RATE
 from inclinometry.earth.site import Site, convert_azimuth
-from inclinometry.errors import InputError
+from inclinometry.errors import InputError, SiteError
 from inclinometry.rotations import dcm, wrap_positive, wrap_signed
 from inclinometry.survey.path import minimum_curvature
 from inclinometry.tabular import Column, Tabular, in_degrees
@@ -112,30 +112,10 @@ def ellipsoid(covariance: ArrayLike, probability: float | None = None) -> Ellips
 
 
 def hole_covariance(covariance: ArrayLike, inclination: ArrayLike, azimuth: ArrayLike) -> Array:
-    """Covariance along the axes of the hole: high side, lateral (right of it), along hole.
+    """Covariance (..., 3, 3), m^2, from north, east, down to high side, lateral (right of it), along hole.
 
-    Parameters
-    ----------
-    covariance : (..., 3, 3) array_like
-        North, east, down, m^2.
-    inclination, azimuth : (...) array_like
-        rad, azimuth from the north of the covariance; at a vertical station it says where the high side is taken.
-
-    Returns
-    -------
-    (..., 3, 3) ndarray
-        m^2.
-
-    Notes
-    -----
-    High side (cos I cos A, cos I sin A, -sin I), lateral (-sin A, cos A, 0), along hole (sin I cos A, sin I sin A,
-    cos I): the rows of C_tn at toolface 0 of the package's conventions.
-
-    Examples
-    --------
-    >>> flat = hole_covariance(np.diag([1.0, 4.0, 9.0]), np.pi / 2, 0.0)
-    >>> np.sqrt(np.diagonal(flat)).round(9)
-    array([3., 2., 1.])
+    The axes are (cos I cos A, cos I sin A, -sin I), (-sin A, cos A, 0), (sin I cos A, sin I sin A, cos I): the rows of
+    C_tn at toolface 0. At a vertical station the azimuth decides where the high side is taken.
     """
     matrix = _covariance(covariance, (3,))
     turn = dcm(azimuth, inclination, 0.0)
@@ -319,7 +299,7 @@ def well_survey(
     kept = "grid" if reference == target == "grid" and site.convergence is None else "true"
     angle = angle if reference == kept else convert_azimuth(angle, reference, kept, site)
     if kept == "true" and target == "grid" and site.convergence is None:
-        raise InputError("the site has no convergence; positions from grid north need it: give the convergence")
+        raise SiteError("the site has no convergence; positions from grid north need it: give the convergence")
     depths = finite(md, "md", (None,))
     if tvd is None:
         first = float(depths[0]) if len(depths) else 0.0

@@ -9,8 +9,9 @@ import numpy as np
 from inclinometry.allan import ChannelNoise, Coefficient, NoiseRecord
 from inclinometry.constants import COVERAGE_FACTOR
 from inclinometry.files.allan_json import COEFFICIENTS, PlottedCurve, coefficients_of, units_of
-from inclinometry.report.figure import DASHES, INK, SERIES, new_figure, styled
-from inclinometry.report.page import CONVENTIONS, Section, Table, TableRow, picture, render
+from inclinometry.report.calibration import log_scale
+from inclinometry.report.figure import DASHES, INK, SERIES, legend_above, new_figure, styled
+from inclinometry.report.page import Section, Table, TableRow, picture, report
 from inclinometry.report.words import listed, significant, with_uncertainty
 
 if TYPE_CHECKING:
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 def allan_figure(channel: ChannelNoise) -> Figure:
     """Points with their band of expanded uncertainty, the fitted curve and its components."""
     units = units_of(channel)
-    curve, factor = channel.curve, units.deviation.factor
+    curve, factor = channel.curve, units[-1].factor
     points, u = factor * curve.deviation, factor * curve.u
     figure = new_figure(3.6)
     axes = figure.add_subplot()
@@ -40,49 +41,21 @@ def allan_figure(channel: ChannelNoise) -> Figure:
         axes.plot(t, total, color=INK, label="fitted")
         low = min(low, float(total.min()))
     for place, (name, part) in enumerate(channel.model.parts(t).items()):
-        title = units.coefficients[COEFFICIENTS.index(name)].title if name in COEFFICIENTS else name
+        title = units[COEFFICIENTS.index(name)].title if name in COEFFICIENTS else name
         axes.plot(t, factor * part, color=SERIES[place + 1], linestyle=DASHES[place % 3 + 1], label=title)
-    # logarithmic axes with plain numbers
     high = float((points * np.exp(COVERAGE_FACTOR * u / np.maximum(points, 1e-300))).max())
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
-
+    log_scale(axes, low, high)
     axes.set_xscale("log")
-    axes.set_yscale("log")
-    axes.set_ylim(low / 2.0, high * 1.3)
-    narrow = np.log10(high / low) < 1.5
-    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if narrow else (1.0,), numticks=12))
-    for axis in (axes.xaxis, axes.yaxis):
-        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-        axis.set_minor_formatter(NullFormatter())
+    axes.xaxis.set_major_formatter(axes.yaxis.get_major_formatter())
+    axes.xaxis.set_minor_formatter(axes.yaxis.get_minor_formatter())
     axes.set_xlabel("averaging time, s")
-    axes.set_ylabel(f"Allan deviation, {units.deviation.unit}")
-    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, borderaxespad=0.2, columnspacing=1.2)
+    axes.set_ylabel(f"Allan deviation, {units[-1].unit}")
+    legend_above(axes, 2)
     return figure
 
 
 def allan_report(record: NoiseRecord) -> str:
-    """The noise of an instrument as one self-contained HTML page: coefficients, curves, what was analysed.
-
-    Parameters
-    ----------
-    record : NoiseRecord
-        As `inclinometry.workflow.allan.noise_of_log` returns it.
-
-    Returns
-    -------
-    str
-        HTML without any reference outside itself. The same input gives the same text.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from inclinometry.allan import allan_deviation, fit_noise
-    >>> curve = allan_deviation(1e-6 * np.random.default_rng(1).standard_normal(2000), 0.1)
-    >>> channel = ChannelNoise("gyro_x", "gyro", "rad/s", curve, fit_noise(curve))
-    >>> page = allan_report(NoiseRecord([channel], 0.1, 2000, {}, []))
-    >>> "angle random walk" in page, page.count("<svg")
-    (True, 1)
-    """
+    """The noise of an instrument as one self-contained HTML page: coefficients, curves, what was analysed."""
     troubles = len(record.warnings)
     tables = []
     for kind in record.kinds:
@@ -90,16 +63,11 @@ def allan_report(record: NoiseRecord) -> str:
         for c in record.of(kind):
             found = (coefficient_text(*pair) for pair in coefficients_of(c))
             body.append(TableRow([c.name, *found, f"{c.model.chi_square:.1f}", str(c.model.dof)]))
-        head = ["channel", *(f"{s.title}, {s.unit}" for s in units.coefficients), "misfit", "degrees of freedom"]
+        head = ["channel", *(f"{s.title}, {s.unit}" for s in units[:3]), "misfit", "degrees of freedom"]
         caption = f"{kind.capitalize()}: coefficient ± standard uncertainty, or upper limit (95 %)"
         tables.append(Table(caption, head, body))
     what = f"Allan deviation with its band (k = {COVERAGE_FACTOR:g}), the fitted curve and its components"
     pictures = [picture(allan_figure(c), f"allan{n}", f"{c.name}: {what}") for n, c in enumerate(record.channels)]
-    facts = [
-        ("Samples", str(record.samples)),
-        ("Sampling interval", f"{record.dt:.6g} s"),
-        ("Length", f"{record.samples * record.dt:.6g} s"),
-    ]
     parts = []
     for triad in record.kinds:
         shown, _ = coefficients_of(record.of(triad)[0])[0]
@@ -109,26 +77,24 @@ def allan_report(record: NoiseRecord) -> str:
             span = low if low == high else f"{low} to {high}"
             parts.append(f"{triad} {span} {shown.unit} ({shown.title})")
     length = f"{record.samples} samples over {significant(record.samples * record.dt, 3)} s"
-    return render(
-        "report.html",
+    return report(
+        "Noise report",
+        "Noise at rest",
+        f"{length}: {listed(parts)}." if parts else f"{length}: no white noise is seen.",
+        [Section("Noise of each channel", tables=tables), Section("Allan deviation", pictures=pictures)],
+        [
+            ("Samples", str(record.samples)),
+            ("Sampling interval", f"{record.dt:.6g} s"),
+            ("Length", f"{record.samples * record.dt:.6g} s"),
+        ],
         about="What was analysed",
-        title="Noise at rest",
-        kind="Noise report",
-        heading="Noise at rest",
-        conventions=CONVENTIONS,
-        state="warn" if troubles else "good",
-        badge=f"{troubles} warning{'s' * (troubles > 1)}" if troubles else "No warnings",
-        verdict=f"{length}: {listed(parts)}." if parts else f"{length}: no white noise is seen.",
+        states=[(troubles, "warn", f"{troubles} warning{'s' * (troubles > 1)}"), (True, "good", "No warnings")],
         notes=[
             "Coefficients as in IEEE Std 952-1997: the Allan variance over a time t is N²/t + 0.441 B² + K² t/3. "
             "Where a record is too short to see one, its upper limit (95 %) stands instead."
         ],
-        warnings=list(record.warnings),
-        sections=[
-            Section("Noise of each channel", tables=tables),
-            Section("Allan deviation", pictures=pictures),
-        ],
-        facts=facts + [(f"Digest of {name}", digest) for name, digest in record.inputs.items()],
+        warnings=record.warnings,
+        inputs=record.inputs,
     )
 
 

@@ -15,7 +15,20 @@ from inclinometry.constants import DIALS
 from inclinometry.report import calibration_tables as tables
 from inclinometry.report import words
 from inclinometry.report.calibration_tables import sensor_names
-from inclinometry.report.figure import BAD, DASHES, INK, MARKERS, SERIES, new_figure, station_axis, styled
+from inclinometry.report.figure import (
+    BAD,
+    DASHES,
+    INK,
+    MARKERS,
+    SERIES,
+    legend_above,
+    look,
+    new_figure,
+    panel,
+    station_axis,
+    styled,
+)
+from inclinometry.report.language import said
 from inclinometry.report.page import CONVENTIONS, Picture, cut, picture, render
 from inclinometry.sensors import GRAVITY
 from inclinometry.tabular import check_record
@@ -38,31 +51,15 @@ def residual_figure(calibration: Calibration, kind: str) -> Figure:
     place = np.arange(stations)
     shift = 0.36 * (np.arange(sensors) - (sensors - 1) / 2.0) / max(sensors, 2)
     for sensor, name in enumerate(sensor_names(sensors)):
-        axes.plot(
-            place + shift[sensor],
-            values[:, sensor],
-            linestyle="none",
-            marker=MARKERS[sensor % len(MARKERS)],
-            color=SERIES[sensor % len(SERIES)],
-            markersize=4.5 if stations <= 60 else 2.5,
-            label=name,
-            rasterized=values.size > MANY,
-        )
+        points = look(sensor) | {"linestyle": "none", "markersize": 4.5 if stations <= 60 else 2.5}
+        axes.plot(place + shift[sensor], values[:, sensor], label=name, rasterized=values.size > MANY, **points)
     # limits at two and three standard deviations, named at the right edge
     for level, colour, dash in ((2.0, INK, "--"), (3.0, BAD, "-")):
         for sign in (1.0, -1.0):
             axes.axhline(sign * level, color=colour, linestyle=dash, linewidth=1.0)
         # right of the points, where nothing else is
-        axes.annotate(
-            f"{level:g}σ",
-            (1.0, level),
-            xycoords=("axes fraction", "data"),
-            xytext=(4, 0),
-            textcoords="offset points",
-            va="center",
-            color=colour,
-            annotation_clip=False,
-        )
+        beside: dict[str, Any] = {"xycoords": ("axes fraction", "data"), "textcoords": "offset points", "va": "center"}
+        axes.annotate(f"{level:g}σ", (1.0, level), (4, 0), color=colour, annotation_clip=False, **beside)
     reach = 1.12 * max(3.4, float(np.nanmax(np.abs(values), initial=0.0)))
     if reach > 6.0:  # logarithmic, so that one outlier does not flatten the rest
         reach *= 1.4  # room for the marker where the scale is dense
@@ -76,15 +73,13 @@ def residual_figure(calibration: Calibration, kind: str) -> Figure:
     axes.set_ylim(-reach, reach)
     axes.set_ylabel("residual / its σ")
     station_axis(axes, list(calibration.residuals.station))
-    _legend_above(axes, sensors)
+    legend_above(axes, min(sensors, 4))
     return figure
 
 
-@styled
-def rig_figure(calibration: Calibration, dial: int) -> Figure:
+@panel(2.5, y="error, deg")
+def rig_figure(axes: Axes, calibration: Calibration, dial: int) -> None:
     """Estimated error of one dial at each station, bars of one standard uncertainty, limits at 2 sigma of a setting."""
-    figure = new_figure(2.5)
-    axes = figure.add_subplot()
     if calibration.rig.errors is not None:
         value = np.degrees(calibration.rig.errors[:, dial])
         sd = calibration.rig.errors_sd
@@ -96,16 +91,12 @@ def rig_figure(calibration: Calibration, dial: int) -> Figure:
     limit = 2.0 * float(np.degrees(np.broadcast_to(calibration.rig.sd, (3,))[dial]))
     for level in (-limit, 0.0, limit):
         axes.axhline(level, color=INK, linestyle="-" if level == 0.0 else "--", linewidth=0.9)
-    axes.set_ylabel("error, deg")
     station_axis(axes, list(calibration.residuals.station))
-    return figure
 
 
-@styled
-def expected_figure(found: ExpectedUncertainty, name: str) -> Figure:
+@panel(3.2, "inclination, deg")
+def expected_figure(axes: Axes, found: ExpectedUncertainty, name: str) -> None:
     """Expected standard uncertainty of one angle over inclination, by component."""
-    figure = new_figure(3.2)
-    axes = figure.add_subplot()
     x, column = np.degrees(found.inclination), ALL_ANGLES.index(name)
     worst = np.degrees(found.of_one_reading[:, column])
     axes.plot(x, worst, color=INK, linewidth=2.0, label="worst attitude")
@@ -123,10 +114,8 @@ def expected_figure(found: ExpectedUncertainty, name: str) -> Figure:
         log_scale(axes, min(lowest), float(worst.max()))
     axes.set_xticks(range(0, 181, 30))
     axes.set_xlim(0, 180)
-    axes.set_xlabel("inclination, deg")
     axes.set_ylabel(f"u({name}), deg")
-    _legend_above(axes, 2)
-    return figure
+    legend_above(axes, 2)
 
 
 @styled
@@ -176,12 +165,6 @@ def log_scale(axes: Axes, low: float, high: float) -> None:
     axes.yaxis.set_minor_formatter(NullFormatter())
 
 
-def _legend_above(axes: Axes, columns: int) -> None:
-    axes.legend(
-        loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=min(columns, 4), borderaxespad=0.2, handletextpad=0.5
-    )
-
-
 def calibration_report(
     calibration: Calibration,
     *,
@@ -221,7 +204,7 @@ def calibration_report(
     (True, True)
     """
     check_record(calibration, Calibration, "calibration_report")
-    tool, name = calibration.tool, calibration.tool.name
+    tool, name = calibration.tool, words.tool_name(calibration)
     stated = None if readings is None else readings.reference.get("dip")
     grid = np.radians(np.arange(3.0, 178.0, 3.0))
     found = expected_uncertainty(calibration, grid, dip, stated_dip=stated)
@@ -230,8 +213,10 @@ def calibration_report(
     at_once = expected_uncertainty(calibration, np.radians(30.0), dip, stated_dip=stated)
     place, where = found.dip, _place(found)
     tests = words.calibration_tests(calibration)
-    failed = sum(test.passed is False for test in tests)
-    troubles = len(calibration.warnings)
+    failed, open_ = (sum(test.passed is found for test in tests) for found in (False, None))
+    told = [one for one in calibration.findings if one.severity != "note"]
+    noted = [one for one in calibration.findings if one.severity == "note"]
+    troubles = len(calibration.warnings) + len(told)
     rig_table = tables.rig_table(calibration, readings)
     second = None if readings is None else second_harmonics(readings)
     captions = {kind: f"Standardised residuals of the {kind}" for kind in calibration.residuals.standardised}
@@ -246,10 +231,12 @@ def calibration_report(
         if troubles
         else f"{failed} of {len(tests)} tests failed"
         if failed
+        else f"No warnings, {open_} of {len(tests)} tests not judged"
+        if open_
         else "No warnings, every test passed",
         verdict=words.verdict(calibration, at_once),
-        notes=[line for line in (where, words.covers(calibration)) if line],
-        warnings=list(calibration.warnings),
+        notes=[line for line in (where, words.covers(calibration), *said(noted)) if line],
+        warnings=[*said(told), *calibration.warnings],
         expected=tables.expected_tables(short),
         expected_figures=_expected_figures(found),
         budget=None if readings is None else tables.budget_table(calibration, readings, short),
@@ -274,8 +261,8 @@ def calibration_report(
 
 def _rolls(second: SecondHarmonics) -> list[str]:
     """What the second harmonics of the roll sets mean."""
-    if second.sentences:
-        return [sentence[0].upper() + sentence[1:] + "." for sentence in second.sentences]
+    if second.findings:
+        return said(second.findings)
     uneven, u = np.degrees(abs(second.unevenness)), np.degrees(second.u_unevenness)
     return [
         "No second harmonic is larger than chance may make it: neither is a sensor seen to be non-linear nor the roll "

@@ -21,12 +21,21 @@ from inclinometry.calibration.expected import (
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
 from inclinometry.calibration.rollset import SecondHarmonics
-from inclinometry.constants import COVERAGE_FACTOR, DEG_PER_HOUR, DIALS, STANDARD_GRAVITY
+from inclinometry.constants import ANGLES, COVERAGE_FACTOR, DEG_PER_HOUR, DIALS, STANDARD_GRAVITY
 from inclinometry.orientation import angles, fields, inclination_toolface
 from inclinometry.report.page import Table, TableRow
 from inclinometry.report.words import Test, plain, significant, strongest_correlations, with_uncertainty
 from inclinometry.rotations import wrap_signed
-from inclinometry.sensors import Tool, Triad, classical_view, parameter_names, parameter_vector, triad_from_vector
+from inclinometry.sensors import (
+    Tool,
+    Triad,
+    classical_view,
+    parameter_names,
+    parameter_vector,
+    relative_scales,
+    triad_from_vector,
+)
+from inclinometry.uncertainty import shares
 
 # Rows of tables, plain data for every face: label, value, standard uncertainty, unit.
 
@@ -72,8 +81,9 @@ def field_unit(triad: Triad) -> FieldUnit:
     """
     absolute = triad.field_strength is not None
     if triad.kind == "accelerometer":
-        gravity = STANDARD_GRAVITY if absolute else 1.0
-        return FieldUnit("mg", 1e3 / gravity, f"{triad.unit} per g", gravity)
+        if absolute:
+            return FieldUnit("mg", 1e3 / STANDARD_GRAVITY, f"{triad.unit} per g", STANDARD_GRAVITY)
+        return FieldUnit("% of gravity", 100.0, f"{triad.unit} per local gravity", 1.0)
     if triad.kind == "magnetometer":
         if absolute:
             return FieldUnit("nT", 1.0, f"{triad.unit} per µT", 1e3)
@@ -89,15 +99,7 @@ def signal_to_field(triad: Triad) -> Array:
 
 
 def parameter_rows(tool: Tool, kind: str) -> list[Row]:
-    """Every parameter of a triad in the order of `parameter_names`, in the tool's unit.
-
-    Examples
-    --------
-    >>> tool = Tool("1", {"gyro": Triad("gyro", np.eye(3), np.zeros(3), "V")}, 1e-4 * np.eye(12))
-    >>> row = parameter_rows(tool, "gyro")[0]
-    >>> row.label, row.text, row.unit
-    ('gyro.tensor[0,0]', '1.000 ± 0.010', 'V')
-    """
+    """Every parameter of a triad in the order of `parameter_names`, in the tool's unit."""
     triad = tool.triads[kind]
     variance = np.diagonal(tool.covariance)[tool.slices[kind]]
     spread = np.asarray(np.where(variance > 0.0, np.sqrt(np.abs(variance)), np.nan))
@@ -126,6 +128,20 @@ def classical_rows(tool: Tool, kind: str) -> list[Row]:
         labels += [f"{name} scale", f"{name} bias", f"{name} toward {first}", f"{name} toward {second}"]
         units += [unit.scale_name, unit.name, "deg", "deg"]
     return _derived(tool, kind, view, labels, units)
+
+
+def shape_rows(tool: Tool, kind: str) -> list[Row]:
+    """What two calibrations have to compare where the strength of a field is not known.
+
+    Each scale relative to the mean of the triad, and offsets in the unit of the signals.
+    """
+    triad = tool.triads[kind]
+    offsets = [row for row in parameter_rows(tool, kind)[: 4 * triad.count] if ".offset" in row.label]
+    rows = []
+    for name, scale, u, offset in zip(sensor_names(triad.count), *relative_scales(tool, kind), offsets, strict=True):
+        rows.append(Row(f"{name} scale to the mean", float(scale), float(u) if u > 0.0 else np.nan, "%"))
+        rows.append(offset._replace(label=f"{name} offset"))
+    return rows
 
 
 def orthogonality_rows(tool: Tool, kind: str) -> list[Row]:
@@ -290,16 +306,14 @@ def budget_table(calibration: Calibration, readings: BenchReadings, expected: Ex
     at_deg = np.degrees(expected.inclination)
     if found is None:
         return None
-    angles, shares, rows = found.quantities[:2], found.shares, []
-    for name, part in found.components.items():
+    share, rows = shares(found), []
+    for name, part in found.items():
         u = np.degrees(np.sqrt(np.diagonal(part, axis1=1, axis2=2)))
-        cells = [
-            f"{significant(float(u[i, a]))} ({shares[name][i, a]:.0%})" for a in (0, 1) for i in range(len(at_deg))
-        ]
+        cells = [f"{significant(float(u[i, a]))} ({share[name][i, a]:.0%})" for a in (0, 1) for i in range(len(at_deg))]
         rows.append(TableRow([name, *cells]))
-    total = np.degrees(found.standard_uncertainty)
+    total = np.degrees(np.sqrt(np.diagonal(sum(found.values()), axis1=1, axis2=2)))
     rows.append(TableRow(["all", *(significant(float(total[i, a])) for a in (0, 1) for i in range(len(at_deg)))]))
-    head = ["cause", *(f"{angle} at {at:g}°" for angle in angles for at in at_deg)]
+    head = ["cause", *(f"{angle} at {at:g}°" for angle in ANGLES[:2] for at in at_deg)]
     note = (
         "Root mean square over azimuth and toolface, so that the squares add up; the figures above are of the worst. "
         "A non-linearity that the rolls show stands here but not in the uncertainties the calibration states."

@@ -14,10 +14,11 @@ from inclinometry.calibration.expected import FROM_CALIBRATION
 from inclinometry.calibration.result import rounded
 from inclinometry.errors import InputError
 from inclinometry.report.calibration import log_scale
-from inclinometry.report.figure import DASHES, INK, MARKERS, SERIES, new_figure, styled
+from inclinometry.report.figure import INK, legend_above, look, new_figure, panel, styled
 from inclinometry.report.page import CONVENTIONS, Table, TableRow, picture, render
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 # The report of two calibrations of one tool: coefficients side by side, curves of the angles.
@@ -50,7 +51,7 @@ def two_report(found: TwoCalibrations) -> str:
         badge="Differ" if far else "Agree",
         verdict=f"{(differ if far else agree).capitalize()}.",
         notes=["The two are taken to be independent; each coefficient is at its calibration's reference temperature."],
-        warnings=[f"{n}: {w}" for n, c in zip(found.names, found.calibrations, strict=True) for w in c.warnings],
+        warnings=[f"{n}: {w}" for n, c in zip(found.names, found.calibrations, strict=True) for w in c.remarks],
         tables=tables,
         figures=[
             picture(
@@ -69,11 +70,9 @@ def two_report(found: TwoCalibrations) -> str:
     )
 
 
-@styled
-def _figure(found: TwoCalibrations, column: int) -> Figure:
+@panel(3.4, "inclination, deg", "deg")
+def _figure(axes: Axes, found: TwoCalibrations, column: int) -> None:
     """Expected uncertainty of both, their difference, and true errors where known, over inclination."""
-    figure = new_figure(3.4)
-    axes = figure.add_subplot()
     x = np.degrees(found.inclination)
     curves = [(f"u, {name}", u[:, column]) for name, u in zip(found.names, found.uncertainty, strict=True)]
     curves.append(("difference, rms", found.difference[:, column]))
@@ -84,14 +83,11 @@ def _figure(found: TwoCalibrations, column: int) -> Figure:
     for n, (name, values) in enumerate(curves):
         y = np.degrees(values)
         seen.append(y[np.isfinite(y) & (y > 0.0)])
-        axes.plot(x, y, color=SERIES[n], linestyle=DASHES[n % len(DASHES)], marker=MARKERS[n], label=name)
+        axes.plot(x, y, label=name, **look(n))
     positive = np.concatenate(seen)
     if len(positive):
         log_scale(axes, float(positive.min()), float(positive.max()))
-    axes.set_xlabel("inclination, deg")
-    axes.set_ylabel("deg")
-    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=1, borderaxespad=0.2)
-    return figure
+    legend_above(axes, 1)
 
 
 class MethodCurve(NamedTuple):
@@ -105,30 +101,7 @@ class MethodCurve(NamedTuple):
 
 @styled
 def comparison_figure(rows: Sequence[MethodCurve], *, title: str = "") -> Figure:
-    """Expected error of inclination and azimuth of several methods, side by side over inclination, logarithmic.
-
-    Parameters
-    ----------
-    rows : sequence of MethodCurve
-        The first is drawn strongest.
-    title : str
-
-    Returns
-    -------
-    Figure
-        For `figure.save_png`, `figure.save_svg` or, on a page, `figure.inline_svg`.
-
-    Raises
-    ------
-    InputError
-        No method, or lengths that do not go together.
-
-    Examples
-    --------
-    >>> curve = MethodCurve("joint", [0.5, 1.0], [1e-4, 1e-4], [1e-3, 8e-4])
-    >>> len(comparison_figure([curve]).axes)
-    2
-    """
+    """Expected error of inclination and azimuth over inclination, logarithmic; the first method is drawn strongest."""
     if not rows:
         raise InputError("no method to compare; give at least one")
     figure = new_figure(3.9, width=9.0)
@@ -142,17 +115,8 @@ def comparison_figure(rows: Sequence[MethodCurve], *, title: str = "") -> Figure
             if x.shape != y.shape:
                 raise InputError(f"{row.name}: {x.shape[0]} inclinations and {y.shape[0]} errors; give one for each")
             levels.append(y[y > 0.0])
-            (line,) = axes.plot(
-                x,
-                y,
-                color=SERIES[n % len(SERIES)],
-                linestyle=DASHES[n % len(DASHES)],
-                marker=MARKERS[n % len(MARKERS)],
-                markevery=(n % 3, 3) if len(x) > 12 else None,
-                linewidth=2.4 if n == 0 else 1.6,
-                label=row.name,
-            )
-            handles.append(line)
+            every, width = (n % 3, 3) if len(x) > 12 else None, 2.4 if n == 0 else 1.6
+            handles += axes.plot(x, y, markevery=every, linewidth=width, label=row.name, **look(n))
         positive = np.concatenate(levels)
         if len(positive):
             log_scale(axes, float(positive.min()), float(positive.max()))

@@ -8,13 +8,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from inclinometry.constants import COVERAGE_FACTOR
-from inclinometry.report.figure import BAD, DASHES, MARKERS, SERIES, new_figure, styled
-from inclinometry.report.page import Section, Table, TableRow, cut, picture, render
+from inclinometry.findings import Finding
+from inclinometry.report.figure import BAD, DASHES, MARKERS, SERIES, legend_above, panel
+from inclinometry.report.language import said
+from inclinometry.report.page import Section, Table, TableRow, cut, picture, report
 from inclinometry.report.words import rounded, significant
 from inclinometry.survey.displacement import AxisDisplacement, CheckSums, Displacement
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from matplotlib.axes import Axes
 
 SIGN = (
     "Axes: a displacement is positive towards the groove that a positive A0, or B0, leans to. u: standard "
@@ -26,57 +28,26 @@ def displacement_report(
     base: str,
     base_sums: Mapping[str, CheckSums | None],
     found: Mapping[str, Displacement],
-    notes: Sequence[str] = (),
-    warnings: Sequence[str] = (),
+    findings: Sequence[Finding] = (),
     inputs: Mapping[str, str] | None = None,
 ) -> str:
-    """Displacements of a casing as one self-contained HTML page.
-
-    Parameters
-    ----------
-    base : str
-        Name of the base reading.
-    base_sums : mapping
-        Axis -> check-sums of the base reading.
-    found : mapping
-        Name of a later reading -> Displacement; all of the same axes.
-    notes, warnings : sequence of str
-    inputs : mapping
-        Name of a file -> digest.
-
-    Returns
-    -------
-    str
-        HTML without any reference outside itself. The same input gives the same text.
-    """
+    """Displacements of a casing, by name of the later reading, as one self-contained HTML page."""
     last = list(found)[-1]
     axes = list(found[last].axes)
+    notes, warnings = (said(f for f in findings if (f.severity == "note") is note) for note in (True, False))
+    state = "warn" if warnings else "good"
     spikes = sum(int(one.spikes.sum()) for each in found.values() for one in each.axes.values())
-    return render(
-        "report.html",
-        about="What was read",
-        title="Displacement of a casing",
-        kind="Displacement report",
-        heading="Displacement of a casing",
-        conventions=SIGN,
-        state="warn" if warnings else "good",
-        badge=f"{spikes} spike{'s' * (spikes != 1)} in the check-sums"
-        if spikes
-        else "Read the warnings"
-        if warnings
-        else "Check-sums agree",
-        verdict=_sentence(last, found[last]),
-        notes=list(notes),
-        warnings=list(warnings),
-        sections=[
+    single = any(one.sums is None for each in found.values() for one in each.axes.values())
+    band = f"shaded: expanded uncertainty (k = {COVERAGE_FACTOR:g}) of {last}"
+    return report(
+        "Displacement report",
+        "Displacement of a casing",
+        _sentence(last, found[last]),
+        [
             Section(
                 "Displacement since the base reading",
                 pictures=[
-                    picture(
-                        profile_figure(found, axis),
-                        f"profile{axis}",
-                        f"Axis {axis.upper()}; shaded: expanded uncertainty (k = {COVERAGE_FACTOR:g}) of {last}",
-                    )
+                    picture(profile_figure(found, axis), f"profile{axis}", f"Axis {axis.upper()}; {band}")
                     for axis in axes
                 ],
             ),
@@ -95,18 +66,24 @@ def displacement_report(
             Section("Where the uncertainty comes from", tables=[_budget(found)]),
             Section(f"Profile of {last}", tables=[cut(_table(found[last]))]),
         ],
-        facts=[
+        [
             ("Base reading", base),
             ("Later readings", ", ".join(found)),
             ("Step", f"{found[last].step:g} m"),
             ("Fixed end", found[last].fixed),
-            *((f"Digest of {name}", digest) for name, digest in (inputs or {}).items()),
         ],
+        about="What was read",
+        conventions=SIGN,
+        states=[
+            (spikes, state, f"{spikes} spike{'s' * (spikes != 1)} in the check-sums"),
+            (bool(warnings), state, "Read the warnings"),
+            (single, state, "Single runs without check-sums"),
+            (True, state, "No spikes in the check-sums"),
+        ],
+        notes=notes,
+        warnings=warnings,
+        inputs=inputs,
     )
-
-
-def _free(found: Displacement) -> int:
-    return 0 if found.fixed == "bottom" else -1
 
 
 def _sentence(name: str, found: Displacement) -> str:
@@ -120,11 +97,9 @@ def _sentence(name: str, found: Displacement) -> str:
     return f"{name}: the largest displacements are {parts} (expanded, k = {COVERAGE_FACTOR:g}, about 95 %)."
 
 
-@styled
-def profile_figure(found: Mapping[str, Displacement], axis: str) -> Figure:
+@panel(5.6, y="depth, m")
+def profile_figure(axes: Axes, found: Mapping[str, Displacement], axis: str) -> None:
     """Displacement over depth, depth downwards, the last reading with its band of expanded uncertainty."""
-    figure = new_figure(5.6)
-    axes = figure.add_subplot()
     for n, (name, one) in enumerate(found.items()):
         moved = 1000.0 * one.axes[axis].displacement
         colour = SERIES[n % len(SERIES)]
@@ -139,18 +114,14 @@ def profile_figure(found: Mapping[str, Displacement], axis: str) -> Figure:
         axes.plot(moved, one.depth, color=colour, markersize=3.0, label=name, **look)
     axes.invert_yaxis()
     axes.set_xlabel(f"displacement {axis.upper()}, mm")
-    axes.set_ylabel("depth, m")
-    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, borderaxespad=0.2)
-    return figure
+    legend_above(axes, 2)
 
 
-@styled
+@panel(4.6, y="depth, m")
 def sums_figure(
-    base: str, base_sums: Mapping[str, CheckSums | None], found: Mapping[str, Displacement], axis: str
-) -> Figure:
+    axes: Axes, base: str, base_sums: Mapping[str, CheckSums | None], found: Mapping[str, Displacement], axis: str
+) -> None:
     """Check-sums over depth in mm a step, spikes marked."""
-    figure = new_figure(4.6)
-    axes = figure.add_subplot()
     first = next(iter(found.values()))
     for n, (name, sums) in enumerate(
         [(base, base_sums[axis]), *((m, one.axes[axis].sums) for m, one in found.items())]
@@ -164,20 +135,16 @@ def sums_figure(
             axes.plot(values, one.depth[:-1][moved.spikes], linestyle="none", marker="X", color=BAD, markersize=6.5)
     axes.invert_yaxis()
     axes.set_xlabel(f"check-sum {axis.upper()}, mm")
-    axes.set_ylabel("depth, m")
-    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, borderaxespad=0.2)
-    return figure
+    legend_above(axes, 2)
 
 
 def _budget(found: Mapping[str, Displacement]) -> Table:
     body = []
     for name, each in found.items():
         for axis, one in each.axes.items():
-            parts = {**one.components, "together": one.u}
-            body += [
-                TableRow([f"{name}, {axis.upper()}, {what}", significant(1000.0 * float(part[_free(each)]))])
-                for what, part in parts.items()
-            ]
+            for what, part in {**one.components, "together": one.u}.items():
+                u = significant(1000.0 * float(part[0 if each.fixed == "bottom" else -1]))
+                body.append(TableRow([f"{name}, {axis.upper()}, {what}", u]))
     return Table("Standard uncertainty at the end that is free to move", ["reading, axis, source", "u, mm"], body)
 
 

@@ -11,22 +11,12 @@ from inclinometry.arrays import Array, Mask
 from inclinometry.constants import ANGLES, COVERAGE_FACTOR, RPM, STANDARD_GRAVITY
 from inclinometry.earth.site import REFERENCES
 from inclinometry.errors import InputError
+from inclinometry.motion import result
 from inclinometry.motion.average import average_windows
-from inclinometry.motion.result import (
-    BITS,
-    CHANNELS,
-    FLAGS,
-    METHODS,
-    AttitudeRows,
-    DynamicRun,
-    Envelope,
-    Excerpt,
-    Spectrogram,
-    Vibration,
-)
 from inclinometry.report.calibration import log_scale
-from inclinometry.report.figure import BAD, DASHES, INK, SERIES, new_figure, styled
-from inclinometry.report.page import CONVENTIONS, MOST_ROWS, Picture, Section, Table, TableRow, picture, render
+from inclinometry.report.figure import BAD, DASHES, INK, SERIES, legend_above, new_figure, panel, styled
+from inclinometry.report.language import said
+from inclinometry.report.page import CONVENTIONS, MOST_ROWS, Picture, Section, Table, TableRow, picture, report
 from inclinometry.report.survey_figures import compass_dots, course, thinned, unbroken
 from inclinometry.report.words import listed, plain, rounded, significant, worst_and_median
 from inclinometry.rotations import wrap_signed
@@ -48,15 +38,7 @@ class Found(NamedTuple):
 
 
 def errors_of(found: Found, truth: Found) -> tuple[Array, Array]:
-    """Inclination and azimuth found less the truth at the same times (n,), rad.
-
-    Examples
-    --------
-    >>> truth = Found(np.array([0.0, 2.0]), np.array([0.5, 0.7]), np.array([6.2, 6.4]))
-    >>> off = errors_of(Found(np.array([1.0]), np.array([0.61]), np.array([0.02])), truth)
-    >>> [round(float(one[0]), 6) for one in off]
-    [0.01, 0.003185]
-    """
+    """Inclination and azimuth found less the truth at the same times (n,), rad."""
     inclination = np.interp(found.time, truth.time, truth.inclination)
     azimuth = np.interp(found.time, truth.time, np.unwrap(truth.azimuth))
     return found.inclination - inclination, wrap_signed(found.azimuth - azimuth)
@@ -76,20 +58,9 @@ def rms_of(error: Array) -> float:
 
 @styled
 def methods_figure(truth: Found, rpm: Array, found: Mapping[str, Found]) -> Figure:
-    """Three ways of finding the attitude against the truth: speed, angles on clipped axes, errors on logarithmic ones.
+    """Methods against the truth: speed (rpm), angles on clipped axes, logarithmic errors; rms errors in the legend.
 
-    Parameters
-    ----------
-    truth : Found
-    rpm : (n,) ndarray
-        True speed at the truth's times, turns a minute.
-    found : mapping of name to Found
-        First what is drawn as dots, then curves; the last with bars of expanded uncertainty.
-
-    Returns
-    -------
-    Figure
-        Root mean square errors stand in the legend.
+    The first of `found` is drawn as dots, then curves; the last has bars of expanded uncertainty.
     """
     from matplotlib.lines import Line2D
 
@@ -115,14 +86,8 @@ def methods_figure(truth: Found, rpm: Array, found: Mapping[str, Found]) -> Figu
             path = np.interp(method.time, truth.time, true) + error
             upper.plot(method.time, path, zorder=2.0 + layer, **look)
             if method.u is not None:
-                upper.errorbar(
-                    method.time,
-                    path,
-                    COVERAGE_FACTOR * np.degrees(method.u[column]),
-                    linestyle="none",
-                    color=look["color"],
-                    capsize=2.0,
-                )
+                bars = COVERAGE_FACTOR * np.degrees(method.u[column])
+                upper.errorbar(method.time, path, bars, linestyle="none", color=look["color"], capsize=2.0)
             lower.plot(method.time, np.abs(error), **look)
             seen = np.abs(error)[np.isfinite(error) & (error != 0.0)]
             low.append(float(np.quantile(seen, 0.02)) if len(seen) else 1.0)
@@ -189,13 +154,8 @@ def _shade(axes: Axes, time: Array, refused: Mask, unit: float) -> None:
         )  # fmt: skip
 
 
-def _above(axes: Axes, columns: int) -> None:
-    if axes.get_legend_handles_labels()[1]:
-        axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=columns, borderaxespad=0.2, columnspacing=1.2)
-
-
 @styled
-def attitude_figure(found: AttitudeRows, name: str) -> Figure:
+def attitude_figure(found: result.AttitudeRows, name: str) -> Figure:
     """One angle over time with its band of expanded uncertainty, refused stretches shaded; below, U."""
     figure = new_figure(4.2)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
@@ -218,7 +178,7 @@ def attitude_figure(found: AttitudeRows, name: str) -> Figure:
     for axes in (upper, lower):
         _shade(axes, found.time, found.refused, unit)
     upper.set_ylabel(f"{name}, deg")
-    _above(upper, 2)
+    legend_above(upper, 2)
     seen = u[np.isfinite(u) & (u > 0.0)]
     if len(seen):
         lower.plot(time, COVERAGE_FACTOR * u, color=INK, marker="o" if len(rows) <= 80 else None, markersize=2.5)
@@ -230,7 +190,7 @@ def attitude_figure(found: AttitudeRows, name: str) -> Figure:
 
 
 @styled
-def speed_figure(found: AttitudeRows, vibration: Vibration) -> Figure:
+def speed_figure(found: result.AttitudeRows, vibration: result.Vibration) -> Figure:
     """Turns a minute over time with its fastest and slowest tenth of a second, and the stick-slip index."""
     figure = new_figure(4.2)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
@@ -248,12 +208,12 @@ def speed_figure(found: AttitudeRows, vibration: Vibration) -> Figure:
     upper.set_ylabel("speed, rpm")
     lower.set_ylabel("stick-slip index")
     lower.set_xlabel(f"time, {sign}")
-    _above(upper, 3)
+    legend_above(upper, 3)
     return figure
 
 
 @styled
-def vibration_figure(found: AttitudeRows, vibration: Vibration) -> Figure:
+def vibration_figure(found: result.AttitudeRows, vibration: result.Vibration) -> Figure:
     """Vibration over time by direction, g rms, and the peaks below."""
     figure = new_figure(4.2)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
@@ -268,7 +228,7 @@ def vibration_figure(found: AttitudeRows, vibration: Vibration) -> Figure:
     upper.set_ylabel("vibration, g rms")
     lower.set_ylabel("peak, g")
     lower.set_xlabel(f"time, {sign}")
-    _above(upper, 3)
+    legend_above(upper, 3)
     return figure
 
 
@@ -278,7 +238,7 @@ def _line(axes: Axes, time: Array, value: Array, colour: str, label: str = "", d
 
 
 @styled
-def spectrogram_figure(found: Spectrogram) -> Figure:
+def spectrogram_figure(found: result.Spectrogram) -> Figure:
     """Where in frequency and time the tool shakes, m/s^2 per root hertz on a logarithmic colour scale."""
     from matplotlib.colors import LogNorm
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
@@ -312,11 +272,9 @@ def spectrogram_figure(found: Spectrogram) -> Figure:
     return figure
 
 
-@styled
-def envelope_figure(channels: Sequence[Envelope], label: str) -> Figure:
+@panel(3.0)
+def envelope_figure(axes: Axes, channels: Sequence[result.Envelope], label: str) -> None:
     """Channels of one triad over the whole run: mean, and lowest to highest value as a band."""
-    figure = new_figure(3.0)
-    axes = figure.add_subplot()
     unit, sign = clock(channels[0].time)
     for place, one in enumerate(channels):
         look: dict[str, Any] = {"color": SERIES[place], "alpha": 0.18, "linewidth": 0.0}
@@ -324,23 +282,18 @@ def envelope_figure(channels: Sequence[Envelope], label: str) -> Figure:
         _line(axes, one.time / unit, one.mean, SERIES[place], one.name, place)
     axes.set_ylabel(f"{label}, {_printed(channels[0].unit)}")
     axes.set_xlabel(f"time, {sign}")
-    _above(axes, 3)
-    return figure
+    legend_above(axes, 3)
 
 
-@styled
-def excerpt_figure(found: Excerpt, names: Sequence[str], label: str) -> Figure:
+@panel(3.0, "time, s")
+def excerpt_figure(axes: Axes, found: result.Excerpt, names: Sequence[str], label: str) -> None:
     """Samples of one triad as they came."""
-    figure = new_figure(3.0)
-    axes = figure.add_subplot()
     for place, name in enumerate(names):
         axes.plot(
             found.time, found.channels[name], color=SERIES[place], linestyle=DASHES[place], label=name, linewidth=1.0
         )
     axes.set_ylabel(f"{label}, {_printed(found.units[names[0]])}")
-    axes.set_xlabel("time, s")
-    _above(axes, 3)
-    return figure
+    legend_above(axes, 3)
 
 
 def _printed(unit: str) -> str:
@@ -353,7 +306,6 @@ METHOD_WORDS: Final = {
     "magnetic": "turned back by the magnetic phase, weighted least squares with the lever arm",
     "mean": "turned back by the magnetic phase, plain mean",
     "gyro": "carried on by the gyros, gravity and Earth rate",
-    "complementary": "carried on by the gyros, gravity and field through low-passes in the almost-inertial frame",
     "filter": "15-state filter with gravity and field",
     "robust": "robust adaptive filter over windows",
     "smoother": "filter run forward and backward",
@@ -387,44 +339,25 @@ CHANNEL_WORDS: Final = {"accel": "apparent gravity", "mag": "magnetic field", "g
 """What each triad of `CHANNELS` reads."""
 
 
-def dynamic_report(run: DynamicRun) -> str:
-    """Attitude of a moving tool as one self-contained HTML page.
-
-    Parameters
-    ----------
-    run : DynamicRun
-
-    Returns
-    -------
-    str
-        HTML without any reference outside itself: angles with bands, speed, stick-slip index, vibration, spectrogram,
-        what was refused and why, methods. The same input gives the same text.
-
-    Raises
-    ------
-    InputError
-        A run without rows.
-    """
+def dynamic_report(run: result.DynamicRun) -> str:
+    """Attitude of a moving tool as one self-contained HTML page."""
     if not len(run.rows):
         raise InputError("the run has no window to report; give a longer run or shorter windows")
     rows = run.rows
     refused, size = int(rows.refused.sum()), len(rows)
     flagged = int((rows.flags != 0).sum())
-    if refused == size:
-        state, badge = "bad", "No window could be trusted"
-    elif refused:
-        state, badge = "warn", f"{refused} of {_windows(size)} refused"
-    elif flagged:
-        state, badge = "warn", f"{flagged} of {_windows(size)} flagged"
-    else:
-        state, badge = "good", "Nothing refused or flagged"
+    calibrated = "the calibration's own, " if run.tool else ""
+    missing = "" if run.tool else ", errors of sensors that were not calibrated"
+    shaded = "; shaded: refused" if refused else ""
     pictures, body = [], []
     for name in ANGLES:
         expanded = COVERAGE_FACTOR * np.degrees(getattr(rows, f"u_{name}"))
         good = np.flatnonzero(np.isfinite(expanded))
         if not len(good):
             continue
-        pictures.append(picture(attitude_figure(rows, name), name, _angle_caption(rows, name)))
+        reference = f" from {norths(rows)}" if name == "azimuth" else ""
+        caption = f"{name.capitalize()}{reference} over time with its band of U, and U alone{shaded}"
+        pictures.append(picture(attitude_figure(rows, name), name, caption))
         at = int(good[np.argmax(expanded[good])])
         cells = [significant(float(v)) for v in (expanded[good].min(), np.median(expanded[good]), expanded[at])]
         body.append(TableRow([name, *cells, plain(rows.time[at], 2)]))
@@ -443,33 +376,31 @@ def dynamic_report(run: DynamicRun) -> str:
         f"{CONVENTIONS} Speed: about the tool axis, positive clockwise looking down hole. Stick-slip index: (fastest - "
         "slowest) / (2 mean) speed, averaged over 0.1 s; 1 where the string stops once a cycle. g: standard gravity."
     )
-    return render(
-        "report.html",
+    return report(
+        "Dynamic attitude report",
+        f"Attitude of {run.tool or 'a moving tool'}",
+        _sentence(run),
+        sections,
+        _facts(run),
         about="What was reduced",
-        title=f"Attitude of {run.tool or 'a moving tool'}",
-        kind="Dynamic attitude report",
         heading=f"Attitude of {run.tool} in motion" if run.tool else "Attitude in motion",
         conventions=conventions,
-        state=state,
-        badge=badge,
-        verdict=_sentence(run),
-        notes=[_covers(run)],
-        warnings=[],
-        sections=[section for section in sections if section is not None],
-        facts=_facts(run),
+        states=[
+            (refused == size, "bad", "No window could be trusted"),
+            (refused, "warn", f"{refused} of {_windows(size)} refused"),
+            (flagged, "warn", f"{flagged} of {_windows(size)} flagged"),
+            (True, "good", "Nothing refused or flagged"),
+        ],
+        notes=[
+            f"Azimuth counts from {norths(rows)}. Included in the uncertainty: {calibrated}noise, vibration and what "
+            f"the method leaves undetermined. Not included: misalignment of the tool in the hole, sag{missing}."
+        ],
+        inputs=run.inputs,
     )
 
 
-def norths(rows: AttitudeRows) -> str:
-    """What azimuth is counted from, for a sentence; a run whose methods differ names both.
-
-    Examples
-    --------
-    >>> from inclinometry.motion.result import AttitudeRows
-    >>> zero, north = np.zeros(2), np.array([0, 1])
-    >>> norths(AttitudeRows(*[zero] * 9, *[zero.astype(int)] * 2, north, np.zeros((2, 4)), zero, zero))
-    'magnetic and true north'
-    """
+def norths(rows: result.AttitudeRows) -> str:
+    """What azimuth counts from, for a sentence; a run whose methods differ names both."""
     return f"{listed([REFERENCES[place] for place in np.unique(rows.north[~rows.refused])]) or 'no'} north"
 
 
@@ -477,7 +408,7 @@ def _windows(count: int) -> str:
     return f"{count} window{'s' * (count != 1)}"
 
 
-def _sentence(run: DynamicRun) -> str:
+def _sentence(run: result.DynamicRun) -> str:
     rows = run.rows
     seconds = run.counts.stop - run.counts.start
     unit, sign = clock(np.array([0.0, seconds]))
@@ -494,29 +425,7 @@ def _sentence(run: DynamicRun) -> str:
     return f"{span}{left}: {listed(parts)} at {most} (expanded, k = {COVERAGE_FACTOR:g}, about 95 %)."
 
 
-def _typical(rows: AttitudeRows, name: str, which: Mask) -> str:
-    """Median expanded uncertainty of an angle, deg, over the rows that know it; "" where none does."""
-    u = getattr(rows, f"u_{name}")[which]
-    known = u[np.isfinite(u)]
-    return significant(COVERAGE_FACTOR * float(np.degrees(np.median(known)))) if len(known) else ""
-
-
-def _covers(run: DynamicRun) -> str:
-    calibrated = "the calibration's own, " if run.tool else ""
-    missing = "" if run.tool else ", errors of sensors that were not calibrated"
-    return (
-        f"Azimuth counts from {norths(run.rows)}. Included in the uncertainty: {calibrated}noise, vibration and what "
-        f"the method leaves undetermined. Not included: misalignment of the tool in the hole, sag{missing}."
-    )
-
-
-def _angle_caption(rows: AttitudeRows, name: str) -> str:
-    reference = f" from {norths(rows)}" if name == "azimuth" else ""
-    shaded = "; shaded: refused" if rows.refused.any() else ""
-    return f"{name.capitalize()}{reference} over time with its band of U, and U alone{shaded}"
-
-
-def _means(rows: AttitudeRows) -> Section | None:
+def _means(rows: result.AttitudeRows) -> Section | None:
     """The windows averaged while the hole keeps its direction."""
     found = average_windows(rows)
     longest = np.argsort(-found.windows, kind="stable")[:MOST_ROWS]
@@ -545,7 +454,7 @@ def _means(rows: AttitudeRows) -> Section | None:
     return Section("Means of windows", [line], [Table(caption, head, body)])
 
 
-def _motion(run: DynamicRun) -> Section:
+def _motion(run: result.DynamicRun) -> Section:
     vibration, pictures = run.vibration, []
     if np.isfinite(vibration.mean).any():
         caption = "Speed of rotation over time, and how unevenly the string turned"
@@ -587,15 +496,15 @@ def _motion(run: DynamicRun) -> Section:
     return Section("How it turned and shook", lines, [], pictures)
 
 
-def _refused(rows: AttitudeRows) -> Section | None:
+def _refused(rows: result.AttitudeRows) -> Section | None:
     """Every flag that occurs: what it means, how often, how often refused, what to do."""
     refused, body = rows.refused, []
-    for name, bit in BITS.items():
+    for name, bit in result.BITS.items():
         which = np.flatnonzero((rows.flags & np.uint32(bit)) != 0)
         if not len(which):
             continue
         lost = int(refused[which].sum())
-        cells = [name, FLAGS[name], REMEDIES[name], str(len(which)), str(lost), plain(rows.time[which[0]], 2)]
+        cells = [name, result.FLAGS[name], REMEDIES[name], str(len(which)), str(lost), plain(rows.time[which[0]], 2)]
         body.append(TableRow(cells, "bad" if lost else "warn"))
     if not body:
         return None
@@ -608,24 +517,31 @@ def _refused(rows: AttitudeRows) -> Section | None:
     return Section("What was refused, and why", [told if count else calm], [table])
 
 
-def _methods(run: DynamicRun) -> Section:
-    """Which methods were taken, how often, how good; and why, in the methods' own sentences."""
+def _methods(run: result.DynamicRun) -> Section:
+    """Which methods were taken, how often, how good; and what was found."""
     rows, body = run.rows, []
     for place in np.unique(rows.method):
         which = rows.method == place
-        name, good = METHODS[place], which & ~rows.refused
+        name, good = result.METHODS[place], which & ~rows.refused
         cells = [name, METHOD_WORDS[name], str(int(which.sum())), str(int((which & rows.refused).sum()))]
-        cells += [_typical(rows, angle, good) or "none" for angle in ANGLES[:2]]
+        for angle in ANGLES[:2]:
+            u = np.degrees(getattr(rows, f"u_{angle}")[good])
+            known = u[np.isfinite(u)]
+            cells.append(significant(COVERAGE_FACTOR * float(np.median(known))) if len(known) else "none")
         body.append(TableRow(cells))
     head = ["method", "how", "windows", "refused", "median U of inclination, deg", "median U of azimuth, deg"]
     asked = f"Asked for: {run.method}."
-    return Section("Methods, and why", [asked, *run.notes], [Table("Methods taken", head, body, text_columns=2)])
+    return Section(
+        "Methods, and why",
+        [asked, *run.notes, *said(run.findings)],
+        [Table("Methods taken", head, body, text_columns=2)],
+    )
 
 
-def _recorded(run: DynamicRun) -> Section | None:
+def _recorded(run: result.DynamicRun) -> Section | None:
     """The channels over the whole run, and samples as they came."""
     pictures: list[Picture] = []
-    for triad in CHANNELS:
+    for triad in result.CHANNELS:
         whole = [one for one in run.envelopes if one.name.startswith(f"{triad}_")]
         if whole:
             caption = f"{CHANNEL_WORDS[triad].capitalize()} over the run: mean, and lowest to highest value"
@@ -640,7 +556,7 @@ def _recorded(run: DynamicRun) -> Section | None:
     return Section("What was recorded", pictures=pictures) if pictures else None
 
 
-def _table(run: DynamicRun) -> Section:
+def _table(run: result.DynamicRun) -> Section:
     rows, body = run.rows, []
     values = [(np.degrees(getattr(rows, name)), np.degrees(getattr(rows, f"u_{name}"))) for name in ANGLES]
     for n in range(min(len(rows), MOST_ROWS)):
@@ -653,7 +569,7 @@ def _table(run: DynamicRun) -> Section:
                 else [rounded(float(value[n]), float(u[n])), significant(COVERAGE_FACTOR * float(u[n]))]
             )
         speed = RPM * float(rows.rate[n])
-        cells += [plain(speed, 1) if np.isfinite(speed) else "", METHODS[rows.method[n]]]
+        cells += [plain(speed, 1) if np.isfinite(speed) else "", result.METHODS[rows.method[n]]]
         cells += [f"{rows.quality[n]:.2f}", ", ".join(rows.names(n))]
         body.append(TableRow(cells, "bad" if rows.refused[n] else "warn" if rows.flags[n] else ""))
     head = ["time, s"]
@@ -666,9 +582,9 @@ def _table(run: DynamicRun) -> Section:
     return Section("Windows", tables=[Table(caption, [*head, "rpm", "method", "quality", "flags"], body, note)])
 
 
-def _facts(run: DynamicRun) -> list[tuple[str, str]]:
+def _facts(run: result.DynamicRun) -> list[tuple[str, str]]:
     counts = run.counts
-    facts = [
+    return [
         ("Tool", run.tool or "not named"),
         ("Samples", f"{counts.samples}, {counts.missing} of them missing or clipped"),
         ("Sampling interval", f"{counts.interval:.6g} s"),
@@ -677,4 +593,3 @@ def _facts(run: DynamicRun) -> list[tuple[str, str]]:
         ("Window", f"{run.window:g} s"),
         ("North reference", run.north),
     ]
-    return facts + [(f"Digest of {name}", digest) for name, digest in run.inputs.items()]

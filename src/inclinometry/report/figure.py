@@ -7,7 +7,6 @@ also differ in marker or dash.
 
 from __future__ import annotations
 
-import csv
 import io
 import re
 import threading
@@ -17,13 +16,8 @@ from contextlib import contextmanager
 from functools import wraps
 from pathlib import Path
 from textwrap import wrap
-from typing import TYPE_CHECKING, Any, NamedTuple, ParamSpec, TypeVar
-from urllib.parse import quote
-from weakref import WeakKeyDictionary
+from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
 
-import numpy as np
-
-from inclinometry.arrays import Array
 from inclinometry.files.writing import write_bytes
 from inclinometry.report.language import translated
 
@@ -97,10 +91,6 @@ def styled(draw: Callable[_P, _R]) -> Callable[_P, _R]:
     return inside
 
 
-PIXELS = 13.0 / 10.5
-"""Pixels of a page for a point of a figure: every figure is shown at its own size, its text 13 pixels high."""
-
-
 def new_figure(height: float, *, width: float = 4.12) -> Figure:
     """An empty figure, in; the object-oriented interface needs no pyplot and leaves nothing open.
 
@@ -111,17 +101,44 @@ def new_figure(height: float, *, width: float = 4.12) -> Figure:
     return Figure(figsize=(width, height))
 
 
-_STATIONS: WeakKeyDictionary[Axes, list[str]] = WeakKeyDictionary()
-"""Names of the stations that an x axis counts."""
+def panel(
+    height: float, x: str = "", y: str = "", *, width: float = 4.12
+) -> Callable[[Callable[Concatenate[Axes, _P], None]], Callable[_P, Figure]]:
+    """Make of a function that draws on axes one that returns their figure, in the style, with these labels."""
+
+    def made(draw: Callable[Concatenate[Axes, _P], None]) -> Callable[_P, Figure]:
+        @wraps(draw)
+        def inside(*args: _P.args, **kwargs: _P.kwargs) -> Figure:
+            with style():
+                figure = new_figure(height, width=width)
+                axes = figure.add_subplot()
+                axes.set_xlabel(x)
+                axes.set_ylabel(y)
+                draw(axes, *args, **kwargs)
+                return figure
+
+        return inside
+
+    return made
 
 
-_CELLS: WeakKeyDictionary[Axes, tuple[str, Array]] = WeakKeyDictionary()
-"""What a matrix that is drawn cell by cell holds, and its values."""
+def look(n: int) -> dict[str, Any]:
+    """Colour, dash and marker of the n-th curve of a panel."""
+    return {
+        "color": SERIES[n % len(SERIES)],
+        "linestyle": DASHES[n % len(DASHES)],
+        "marker": MARKERS[n % len(MARKERS)],
+    }
 
 
-def matrix_axes(axes: Axes, names: list[str], matrix: Array, meaning: str) -> None:
-    """Name rows and columns of a square matrix drawn from the top left; its values go into the CSV, under `meaning`."""
-    _STATIONS[axes], _CELLS[axes] = names, (meaning, matrix)
+def legend_above(axes: Axes, columns: int) -> None:
+    """The legend over the axes, from their left edge; none where nothing has a name."""
+    if axes.get_legend_handles_labels()[1]:
+        axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=columns, borderaxespad=0.2, columnspacing=1.2)
+
+
+def matrix_axes(axes: Axes, names: list[str]) -> None:
+    """Name rows and columns of a square matrix drawn from the top left."""
     axes.set_xlim(-0.5, len(names) - 0.5)
     axes.set_ylim(len(names) - 0.5, -0.5)
     axes.set_aspect("equal")
@@ -131,7 +148,6 @@ def matrix_axes(axes: Axes, names: list[str], matrix: Array, meaning: str) -> No
 
 def station_axis(axes: Axes, names: list[str], most: int = 12) -> None:
     """Label the x axis with station names, at most so many, long ones cut."""
-    _STATIONS[axes] = names
     step = -(-len(names) // most)
     places = list(range(0, len(names), step))
     labels = [names[i] if len(names[i]) <= 9 else names[i][:8] + "…" for i in places]
@@ -141,28 +157,8 @@ def station_axis(axes: Axes, names: list[str], most: int = 12) -> None:
     axes.set_xlabel("station")
 
 
-class Drawn(NamedTuple):
-    """A figure for a page: its SVG, its width in pixels, the points drawn as CSV and where each stands in the SVG."""
-
-    svg: Markup
-    width: int
-    csv: str
-    places: str
-
-
-def inline_svg(figure: Figure, name: str, description: str) -> Drawn:
-    """A figure for a page: no prologue, unique ids, colours of the page, a description for those who do not see it.
-
-    Its texts are put into the language that is spoken.
-
-    Parameters
-    ----------
-    figure : Figure
-    name : str
-        Prefix of every id; unique on the page, letters and digits.
-    description : str
-        Plain text.
-    """
+def inline_svg(figure: Figure, name: str, description: str) -> tuple[Markup, int]:
+    """A figure for a page and its width in pixels: ids with prefix `name`, in the colours and language of the page."""
     from markupsafe import Markup, escape
 
     def tag(found: re.Match[str]) -> str:
@@ -178,8 +174,8 @@ def inline_svg(figure: Figure, name: str, description: str) -> Drawn:
     body = re.sub(r'^<svg ([^>]*?)width="[^"]*"', r"<svg \1", body)
     body = re.sub(r'^<svg ([^>]*?)height="[^"]*"', r"<svg \1", body)
     svg = Markup(body.replace("<svg ", f'<svg role="img" aria-label="{escape(description)}" ', 1))
-    table, places = _data(figure)
-    return Drawn(svg, round(72.0 * PIXELS * figure.get_figwidth()), table, places)
+    # 13 / 10.5 pixels for a point: every figure is shown at its own size, its text 13 pixels high
+    return svg, round(72.0 * 13.0 / 10.5 * figure.get_figwidth())
 
 
 def _translate(figure: Figure) -> None:
@@ -255,109 +251,6 @@ def _fit(figure: Figure) -> None:
         if not any("collapsed" in str(one.message) for one in said):
             break
         figure.set_figheight(1.12 * figure.get_figheight())
-
-
-class _Series(NamedTuple):
-    """Points of one line, bar or map of a figure; `extra` the bar of each point, or the value a map shows there."""
-
-    name: str
-    axes: Axes
-    x: Array
-    y: Array
-    extra: Array | None
-
-
-def _series(figure: Figure) -> Iterator[_Series]:
-    """What a figure draws from data; lines that only mark a level or a limit span the axes and are left out."""
-    from matplotlib.collections import PathCollection, QuadMesh
-    from matplotlib.container import BarContainer, ErrorbarContainer
-
-    for axes in (one for one in figure.axes if one.get_label() != "<colorbar>"):
-        bars: dict[int, tuple[str, Array | None]] = {}
-        for held in axes.containers:
-            if isinstance(held, ErrorbarContainer) and held[0] is not None:
-                half = None
-                if held[2]:
-                    ends = np.array([part for part in held[2][-1].get_segments() if len(part) == 2])
-                    half = 0.5 * np.abs(ends[:, 1] - ends[:, 0]).max(axis=1) if len(ends) else None
-                bars[id(held[0])] = str(held.get_label() or ""), half
-            elif isinstance(held, BarContainer):
-                boxes = [(box.get_width(), box.get_y() + 0.5 * box.get_height()) for box in held]
-                yield _Series(
-                    str(held.get_label() or ""),
-                    axes,
-                    np.array([x for x, _ in boxes]),
-                    np.array([y for _, y in boxes]),
-                    None,
-                )
-        for line in axes.get_lines():
-            x, y = (np.asarray(values, dtype=float) for values in line.get_data())
-            if line.get_transform() == axes.transData and len(x) == len(y):
-                name, half = bars.get(id(line), (str(line.get_label()), None))
-                yield _Series(name, axes, x, y, half if half is not None and len(half) == len(x) else None)
-        if axes in _CELLS:
-            _, matrix = _CELLS[axes]
-            row, column = (np.asarray(place, dtype=np.float64).ravel() for place in np.indices(matrix.shape))
-            yield _Series("", axes, column, row, matrix.ravel())
-        for found in axes.collections:
-            values = found.get_array()
-            if isinstance(found, PathCollection):
-                places = np.asarray(found.get_offsets())
-                yield _Series("", axes, places[:, 0], places[:, 1], None if values is None else np.asarray(values))
-            elif isinstance(found, QuadMesh) and values is not None:
-                corners = np.asarray(found.get_coordinates())
-                middle = 0.25 * (corners[1:, 1:] + corners[1:, :-1] + corners[:-1, 1:] + corners[:-1, :-1])
-                shown = np.ma.filled(values, np.nan).ravel()
-                yield _Series("", axes, middle[..., 0].ravel(), middle[..., 1].ravel(), shown)
-
-
-MOST_POINTS = 4000
-"""Points of a figure that show their value under the pointer."""
-
-
-def _data(figure: Figure) -> tuple[str, str]:
-    """The points of a figure as CSV, and the place of each in the SVG, in tenths of its unit, in the same order."""
-    every = [one for one in _series(figure) if np.isfinite(one.x * one.y).any()]
-    if not every:
-        return "", ""
-    titles = {
-        id(one.axes): tuple(" ".join(t.split()) for t in (one.axes.get_xlabel(), one.axes.get_ylabel()))
-        for one in every
-    }
-    across = next((x for x, _ in titles.values() if x), "x")
-    up = next(iter(titles.values()))[1] if len({y for _, y in titles.values()}) == 1 else ""
-    stream, places = io.StringIO(), []
-    table = csv.writer(stream, lineterminator="\n")
-    extra = any(one.extra is not None for one in every)
-    scales = (bar.get_ylabel() or bar.get_xlabel() for bar in figure.axes if bar.get_label() == "<colorbar>")
-    cells = (translated(_CELLS[one][0]) for one in figure.axes if one in _CELLS)
-    meaning = next(scales, next(cells, "±"))
-    table.writerow([translated("series"), across, up or translated("value"), *([meaning] if extra else [])])
-    tall = figure.get_figheight() * 72.0
-    for one in every:
-        label = "" if one.name.startswith("_") else one.name
-        title = titles[id(one.axes)][1]
-        name = label if up else ": ".join(text for text in (title, label) if text)
-        stations = _STATIONS.get(one.axes)
-        rows = [text.get_text() for text in one.axes.get_yticklabels()] if _named_rows(one) else None
-        good = np.isfinite(one.x) & np.isfinite(one.y)
-        at = np.asarray(one.axes.transData.transform(np.column_stack([one.x, one.y]))) * 72.0 / figure.dpi
-        for k in np.flatnonzero(good).tolist():
-            x, y = f"{one.x[k]:.7g}", f"{one.y[k]:.7g}"
-            if stations is not None and 0 <= round(one.x[k]) < len(stations):
-                x = stations[round(one.x[k])]
-            if rows is not None and 0 <= round(one.y[k]) < len(rows):
-                y = rows[round(one.y[k])]
-            held = [] if not extra else [""] if one.extra is None else [f"{one.extra[k]:.4g}"]
-            table.writerow([name, x, y, *held])
-            places.append(f"{round(10 * at[k, 0])},{round(10 * (tall - at[k, 1]))}")
-    link = "data:text/csv;charset=utf-8," + quote(stream.getvalue(), safe=",.:;/()+-_°", errors="replace")
-    return link, " ".join(places) if len(places) <= MOST_POINTS else ""
-
-
-def _named_rows(one: _Series) -> bool:
-    """Whether the y axis names rows instead of measuring."""
-    return any(text.get_text()[:1].isalpha() for text in one.axes.get_yticklabels())
 
 
 def save_svg(figure: Figure, path: str | Path) -> None:

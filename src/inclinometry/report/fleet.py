@@ -13,23 +13,19 @@ from inclinometry.calibration.drift import MULTIPLIERS, SHOWN, SIXTY, azimuth_sd
 from inclinometry.calibration.drift_alarm import amount, odds_of
 from inclinometry.calibration.drift_status import RIG_LEVEL, FleetStatus, ToolStatus
 from inclinometry.constants import COVERAGE_FACTOR, FIELD_UNITS, VECTORS
-from inclinometry.report.figure import BAD, DASHES, INK, MARKERS, SERIES, new_figure, styled
-from inclinometry.report.page import CONVENTIONS, Section, Table, TableRow, cut, picture, render
+from inclinometry.report.figure import BAD, DASHES, INK, MARKERS, SERIES, legend_above, new_figure, panel, styled
+from inclinometry.report.page import Section, Table, TableRow, cut, picture, report
 from inclinometry.report.words import significant
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 SOON: Final = 90
 """Days within which a tool counts as due soon."""
-_DRAWN: Final = 3
-"""Tools whose parameters are drawn: those with alarms, then those due first."""
-_CURVES: Final = 6
-"""Tools whose azimuth is drawn over time: those due first."""
-_AXES: Final = "xyz"
 # title, unit, factor from the relative parameter, rows of the 24 parameters by axis
 PANELS: Final = (
-    ("accelerometer offset", "mg", 1e3, (3, 7, 11)),
+    ("accelerometer offset", "1e-3 of gravity", 1e3, (3, 7, 11)),
     ("magnetometer offset", "1e-3 of the field", 1e3, (15, 19, 23)),
     ("accelerometer scale", "%", 1e2, (0, 5, 10)),
     ("magnetometer scale", "%", 1e2, (12, 17, 22)),
@@ -58,7 +54,7 @@ def parameter_figure(tool: ToolStatus, kind: str) -> Figure:
             band = factor * spread[:, row]
             found = factor * (tool.history.values[:, row] - means[0, row])
             place.fill_between(years, value - band, value + band, color=SERIES[k], alpha=0.16, linewidth=0.0)
-            place.plot(years, value, color=SERIES[k], linestyle=DASHES[k], label=_AXES[k])
+            place.plot(years, value, color=SERIES[k], linestyle=DASHES[k], label="xyz"[k])
             place.plot(dots, found[certified], color=SERIES[k], marker=MARKERS[k], linestyle="none", markersize=3.5)
         place.axhline(0.0, color=INK, linewidth=0.6)
         for year in raised:
@@ -71,11 +67,9 @@ def parameter_figure(tool: ToolStatus, kind: str) -> Figure:
     return figure
 
 
-@styled
-def azimuth_figure(tools: Sequence[ToolStatus], status: FleetStatus) -> Figure:
+@panel(3.4, "years since the last calibration", "standard uncertainty of azimuth, deg")
+def azimuth_figure(axes: Axes, tools: Sequence[ToolStatus], status: FleetStatus) -> None:
     """Azimuth uncertainty of some tools from their last calibration on, as required, against the limit."""
-    figure = new_figure(3.4)
-    axes = figure.add_subplot()
     weight = status.requirement.weight
     longest = max([t.due.years for t in tools] + [0.5]) * 1.25
     years = np.linspace(0.0, longest, 60)
@@ -90,17 +84,12 @@ def azimuth_figure(tools: Sequence[ToolStatus], status: FleetStatus) -> Figure:
             axes.plot([tool.due.years], [at], marker=MARKERS[k % len(MARKERS)], color=SERIES[k % len(SERIES)])
     axes.axhline(np.degrees(status.requirement.limit), color=BAD, linewidth=1.2)
     axes.set_ylim(bottom=0.0)
-    axes.set_xlabel("years since the last calibration")
-    axes.set_ylabel("standard uncertainty of azimuth, deg")
-    axes.legend(ncols=2, loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2)
-    return figure
+    legend_above(axes, 2)
 
 
-@styled
-def drift_figure(status: FleetStatus) -> Figure:
+@panel(3.0, "years", "drift of azimuth, deg")
+def drift_figure(axes: Axes, status: FleetStatus) -> None:
     """Azimuth drift of the type over the years, with the band from slow to fast tools."""
-    figure = new_figure(3.0)
-    axes = figure.add_subplot()
     years = np.linspace(0.0, 3.0, 60)
     weights = azimuth_weight(np.array(SHOWN), status.requirement.dip)
     for k, (weight, inclination) in enumerate(zip(weights, SHOWN, strict=True)):
@@ -111,10 +100,7 @@ def drift_figure(status: FleetStatus) -> Figure:
         axes.plot(
             years, u, color=SERIES[k], linestyle=DASHES[k], label=f"inclination {np.degrees(inclination):.0f} deg"
         )
-    axes.set_xlabel("years")
-    axes.set_ylabel("drift of azimuth, deg")
-    axes.legend(ncols=2, loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2)
-    return figure
+    legend_above(axes, 2)
 
 
 def fleet_report(status: FleetStatus) -> str:
@@ -145,86 +131,79 @@ def fleet_report(status: FleetStatus) -> str:
     overdue = [t for t in tools if t.due.date <= status.day]
     soon = [t for t in tools if status.day < t.due.date <= status.day + datetime.timedelta(days=SOON)]
     off = [rig.rig for rig in status.rigs if rig.p_value < RIG_LEVEL]
-    drawn = (alarmed + [t for t in tools if t not in alarmed])[:_DRAWN]
     required = status.requirement
     at = ", ".join(f"{np.degrees(i):g}" for i in required.inclinations)
     requirement = (
         f"azimuth within {np.degrees(required.limit):g} deg, rms over azimuth and toolface, at inclination {at} deg "
         f"until the due date, with a probability of {100 * required.reliability:g} %"
     )
-    beyond = f"{100 * (1.0 - required.reliability):.2g} %"
     said = [f"{len(overdue)} overdue", f"{len(soon)} due within {SOON} days", f"{len(alarmed)} with an alarm"]
     said += [f"rigs off: {', '.join(off)}"] if off else []
-    return render(
-        "report.html",
-        about="What was looked at",
-        title=f"Fleet of type {model.type}",
-        kind="Fleet report",
-        heading=f"Fleet of type {model.type}",
-        conventions=CONVENTIONS,
-        state="bad" if alarmed or off else "warn" if overdue else "good",
-        badge="ALARM" if alarmed or off else "DUE" if overdue else "IN ORDER",
-        verdict=f"{len(tools)} tools on {status.day}: {'; '.join(said)}.",
-        notes=[f"Required: {requirement}."],
-        warnings=[],
-        sections=[
-            Section(
-                "Due dates",
-                [
-                    "A tool is due when its azimuth, by its own drift, may be out of the limit with a probability of "
-                    f"{beyond}, and after five years at the latest."
-                ],
-                tables=[cut(_due_table(status))],
-                pictures=[
-                    picture(
-                        azimuth_figure(tools[:_CURVES], status),
-                        "azimuth",
-                        "Azimuth of the tools due first, where it is required; red: limit of the error; marker: due, "
-                        f"when the error is beyond it with a probability of {beyond}",
-                    )
-                ],
-            ),
+    return report(
+        "Fleet report",
+        f"Fleet of type {model.type}",
+        f"{len(tools)} tools on {status.day}: {'; '.join(said)}.",
+        [
+            _due(status),
             Section("Alarms", _alarm_sentences(alarmed), tables=[cut(_alarm_table(alarmed))] if alarmed else []),
             Section("Rigs", _rig_sentences(status, off), tables=[_rig_table(status)] if status.rigs else []),
-            Section(
-                "Drift of the type",
-                [
-                    f"From {model.tools} tools and {model.calibrations} calibrations, {model.first} to {model.last}.",
-                    *([f"Left out, because they jumped: {', '.join(model.left_out)}."] if model.left_out else []),
-                    "A tool's own drift variance differs from the type's by a factor of "
-                    f"{significant(float(np.exp(model.multiplier_sd)))} either way (one standard deviation).",
-                ],
-                tables=[_type_table(status), _azimuth_table(status)],
-                pictures=[
-                    picture(
-                        drift_figure(status),
-                        "drift",
-                        "Drift of azimuth (k = 1); band: slow to fast tools at inclination 60 deg",
-                    )
-                ],
-            ),
-            Section(
-                "Parameters of single tools",
-                [
-                    "Tools with an alarm, then those due first: change since the first calibration.",
-                    f"Points: calibrations; lines: what is known after each; bands: U, k = {COVERAGE_FACTOR:g}; "
-                    "vertical red line: alarm.",
-                ],
-                pictures=[
-                    picture(parameter_figure(t, kind), f"tool{k}{kind}", f"{t.history.serial}: {kind}s")
-                    for kind in VECTORS
-                    for k, t in enumerate(drawn)
-                ],
-            ),
+            _type(status),
+            # tools with alarms, then those due first
+            _parameters((alarmed + [t for t in tools if t not in alarmed])[:3]),
         ],
-        facts=[
+        [
             ("Type", model.type),
             ("Tools", str(len(tools))),
             ("Day", status.day.isoformat()),
             ("Required", requirement),
             ("Digest of the histories", model.digest),
         ],
+        about="What was looked at",
+        states=[(alarmed or off, "bad", "ALARM"), (overdue, "warn", "DUE"), (True, "good", "IN ORDER")],
+        notes=[f"Required: {requirement}."],
     )
+
+
+def _due(status: FleetStatus) -> Section:
+    beyond = f"{100 * (1.0 - status.requirement.reliability):.2g} %"
+    caption = (
+        "Azimuth of the tools due first, where it is required; red: limit of the error; marker: due, when the error is "
+        f"beyond it with a probability of {beyond}"
+    )
+    rule = (
+        "A tool is due when its azimuth, by its own drift, may be out of the limit with a probability of "
+        f"{beyond}, and after five years at the latest."
+    )
+    figure = azimuth_figure(list(status.tools)[:6], status)
+    return Section("Due dates", [rule], [cut(_due_table(status))], [picture(figure, "azimuth", caption)])
+
+
+def _type(status: FleetStatus) -> Section:
+    model = status.model
+    factor = significant(float(np.exp(model.multiplier_sd)))
+    sentences = [
+        f"From {model.tools} tools and {model.calibrations} calibrations, {model.first} to {model.last}.",
+        *([f"Left out, because they jumped: {', '.join(model.left_out)}."] if model.left_out else []),
+        f"A tool's own drift variance differs from the type's by a factor of {factor} either way (one standard "
+        "deviation).",
+    ]
+    caption = "Drift of azimuth (k = 1); band: slow to fast tools at inclination 60 deg"
+    pictures = [picture(drift_figure(status), "drift", caption)]
+    return Section("Drift of the type", sentences, [_type_table(status), _azimuth_table(status)], pictures)
+
+
+def _parameters(tools: Sequence[ToolStatus]) -> Section:
+    sentences = [
+        "Tools with an alarm, then those due first: change since the first calibration.",
+        f"Points: calibrations; lines: what is known after each; bands: U, k = {COVERAGE_FACTOR:g}; "
+        "vertical red line: alarm.",
+    ]
+    pictures = [
+        picture(parameter_figure(t, kind), f"tool{k}{kind}", f"{t.history.serial}: {kind}s")
+        for kind in VECTORS
+        for k, t in enumerate(tools)
+    ]
+    return Section("Parameters of single tools", sentences, pictures=pictures)
 
 
 def _due_table(status: FleetStatus) -> Table:

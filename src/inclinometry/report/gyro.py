@@ -13,11 +13,13 @@ from inclinometry.arrays import Array, Index, Mask, finite
 from inclinometry.constants import ANGLES, COVERAGE_FACTOR, DEG_PER_HOUR
 from inclinometry.earth.site import Site
 from inclinometry.errors import InputError
+from inclinometry.findings import Finding
 from inclinometry.gyro.result import FLAGS, North
 from inclinometry.gyro.tracking import SPAN, ScaleTrack
 from inclinometry.report.calibration import MANY
-from inclinometry.report.figure import BAD, DASHES, INK, MARKERS, SERIES, new_figure, styled
-from inclinometry.report.page import CONVENTIONS, Picture, Section, Table, TableRow, cut, picture, render
+from inclinometry.report.figure import BAD, DASHES, INK, MARKERS, SERIES, legend_above, new_figure, panel, styled
+from inclinometry.report.language import said
+from inclinometry.report.page import CONVENTIONS, Picture, Section, Table, TableRow, cut, picture, report
 from inclinometry.report.survey import flag_table, summary_table
 from inclinometry.report.survey_figures import angle_figure
 from inclinometry.report.words import listed, plain, rounded, significant, with_uncertainty, worst_and_median
@@ -31,9 +33,6 @@ if TYPE_CHECKING:
 
 SINGULAR = 0.1
 """|K| below which noise of the rates reaches the scale factor of the closed form more than tenfold."""
-LEAST_INCLINATION = 5e-4
-"""Expanded uncertainty of inclination, deg, that no accelerometer of a tool reaches: below it their errors were not
-stated."""
 
 
 def method_label(method: str) -> str:
@@ -48,17 +47,11 @@ def method_label(method: str) -> str:
 
 
 def scale_course(track: ScaleTrack) -> tuple[Array, Array, Array]:
-    """Temperatures, scale and its standard uncertainty (m,) of the curve that was learnt.
-
-    The belief after the run; where the scale wanders from temperature to temperature, what the run says at each station
-    without its own rates, because the belief then holds at the end of the run only.
-    """
-    if track.belief.walk > 0.0 or not len(track):
-        place = scale_place(track)
-        order = np.argsort(place, kind="stable")
-        return place[order], track.expected[order], track.expected_sd[order]
-    heat = np.linspace(float(track.temperature.min()), float(track.temperature.max()), 121)
-    return heat, *track.belief.predict(heat)
+    """Temperatures, or numbers of the stations, scale and its standard uncertainty (n,) without each station's own
+    rates, in order."""
+    place = scale_place(track)
+    order = np.argsort(place, kind="stable")
+    return place[order], track.expected[order], track.expected_sd[order]
 
 
 def scale_place(track: ScaleTrack) -> Array:
@@ -66,38 +59,22 @@ def scale_place(track: ScaleTrack) -> Array:
     return track.temperature if track.thermometer else np.arange(1.0, len(track) + 1.0)
 
 
-@styled
-def scale_figure(track: ScaleTrack) -> Figure:
+@panel(3.6)
+def scale_figure(axes: Axes, track: ScaleTrack) -> None:
     """Each station's scale with bars of expanded uncertainty, and the curve that was learnt with its band."""
-    figure = new_figure(3.6)
-    axes = figure.add_subplot()
     _scale_panel(axes, track)
     used, size = track.learnt, 4.5 if len(track) <= 80 else 2.5
-    for rows, colour, marker, label in (
-        (used, SERIES[1], "o", "station"),
-        (~used, BAD, "X", "nothing learnt"),
+    for rows, colour, marker, width, label in (
+        (used, SERIES[1], "o", size, "station"),
+        (~used, BAD, "X", 6.5, "nothing learnt"),
     ):
         if rows.any():
-            look: dict[str, Any] = {
-                "linestyle": "none",
-                "elinewidth": 1.0,
-                "markersize": size if marker == "o" else 6.5,
-            }
-            bars, value = COVERAGE_FACTOR * 100.0 * track.scale_sd[rows], _per_cent(track.scale[rows])
-            few = int(rows.sum()) <= MANY
-            axes.errorbar(
-                scale_place(track)[rows],
-                value,
-                bars,
-                marker=marker,
-                color=colour,
-                label=label,
-                rasterized=not few,
-                **look,
-            )
+            look: dict[str, Any] = {"linestyle": "none", "elinewidth": 1.0, "markersize": width, "marker": marker}
+            look |= {"color": colour, "label": label, "rasterized": int(rows.sum()) > MANY}
+            bars = COVERAGE_FACTOR * 100.0 * track.scale_sd[rows]
+            axes.errorbar(scale_place(track)[rows], _per_cent(track.scale[rows]), bars, **look)
     axes.set_xlabel("temperature, °C" if track.thermometer else "station")
-    _above(axes, 2)
-    return figure
+    legend_above(axes, 2)
 
 
 def _per_cent(scale: Array) -> Array:
@@ -119,34 +96,16 @@ def _scale_panel(axes: Axes, track: ScaleTrack, label: str = "learnt", colour: s
     axes.set_ylabel("scale factor − 1, %")
 
 
-def _above(axes: Axes, columns: int) -> None:
-    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=columns, borderaxespad=0.2, columnspacing=1.2)
-
-
-@styled
-def difference_figure(north: North, others: Mapping[str, North], place: Array, label: str) -> Figure:
-    """Azimuth by other methods less the one reported, with its band of U; failures stand on the lower edge.
-
-    Parameters
-    ----------
-    north : North
-        What is reported.
-    others : mapping of name to North
-        The same stations by other methods.
-    place : (n,) array
-        Abscissa, and `label` its name with the unit.
-    """
-    figure = new_figure(3.6)
-    axes = figure.add_subplot()
+@panel(3.6, y="azimuth difference, deg")
+def difference_figure(axes: Axes, north: North, others: Mapping[str, North], place: Array, label: str) -> None:
+    """Azimuth by other methods less the one reported, with its band of U; failures stand on the lower edge."""
     band = COVERAGE_FACTOR * np.degrees(north.u("azimuth"))
     differences = {
         method_label(name): np.degrees(wrap_signed(other.azimuth - north.azimuth)) for name, other in others.items()
     }
     _differences(axes, place, differences, band, f"U of the azimuth reported ({method_label(north.method)})")
-    axes.set_ylabel("azimuth difference, deg")
     axes.set_xlabel(label)
-    _above(axes, 1)
-    return figure
+    legend_above(axes, 1)
 
 
 def _differences(axes: Axes, place: Array, values: Mapping[str, Array], band: Array, band_label: str) -> None:
@@ -181,11 +140,9 @@ def _differences(axes: Axes, place: Array, values: Mapping[str, Array], band: Ar
     axes.set_ylim(-1.12 * reach, 1.12 * reach)
 
 
-@styled
-def condition_figure(k: Array, place: Array, label: str, lost: Mask) -> Figure:
+@panel(3.0, y="K")
+def condition_figure(axes: Axes, k: Array, place: Array, label: str, lost: Mask) -> None:
     """K over the stations with the band in which the scale factor cannot be seen; `lost` are closed-form failures."""
-    figure = new_figure(3.0)
-    axes = figure.add_subplot()
     order = np.argsort(place, kind="stable")
     axes.axhspan(-SINGULAR, SINGULAR, color=BAD, alpha=0.15, linewidth=0.0, label="scale not seen")
     axes.axhline(0.0, color=INK, linewidth=0.8)
@@ -194,10 +151,8 @@ def condition_figure(k: Array, place: Array, label: str, lost: Mask) -> Figure:
         look: dict[str, Any] = {"linestyle": "none", "marker": "x", "markersize": 6.5, "markeredgewidth": 1.8}
         axes.plot(place[lost], k[lost], color=BAD, label="closed form failed", **look)
     axes.set_ylim(min(-0.2, 1.08 * float(np.nanmin(k, initial=0.0))), max(0.3, 1.08 * float(np.nanmax(k, initial=0.0))))
-    axes.set_ylabel("K")
     axes.set_xlabel(label)
-    _above(axes, 2)
-    return figure
+    legend_above(axes, 2)
 
 
 @styled
@@ -209,39 +164,9 @@ def hot_run_figure(
     scale_true: Array,
     track: ScaleTrack,
 ) -> Figure:
-    """A run into a hot hole against its truth: azimuth error of several methods, scale factor, inclination.
+    """A run into a hot hole against its truth: azimuth error (rad) of several methods, scale factor, inclination.
 
-    Parameters
-    ----------
-    temperature, inclination : (n,) array
-        degC, rad.
-    errors : mapping of name to (n,) array
-        Azimuth found less true azimuth, rad; NaN where the method fails.
-    u : mapping of name to (n,) array
-        Standard uncertainty of azimuth, rad, of methods in `errors`; the band is the last one's.
-    scale_true : (n,) array
-        True rate over reading.
-    track : ScaleTrack
-
-    Returns
-    -------
-    Figure
-        Root mean square errors, over the stations where the method gives an azimuth, stand in the legend.
-
-    Raises
-    ------
-    InputError
-        No method, no uncertainty, or lengths that do not go together.
-
-    Examples
-    --------
-    >>> from inclinometry.gyro.tracking import quadratic_belief, track_scale
-    >>> heat = np.array([20.0, 80.0, 140.0])
-    >>> track = track_scale([[0.7, 0.0]] * 3, [1e-8 * np.eye(2)] * 3, 0.1, 0.8, heat, quadratic_belief())
-    >>> error = np.array([0.001, np.nan, 0.002])
-    >>> u = np.full(3, 0.001)
-    >>> len(hot_run_figure(heat, 0.1 + 0.0 * heat, {"joint": error}, {"joint": u}, track.scale, track).axes)
-    3
+    NaN where a method fails; rms errors in the legend are of the other stations. The band is that of the last of `u`.
     """
     size = len(temperature)
     if not errors or not u:
@@ -286,34 +211,7 @@ GYRO_CONVENTIONS = (
 
 
 def scale_report(track: ScaleTrack, *, md: ArrayLike | None = None, tool: str = "", notes: Sequence[str] = ()) -> str:
-    """A scale factor followed over temperature as one self-contained HTML page.
-
-    Parameters
-    ----------
-    track : ScaleTrack
-    md : (n,) array_like, optional
-        Measured depth of its stations, m; they are numbered where it is absent.
-    tool : str
-    notes : sequence of str
-        Further warnings.
-
-    Returns
-    -------
-    str
-        HTML without any reference outside itself. The same input gives the same text.
-
-    Raises
-    ------
-    InputError
-        Depths that are not one a station.
-
-    Examples
-    --------
-    >>> from inclinometry.gyro.tracking import quadratic_belief, track_scale
-    >>> track = track_scale([[0.7, 0.0]] * 3, [1e-8 * np.eye(2)] * 3, 0.1, 0.8, [20, 80, 140], quadratic_belief())
-    >>> "per 100 °C" in scale_report(track, tool="G1")
-    True
-    """
+    """A scale factor followed over temperature as one self-contained HTML page; without `md` stations are numbered."""
     depth = None if md is None else finite(md, "md", (None,))
     if depth is not None and len(depth) != len(track):
         raise InputError(f"md has {len(depth)} depths, the track {len(track)} stations; give one depth a station")
@@ -321,53 +219,41 @@ def scale_report(track: ScaleTrack, *, md: ArrayLike | None = None, tool: str = 
     learnt = learnt_sentences(track)
     belief = track.belief
     sd = np.sqrt(np.maximum(np.diagonal(belief.covariance), 0.0))
-    names = [
-        f"scale factor at {belief.reference_temperature:g} °C",
-        f"slope, per {SPAN:g} °C",
-        f"bend, per ({SPAN:g} °C)²",
-    ]
+    at = f"scale factor at {belief.reference_temperature:g} °C"
+    names = [at, f"slope, per {SPAN:g} °C", f"bend, per ({SPAN:g} °C)²"]
     body = [
         TableRow([name, with_uncertainty(float(value), float(u))])
         for name, value, u in zip(names, belief.coefficients, sd, strict=False)
     ]
-    if belief.walk > 0.0:
-        value, variance, _ = belief.stands
-        body.append(TableRow(["wandered off by the end of the run", with_uncertainty(value, float(np.sqrt(variance)))]))
-        body.append(TableRow(["sd of the wandering over 1 °C", significant(belief.walk)]))
-    if belief.jitter > 0.0:
-        body.append(TableRow(["sd of what is each station’s own", significant(belief.jitter)]))
     span = belief.temperature_range or (float(track.temperature.min()), float(track.temperature.max()))
     sentences = [
         f"The next run can start from these coefficients with their covariance. They were learnt from {span[0]:.0f} to "
         f"{span[1]:.0f} °C; beyond that they are extrapolated."
     ]
-    if belief.walk > 0.0:
-        sentences.append("The scale wanders, so the offer holds at the temperature at which the run ended.")
-    return render(
-        "report.html",
+    coefficients = Table("Coefficients ± standard uncertainty", ["coefficient", "value"], body)
+    return report(
+        "Scale factor report",
+        f"Scale factor of {tool or 'a gyro'}",
+        learnt[0],
+        [
+            Section("Scale factor over temperature", pictures=[scale_picture(track)]),
+            Section("What was learnt", tables=[coefficients]),
+            Section("What this run offers to the next one", sentences, [_forecast(track)]),
+            Section("Stations", tables=[cut(_scale_stations(track, depth))]),
+        ],
+        [("Tool", tool or "not named"), ("Stations", str(len(track)))],
         about="What was reduced",
-        title=f"Scale factor of {tool or 'a gyro'}",
-        kind="Scale factor report",
         heading=f"Scale factor of {tool} over temperature" if tool else "Scale factor over temperature",
         conventions=GYRO_CONVENTIONS,
-        state="warn" if left or notes else "good",
-        badge=f"Nothing learnt from {left} of {len(track)} stations"
-        if left
-        else "Read the warnings"
-        if notes
-        else "Learnt",
-        verdict=learnt[0],
-        notes=["The uncertainty supposes that the scale factor follows the temperature as the model below says."],
-        warnings=[*learnt[1:], *notes],
-        sections=[
-            Section("Scale factor over temperature", [], [], [scale_picture(track)]),
-            Section(
-                "What was learnt", [], [Table("Coefficients ± standard uncertainty", ["coefficient", "value"], body)]
-            ),
-            Section("What this run offers to the next one", sentences, [_forecast(track)]),
-            Section("Stations", [], [cut(_scale_stations(track, depth))]),
+        states=[
+            (left, "warn", f"Nothing learnt from {left} of {len(track)} stations"),
+            (notes, "warn", "Read the warnings"),
+            (True, "good", "Learnt"),
         ],
-        facts=[("Tool", tool or "not named"), ("Stations", str(len(track)))],
+        notes=[
+            "The uncertainty supposes that the scale factor follows the polynomial and walks from station to station."
+        ],
+        warnings=[*learnt[1:], *notes],
     )
 
 
@@ -395,8 +281,6 @@ def _forecast(track: ScaleTrack) -> Table:
     """The belief at a few temperatures, as the next run would start from it."""
     low, high = float(track.temperature.min()), float(track.temperature.max())
     heat = np.linspace(low, high, 5) if high > low else np.array([low])
-    if track.belief.walk > 0.0:
-        heat = track.temperature[-1:]
     scale, sd = track.belief.predict(heat)
     body = [
         TableRow([f"{t:.1f}", rounded(float(value), float(u)), significant(COVERAGE_FACTOR * float(u))])
@@ -414,15 +298,8 @@ def _scale_stations(track: ScaleTrack, depth: Array | None) -> Table:
             cells += [rounded(float(value), float(u)), significant(COVERAGE_FACTOR * float(u))]
         used = bool(track.learnt[n])
         body.append(TableRow([*cells, "yes" if used else "no"], "" if used else "warn"))
-    head = [
-        "station" if depth is None else "md, m",
-        "T, °C",
-        "without its own rates",
-        "U",
-        "with them",
-        "U",
-        "learnt from",
-    ]
+    place = "station" if depth is None else "md, m"
+    head = [place, "T, °C", "without its own rates", "U", "with them", "U", "learnt from"]
     return Table(f"Scale factor of each station, U (k = {COVERAGE_FACTOR:g})", head, body)
 
 
@@ -437,50 +314,10 @@ def gyro_report(
     checks: Sequence[Check] = (),
     site: Site | None = None,
 ) -> str:
-    """A gyro survey as one self-contained HTML page.
-
-    Parameters
-    ----------
-    survey : Survey
-        As `inclinometry.survey.gyro.gyro_survey` makes it from `north`.
-    north : North
-        Stations in the order in which they were measured.
-    md : (n,) array_like
-        Measured depth of the stations of `north`, m.
-    temperature : (n,) array_like, optional
-        degC, same order.
-    track : ScaleTrack, optional
-        The scale factor along the run, same order.
-    others : mapping of name to North, optional
-        The same stations by other methods, same order.
-    checks : sequence of Check
-    site : Site, optional
-        States the latitude and the convergence used.
-
-    Returns
-    -------
-    str
-        HTML without any reference outside itself. The same input gives the same text.
-
-    Raises
-    ------
-    InputError
-        Stations of `survey`, `north`, `md`, `temperature`, `track` or `others` that do not go together.
-
-    Examples
-    --------
-    >>> from inclinometry.gyro.north import estimate_north
-    >>> from inclinometry.survey.gyro import gyro_survey
-    >>> rate = 7.292115e-5 * np.array([[0.75**0.5 * 0.5**0.5, -0.5**0.5]])
-    >>> down = 9.8 * np.array([[-np.sin(np.pi / 3), 0.0, 0.5]])
-    >>> north = estimate_north(down, rate, np.pi / 4, gravity_covariance=[1e-8 * np.eye(3)],
-    ...                        rate_covariance=[1e-15 * np.eye(2)])
-    >>> "Azimuth counts from true north" in gyro_report(gyro_survey([100.0], north), north, md=[100.0])
-    True
-    """
+    """A gyro survey as one self-contained HTML page; all but `survey` in the order in which stations were measured."""
     north, heat, others = _in_order(survey, north, md, temperature, track, others or {})
     flagged = sum(bool(row) for row in survey.flags)
-    state, badge = _badge(flagged, len(survey), checks, bool(survey.warnings))
+    told = [one for one in survey.findings if one.severity != "note"]
     sections = [
         _angles(survey),
         _scale(survey, north, others, track),
@@ -492,8 +329,8 @@ def gyro_report(
     size, k = len(survey), survey.coverage_factor
     span = f"{size} station{'s' * (size != 1)} from {survey.md[0]:g} to {survey.md[-1]:g} m"
     expanded = {name: np.degrees(survey.expanded(name)) for name in ANGLES[:2]}
-    # a number as small as this is not what accelerometers are good for, but what nobody stated of them
-    stated = bool(np.nanmax(expanded["inclination"], initial=0.0) > LEAST_INCLINATION)
+    # no accelerometer of a tool reaches 5e-4 deg: below it nobody stated their errors
+    stated = bool(np.nanmax(expanded["inclination"], initial=0.0) > 5e-4)
     parts = listed([worst_and_median(name, u) for name, u in expanded.items() if stated or name != "inclination"])
     failed = listed([f"“{check.name}”" for check in checks if check.verdict == "fail"])
     condition = f" Settle the failed check of {failed} before relying on it." if failed else ""
@@ -501,34 +338,36 @@ def gyro_report(
     left = [] if "latitude" in included else ["error of the latitude"]
     left += ["error of the convergence"] if survey.azimuth_reference == "grid" and "convergence" not in included else []
     named = listed([f"“{name}”" for name in included]) or "nothing"
-    not_included = (
-        "misalignment of the tool in the hole",
-        "misalignment of gyros against accelerometers",
-        "sag",
-        "movement of the tool while it measured",
-        "bias that drifts unevenly over the index positions",
-        "the gyros’ response to acceleration",
-    )
     left += [] if stated else ["errors of the accelerometers"]
-    missing = listed([*not_included, *left])
+    missing = listed(
+        [
+            "misalignment of the tool in the hole",
+            "misalignment of gyros against accelerometers",
+            "sag",
+            "movement of the tool while it measured",
+            "bias that drifts unevenly over the index positions",
+            "the gyros’ response to acceleration",
+            *left,
+        ]
+    )
     condition = ("" if stated else " Inclination: the errors of the accelerometers are not stated.") + condition
-    return render(
-        "report.html",
+    subject = f"Gyro survey with {survey.tool or 'a tool'}"
+    return report(
+        "Gyro survey report",
+        subject,
+        f"{span}: {parts} at the worst of them (expanded, k = {k:g}, about 95 %).{condition}",
+        sections,
+        _facts(survey, north, heat, track, site),
         about="What was reduced",
-        title=f"Gyro survey with {survey.tool or 'a tool'}",
-        kind="Gyro survey report",
-        heading=f"Gyro survey with {survey.tool}" if survey.tool else "Gyro survey",
+        heading=subject if survey.tool else "Gyro survey",
         conventions=GYRO_CONVENTIONS,
-        state=state,
-        badge=badge,
-        verdict=f"{span}: {parts} at the worst of them (expanded, k = {k:g}, about 95 %).{condition}",
+        states=_states(flagged, size, checks, bool(told or survey.warnings)),
         notes=[
             f"Azimuth counts from {survey.azimuth_reference} north. Included in the uncertainty: {named}. "
             f"Not included: {missing}."
         ],
-        warnings=list(survey.warnings),
-        sections=[section for section in sections if section is not None],
-        facts=_facts(survey, north, heat, track, site),
+        warnings=[*said(told), *survey.warnings],
+        inputs=survey.inputs,
     )
 
 
@@ -568,17 +407,16 @@ def _taken(north: North, order: Index) -> North:
     return replace(north, **arrays, components=components, flags=flags, root=root)
 
 
-def _badge(flagged: int, size: int, checks: Sequence[Check], warned: bool) -> tuple[str, str]:
-    failed = sum(check.verdict == "fail" for check in checks)
-    if failed:
-        return "bad", f"{failed} of {len(checks)} checks failed"
-    if flagged:
-        return "warn", f"{flagged} of {size} stations flagged"
-    if warned:
-        return "warn", "Read the warnings"
-    if checks and worst(checks) == "not judged":
-        return "warn", "No check could be judged"
-    return "good", "No flags, all checks passed" if checks else "No flags"
+def _states(flagged: int, size: int, checks: Sequence[Check], warned: bool) -> list[tuple[object, str, str]]:
+    failed, left = (sum(check.verdict == verdict for check in checks) for verdict in ("fail", "not judged"))
+    return [
+        (failed, "bad", f"{failed} of {len(checks)} checks failed"),
+        (flagged, "warn", f"{flagged} of {size} stations flagged"),
+        (warned, "warn", "Read the warnings"),
+        (checks and worst(checks) == "not judged", "warn", "No check could be judged"),
+        (left, "good", f"No flags, {left} of {len(checks)} checks not judged"),
+        (True, "good", "No flags, all checks passed" if checks else "No flags"),
+    ]
 
 
 def _angles(survey: Survey) -> Section:
@@ -627,12 +465,9 @@ def _methods(survey: Survey, north: North, others: Mapping[str, North], heat: Ar
     places = [("bydepth", "depth", survey.md, "measured depth, m")]
     if heat is not None and np.ptp(heat) > 0.0:
         places.append(("byheat", "temperature", heat, "temperature, °C"))
+    caption = "Azimuth by other methods over {}; triangles: off the axis, red crosses: no azimuth"
     pictures = [
-        picture(
-            difference_figure(north, others, place, label),
-            name,
-            f"Azimuth by other methods over {over}; triangles: off the axis, red crosses: no azimuth",
-        )
+        picture(difference_figure(north, others, place, label), name, caption.format(over))
         for name, over, place, label in places
     ]
     return Section("Methods compared", [], [table], pictures)
@@ -642,12 +477,16 @@ def _check_table(checks: Sequence[Check]) -> Table:
     head = ["check", "verdict", "reason", "next", "value", "limit"]
     body = [
         TableRow(
-            [c.name, c.verdict, c.reason, c.action, _measure(c.value, c.unit), _measure(c.limit, c.unit)],
+            [c.name, c.verdict, _reason(c), c.action, _measure(c.value, c.unit), _measure(c.limit, c.unit)],
             {"pass": "", "not judged": "warn", "fail": "bad"}.get(c.verdict, ""),
         )
         for c in checks
     ]
     return Table("Checks of the run", head, body, text_columns=4)
+
+
+def _reason(check: Check) -> str:
+    return said([check.reason])[0] if isinstance(check.reason, Finding) else check.reason
 
 
 def _measure(value: float, unit: str) -> str:
@@ -698,5 +537,4 @@ def _facts(
         facts.append(("Temperature", f"{heat.min():.1f} to {heat.max():.1f} °C"))
     if track is not None:
         facts.append(("Scale learnt from", f"{int(track.learnt.sum())} of {len(track)} stations"))
-    facts += [("Note", sentence) for sentence in survey.notes]
-    return facts + [(f"Digest of {name}", digest) for name, digest in survey.inputs.items()]
+    return facts + [("Note", sentence) for sentence in survey.notes]

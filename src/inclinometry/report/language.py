@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import cache
@@ -22,6 +22,7 @@ from itertools import pairwise
 from typing import Final, NamedTuple
 
 from inclinometry.errors import InputError
+from inclinometry.findings import Finding, codes, say, translations
 from inclinometry.report.glossary import glossary
 
 LANGUAGES: Final = ("en", "ru", "zh")
@@ -35,14 +36,7 @@ def spoken() -> str:
 
 @contextmanager
 def speaking(language: str) -> Iterator[None]:
-    """Reports composed while the block runs are in this language, "en", "ru" or "zh".
-
-    Examples
-    --------
-    >>> with speaking("ru"):
-    ...     translated("inclination, deg"), translated("largest error, deg")
-    ('зенитный угол, °', 'наибольшая погрешность, °')
-    """
+    """Reports composed while the block runs are in this language, "en", "ru" or "zh"."""
     if language not in LANGUAGES:
         raise InputError(f"no reports in language {language!r}; allowed {', '.join(LANGUAGES)}")
     token = _SPOKEN.set(language)
@@ -53,15 +47,7 @@ def speaking(language: str) -> Iterator[None]:
 
 
 def parameter_name(name: str) -> str:
-    """A parameter of a sensor as people call it; any other text as it is.
-
-    Examples
-    --------
-    >>> parameter_name("accelerometer.tensor[0,0]"), parameter_name("magnetometer.offset[2]")
-    ('accelerometer X scale', 'magnetometer Z zero')
-    >>> parameter_name("gyro.tensor[2,0].T1"), parameter_name("accelerometer.direction.north")
-    ('gyro Z cross-axis X, per °C', 'direction of the accelerometer field toward north')
-    """
+    """A parameter of a sensor as people call it; any other text as it is."""
     return _PARAMETER.sub(_named, name)
 
 
@@ -95,8 +81,6 @@ class _Pattern(NamedTuple):
 
 _ONE: Final = r"([^\s()]+(?:\s±\s[^\s()]+|(?:,\s[A-Z][A-Z0-9-]+)+)?)"
 """A number, a name, or the names of several sources of error."""
-_FEW: Final = r"([^\s,;:()]+(?: [^\s,;:()]+){0,5}?)"
-_ANY: Final = r"(.+?)"
 _MEASURED: Final = re.compile(
     r"±\||\|(°|%| %|/| (m|mm|s|of|deg|rpm|nT|°C|σ|windows?|stations?|times|parameters|readings)\b)"
     r"|(accelerometer|magnetometer|gyro|acc|mag|cross-axis) \|"
@@ -112,18 +96,40 @@ def _table(language: str) -> tuple[dict[str, str], list[_Pattern]]:
     found: dict[str, list[str]] = json.loads(
         files("inclinometry.report").joinpath("translations.json").read_text("utf-8")
     )
-    whole = {one["en"]: one[language] for one in glossary().values()}
+    whole = {one["en"]: one[language] for one in glossary().values()} | translations(language, "word")
     patterns = []
+    few, whatever = r"([^\s,;:()]+(?: [^\s,;:()]+){0,5}?)", r"(.+?)"
     for text, said in found.items():
         if "{}" not in text:
             whole[text] = said[column]
             continue
         parts = text.split("{}")
         weak = len(re.findall(r"[a-z]", text)) < 9 and not _BETWEEN.search(text)
-        gaps = [_ONE if _MEASURED.search(f"{x}|{y}") else _FEW if weak else _ANY for x, y in pairwise(parts)]
+        gaps = [_ONE if _MEASURED.search(f"{x}|{y}") else few if weak else whatever for x, y in pairwise(parts)]
         find = "".join(re.escape(part) + gap for part, gap in zip(parts, [*gaps, ""], strict=True))
         patterns.append(_Pattern(re.compile(find, re.DOTALL), tuple(filter(None, parts)), said[column], weak))
     return whole, sorted(patterns, key=lambda one: -sum(len(part) for part in one.parts))
+
+
+_FIELD: Final = re.compile(r"\{(\w+)[^}]*\}")
+
+
+@cache
+def _kept(language: str) -> list[_Pattern]:
+    """Findings as files keep them, English sentences without a code, which this translates; the longest first."""
+    found = [_of_finding(one, said) for code in codes() for one, said in translations(language, code).items()]
+    return sorted(found, key=lambda one: -sum(map(len, one.parts)))
+
+
+def _of_finding(text: str, said: str) -> _Pattern:
+    order = _FIELD.findall(text)
+    parts = _FIELD.split(text)[::2]
+    return _Pattern(
+        re.compile("(.+?)".join(map(re.escape, parts)), re.DOTALL),
+        tuple(filter(None, parts)),
+        _FIELD.sub(lambda field: f"{{{order.index(field[1]) + 1}}}", said),
+        weak=len(re.findall(r"[a-z]", _FIELD.sub("", text))) < 9,
+    )
 
 
 def translated(text: str) -> str:
@@ -133,7 +139,13 @@ def translated(text: str) -> str:
     return named if spoken() == "en" else _said(named.replace("\u00a0", " "), spoken())
 
 
+def said(found: Iterable[Finding]) -> list[str]:
+    """Findings in the language that is spoken, each with its code; notes too."""
+    return [f"{say(one, spoken())} [{one.code}]" for one in found]
+
+
 _LATIN = re.compile(r"[A-Za-z]")
+_CODE = re.compile(r" \[[a-z]+(-[a-z]+)+\]$")  # a finding, said in its language
 _SENTENCE = re.compile(r"(?<=[.!?])\s+(?=[A-Z“Δ]|[a-z]: )")
 _CLAUSES: Final = ("; ", ": ", ", ", " → ", " · ", " and ", " or ", " = ", " / ", " + ")
 _JOINTS: Final = {" and ": (" и ", "和"), " or ": (" или ", "或"), "; ": ("; ", "；"), ": ": (": ", "：")}
@@ -145,7 +157,7 @@ _NUMBER: Final = re.compile(r"(.*[A-Za-z)] )([-+−±]?\d[^A-Za-z]*(?: ?[A-Za-z�
 @cache
 def _said(text: str, language: str) -> str:
     body = text.strip()
-    if not _LATIN.search(body):
+    if not _LATIN.search(body) or _CODE.search(body):
         return text
     head, tail = text[: len(text) - len(text.lstrip())], text[len(text.rstrip()) :]
     return head + _body(body, language) + tail
@@ -155,27 +167,32 @@ def _body(text: str, language: str) -> str:
     known = _known(text, language)
     if known is not None:
         return known
+    prefixed = _PREFIX.fullmatch(text)
+    for head, own in (("", text), *((prefixed.groups(),) if prefixed else ())):
+        kept = _matched(own, language, _kept(language), weak=False)
+        if kept is not None:
+            return _said(head, language) + kept[:1].upper() + kept[1:]
     sentences = _SENTENCE.split(text)
     if len(sentences) > 1:
         return ("" if language == "zh" else " ").join(_said(one, language) for one in sentences)
     if text.endswith((".", ":")):
         stop = text[-1] if language == "ru" else {".": "。", ":": "："}[text[-1]]
         return _said(text[:-1], language) + stop
-    matched = _matched(text, language, weak=False)
+    matched = _matched(text, language, _table(language)[1], weak=False)
     if matched is not None:
         return matched
     # words with what stands behind them in brackets, or with the number they are of
     for form, place in ((_BRACKETS, 1), (_NUMBER, 1), (_PREFIX, 2)):
         held = form.fullmatch(text)
         own = "" if held is None else held[place].strip()
-        if held is not None and (_known(own, language) or _matched(own, language, weak=False)):
+        if held is not None and (_known(own, language) or _matched(own, language, _table(language)[1], weak=False)):
             return "".join(_said(one, language) for one in held.groups())
     for between in _CLAUSES:
         first, rest = _split(text, between)
         if rest:
             join = _JOINTS.get(between, (between, between))[LANGUAGES.index(language) - 1]
             return join.join((_said(first, language), _said(rest, language)))
-    matched = _matched(text, language, weak=True)
+    matched = _matched(text, language, _table(language)[1], weak=True)
     held = _BRACKETS.fullmatch(text)
     if matched is None and held is not None:
         return "".join(_said(one, language) for one in held.groups())
@@ -194,7 +211,7 @@ def _split(text: str, between: str) -> tuple[str, str]:
 
 
 def _known(text: str, language: str) -> str | None:
-    """A whole text of the table, its first letter large or small."""
+    """A whole text of the table, its first letter large or small, or a list of such."""
     whole, _ = _table(language)
     if text in whole:
         return whole[text]
@@ -202,13 +219,16 @@ def _known(text: str, language: str) -> str | None:
     if text != small and small in whole:
         said = whole[small]
         return said[:1].upper() + said[1:]
+    listed = re.split("(, | and | or )", text)  # words of a finding
+    if listed[1:] and all(one in whole for one in listed):
+        return "".join(whole[one] for one in listed)
     return None
 
 
-def _matched(text: str, language: str, *, weak: bool) -> str | None:
+def _matched(text: str, language: str, among: list[_Pattern], *, weak: bool) -> str | None:
     """A text of the table with values in it."""
     small = text[:1].lower() + text[1:]
-    for one in _table(language)[1]:
+    for one in among:
         if one.weak is not weak:
             continue
         for form in (text, small) if small != text else (text,):

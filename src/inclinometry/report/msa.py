@@ -11,9 +11,9 @@ import numpy as np
 from inclinometry.arrays import Array
 from inclinometry.constants import COVERAGE_FACTOR
 from inclinometry.orientation import angles, angles_jacobian
-from inclinometry.report.figure import BAD, INK, SERIES, matrix_axes, new_figure, styled
+from inclinometry.report.figure import BAD, INK, SERIES, legend_above, matrix_axes, new_figure, panel, styled
 from inclinometry.report.language import parameter_name
-from inclinometry.report.page import CONVENTIONS, Picture, Section, Table, TableRow, cut, picture, render
+from inclinometry.report.page import Section, Table, TableRow, cut, picture, report
 from inclinometry.report.quality import quality_pictures
 from inclinometry.report.survey_figures import thinned
 from inclinometry.report.words import listed, plain, significant, with_uncertainty, worst_and_median
@@ -24,6 +24,7 @@ from inclinometry.survey.stations import Stations
 from inclinometry.uncertainty import UNKNOWN
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 
@@ -39,18 +40,14 @@ def estimate_figure(found: MultiStation, labels: dict[str, str]) -> Figure:
     names = drawn(found)
     figure = new_figure(0.9 + 0.24 * len(names))
     axes = figure.add_subplot()
-    axes.axvspan(
-        -COVERAGE_FACTOR,
-        COVERAGE_FACTOR,
-        color=SERIES[7],
-        alpha=0.15,
-        linewidth=0.0,
-        label=f"known before (k = {COVERAGE_FACTOR:g})",
-    )
+    before = f"known before (k = {COVERAGE_FACTOR:g})"
+    axes.axvspan(-COVERAGE_FACTOR, COVERAGE_FACTOR, color=SERIES[7], alpha=0.15, linewidth=0.0, label=before)
+    ends = [2.6]
     axes.axvline(0.0, color=INK, alpha=0.5, linewidth=0.8)
     for row, name in enumerate(names):
         p = found.parameters[name]
         at, spread = p.value / p.prior, COVERAGE_FACTOR * p.u / p.prior
+        ends.append(abs(at) + spread)
         sure = p.significance > COVERAGE_FACTOR
         look: dict[str, Any] = {"color": SERIES[1] if sure else SERIES[0], "marker": "s" if sure else "o"}
         axes.errorbar([np.clip(at, -far, far)], [row], xerr=[spread], linestyle="none", capsize=2.5, **look)
@@ -58,19 +55,10 @@ def estimate_figure(found: MultiStation, labels: dict[str, str]) -> Figure:
             axes.annotate(f"{at:+.1f}", (np.sign(at) * far, row), (0.0, 4.0), textcoords="offset points", ha="center")
     axes.set_yticks(range(len(names)), [labels[name] for name in names])
     axes.set_ylim(len(names) - 0.4, -0.6)
-    reach = min(
-        far + 0.6,
-        max(
-            2.6,
-            *(
-                abs(p.value) / p.prior + COVERAGE_FACTOR * p.u / p.prior
-                for p in map(found.parameters.__getitem__, names)
-            ),
-        ),
-    )
+    reach = min(far + 0.6, max(ends))
     axes.set_xlim(-reach, reach)
     axes.set_xlabel("estimate ± U, in standard deviations of its prior")
-    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2)
+    legend_above(axes, 1)
     return figure
 
 
@@ -94,15 +82,13 @@ def correlation_figure(found: MultiStation, labels: dict[str, str]) -> Figure:
             size = 0.96 * float(np.sqrt(abs(value)))
             colour = tints(1.0 if value > 0.0 else 0.0)
             axes.add_patch(Rectangle((j - size / 2.0, i - size / 2.0), size, size, facecolor=colour, linewidth=0.0))
-    matrix_axes(axes, [labels[name] for name in names], matrix, "correlation")
+    matrix_axes(axes, [labels[name] for name in names])
     return figure
 
 
-@styled
-def influence_figure(found: MultiStation) -> Figure:
+@panel(3.0, "measured depth of the station left out, m", "largest change, deg")
+def influence_figure(axes: Axes, found: MultiStation) -> None:
     """How far the azimuths would move without each station."""
-    figure = new_figure(3.0)
-    axes = figure.add_subplot()
     md, moved = found.corrected.md, np.degrees(found.influence)
     rows = thinned(len(md))
     axes.vlines(md[rows], 0.0, moved[rows], color=SERIES[0], linewidth=1.4)
@@ -110,16 +96,11 @@ def influence_figure(found: MultiStation) -> Figure:
     worst = int(np.argmax(moved))
     axes.plot(md[worst], moved[worst], linestyle="none", marker="o", color=BAD, markersize=5.0)
     axes.set_ylim(bottom=0.0)
-    axes.set_ylabel("largest change, deg")
-    axes.set_xlabel("measured depth of the station left out, m")
-    return figure
 
 
-@styled
-def azimuth_figure(found: MultiStation, before: Stations, u_before: Array, u_after: Array) -> Figure:
+@panel(3.0, "measured depth, m", "azimuth, deg")
+def azimuth_figure(axes: Axes, found: MultiStation, before: Stations, u_before: Array, u_after: Array) -> None:
     """Change of azimuth by the correction, with the uncertainty that remains (NaN: not drawn), and that before."""
-    figure = new_figure(3.0)
-    axes = figure.add_subplot()
     rows = thinned(len(before))
     md = before.md[rows]
     old, new = (angles(s.g, s.b).azimuth for s in (before, found.corrected))
@@ -134,10 +115,7 @@ def azimuth_figure(found: MultiStation, before: Stations, u_before: Array, u_aft
     shown = shown[np.isfinite(shown)]
     room = 0.15 * max(float(np.ptp(shown)), 0.1)
     axes.set_ylim(float(shown.min()) - room, float(shown.max()) + room)
-    axes.set_ylabel("azimuth, deg")
-    axes.set_xlabel("measured depth, m")
-    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3, borderaxespad=0.2, columnspacing=1.0)
-    return figure
+    legend_above(axes, 3)
 
 
 # The parameters of a multi-station analysis in words, and what a run could not tell of them.
@@ -147,15 +125,7 @@ VAGUE: Final = float(np.radians(30.0))
 
 
 def described(name: str) -> str:
-    """A parameter in words.
-
-    Examples
-    --------
-    >>> described("MBZ"), described("ASX"), described("MXY")
-    ('axial magnetometer zero (interference included)', 'accelerometer X scale', 'magnetometer X cross-axis Y')
-    >>> described("reference dip"), described("accelerometer.offset[0]"), described("magnetometer.tensor[2,0].T1")
-    ('dip of the reference', 'accelerometer X zero', 'magnetometer Z cross-axis X, per °C')
-    """
+    """A parameter in words: a term of a tool code (MBZ), one of `parameter_names`, or of the reference."""
     if name == "MBZ":
         return "axial magnetometer zero (interference included)"
     patterns = (r"([AM])([BS])([XYZ])", r"M([XYZ])([XYZ])", r"reference (g|b|dip)")
@@ -253,25 +223,7 @@ def msa_report(
     warnings: Sequence[str] = (),
     inputs: Mapping[str, str] | None = None,
 ) -> str:
-    """A multi-station analysis as one self-contained HTML page.
-
-    Parameters
-    ----------
-    found : MultiStation
-    before : Stations
-        The stations it was given.
-    quality : FieldQuality
-        Of these, against the reference of the analysis.
-    tool : str
-    notes, warnings : sequences of sentences
-        Besides the analysis' own.
-    inputs : mapping of name to digest, optional
-
-    Returns
-    -------
-    str
-        HTML without any reference outside itself. The same input gives the same text.
-    """
+    """A multi-station analysis as one self-contained HTML page; `before`, `quality`: of its input stations."""
     after = judge_fields(found.corrected, quality.reference, k=quality.k, limits=quality.limits)
     u_before, u_after = (azimuth_u(stations) for stations in (before, found.corrected))
     names = labels(found)
@@ -280,25 +232,24 @@ def msa_report(
     signs = "Correlation after the analysis: blue positive, orange negative; area by size, blank below 0.05"
     reference, md = quality.reference, found.corrected.md
     dip = with_uncertainty(float(np.degrees(reference.dip)), float(np.degrees(reference.dip_sigma)))
-    return render(
-        "report.html",
-        about="What was analysed",
-        title="Multi-station analysis",
-        kind="Multi-station analysis",
-        heading=f"Sensor errors of {tool} in one run" if tool else "Sensor errors of one run",
-        conventions=CONVENTIONS,
-        state="bad" if after.verdict == "fail" else "warn" if said or after.verdict != "pass" else "good",
-        badge=_badge(after.verdict, said, len(before)),
-        verdict=_verdict(found, before, u_after),
-        notes=list(notes),
-        warnings=said,
-        sections=[
+    turned = []
+    if (u_after < VAGUE).any():
+        figure = azimuth_figure(found, before, u_before, np.where(u_after < VAGUE, u_after, np.nan))
+        turned.append(picture(figure, "azimuth", "Change of azimuth by the correction"))
+    what = "Largest change of azimuth at any station if this one were left out of the analysis"
+    turned.append(picture(influence_figure(found), "influence", what))
+    left, count = sum(check.verdict == "not judged" for check in after.checks), len(md)
+    return report(
+        "Multi-station analysis",
+        "Multi-station analysis",
+        _verdict(found, before, u_after),
+        [
             Section(
                 "Fields against the reference, before and after",
                 tables=[_fields(quality, after, found)],
                 pictures=quality_pictures(after, quality, quality.reference.values + shift),
             ),
-            Section("What it does to the azimuth", pictures=_azimuths(found, before, u_before, u_after)),
+            Section("What it does to the azimuth", pictures=turned),
             Section(
                 "What was found",
                 tables=[_parameters(found), _pairs(found, names)],
@@ -310,26 +261,28 @@ def msa_report(
             Section("What the geometry cannot tell", blind_spots(found, after, u_after)),
             Section("Stations", tables=[cut(_stations(found, before, quality, after))]),
         ],
-        facts=[
+        [
             ("Tool", tool or "not named"),
-            ("Stations", f"{len(md)}, {md[0]:g} to {md[-1]:g} m"),
+            ("Stations", f"{count}, {md[0]:g} to {md[-1]:g} m"),
             ("Priors", found.priors),
             ("Chi-square", f"{found.chi_square:.1f}, expected about {found.freedom}"),
             ("Reference g", f"{with_uncertainty(reference.g, reference.g_sigma)} m/s²"),
             ("Reference b", f"{with_uncertainty(reference.b, reference.b_sigma)} nT"),
             ("Reference dip", f"{dip}°"),
-            *((f"Digest of {name}", digest) for name, digest in (inputs or {}).items()),
         ],
+        about="What was analysed",
+        heading=f"Sensor errors of {tool} in one run" if tool else "Sensor errors of one run",
+        states=[
+            (after.verdict == "fail", "bad", "The corrected stations fail the tests of the field"),
+            (said, "warn", "Read the warnings"),
+            (after.verdict != "pass", "warn", "The tests of the field are not decided"),
+            (left, "good", f"{count} stations, {left} of {len(after.checks)} tests not judged"),
+            (True, "good", f"{count} stations, every test passed"),
+        ],
+        notes=notes,
+        warnings=said,
+        inputs=inputs,
     )
-
-
-def _badge(verdict: str, said: Sequence[str], stations: int) -> str:
-    """In a word, what the tests of the corrected stations and the warnings say."""
-    if verdict == "fail":
-        return "The corrected stations fail the tests of the field"
-    if said:
-        return "Read the warnings"
-    return f"{stations} stations, every test passed" if verdict == "pass" else "The tests of the field are not decided"
 
 
 def azimuth_u(stations: Stations) -> Array:
@@ -387,21 +340,6 @@ def _fields(before: FieldQuality, after: FieldQuality, found: MultiStation) -> T
     head = ["quantity", "before", "after", "after, from the corrected reference", "verdict"]
     note = "Passing after the analysis is no independent proof: it was fitted to this reference."
     return Table("Root mean square of the differences from the reference", head, rows, note)
-
-
-def _azimuths(found: MultiStation, before: Stations, u_before: Array, u_after: Array) -> list[Picture]:
-    change = []
-    if (u_after < VAGUE).any():
-        figure = azimuth_figure(found, before, u_before, np.where(u_after < VAGUE, u_after, np.nan))
-        change = [picture(figure, "azimuth", "Change of azimuth by the correction")]
-    return [
-        *change,
-        picture(
-            influence_figure(found),
-            "influence",
-            "Largest change of azimuth at any station if this one were left out of the analysis",
-        ),
-    ]
 
 
 def _parameters(found: MultiStation) -> Table:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from html import escape, unescape
@@ -107,14 +107,11 @@ class Table:
 
 @dataclass(frozen=True)
 class Picture:
-    """A drawing, what stands above it, its width in pixels, its points as CSV and their places."""
+    """A drawing, what stands above it, its width in pixels."""
 
     caption: str
     svg: Markup
-    name: str
     width: int
-    csv: str
-    places: str
 
 
 @dataclass(frozen=True)
@@ -133,10 +130,48 @@ class Section:
         return bool(self.sentences or any(self.tables) or self.pictures or self.steps)
 
 
+def report(
+    kind: str,
+    title: str,
+    verdict: str,
+    sections: Sequence[Section | None],
+    facts: Sequence[tuple[str, str]],
+    *,
+    about: str,
+    states: Sequence[tuple[object, str, str]],
+    heading: str = "",
+    conventions: str = CONVENTIONS,
+    notes: Sequence[str] = (),
+    warnings: Sequence[str] = (),
+    inputs: Mapping[str, str] | None = None,
+) -> str:
+    """A page of sections, verdict first, with the first of `states` (whether it holds, colour, badge) that holds."""
+    state, badge = next((colour, text) for holds, colour, text in states if holds)
+    return render(
+        "report.html",
+        about=about,
+        title=title,
+        kind=kind,
+        heading=heading or title,
+        conventions=conventions,
+        state=state,
+        badge=badge,
+        verdict=verdict,
+        notes=list(notes),
+        warnings=list(warnings),
+        sections=[section for section in sections if section is not None],
+        facts=[*facts, *digests(inputs)],
+    )
+
+
+def digests(inputs: Mapping[str, str] | None) -> list[tuple[str, str]]:
+    """Facts on the files a page was made from."""
+    return [(f"Digest of {name}", digest) for name, digest in (inputs or {}).items()]
+
+
 def picture(figure: Figure, name: str, caption: str) -> Picture:
     """A figure as it goes into a page; `name` is unique there."""
-    drawn = inline_svg(figure, name, caption)
-    return Picture(caption, drawn.svg, name, drawn.width, drawn.csv, drawn.places)
+    return Picture(caption, *inline_svg(figure, name, caption))
 
 
 def cut(table: Table) -> Table:
@@ -162,14 +197,7 @@ class Entry(NamedTuple):
 
 
 def entry_of(title: str, href: str, report: str, picture: str = "") -> Entry:
-    """Entry of a report: the verdict as its page words it, so that the index cannot say anything else.
-
-    Examples
-    --------
-    >>> page = '<section class="verdict good"><p class="badge">PASS</p><p class="sentence">a &lt; b</p></section>'
-    >>> entry_of("Bench", "bench/report.html", page)[2:5]
-    ('good', 'PASS', 'a < b')
-    """
+    """Entry of a report; the verdict is read from its page, so that the index agrees with it."""
     box = r'<section class="verdict (\w*)"[^>]*>\s*<p class="badge">(.*?)</p>\s*<p class="sentence">(.*?)</p>'
     verdict, figure = re.search(box, report, re.DOTALL), re.search(r"<svg\b.*?</svg>", report, re.DOTALL)
     state, badge, sentence = ["", "", ""] if verdict is None else [unescape(text.strip()) for text in verdict.groups()]

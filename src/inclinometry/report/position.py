@@ -13,7 +13,7 @@ from inclinometry.earth.site import convert_azimuth
 from inclinometry.position.propagation import PositionUncertainty
 from inclinometry.position.tool_code import ToolCode
 from inclinometry.position.well import WellSurvey, ellipsoid, hole_sigmas, horizontal_ellipse
-from inclinometry.report.figure import DASHES, INK, SERIES, new_figure, styled
+from inclinometry.report.figure import DASHES, INK, SERIES, legend_above, new_figure, panel, styled
 from inclinometry.report.language import translated
 from inclinometry.report.page import CONVENTIONS, Picture, Table, TableRow, cut, picture, render
 from inclinometry.report.survey_figures import thinned
@@ -49,14 +49,7 @@ def section_axes(direction: float) -> Array:
 
 
 def view_axes(azimuth: float, elevation: float) -> Array:
-    """Axes (2, 3) of a view in space, right and up, looking from an azimuth and from above.
-
-    Examples
-    --------
-    >>> view_axes(np.pi, np.pi / 2).round(9) + 0.0  # from straight above, standing south: the plan
-    array([[0., 1., 0.],
-           [1., 0., 0.]])
-    """
+    """Axes (2, 3) of a view in space, right and up, looking from an azimuth and from above."""
     c, s = np.cos(azimuth), np.sin(azimuth)
     up = np.array([-np.sin(elevation) * c, -np.sin(elevation) * s, -np.cos(elevation)])
     return np.stack([np.array([s, -c, 0.0]), up])
@@ -138,37 +131,27 @@ def _scaled(axes: Axes) -> None:
     axes.locator_params(nbins=6)
 
 
-@styled
-def plan_figure(path: Path, covariance: Array | None, north: str, magnify: float) -> Figure:
+@panel(4.4, "east, m")
+def plan_figure(axes: Axes, path: Path, covariance: Array | None, north: str, magnify: float) -> None:
     """The well from above, with horizontal ellipses."""
-    figure = new_figure(4.4)
-    axes = figure.add_subplot()
     _drawn(axes, path, covariance, EAST_NORTH, magnify * float(ellipsoid_factor(PROBABILITY, 2)))
     _scaled(axes)
-    axes.set_xlabel("east, m")
     axes.set_ylabel(f"north ({north}), m")
-    return figure
 
 
-@styled
-def section_figure(path: Path, covariance: Array | None, direction: float, magnify: float) -> Figure:
+@panel(4.4, y="true vertical depth, m")
+def section_figure(axes: Axes, path: Path, covariance: Array | None, direction: float, magnify: float) -> None:
     """The well from the side, with ellipses of the section's plane."""
-    figure = new_figure(4.4)
-    axes = figure.add_subplot()
     _drawn(axes, path, covariance, section_axes(direction), magnify * float(ellipsoid_factor(PROBABILITY, 2)))
     _scaled(axes)
     axes.set_aspect(1.0 / stretched(path, covariance, direction, magnify), adjustable="datalim")
     axes.invert_yaxis()
     axes.set_xlabel(f"along azimuth {plain(float(np.degrees(direction)), 1)}°, m")
-    axes.set_ylabel("true vertical depth, m")
-    return figure
 
 
-@styled
-def space_figure(path: Path, covariance: Array | None, magnify: float) -> Figure:
+@panel(4.4, width=6.4)
+def space_figure(axes: Axes, path: Path, covariance: Array | None, magnify: float) -> None:
     """The well in space, for pages that are printed or run no script."""
-    figure = new_figure(4.4, width=6.4)
-    axes = figure.add_subplot()
     plane = view_axes(*first_view(path))
     corners = _points(path)
     low, high = corners.min(axis=0), corners.max(axis=0)
@@ -184,7 +167,6 @@ def space_figure(path: Path, covariance: Array | None, magnify: float) -> Figure
     _drawn(axes, path, covariance, plane, magnify * float(ellipsoid_factor(PROBABILITY, 3)))
     axes.set_aspect("equal", adjustable="datalim")
     axes.set_axis_off()
-    return figure
 
 
 @styled
@@ -205,38 +187,28 @@ def source_figure(names: Sequence[str], sizes: Sequence[float], kinds: Sequence[
     axes.set_ylim(len(names) - 0.3, -0.7)
     axes.grid(axis="y", visible=False)
     axes.set_xlabel("one standard deviation along the major axis, m")
-    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3, borderaxespad=0.2, columnspacing=1.0)
+    legend_above(axes, 3)
     return figure
 
 
-@styled
-def severity_figure(md: Array, severity: Array) -> Figure:
+@panel(2.8, "measured depth, m", "severity, deg/30 m")
+def severity_figure(axes: Axes, md: Array, severity: Array) -> None:
     """Dogleg severity of every interval over measured depth."""
-    figure = new_figure(2.8)
-    axes = figure.add_subplot()
     rows = thinned(len(md))
     axes.step(md[rows], severity[rows], where="pre", color=SERIES[0])
     axes.fill_between(md[rows], severity[rows], step="pre", color=SERIES[0], alpha=0.2, linewidth=0.0)
     axes.set_ylim(bottom=0.0)
-    axes.set_xlabel("measured depth, m")
-    axes.set_ylabel("severity, deg/30 m")
-    return figure
 
 
-@styled
-def sigma_figure(md: Array, sigmas: Array, major: Array) -> Figure:
+@panel(2.8, "measured depth, m", "σ, m")
+def sigma_figure(axes: Axes, md: Array, sigmas: Array, major: Array) -> None:
     """Standard deviations along the axes of the hole and the major axis of the ellipse, over measured depth."""
-    figure = new_figure(2.8)
-    axes = figure.add_subplot()
     rows = thinned(len(md))
     curves = zip(("high side", "lateral", "along hole", "major axis"), [*sigmas.T, major], strict=True)
     for n, (label, values) in enumerate(curves):
         axes.plot(md[rows], values[rows], color=SERIES[n], linestyle=DASHES[n % len(DASHES)], label=label)
     axes.set_ylim(bottom=0.0)
-    axes.set_xlabel("measured depth, m")
-    axes.set_ylabel("σ, m")
-    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, borderaxespad=0.2, columnspacing=1.0)
-    return figure
+    legend_above(axes, 2)
 
 
 def spread_of_norths(angles: Sequence[float]) -> float:
@@ -253,20 +225,9 @@ def spread_of_norths(angles: Sequence[float]) -> float:
     return max((step for step in (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0) if step * widest <= 40.0), default=1.0)
 
 
-@styled
-def north_figure(norths: Sequence[tuple[str, float]], hole: float, exaggerated: float) -> Figure:
-    """Compass: true north up, the other norths east or west of it, the hole.
-
-    Parameters
-    ----------
-    norths : sequence of (name, angle east of true north in rad)
-    hole : float
-        Azimuth from true north, rad.
-    exaggerated : float
-        Angles between norths are drawn so many times as large; the hole's is not.
-    """
-    figure = new_figure(3.6)
-    axes = figure.add_subplot()
+@panel(3.6)
+def north_figure(axes: Axes, norths: Sequence[tuple[str, float]], hole: float, exaggerated: float) -> None:
+    """Compass: true north up; other norths (rad east of it) are `exaggerated`, the hole is not."""
     axes.plot(np.sin(_TURN), np.cos(_TURN), color=INK, alpha=0.3, linewidth=0.8)
     together: dict[float, list[str]] = {}
     for name, angle in sorted(norths, key=lambda pair: pair[1]):
@@ -287,7 +248,15 @@ def north_figure(norths: Sequence[tuple[str, float]], hole: float, exaggerated: 
     axes.set_xlim(-1.75, 1.75)
     axes.set_ylim(-1.1, 1.4)
     axes.set_axis_off()
-    return figure
+
+
+def compass_picture(survey: WellSurvey, row: int) -> list[Picture]:
+    """The norths and the hole at a station, seen from above."""
+    known = {"magnetic": survey.site.declination, "true": 0.0, "grid": survey.site.convergence}
+    norths = [(name, angle) for name, angle in known.items() if angle is not None]
+    times = spread_of_norths([angle for _, angle in norths])
+    caption = "Norths seen from above" + ("" if times == 1.0 else f"; angles between them drawn {times:g} times")
+    return [picture(north_figure(norths, float(survey.azimuth[row]), times), "norths", caption)]
 
 
 def _arrow(axes: Axes, azimuth: float, length: float, colour: str, width: float) -> None:
@@ -320,7 +289,7 @@ def contributions(found: PositionUncertainty, row: int = -1) -> list[Contributio
     total = float(along @ covariance @ along)
     parts = []
     for name, one in found.sources.items():
-        own = one.covariance[row]
+        own = one.at(row)
         variance = max(float(along @ own @ along), 0.0)
         sigma = np.sqrt(np.maximum(np.diagonal(own), 0.0))
         parts.append(Contribution(name, one.propagation, sigma, variance**0.5, variance / total if total else 0.0))
@@ -388,19 +357,12 @@ def source_table(
         "well": "the runs of the well",
         "global": "all wells",
     }
-    rows = [
-        TableRow(
-            [
-                part.name,
-                words.get(part.name, ""),
-                f"{part.propagation}: {shared[part.propagation]}",
-                significant(part.major, 3),
-                f"{100.0 * part.share:.1f}",
-                *(significant(float(s), 3) for s in part.sigma),
-            ]
-        )
-        for part in contributions(uncertainty)
-    ]
+    rows = []
+    for part in contributions(uncertainty):
+        sizes = [significant(part.major, 3), f"{100.0 * part.share:.1f}"]
+        sizes += [significant(float(s), 3) for s in part.sigma]
+        how = f"{part.propagation}: {shared[part.propagation]}"
+        rows.append(TableRow([part.name, words.get(part.name, ""), how, *sizes]))
     sigmas = [f"σ {axis}, m" for axis in ("north", "east", "vertical")]
     head = ["source", "what it is", "shared by", "σ major axis, m", "share, %", *sigmas]
     caption = "Every source at the last station; share: of the variance along the ellipse's major axis"
@@ -540,35 +502,7 @@ def position_report(
 ) -> str:
     """A well's path and its uncertainty as one self-contained HTML page; its picture in space turns without a network.
 
-    Parameters
-    ----------
-    path : inclinometry.survey.path.Path
-        Counted from `survey.north`.
-    survey : WellSurvey
-    uncertainty : PositionUncertainty, optional
-    azimuth_reference : {"magnetic", "true", "grid"}
-        The north that the survey's azimuths came from.
-    tool_code : ToolCode, optional
-        The error model, for its name and the words of its terms.
-    calibration : str, optional
-        Name of the calibrated tool whose certificate is the error model, of the sensors where there is a tool code too.
-    notes, warnings : sequences of sentences
-    inputs : mapping of name to digest, optional
-
-    Returns
-    -------
-    str
-        HTML without any reference outside itself. The same input gives the same text.
-
-    Examples
-    --------
-    >>> from inclinometry.earth.site import Site
-    >>> from inclinometry.position.well import well_survey
-    >>> from inclinometry.survey.path import minimum_curvature
-    >>> stations = ([0.0, 30.0], [0.0, 0.1], [0.0, 0.0])
-    >>> well = well_survey(*stations, Site())
-    >>> "30.00 m" in position_report(minimum_curvature(*stations), well, None, azimuth_reference="true")
-    True
+    `path` counts from `survey.north`; `azimuth_reference` is the north the survey's azimuths came from.
     """
     covariance = None if uncertainty is None else uncertainty.widened(PROBABILITY)
     magnify = magnification(path, covariance)
@@ -578,18 +512,16 @@ def position_report(
     shown = {size: "" if covariance is None else f"; 95 % ellipses{_drawn_at(size)}" for size in (flat, upright)}
     times = stretched(path, covariance, direction, upright)
     section = shown[upright] + ("" if times == 1.0 else f"; horizontal scale {times:g} times the vertical")
+    shadows = "" if covariance is None else f" with the shadows of 95 % ellipsoids{_drawn_at(magnify)}"
+    turn, lift = np.degrees(first_view(path))
+    view = f"seen from azimuth {turn:.0f}°, {lift:.0f}° from above"
     severity = dogleg_severity_deg(path)
     found = []
     if uncertainty is not None:
         sigmas = hole_sigmas(uncertainty.covariance, path.inclination, path.azimuth)
         major = horizontal_ellipse(uncertainty.covariance).major
         found.append(picture(sigma_figure(path.md, sigmas, major), "sigma", "One standard deviation of position"))
-    # counted from grid north where the site has no convergence: nothing to draw
-    known = {"magnetic": survey.site.declination, "true": 0.0, "grid": survey.site.convergence}
-    norths = [(name, angle) for name, angle in known.items() if angle is not None]
     row = int(np.argmax(np.sin(survey.inclination) + 1e-9 * np.arange(len(survey))))
-    times = spread_of_norths([angle for _, angle in norths])
-    caption = "Norths seen from above" + ("" if times == 1.0 else f"; angles between them drawn {times:g} times")
     return render(
         "position.html",
         title="Position of the well",
@@ -610,16 +542,15 @@ def position_report(
             picture(plan_figure(path, covariance, survey.north, flat), "plan", f"Plan{shown[flat]}"),
             picture(section_figure(path, covariance, direction, upright), "section", f"Vertical section{section}"),
         ],
-        still=_still(path, uncertainty, magnify),
+        still=picture(space_figure(path, covariance, magnify), "space", f"The well{shadows}, {view}"),
         data=_data(path, uncertainty, magnify, survey.north),
         magnify=f"{magnify:g}",
         sources=_sources_picture(uncertainty, tool_code),
         source_table=source_table(uncertainty, tool_code, calibration),
         courses=[*found, picture(severity_figure(path.md, severity), "severity", "Dogleg severity of each interval")],
         chain=chain_table(survey, azimuth_reference),
-        compass=[picture(north_figure(norths, float(survey.azimuth[row]), times), "norths", caption)]
-        if survey.reference == "true"
-        else [],
+        # counted from grid north where the site has no convergence: nothing to draw
+        compass=compass_picture(survey, row) if survey.reference == "true" else [],
         missing=missing(uncertainty, tool_code, calibration, "errors" in (inputs or {})),
         stations=cut(station_table(path, uncertainty)),
         facts=fact_pairs(path, survey, azimuth_reference, tool_code, calibration, inputs or {}),
@@ -650,14 +581,6 @@ def _verdict(path: Path, survey: WellSurvey, uncertainty: PositionUncertainty | 
 
 def _drawn_at(magnify: float) -> str:
     return "" if magnify == 1.0 else f", drawn {magnify:g} times as large"
-
-
-def _still(path: Path, uncertainty: PositionUncertainty | None, magnify: float) -> Picture:
-    covariance = None if uncertainty is None else uncertainty.widened(PROBABILITY)
-    what = "" if covariance is None else f" with the shadows of 95 % ellipsoids{_drawn_at(magnify)}"
-    turn, lift = np.degrees(first_view(path))
-    view = f"seen from azimuth {turn:.0f}°, {lift:.0f}° from above"
-    return picture(space_figure(path, covariance, magnify), "space", f"The well{what}, {view}")
 
 
 def _data(path: Path, uncertainty: PositionUncertainty | None, magnify: float, north: str) -> dict[str, Any]:

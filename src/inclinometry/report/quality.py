@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from inclinometry.arrays import Array, Mask
-from inclinometry.report.figure import BAD, INK, SERIES, new_figure, styled
+from inclinometry.report.figure import BAD, INK, SERIES, legend_above, panel
 from inclinometry.report.page import Picture, Table, TableRow, picture
 from inclinometry.report.survey_figures import thinned
 from inclinometry.report.words import significant
@@ -16,21 +16,15 @@ from inclinometry.survey.flags import Check
 from inclinometry.survey.quality import QUANTITIES, FieldQuality, Quantity
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from matplotlib.axes import Axes
 
 
 def quality_pictures(
     quality: FieldQuality, before: FieldQuality | None = None, corrected: Array | None = None
 ) -> list[Picture]:
-    """Gravity, magnetic field, dip and the three together over measured depth, against their limits.
+    """Gravity, field, dip and the three together over depth, against their limits; `before` correction beside them.
 
-    Parameters
-    ----------
-    quality : FieldQuality
-    before : FieldQuality, optional
-        The same stations before they were corrected, drawn beside.
-    corrected : (3,) array_like, optional
-        The reference as an analysis corrects it: g (m/s^2), b (nT), dip (rad).
+    `corrected` is the reference as an analysis corrects it: g (m/s^2), b (nT), dip (rad).
     """
     moved = [None] * 3 if corrected is None else [float(value) for value in corrected]
     found = []
@@ -45,13 +39,11 @@ def quality_pictures(
     return found
 
 
-@styled
+@panel(3.0, "measured depth, m")
 def fields_figure(
-    quality: FieldQuality, column: int, before: FieldQuality | None = None, corrected: float | None = None
-) -> Figure:
+    axes: Axes, quality: FieldQuality, column: int, before: FieldQuality | None = None, corrected: float | None = None
+) -> None:
     """One of the three quantities with its reference and the band of what is allowed at each station."""
-    figure = new_figure(3.0)
-    axes = figure.add_subplot()
     factor = QUANTITIES[column].factor
     rows = thinned(len(quality.md))
     md, reference = quality.md[rows], factor * float(quality.reference.values[column])
@@ -75,17 +67,13 @@ def fields_figure(
     _crosses(axes, quality, factor * quality.found[:, column], failed)
     axes.ticklabel_format(axis="y", useOffset=False)
     axes.set_ylabel(("total gravity, m/s²", "total field, nT", "dip, deg")[column])
-    axes.set_xlabel("measured depth, m")
     wide = 2 if before is not None and corrected is not None else 3
-    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=wide, borderaxespad=0.2, columnspacing=1.0)
-    return figure
+    legend_above(axes, wide)
 
 
-@styled
-def distance_figure(quality: FieldQuality, before: FieldQuality | None = None) -> Figure:
+@panel(3.0, "measured depth, m", "distance, σ")
+def distance_figure(axes: Axes, quality: FieldQuality, before: FieldQuality | None = None) -> None:
     """Mahalanobis distance of the three quantities from their reference, with its limit."""
-    figure = new_figure(3.0)
-    axes = figure.add_subplot()
     rows = thinned(len(quality.md))
     md, mark = quality.md[rows], len(rows) <= 80
     if before is not None:
@@ -96,10 +84,7 @@ def distance_figure(quality: FieldQuality, before: FieldQuality | None = None) -
     axes.plot(md, quality.distance_limit[rows], color=SERIES[2], linestyle="--", label="allowed")
     _crosses(axes, quality, quality.distance, quality.distance > quality.distance_limit)
     axes.set_ylim(bottom=0.0)
-    axes.set_ylabel("distance, σ")
-    axes.set_xlabel("measured depth, m")
-    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=4, borderaxespad=0.2, columnspacing=1.0)
-    return figure
+    legend_above(axes, 4)
 
 
 def _crosses(axes: Any, quality: FieldQuality, values: Array, failed: Mask) -> None:
@@ -118,7 +103,7 @@ def check_table(checks: Sequence[Check]) -> Table:
         sizes = (check.value * factor, check.limit * factor)
         value, limit = (significant(size, 3) if np.isfinite(size) else "-" for size in sizes)
         action = check.action if check.verdict != "pass" else ""
-        cells = [check.name, check.verdict, check.reason, action, value, limit, unit]
+        cells = [check.name, check.verdict, str(check.reason), action, value, limit, unit]
         body.append(TableRow(cells, states[check.verdict]))
     head = ["check", "verdict", "what was found", "what to do", "value", "limit", "unit"]
     return Table("Checks of the run", head, body, text_columns=4)

@@ -9,9 +9,11 @@ import numpy as np
 from inclinometry.arrays import Array
 from inclinometry.constants import ANGLES
 from inclinometry.earth.site import Site
+from inclinometry.position.well import WellSurvey, well_survey
 from inclinometry.report import survey_figures as draw
-from inclinometry.report.norths import chain_of_norths, compass
-from inclinometry.report.page import CONVENTIONS, Picture, Section, Table, TableRow, cut, picture, render
+from inclinometry.report.language import said
+from inclinometry.report.page import Picture, Section, Table, TableRow, cut, picture, report
+from inclinometry.report.position import chain_table, compass_picture
 from inclinometry.report.quality import check_table, quality_pictures
 from inclinometry.report.words import listed, plain, rounded, significant, worst_and_median
 from inclinometry.survey.axial import SOURCE as AXIAL
@@ -31,40 +33,9 @@ def survey_report(
     before: FieldQuality | None = None,
     notes: Sequence[str] = (),
 ) -> str:
-    """A survey as one self-contained HTML page: what it is worth, curves over depth, flags in words, table.
-
-    Parameters
-    ----------
-    survey : Survey
-        As `inclinometry.survey.reduce.reduce_survey` returns it.
-    site : Site, optional
-        Draws the references of gravity, field strength and dip, and states the declination used.
-    quality : FieldQuality, optional
-        Of the survey's stations: draws gravity, field and dip against their limits.
-    before : FieldQuality, optional
-        Of the same stations before they were corrected.
-    notes : sequence of str
-        What was taken for granted.
-
-    Returns
-    -------
-    str
-        HTML without any reference outside itself. The same input gives the same text.
-
-    Examples
-    --------
-    >>> from inclinometry.sensors import Tool
-    >>> from inclinometry.sensors import Triad
-    >>> from inclinometry.survey.reduce import reduce_survey
-    >>> kinds = ("accelerometer", "magnetometer")
-    >>> tool = Tool("A7", {k: Triad(k, np.eye(3), np.zeros(3)) for k in kinds}, 1e-8 * np.eye(24))
-    >>> found = reduce_survey([0.0], {"accelerometer": [[-0.5, 0, 0.866]], "magnetometer": [[0.4, 0, 0.7]]}, tool)
-    >>> "1 station" in survey_report(found)
-    True
-    """
+    """A survey as one self-contained HTML page; `site` draws the references, `quality` the limits of the fields."""
     flagged = sum(bool(row) for row in survey.flags)
     failed = 0 if quality is None else sum(check.verdict == "fail" for check in quality.checks)
-    troubles = bool(flagged or survey.warnings or failed)
     angles = [
         picture(draw.angle_figure(survey, name), name, f"{name.capitalize()} with its band of U, and U by component")
         for name in _known(survey)
@@ -74,29 +45,12 @@ def survey_report(
     missing = ["misalignment of the tool in the hole"]
     missing += [] if SAG in seen else ["sag"]
     missing += [] if seen & {AXIAL, ANALYSIS, SENSORS} else ["magnetic interference"]
-    return render(
-        "report.html",
-        about="What was reduced",
-        title=f"Survey with {survey.tool or 'a tool'}",
-        kind="Survey report",
-        heading=f"Survey with {survey.tool}" if survey.tool else "Survey",
-        conventions=CONVENTIONS,
-        state="warn" if troubles else "good",
-        badge=f"{flagged} of {len(survey)} stations flagged"
-        if flagged
-        else f"{failed} of {len(quality.checks)} checks failed"
-        if failed and quality is not None
-        else "Read the warnings"
-        if troubles
-        else "No flags",
-        verdict=_sentence(survey),
-        notes=[
-            f"Components included: {names}. Not included: {', '.join(missing)}."
-            f" Azimuth counts from {survey.azimuth_reference} north.",
-            *notes,
-        ],
-        warnings=list(survey.warnings),
-        sections=[
+    subject = f"Survey with {survey.tool or 'a tool'}"
+    return report(
+        "Survey report",
+        subject,
+        _sentence(survey),
+        [
             Section("What was done to the stations", steps=list(survey.history)),
             Section(
                 "Angles and their uncertainty",
@@ -112,7 +66,22 @@ def survey_report(
             Section("Flags", tables=[flag_table(survey, FLAGS) if flagged else None]),
             Section("Stations", tables=[cut(_table(survey))]),
         ],
-        facts=_facts(survey, site),
+        _facts(survey, site),
+        about="What was reduced",
+        heading=subject if survey.tool else "Survey",
+        states=[
+            (flagged, "warn", f"{flagged} of {len(survey)} stations flagged"),
+            (failed, "warn", f"{failed} of {0 if quality is None else len(quality.checks)} checks failed"),
+            (survey.findings or survey.warnings, "warn", "Read the warnings"),
+            (True, "good", "No flags"),
+        ],
+        notes=[
+            f"Components included: {names}. Not included: {', '.join(missing)}."
+            f" Azimuth counts from {survey.azimuth_reference} north.",
+            *notes,
+        ],
+        warnings=[*said(survey.findings), *survey.warnings],
+        inputs=survey.inputs,
     )
 
 
@@ -187,15 +156,8 @@ def flag_table(survey: Survey, meanings: Mapping[str, str]) -> Table:
 
 def _table(survey: Survey) -> Table:
     degrees = {name: (np.degrees(getattr(survey, name)), np.degrees(survey.u(name))) for name in _known(survey)}
-    totals = [
-        (head, values, places)
-        for head, values, places in (
-            ("g, m/s²", survey.g_total, 4),
-            ("b, nT", survey.b_total, 0),
-            ("dip", np.degrees(survey.dip), 2),
-        )
-        if np.isfinite(values).any()
-    ]
+    totals = [("g, m/s²", survey.g_total, 4), ("b, nT", survey.b_total, 0), ("dip", np.degrees(survey.dip), 2)]
+    totals = [one for one in totals if np.isfinite(one[1]).any()]
     rows, factor = [], survey.coverage_factor
     for k in range(len(survey)):
         cells = [f"{survey.md[k]:.2f}"]
@@ -222,4 +184,41 @@ def _facts(survey: Survey, site: Site | None) -> list[tuple[str, str]]:
         value = None if site is None else getattr(site, name)
         if value is not None:
             facts.append((name.capitalize(), f"{np.degrees(value):+.3f}°"))
-    return facts + [(f"Digest of {name}", digest) for name, digest in survey.inputs.items()]
+    return facts
+
+
+# From which north azimuths count, in a table and a drawing: no check of the readings shows a wrong sign.
+
+
+def chain_of_norths(survey: Survey, site: Site | None) -> Table | None:
+    """The azimuth of the most inclined station from each north; None where no declination or convergence is known."""
+    station = _station(survey, site)
+    if station is None:
+        return None
+    table = chain_table(station, survey.azimuth_reference)
+    body = [
+        TableRow([*row.cells[:-1], "this survey" if row.cells[0] == survey.azimuth_reference else ""])
+        for row in table.body
+    ]
+    return Table(table.caption, table.head, body, table.note, table.text_columns)
+
+
+def compass(survey: Survey, site: Site | None) -> list[Picture]:
+    """The norths and the hole at that station, seen from above."""
+    station = _station(survey, site)
+    if station is None:
+        return []
+    return compass_picture(station, 0)
+
+
+def _station(survey: Survey, site: Site | None) -> WellSurvey | None:
+    """The most inclined station that has an azimuth, turned to true north."""
+    able = np.flatnonzero(np.isfinite(survey.azimuth))
+    if site is None or not able.size or (site.declination is None and site.convergence is None):
+        return None
+    if survey.azimuth_reference == "magnetic" and site.declination is None:
+        return None
+    row = int(able[np.argmax(np.sin(survey.inclination[able]))])
+    # a well has two stations at least: the same one a metre above
+    angles = ([survey.inclination[row]] * 2, [survey.azimuth[row]] * 2)
+    return well_survey(survey.md[row] + np.array([-1.0, 0.0]), *angles, site, reference=survey.azimuth_reference)

@@ -9,7 +9,7 @@ import numpy as np
 from inclinometry.arrays import Array
 from inclinometry.constants import COVERAGE_FACTOR
 from inclinometry.report.calibration import MANY, log_scale
-from inclinometry.report.figure import BAD, DASHES, INK, SERIES, new_figure, styled
+from inclinometry.report.figure import BAD, DASHES, INK, SERIES, legend_above, new_figure, panel, styled
 from inclinometry.survey.reduce import Survey
 
 if TYPE_CHECKING:
@@ -63,7 +63,7 @@ def angle_figure(survey: Survey, name: str) -> Figure:
         lower.set_ylabel("U, deg")
         # two long names side by side are as much as the width bears
         wide = 3 if len(survey.components) < 4 else 2
-        lower.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=wide, borderaxespad=0.2, columnspacing=1.2)
+        legend_above(lower, wide)
     lower.set_xlabel("measured depth, m")
     return figure
 
@@ -104,13 +104,17 @@ def unbroken(value: Array) -> Array:
     return path
 
 
-@styled
+@panel(2.8, "measured depth, m")
 def magnitude_figure(
-    md: Array, value: Array, label: str, unit: str, reference: tuple[float, float | None] | None, flagged: Array
-) -> Figure:
+    axes: Axes,
+    md: Array,
+    value: Array,
+    label: str,
+    unit: str,
+    reference: tuple[float, float | None] | None,
+    flagged: Array,
+) -> None:
     """A magnitude that should not change, over measured depth, with its reference and flagged stations marked."""
-    figure = new_figure(2.8)
-    axes = figure.add_subplot()
     rows = thinned(len(md))
     axes.plot(md[rows], value[rows], color=SERIES[0], marker="o" if len(rows) <= 80 else None, markersize=3.0)
     if flagged.any():
@@ -125,7 +129,5 @@ def magnitude_figure(
             )
     axes.ticklabel_format(axis="y", useOffset=False)
     axes.set_ylabel(f"{label}, {unit}" if unit else label)
-    axes.set_xlabel("measured depth, m")
     if reference is not None or flagged.any():
-        axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, borderaxespad=0.2)
-    return figure
+        legend_above(axes, 2)

@@ -128,9 +128,15 @@ def listed(words: list[str]) -> str:
     return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}" if words else ""
 
 
+def tool_name(calibration: Calibration) -> str:
+    """The serial number of the tool; "" where none was stated."""
+    name = calibration.tool.name
+    return "" if name == "unnamed" else name
+
+
 def verdict(calibration: Calibration, found: ExpectedUncertainty) -> str:
     """One sentence: what a reading of this tool is worth. `found` holds one inclination."""
-    tool = calibration.tool.name or "this tool"
+    tool = tool_name(calibration) or "this tool"
     seen = calibration.tool.triads["accelerometer"].rank if "accelerometer" in calibration.tool.triads else 0
     if seen < 2:
         return f"The accelerometers of {tool} see fewer than two components of gravity: no attitude can be given."
@@ -149,7 +155,7 @@ def verdict(calibration: Calibration, found: ExpectedUncertainty) -> str:
         where += (
             f", |g| known to {100.0 * found.gravity_sd:.2g} % of that at the calibration and the way of the hole stated"
         )
-    count = len(calibration.warnings)
+    count = len(calibration.remarks)
     condition = f"; settle the warning{'s' * (count > 1)} below before relying on it" if count else ""
     return f"One reading of {tool} gives {parts} (expanded, k = {COVERAGE_FACTOR:g}, about 95 %) {where}{condition}."
 
@@ -183,7 +189,7 @@ def run_facts(calibration: Calibration, readings: BenchReadings | None) -> list[
     span = calibration.tool.temperature_range
     left = 0 if readings is None else len(readings) - stations
     facts = [
-        ("Tool", tool.name or "not named"),
+        ("Tool", tool_name(calibration) or "not named"),
         ("Sensors", listed(triads)),
         ("Method", f"{calibration.method}: {methods.get(calibration.method, 'see the record')}"),
         ("Stations", f"{stations} ({left} more were left out of the fit)" if left > 0 else f"{stations}"),
@@ -323,7 +329,7 @@ def calibration_tests(calibration: Calibration) -> list[Test]:
     blocks = calibration.residuals.standardised.values()
     values = np.concatenate([np.zeros(0), *(np.asarray(v).ravel() for v in blocks)])
     judged = values[np.isfinite(values)]
-    warned = len(calibration.warnings)
+    warned = len(calibration.remarks)
     tests = [Test("warnings", str(warned), "none", warned == 0)]
     if judged.size:
         largest, bound = float(np.abs(judged).max()), float(norm.isf(0.005 / judged.size))
@@ -351,7 +357,7 @@ def identifiability_sentences(calibration: Calibration) -> list[str]:
         name, share = calibration.residuals.station[most], float(leverage[most])
         decisive = "an error there would go unseen" if share > DECISIVE else "no station decides alone"
         sentences.append(f"The station with most leverage is {name}, {share:.2f} of 1: {decisive}.")
-    if any("assumed" in sentence for sentence in calibration.warnings):
+    if any(one.code == "bench-stand-assumed" for one in calibration.findings):
         sentences.append("The plan is blind in a direction named in the warnings; there the assumption decides.")
     return sentences
 

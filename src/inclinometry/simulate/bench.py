@@ -6,14 +6,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from inclinometry.arrays import Array, finite, frozen
 from inclinometry.constants import DIALS, DIP, KINDS, LATITUDE
 from inclinometry.errors import InputError
 from inclinometry.rotations import dcm, rotation_exp, rotation_x, rotation_y, rotation_z
 from inclinometry.sensors import Tool
-from inclinometry.simulate.sensing import Characteristic, sense, sense_batch
+from inclinometry.simulate.sensing import Characteristic, Sensed, sense, sense_batch
 from inclinometry.simulate.tool import Seed, Streams, ToolBatch
 from inclinometry.tabular import check_record
 
@@ -44,42 +44,11 @@ class Bump:
 
 @dataclass(frozen=True, eq=False)
 class Rig:
-    """Three frames on a base that is neither level nor pointed at north, in known fields.
+    """Three frames on a base neither level nor pointed at north: C = R_z(T) R_x(inner) R_y(I) R_x(outer) R_z(A).
 
-    Parameters
-    ----------
-    dip : float
-        Of the magnetic field, rad, positive down.
-    latitude, declination : float
-        rad; where the gyro triad sees the Earth rate (declination: of magnetic north, east of true).
-    base_tilt : float
-        rad, about the horizontal axis at azimuth `tilt_axis`.
-    tilt_axis : float, optional
-        rad from the rig's zero; drawn anew for each simulated calibration when not given.
-    north_offset : float
-        Azimuth, from magnetic north, of the rig's zero, rad.
-    setting_sd : float or (3,) array_like
-        Standard deviation of each setting of azimuth, inclination, toolface, rad; common to all triads.
-    inclination_zero, toolface_zero : float
-        What is added to every dialled angle, rad.
-    outer, inner : float
-        Non-orthogonality between the azimuth and inclination axes and between the inclination and toolface axes, rad.
-    faults : sequence of Misread or Bump
-
-    Raises
-    ------
-    InputError
-        Values not finite, negative setting_sd.
-
-    Notes
-    -----
-    The rig turns the tool by C = R_z(T) R_x(inner) R_y(I) R_x(outer) R_z(A).
-
-    Examples
-    --------
-    >>> rig = Rig(dip=np.radians(70), base_tilt=np.radians(5), tilt_axis=0.0)
-    >>> rig.direction("accelerometer").round(4)
-    array([0.    , 0.0872, 0.9962])
+    Angles in rad. base_tilt is about the horizontal axis at azimuth tilt_axis (None: drawn for each calibration).
+    north_offset is the azimuth of the rig's zero from magnetic north; setting_sd of each dial, common to all triads;
+    the zeros are added to every dialled angle. declination places the Earth rate, with the latitude.
     """
 
     dip: float = DIP
@@ -139,11 +108,6 @@ def field_direction(kind: str, dip: float, latitude: float, declination: float) 
     """Unit vector (3,) along the field in magnetic north, east, down.
 
     The Earth rate is (cos lat, 0, -sin lat) from true north, which lies `declination` west of magnetic north.
-
-    Examples
-    --------
-    >>> field_direction("magnetometer", np.radians(30), 0, 0).round(3)
-    array([0.866, 0.   , 0.5  ])
     """
     if kind == "accelerometer":
         return np.array([0.0, 0.0, 1.0])
@@ -153,41 +117,27 @@ def field_direction(kind: str, dip: float, latitude: float, declination: float) 
     return np.array([level * np.cos(declination), -level * np.sin(declination), -np.sin(latitude)])
 
 
-@dataclass(frozen=True, eq=False)
-class BenchSimulation:
-    """One simulated calibration of K stations; angles in rad.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class BenchSimulation(Sensed):
+    """One simulated calibration of K stations: readings by kind (K, m), in `units`, and the truth; angles in rad.
 
-    signals : kind -> (K, m), what the tool reported (means, where readings were repeated), in `units`.
-    azimuth, inclination, toolface : (K,) the record of the dials, misreadings included.
-    sd : kind -> (K, m) standard deviation of the means; empty without repeats.
-    count : (K,) readings per station; None without repeats.
-    temperature : (K,) degC, or None.
-    units : kind -> unit of the signals.
-    reference : what a bench knows of its fields: "g" m/s^2, "b" nT, "dip" rad, where the tool has the triad.
-    tool, rig : the truth; the rig's tilt axis as it was drawn.
-    setting_errors : (K, 3) true minus intended azimuth, inclination, toolface (zeros and random parts).
+    azimuth and so on : read from the dials, misreadings included; setting_errors are true minus intended.
+    reference : what a bench knows of its fields: "g" m/s^2, "b" nT, "dip" rad.
     orientation : (K, 3, 3) true rotation from rig to tool axes, bumps included.
-    field_directions : kind -> (3,) true unit field in rig axes.
-    clean : kind -> (K, m) signals without noise and converter.
-    saturated : kind -> (K, m) bool, readings that left the converter's range.
+    clean : signals without noise and converter. sd, count : of means; empty and None without repeats.
     """
 
-    signals: Mapping[str, Array]
     azimuth: Array
     inclination: Array
     toolface: Array
-    sd: Mapping[str, Array]
     count: Array | None
     temperature: Array | None
-    units: Mapping[str, str]
     reference: Mapping[str, float]
     tool: Tool
     rig: Rig
     setting_errors: Array
     orientation: Array
     field_directions: Mapping[str, Array]
-    clean: Mapping[str, Array]
-    saturated: Mapping[str, NDArray[np.bool_]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -257,21 +207,14 @@ def simulate_bench(
     check_record(tool, Tool, "simulate_bench")
     record = _settings(azimuth, inclination, toolface)
     size = len(record)
-    degrees = None if temperature is None else np.broadcast_to(finite(temperature, "temperature"), (size,))
+    heat = None if temperature is None else np.broadcast_to(finite(temperature, "temperature"), (size,))
     streams = Streams(seed, "bench")
     errors, tilt_axis = _rig_draw(rig, streams, 1, size)
     orientation = _bumped(rig, streams, rig.orientation(record + errors[0]))
     directions = {kind: rig.direction(kind, tilt_axis[0]) for kind in tool.triads}
     fields = {kind: orientation @ direction for kind, direction in directions.items()}
     sensed = sense(
-        tool,
-        fields,
-        streams,
-        noise=noise,
-        bits=bits,
-        repeats=repeats,
-        temperature=degrees,
-        characteristic=characteristic,
+        tool, fields, streams, noise=noise, bits=bits, repeats=repeats, temperature=heat, characteristic=characteristic
     )
     # the record (K, 3) with the misreadings in it
     written = record.copy()
@@ -284,15 +227,14 @@ def simulate_bench(
         inclination=written[:, 1],
         toolface=written[:, 2],
         count=None if repeats == 1 else np.full(size, float(repeats)),
-        temperature=degrees,
-        units={kind: triad.unit for kind, triad in tool.triads.items()},
+        temperature=heat,
         reference=bench_reference(tool, rig.dip),
         tool=tool,
         rig=replace(rig, tilt_axis=float(tilt_axis[0])),
         setting_errors=errors[0],
         orientation=orientation,
         field_directions=directions,
-        **sensed._asdict(),
+        **vars(sensed),
     )
 
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from inclinometry.arrays import Array, finite
 from inclinometry.constants import DIP, LATITUDE
@@ -14,20 +14,17 @@ from inclinometry.errors import InputError
 from inclinometry.rotations import dcm, rotation_exp, rotation_z
 from inclinometry.sensors import Tool
 from inclinometry.simulate.bench import bench_reference, field_direction
-from inclinometry.simulate.sensing import sense
+from inclinometry.simulate.sensing import Sensed, sense
 from inclinometry.simulate.tool import Seed, Streams, random_rotations
 from inclinometry.tabular import check_record
 
 
 @dataclass(frozen=True)
 class HandHeld:
-    """How a field calibration is taken; rad.
+    """How a field calibration is taken: free shots, uniform over all rotations, and sets of rolls; rad.
 
-    shots : free shots, orientations uniform over all rotations.
     roll_sets, rolls : sets of nearly equal steps about the tool axis, each at one random direction.
-    pointing_sd : scatter of the tool axis in each of its two cross directions, within a roll set.
-    roll_sd : scatter of the steps.
-    dip, latitude : of the fields.
+    pointing_sd, roll_sd : scatter of the axis in each of its two cross directions within a set, and of the steps.
     """
 
     shots: int = 16
@@ -71,8 +68,8 @@ class HandHeld:
         return np.concatenate([free, rolled.reshape(draws, -1, 3, 3)], axis=1)
 
 
-@dataclass(frozen=True, eq=False)
-class FieldSimulation:
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FieldSimulation(Sensed):
     """One field calibration of K shots.
 
     signals, clean, saturated : kind -> (K, m), in `units`; sd : kind -> (K, m) of the means, empty without repeats.
@@ -81,11 +78,6 @@ class FieldSimulation:
     orientation : (K, 3, 3) true rotation from magnetic north, east, down to tool axes.
     """
 
-    signals: Mapping[str, Array]
-    sd: Mapping[str, Array]
-    clean: Mapping[str, Array]
-    saturated: Mapping[str, NDArray[np.bool_]]
-    units: Mapping[str, str]
     roll_set: tuple[str, ...]
     reference: Mapping[str, float]
     orientation: Array
@@ -115,10 +107,9 @@ def simulate_field(
     fields = {kind: orientation @ field_direction(kind, hand.dip, hand.latitude, 0.0) for kind in tool.triads}
     sensed = sense(tool, fields, Streams(seed, "field"), noise=noise, bits=bits, repeats=repeats)
     return FieldSimulation(
-        units={kind: triad.unit for kind, triad in tool.triads.items()},
         roll_set=hand.roll_set,
         reference=bench_reference(tool, hand.dip),
         orientation=orientation,
         tool=tool,
-        **sensed._asdict(),
+        **vars(sensed),
     )

@@ -32,24 +32,10 @@ def drift_variance(
     magnetometer_scale: float = 5e-4,
     field: float = _FIELD,
 ) -> Array:
-    """Variance (24, 24) a year of the relative parameters.
+    """Variance (24, 24) a year of the relative parameters, from standard deviations per square root of a year.
 
-    Parameters
-    ----------
-    accelerometer, magnetometer : (offset, scale, tilt)
-        Standard deviations of one sensor a square root of a year: offset in m/s^2 or nT, scale of itself, each of its
-        two tilts in rad.
-    package : float
-        Turn of the whole package about each axis of the tool, rad.
-    magnetometer_scale : float
-        Scale that all magnetometers share.
-    field : float
-        Of the Earth at the bench, nT.
-
-    Examples
-    --------
-    >>> np.sqrt(np.diagonal(drift_variance()))[[0, 3, 12, 15]].round(6)
-    array([0.0002 , 0.0003 , 0.00064, 0.0012 ])
+    accelerometer, magnetometer: offset of a sensor (m/s^2, nT), its own scale, each of its two tilts (rad). package:
+    turn of all sensors about each tool axis, rad. magnetometer_scale is shared by all; field in nT.
     """
     found = np.zeros((24, 24))
     for place, (offset, scale, tilt), full in ((0, accelerometer, STANDARD_GRAVITY), (12, magnetometer, field)):
@@ -79,11 +65,6 @@ def mounting_variance(size: float = 1.0) -> Array:
 
     An offset of 0.1 mg and 22 nT a sensor, 1e-4 of scale and tilt, 1.8e-4 rad of the package about each axis and 1e-3
     about the tool's, all times `size`.
-
-    Examples
-    --------
-    >>> round(float(np.sqrt(mounting_variance()[15, 15])), 5)
-    0.00044
     """
     found = drift_variance((0.1 * _MG * STANDARD_GRAVITY, 1e-4, 1e-4), (22.0, 1e-4, 1e-4), 1.8e-4, 0.0)
     turned = np.tile(_turn(2).ravel(), 2)
@@ -104,22 +85,12 @@ def shock_and_heat() -> Array:
 
 @dataclass(frozen=True, eq=False)
 class FleetScene:
-    """How a fleet lives and is calibrated.
+    """How a fleet ages and is calibrated: covariance V of a certificate, drift Q, mounting R, effects B of doses.
 
-    tools : number of them.
-    calibrations : of each tool, the last of which is `last_gap` years after the one before.
-    covariance : (24, 24) of a certificate, V.
-    drift, mounting : (24, 24) Q and R.
-    effects : (24, 2) B.
-    gap : (low, high) years between calibrations, uniform.
-    last_gap : years.
-    multiplier_sd : standard deviation of the logarithm of a tool's drift variance.
-    doses : mean shock doses and hot hours a year; each tool's own mean is log-normal about it with a factor of 2.
-    hours : operating hours a year.
-    freedom : degrees of freedom of Student's t, for all errors; normal when not given.
-    rigs : number of rigs that the calibrations fall on by chance.
-    rig_error : rig number -> (24,) what it adds to every tool calibrated on it.
-    jumps : (tool, calibration) -> (24,) a sudden change before that calibration.
+    gap, last_gap : years between calibrations, uniform, and before the last. freedom : of Student's t for all errors.
+    multiplier_sd : of the logarithm of a tool's drift variance. hours : of operation a year.
+    doses : mean shock doses and hot hours a year; a tool's own are log-normal about them with a factor of 2.
+    rig_error, jumps : rig number, or (tool, calibration) before which it happens -> (24,) added.
     """
 
     tools: int
@@ -156,28 +127,7 @@ class FleetSimulation:
 def simulate_fleet(
     scene: FleetScene, *, type: str = "simulated", first: date = date(2020, 1, 1), seed: Seed
 ) -> FleetSimulation:
-    """Histories of a fleet.
-
-    Parameters
-    ----------
-    scene : FleetScene
-    type : str
-        Name of the type.
-    first : date
-        About which the first calibrations lie, within a year.
-    seed : int, SeedSequence or Generator
-
-    Raises
-    ------
-    InputError
-        A covariance of another shape; a jump of a tool or calibration that is not there.
-
-    Examples
-    --------
-    >>> found = simulate_fleet(FleetScene(3, 1e-8 * np.eye(24)), seed=1)
-    >>> len(found.histories), found.truth.shape
-    (3, (3, 7, 24))
-    """
+    """Histories of a fleet; the first calibrations lie within a year about `first`."""
     n, most, p = scene.tools, scene.calibrations, 24
     certificate = finite(scene.covariance, "covariance of a certificate", (p, p))
     for tool, number in scene.jumps:
@@ -239,28 +189,7 @@ def simulate_fleet(
 def simulate_calibrations(
     tool: Tool, truth: ArrayLike, rig: Rig, settings: ArrayLike, *, bits: int | None = None, seed: Seed
 ) -> list[BenchSimulation]:
-    """Bench readings of one tool of a fleet at each of its calibrations.
-
-    Parameters
-    ----------
-    tool : Tool
-        What the relative parameters are relative to.
-    truth : (K, 24) array_like
-        Of one tool, as `FleetSimulation.truth` has them; mounting errors added by the caller.
-    rig : Rig
-    settings : (n, 3) array_like
-        Azimuth, inclination and toolface of the plan, rad.
-    bits : int, optional
-        Of the converter, as in `simulate_bench`.
-    seed : int, SeedSequence or Generator
-
-    Examples
-    --------
-    >>> from inclinometry.simulate.tool import realistic_tool
-    >>> runs = simulate_calibrations(realistic_tool(1), np.zeros((2, 24)), Rig(), np.zeros((3, 3)), seed=1)
-    >>> len(runs), runs[0].signals["accelerometer"].shape
-    (2, (3, 3))
-    """
+    """Bench readings of one tool at each calibration; truth (K, 24) relative to `tool`, mounting errors added."""
     azimuth, inclination, toolface = finite(settings, "settings", (3,)).T
     streams = Streams(seed, "calibrations")
     return [

@@ -24,14 +24,10 @@ _CROSS = np.eye(3)[:2]
 
 @dataclass(frozen=True, eq=False)
 class GyroSensors:
-    """What is wrong with the sensors of an indexed gyro tool; perfect x and y sensors when nothing is given.
+    """Errors of the sensors of an indexed gyro tool; perfect x and y sensors by default, 3 rows of tensors with z.
 
-    gyro_tensor, accelerometer_tensor : (m, 3) sensitive axes in tool axes at index 0; give 3 rows for a z sensor.
-    gyro_bias, accelerometer_bias : float or (m,) rad/s, m/s^2.
-    gyro_drift : rad/s per second, of every gyro.
-    arw : angle random walk, rad/sqrt(s).
-    flicker : bias instability, rad/s (see `flicker_rate`).
-    accelerometer_noise : sd of one reading, m/s^2.
+    gyro_bias : rad/s; gyro_drift, of every gyro : rad/s per second; flicker : bias instability (`flicker_rate`), rad/s.
+    arw : angle random walk, rad/sqrt(s). accelerometer_noise : sd of one reading, m/s^2.
     """
 
     gyro_tensor: Array = field(default_factory=_CROSS.copy)
@@ -65,14 +61,11 @@ class Spike:
 
 @dataclass(frozen=True, eq=False)
 class GyroSimulation:
-    """Readings at the index positions of n stations, K = n P rows, and beside them the truth.
+    """Readings at P index positions of n stations, K = n P rows, and beside them the truth (n,); rad, m/s^2, rad/s.
 
-    station : (K,) 1 to n; md (K,), m; index (K,), rad; temperature (K,), degC; time (K,), s, middle of the reading.
-    accelerometer, gyro : (K, m), m/s^2 and rad/s.
-    noise : "gyro" -> sd of one gyro reading from the angle random walk, "accelerometer" -> that of the accelerometers.
-    inclination, azimuth, toolface, scale : (n,) truth, rad; azimuth from true north; true rate = scale x reading.
-    latitude : rad.
-    clean : (K, m) gyro readings without bias, drift, noise and spikes.
+    time : s, middle of the reading. scale : true rate = scale x reading. azimuth : from true north.
+    noise : "gyro" -> sd of one reading from the angle random walk; "accelerometer" -> its sd.
+    clean : gyro readings without bias, drift, noise and spikes.
     """
 
     station: Index
@@ -111,42 +104,9 @@ def simulate_gyro_run(
 ) -> GyroSimulation:
     """Readings of gyros and accelerometers that are turned about the tool axis at every station.
 
-    Parameters
-    ----------
-    md, inclination, azimuth, toolface : (n,) array_like
-        m and rad; azimuth from true north, toolface at index 0.
-    latitude : float
-        rad, north positive.
-    scale : float or (n,) array_like
-        True rate over reading.
-    temperature : float or (n,) array_like
-        degC; constant while a station is measured.
-    positions : (P,) array_like
-        Index angles, rad, in the order in which they are visited.
-    dwell, settle, travel : float
-        s: a reading is averaged over `dwell` after `settle`; `travel` from station to station.
-    g : float
-        m/s^2.
-    sensors : GyroSensors, optional
-        Perfect x and y sensors when absent. Bias drifts from the start of the run on; flicker runs from reading to
-        reading as if there were no travel.
-    spikes : sequence of Spike
-    seed : int, SeedSequence or Generator
-
-    Raises
-    ------
-    InputError
-        Arrays of different lengths, times that are not positive, a spike that is nowhere.
-
-    Notes
-    -----
-    reading = (N R_z(index) C_tn w)/scale + bias + drift t + noise, w the Earth rate in north, east, down.
-
-    Examples
-    --------
-    >>> run = simulate_gyro_run([10.0], [0.0], [np.radians(30)], [0.0], latitude=0.0, seed=1)
-    >>> (run.gyro[:, 0] / EARTH_RATE).round(3) + 0.0
-    array([ 0.866, -0.5  , -0.866,  0.5  ])
+    reading = (N R_z(index) C_tn w)/scale + bias + drift t + noise, w the Earth rate in north, east, down; azimuth from
+    true north, toolface at index 0. Each is averaged over `dwell` s after `settle`; `travel` between stations. Bias
+    drifts from the start of the run on; flicker runs from reading to reading as if there were no travel.
     """
     given = {"md": md, "inclination": inclination, "azimuth": azimuth, "toolface": toolface}
     path = [finite(v, name) for name, v in given.items()]
@@ -163,15 +123,20 @@ def simulate_gyro_run(
     gravity = g * block[..., 2].reshape(-1, 3)
     start = np.arange(size)[:, None] * (len(index) * (dwell + settle) + travel)
     time = (start + settle + 0.5 * dwell + np.arange(len(index)) * (dwell + settle)).ravel()
-    clean = rate @ use.gyro_tensor.T
+    clean, level = rate @ use.gyro_tensor.T, gravity @ use.accelerometer_tensor.T
+    scatter = streams["accelerometer.noise"].standard_normal(level.shape)
+    shape = (len(use.gyro_tensor), len(time))
+    noise = white_rate(streams["gyro.white"], shape, use.arw, dwell)
+    noise = noise + flicker_rate(streams["gyro.flicker"], shape, use.flicker)
+    errors = noise.T + use.gyro_bias + use.gyro_drift * time[:, None]
     return GyroSimulation(
         station=np.repeat(np.arange(1, size + 1), len(index)),
         md=np.repeat(path[0], len(index)),
         index=np.tile(index, size),
         temperature=np.repeat(np.broadcast_to(finite(temperature, "temperature"), (size,)), len(index)),
         time=time,
-        accelerometer=_accelerometer(use, gravity, streams),
-        gyro=clean + _gyro_errors(use, time, dwell, streams) + _spikes(spikes, (size, len(index), clean.shape[1])),
+        accelerometer=level + use.accelerometer_bias + use.accelerometer_noise * scatter,
+        gyro=clean + errors + _spikes(spikes, (size, len(index), clean.shape[1])),
         noise={"gyro": use.arw / np.sqrt(dwell), "accelerometer": use.accelerometer_noise},
         inclination=path[1],
         azimuth=wrap_positive(path[2]),
@@ -180,20 +145,6 @@ def simulate_gyro_run(
         latitude=latitude,
         clean=clean,
     )
-
-
-def _accelerometer(use: GyroSensors, gravity: Array, streams: Streams) -> Array:
-    clean = gravity @ use.accelerometer_tensor.T
-    white = streams["accelerometer.noise"].standard_normal(clean.shape)
-    return np.asarray(clean + use.accelerometer_bias + use.accelerometer_noise * white)
-
-
-def _gyro_errors(use: GyroSensors, time: Array, dwell: float, streams: Streams) -> Array:
-    """Bias, drift and noise (K, m)."""
-    shape = (len(use.gyro_tensor), len(time))
-    noise = white_rate(streams["gyro.white"], shape, use.arw, dwell)
-    noise = noise + flicker_rate(streams["gyro.flicker"], shape, use.flicker)
-    return np.asarray(noise.T + use.gyro_bias + use.gyro_drift * time[:, None])
 
 
 def _spikes(spikes: Sequence[Spike], shape: tuple[int, int, int]) -> Array:
@@ -230,28 +181,11 @@ class HotRun(NamedTuple):
 def hot_run(
     seed: Seed, stations: int = 60, *, noise: float = np.radians(0.015) / 3600.0, latitude: float = np.pi / 4
 ) -> HotRun:
-    """Stations from 20 to 140 degC with a scale factor that follows the temperature.
+    """Stations from 20 to 140 degC with a scale factor that follows the temperature; `noise` of each rate, rad/s.
 
-    Parameters
-    ----------
-    seed : int, SeedSequence or Generator
-    stations : int
-    noise : float
-        Standard deviation of each high-side rate, rad/s.
-    latitude : float
-        rad.
-
-    Notes
-    -----
-    T linear plus 0.3 x cumulated N(0, 2); scale = 1 + N(0, 0.005) d + N(0, 0.003) d^2 + N(0, 0.0005) with
-    d = (T - 20)/100; inclination linear from 2 to U(20, 88) deg, within 1 to 88; azimuth starts anywhere and walks
-    1.5 deg a station. X = cos lat cos azi cos inc + sin lat sin inc, Y = -cos lat sin azi.
-
-    Examples
-    --------
-    >>> run = hot_run(1)
-    >>> len(run.a), bool(abs(run.scale - 1).max() > 0.001)
-    (60, True)
+    T linear plus 0.3 x cumulated N(0, 2); d = (T - 20)/100; scale = 1 + N(0, 0.005) d + N(0, 0.003) d^2 + N(0, 0.0005).
+    Inclination linear from 2 to U(20, 88) deg, within 1 to 88; azimuth walks 1.5 deg a station. X = cos lat cos azi cos
+    inc + sin lat sin inc, Y = -cos lat sin azi.
     """
     within(stations, "stations", 2, np.inf)
     draw = Streams(seed, "hot-run")

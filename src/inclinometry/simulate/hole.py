@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from inclinometry.arrays import Array, finite
 from inclinometry.constants import EARTH_RATE, LATITUDE
@@ -15,20 +15,16 @@ from inclinometry.errors import InputError
 from inclinometry.rotations import dcm, wrap_positive
 from inclinometry.sensors import Tool
 from inclinometry.simulate.bench import field_direction
-from inclinometry.simulate.sensing import Characteristic, sense
+from inclinometry.simulate.sensing import Characteristic, Sensed, sense
 from inclinometry.simulate.tool import Seed, Streams
 
 
 @dataclass(frozen=True)
 class WellProfile:
-    """A well that goes down, builds, holds and, where wanted, drops; metres and radians.
+    """A well that goes down, builds, holds and, where `final` is given, drops; m, rad, rates positive in rad/m.
 
-    kickoff : depth at which building starts.
-    start, hold, final : inclinations of the three straight parts; final None: no drop.
-    build_rate, drop_rate : rad/m, positive.
-    hold_length, final_length : lengths of the straight parts.
-    azimuth : from magnetic north; turn_rate : rad/m of azimuth below the kickoff.
-    spacing : distance between stations.
+    start, hold, final : inclinations of the three straight parts, of hold_length and final_length.
+    azimuth : from magnetic north; turn_rate : of azimuth below the kickoff.
     """
 
     kickoff: float = 300.0
@@ -58,22 +54,14 @@ class WellPath(NamedTuple):
     toolface: Array
 
 
-@dataclass(frozen=True, eq=False)
-class SurveySimulation:
-    """What the tool reported at n stations, and the truth.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SurveySimulation(Sensed):
+    """What the tool reported at n stations, by kind (n, m) in `units`, and the truth: rad, m, degC, m/s^2, nT.
 
-    signals, clean, saturated : kind -> (n, m), in `units`; clean is without noise and converter.
-    sd : kind -> (n, m) of the means; empty without repeats.
-    md, inclination, azimuth, toolface, magnetic_toolface : (n,) true values, m and rad, azimuth from magnetic north.
-    temperature : (n,) degC, or None.
-    g, b, dip : true field at the well, m/s^2, nT, rad.
+    clean : signals without noise and converter. sd : of the means; empty without repeats.
+    azimuth : from magnetic north. g, b, dip : true field at the well.
     """
 
-    signals: Mapping[str, Array]
-    sd: Mapping[str, Array]
-    clean: Mapping[str, Array]
-    saturated: Mapping[str, NDArray[np.bool_]]
-    units: Mapping[str, str]
     md: Array
     inclination: Array
     azimuth: Array
@@ -86,14 +74,7 @@ class SurveySimulation:
 
 
 def well_path(profile: WellProfile, seed: Seed) -> WellPath:
-    """Stations of a well at equal spacing from the surface, the last one at its end; toolface is random.
-
-    Examples
-    --------
-    >>> path = well_path(WellProfile(hold=np.radians(45)), seed=1)
-    >>> float(np.degrees(path.inclination[-1]).round(9)), float(path.md[1])
-    (45.0, 30.0)
-    """
+    """Stations of a well at equal spacing from the surface, the last one at its end; toolface is random."""
     build = abs(profile.hold - profile.start) / profile.build_rate
     lengths, inclinations = [profile.kickoff, build, profile.hold_length], [profile.start, profile.hold, profile.hold]
     if profile.final is not None:
@@ -126,68 +107,34 @@ def simulate_survey(
     characteristic: Mapping[str, Characteristic] | None = None,
     seed: Seed,
 ) -> SurveySimulation:
-    """Raw readings of a tool at the stations of a well, standing still.
+    """Raw readings of a tool that is still at the stations of a well; azimuth from magnetic north.
 
-    Parameters
-    ----------
-    md, inclination, azimuth, toolface : (n,) array_like
-        m and rad; azimuth from magnetic north.
-    g, b : float, optional
-        Fields at the well, m/s^2 and nT; those of the calibration when absent.
-    dip, latitude, declination : float
-        rad, at the well.
-    noise, bits, repeats, characteristic
-        As in `simulate_bench`.
-    temperature : float or (n,) array_like, optional
-        degC.
-    seed : int, SeedSequence or Generator
-
-    Raises
-    ------
-    InputError
-        Arrays of different lengths; a field strength given for a triad that does not know its own.
-
-    Examples
-    --------
-    >>> from inclinometry.simulate.tool import realistic_tool
-    >>> path = well_path(WellProfile(), seed=1)
-    >>> survey = simulate_survey(realistic_tool(1), *path, dip=np.radians(70), bits=12, seed=1)
-    >>> survey.signals["magnetometer"].shape == (len(path.md), 3)
-    True
+    Without g (m/s^2) and b (nT) the fields are those of the calibration. noise, bits, repeats, characteristic: as
+    `simulate_bench`.
     """
-    path = WellPath(
-        finite(md, "md"), finite(inclination, "inclination"), finite(azimuth, "azimuth"), finite(toolface, "toolface")
-    )
+    path = WellPath(*map(finite, (md, inclination, azimuth, toolface), WellPath._fields))
     if path.md.ndim != 1 or any(v.shape != path.md.shape for v in path):
         raise InputError(f"md, inclination, azimuth, toolface have shapes {[v.shape for v in path]}; expected (n,)")
-    degrees = None if temperature is None else np.broadcast_to(finite(temperature, "temperature"), path.md.shape)
+    heat = None if temperature is None else np.broadcast_to(finite(temperature, "temperature"), path.md.shape)
     orientation = dcm(path.azimuth, path.inclination, path.toolface)
     local = {"accelerometer": g, "magnetometer": b, "gyro": EARTH_RATE}
     north = {kind: field_direction(kind, dip, latitude, declination) for kind in tool.triads}
     fields = {kind: orientation @ north[kind] * field_ratio(tool, kind, local[kind]) for kind in tool.triads}
     streams = Streams(seed, "survey")
     sensed = sense(
-        tool,
-        fields,
-        streams,
-        noise=noise,
-        bits=bits,
-        repeats=repeats,
-        temperature=degrees,
-        characteristic=characteristic,
+        tool, fields, streams, noise=noise, bits=bits, repeats=repeats, temperature=heat, characteristic=characteristic
     )
     return SurveySimulation(
-        units={kind: triad.unit for kind, triad in tool.triads.items()},
         md=path.md,
         inclination=path.inclination,
         azimuth=wrap_positive(path.azimuth),
         toolface=wrap_positive(path.toolface),
         magnetic_toolface=wrap_positive(path.azimuth + path.toolface),
-        temperature=degrees,
+        temperature=heat,
         g=_strength(tool, "accelerometer", g),
         b=_strength(tool, "magnetometer", b),
         dip=dip,
-        **sensed._asdict(),
+        **vars(sensed),
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,17 +20,11 @@ from inclinometry.simulate.tool import FULL_SCALE, Streams, ToolBatch, digitise,
 
 @dataclass(frozen=True)
 class Characteristic:
-    """What a sensor does besides U = n a + U0.
+    """Errors of a sensor besides U = n a + U0, as shares of full scale, at most a tenth; noise in m/s^2, nT, rad/s.
 
-    noise : white noise of one reading, m/s^2, nT, rad/s; None for that of the tool.
-    square : at full scale the signal is too large by this share of full scale, at half of it by a quarter.
-    hysteresis : the signal lags behind the field by up to this share of full scale (Prandtl's play operator), and so
-        depends on the readings before it.
-
-    Raises
-    ------
-    InputError
-        Negative noise or hysteresis, shares of more than a tenth.
+    square : the signal is too large by this share at full scale, by a quarter of it at half scale.
+    hysteresis : the signal lags behind the field by up to this (Prandtl's play operator), so it depends on earlier
+        readings.
     """
 
     noise: float | None = None
@@ -47,16 +41,7 @@ class Characteristic:
             )
 
     def bent(self, clean: Array, triad: Triad) -> Array:
-        """Signals (n, m), in the order of reading, of sensors that would give `clean` were they straight.
-
-        Examples
-        --------
-        >>> one = Triad("magnetometer", 2.0 * np.eye(3), np.zeros(3), field_strength=65000.0)
-        >>> Characteristic(square=0.01).bent(np.array([[2.0, 1.0, -1.0]]), one)
-        array([[ 2.02 ,  1.005, -0.995]])
-        >>> Characteristic(hysteresis=0.05).bent(np.array([[0.0], [1.0], [0.0]]) * [1.0, 1.0, 1.0], one)[:, 0]
-        array([0. , 0.9, 0.1])
-        """
+        """Signals (n, m), in the order of reading, of sensors that would give `clean` were they straight."""
         full = signal_of(triad, FULL_SCALE[triad.kind])
         value = clean - triad.offset[0]
         found = value + self.square * value**2 / full
@@ -85,13 +70,19 @@ MAGNETOMETERS: Final[Mapping[str, Characteristic]] = MappingProxyType(
 """Magnetometers as in Rogatykh 2018: azimuth to 0.2-0.5 deg with magnetoresistive sensors, 1.5-2.0 with fluxgates."""
 
 
-class Sensed(NamedTuple):
-    """Signals of each kind of triad, (n, m)."""
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Sensed:
+    """Signals of each kind of triad, (n, m), in `units`.
 
-    signals: dict[str, Array]
-    sd: dict[str, Array]  # of the mean of repeated readings; empty without repeats
-    clean: dict[str, Array]  # of straight sensors without noise and converter
-    saturated: dict[str, NDArray[np.bool_]]
+    sd : of the mean of repeated readings; empty without repeats. clean : of straight sensors without noise and
+        converter.
+    """
+
+    signals: Mapping[str, Array]
+    sd: Mapping[str, Array]
+    clean: Mapping[str, Array]
+    saturated: Mapping[str, NDArray[np.bool_]]
+    units: Mapping[str, str]
 
 
 def sense(
@@ -108,35 +99,12 @@ def sense(
 ) -> Sensed:
     """What a tool reports for fields (n, 3) in tool axes, in units of each triad's field strength.
 
-    Parameters
-    ----------
-    noise : mapping of kind to float or (m,) array_like, optional
-        White noise of one reading, signal units; a kind not named has none. The tool's own when absent.
-    bits : int, optional
-        Quantise and clip as a converter of so many bits does.
-    repeats : int
-        Readings averaged.
-    temperature : (n,) ndarray, optional
-        degC; each triad's reference temperature when absent.
-    drift : mapping of kind to (n, m) ndarray, optional
-        Added to the clean signals, signal units.
-    characteristic : mapping of kind to Characteristic, optional
-        What bends the sensors' characteristic; the clean signals stay those of straight ones.
-
-    Raises
-    ------
-    InputError
-        Unknown unit for a converter, bits or repeats out of range, negative noise.
-
-    Examples
-    --------
-    >>> from inclinometry.simulate.tool import random_tool
-    >>> sense(random_tool(1), {"accelerometer": np.eye(3)}, Streams(1, "bench")).signals["accelerometer"].shape
-    (3, 3)
+    noise : of one reading, signal units; the tool's own by default, else none for a kind not named.
+    bits : quantise and clip. drift : (n, m) added to the clean signals. `characteristic` does not change these.
     """
     if repeats < 1:
         raise InputError(f"repeats is {repeats}; at least 1 reading is needed")
-    out = Sensed({}, {}, {}, {})
+    signals, sds, straight, saturated = {}, {}, {}, {}
     for kind, field in fields.items():
         triad = tool.triads[kind]
         degrees = triad.reference_temperature if temperature is None else temperature
@@ -145,15 +113,15 @@ def sense(
             clean = clean + drift[kind]
         spread = finite((tool.noise if noise is None else noise).get(kind, 0.0), f"{kind} noise")
         step = None if bits is None else signal_step(kind, triad.unit, bits)
-        out.clean[kind] = clean
+        straight[kind] = clean
         if characteristic is not None and kind in characteristic:
             clean = characteristic[kind].bent(clean, triad)
-        out.signals[kind], sd, out.saturated[kind] = read_sensors(
-            clean, spread, step, bits, repeats, streams[f"{kind}.noise"]
-        )
+        random = streams[f"{kind}.noise"]
+        signals[kind], sd, saturated[kind] = read_sensors(clean, spread, step, bits, repeats, random)
         if repeats > 1:
-            out.sd[kind] = sd
-    return out
+            sds[kind] = sd
+    units = {kind: triad.unit for kind, triad in tool.triads.items()}
+    return Sensed(signals=signals, sd=sds, clean=straight, saturated=saturated, units=units)
 
 
 def sense_batch(
@@ -164,15 +132,7 @@ def sense_batch(
     noise: Mapping[str, float] | None = None,
     bits: int | None = None,
 ) -> tuple[dict[str, Array], dict[str, Array]]:
-    """Signals and clean signals (draws, n, m) of each kind for fields (draws, n, 3): one tool a draw, or one for all.
-
-    Examples
-    --------
-    >>> from inclinometry.simulate.tool import random_tools
-    >>> fields = {"accelerometer": np.tile(np.eye(3), (5, 1, 1))}
-    >>> sense_batch(random_tools(1, 5), fields, Streams(1, "bench"))[0]["accelerometer"].shape
-    (5, 3, 3)
-    """
+    """Signals and clean signals (draws, n, m) by kind for fields (draws, n, 3): one tool a draw, or one for all."""
     signals, clean = {}, {}
     for kind, field in fields.items():
         clean[kind] = field @ tools.tensor[kind].swapaxes(-1, -2) + tools.offset[kind][:, None, :]

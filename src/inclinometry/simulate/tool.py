@@ -21,21 +21,9 @@ Seed: TypeAlias = int | np.random.SeedSequence | np.random.Generator
 
 
 class Streams:
-    """Generators of one seed, each known by its name.
+    """Named generators of one seed: one more stream, or draws from it, do not change the others.
 
-    Parameters
-    ----------
-    seed : int, SeedSequence or Generator
-        A Generator is drawn from once; the same int always gives the same streams.
-    purpose : str
-        Keeps the streams of different simulations apart when they are given the same seed.
-
-    Examples
-    --------
-    >>> a, b = Streams(7, "bench"), Streams(7, "bench")
-    >>> _ = b["something else"].normal(size=100)
-    >>> bool(a["noise"].normal() == b["noise"].normal())
-    True
+    `purpose` separates the streams of different simulations with the same seed. A Generator as seed is drawn from once.
     """
 
     def __init__(self, seed: Seed, purpose: str) -> None:
@@ -56,39 +44,16 @@ class Streams:
 
 
 def white_rate(generator: np.random.Generator, shape: tuple[int, ...], arw: float, interval: float) -> Array:
-    """White rate noise averaged over `interval` s, rad/s; `arw` is the angle random walk, rad/sqrt(s).
-
-    Examples
-    --------
-    0.005 deg/sqrt(h) over one second is 0.3 deg/h:
-
-    >>> noise = white_rate(np.random.default_rng(1), (100000,), np.radians(0.005) / 60.0, 1.0)
-    >>> float(np.degrees(noise.std() * 3600.0).round(2))
-    0.3
-    """
+    """White rate noise averaged over `interval` s, rad/s; `arw` is the angle random walk, rad/sqrt(s)."""
     return np.asarray(generator.standard_normal(shape) * (arw / np.sqrt(interval)))
 
 
 def flicker_rate(generator: np.random.Generator, shape: tuple[int, ...], instability: float) -> Array:
-    """Flicker (1/f) noise along the last axis, in the unit of `instability`.
+    """Flicker (1/f) noise along the last axis, of density B^2/(2 pi f), B the bias instability (Allan: 0.664 B, flat).
 
-    Parameters
-    ----------
-    generator : Generator
-    shape : tuple of int
-    instability : float
-        Bias instability B of the density B^2/(2 pi f), whose Allan deviation is flat at sqrt(2 ln 2/pi) B = 0.664 B.
-
-    Notes
-    -----
     White noise through the fractional filter (1 - z^-1)^-1/2, with as much history before the first sample as there are
-    samples: slower changes than that are bias. Kasdin N.J., "Discrete simulation of colored noise", Proc. IEEE 83,
-    1995, equation (116); IEEE Std 952-1997, annex C.
-
-    Examples
-    --------
-    >>> flicker_rate(np.random.default_rng(1), (2, 60), 1.0).shape
-    (2, 60)
+    samples: slower changes are bias. Kasdin, "Discrete simulation of colored noise", Proc. IEEE 83, 1995, equation
+    (116); IEEE Std 952-1997, annex C. sqrt(2 ln 2/pi) = 0.664.
     """
     length = shape[-1]
     size = 2 * length
@@ -114,18 +79,7 @@ PHYSICAL_UNITS: Final[Mapping[str, str]] = MappingProxyType(
 
 
 def converter_step(kind: str, bits: int) -> float:
-    """Physical size of one count of a `bits`-bit converter over +-FULL_SCALE, m/s^2, nT or rad/s.
-
-    Raises
-    ------
-    InputError
-        `bits` outside 2..32.
-
-    Examples
-    --------
-    >>> round(converter_step("magnetometer", 12), 3)  # nT
-    31.738
-    """
+    """Physical size of one count of a converter of 2 to 32 bits over +-FULL_SCALE, m/s^2, nT or rad/s."""
     _check(bits)
     return 2.0 * FULL_SCALE[kind] / 2.0**bits
 
@@ -161,26 +115,7 @@ def signal_step(kind: str, unit: str, bits: int) -> float:
 
 
 def digitise(signals: ArrayLike, step: float, bits: int) -> tuple[Array, NDArray[np.bool_]]:
-    """Round to the nearest of 2^bits steps and clip at the ends of the range.
-
-    Parameters
-    ----------
-    signals : array_like
-    step : float
-        One count, in the unit of `signals`.
-    bits : int
-
-    Returns
-    -------
-    signals : ndarray
-        Multiples of `step`, from -2^(bits - 1) to 2^(bits - 1) - 1 of them.
-    saturated : ndarray of bool
-
-    Examples
-    --------
-    >>> digitise([0.4, 5.2, 9.0], 1.0, 4)[0]
-    array([0., 5., 7.])
-    """
+    """Round to multiples of `step`, clip at the ends of 2^bits of them; the second result marks clipped readings."""
     _check(bits)
     codes = np.rint(np.asarray(signals, dtype=np.float64) / step)
     low, high = -(2.0 ** (bits - 1)), 2.0 ** (bits - 1) - 1.0
@@ -220,13 +155,9 @@ class Design(TypedDict, total=False):
 
 @dataclass(frozen=True, eq=False)
 class ToolBatch:
-    """True tools of one design, one a draw.
+    """True tools of one design, one a draw: by kind tensor (draws, m, 3), offset (draws, m), noise, all in `units`.
 
-    tensor : kind -> (draws, m, 3), signal units per unit field direction.
-    offset : kind -> (draws, m), signal units.
-    noise : kind -> sd of one reading, signal units.
-    units : kind -> unit of the signals.
-    field_strength : kind -> strength of the field the tensors are for, m/s^2, nT, rad/s.
+    field_strength : of the field the tensors are for, m/s^2, nT, rad/s.
     """
 
     tensor: Mapping[str, Array]
@@ -248,16 +179,9 @@ class ToolBatch:
 
 
 def nominal_axes(count: int) -> Array:
-    """Directions (m, 3) in tool axes of a usual layout of `count` sensors.
+    """Directions (m, 3) in tool axes of a usual layout of `count` sensors: x; x, y; x, y, z; a cone for more.
 
-    One sensor lies along x, two along x and y, three along x, y, z; more stand evenly on the cone about z with half
-    angle arccos(1/sqrt 3), which sees all directions equally well: sum of c c^T = m/3 I.
-
-    Examples
-    --------
-    >>> axes = nominal_axes(5)
-    >>> np.allclose(axes.T @ axes, 5 / 3 * np.eye(3))
-    True
+    The cone about z has half angle arccos(1/sqrt 3), which sees all directions equally well: sum of c c^T = m/3 I.
     """
     if count < 1:
         raise InputError(f"a triad of {count} sensors; at least 1 is needed")
@@ -273,24 +197,6 @@ def random_tools(seed: Seed, draws: int, **design: Unpack[Design]) -> ToolBatch:
 
     Conversion factors U(0.95, 1.05), offsets U(-0.05, 0.05) of the full field, sensor axes a random rotation of the
     nominal ones plus N(0, 0.1) per component, made unit vectors again (about 8 degrees from orthogonal).
-
-    Parameters
-    ----------
-    seed : int, SeedSequence or Generator
-    draws : int
-    **design
-        As `Design`.
-
-    Raises
-    ------
-    InputError
-        Unknown kinds, fewer than 2 sensors, field strengths or noise out of range.
-
-    Examples
-    --------
-    >>> tools = random_tools(1, 1000)
-    >>> tools.tensor["magnetometer"].shape, tools.units["magnetometer"]
-    ((1000, 3, 3), 'counts')
     """
     return _tools(_wild, seed, draws, **design)
 
@@ -298,14 +204,8 @@ def random_tools(seed: Seed, draws: int, **design: Unpack[Design]) -> ToolBatch:
 def realistic_tools(seed: Seed, draws: int, **design: Unpack[Design]) -> ToolBatch:
     """Tools as a workshop builds them; arguments as `random_tools`.
 
-    Conversion factors U(0.95, 1.05), each axis 1 to 2 degrees from its nominal direction, offsets N(0, 20 mg),
-    N(0, 400 nT), N(0, 1 deg/h).
-
-    Examples
-    --------
-    >>> tools = realistic_tools(1, 10)
-    >>> bool((np.abs(tools.tensor["accelerometer"]).argmax(axis=-1) == [0, 1, 2]).all())
-    True
+    Conversion factors U(0.95, 1.05), each axis 1 to 2 degrees from its nominal direction, offsets N(0, 20 mg), N(0, 400
+    nT), N(0, 1 deg/h).
     """
     return _tools(_workshop, seed, draws, **design)
 
@@ -333,16 +233,11 @@ def realistic_tool(seed: Seed, *, temperature_degree: int = 0, **design: Unpack[
 
 
 def with_temperature(tool: Tool, seed: Seed, degree: int) -> Tool:
-    """The tool with random dependence on temperature added; at the reference temperature it is unchanged.
+    """The tool with random dependence on temperature of a degree 0 to 4; unchanged at the reference temperature.
 
     Per degC, each sensor's conversion factor changes by N(0, 1e-4) of itself, its axis by N(0, 1e-5) rad, its offset by
-    N(0, 3e-5) of the full field (0.03 mg, 1.5 nT); each higher power is 1/200 of the one below, so that all matter
-    only over a hundred degrees.
-
-    Parameters
-    ----------
-    degree : int
-        0 to 4; 0 returns the tool itself.
+    N(0, 3e-5) of the full field (0.03 mg, 1.5 nT). Each higher power is 1/200 of the one below: all matter only over a
+    hundred degrees.
     """
     if not 0 <= degree <= 4:
         raise InputError(f"degree of the temperature polynomial is {degree}; allowed 0 to 4")
@@ -426,12 +321,6 @@ def random_rotations(random: np.random.Generator, draws: int) -> Array:
     """Rotation matrices (draws, 3, 3), uniform over all rotations.
 
     A normal 4-vector points uniformly over the sphere of unit quaternions (Shoemake, Graphics Gems III, 1992).
-
-    Examples
-    --------
-    >>> rotation = random_rotations(np.random.default_rng(1), 5)
-    >>> np.allclose(rotation @ rotation.swapaxes(-1, -2), np.eye(3)), bool(np.allclose(np.linalg.det(rotation), 1.0))
-    (True, True)
     """
     quaternion = random.standard_normal((draws, 4))
     return dcm_from_quaternion(quaternion / np.linalg.norm(quaternion, axis=-1, keepdims=True))

@@ -9,52 +9,32 @@ stations end as exactly as a hundred.
 
 from __future__ import annotations
 
-from typing import Final
-
 import numpy as np
 
 from inclinometry.arrays import Array
 from inclinometry.compiled import MATRIX_OUT, VECTOR, VECTOR_OUT, _half_turn, compiled, inlined, math, types
 
-# sin(y) = y + y^3 S(y^2) and cos(y) = 1 - y^2/2 + y^4 C(y^2) to pi/4, interpolated at Chebyshev nodes in 60 digits;
-# errors 1.8e-17 of y and 8.9e-19
-S0: Final = -0.16666666666666666
-S1: Final = 0.008333333333330948
-S2: Final = -0.00019841269836758574
-S3: Final = 2.755731610255242e-06
-S4: Final = -2.5051131844999998e-08
-S5: Final = 1.591812929460525e-10
-C0: Final = 0.041666666666666664
-C1: Final = -0.0013888888888887398
-C2: Final = 2.480158729876569e-05
-C3: Final = -2.755731727172978e-07
-C4: Final = 2.087614626840093e-09
-C5: Final = -1.1382632425358213e-11
-
-# pi/2 in three parts; the first two have 33 bits, so that small multiples of them are exact
-QUARTER_HIGH: Final = 1.5707963267341256
-QUARTER_MIDDLE: Final = 6.077100506303966e-11
-QUARTER_LOW: Final = 2.0222662487959506e-21
-QUARTERS: Final = 2.0 / math.pi
-
 
 @inlined
 def sine_cosine(x: float) -> tuple[float, float]:
     """Sine and cosine of an angle of a few turns, without a branch."""
-    k = math.floor(x * QUARTERS + 0.5)
-    y = ((x - k * QUARTER_HIGH) - k * QUARTER_MIDDLE) - k * QUARTER_LOW
+    # pi/2 in three parts; the first two have 33 bits, so that small multiples of them are exact
+    k = math.floor(x * (2.0 / math.pi) + 0.5)
+    y = ((x - k * 1.5707963267341256) - k * 6.077100506303966e-11) - k * 2.0222662487959506e-21
     s = y * y
-    p = S5 * s + S4
-    p = p * s + S3
-    p = p * s + S2
-    p = p * s + S1
-    p = p * s + S0
+    # sin(y) = y + y^3 S(y^2) and cos(y) = 1 - y^2/2 + y^4 C(y^2) to pi/4, interpolated at Chebyshev nodes in 60 digits;
+    # errors 1.8e-17 of y and 8.9e-19
+    p = 1.591812929460525e-10 * s - 2.5051131844999998e-08
+    p = p * s + 2.755731610255242e-06
+    p = p * s - 0.00019841269836758574
+    p = p * s + 0.008333333333330948
+    p = p * s - 0.16666666666666666
     sine = y * s * p + y
-    q = C5 * s + C4
-    q = q * s + C3
-    q = q * s + C2
-    q = q * s + C1
-    q = q * s + C0
+    q = -1.1382632425358213e-11 * s + 2.087614626840093e-09
+    q = q * s - 2.755731727172978e-07
+    q = q * s + 2.480158729876569e-05
+    q = q * s - 0.0013888888888887398
+    q = q * s + 0.041666666666666664
     cosine = q * s * s + (1.0 - 0.5 * s)
     quarter = k - 4.0 * math.floor(0.25 * k)  # 0, 1, 2 or 3
     odd = quarter == 1.0 or quarter == 3.0

@@ -9,7 +9,6 @@ from typing import Final
 import numpy as np
 
 from inclinometry.arrays import Array, Mask, within
-from inclinometry.constants import AXIAL_INTERFERENCE
 from inclinometry.errors import InputError
 from inclinometry.orientation import angles_jacobian
 from inclinometry.survey.flags import Check
@@ -35,12 +34,10 @@ _STEEP: Final = 1e-12  # sine of inclination below which the axial field does no
 class AxialCorrection(Tabular):
     """What the correction did at n stations.
 
-    stations : Stations, corrected.
-    interference : (n,) measured minus computed axial field, nT; also at stations that were left alone.
-    observability : (n,) 1 - sin^2 I (H/Bh) sin^2 A: an error of the axial field is divided by this.
-    singular, weak : (n,) left alone below `SINGULAR`; corrected but poorly below 0.25.
-    azimuth_by_b, azimuth_by_dip : (n,) rad per nT and rad per rad of the reference; NaN at vertical stations.
-    misfit : (n, 2) horizontal and vertical field after the correction minus the reference, nT.
+    interference : (n,) measured minus computed axial field, nT, at uncorrected stations too. observability : (n,) 1 -
+    sin^2 I (H/Bh) sin^2 A: an error of the axial field is divided by this; `singular` (not corrected) below `SINGULAR`,
+    `weak` below 0.25. azimuth_by_b, azimuth_by_dip : (n,) rad per nT and rad per rad of the reference; NaN at vertical
+    stations. misfit : (n, 2) horizontal and vertical field after the correction minus the reference, nT.
     """
 
     stations: Stations
@@ -65,55 +62,14 @@ class AxialCorrection(Tabular):
 
 
 def axial_correction(
-    stations: Stations, reference: FieldReference, *, interference_sigma: float = AXIAL_INTERFERENCE
+    stations: Stations, reference: FieldReference, *, interference_sigma: float = 220.0
 ) -> AxialCorrection:
-    """Replace the axial field by the one that fits the reference best.
+    """Replace the axial field by the one that fits the reference best (Williamson, SPE 67616, 2000).
 
-    Parameters
-    ----------
-    stations : Stations
-    reference : FieldReference
-        Its b and dip with their uncertainties are used.
-    interference_sigma : float
-        Standard deviation of the interference left at stations where the correction is singular, nT (220: term AMIL of
-        the ISCWSA MWD model).
-
-    Returns
-    -------
-    AxialCorrection
-        Its `stations` carry the errors of b and dip as the source "axial correction", the disturbances of the field and
-        the noise of the five other channels as noise, and a line of history. Linear: invalid where `singular`, and
-        there the axial field is left as measured.
-
-    Raises
-    ------
-    InputError
-        Corrected before; a sigma out of range.
-
-    Notes
-    -----
-    Bz minimises (Bh - Bh_ref)^2 + (Bv - Bv_ref)^2. With s = sin I, c = cos I, q the transverse field along the downward
-    direction across the tool and e along the horizontal across it,
-
-        Bz = c Bv_ref + s Bh_ref cos A,    cos A = u / hypot(u, e),    u = s Bz - c q.
-
-    At most two minima exist; the one nearer to the measured field is taken. The derivatives of azimuth are those of the
-    ISCWSA terms MFI and MDI:
-
-        dA/dB = -sin I sin A (tan D cos I + sin I cos A) / (B (1 - sin^2 I sin^2 A)).
-
-    References
-    ----------
-    Williamson, Accuracy prediction for directional MWD, SPE 67616 (2000): axial interference correction.
-
-    Examples
-    --------
-    >>> from inclinometry.orientation import fields
-    >>> g, b = fields(np.radians([30.0]), np.radians(50.0), 1.0, np.radians(70.0))
-    >>> site = FieldReference(g=9.81, b=50_000.0, dip=np.radians(70.0), g_sigma=0.01, b_sigma=130.0, dip_sigma=0.0035)
-    >>> done = axial_correction(Stations([0.0], 9.81 * g, 50_000.0 * b + [0.0, 0.0, 400.0]), site)
-    >>> done.interference.round(6)
-    array([400.])
+    Bz = c Bv_ref + s Bh_ref cos A minimises (Bh - Bh_ref)^2 + (Bv - Bv_ref)^2; s, c = sin I, cos I, cos A = u /
+    hypot(u, e), u = s Bz - c q, q the transverse field along the downward direction across the tool, e along the
+    horizontal; of at most two minima the one nearer to the measured field. ISCWSA terms MFI, MDI: dA/dB = -s sin A (c
+    tan D + s cos A) / (B (1 - s^2 sin^2 A)). `interference_sigma`, nT, is what singular stations keep (AMIL: 220).
     """
     if SOURCE in stations.sources:
         raise InputError("these stations have been through an axial correction; give the stations before it")
@@ -254,16 +210,8 @@ def _check(interference: Array, observability: Array, singular: Mask) -> Check:
         f"down to {observability[worst]:.3f}, needed {SINGULAR:.3f}) and keep the measured axial field"
     )
     action = "use a multi-station analysis with stations of another direction, more non-magnetic collars, or a gyro"
-    return Check(
-        name,
-        "not judged",
-        float(observability[worst]),
-        SINGULAR,
-        tuple(int(row) for row in np.flatnonzero(singular)),
-        reason,
-        action,
-        "-",
-    )
+    rows = tuple(np.flatnonzero(singular).tolist())
+    return Check(name, "not judged", float(observability[worst]), SINGULAR, rows, reason, action, "-")
 
 
 def _line(reference: FieldReference, interference: Array, singular: Mask) -> str:

@@ -7,27 +7,16 @@ from collections.abc import Mapping
 import numpy as np
 
 from inclinometry.arrays import Array
+from inclinometry.findings import Finding, Value
 from inclinometry.rotations import wrap_signed
-from inclinometry.survey.plausibility import Doubt, Run
-from inclinometry.survey.smoothness import power
+from inclinometry.survey.run import Run
 
 
-def place_doubts(seen: Mapping[str, float], places: Mapping[str, Mapping[str, float]]) -> list[Doubt]:
+def check_place(seen: Mapping[str, float], places: Mapping[str, Mapping[str, float]]) -> list[Finding]:
     """Whether the fields of a run are those of the place stated, or of one with a sign or two numbers exchanged.
 
-    Parameters
-    ----------
-    seen : mapping
-        "b" nT, "dip" rad: medians over the run.
-    places : mapping
-        Words for a place -> the same of its model; "" for the place as stated.
-
-    Examples
-    --------
-    >>> seen = {"b": 50_100.0, "dip": np.radians(66.1)}
-    >>> here, there = ({"b": b, "dip": np.radians(dip)} for b, dip in ((55_000.0, 70.0), (50_000.0, 66.0)))
-    >>> place_doubts(seen, {"": here, "the longitude of the other sign": there})[0].sentence[:60]
-    'the run shows a magnetic field of 50100 nT with a dip of 66.'
+    `seen` : "b" nT, "dip" rad, medians over the run. `places` : mistake in the coordinates ("" for none) -> the same of
+    the model.
     """
     # what the reference, interference of the assembly and the sensors may do together
     sigma = {"b": 350.0, "dip": np.radians(0.35)}
@@ -37,32 +26,17 @@ def place_doubts(seen: Mapping[str, float], places: Mapping[str, Mapping[str, fl
     best = min(misfit, key=lambda words: misfit[words])
     if best == "" or misfit[""] < 40.0 or misfit[best] > min(12.0, 0.1 * misfit[""]):
         return []
-    here = places[""]
-    sentence = (
-        f"the run shows a magnetic field of {seen['b']:.0f} nT with a dip of {np.degrees(seen['dip']):.1f} deg, the "
-        f"site has {here['b']:.0f} nT and {np.degrees(here['dip']):.1f} deg; with {best} it would be "
-        f"{places[best]['b']:.0f} nT and {np.degrees(places[best]['dip']):.1f} deg (likelihood ratio "
-        f"{power(0.5 * (misfit[''] - misfit[best]))}): put the site's latitude_deg and longitude_deg right"
-    )
-    return [Doubt("place", sentence, True)]
+    values: dict[str, Value] = {"mistake": best, "log_ratio": 0.5 * (misfit[""] - misfit[best])}
+    values |= {"seen_nT": seen["b"], "site_nT": places[""]["b"], "fits_nT": places[best]["b"]}
+    dips = {"seen_deg": seen["dip"], "site_deg": places[""]["dip"], "fits_deg": places[best]["dip"]}
+    values |= {name: float(np.degrees(dip)) for name, dip in dips.items()}
+    return [Finding("run-place", values, severity="refused")]
 
 
-def angle_doubts(
+def check_angles(
     run: Run, inclination: Array, azimuth: Array | None, north: str | None, declination: float | None = None
-) -> list[Doubt]:
-    """Whether angles that stand beside six axes are those of the axes.
-
-    Parameters
-    ----------
-    run : Run
-        With g and b.
-    inclination, azimuth : (n,) rad
-        As the file has them; NaN where it is silent.
-    north : {"magnetic", "true", "grid"}, optional
-        What the azimuths are said to count from.
-    declination : float, optional
-        rad, of the site.
-    """
+) -> list[Finding]:
+    """Whether angles in the file beside six axes are those of the axes; rad, NaN where the file is silent."""
     rows = np.isfinite(inclination) & (run.inclination > np.radians(3.0)) & (run.inclination < np.radians(177.0))
     if azimuth is not None:
         rows &= np.isfinite(azimuth)
@@ -78,13 +52,13 @@ def angle_doubts(
     enough = np.radians(5.0)
     if off(inclination, run.inclination) > enough:
         ways = {
-            "inclination counted from the horizontal": off(np.pi / 2.0 - inclination, run.inclination),
-            "inclination counted from the other end": off(np.pi - inclination, run.inclination),
-            "inclination in grads": off(0.9 * inclination, run.inclination),
-            "inclination in radians": off(np.degrees(inclination), run.inclination),
+            "from the horizontal": off(np.pi / 2.0 - inclination, run.inclination),
+            "other end": off(np.pi - inclination, run.inclination),
+            "grads": off(0.9 * inclination, run.inclination),
+            "radians": off(np.degrees(inclination), run.inclination),
         }
         if azimuth is not None:
-            ways["the columns of inclination and azimuth exchanged"] = off(azimuth, run.inclination)
+            ways["columns exchanged"] = off(azimuth, run.inclination)
         return [_beside("inclination", off(inclination, run.inclination), ways)]
     if azimuth is None:
         return []
@@ -93,10 +67,10 @@ def angle_doubts(
     mean = float(np.angle(np.mean(np.exp(1j * (azimuth - run.azimuth)[rows]))))
     if given > enough or abs(mean) > np.radians(60.0):
         ways = {
-            "azimuth half a turn off": off(azimuth + np.pi, run.azimuth, turned=constant),
-            "azimuth mirrored (360 minus it)": off(-azimuth, run.azimuth, turned=constant),
-            "azimuth in grads": off(0.9 * azimuth, run.azimuth, turned=constant),
-            "azimuth in radians": off(np.degrees(azimuth), run.azimuth, turned=constant),
+            "half a turn": off(azimuth + np.pi, run.azimuth, turned=constant),
+            "mirrored": off(-azimuth, run.azimuth, turned=constant),
+            "grads": off(0.9 * azimuth, run.azimuth, turned=constant),
+            "radians": off(np.degrees(azimuth), run.azimuth, turned=constant),
         }
         return [_beside("azimuth", max(given, abs(mean)), ways)]
     if (
@@ -105,24 +79,13 @@ def angle_doubts(
         and abs(declination) > np.radians(1.5)
         and abs(mean) < 0.1 * abs(declination)
     ):
-        sentence = (
-            f"azimuths said to count from {north} north are the magnetic ones of the six axes, though the declination "
-            f"is {np.degrees(declination):+.2f} deg: state --azimuth-reference=magnetic"
-        )
-        return [Doubt("direction", sentence, False)]
+        return [Finding("run-north-magnetic", {"north": north, "declination_deg": float(np.degrees(declination))})]
     return []
 
 
-def _beside(what: str, given: float, ways: Mapping[str, float]) -> Doubt:
-    words = min(ways, key=lambda one: ways[one])
-    if ways[words] > 0.3 * given:
-        sentence = (
-            f"{what} is off by {np.degrees(given):.0f} deg (root mean square) from that of the six axes beside it, and "
-            "no unit or sign that was tried explains it: check axes and columns"
-        )
-        return Doubt("columns", sentence, False)
-    sentence = (
-        f"{what} is off by {np.degrees(given):.0f} deg (root mean square) from that of the six axes beside it; with "
-        f"{words} it is {np.degrees(ways[words]):.2g} deg: put the column right"
-    )
-    return Doubt("columns", sentence, False)
+def _beside(angle: str, given: float, ways: Mapping[str, float]) -> Finding:
+    mistake = min(ways, key=lambda one: ways[one])
+    values: dict[str, Value] = {"angle": angle, "off_deg": float(np.degrees(given))}
+    if ways[mistake] > 0.3 * given:
+        return Finding("run-angle-unexplained", values)
+    return Finding("run-angle-differs", values | {"left_deg": float(np.degrees(ways[mistake])), "mistake": mistake})

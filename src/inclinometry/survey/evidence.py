@@ -26,50 +26,11 @@ from inclinometry.uncertainty import chi_square_limit
 
 
 def run_evidence(correction: SensorCorrection, calibration: Tool) -> tuple[Array, Array]:
-    """Relative parameters (24,) of a tool in a run, and their covariance (24, 24), from a multi-station analysis.
+    """Parameters (24,) of a tool in a run, relative to its `calibration`, and covariance, by multi-station analysis.
 
-    Parameters
-    ----------
-    correction : SensorCorrection
-        Of the run, made with this calibration as the prior.
-    calibration : Tool
-        What the stations were reduced with; the values are relative to it.
-
-    Returns
-    -------
-    values, covariance
-        Of what the stations show; along what they do not, the calibration within 10 % of the field
-        (`inclinometry.history.UNSEEN`), as for a check of few positions. The calibration's own covariance is not in
-        them: nothing counts twice. They hold where the errors of the reference and the interference are as large as
-        was stated, that across the tool as small as the priors have it.
-
-    Raises
-    ------
-    InputError
-        An analysis without this calibration, or of a version that kept no information of the stations; stations that
-        contradict each other; a calibration without a full covariance, or one that depends on temperature, of which a
-        run at other temperatures says other things.
-
-    Examples
-    --------
-    >>> from inclinometry.orientation import fields
-    >>> from inclinometry.sensors import Triad
-    >>> from inclinometry.survey.multistation import multistation
-    >>> from inclinometry.survey.multistation_priors import FieldReference
-    >>> from inclinometry.survey.reduce import correction_of
-    >>> from inclinometry.survey.stations import Stations
-    >>> triads = {k: Triad(k, np.eye(3), np.zeros(3), field_strength=f) for k, f in zip(VECTORS, (9.81, 5e4))}
-    >>> tool = Tool("7", triads, np.eye(24) * 1e-6)
-    >>> toolface, inclination = np.radians(np.linspace(0.0, 330.0, 12)), np.radians(np.linspace(10.0, 60.0, 12))
-    >>> g, b = fields(np.radians(40.0), inclination, toolface, np.radians(70.0))
-    >>> run = Stations(30.0 * np.arange(12.0), 9.81 * g, 5e4 * b + [60.0, 0.0, 500.0])
-    >>> reference = FieldReference(g=9.81, b=5e4, dip=np.radians(70.0), g_sigma=0.01, b_sigma=130.0, dip_sigma=0.0035)
-    >>> priors = priors_from_tool(tool)
-    >>> kept = correction_of(multistation(run, reference, priors), reference, priors, "7")
-    >>> values, covariance = run_evidence(kept, tool)
-    >>> after = np.linalg.inv(np.linalg.inv(covariance) + 1e6 * np.eye(24))  # with a prediction of 1e-3 of the field
-    >>> np.sqrt(after.diagonal())[[15, 23]].round(5)  # offset of the x magnetometer, seen, and of z, not
-    array([0.00075, 0.001  ])
+    Of what the stations show; along what they do not, the calibration within 10 % of the field (`history.UNSEEN`), as
+    for a check of few positions. The calibration's own covariance is not in them: nothing counts twice. They hold where
+    the errors of the reference and the interference are as large as was stated.
     """
     if any(calibration.triads[kind].degree for kind in VECTORS if kind in calibration.triads):
         raise InputError(

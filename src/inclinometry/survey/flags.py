@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 import numpy as np
 
-from inclinometry.arrays import Array, Mask
+from inclinometry.arrays import Array, Index, Mask
 from inclinometry.constants import EARTH_RATE
 from inclinometry.earth.site import Site
+from inclinometry.findings import Finding
 from inclinometry.orientation import Angles, dip_angle, dip_jacobian
 from inclinometry.sensors import Tool
 
@@ -22,14 +23,11 @@ ROUNDING: Final = 1e-11
 class Check:
     """One check of a survey.
 
-    name : what was checked.
-    verdict : "pass", "fail" or, where the stations cannot support the check, "not judged".
-    value : what was found; the worst where stations are judged one by one; NaN where nothing could be judged.
-    limit : what is allowed, in the same unit.
-    stations : rows (from 0) beyond the limit, or the rows that were judged where the run is judged as a whole.
-    reason : a sentence with the figures in the units of the user.
-    action : what to do next; empty where nothing is to be done.
-    unit : of value and limit: "rad", "rad/s", "stations" or "sigma".
+    verdict : "pass", "fail" or, where the stations cannot support the check, "not judged". value : the worst where
+    stations are judged one by one; NaN where nothing could be judged. limit : in the same `unit` ("rad", "rad/s",
+    "stations", "sigma"). stations : rows (from 0) beyond the limit, or those judged where the run is judged as a whole.
+    reason : a sentence with the figures in the units of the user, or a finding, which has what to do next in it.
+    action : what to do next, "" for nothing.
     """
 
     name: str
@@ -37,7 +35,7 @@ class Check:
     value: float
     limit: float
     stations: Sequence[int]
-    reason: str
+    reason: Finding | str
     action: str = ""
     unit: str = "rad"
 
@@ -45,15 +43,32 @@ class Check:
 def worst(checks: Iterable[Check]) -> str:
     """The verdict on all of them: a failure counts more than a pass, "not judged" only where nothing passed.
 
-    Examples
-    --------
-    >>> worst([Check("a", "pass", 0.0, 1.0, (), "fits"), Check("b", "not judged", 0.0, 1.0, (), "no station")])
-    'pass'
-    >>> worst([])
-    'not judged'
+    >>> worst([Check("a", "pass", 0.0, 1.0, (), "fits"), Check("b", "not judged", 0.0, 1.0, (), "")]), worst([])
+    ('pass', 'not judged')
     """
     found = {check.verdict for check in checks}
     return "fail" if "fail" in found else "pass" if "pass" in found else "not judged"
+
+
+def sizes_check(
+    name: str,
+    unit: str,
+    order: Array,
+    sizes: tuple[Array, Array],
+    failed: Mask,
+    shown: Callable[[int], str],
+    action: str,
+    rows: Index | None = None,
+) -> Check:
+    """A check of differences against limits, `sizes` (n,) both, by the worst: the largest of `order`, -1 if not judged.
+
+    shown : row -> the difference in words. rows : stations that are compared, where not all.
+    """
+    worst_of = int(np.argmax(order))
+    bad = tuple((np.arange(len(order)) if rows is None else rows)[failed].tolist())
+    reason = f"{len(bad)} of {int((order >= 0.0).sum())} stations off; worst {shown(worst_of)}"
+    value, limit = (float(abs(one[worst_of])) for one in sizes)
+    return Check(name, "fail" if bad else "pass", value, limit, bad, reason, action if bad else "", unit)
 
 
 FLAGS = {
@@ -64,7 +79,7 @@ FLAGS = {
     "dip": "the dip differs from its reference by more than its tolerance",
     "rate": "the rotation measured is not the Earth's rate: the tool moved, or the gyro's bias or scale has changed",
     "latitude": "the latitude that gravity and the Earth rate give differs from the site's by more than its tolerance",
-    "overruled": "a check of the whole run was overruled by --trust-file; the warnings of the run say which",
+    "overruled": "a finding of the whole run was ignored (--ignore); the findings of the run say which",
     "no-azimuth": "no second field to take the azimuth from",
     "g-in-plane": "gravity lies in the plane of the two accelerometers, which tell nothing of the component across "
     "it: the "
@@ -80,7 +95,7 @@ class Magnitudes(NamedTuple):
     strength_sd: dict[str, Array]
     dip: Array
     dip_sd: Array
-    latitude: Array  # minus the dip of the Earth rate
+    latitude: Array  #: minus the dip of the Earth rate
     latitude_sd: Array
 
 
@@ -124,12 +139,18 @@ def _dip(seen: Mapping[str, Array], blocks: Mapping[str, Array], second: str, si
     return dip_angle(g, b), np.sqrt(variance)
 
 
+def _opposite(seen: Array, stated: float | None) -> float | None:
+    """Median of angles seen (n,), rad, whose sign is not that of the stated one; None within 10 deg of 0."""
+    if stated is None or abs(stated) < np.radians(10.0) or not np.isfinite(seen).any():
+        return None
+    middle = float(np.nanmedian(seen))
+    return None if middle * stated > 0.0 or abs(middle) < np.radians(10.0) else middle
+
+
 def reversed_field(dip: Array, site: Site | None) -> list[str]:
     """A warning when the dips (n,) measured have the opposite sign of the site's: azimuths are then half a turn off."""
-    if site is None or site.dip is None or abs(site.dip) < np.radians(10.0) or not np.isfinite(dip).any():
-        return []
-    middle = float(np.nanmedian(dip))
-    if middle * site.dip > 0.0 or abs(middle) < np.radians(10.0):
+    middle = None if site is None else _opposite(dip, site.dip)
+    if site is None or site.dip is None or middle is None:
         return []
     seen, stated = np.degrees(middle), np.degrees(site.dip)
     if site.latitude is None or abs(site.latitude) < np.radians(20.0):
@@ -153,15 +174,8 @@ def reversed_field(dip: Array, site: Site | None) -> list[str]:
 
 def reversed_rate(latitude: Array, site: Site | None) -> list[str]:
     """A warning when the latitudes (n,) measured have the opposite sign of the site's: one of three signs is wrong."""
-    if (
-        site is None
-        or site.latitude is None
-        or abs(site.latitude) < np.radians(10.0)
-        or not np.isfinite(latitude).any()
-    ):
-        return []
-    middle = float(np.nanmedian(latitude))
-    if middle * site.latitude > 0.0 or abs(middle) < np.radians(10.0):
+    middle = None if site is None else _opposite(latitude, site.latitude)
+    if site is None or site.latitude is None or middle is None:
         return []
     return [
         f"gravity and the Earth rate give a latitude of {np.degrees(middle):+.1f} deg, the site has "

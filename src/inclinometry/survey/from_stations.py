@@ -32,43 +32,11 @@ def survey_from_stations(
     calibration_dip: float | None = None,
     inputs: Mapping[str, str] | None = None,
 ) -> Survey:
-    """Inclination, azimuth, toolface and their uncertainties from six-axis stations.
+    """Inclination, azimuth, toolface and their uncertainties from six-axis stations: J S C S' J', by source.
 
-    Parameters
-    ----------
-    stations : Stations
-        From `inclinometry.survey.from_tool`, or what corrections made of them.
-    site : Site, optional
-        Declination and convergence for a true or grid azimuth; references of g, b and dip for the flags.
-    tool : Tool, optional
-        For its name and the temperatures of its calibration.
-    calibration_dip : float, optional
-        Dip at the stand, rad. A dip far from it is flagged when the site states none of its own.
-    inputs : mapping of name to digest, optional
-
-    Returns
-    -------
-    Survey
-        Components: "sensor noise", each of the stations' sources by its name, declination and convergence where used.
-        For a calibrated tool the same as `inclinometry.survey.reduce.reduce_survey`.
-
-    Raises
-    ------
-    InputError
-        Fields that are zero or parallel; a source named as a component of the survey's own; true or grid north without
-        declination or convergence.
-
-    Notes
-    -----
-    J S C S' J', J of `inclinometry.orientation.angles_jacobian`, S a source's derivatives of the fields by its
-    parameters and C their covariance.
-
-    Examples
-    --------
-    >>> noise = np.diag([1e-6, 1e-6, 1e-6, 900.0, 900.0, 900.0])[None]
-    >>> s = survey_from_stations(Stations([0.0], [[-4.9, 0.0, 8.487]], [[2e4, 0.0, 4e4]], noise=noise))
-    >>> np.degrees(s.inclination).round(2), np.degrees(s.u_azimuth).round(3)  # 30 nT across 37321 nT
-    (array([30.]), array([0.046]))
+    J of `orientation.angles_jacobian`, S a source's derivatives of the fields by its parameters, C their covariance. A
+    dip far from `calibration_dip`, rad, that of the stand, is flagged when the site states none of its own. `tool`
+    gives its name and the temperatures of its calibration.
     """
     if calibration_dip is not None:
         within(calibration_dip, "calibration_dip", -np.pi / 2, np.pi / 2, "rad")

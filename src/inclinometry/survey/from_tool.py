@@ -30,42 +30,9 @@ def stations_from_tool(
 ) -> Stations:
     """Six-axis stations from raw channels, the certificate's covariance as their source of error "calibration".
 
-    Parameters
-    ----------
-    md : (n,) array_like
-        Measured depth, m, increasing.
-    channels : mapping of kind to (n, m) array_like
-        Signals in the tool's units; a gyro is left out.
-    tool : Tool
-    temperature : (n,) array_like, optional
-        degC; needed when the tool's parameters depend on it.
-    g, b : float, optional
-        Strengths of the fields at the calibration, m/s^2 and nT, where the tool does not know them: those of the site,
-        if need be. Angles don't depend on them, totals do; the history says where they were used.
-
-    Returns
-    -------
-    Stations
-        Without the source "calibration" where the tool's covariance is zero; the history says so.
-
-    Raises
-    ------
-    InputError
-        No magnetometer, which leaves the azimuth open; a strength that neither the tool nor the caller knows; channels
-        missing or of another tool; depths that do not increase; no temperature where the calibration depends on it.
-
-    Notes
-    -----
-    From U = N a + U0: da = N^-1 (dU - dN a - dU0), times the strength of the field at the calibration.
-
-    Examples
-    --------
-    >>> from inclinometry.sensors import Triad
-    >>> triads = {k: Triad(k, np.eye(3), np.zeros(3), field_strength=s) for k, s in zip(VECTORS, (9.8, 5e4))}
-    >>> tool = Tool("1", triads, 1e-8 * np.eye(24))
-    >>> found = stations_from_tool([0.0], {"accelerometer": [[0, 0, 1.0]], "magnetometer": [[0.6, 0, 0.8]]}, tool)
-    >>> found.g[0], found.b[0], found.sources["calibration"].by_field.shape
-    (array([0. , 0. , 9.8]), array([30000.,     0., 40000.]), (1, 6, 24))
+    From U = N a + U0: da = N^-1 (dU - dN a - dU0), times the strength of the field at the calibration. Where the tool
+    does not know it, `g`, m/s^2, and `b`, nT, replace it, those of the site if need be: angles do not depend on them,
+    totals do, and the history says so. A covariance of zero gives no source.
     """
     depth = finite(md, "md", (None,))
     heat = None if temperature is None else finite(temperature, "temperature", (len(depth),))
@@ -112,12 +79,7 @@ def field_errors(
 ) -> tuple[Array, dict[str, Source]]:
     """Noise (n, 6, 6) of one reading, and what "calibration" and "stability" do to the fields of n stations.
 
-    Parameters
-    ----------
-    tool : Tool
-    seen : mapping of kind to (n, 3) fields in tool axes as `Triad.field` returns them.
-    strengths : m/s^2 and nT of the fields at the calibration.
-    temperature : (n,) degC, or None.
+    `seen` : kind -> (n, 3) fields as `Triad.field` returns them; `strengths` : m/s^2 and nT, at the calibration.
     """
     size, places = len(seen["accelerometer"]), tool.slices
     chosen = np.concatenate([np.arange(places[kind].start, places[kind].stop) for kind in VECTORS])
@@ -145,29 +107,10 @@ def stations_plain(
     sigma_b: ArrayLike = 0.0,
     temperature: ArrayLike | None = None,
 ) -> Stations:
-    """Six-axis stations from readings that are fields in tool axes already.
+    """Six-axis stations from readings that are fields in tool axes already: gravity (pointing down), m/s^2, and b, nT.
 
-    Parameters
-    ----------
-    md : (n,) array_like
-        Measured depth, m, increasing.
-    g, b : (n, 3) array_like
-        Gravity (pointing down), m/s^2, and magnetic flux density, nT.
-    sigma_g, sigma_b : float or (3,) array_like
-        Standard deviation of one reading, m/s^2 and nT, each station's own; sensor errors that the stations share come
-        from `inclinometry.survey.quality.with_sensors`.
-    temperature : (n,) array_like, optional
-        degC.
-
-    Raises
-    ------
-    InputError
-        Shapes that differ, values not finite, negative deviations, depths that do not increase.
-
-    Examples
-    --------
-    >>> stations_plain([0.0], [[0, 0, 9.8]], [[2e4, 0, 4e4]], sigma_b=30.0).noise[0, 3, 3]
-    np.float64(900.0)
+    `sigma_g`, `sigma_b` are standard deviations of one reading, each station's own; sensor errors that the stations
+    share come from `quality.with_sensors`.
     """
     depth = finite(md, "md", (None,))
     deviations = []

@@ -14,21 +14,11 @@ from inclinometry.earth.site import Site, azimuth_sigma, convert_azimuth
 from inclinometry.errors import InputError
 from inclinometry.gyro.result import FLAGS, North
 from inclinometry.rotations import wrap_positive, wrap_signed
-from inclinometry.survey.flags import ROUNDING, Check, summary, worst
+from inclinometry.survey.flags import ROUNDING, Check, sizes_check, summary, worst
 from inclinometry.survey.path import SurveyRun
 from inclinometry.survey.reduce import Survey
 from inclinometry.tabular import Column, Tabular, in_degrees
 from inclinometry.uncertainty import AngleErrors
-
-
-@dataclass(frozen=True, eq=False)
-class Run:
-    """Stations of one run: depth (n,) m, strictly increasing, angles (n,) rad; azimuth NaN where there is none."""
-
-    md: Array
-    inclination: Array
-    azimuth: Array
-    azimuth_reference: str = "true"
 
 
 @dataclass(frozen=True)
@@ -69,11 +59,9 @@ class Statistics(NamedTuple):
 class Comparison(Tabular):
     """Two runs compared at the m depths of the in-run that the out-run covers.
 
-    md : (m,) m.  rows : (m,) rows of the in-run, from 0.
-    inclination, azimuth : (m,) out-run minus in-run, rad; azimuth NaN where it cannot be compared.
-    interpolated : (m,) the out-run has no station at this depth.
-    verdicts : per station "pass", "fail" or, with too few of them, "not judged".
-    statistics : "inclination" and "azimuth".
+    rows : (m,) of the in-run, from 0. inclination, azimuth : (m,) out-run minus in-run, rad; azimuth NaN where it
+    cannot be compared. interpolated : (m,) the out-run has no station at this depth. verdicts : per station "pass",
+    "fail" or, with too few of them, "not judged". statistics : "inclination" and "azimuth".
     """
 
     md: Array
@@ -99,39 +87,12 @@ class Comparison(Tabular):
 
 
 def compare_runs(in_run: SurveyRun, out_run: SurveyRun, limits: RepeatLimits) -> Comparison:
-    """Compare two runs of one hole by depth.
+    """Compare two runs of one hole by depth; azimuths from the same north.
 
-    Parameters
-    ----------
-    in_run, out_run : SurveyRun
-        A `survey.reduce.Survey` or a `Run`.
-        From the same north. The out-run is interpolated linearly to the in-run's depths, azimuth along the shorter
-        arc, only inside its range and not over more than `limits.interval`.
-    limits : RepeatLimits
-        Shipped ones: `inclinometry.files.limits.read_repeat_limits("gyro-repeat")`.
-
-    Returns
-    -------
-    Comparison
-
-    Raises
-    ------
-    InputError
-        Different norths, depths that do not increase, shapes, inclination out of range, one run given twice.
-
-    Notes
-    -----
-    A value on its limit passes. The inclination of the in-run decides which limit of azimuth holds. With fewer
-    stations than the limits ask for the verdict is "fail" and the stations themselves are not judged.
-
-    Examples
-    --------
-    >>> limits = RepeatLimits("mine", "contract", 0.004, 0.02, 0.09, 0.17, 10, 35.0)
-    >>> md = 30.0 * np.arange(12)
-    >>> one, two = (Run(md, np.full(12, i), np.full(12, 0.5 + i)) for i in (0.5, 0.501))
-    >>> found = compare_runs(one, two, limits)
-    >>> found.verdict, found.statistics["inclination"].systematic
-    ('pass', True)
+    The out-run is interpolated linearly to the in-run's depths, azimuth along the shorter arc, only inside its range
+    and not over more than `limits.interval`. The inclination of the in-run decides which limit of azimuth holds; a
+    value on its limit passes. With fewer stations than the limits ask for the verdict is "fail" and no station is
+    judged.
     """
     if in_run.azimuth_reference != out_run.azimuth_reference:
         norths = f"{in_run.azimuth_reference} and {out_run.azimuth_reference}"
@@ -251,28 +212,25 @@ def _statistics(difference: Array) -> Statistics:
     return Statistics(count, mean, sd, rms, float(np.abs(known).max()), systematic)
 
 
-def _check(name: str, difference: Array, bad: Mask, judged: Mask, limit: float, rows: Index, enough: bool) -> Check:
+def _check(name: str, difference: Array, bad: Mask, able: Mask, limit: float, rows: Index, enough: bool) -> Check:
     """One angle at the stations it is judged at."""
-    if not judged.any() or not enough:
-        reason = "too few stations to judge" if judged.any() else "no such station whose angle both runs know"
-        value = float(np.abs(difference[judged]).max()) if judged.any() else float("nan")
+    if not able.any() or not enough:
+        reason = "too few stations to judge" if able.any() else "no such station whose angle both runs know"
+        value = float(np.abs(difference[able]).max()) if able.any() else float("nan")
         return Check(name, "not judged", value, limit, (), reason)
-    sizes = np.where(judged, np.abs(difference), -1.0)
-    row, failed = int(np.argmax(sizes)), np.flatnonzero(judged & bad)
-    found, allowed = np.degrees(difference[row]), np.degrees(limit)
-    reason = (
-        f"{len(failed)} of {int(judged.sum())} stations off; largest difference {found:+.3f} deg "
-        f"at station {int(rows[row]) + 1} of the in-run, allowed +-{allowed:g}"
-    )
-    if not len(failed):
-        return Check(name, "pass", float(sizes[row]), limit, (), reason)
+    sizes = np.where(able, np.abs(difference), -1.0)
     # one bad station is an event, many are the tool: the remedies differ
     action = (
         "repeat these stations at rest; check depth and centralisation there"
-        if len(failed) <= 0.2 * judged.sum()
+        if (able & bad).sum() <= 0.2 * able.sum()
         else "check depth correlation, centralisation, drift and temperature of the gyro between the runs; survey again"
     )
-    return Check(name, "fail", float(sizes[row]), limit, tuple(int(r) for r in rows[failed]), reason, action)
+
+    def shown(row: int) -> str:
+        found, allowed = np.degrees(difference[row]), np.degrees(limit)
+        return f"{found:+.3f} deg at station {int(rows[row]) + 1}, allowed +-{allowed:g}"
+
+    return sizes_check(name, "rad", sizes, (sizes, np.full(len(sizes), limit)), able & bad, shown, action, rows)
 
 
 def gyro_survey(
@@ -287,40 +245,10 @@ def gyro_survey(
     notes: Sequence[str] = (),
     errors: Mapping[str, AngleErrors] | None = None,
 ) -> Survey:
-    """Stations of a gyro run as a survey.
+    """Stations of a gyro run as a survey; azimuths from true north, which a gyro finds, or the site's grid.
 
-    Parameters
-    ----------
-    md : (n,) array_like
-        Measured depth, m; all different. A run taken from the bottom up is turned round.
-    north : North
-    site : Site, optional
-        Grid azimuths where its north reference is "grid"; else azimuths count from true north, which is what a gyro
-        finds.
-    g_total : (n,) array_like, optional
-        m/s^2.
-    flags : per station, optional
-        Further flags.
-    tool, inputs, notes
-        Kept with the survey.
-    errors : mapping of cause to AngleErrors, optional
-        What the causes do to the stations in the order given.
-
-    Raises
-    ------
-    InputError
-        Depths that neither increase nor decrease; grid north without convergence.
-
-    Examples
-    --------
-    >>> from inclinometry.gyro.north import estimate_north
-    >>> rate = 7.292115e-5 * np.array([[0.75**0.5 * 0.5**0.5, -0.5**0.5]])
-    >>> down = 9.8 * np.array([[-np.sin(np.pi / 3), 0.0, 0.5]])
-    >>> found = estimate_north(down, rate, np.pi / 4, gravity_covariance=[1e-8 * np.eye(3)],
-    ...                        rate_covariance=[1e-15 * np.eye(2)])
-    >>> survey = gyro_survey([100.0], found)
-    >>> float(np.degrees(survey.azimuth[0]).round(2)), survey.azimuth_reference
-    (90.0, 'true')
+    Depths are all different; a run taken from the bottom up is turned round. `errors` : cause -> what it does to the
+    stations, in the order given.
     """
     depth = finite(md, "md", (None,))
     steps = np.diff(depth)
@@ -340,6 +268,8 @@ def gyro_survey(
             added[:, 1] = azimuth_sigma("true", "grid", site) ** 2
             components["convergence"] = added
     joined = [(*own, *more) for own, more in zip(north.flags, flags or [()] * len(depth), strict=True)]
+    # a channel that failed is named with its stations
+    counted = {name: meaning for name, meaning in FLAGS.items() if name != "channel"}
     blank = np.full(len(depth), np.nan)
     total = blank if g_total is None else np.broadcast_to(np.asarray(g_total, dtype=np.float64), depth.shape)
     sorted_errors = {name: one._replace(by_parameter=one.by_parameter[order]) for name, one in (errors or {}).items()}
@@ -358,7 +288,7 @@ def gyro_survey(
         [joined[n] for n in order],
         tool,
         dict(inputs or {}),
-        (*north.notes, *notes, *turned, *summary(joined, FLAGS)),
+        (*north.notes, *notes, *turned, *summary(joined, counted)),
         errors=sorted_errors,
         common=_part(sorted_errors, True, len(depth)),
         random=_part(sorted_errors, False, len(depth)),

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from inclinometry.arrays import Array, finite, frozen
 from inclinometry.errors import InputError
+from inclinometry.findings import Finding
 from inclinometry.survey.path import Path, checked_stations, minimum_curvature
 
 
@@ -18,12 +19,12 @@ class Hole:
 
     path : stations, with one at the collar (depth 0) and one at the end; tvd counts from the collar.
     shots : how many of them were measured.
-    notes : where the hole was taken to be straight.
+    straight : where it was taken to be straight: "first shot" above it, "last shot" below it, "single shot" all along.
     """
 
     path: Path
     shots: int
-    notes: tuple[str, ...]
+    straight: tuple[str, ...]
 
 
 def inclination_of_dip(dip: ArrayLike, *, down_positive: bool) -> Array:
@@ -39,49 +40,23 @@ def inclination_of_dip(dip: ArrayLike, *, down_positive: bool) -> Array:
 
 
 def drill_hole(depth: ArrayLike, inclination: ArrayLike, azimuth: ArrayLike, end: float | None = None) -> Hole:
-    """A hole by minimum curvature, from one shot or more.
-
-    Parameters
-    ----------
-    depth : (n,) array_like
-        Along the hole from the collar, m, zero or more, increasing.
-    inclination, azimuth : (n,) array_like
-        rad.
-    end : float, optional
-        Depth at which the hole ends, m; the last shot when not given.
-
-    Raises
-    ------
-    InputError
-        As `minimum_curvature`; a depth above the collar, an end above the last shot, a hole without length.
-
-    Notes
-    -----
-    Above the first shot and below the last one the hole goes straight on in their directions.
-
-    Examples
-    --------
-    >>> path = drill_hole([50.0], np.radians([30.0]), np.radians([90.0]), 100.0).path
-    >>> path.md.tolist(), float(path.east[-1].round(6))
-    ([0.0, 50.0, 100.0], 50.0)
-    """
+    """A hole by minimum curvature, from one shot or more; straight above the first and below the last, to `end`."""
     md, slope, heading = checked_stations(depth, inclination, azimuth, least=1)
-    notes = []
-    shots = len(md)
+    shots, last = len(md), float(md[-1])
     if md[0] < 0.0:
-        raise InputError(f"the first depth is {md[0]:g} m, above the collar")
-    if end is not None and end < md[-1] - 1e-6:
-        raise InputError(f"the hole ends at {end:g} m, above its last shot at {md[-1]:g} m")
-    if md[-1] == 0.0 and not end:
-        raise InputError("a single shot at the collar, and no end depth; the length of the hole is not known")
-    if shots == 1:
-        notes.append("a single shot: a straight hole")
+        raise InputError(Finding("holes-collar-above", {"md_m": float(md[0])}, severity="refused"))
+    if end is not None and end < last - 1e-6:
+        raise InputError(Finding("holes-end-above", {"end_m": end, "md_m": last}, severity="refused"))
+    if last == 0.0 and not end:
+        raise InputError(Finding("holes-length-unknown", severity="refused"))
+    straight = []
     if md[0] > 0.0:
-        notes += [f"straight from the collar to the first shot at {md[0]:g} m"] if shots > 1 else []
+        straight.append("first shot")
         md, slope, heading = (
             np.concatenate([[first], x]) for first, x in ((0.0, md), (slope[0], slope), (heading[0], heading))
         )
-    if end is not None and end > md[-1] + 1e-6:
-        notes += [f"straight from the last shot at {md[-1]:g} m to the end at {end:g} m"] if shots > 1 else []
-        md, slope, heading = (np.append(x, last) for x, last in ((md, end), (slope, slope[-1]), (heading, heading[-1])))
-    return Hole(minimum_curvature(frozen(md), slope, heading), shots, tuple(notes))
+    if end is not None and end > last + 1e-6:
+        straight.append("last shot")
+        md, slope, heading = (np.append(x, one) for x, one in ((md, end), (slope, slope[-1]), (heading, heading[-1])))
+    path = minimum_curvature(frozen(md), slope, heading)
+    return Hole(path, shots, tuple(straight) if shots > 1 else ("single shot",))

@@ -15,12 +15,7 @@ from inclinometry.orientation import angles, angles_jacobian
 from inclinometry.rotations import TAU
 from inclinometry.sensors import Tool
 from inclinometry.survey.multistation_evidence import averaged_over_sizes, noise_factors
-from inclinometry.survey.multistation_priors import (
-    FieldReference,
-    Priors,
-    priors_from_tool,
-    published_priors,
-)
+from inclinometry.survey.multistation_priors import FieldReference, Priors, priors_from_tool, published_priors
 from inclinometry.survey.stations import Source, Stations
 from inclinometry.tabular import Column, Tabular
 from inclinometry.uncertainty import chi_square_limit, correlation, standard_deviations
@@ -208,18 +203,10 @@ class Parameter(NamedTuple):
 class MultiStation(Tabular):
     """Maximum a posteriori estimate of what the sensors and the reference are off by.
 
-    parameters : name -> Parameter, in the order of `covariance`; "reference g", "reference b" and "reference dip" are
-        what has to be added to the reference.
-    covariance : (p, p) posterior covariance, averaged over the sizes of the priors that the run leaves open, with the
-        noise that the run shows. It is the estimate's mean squared error when the other priors are true.
-    corrected : stations freed from the estimate, with what remains as the source "multi-station analysis".
-    before, after : (n, 3) |g|, m/s^2, |b|, nT, and dip, rad, of the stations less the (corrected) reference.
-    chi_square, freedom : sum of squares of the fit with noise and priors as stated, expected near `freedom` = 3 n.
-    influence : (n,) largest change of azimuth at any station, rad, if this one were left out.
-    surprise : (n,) squared error of the station against the prediction from all others, chi-square of 3 degrees.
-    noise_factors : (2,) noise variances of accelerometers and of magnetometers over the stated ones, from the run.
-    information, score : (p, p) J' V^-1 J and (p,) J' V^-1 y of the stations without any prior, y their residuals taken
-        back to parameters of zero, V of the noise that the run shows.
+    covariance : (p, p) posterior, averaged over the sizes of the priors that the run leaves open, with the noise it
+    shows. before, after : (n, 3) |g|, |b|, dip of stations less (corrected) reference. chi_square : near `freedom` = 3
+    n. influence : (n,) largest change of azimuth, rad, if this station were left out. surprise : (n,) squared error of
+    its prediction from all others, chi-square of 3. information, score : J' V^-1 J and J' V^-1 y without any prior.
     """
 
     parameters: Mapping[str, Parameter]
@@ -312,63 +299,14 @@ REPLACED: Final = ("calibration", "stability", "sensors")
 
 
 def multistation(
-    stations: Stations,
-    reference: FieldReference,
-    priors: Priors | None = None,
-    *,
-    calibration: Tool | None = None,
+    stations: Stations, reference: FieldReference, priors: Priors | None = None, *, calibration: Tool | None = None
 ) -> MultiStation:
-    """Estimate the errors that the stations of one run share, and take them off.
+    """Estimate the errors that the stations of one run share, and take them off (after Brooks et al., SPE 49060, 1998).
 
-    Parameters
-    ----------
-    stations : Stations
-        At least 4 of one tool in one run, not corrected by an analysis before. Stations without noise of their own
-        take that of the priors.
-    reference : FieldReference
-    priors : Priors, optional
-        `published_priors()` when neither this nor `calibration` is given.
-    calibration : Tool, optional
-        The tool the stations were reduced with: its calibration's covariance is the prior.
-
-    Returns
-    -------
-    MultiStation
-
-    Raises
-    ------
-    IdentifiabilityError
-        Fewer than 4 stations, toolfaces too close together, or an axial bias that the run does not show (level east
-        or west all along) and the priors do not know.
-    InputError
-        Priors and calibration both given, stations analysed before, |g|, |b| or dip beyond any sensor error.
-    ConvergenceError
-        The fit does not settle.
-
-    Notes
-    -----
-    Minimised is sum_n r' V^-1 r + x' P^-1 x with r = (|g|, |b|, dip)(corrected fields) - reference - correction, V the
-    covariance of the three from one station's noise and P that of the priors. Azimuth, inclination and toolface of a
-    station are free, which leaves just these three of six readings (exactly so for noise equal in all directions).
-    Gauss-Newton, damped, with analytic derivatives. From there on, linear about the estimate, V takes the noise that
-    the run shows (`noise_factors`), and the estimate is averaged over sizes of the priors that `Priors.sized` leaves
-    open, each weighted by its evidence (`averaged_over_sizes`), until it moves by less than a hundredth of u.
-
-    References
-    ----------
-    Brooks A.G., Gurden P.A., Noy K.A., "Practical application of a multiple-survey magnetic correction algorithm",
-    SPE 49060, 1998; here with priors, reference corrections and the covariance of the result.
-
-    Examples
-    --------
-    >>> from inclinometry.orientation import fields
-    >>> toolface, inclination = np.radians([0.0, 80.0, 160.0, 240.0, 320.0]), np.radians([30.0, 35.0, 40.0, 45.0, 50.0])
-    >>> g, b = fields(np.radians(40.0), inclination, toolface, np.radians(70.0))
-    >>> run = Stations(30.0 * np.arange(5.0), 9.81 * g, 50_000.0 * b + [0.0, 0.0, 600.0])
-    >>> reference = FieldReference(g=9.81, b=5e4, dip=np.radians(70.0), g_sigma=0.01, b_sigma=130.0, dip_sigma=0.0035)
-    >>> found = multistation(run, reference)
-    >>> bool(abs(found.parameters["MBZ"].value - 600.0) < 2.0 * found.parameters["MBZ"].u)
-    True
+    Minimised is sum_n r' V^-1 r + x' P^-1 x, r = (|g|, |b|, dip)(corrected) - reference - correction, V a station's
+    noise, P the priors (or the covariance of `calibration`); a station's three angles are free. Linear from there on, V
+    takes the noise the run shows (`noise_factors`) and the estimate is averaged over sizes of the priors by their
+    evidence (`averaged_over_sizes`) until it moves by less than u / 100.
     """
     if priors is not None and calibration is not None:
         raise InputError("both priors and a calibration are given; the calibration's covariance is a prior: give one")
@@ -378,54 +316,25 @@ def multistation(
     readings = np.concatenate([stations.g, stations.b], axis=1)
     gap, (measured, rows) = toolface_gap(readings), invariants(readings)
     _refuse(measured, reference.values, gap, chosen.largest_gap)
-    before = measured - reference.values
     noise = stations.noise if stations.noise.any() else np.broadcast_to(chosen.noise, (len(stations), 6, 6))
     # the published noise of a station takes the field's own disturbance in
     disturbed = np.diag(reference.randoms**2) if stations.noise.any() else np.zeros((3, 3))
     size = len(chosen.names)
     prior = np.zeros((size + 3, size + 3))
-    prior[:size, :size] = chosen.covariance
-    prior[size:, size:] = np.diag(reference.sigmas**2)
-    root = root_of(prior)
+    prior[:size, :size], prior[size:, size:] = chosen.covariance, np.diag(reference.sigmas**2)
+    root, weights = root_of(prior), chosen.weights(stations.temperature, len(stations))
     whitener = _whitener(rows, noise, disturbed)
-    model = Model(
-        readings,
-        chosen.weights(stations.temperature, len(stations)),
-        chosen.gain,
-        chosen.offset,
-        reference.values,
-        root,
-        whitener,
-    )
+    model = Model(readings, weights, chosen.gain, chosen.offset, reference.values, root, whitener)
     # settled to a thousandth of a standard deviation
     fit = levenberg_marquardt(model.normal, np.zeros(root.shape[1]), lambda z, step: z + step, tolerance=1e-3)
     # that was the fit with noise and priors as stated; from here on both have the size that the run shows
-    blocks = [(np.array([chosen.names.index(name) for name in names]), beliefs) for names, beliefs in chosen.sized]
-    known = 30.0 if stations.noise.any() else 4.0  # residuals that a stated and that a published noise is worth
-    x, factors, scales = root @ fit.estimate, np.ones(2), np.ones(size + 3)
-    for _ in range(8):
-        residual, jacobian = model.residuals(x)
-        y = jacobian @ x - residual
-        # with parameters ten times as free: what a prior is too tight for, a tool that drifted, is not noise
-        free = jacobian @ (10.0 * scales[:, None] * root)
-        factors = noise_factors(rows, noise, disturbed, y, free, factors, known)
-        spread = np.repeat(np.sqrt(factors), 3)
-        whitener = _whitener(rows, noise * np.outer(spread, spread), factors[1] * disturbed)
-        white = whitener @ jacobian
-        flat = white.reshape(-1, size + 3)
-        information, score = flat.T @ flat, flat.T @ (whitener @ y[:, :, None]).ravel()
-        averaged = averaged_over_sizes(root, information, score, blocks)
-        for (block, _), scale in zip(blocks, averaged.scales, strict=True):
-            scales[block] = scale
-        moved, x = averaged.estimate - x, averaged.estimate
-        if (np.abs(moved) <= 1e-2 * standard_deviations(averaged.covariance)).all():
-            break
-    u, before_u = standard_deviations(averaged.covariance), scales * np.linalg.norm(root, axis=1)
+    x, covariance, scales, factors, information, score = _as_the_run_shows(
+        model, chosen, root @ fit.estimate, rows, noise, disturbed, bool(stations.noise.any())
+    )
+    u, before_u = standard_deviations(covariance), scales * np.linalg.norm(root, axis=1)
     names, units = (*chosen.names, "reference g", "reference b", "reference dip"), (*chosen.units, "m/s^2", "nT", "rad")
-    parameters = {
-        n: Parameter(float(v), float(s), float(p), unit)
-        for n, v, s, p, unit in zip(names, x, u, before_u, units, strict=True)
-    }
+    columns = (one.tolist() for one in (x, u, before_u))
+    parameters = dict(zip(names, map(Parameter, *columns, units), strict=True))
     fields, inverse = model.fields(x)
     by_field = model.by_parameter(fields, inverse)
     azimuth = np.einsum("na,nap->np", heading_jacobian(fields), by_field)
@@ -433,24 +342,20 @@ def multistation(
         at = chosen.names.index(chosen.axial)
         refuse_axial(float(u[at] * np.sqrt(np.mean(azimuth[:, at] ** 2))), float(before_u[at]), float(u[at]))
     wide = scales[:, None] * root
-    hessian = wide.T @ information @ wide + np.eye(root.shape[1])
-    own = wide @ np.linalg.solve(hessian, wide.T)
+    own = wide @ np.linalg.solve(wide.T @ information @ wide + np.eye(root.shape[1]), wide.T)
     residual, jacobian = model.residuals(x)
+    shown = _times_factors(noise, factors)
+    whitener = _whitener(rows, shown, factors[1] * disturbed)
     influence, surprise = left_out((whitener @ residual[:, :, None])[:, :, 0], whitener @ jacobian, own, azimuth)
     sources = {name: source for name, source in stations.sources.items() if name not in REPLACED}
-    sources[SOURCE] = Source(by_field, averaged.covariance[:size, :size])
-    corrected = stations.corrected(
-        fields[:, :3],
-        fields[:, 3:],
-        history_line(parameters, chosen, len(stations)),
-        sources,
-        inverse @ (noise * np.outer(spread, spread)) @ np.swapaxes(inverse, 1, 2),
-    )
+    sources |= {SOURCE: Source(by_field, covariance[:size, :size])}
+    line, own_noise = history_line(parameters, chosen, len(stations)), inverse @ shown @ np.swapaxes(inverse, 1, 2)
+    corrected = stations.corrected(fields[:, :3], fields[:, 3:], line, sources, own_noise)
     return MultiStation(
         parameters=parameters,
-        covariance=averaged.covariance,
+        covariance=covariance,
         corrected=corrected,
-        before=before,
+        before=measured - reference.values,
         after=residual,
         chi_square=fit.cost,
         freedom=3 * len(stations),
@@ -463,6 +368,41 @@ def multistation(
         information=information,
         score=score,
     )
+
+
+def _as_the_run_shows(
+    model: Model, priors: Priors, x: Array, rows: Array, noise: Array, disturbed: Array, stated: bool
+) -> tuple[Array, Array, Array, Array, Array, Array]:
+    """Estimate (p,) from x on with noise and priors as large as the run shows, and its covariance (p, p).
+
+    Then scales (p,) of the priors and factors (2,) of the noise; information and score of the stations alone.
+    """
+    root = model.root
+    blocks = [(np.array([priors.names.index(name) for name in names]), beliefs) for names, beliefs in priors.sized]
+    factors, scales = np.ones(2), np.ones(len(x))
+    known = 30.0 if stated else 4.0  # residuals that a stated and that a published noise is worth
+    for _ in range(8):
+        residual, jacobian = model.residuals(x)
+        y = jacobian @ x - residual
+        # with parameters ten times as free: what a prior is too tight for, a tool that drifted, is not noise
+        free = jacobian @ (10.0 * scales[:, None] * root)
+        factors = noise_factors(rows, noise, disturbed, y, free, factors, known)
+        whitener = _whitener(rows, _times_factors(noise, factors), factors[1] * disturbed)
+        flat = (whitener @ jacobian).reshape(-1, len(x))
+        information, score = flat.T @ flat, flat.T @ (whitener @ y[:, :, None]).ravel()
+        estimate, covariance, found = averaged_over_sizes(root, information, score, blocks)
+        for (block, _), scale in zip(blocks, found, strict=True):
+            scales[block] = scale
+        moved, x = estimate - x, estimate
+        if (np.abs(moved) <= 1e-2 * standard_deviations(covariance)).all():
+            break
+    return x, covariance, scales, factors, information, score
+
+
+def _times_factors(noise: Array, factors: Array) -> Array:
+    """Noise (n, 6, 6) with the variances of both triads times `factors` (2,)."""
+    spread = np.repeat(np.sqrt(factors), 3)
+    return noise * np.outer(spread, spread)
 
 
 def _whitener(rows: Array, noise: Array, disturbed: Array) -> Array:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from itertools import product
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 
@@ -23,55 +23,15 @@ KEPT: Final[Mapping[float, float]] = {1.0: 0.95, 3.0: 0.05}
 Where the run tells nothing the standard deviation grows by 18 %."""
 
 
-class Sized(NamedTuple):
-    """Parameters whose prior has one common size, and the probabilities of its scales."""
-
-    names: tuple[str, ...]
-    beliefs: Mapping[float, float]
-
-
-class Averaged(NamedTuple):
-    """The posterior of x averaged over the scales of some blocks of its prior.
-
-    estimate (p,), covariance (p, p) : of x.
-    scales : of each block, root of the mean square.
-    """
-
-    estimate: Array
-    covariance: Array
-    scales: tuple[float, ...]
-
-
 def averaged_over_sizes(
     root: Array, normal: Array, right: Array, blocks: Sequence[tuple[Index, Mapping[float, float]]]
-) -> Averaged:
-    """Posterior of x = root z averaged over the sizes of the priors of blocks of x, each by its evidence.
+) -> tuple[Array, Array, Array]:
+    """Posterior of x = root z averaged over the sizes of the priors of `blocks` of x, each by its evidence.
 
-    Parameters
-    ----------
-    root : (p, q) ndarray
-        root root' is the prior covariance as stated.
-    normal, right : (p, p), (p,) ndarray
-        J' V^-1 J and J' V^-1 y of the linear model y = J x + noise of covariance V.
-    blocks : sequence of (int array, mapping)
-        Rows of x whose prior is scaled by one factor, and the probabilities of its scales.
-
-    Returns
-    -------
-    Averaged
-
-    Notes
-    -----
-    For a prior P the evidence is, up to what all sizes share, log p(y | P) = (right' C right + log|C| - log|P|) / 2
-    with C = (normal + P^-1)^-1: -chi^2/2 and half the logarithm of posterior over prior volume (MacKay,
-    "Bayesian interpolation", Neural Computation 4 (1992) 415).
-
-    Examples
-    --------
-    >>> one = [(np.array([0]), STATED)]
-    >>> found = averaged_over_sizes(np.array([[70.0]]), np.array([[0.01]]), np.array([20.0]), one)
-    >>> found.estimate.round(0), found.scales[0] > 20.0  # 2000 +- 10 against a prior of 70
-    (array([2000.]), True)
+    Estimate (p,), covariance (p, p), and the scale of each block, root of the mean square. root root' is the prior
+    covariance P, normal = J' V^-1 J and right = J' V^-1 y of y = J x + noise. log p(y | P) = (right' C right + log|C| -
+    log|P|) / 2 up to a constant, C = (normal + P^-1)^-1: -chi^2/2 and half the logarithm of posterior over prior volume
+    (MacKay, "Bayesian interpolation", Neural Computation 4 (1992) 415).
     """
     grid = np.array(list(product(*(beliefs for _, beliefs in blocks))))
     belief = np.prod(list(product(*(beliefs.values() for _, beliefs in blocks))), axis=1)
@@ -101,7 +61,7 @@ def averaged_over_sizes(
     mean = weight @ x
     within = np.einsum("k,kpr->pr", weight, np.swapaxes(half_spread, 1, 2) @ half_spread)
     covariance = within + (weight[:, None] * (x - mean)).T @ (x - mean)
-    return Averaged(mean, 0.5 * (covariance + covariance.T), tuple(float(v) for v in np.sqrt(weight @ grid**2)))
+    return mean, 0.5 * (covariance + covariance.T), np.sqrt(weight @ grid**2)
 
 
 def noise_factors(
@@ -109,26 +69,10 @@ def noise_factors(
 ) -> Array:
     """Factors (2,) on the noise variances of accelerometers and magnetometers by restricted maximum likelihood.
 
-    Parameters
-    ----------
-    rows : (n, k, 6) ndarray
-        Derivatives of the k residuals of a station by its readings.
-    noise : (n, 6, 6) ndarray
-        Covariance of a station's readings as stated.
-    common : (n, k, k) ndarray
-        Covariance of the residuals beside that of the readings; scaled as the magnetometers'.
-    residual : (n, k) ndarray
-        y of y = J z + noise, z of unit covariance.
-    jacobian : (n, k, q) ndarray
-        J
-    start : (2,) ndarray
-    known : float
-        Residuals that the stated noise is worth: an inverse gamma prior about 1.
-
-    Notes
-    -----
-    With S = V + J J' the likelihood is stationary where y' S^-1 V_k S^-1 y = tr(S^-1 V_k) for each part V_k of
-    V = sum of f_k V_k; f_k grows by the ratio of the two (Harville, J. Am. Stat. Assoc. 72 (1977) 320).
+    With S = V + J J' the likelihood is stationary where y' S^-1 V_k S^-1 y = tr(S^-1 V_k) for each part V_k of V = sum
+    of f_k V_k; f_k grows by the ratio of the two (Harville, J. Am. Stat. Assoc. 72 (1977) 320). `common` is scaled as
+    the magnetometers' noise; `known` is the number of residuals the stated noise is worth: an inverse gamma prior about
+    1.
     """
     parts = []
     for kind in (slice(0, 3), slice(3, 6)):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache
 from importlib.resources import files
@@ -17,7 +18,7 @@ from inclinometry.earth.magnetic import reference_errors
 from inclinometry.earth.site import Site
 from inclinometry.errors import InputError
 from inclinometry.sensors import Tool, Triad
-from inclinometry.survey.multistation_evidence import GUESSED, KEPT, STATED, Sized
+from inclinometry.survey.multistation_evidence import GUESSED, KEPT, STATED
 from inclinometry.uncertainty import covariance_matrix
 
 
@@ -25,15 +26,11 @@ from inclinometry.uncertainty import covariance_matrix
 class Priors:
     """Errors of the six sensors as parameters of mean zero: measured = field + sum_k x_k (gain_k field + offset_k).
 
-    names, units : of the p parameters
-    gain (p, 6, 6), offset (p, 6) : on (gx, gy, gz, bx, by, bz), m/s^2 and nT, per unit of the parameter
-    covariance (p, p) : semidefinite is allowed; a parameter without variance stays zero
-    noise (6, 6) : covariance of one station's readings, for stations that do not bring their own
-    power (p,), reference_temperature (p,) : the parameter acts times (T - reference)^power, degC
-    axial : name of the parameter that is a bias of bz; "" where there is none
-    sized : parameters whose sizes the run's evidence scales
-    largest_gap : gap between toolfaces, rad, beyond which these priors must not be used
-    source : where they come from
+    gain (p, 6, 6), offset (p, 6) : on (gx, gy, gz, bx, by, bz), m/s^2 and nT, per unit of the parameter, which acts
+    times (T - reference_temperature)^power, degC. covariance (p, p) : a parameter without variance stays zero. noise
+    (6, 6) : for stations without their own. axial : name of the bias of bz, or "". sized : parameters with one common
+    size, which the run's evidence scales, and the probabilities of its scales. largest_gap : gap between toolfaces,
+    rad, beyond which these priors must not be used.
     """
 
     names: tuple[str, ...]
@@ -44,7 +41,7 @@ class Priors:
     noise: Array
     source: str
     axial: str = ""
-    sized: tuple[Sized, ...] = ()
+    sized: tuple[tuple[tuple[str, ...], Mapping[float, float]], ...] = ()
     largest_gap: float = float(np.radians(270.0))
     power: Array = field(default_factory=lambda: np.zeros(0))
     reference_temperature: Array = field(default_factory=lambda: np.zeros(0))
@@ -82,37 +79,12 @@ class Priors:
 
 
 def published_priors(name: str = "iscwsa", *, axial_sigma: float | None = None) -> Priors:
-    """Priors of a tool without a calibration of its own.
+    """Priors of a tool without a calibration: "iscwsa" (model Rev 5.1) or "unknown", which needs toolfaces all round.
 
-    Parameters
-    ----------
-    name : {"iscwsa", "unknown"}
-        A tool kept to the ISCWSA error model, or one about which hardly anything is known; the second needs toolfaces
-        all round.
-    axial_sigma : float, optional
-        Standard deviation of the axial magnetometer bias with the interference of the assembly, nT; 2000 when not
-        given. Where the hole runs level east or west this number is most of what the result rests on.
-
-    Returns
-    -------
-    Priors
-        Bias and scale of the six sensors (ABX to MSZ) and three misalignments of the magnetometers in the
-        accelerometers' axes: x reads MXY of y and MXZ of z, y reads MYZ of z.
-
-    Raises
-    ------
-    InputError
-        Another name, a negative sigma.
-
-    References
-    ----------
-    ISCWSA MWD error model Rev 5.1; `msa_priors.json` beside this module gives the source of each number.
-
-    Examples
-    --------
-    >>> priors = published_priors(axial_sigma=230.0)
-    >>> priors.names[6:9], np.sqrt(priors.covariance.diagonal())[6:9]
-    (('MBX', 'MBY', 'MBZ'), array([ 70.,  70., 230.]))
+    Bias and scale of the six sensors (ABX to MSZ), misalignments of the magnetometers: x reads MXY of y and MXZ of z, y
+    MYZ of z. `axial_sigma`, nT, is of the axial bias with the interference of the assembly (2000 by default): where the
+    hole runs level east or west most of the result rests on it. `msa_priors.json` beside this module gives the source
+    of each number.
     """
     content = published()
     if name not in content["sets"]:
@@ -139,9 +111,9 @@ def published_priors(name: str = "iscwsa", *, axial_sigma: float | None = None) 
         source=f"{name}, {content['revision']}",
         axial="MBZ",
         sized=(
-            Sized(("MBX", "MBY"), GUESSED if name == "unknown" else STATED),
-            Sized(("MBZ",), GUESSED if axial_sigma is None else STATED),
-            Sized(tuple(term for term in sigmas if term[:2] != "MB"), KEPT),
+            (("MBX", "MBY"), GUESSED if name == "unknown" else STATED),
+            (("MBZ",), GUESSED if axial_sigma is None else STATED),
+            (tuple(term for term in sigmas if term[:2] != "MB"), KEPT),
         ),
         largest_gap=float(np.radians(content["largest_toolface_gap_deg"][name])),
     )
@@ -150,35 +122,9 @@ def published_priors(name: str = "iscwsa", *, axial_sigma: float | None = None) 
 def priors_from_tool(tool: Tool, *, axial_sigma: float | None = None) -> Priors:
     """The covariance of a tool's calibration as the prior, with the interference of the assembly beside it.
 
-    Parameters
-    ----------
-    tool : Tool
-        Calibrated, of known field strengths, with three seen components of gravity and of the magnetic field.
-    axial_sigma : float, optional
-        Standard deviation of the axial magnetic interference, nT, which no calibration knows; 2000 when not given.
-
-    Returns
-    -------
-    Priors
-        In the tool's own parameters, by their names in the calibration, correlations and temperature included: an
-        estimate is what has to be added to a parameter of the calibration.
-
-    Raises
-    ------
-    InputError
-        A triad or a field strength is missing.
-
-    Notes
-    -----
     From U = (N + dN) a + U0 + dU0 a station reduced with N and U0 reads F N^-1 (dN a + dU0) too much, F the field
-    strength; the gain of dN[s, j] is the column s of N^-1 at j, the offset of dU0[s] that column times F.
-
-    Examples
-    --------
-    >>> triads = {k: Triad(k, np.eye(3), np.zeros(3), field_strength=f) for k, f in zip(VECTORS, (9.8, 5e4))}
-    >>> priors = priors_from_tool(Tool("1", triads, np.eye(24) * 1e-8), axial_sigma=300.0)
-    >>> len(priors.names), priors.names[3], priors.names[-1]
-    (27, 'accelerometer.offset[0]', 'axial interference')
+    strength; the gain of dN[s, j] is the column s of N^-1 at j, the offset of dU0[s] that column times F. An estimate
+    is what has to be added to a parameter of the calibration. `axial_sigma`: nT, 2000 by default.
     """
     interference = ("transverse interference x", "transverse interference y", "axial interference")
     content = published()
@@ -217,9 +163,9 @@ def priors_from_tool(tool: Tool, *, axial_sigma: float | None = None) -> Priors:
         source=f"calibration of tool {tool.name}",
         axial=interference[2],
         sized=(
-            Sized(interference[:2], STATED),
-            Sized(interference[2:], GUESSED if axial_sigma is None else STATED),
-            Sized(names, KEPT),
+            (interference[:2], STATED),
+            (interference[2:], GUESSED if axial_sigma is None else STATED),
+            (names, KEPT),
         ),
         power=np.concatenate([*(part[2] for part in parts), np.zeros(3)]),
         reference_temperature=np.concatenate([*heat, np.zeros(3)]),
@@ -295,26 +241,7 @@ class FieldReference:
 
 
 def reference_of_site(site: Site, kind: str = "WMM") -> FieldReference:
-    """The reference that a site states; what it lacks of uncertainty is that of a kind of geomagnetic reference.
-
-    Parameters
-    ----------
-    site : Site
-        With b, dip and gravity (`earth.magnetic.complete_site` fills b and dip from a model).
-    kind : str
-        As in `earth.magnetic.reference_errors`.
-
-    Raises
-    ------
-    InputError
-        The site knows no b, dip or gravity.
-
-    Examples
-    --------
-    >>> found = reference_of_site(Site(g=9.81, b=50_000.0, dip=1.2, b_sigma=45.0))
-    >>> found.b_sigma, round(float(np.degrees(found.dip_sigma)), 2)
-    (45.0, 0.22)
-    """
+    """The reference of a site; uncertainties it does not state are those of `earth.magnetic.reference_errors`."""
     g, b, dip = site.gravity, site.b, site.dip
     if g is None or b is None or dip is None:
         lacking = [name for name, value in (("g", g), ("b", b), ("dip", dip)) if value is None]

@@ -103,11 +103,9 @@ class SurveyRun(Protocol):
 class Path(Tabular):
     """A well through n stations; between two of them it is an arc of a circle.
 
-    md : (n,) measured depth, m, increasing.
-    inclination, azimuth : (n,) rad, azimuth in [0, 2 pi) from the north it was given from.
-    north, east, tvd : (n,) position, m, from the same north; tvd is positive down.
-    dogleg : (n - 1,) angle between the directions at the two ends of each interval, rad, 0 to pi.
-    severity : (n - 1,) dogleg severity, the curvature of each interval, rad/m.
+    md : (n,) measured depth, m. inclination, azimuth : (n,) rad, azimuth in [0, 2 pi) from the north it was given from.
+    north, east, tvd : (n,) position, m, from the same north; tvd is positive down. severity : (n - 1,) curvature,
+    rad/m. dogleg : (n - 1,) angle between the directions at the two ends of each interval, rad, 0 to pi.
     """
 
     md: Array
@@ -278,25 +276,7 @@ def checked_stations(
 
 
 def dogleg_severity_deg(path: Path, length_m: float = 30.0) -> Array:
-    """Dogleg severity (n,) in degrees per `length_m`, of the interval above each station; 0 at the first.
-
-    Parameters
-    ----------
-    path : Path
-    length_m : float
-        30 m, or 30.48 m for degrees per 100 ft.
-
-    Raises
-    ------
-    InputError
-        When `length_m` is not positive.
-
-    Examples
-    --------
-    >>> path = minimum_curvature([0.0, 30.0, 60.0], np.radians([0.0, 3.0, 3.0]), [0.0, 0.0, 0.0])
-    >>> dogleg_severity_deg(path).round(9)
-    array([0., 3., 0.])
-    """
+    """Dogleg severity (n,), deg per `length_m` (30.48: 100 ft), of the interval above each station; 0 at the first."""
     if not (np.isfinite(length_m) and length_m > 0.0):
         raise InputError(f"length_m is {length_m}; it must be positive, e.g. 30")
     return np.concatenate([[0.0], np.degrees(path.severity) * length_m])
@@ -409,52 +389,15 @@ def interpolate(path: Path, md: ArrayLike) -> Points:
 def project_curve(path: Path, md: ArrayLike) -> Points:
     """Points below the last station on the circle of the last interval, e.g. at the bit.
 
-    Parameters
-    ----------
-    path : Path
-    md : (m,) array_like
-        Measured depths from the last station on, m.
-
-    Raises
-    ------
-    InputError
-        Naming the element, when a depth is not finite or above the last station.
-
-    Notes
-    -----
     The curvature of the last interval is taken as it is, with the noise of its two stations; over the usual 10 to 20 m
     to the bit that is a fraction of their uncertainty, further on it grows with the square of the distance.
-
-    Examples
-    --------
-    >>> path = minimum_curvature([0.0, 30.0], np.radians([40.0, 43.0]), [0.0, 0.0])
-    >>> np.degrees(project_curve(path, [40.0, 60.0]).inclination).round(9)
-    array([44., 46.])
     """
     depth = _beyond(path, md)
     return _on_arc(path, depth, *interval(path, depth))
 
 
 def project_straight(path: Path, md: ArrayLike) -> Points:
-    """Points below the last station straight on in its direction, e.g. at the bit.
-
-    Parameters
-    ----------
-    path : Path
-    md : (m,) array_like
-        Measured depths from the last station on, m.
-
-    Raises
-    ------
-    InputError
-        Naming the element, when a depth is not finite or above the last station.
-
-    Examples
-    --------
-    >>> path = minimum_curvature([0.0, 30.0], [0.0, 0.0], [0.0, 0.0])
-    >>> project_straight(path, 45.0).tvd
-    array([45.])
-    """
+    """Points below the last station straight on in its direction, e.g. at the bit."""
     depth = _beyond(path, md)
     ahead = (depth - path.md[-1])[:, None] * directions(path.inclination[-1], path.azimuth[-1])
     north, east, tvd = (np.array([path.north[-1], path.east[-1], path.tvd[-1]]) + ahead).T
@@ -463,32 +406,7 @@ def project_straight(path: Path, md: ArrayLike) -> Points:
 
 
 def tie_on(path: Path, at: float, md: ArrayLike, inclination: ArrayLike, azimuth: ArrayLike) -> Path:
-    """Path of stations that carry on from another path at a depth, as a side-track does.
-
-    Parameters
-    ----------
-    path : Path
-    at : float
-        Depth at which the stations tie on, m, within `path`.
-    md, inclination, azimuth : (n,) array_like
-        Stations below it, m and rad; azimuth from the same north as in `path`.
-
-    Returns
-    -------
-    Path
-        n + 1 stations; the first is the point of `path` at that depth.
-
-    Raises
-    ------
-    InputError
-        As for `interpolate` and `minimum_curvature`; when the first station is not below the tie-on.
-
-    Examples
-    --------
-    >>> mother = minimum_curvature([0.0, 100.0], [0.0, 0.0], [0.0, 0.0])
-    >>> tie_on(mother, 50.0, [60.0, 70.0], [0.0, 0.0], [0.0, 0.0]).tvd
-    array([50., 60., 70.])
-    """
+    """Path of n + 1 stations that continues another path from its point at the depth `at`, as a side-track does."""
     first = interpolate(path, [at])
     # checked by themselves, so that a message names the caller's row
     depth, slope, direction = checked_stations(md, inclination, azimuth, 1)
@@ -550,14 +468,11 @@ def _refuse(bad: Mask, depth: Array, allowed: str) -> None:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Comparison(Tabular):
-    """Differences of two paths at m common depths, second less first.
+    """Differences of two paths at m common depths, second less first, m and rad.
 
-    md : (m,) m.
-    north, east, tvd : (m,) m.
-    separation : (m,) distance of the two points, m.
-    high_side, lateral, along_hole : (m,) the difference in the axes of the first path: up across the hole, to its
-        right looking down hole, down along it, m.
-    inclination, azimuth : (m,) rad; azimuth in [-pi, pi), worth little where the hole is near vertical.
+    high_side, lateral, along_hole : (m,) the difference in the axes of the first path: up across the hole, to its right
+    looking down hole, down along it, m. separation : (m,) distance of the two points.
+    inclination, azimuth : (m,) azimuth in [-pi, pi), worth little where the hole is near vertical.
     """
 
     md: Array

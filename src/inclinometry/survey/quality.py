@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final, NamedTuple
 
@@ -14,12 +14,12 @@ from inclinometry.errors import InputError
 from inclinometry.orientation import angles, angles_jacobian
 from inclinometry.rotations import wrap_signed
 from inclinometry.survey.axial import SOURCE as AXIAL
-from inclinometry.survey.flags import ROUNDING, Check, worst
+from inclinometry.survey.flags import ROUNDING, Check, sizes_check, worst
 from inclinometry.survey.multistation import STEEP, invariants, toolface_gap
 from inclinometry.survey.multistation_priors import FieldReference
 from inclinometry.survey.stations import Source, Stations
 from inclinometry.tabular import Column, Tabular, degrees
-from inclinometry.uncertainty import coverage_probability
+from inclinometry.uncertainty import coverage_probability, ellipsoid_factor
 
 
 class Quantity(NamedTuple):
@@ -48,33 +48,22 @@ DECLINATION: Final = (
 
 
 _ACTIONS: Final = {
-    (
-        True,
-        False,
-        False,
-    ): "repeat the station at rest; if it stays, check the accelerometers' calibration and temperature",
-    (
-        False,
-        True,
-        False,
-    ): "look for magnetic interference (casing, offset wells, collars); correct for axial interference "
-    "or run a multi-station analysis; check the reference b",
-    (
-        False,
-        True,
-        True,
-    ): "look for magnetic interference (casing, offset wells, collars); correct for axial interference "
-    "or run a multi-station analysis; check b and dip of the site",
-    (False, False, True): "check the axes and signs of the magnetometers against the accelerometers and the site's dip",
-    (True, False, True): "an accelerometer is off: repeat at rest; check its calibration, axes and sign",
-    (True, True, False): "check the units of the channels and the tool's calibration",
-    (
-        True,
-        True,
-        True,
-    ): "check units, axes and signs of the channels and the tool's calibration; do not use the station",
-    (False, False, False): "each fits alone, not together: repeat the station; look for a slight interference",
+    "g": "repeat the station at rest; if it stays, check the accelerometers' calibration and temperature",
+    "b": "look for magnetic interference (casing, offset wells, collars); correct for axial interference or run a "
+    "multi-station analysis; check the reference b",
+    "bd": "look for magnetic interference (casing, offset wells, collars); correct for axial interference or run a "
+    "multi-station analysis; check b and dip of the site",
+    "d": "check the axes and signs of the magnetometers against the accelerometers and the site's dip",
+    "gd": "an accelerometer is off: repeat at rest; check its calibration, axes and sign",
+    "gb": "check the units of the channels and the tool's calibration",
+    "gbd": "check units, axes and signs of the channels and the tool's calibration; do not use the station",
+    "": "each fits alone, not together: repeat the station; look for a slight interference",
 }
+"""What to do, by which of gravity, magnetic field and dip are off."""
+
+
+def _action(off: Mask) -> str:
+    return _ACTIONS["".join(letter for letter, one in zip("gbd", off, strict=True) if one)]
 
 
 def figure(value: float, quantity: Quantity) -> str:
@@ -99,8 +88,7 @@ def station_words(
     if not beyond.any():
         remedy = "" if judged.any() else "state the uncertainty of tool and site, or fixed limits"
         return "; ".join(parts), remedy
-    failed = (bool(beyond[0]), bool(beyond[1]), bool(beyond[2]))
-    return "; ".join(parts), _ACTIONS[failed]
+    return "; ".join(parts), _action(beyond[:3])
 
 
 def field_checks(
@@ -126,45 +114,47 @@ def _quantity_check(column: int, difference: Array, limit: Array, judged: Mask, 
         )
         remedy = "state the uncertainties, or use fixed limits" if not limit[:, column].any() else ""
         return Check(quantity.name, "not judged", np.nan, np.nan, (), why, remedy, quantity.unit)
-    share = np.where(able, np.abs(difference[:, column]) / np.where(able, limit[:, column], 1.0), -1.0)
-    row = int(np.argmax(share))
-    failed = np.flatnonzero(beyond[:, column])
-    edge = f"{limit[row, column] * quantity.factor:.{quantity.digits}f}"
-    reason = (
-        f"{len(failed)} of {int(able.sum())} stations off; worst {figure(float(difference[row, column]), quantity)} at "
-        f"station {row + 1}, allowed +-{edge}"
-    )
-    value, allowed = float(abs(difference[row, column])), float(limit[row, column])
-    if not len(failed):
-        return Check(quantity.name, "pass", value, allowed, (), reason, unit=quantity.unit)
+    failed, sizes = beyond[:, column], (difference[:, column], limit[:, column])
     action = _run_action(failed, able, beyond)
-    return Check(quantity.name, "fail", value, allowed, tuple(map(int, failed)), reason, action, quantity.unit)
+    return sizes_check(
+        quantity.name, quantity.unit, _share(*sizes, able), sizes, failed, _shown(quantity, *sizes), action
+    )
 
 
-def _run_action(failed: Index, able: Mask, single: Mask) -> str:
-    if len(failed) / int(able.sum()) <= 0.2:  # an event; with more of the stations it is the tool
+def _share(difference: Array, limit: Array, able: Mask) -> Array:
+    """Parts (n,) of their limits that differences are, -1 where they cannot be judged."""
+    return np.where(able, np.abs(difference) / np.where(able, limit, 1.0), -1.0)
+
+
+def _shown(quantity: Quantity, difference: Array, limit: Array, rows: Index | None = None) -> Callable[[int], str]:
+    """A difference in words, by its row."""
+
+    def shown(row: int) -> str:
+        station, edge = row if rows is None else int(rows[row]), f"{limit[row] * quantity.factor:.{quantity.digits}f}"
+        return f"{figure(float(difference[row]), quantity)} at station {station + 1}, allowed +-{edge}"
+
+    return shown
+
+
+def _run_action(failed: Mask, able: Mask, single: Mask) -> str:
+    if not failed.any():
+        return ""
+    if failed.sum() / int(able.sum()) <= 0.2:  # an event; with more of the stations it is the tool
         return "repeat these stations at rest, away from casing and offset wells"
-    first, second, third = (bool(single[failed, c].mean() > 0.5) for c in range(3))
-    return _ACTIONS[first, second, third]
+    return _action(single[failed, :3].mean(axis=0) > 0.5)
 
 
 def _distance_check(distance: Array, allowed: Array, beyond: Mask, single: Mask) -> Check:
-    name = "distance"
     able = np.isfinite(distance)
     if not able.any():
         reason = "no uncertainty is known of the stations or of the site"
-        return Check(name, "not judged", np.nan, np.nan, (), reason, unit="sigma")
-    row = int(np.argmax(np.where(able, distance, -1.0)))
-    failed = np.flatnonzero(beyond)
-    reason = (
-        f"{len(failed)} of {int(able.sum())} stations off; largest {distance[row]:.2f} sigma at station {row + 1}, "
-        f"allowed {allowed[row]:.2f}"
-    )
-    if not len(failed):
-        return Check(name, "pass", float(distance[row]), float(allowed[row]), (), reason, unit="sigma")
-    action = _run_action(failed, able, single)
-    rows = tuple(map(int, failed))
-    return Check(name, "fail", float(distance[row]), float(allowed[row]), rows, reason, action, "sigma")
+        return Check("distance", "not judged", np.nan, np.nan, (), reason, unit="sigma")
+    order, action = np.where(able, distance, -1.0), _run_action(beyond, able, single)
+
+    def shown(row: int) -> str:
+        return f"{distance[row]:.2f} sigma at station {row + 1}, allowed {allowed[row]:.2f}"
+
+    return sizes_check("distance", "sigma", order, (distance, allowed), beyond, shown, action)
 
 
 def _seen_check(hidden: Array, blind: float) -> Check:
@@ -208,47 +198,22 @@ _ALL: Final = (
     Quantity("azimuth", "rad", "deg", 180.0 / np.pi, 3),
     *QUANTITIES,
 )
-_WRAPPED: Final = 1  # the column of azimuth
 
 
 def rotation_shots(shots: Stations, *, k: float = 3.0) -> list[Check]:
-    """Whether stations at one place and different toolfaces agree.
+    """Whether stations at one place and different toolfaces agree: inclination, azimuth, |g|, |b|, dip.
 
-    Parameters
-    ----------
-    shots : Stations
-        Of one tool at rest at one depth, turned between the shots; md only numbers them.
-    k : float
-        Standard deviations allowed.
-
-    Returns
-    -------
-    list of Check
-        Inclination, azimuth, |g|, |b|, dip: the largest departure from the mean of the shots against k standard
-        deviations of that departure, in which errors that do not turn with the tool cancel. "not judged": fewer than 3
-        shots, toolfaces that leave a gap of more than 180 deg, azimuth below 5 deg of inclination, and quantities to
-        which the transverse sensors hardly contribute here (|g| near the vertical, |b| along the field).
-
-    Raises
-    ------
-    InputError
-        k out of range; gravity and magnetic field parallel.
-
-    Examples
-    --------
-    >>> from inclinometry.orientation import fields
-    >>> g, b = fields(0.5, 0.8, np.radians([0.0, 90.0, 180.0, 270.0]), 1.2)
-    >>> noise = np.diag([0.002] * 3 + [60.0] * 3) ** 2
-    >>> shots = Stations(np.arange(4.0), 9.81 * g, 5e4 * b, noise=np.tile(noise, (4, 1, 1)))
-    >>> [check.verdict for check in rotation_shots(shots)]
-    ['pass', 'pass', 'pass', 'pass', 'pass']
+    The largest departure from the mean against k standard deviations of it, in which errors that do not turn with the
+    tool cancel. "not judged": fewer than 3 shots, toolfaces with a gap of more than 180 deg, azimuth below 5 deg of
+    inclination, and quantities to which the transverse sensors hardly contribute (|g| near the vertical, |b| along the
+    field).
     """
     least = 3
     k = float(within(k, "k", 1.0, 6.0))
     values, jacobian, steep, faint = _rows(shots)
     difference = values - values.mean(axis=0)
-    turned = wrap_signed(values[:, _WRAPPED] - values[0, _WRAPPED])
-    difference[:, _WRAPPED] = turned - turned.mean()
+    turned = wrap_signed(values[:, 1] - values[0, 1])
+    difference[:, 1] = turned - turned.mean()
     size = len(shots)
     own = np.einsum("nqa,nab,nqb->nq", jacobian, shots.noise, jacobian)
     variance = own * (1.0 - 2.0 / size) + own.sum(axis=0) / size**2
@@ -264,7 +229,7 @@ def rotation_shots(shots: Stations, *, k: float = 3.0) -> list[Check]:
         problem = f"the toolfaces lie within {360.0 - np.degrees(gap):.0f} deg: turn the tool all round"
     why = [
         problem
-        or ("the hole is too steep for an azimuth" if steep.any() and column == _WRAPPED else "")
+        or ("the hole is too steep for an azimuth" if steep.any() and column == 1 else "")
         or ("the transverse sensors hardly show in it here" if faint[:, column].all() else "")
         for column in range(5)
     ]
@@ -276,38 +241,10 @@ def rotation_shots(shots: Stations, *, k: float = 3.0) -> list[Check]:
 def repeated_stations(
     first: Stations, second: Stations, *, same_tool: bool, k: float = 3.0, apart_m: float = 1.0
 ) -> list[Check]:
-    """Whether stations taken again agree with the first.
+    """Whether stations taken again, within `apart_m`, agree with the first: inclination, azimuth, |g|, |b|, dip.
 
-    Parameters
-    ----------
-    first, second : Stations
-        Compared at the stations of `first` that `second` has within `apart_m`.
-    same_tool : bool
-        Whether sources of error of one name are the same error in both: then only what the toolface changes is left.
-    k : float
-        Standard deviations allowed.
-    apart_m : float
-        How far, m, depths of a pair may differ.
-
-    Returns
-    -------
-    list of Check
-        Inclination, azimuth, |g|, |b|, dip; rows of `first`. "not judged" where there is no pair, for azimuth where no
-        pair is inclined by 5 deg, and where nothing is known of the uncertainty.
-
-    Raises
-    ------
-    InputError
-        k or apart_m out of range.
-
-    Examples
-    --------
-    >>> from inclinometry.orientation import fields
-    >>> g, b = fields(0.5, 0.8, np.radians([0.0, 90.0]), 1.2)
-    >>> noise = np.diag([0.002] * 3 + [60.0] * 3)[None] ** 2
-    >>> one, two = (Stations([100.0], 9.81 * g[[i]], 5e4 * b[[i]], noise=noise) for i in range(2))
-    >>> [check.verdict for check in repeated_stations(one, two, same_tool=True)]
-    ['pass', 'pass', 'pass', 'pass', 'pass']
+    `same_tool` : sources of error of one name are the same error in both; only what the toolface changes is left. "not
+    judged" without a pair, for azimuth where no pair is inclined by 5 deg, and where no uncertainty is known.
     """
     k = float(within(k, "k", 1.0, 6.0))
     apart = float(within(apart_m, "apart_m", 0.0, 100.0, "m"))
@@ -322,54 +259,22 @@ def repeated_stations(
     one, by_one, steep_one, _ = _rows(first)
     two, by_two, _, _ = _rows(second)
     difference = two[there] - one[here]
-    difference[:, _WRAPPED] = wrap_signed(difference[:, _WRAPPED])
+    difference[:, 1] = wrap_signed(difference[:, 1])
     variance = sum(
         np.einsum("nqa,nab,nqb->nq", part[rows], run.noise[rows], part[rows])
         for part, run, rows in ((by_one, first, here), (by_two, second, there))
     ) + _shared(by_one[here], by_two[there], first, second, (here, there), same_tool)
     steep = steep_one[here]
-    difference[steep, _WRAPPED] = np.nan
+    difference[steep, 1] = np.nan
     action = "repeat once more at rest; if the runs still differ, check depth, calibration and interference of both"
-    why = ["" if c != _WRAPPED or not steep.all() else "the hole is too steep for an azimuth" for c in range(5)]
+    why = ["" if c != 1 or not steep.all() else "the hole is too steep for an azimuth" for c in range(5)]
     return [_check("repeat", c, difference, k * np.sqrt(variance), here, why[c], action) for c in range(5)]
 
 
 def dual_depth(
     first_m: ArrayLike, second_m: ArrayLike, first_sigma_m: ArrayLike, second_sigma_m: ArrayLike, *, k: float = 3.0
 ) -> Check:
-    """Whether two measurements of depth, e.g. drill pipe and wireline, agree.
-
-    Parameters
-    ----------
-    first_m, second_m : (n,) array_like
-        Depths of the same points, m.
-    first_sigma_m, second_sigma_m : (n,) array_like
-        Their standard deviations, m, corrections made.
-    k : float
-        Standard deviations allowed.
-
-    Returns
-    -------
-    Check
-        Difference against k sqrt(s1^2 + s2^2); "not judged" without any uncertainty.
-
-    Raises
-    ------
-    InputError
-        Shapes that differ, negative standard deviations.
-
-    References
-    ----------
-    Brooks et al., Quantification of depth accuracy, SPE 133417 (2010): tolerance by root sum of squares.
-
-    Examples
-    --------
-    Drill pipe 1.4 m and wireline 3.4 m at three standard deviations:
-
-    >>> check = dual_depth([1000.0], [1011.0], [1.4 / 3], [3.4 / 3])
-    >>> check.verdict, round(check.limit, 1)
-    ('fail', 3.7)
-    """
+    """Whether two depths agree: difference against k sqrt(s1^2 + s2^2) (Brooks et al., SPE 133417, 2010)."""
     k = float(within(k, "k", 1.0, 6.0))
     one, two = finite(first_m, "first_m", (None,)), finite(second_m, "second_m", (None,))
     sigmas = [
@@ -381,16 +286,13 @@ def dual_depth(
     name, difference = "dual depth", two - one
     if not limit.all():
         return Check(name, "not judged", np.nan, np.nan, (), "no uncertainty is known of the depths", unit="m")
-    row, failed = int(np.argmax(np.abs(difference) / limit)), np.flatnonzero(np.abs(difference) > limit + 1e-9)
-    reason = (
-        f"{len(failed)} of {len(one)} depths off; worst {difference[row]:+.2f} m at {one[row]:.1f} m, "
-        f"allowed +-{limit[row]:.2f}"
-    )
-    value, allowed = float(abs(difference[row])), float(limit[row])
-    if not len(failed):
-        return Check(name, "pass", value, allowed, (), reason, unit="m")
     action = "check the pipe tally and both stretch and temperature corrections; measure the depth again"
-    return Check(name, "fail", value, allowed, tuple(map(int, failed)), reason, action, "m")
+
+    def shown(row: int) -> str:
+        return f"{difference[row]:+.2f} m at {one[row]:.1f} m, allowed +-{limit[row]:.2f}"
+
+    failed = np.abs(difference) > limit + 1e-9
+    return sizes_check(name, "m", np.abs(difference) / limit, (difference, limit), failed, shown, action)
 
 
 def _rows(stations: Stations) -> tuple[Array, Array, Mask, Mask]:
@@ -402,7 +304,7 @@ def _rows(stations: Stations) -> tuple[Array, Array, Mask, Mask]:
     turned = angles_jacobian(stations.g, stations.b)[:, :2]
     jacobian = np.concatenate([turned, rows], axis=1)
     steep = np.sin(found.inclination) < np.sin(STEEP)
-    jacobian[steep, _WRAPPED] = 0.0
+    jacobian[steep, 1] = 0.0
     faint = np.zeros((len(readings), 5), dtype=bool)
     for column, first in ((2, 0), (3, 3)):
         # less than a tenth of the quantity's response to the whole triad
@@ -435,17 +337,10 @@ def _check(what: str, column: int, difference: Array, limit: Array, rows: Index,
     if why or not able.any():
         reason = why or "nothing is known of the stations' uncertainty"
         return Check(name, "not judged", np.nan, np.nan, (), reason, unit=quantity.unit)
-    share = np.where(able, np.abs(difference[:, column]) / np.where(able, limit[:, column], 1.0), -1.0)
-    row = int(np.argmax(share))
-    failed = rows[able & (np.abs(difference[:, column]) > limit[:, column] * (1.0 + 1e-9) + ROUNDING)]
-    value, allowed = float(abs(difference[row, column])), float(limit[row, column])
-    reason = (
-        f"{len(failed)} of {int(able.sum())} off; worst {figure(float(difference[row, column]), quantity)} at station "
-        f"{int(rows[row]) + 1}, allowed +-{allowed * quantity.factor:.{quantity.digits}f}"
-    )
-    if not len(failed):
-        return Check(name, "pass", value, allowed, (), reason, unit=quantity.unit)
-    return Check(name, "fail", value, allowed, tuple(int(r) for r in failed), reason, action, quantity.unit)
+    sizes = difference[:, column], limit[:, column]
+    failed = able & (np.abs(sizes[0]) > sizes[1] * (1.0 + 1e-9) + ROUNDING)
+    shown = _shown(quantity, *sizes, rows)
+    return sizes_check(name, quantity.unit, _share(*sizes, able), sizes, failed, shown, action, rows)
 
 
 # Sensor errors of an error model as a source of error of six-axis stations, for tools without a certificate.
@@ -455,37 +350,11 @@ SOURCE: Final = "sensors"
 
 
 def with_sensors(stations: Stations, sigmas: Mapping[str, float]) -> Stations:
-    """Stations with the sensor errors of an error model as the source "sensors".
+    """Stations with the sensor errors of an error model (term -> sigma, SI) as the source "sensors".
 
-    Parameters
-    ----------
-    stations : Stations
-    sigmas : mapping of a term's name to its standard deviation
-        SI (m/s^2, nT, relative), e.g. `{term.name: term.sigma for term in tool_code.terms}`. Used are biases and scales
-        of single sensors (ABX .. MSZ), of the transverse pairs (ABXY .. MSXY, with any suffix of the model's
-        combinations, which must agree) and AMIL, the interference along the tool; other terms are not about six
-        channels.
-
-    Returns
-    -------
-    Stations
-
-    Raises
-    ------
-    InputError
-        The stations have such a source or one of a calibration; no term is about the sensors; terms that contradict.
-
-    Notes
-    -----
-    The transverse pairs of an error model combine two sensors over all toolfaces; here the toolface is known and each
-    sensor has its own error of that size.
-
-    Examples
-    --------
-    >>> stations = Stations([0.0], [[0.0, 0.0, 9.81]], [[2e4, 0.0, 4e4]])
-    >>> found = with_sensors(stations, {"MBZ": 70.0, "AMIL": 220.0, "SAGE": 0.003})
-    >>> float(np.sqrt(found.field_covariance()[0, 5, 5]).round(1))
-    230.9
+    Used are biases and scales of single sensors (ABX .. MSZ), of the transverse pairs (ABXY .. MSXY, with any suffix of
+    the model's combinations, which must agree) and AMIL, the interference along the tool. The pairs combine two sensors
+    over all toolfaces; here the toolface is known and each sensor has its own error of that size.
     """
     for name in (SOURCE, "calibration"):
         if name in stations.sources:
@@ -533,8 +402,6 @@ def sensor_sigmas(sigmas: Mapping[str, float]) -> tuple[Array, Array]:
 BLIND: Final = float(np.radians(2.0))
 """Error of azimuth from axial interference that passes |b| and dip unnoticed, from which the test is called blind."""
 
-_FLAT: Final = 1e-10  # share of the largest variance below which a combination of the three is known exactly
-
 
 @dataclass(frozen=True)
 class FieldLimits:
@@ -562,15 +429,10 @@ class FieldLimits:
 class FieldQuality(Tabular):
     """n stations judged; columns of the (n, 3) arrays are |g| (m/s^2), |b| (nT), dip (rad).
 
-    found : (n, 3) measured.  difference : (n, 3) measured minus reference.
-    sigma : (n, 3) standard deviation of the difference: sensors and reference at this geometry.
-    limit : (n, 3) allowed; k sigma, or the fixed limit where there is one.
-    judged : (n, 3) whether the test could be made.
-    distance, distance_limit : (n,) Mahalanobis distance of the three, and the one with the probability of k sigma.
-    undetected_azimuth : (n,) rad, the azimuth error of the largest axial interference that would pass; inf where any
-        would, NaN where azimuth does not exist.
-    verdicts, reasons, actions : per station.
-    checks : the run as a whole.  notes : what a reader must know.
+    difference : measured minus reference; sigma : of it, sensors and reference at this geometry; limit : k sigma, or
+    the fixed one. judged : whether the test could be made. distance, distance_limit : (n,) Mahalanobis distance of the
+    three, and the one with the probability of k sigma. undetected_azimuth : (n,) rad, the azimuth error of the largest
+    axial interference that would pass; inf where any would, NaN where azimuth does not exist.
     """
 
     md: Array
@@ -608,49 +470,12 @@ class FieldQuality(Tabular):
 def judge_fields(
     stations: Stations, reference: FieldReference, *, k: float = 3.0, limits: FieldLimits | None = None
 ) -> FieldQuality:
-    """Judge |g|, |b| and dip of stations against the reference.
+    """Judge |g|, |b| and dip of stations against the reference (Ekseth et al., IADC/SPE 103734, 2006).
 
-    Parameters
-    ----------
-    stations : Stations
-        With what is uncertain about them: a calibration's covariance and noise, or `with_sensors`.
-    reference : FieldReference
-        `multistation.reference_of_site(site)`.
-    k : float
-        Standard deviations allowed, 1 to 6.
-    limits : FieldLimits, optional
-        Fixed limits in place of k sigma, for the quantities they name.
-
-    Returns
-    -------
-    FieldQuality
-
-    Raises
-    ------
-    InputError
-        k out of range; gravity and magnetic field exactly parallel.
-
-    Notes
-    -----
-    With J the derivatives of (|g|, |b|, dip) by the six channels, C the covariance of the channels and R that of the
-    reference, common and from station to station, the limits are k sqrt(diag(J C J' + R)) and the distance is
-    sqrt(r' (J C J' + R)^-1 r). The errors of the reference that an axial correction has brought into the stations are
-    taken off again, not counted twice. A test that nothing is known for (no uncertainty) or that has no meaning at
-    this place (dip within its limit of the vertical) is not judged.
-
-    References
-    ----------
-    Ekseth et al., The reliability problem related to directional survey data, IADC/SPE 103734 (2006).
-
-    Examples
-    --------
-    >>> from inclinometry.orientation import fields
-    >>> from inclinometry.survey.quality import with_sensors
-    >>> g, b = fields(np.radians([30.0, 40.0]), 0.5, 1.0, 1.2)
-    >>> run = with_sensors(Stations([0.0, 30.0], 9.81 * g, 50_600.0 * b), {"ABX": 0.004, "MBX": 70.0})
-    >>> site = FieldReference(g=9.81, b=50_000.0, dip=1.2, g_sigma=0.001, b_sigma=130.0, dip_sigma=0.0035)
-    >>> judge_fields(run, site).verdicts
-    ('fail', 'fail')
+    Limits k sqrt(diag(J C J' + R)), or `limits`; distance sqrt(r' (J C J' + R)^-1 r): J derivatives of the three by the
+    channels, C covariance of the channels, R of the reference, common and per station. Errors of the reference brought
+    in by an axial correction are taken off again, not counted twice. Not judged: no uncertainty, or dip within its
+    limit of the vertical.
     """
     rounding = 1.0 + 1e-9  # a value on its limit passes
     k = float(within(k, "k", 1.0, 6.0))
@@ -664,25 +489,25 @@ def judge_fields(
         for column, fixed in enumerate((limits.g, limits.b, limits.dip)):
             if fixed is not None:
                 limit[:, column] = fixed
-    judged = limit > 0.0
+    able = limit > 0.0
     # a field that may be vertical has a dip that can only come out too small
-    judged[:, 2] &= abs(reference.dip) + limit[:, 2] < np.pi / 2
-    distance, freedom = _distances(difference, covariance, judged & (sigma > 0.0))
+    able[:, 2] &= abs(reference.dip) + limit[:, 2] < np.pi / 2
+    distance, freedom = _distances(difference, covariance, able & (sigma > 0.0))
     allowed = distance_limit(k, freedom)
     hidden = _undetected(readings, rows, covariance, k)
-    beyond = np.column_stack([judged & (np.abs(difference) > limit * rounding), distance > allowed * rounding])
+    beyond = np.column_stack([able & (np.abs(difference) > limit * rounding), distance > allowed * rounding])
     verdicts = tuple(
-        "fail" if b.any() else "pass" if j.any() else "not judged" for b, j in zip(beyond, judged, strict=True)
+        "fail" if b.any() else "pass" if j.any() else "not judged" for b, j in zip(beyond, able, strict=True)
     )
-    words = [station_words(*row) for row in zip(difference, limit, judged, distance, allowed, beyond, strict=True)]
-    checks = field_checks(difference, limit, judged, (distance, allowed), beyond, (hidden, BLIND))
+    words = [station_words(*row) for row in zip(difference, limit, able, distance, allowed, beyond, strict=True)]
+    checks = field_checks(difference, limit, able, (distance, allowed), beyond, (hidden, BLIND))
     return FieldQuality(
         md=stations.md,
         found=found,
         difference=difference,
         sigma=sigma,
         limit=limit,
-        judged=judged,
+        judged=able,
         distance=distance,
         distance_limit=allowed,
         undetected_azimuth=hidden,
@@ -720,8 +545,6 @@ def distance_limit(k: float, freedom: Index) -> Array:
     >>> distance_limit(3.0, np.array([1, 3])).round(3)
     array([3.   , 3.763])
     """
-    from inclinometry.uncertainty import ellipsoid_factor
-
     probability = coverage_probability(k)
     table = np.array([np.nan, *(ellipsoid_factor(probability, size) for size in (1, 2, 3))])
     return np.asarray(table[freedom])
@@ -735,7 +558,7 @@ def _distances(difference: Array, covariance: Array, judged: Mask) -> tuple[Arra
         scale = np.sqrt(np.diagonal(covariance[row])[some])
         values, vectors = np.linalg.eigh(covariance[row][np.ix_(some, some)] / np.outer(scale, scale))
         # after an axial correction one combination of |b| and dip is zero by construction and says nothing
-        keep = values > _FLAT * values[-1]
+        keep = values > 1e-10 * values[-1]
         part = (vectors.T @ (difference[row, some] / scale))[keep] / np.sqrt(values[keep])
         distance[row], freedom[row] = float(np.sqrt(part @ part)), int(keep.sum())
     return distance, freedom
@@ -749,7 +572,7 @@ def _undetected(readings: Array, rows: Array, covariance: Array, k: float) -> Ar
         scale = np.sqrt(np.maximum(np.diagonal(spread), 0.0))
         if (scale > 0.0).all():
             part = effect / scale
-            signal[row] = float(part @ np.linalg.pinv(spread / np.outer(scale, scale), rcond=_FLAT) @ part)
+            signal[row] = float(part @ np.linalg.pinv(spread / np.outer(scale, scale), rcond=1e-10) @ part)
     unseen = np.isfinite(azimuth) & (azimuth > 0.0)
     size = np.divide(k * azimuth, np.sqrt(signal), out=np.full(len(azimuth), np.inf), where=signal > 0.0)
     return np.where(unseen, size, np.where(np.isfinite(azimuth), 0.0, np.nan))

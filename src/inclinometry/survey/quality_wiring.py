@@ -12,37 +12,11 @@ from inclinometry.survey.stations import Stations
 
 
 def wiring_check(stations: Stations, dip: float) -> Check:
-    """Whether the magnetometers' axes and signs fit the accelerometers'.
+    """Whether the magnetometers' axes and signs fit the accelerometers': root mean square of dip minus the site's, rad.
 
-    Parameters
-    ----------
-    stations : Stations
-    dip : float
-        Of the site, rad.
-
-    Returns
-    -------
-    Check
-        Root mean square of dip minus reference. On failure the reason names the mistakes of axes and signs that
-        explain the dips, the simplest first. "not judged" with fewer than 4 stations or stations too much alike: then
-        several mappings fit.
-
-    Raises
-    ------
-    InputError
-        Dip out of range.
-
-    Notes
-    -----
-    A declination of the wrong sign, and a rotation or reversal common to both triads, leave the dip as it is: they are
-    not seen here.
-
-    Examples
-    --------
-    >>> from inclinometry.orientation import fields
-    >>> g, b = fields([0.1, 1.0, 2.5, 4.0], [0.3, 1.2, 2.0, 0.8], [0.5, 3.0, 1.0, 5.0], 1.2)
-    >>> wiring_check(Stations(np.arange(4.0), g, b[:, [1, 0, 2]]), 1.2).reason
-    'dips are off by 53.7 deg (root mean square); they fit with magnetometer x and y swapped'
+    On failure the reason names the mistakes that explain the dips, the simplest first. "not judged" with fewer than 4
+    stations or stations too much alike: then several mappings fit. A declination of the wrong sign, and a rotation or
+    reversal common to both triads, leave the dip as it is.
     """
     # root mean square of dip minus reference up to which axes count as right: several times what sensors do
     tolerance = float(np.radians(1.0))
@@ -52,9 +26,9 @@ def wiring_check(stations: Stations, dip: float) -> Check:
     if len(stations) < fewest:
         reason = f"{len(stations)} stations; {fewest} in different attitudes are needed to tell axes and signs apart"
         return Check(name, "not judged", np.nan, tolerance, (), reason, DECLINATION)
-    ranking = find_mapping(stations.g, stations.b, dip=dip)
-    off = {one.axes: float(np.hypot(one.dip - dip, one.scatter)) for one in ranking.mappings}
-    fits = sorted((one for one in ranking.mappings if off[one.axes] <= tolerance), key=_changes)
+    mappings, _, _ = find_mapping(stations.g, stations.b, dip=dip)
+    off = {one.axes: float(np.hypot(one.dip - dip, one.scatter)) for one in mappings}
+    fits = sorted((one for one in mappings if off[one.axes] <= tolerance), key=_changes)
     found = off[AXES]
     every = tuple(range(len(stations)))
     if found <= tolerance:

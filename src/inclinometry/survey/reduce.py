@@ -15,6 +15,7 @@ from inclinometry.constants import ANGLES, COVERAGE_FACTOR, EARTH_RATE, GRAVITY_
 from inclinometry.earth.gravity import relative_gravity
 from inclinometry.earth.site import Site, convert_azimuth
 from inclinometry.errors import InputError
+from inclinometry.findings import Finding
 from inclinometry.orientation import Angles, angles, inclination_toolface
 from inclinometry.rotations import wrap_positive
 from inclinometry.sensors import Tool, Triad, angle_sensitivity
@@ -38,18 +39,10 @@ from inclinometry.uncertainty import UNKNOWN, AngleErrors, angle_sd, expanded_fa
 class SensorCorrection:
     """What a run's sensors and reference are off by: measured = field + sum_k x_k (gain_k field + offset_k).
 
-    parameters : name -> Parameter, p of the sensors, then "reference g", "reference b", "reference dip".
-    covariance : (p + 3, p + 3) of all of them.
-    gain (p, 6, 6), offset (p, 6), power (p,), reference_temperature (p,) : as in `Priors`, of the sensors' parameters.
-    noise (6, 6) : covariance of one station's readings, for stations that do not bring their own.
-    noise_factors (2,) : of the noise variances of accelerometers and magnetometers, as in `MultiStation`.
-    reference : what the fields were compared with.
-    priors : where the priors come from.
-    tool : name of the calibrated tool the stations were reduced with, "" without one.
-    md : first and last depth of the run, m.
-    stations, chi_square, freedom : of the fit.
-    inputs : name -> digest.
-    information (p + 3, p + 3), score (p + 3,) : of the stations alone, as in `MultiStation`; empty where not kept.
+    parameters : p of the sensors, then "reference g", "reference b", "reference dip"; covariance (p + 3, p + 3) of all.
+    gain, offset, power, reference_temperature, noise : as in `Priors`; noise_factors, information and score (of the
+    stations alone, empty where not kept) as in `MultiStation`. priors : where they come from. md : first and last depth
+    of the run, m. tool : "" without a calibrated one.
     """
 
     parameters: Mapping[str, Parameter]
@@ -100,73 +93,20 @@ def correction_of(
     tool: str = "",
     inputs: Mapping[str, str] | None = None,
 ) -> SensorCorrection:
-    """The estimate of an analysis as a correction that can be kept.
-
-    Parameters
-    ----------
-    found : MultiStation
-    reference : FieldReference
-    priors : Priors
-        Those the analysis was made with.
-    tool : str
-    inputs : mapping of name to digest, optional
-    """
+    """The estimate of an analysis, made with these `priors`, as a correction that can be kept."""
     md = found.corrected.md
-    return SensorCorrection(
-        parameters=found.parameters,
-        covariance=found.covariance,
-        gain=priors.gain,
-        offset=priors.offset,
-        power=priors.power,
-        reference_temperature=priors.reference_temperature,
-        noise=priors.noise,
-        reference=reference,
-        priors=priors.source,
-        tool=tool,
-        md=(float(md[0]), float(md[-1])),
-        stations=len(md),
-        chi_square=found.chi_square,
-        freedom=found.freedom,
-        warnings=found.warnings,
-        inputs=dict(inputs or {}),
-        noise_factors=found.noise_factors,
-        information=found.information,
-        score=found.score,
-    )
+    of_priors = ("gain", "offset", "power", "reference_temperature", "noise")
+    of_estimate = ("parameters", "covariance", "chi_square", "freedom", "warnings", "noise_factors")
+    kept: dict[str, Any] = {name: getattr(priors, name) for name in of_priors}
+    kept |= {name: getattr(found, name) for name in (*of_estimate, "information", "score")}
+    kept |= {"reference": reference, "priors": priors.source, "tool": tool, "inputs": dict(inputs or {})}
+    return SensorCorrection(**kept, md=(float(md[0]), float(md[-1])), stations=len(md))
 
 
 def apply_correction(stations: Stations, correction: SensorCorrection) -> Stations:
-    """Stations freed from the errors that an analysis of their run has found.
+    """Stations freed from the errors that an analysis of their run has found, as `multistation` itself does.
 
-    Parameters
-    ----------
-    stations : Stations
-        Of the same tool and run, reduced in the same way. Without noise of their own they take the analysis'.
-    correction : SensorCorrection
-
-    Returns
-    -------
-    Stations
-        As `multistation` leaves those it is given: with what remains uncertain as the source "multi-station analysis".
-
-    Raises
-    ------
-    InputError
-        Stations analysed before; a correction that depends on temperature and stations without one.
-
-    Examples
-    --------
-    >>> from inclinometry.survey.multistation import multistation
-    >>> from inclinometry.survey.multistation_priors import published_priors
-    >>> from inclinometry.orientation import fields
-    >>> toolface, inclination = np.radians([0.0, 80.0, 160.0, 240.0, 320.0]), np.radians([30.0, 35.0, 40.0, 45.0, 50.0])
-    >>> g, b = fields(np.radians(40.0), inclination, toolface, np.radians(70.0))
-    >>> run = Stations(30.0 * np.arange(5.0), 9.81 * g, 50_000.0 * b + [0.0, 0.0, 600.0])
-    >>> reference = FieldReference(g=9.81, b=5e4, dip=np.radians(70.0), g_sigma=0.01, b_sigma=130.0, dip_sigma=0.0035)
-    >>> found = multistation(run, reference)
-    >>> again = apply_correction(run, correction_of(found, reference, published_priors()))
-    >>> bool(np.allclose(again.b, found.corrected.b, rtol=0.0, atol=1e-6))
-    True
+    They are of the same tool and run, reduced in the same way; without noise of their own they take the analysis'.
     """
     if SOURCE in stations.sources:
         raise InputError("these stations have been through a multi-station analysis; give the stations before it")
@@ -197,10 +137,6 @@ def apply_correction(stations: Stations, correction: SensorCorrection) -> Statio
     spread = np.repeat(np.sqrt(correction.noise_factors), 3)
     noise = inverse @ (own * np.outer(spread, spread)) @ np.swapaxes(inverse, 1, 2)
     return stations.corrected(fields[:, :3], fields[:, 3:], line, sources, noise)
-
-
-HOLES = {"down": 1.0, "up": -1.0}
-"""Component of gravity along the tool axis by the way the hole goes."""
 
 
 BLOCK = 20_000
@@ -248,6 +184,7 @@ class Survey(Tabular):
     common: Array = field(default_factory=lambda: np.zeros((0, 2, 2)))
     random: Array = field(default_factory=lambda: np.zeros((0, 2, 2)))
     freedom: Mapping[str, float] = field(default_factory=dict)
+    findings: tuple[Finding, ...] = ()
 
     def __repr__(self) -> str:
         steps = sorted(set(np.linspace(0, len(self) - 1, min(10, len(self))).astype(int).tolist()))
@@ -255,7 +192,7 @@ class Survey(Tabular):
         for row in steps:
             cells = [f"{np.degrees(getattr(self, n)[row]):9.3f} ± {np.degrees(self.u(n)[row]):.3f}" for n in ANGLES]
             lines.append(f"{self.md[row]:10.2f} m {' '.join(cells)}  {', '.join(self.flags[row])}".rstrip())
-        return "\n".join([*lines, *(f"warning: {sentence}" for sentence in self.warnings)])
+        return "\n".join([*lines, *(f"warning: {said}" for said in (*self.findings, *self.warnings))])
 
     def __len__(self) -> int:
         return len(self.md)
@@ -317,14 +254,7 @@ class Survey(Tabular):
 
 
 def parts_of(common: Array, random: Array) -> dict[str, Array]:
-    """Columns of the common and the random part (n, 2, 2) of what is uncertain of inclination and azimuth.
-
-    Examples
-    --------
-    >>> own = np.array([[[4e-6, 1e-6], [1e-6, 1e-6]]])
-    >>> {name: float(column[0].round(4)) for name, column in parts_of(own, 0.0 * own).items()}["correlation_common"]
-    0.5
-    """
+    """Columns of the common and the random part (n, 2, 2) of what is uncertain of inclination and azimuth."""
     found = {}
     for name, part in (("common", common), ("random", random)):
         sd = np.minimum(np.sqrt(np.diagonal(part, axis1=1, axis2=2)), UNKNOWN)
@@ -412,8 +342,8 @@ def reduce_survey(
         within(calibration_dip, "calibration_dip", -np.pi / 2, np.pi / 2, "rad")
     heat = None if temperature is None else finite(temperature, "temperature", (len(depth),))
     second = _second(channels, second)
-    if hole not in HOLES:
-        raise InputError(f"hole is {hole!r}; allowed: {', '.join(HOLES)}")
+    if hole not in ("down", "up"):
+        raise InputError(f"hole is {hole!r}; allowed: down, up")
     length, length_sd, assumed = _gravity(tool, site, hole, gravity_sd)
     seen, left_out = tool_fields(channels, tool, heat, len(depth), second, (hole, length))
     left_out += assumed
@@ -560,7 +490,7 @@ def _gravity_of_two(triad: Triad, signals: Array, heat: Array | None, gravity: t
             "the two accelerometers lie along the tool axis: which way the hole goes does not tell the sign of the "
             "component they cannot see, and no inclination follows; a third accelerometer is needed"
         )
-    return triad.field_of_length(signals, [0.0, 0.0, HOLES[hole]], heat, length)[0]
+    return triad.field_of_length(signals, [0.0, 0.0, 1.0 if hole == "down" else -1.0], heat, length)[0]
 
 
 def _attitude(

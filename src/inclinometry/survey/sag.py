@@ -20,8 +20,6 @@ from inclinometry.survey.reduce import Survey
 from inclinometry.survey.stations import Source, Stations
 from inclinometry.tabular import check_record
 
-_TOUCH: Final = 1e-9  # m
-
 
 @dataclass(frozen=True, eq=False)
 class Beam:
@@ -54,22 +52,10 @@ class Shape:
 
 
 def deflected_shape(beam: Beam, share: float, curvature: float, touching: Sequence[int] | Array) -> Shape:
-    """The shape of least energy within the walls.
+    """The shape of least energy within the walls, from the contacts `touching` on.
 
-    Parameters
-    ----------
-    beam : Beam
-    share : float
-        Of the load that acts across the hole: the sine of inclination.
-    curvature : float
-        Of the hole, rad/m, positive where inclination increases down the hole.
-    touching : (n,) int
-        Contacts to start from.
-
-    Raises
-    ------
-    ConvergenceError
-        The contacts do not settle.
+    `share` is of the load that acts across the hole: the sine of inclination. `curvature`, rad/m, is positive where
+    inclination increases down the hole.
     """
     # lower band (4, 2n) of the stiffness matrix and the load (2n,)
     span = np.diff(beam.x)
@@ -135,7 +121,7 @@ def _settled(problem: _Problem, start: Index) -> tuple[Array, Index] | None:
         values = _solved(problem.band, problem.force, problem.held | (side != 0), side * problem.wall)
         past = np.where(problem.bounded, np.abs(values) - problem.wall, 0.0)
         worst = int(np.argmax(past))
-        if past[worst] > _TOUCH:
+        if past[worst] > 1e-9:
             side[worst] = 1 if values[worst] > 0.0 else -1
             continue
         loose = problem.loosest(values, side)
@@ -152,7 +138,7 @@ def _descended(problem: _Problem, start: Index) -> tuple[Array, Index]:
         fixed = problem.held | (side != 0)
         aim = _solved(problem.band, problem.force, fixed, values)
         step = aim - values
-        beyond = problem.bounded & ~fixed & (np.abs(aim) > problem.wall + _TOUCH)
+        beyond = problem.bounded & ~fixed & (np.abs(aim) > problem.wall + 1e-9)
         if beyond.any():
             room = np.where(beyond, np.sign(aim) * problem.wall - values, 0.0)
             share = np.divide(room, step, out=np.full(len(step), np.inf), where=beyond)
@@ -242,16 +228,12 @@ class Stabiliser(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class Bha:
-    """A bottom-hole assembly in its hole.
+    """A bottom-hole assembly in its hole; lengths in m, elements from the bit up, of which the first is the bit.
 
-    elements : from the bit up; the first is the bit, which touches the wall at its lower end only.
-    sensor : inclination sensors from the bit, m.
-    hole : nominal diameter of the hole, m, at least that of bit and blades.
-    over_gauge : how much wider the hole is than its nominal diameter, m. No drilled hole holds the bit without play,
-        and where a stabiliser stands near the bit each millimetre changes sag by some hundredths of a degree; measure
-        it with a caliper where that matters.
-    mud_density : kg/m^3.
-    hole_sigma (m), stiffness_sigma, weight_sigma (relative) : standard deviations for the uncertainty of sag.
+    The bit touches the wall at its lower end only. over_gauge : how much wider the hole is than its nominal diameter.
+    No drilled hole holds the bit without play, and where a stabiliser is near the bit each millimetre changes sag by
+    hundredths of a degree; measure it with a caliper where that matters. mud_density : kg/m^3. sensor : inclination
+    sensors from the bit.
     """
 
     elements: Sequence[Element]
@@ -330,84 +312,19 @@ class Sag(NamedTuple):
 
 
 def deflection(bha: Bha, inclination: float, curvature: float = 0.0) -> Shape:
-    """The assembly at rest in the hole.
-
-    Parameters
-    ----------
-    bha : Bha
-    inclination : float
-        rad.
-    curvature : float
-        Of the hole, rad/m, positive where it builds.
-
-    Returns
-    -------
-    Shape
-        Distance from the bit, m, deflection from the axis of the hole toward the low side, m, slope, rad, contacts with
-        the wall and forces on it, N.
-
-    Raises
-    ------
-    InputError
-        Inclination out of range, curvature of more than 0.1 rad/m.
-    ConvergenceError
-        Contacts that do not settle.
-
-    Examples
-    --------
-    >>> from inclinometry.survey.sag import Element, Stabiliser
-    >>> collar = Element(length=45.0, outer=0.17, inner=0.07, weight=140.0)
-    >>> blades = [Stabiliser(position, 0.2127) for position in (12.0, 24.0)]
-    >>> bit = Element(length=0.3, outer=0.2159, inner=0.05, weight=170.0)
-    >>> bha = Bha(elements=[bit, collar], stabilisers=blades, sensor=3.0, hole=0.2159, mud_density=1200.0)
-    >>> shape = deflection(bha, np.pi / 2)
-    >>> float(shape.deflection[np.searchsorted(shape.x, 12.0)].round(6))
-    0.0021
-    """
+    """The assembly at rest in the hole: deflection toward the low side, m; curvature, rad/m, positive building."""
     within(inclination, "inclination", 0.0, np.pi, "rad")
     within(curvature, "curvature", -0.1, 0.1, "rad/m")
     return deflected_shape(bha.beam, float(np.sin(inclination)), curvature, _start(bha.beam))
 
 
 def sag_angles(bha: Bha, inclination: ArrayLike, curvature: ArrayLike = 0.0) -> Sag:
-    """Sag of the inclination sensors.
+    """Sag of the inclination sensors, positive where the tool's inclination is larger than that of the hole.
 
-    Parameters
-    ----------
-    bha : Bha
-    inclination : (n,) array_like
-        rad.
-    curvature : (n,) array_like or float
-        Of the hole in the vertical plane, rad/m, positive where it builds.
-
-    Returns
-    -------
-    Sag
-        Positive where the tool's inclination is larger than the hole's. Its standard deviation is that of hole
-        diameter, stiffness and weight, by differences; it does not know what the model leaves out (cuttings, weight on
-        bit, a bent housing).
-
-    Raises
-    ------
-    InputError
-        As `deflection`.
-
-    Notes
-    -----
-    Euler-Bernoulli beam: E I v'''' = q sin I (1 - mud/metal) between contacts |v| <= clearance at the bit, the centres
-    of the stabilisers and wherever the body touches; the upper end lies on the low side, along the hole; the
-    last element is taken to go on to 25 m above the last stabiliser. Weight on bit, torque and turn are left out.
-    Exactly vertical there is no low side and sag counts as 0.
-
-    Examples
-    --------
-    >>> from inclinometry.survey.sag import Element, Stabiliser
-    >>> collar = Element(length=45.0, outer=0.17, inner=0.07, weight=140.0)
-    >>> blades = [Stabiliser(position, 0.2127) for position in (12.0, 24.0)]
-    >>> bit = Element(length=0.3, outer=0.2159, inner=0.05, weight=170.0)
-    >>> bha = Bha(elements=[bit, collar], stabilisers=blades, sensor=3.0, hole=0.2159, mud_density=1200.0)
-    >>> np.degrees(sag_angles(bha, np.radians([0.0, 30.0, 90.0])).angle).round(3)
-    array([0.   , 0.119, 0.218])
+    `curvature`, rad/m, is positive where the hole builds. Euler-Bernoulli beam: E I v'''' = q sin I (1 - mud/metal)
+    between contacts |v| <= clearance at the bit, the centres of the stabilisers and wherever the body touches; the last
+    element goes on to 25 m above the last stabiliser, the upper end on the low side, along the hole. Exactly vertical
+    sag counts as 0. Left out of model and standard deviation: weight on bit, torque, turn, cuttings, a bent housing.
     """
     tilt = np.atleast_1d(within(inclination, "inclination", 0.0, np.pi, "rad"))
     bend = np.broadcast_to(within(curvature, "curvature", -0.1, 0.1, "rad/m"), tilt.shape)
@@ -422,25 +339,7 @@ def sag_angles(bha: Bha, inclination: ArrayLike, curvature: ArrayLike = 0.0) -> 
 
 
 def run_sag(md: ArrayLike, inclination: ArrayLike, bha: Bha) -> Sag:
-    """Sag at the stations of a run, the curvature of the hole taken from them.
-
-    Parameters
-    ----------
-    md : (n,) array_like
-        m, increasing.
-    inclination : (n,) array_like
-        As measured, rad.
-    bha : Bha
-
-    Returns
-    -------
-    Sag
-
-    Raises
-    ------
-    InputError
-        As `deflection`, or shapes that differ.
-    """
+    """Sag at the stations of a run, the curvature of the hole taken from them."""
     half_span = 15.0  # m to both sides over which the curvature of the hole is taken
     depth, tilt = finite(md, "md", (None,)), within(inclination, "inclination", 0.0, np.pi, "rad")
     if depth.shape != tilt.shape or not depth.size:
@@ -474,24 +373,9 @@ def correct_survey(survey: Survey, bha: Bha) -> Survey:
 
 
 def correct_stations(stations: Stations, bha: Bha) -> Stations:
-    """Six-axis stations turned from the tool's axis to that of the hole.
+    """Six-axis stations turned from the tool's axis to that of the hole: inclination less by the sag.
 
-    Parameters
-    ----------
-    stations : Stations
-    bha : Bha
-
-    Returns
-    -------
-    Stations
-        Gravity and magnetic field seen by a tool that does not sag: inclination less by the sag, azimuth and toolface
-        as they were; |g|, |b| and dip do not change. The source "sag correction" carries the residual, common to the
-        run.
-
-    Raises
-    ------
-    InputError
-        Corrected before; as `deflection`.
+    Azimuth, toolface, |g|, |b| and dip do not change. The source "sag correction" is the residual, common to the run.
     """
     if SOURCE in stations.sources:
         raise InputError("these stations have been corrected for sag; give the stations before it")

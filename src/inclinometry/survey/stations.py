@@ -29,12 +29,10 @@ class Source(NamedTuple):
 class Stations(Tabular):
     """n stations of one run in tool axes.
 
-    md : (n,) m, increasing.
-    g, b : (n, 3) gravity (the field, pointing down), m/s^2, and magnetic flux density, nT, in tool axes.
-    temperature : (n,) degC, or None.
-    noise : (n, 6, 6) covariance of what is each station's own.
-    sources : name -> Source: what all stations share, e.g. the calibration, a correction's residual.
-    history : what has been done to the stations, a sentence each.
+    md : (n,) m, increasing. g, b : (n, 3) gravity (the field, pointing down), m/s^2, and magnetic flux density, nT.
+    temperature : (n,) degC, or None. noise : (n, 6, 6) covariance of what is each station's own. sources : name ->
+    Source: what all stations share, e.g. the calibration, a correction's residual. history : a sentence for each step
+    that was done to them.
     """
 
     md: Array

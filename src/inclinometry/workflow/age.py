@@ -31,23 +31,9 @@ class Age:
 def at_the_run(
     calibration: Calibration, path: str | Path, site: Site, age: Age, otherwise: float | None = None
 ) -> tuple[Calibration, list[str]]:
-    """The calibration with its tool as old as it is at the run, and in words what was taken.
+    """The calibration with its tool aged to the date of the site, and in words what was assumed.
 
-    Parameters
-    ----------
-    calibration : Calibration
-    path : str or Path
-        Of its tool.json, which may have a date.
-    site : Site
-        Its date is that of the run.
-    age : Age
-    otherwise : float, optional
-        Years to take where nothing tells the age; without them the tool is left as on the day of its calibration.
-
-    Raises
-    ------
-    InputError, FileError
-        A run before the calibration, an age out of range, a date or a stability file that cannot be read.
+    `otherwise`: years where the age is unknown; without it the tool is as on the day of its calibration.
     """
     years, how = otherwise, "assumed: nothing tells its age"
     created = json_codec.load(path).get("created")

@@ -12,7 +12,7 @@ from inclinometry.allan import SHORTEST, ChannelNoise, NoiseModel, NoiseRecord, 
 from inclinometry.arrays import Array
 from inclinometry.calibration.stillness import still_intervals
 from inclinometry.errors import FileError, InputError
-from inclinometry.files.log_csv import EvenLog, read_even_log
+from inclinometry.files.log_csv import Log, read_even_log
 
 
 def noise_of_log(
@@ -54,22 +54,22 @@ def noise_of_log(
     return NoiseRecord(tuple(channels), log.dt, len(log), {"log": log.digest}, tuple(warnings))
 
 
-def _stretch(log: EvenLog, start: float | None, stop: float | None) -> EvenLog:
+def _stretch(log: Log, start: float | None, stop: float | None) -> Log:
     """The samples between two times."""
     if start is None and stop is None:
         return log
-    end = log.start + (len(log) - 1) * log.dt
-    low, high = log.start if start is None else start, end if stop is None else stop
+    end = log.time[0] + (len(log) - 1) * log.dt
+    low, high = log.time[0] if start is None else start, end if stop is None else stop
     slack = 0.5 * log.dt
-    if not log.start - slack <= low < high <= end + slack:
-        raise InputError(f"the stretch is {low:.6g} to {high:.6g} s; the log is from {log.start:.6g} to {end:.6g} s")
-    first, last = round((low - log.start) / log.dt), round((high - log.start) / log.dt) + 1
+    if not log.time[0] - slack <= low < high <= end + slack:
+        raise InputError(f"the stretch is {low:.6g} to {high:.6g} s; the log is from {log.time[0]:.6g} to {end:.6g} s")
+    first, last = round((low - log.time[0]) / log.dt), round((high - log.time[0]) / log.dt) + 1
     channels = {kind: values[first:last] for kind, values in log.channels.items()}
     said = f"of the log {low:.6g} to {high:.6g} s are used, as stated"
-    return replace(log, start=log.start + first * log.dt, channels=channels, notes=(*log.notes, said))
+    return replace(log, time=log.time[first:last], channels=channels, notes=(*log.notes, said))
 
 
-def _longest_rest(log: EvenLog, path: str | Path) -> str:
+def _longest_rest(log: Log, path: str | Path) -> str:
     """Where the longest of several rests is, for a warning; FileError where the tool moved for much of the log."""
     signals = np.concatenate(list(log.channels.values()), axis=1)
     spread = signals.std(axis=0)
@@ -83,7 +83,7 @@ def _longest_rest(log: EvenLog, path: str | Path) -> str:
         return ""
     still = sum(stop - start for start, stop in found.pairs()) / len(log)
     first, last = max(found.pairs(), key=lambda pair: pair[1] - pair[0], default=(0, 0))
-    times = [log.start + place * log.dt for place in (first, max(last - 1, 0))]
+    times = [log.time[0] + place * log.dt for place in (first, max(last - 1, 0))]
     short = last - first < SHORTEST
     use = f"the longest rest is {times[0]:.6g} to {times[1]:.6g} s: --start-s {times[0]:.6g} --stop-s {times[1]:.6g}"
     if still >= 0.9:  # so much at rest, the remainder may be knocks; below it the tool was moved
@@ -103,11 +103,11 @@ def _longest_rest(log: EvenLog, path: str | Path) -> str:
     )
 
 
-def _doubts(log: EvenLog, name: str, values: Array, model: NoiseModel, rest: str) -> list[str]:
+def _doubts(log: Log, name: str, values: Array, model: NoiseModel, rest: str) -> list[str]:
     """Signs that the instrument was not at rest, or that its noise is of another kind."""
     at = _moved(values)
     if at is not None:
-        when = f"{log.start + at * log.dt:.6g} s"
+        when = f"{log.time[0] + at * log.dt:.6g} s"
         return [f"{name} jumps at {when}: was the tool moved or knocked? the noise is that of the log as it is{rest}"]
     misfit = 3.0
     if model.chi_square > misfit * model.dof + 10.0:

@@ -8,7 +8,7 @@ from dataclasses import fields as fields_of
 from functools import partial
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, Literal, TypeAlias
+from typing import Any, Final, Literal, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -27,9 +27,6 @@ from inclinometry.orientation import angles, fields
 from inclinometry.rotations import wrap_signed
 from inclinometry.sensors import Tool
 from inclinometry.tabular import Column, Tabular, check_record, degrees
-
-if TYPE_CHECKING:
-    from inclinometry.earth.site import Site
 
 # The one table of identification methods by name, and which of them a set of readings allows.
 
@@ -84,14 +81,11 @@ def attempt_all(
     left_handed: bool = False,
     nameplate: Tool | None = None,
 ) -> list[Attempt]:
-    """Every method the readings allow, side by side; the others with their reason: classical without a nameplate.
+    """Every method the readings allow, side by side; the others with their reason.
 
-    Arguments as of `calibrate_joint`, and the nameplate of the classical method.
-
-    Readings with dials that the joint fit refuses are refused: no method is better than what it is given.
-
-    The joint fit stands twice: as the product's answer, and as plain least squares with trusted dials, which is what a
-    fit that does not share the rig's errors between the triads amounts to.
+    Arguments as `calibrate_joint`; `nameplate` is for the classical method. Readings with dials that the joint fit
+    refuses are refused. The joint fit is there twice: as the product's answer, and as plain least squares with trusted
+    dials, which a fit amounts to that does not share the rig's errors between the triads.
     """
     attempts = []
     stand: dict[str, Any] = {"field_prior": field_prior, "reference_sd": reference_sd}
@@ -120,14 +114,12 @@ def _attempt(name: str, run: Callable[[], Calibration], *, strict: bool = False)
 
 @dataclass(frozen=True)
 class Options:
-    """What a user may say of a run; each method uses some of it. Angles in rad.
+    """What a user may state of a run; each method uses some of it. Angles in rad.
 
-    rig_sd : of a setting of any dial; azimuth_sd, inclination_sd, toolface_sd say it of one
-    north : azimuth of the rig's zero from magnetic north
-    accel_step, mag_step, gyro_step : step of the converter in the unit of the signals; 0 for none, found where not said
-    specific_force : the accelerometer reads -g at rest; for the methods without a rig, which cannot tell
-    left_handed : the channels are left-handed, not the dials reversed; for the methods with a rig
-    nameplate : conversion factors that the classical method believes
+    rig_sd : of a setting of any dial. north : azimuth of the rig's zero from magnetic north.
+    accel_step and so on : of the converter in the unit of the signals; 0 for none, found when not given.
+    specific_force : the accelerometer reads -g at rest; for methods without a rig, which cannot find it.
+    left_handed : the channels are left-handed, not the dials reversed; for methods with a rig.
     """
 
     rig_sd: float | None = None
@@ -158,76 +150,81 @@ def calibrate(readings: BenchReadings, method_name: str, options: Options) -> Ca
     refuse_unused(method_name, options)
     if method_name in ("field", "norm"):
         return run(readings, specific_force=options.specific_force, name=options.name)
+    overruled = [
+        f"{name}: the readings say {np.degrees(said):g} deg, the options {np.degrees(value):g} deg, which is used"
+        for name, value in (("dip", options.dip), ("north", options.north))
+        if value is not None and (said := readings.reference.get(name, value)) != value
+    ]
     readings, stand = known_stand(readings, options)
-    if method_name != "joint":
-        plate = {"nameplate": options.nameplate} if method_name == "classical" else {}
-        return run(readings, rig_sd=stand["rig_sd"], name=options.name, **plate)
-    nuisance = {
-        "inclination_zero": options.inclination_zero_sd,
-        "outer_nonorthogonality": options.nonorthogonality_sd,
-        "inner_nonorthogonality": options.nonorthogonality_sd,
-    }
-    return run(
-        readings,
-        **stand,
-        nuisance_sd={name: sd for name, sd in nuisance.items() if sd is not None},
-        temperature_degree=options.temperature_degree,
-        robust=options.robust,
-        left_handed=options.left_handed,
-        name=options.name,
-    )
+    if method_name == "joint":
+        skew = options.nonorthogonality_sd
+        nuisance = {"inclination_zero": options.inclination_zero_sd}
+        nuisance |= {"outer_nonorthogonality": skew, "inner_nonorthogonality": skew}
+        stand |= {
+            "nuisance_sd": {name: sd for name, sd in nuisance.items() if sd is not None},
+            **{name: getattr(options, name) for name in ("temperature_degree", "robust", "left_handed")},
+        }
+    else:
+        stand = {"rig_sd": stand["rig_sd"]}
+        stand |= {"nameplate": options.nameplate} if method_name == "classical" else {}
+    found = run(readings, name=options.name, **stand)
+    return replace(found, notes=(*overruled, *found.notes))
+
+
+def given(options: Options) -> dict[str, Any]:
+    """What the options say beside the tool's name, angles in degrees, by the name that a file or an option has for it.
+
+    Examples
+    --------
+    >>> given(Options(dip=np.pi / 4, robust=True))
+    {'robust': True, 'dip_deg': 45.0}
+    """
+    said = {f.name: getattr(options, f.name) for f in fields_of(Options) if getattr(options, f.name) != f.default}
+    said.pop("name", None)
+    return {_outside(n): float(np.degrees(v)) if _outside(n) != n else v for n, v in said.items()}
+
+
+def options_given(said: Mapping[str, Any]) -> Options:
+    """The options of which `given` says this; what else there is belongs to others."""
+    known: dict[str, Any] = {f.name: said[_outside(f.name)] for f in fields_of(Options) if _outside(f.name) in said}
+    known = {n: float(np.radians(v)) if _outside(n) != n else v for n, v in known.items()}
+    return Options(**known)
+
+
+def _outside(name: str) -> str:
+    return f"{name}_deg" if name.endswith("_sd") or name in ("north", "dip") else name
 
 
 def refuse_unused(method_name: str, options: Options) -> None:
     """Refuse an option that the method cannot use."""
-    given = {f.name for f in fields_of(Options) if getattr(options, f.name) != f.default} - {"name"}
+    said = {f.name for f in fields_of(Options) if getattr(options, f.name) != f.default} - {"name"}
     rigless = method_name in ("field", "norm", "hand-rotations")
-    every_rig = {
-        "rig_sd",
-        "azimuth_sd",
-        "inclination_sd",
-        "toolface_sd",
-        "north",
-        "dip",
-    }  # of use to every rig's method
+    every_rig = {"rig_sd", "azimuth_sd", "inclination_sd", "toolface_sd", "north", "dip"}
     every_rig |= {"accel_step", "mag_step", "gyro_step"}
-    for option in sorted(given):
-        if option == "specific_force":
-            useful, remedy = rigless, "leave it out: the rig tells the sign of the accelerometer"
-        elif option == "left_handed":
-            useful, remedy = not rigless, "leave it out: without a rig no dial can be reversed"
-        elif option == "nameplate":
-            useful, remedy = method_name == "classical", "leave it out: the conversion factors are found"
-        else:
-            useful = method_name == "joint" or (option in every_rig and not rigless)
-            remedy = "leave it out, or use joint"
+    special = {
+        "specific_force": (rigless, "leave it out: the rig tells the sign of the accelerometer"),
+        "left_handed": (not rigless, "leave it out: without a rig no dial can be reversed"),
+        "nameplate": (method_name == "classical", "leave it out: the conversion factors are found"),
+    }
+    for option in sorted(said):
+        usual = method_name == "joint" or (option in every_rig and not rigless)
+        useful, remedy = special.get(option, (usual, "leave it out, or use joint"))
         if not useful:
-            in_degrees = option.endswith("_sd") or option in ("north", "dip")
-            flag = option.replace("_", "-") + ("-deg" if in_degrees else "")
+            flag = _outside(option).replace("_", "-")
             raise InputError(f"method {method_name} has no use for --{flag}; {remedy}")
 
 
 def known_stand(readings: BenchReadings, options: Options) -> tuple[BenchReadings, dict[str, Any]]:
-    """Readings completed by what the options say of dip and north, and what they say of the stand.
+    """Readings completed by dip and north of the options, and arguments of `calibrate_joint` for the stand.
 
-    The latter are arguments of `calibrate_joint`: rig_sd, field_prior, reference_sd; rad, NaN where a dial is to be
-    estimated.
-
-    Examples
-    --------
-    >>> upright = BenchReadings({"magnetometer": [[1.0]]}, [0.0], [0.0], [0.0])
-    >>> known_stand(upright, Options(rig_sd=0.001, toolface_sd=0.01, dip=1.2))[1]["rig_sd"]
-    array([0.001, 0.001, 0.01 ])
+    These are rig_sd, field_prior, reference_sd; rad, NaN for a dial to be estimated.
     """
     reference = dict(readings.reference)
     for name, value in (("dip", options.dip), ("north", options.north)):
         if value is not None:
             reference[name] = value
-    steps = {
-        kind: step
-        for kind, step in zip(KINDS, (options.accel_step, options.mag_step, options.gyro_step), strict=True)
-        if step is not None
-    }
+    each = (options.accel_step, options.mag_step, options.gyro_step)
+    steps = {kind: step for kind, step in zip(KINDS, each, strict=True) if step is not None}
     for kind in set(steps) - set(readings.channels):
         raise InputError(f"--{KIND_PREFIX[kind]}-step is given, but these readings have no {kind}; leave it out")
     reference_sd = {}
@@ -260,17 +257,57 @@ def known_stand(readings: BenchReadings, options: Options) -> tuple[BenchReading
     }
 
 
+class Fields(Protocol):
+    """What may be known of the fields at a stand: m/s^2, nT, rad. A site file says it, and a registered site."""
+
+    @property
+    def g(self) -> float | None: ...
+    @property
+    def b(self) -> float | None: ...
+    @property
+    def dip(self) -> float | None: ...
+    @property
+    def latitude(self) -> float | None: ...
+
+
 def readings_at(
     path: str | Path,
-    site: Site | None = None,
+    site: Fields | None = None,
     progress: Callable[[int], None] | None = None,
     dials: Dials = USUAL,
 ) -> BenchReadings:
-    """Bench readings of a file, dials converted, completed by what a site file says of the fields at the stand."""
-    readings = dials.read(read_bench(path, progress=progress))
+    """Bench readings of a file, dials converted, completed by what is known of the fields at the stand."""
+    return at_site(dials.read(read_bench(path, progress=progress)), site)
+
+
+SAME_PLACE: Final = {
+    "g": (0.002, 0.0, 1.0, "m/s^2"),
+    "b": (0.02, 0.0, 1.0, "nT"),
+    "dip": (0.0, np.radians(2.0), 180.0 / np.pi, "deg"),
+    "latitude": (0.0, np.radians(1.0), 180.0 / np.pi, "deg"),
+}
+"""Field -> by how much (of its size, and in itself) two statements of one place may differ; its unit as shown."""
+
+
+def at_site(readings: BenchReadings, site: Fields | None) -> BenchReadings:
+    """Readings with the fields of a site, which take the place of those that the readings state.
+
+    Raises
+    ------
+    InputError
+        Both state a field, and the two values are not of one place.
+    """
     if site is None:
         return readings
-    known = {name: value for name in ("g", "b", "dip", "latitude") if (value := getattr(site, name)) is not None}
+    known = {name: value for name in SAME_PLACE if (value := getattr(site, name)) is not None}
+    for name, value in known.items():
+        of_size, at_all, unit, unit_name = SAME_PLACE[name]
+        said = readings.reference.get(name, value)
+        if abs(said - value) > of_size * abs(value) + at_all:
+            raise InputError(
+                f"{name}: the readings say {said * unit:.6g} {unit_name}, the site {value * unit:.6g} {unit_name}; "
+                "correct one, or leave one out"
+            )
     return replace(readings, reference={**readings.reference, **known})
 
 

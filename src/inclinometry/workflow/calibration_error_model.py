@@ -36,32 +36,11 @@ def calibration_error_model(
     code: ToolCode | None = None,
     correction: SensorCorrection | None = None,
 ) -> tuple[Sequence[MatrixSource], ToolCode | None, list[str], list[str]]:
-    """The error model that a calibration is.
+    """Sources of error from a calibration, the tool code beside them, notes and warnings.
 
-    Parameters
-    ----------
-    calibration : Calibration
-    well : WellSurvey
-    stations : WellStations
-        The file the well came from: toolface and temperature where it has them.
-    raw : RawSurvey, optional
-        Raw channels of these stations; else they are computed from the site's fields and the attitudes.
-    code : ToolCode, optional
-        What its terms say of other things than the sensors stands beside the certificate.
-    correction : SensorCorrection, optional
-        The multi-station analysis the survey was corrected with: what it leaves open takes the place of the certificate
-        and of the tool code's axial interference. The raw channels are needed.
-
-    Returns
-    -------
-    sequence of MatrixSource, ToolCode or None, list of str, list of str
-        Sources of error from the calibration, the tool code beside them, and in words what was taken for granted: notes
-        and warnings.
-
-    Raises
-    ------
-    InputError
-        As `inclinometry.position.certificate`.
+    `stations`: the file the well came from, with toolface and temperature. Without `raw` the channels are computed from
+    the site's fields. With a multi-station `correction` (needs `raw`) its remaining uncertainty replaces the
+    certificate and the tool code's axial interference.
     """
     beside = None
     told: list[str] = []
@@ -90,7 +69,7 @@ def calibration_error_model(
             raise InputError("--corrections needs --raw, the raw channels of the run it was made from")
         sources, notes = _computed(calibration.tool, well, stations)
     else:
-        same_units(raw.units, calibration)
+        same_units(raw.units, calibration.tool)
         seen = stations_from_tool(
             raw.md,
             raw.channels,

@@ -8,8 +8,9 @@ import hashlib
 import re
 import tempfile
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from itertools import chain, islice
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -23,21 +24,27 @@ from inclinometry.errors import FileError, IdentifiabilityError, InclinometryErr
 from inclinometry.files import _quantities
 from inclinometry.files.casing_csv import face
 from inclinometry.files.columns import TEXT, channel, is_number
+from inclinometry.files.foreign import foreign_pieces
+from inclinometry.files.frame import Frame
 from inclinometry.files.holes_csv import hole_column
-from inclinometry.files.layout import NUMBER, find_layout, opened, refuse_legs, with_layout
+from inclinometry.files.layout import NUMBER, find_layout, line_of, refuse_legs, with_layout
 from inclinometry.files.position_csv import read_well
 from inclinometry.files.profile import SEPARATORS, Profile, current, reading_with, stated_unit
 from inclinometry.files.site_toml import read_site
-from inclinometry.files.six_axis import read_csv
+from inclinometry.files.six_axis import read_survey
 from inclinometry.files.survey_csv import read_raw_survey
-from inclinometry.files.table import LONGEST_LINE, Table, read_table
+from inclinometry.files.table import TableFile, read_table
+from inclinometry.files.text import LONGEST_LINE, texts_of
 from inclinometry.files.tool_json import read_calibration
-from inclinometry.survey.plausibility import Doubt, Run, doubts
+from inclinometry.findings import Finding
+from inclinometry.opening import opened
+from inclinometry.survey.plausibility import check_run
+from inclinometry.survey.run import Run
 from inclinometry.workflow.allan import noise_of_log
 from inclinometry.workflow.check_sensors import Candidate, Sensors, sensors_of_bench, sensors_of_run, sensors_of_survey
-from inclinometry.workflow.convert import survey_doubts
+from inclinometry.workflow.convert import check_survey
 from inclinometry.workflow.field import completed
-from inclinometry.workflow.six_axis import raw_doubts, with_place
+from inclinometry.workflow.six_axis import check_raw, with_place
 from inclinometry.workflow.stations import readings_of_log
 
 LOOKED_AT: Final = 20_000
@@ -60,16 +67,10 @@ class ColumnLook(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Look:
-    """What `inclinometry check` has seen.
+    """What `inclinometry check` has seen of a file; `rows` counts values in all of it, `draft` is its profile as TOML.
 
-    layout : in words.
-    rows : of values, in the whole file.
-    columns : in the order of the file.
-    notes : rate, rests, axes, units that would fit.
-    candidates : how each convention of axes fits the sensors, where the file tells.
+    notes : rate, rests, axes, units that would fit. candidates : how each convention of axes fits the sensors.
     uses : command -> "" where it can take the file, else what it lacks.
-    draft : the profile the file was read with, as TOML.
-    refused : names of the checks of the whole run that refuse it.
     """
 
     layout: str
@@ -79,35 +80,16 @@ class Look:
     candidates: tuple[Candidate, ...]
     uses: dict[str, str]
     draft: str
-    refused: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
+
+    @property
+    def refused(self) -> tuple[str, ...]:
+        """Codes of the findings that refuse the run."""
+        return tuple(dict.fromkeys(one.code for one in self.findings if one.severity == "refused"))
 
 
 def look(path: str | Path, calibration: str | Path | None = None, site: str | Path | None = None) -> Look:
-    """Understand a file as far as can be told without guessing.
-
-    Parameters
-    ----------
-    path : str or Path
-    calibration : str or Path, optional
-        tool.json, with which raw channels of a run are judged as `survey` judges them.
-    site : str or Path, optional
-        site.toml, against which the run's fields are held.
-
-    Raises
-    ------
-    FileError
-        Not found, empty, no table; a calibration or a site that cannot be read, or is not of these channels.
-
-    Examples
-    --------
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     _ = Path(folder, "a.txt").write_text("my logger\\n\\nMD;INC;AZI\\nft;deg;deg\\n100;1,5;20\\n200;3,0;21\\n")
-    ...     seen = look(Path(folder, "a.txt"))
-    >>> seen.layout
-    'text, separated by semicolon, 2 lines before the names, a line of units'
-    >>> [(column.name, column.here) for column in seen.columns]
-    [('MD (ft)', 'md_m'), ('INC (deg)', 'inclination_deg'), ('AZI (deg)', 'azimuth_deg')]
-    """
+    """Describe a file; with a calibration and a site judge raw channels of a run as `survey` does."""
     path, given = Path(path), current()
     record = None if calibration is None else read_calibration(calibration)
     place = Site() if site is None else completed(read_site(site))[0]
@@ -130,22 +112,21 @@ def _look(path: Path, given: Profile, record: Calibration | None, site: Site) ->
         if head.suffix != path.suffix and path.suffix != ".gz":
             layout = f"{path.suffix.removeprefix('.')}{layout.removeprefix('text, separated by comma')}"
         with reading_with(profile):
-            written = read_table(head, numeric=lambda name: False).header
+            written = TableFile(head).names
             texts = read_table(head, numeric=lambda name: False, timed=True)
-            table = read_table(head, numeric=_numeric(texts), gaps=texts.header, timed=True)
+            table = read_table(head, numeric=_numeric(texts), gaps=texts.names, timed=True)
             rows = len(table) if whole is None else whole - int(table.lines[0]) + 1
             probe = head if len(lines) <= PROBED else _beginning(head, Path(folder))
             uses = {command: _lacks(probe, read) for command, read in _READERS.items()}
-            columns = tuple(_column(table, name, profile, uses) for name in table.header)
+            columns = tuple(_column(table, name, profile, uses) for name in table.names)
             notes = _notes(table, columns)
-            gone = [name for name in written if name not in table.header]
+            gone = [name for name in written if name not in table.names]
             if gone and "time_s" in table:
                 notes.insert(0, f"time_s counts from the first row, by {', '.join(gone)}")
             # of a text the whole file, else the rows that were copied
             if record is None and not uses[_RAW] and uses[_SIX_AXES]:
                 notes.append("of raw channels axes and fields are judged with --calibration tool.json")
-            doubted = _implausible(head, uses, record, site)
-            notes += [f"plausibility ({one.name}): {one.sentence}" for one in doubted]
+            findings = _findings(head, uses, record, site)
             seen = _sensors(path if head.suffix == path.suffix or path.suffix == ".gz" else head, head, uses)
     if rows <= LOOKED_AT:  # what these two ask of the whole log
         for command, whole_log in (("readings", readings_of_log), ("allan", noise_of_log)):
@@ -153,36 +134,34 @@ def _look(path: Path, given: Profile, record: Calibration | None, site: Site) ->
     if not uses[_BY_HAND] and seen.rests is not None and seen.rests <= LEAST_ROTATIONS:
         uses[_BY_HAND] = f"{seen.rests} rests; at least {LEAST_ROTATIONS + 1} are needed, with a rotation between each"
     notes += [note for note in seen.notes if note not in notes]
-    refused = tuple(dict.fromkeys(one.name for one in doubted if one.refused))
-    return Look(layout, rows, columns, tuple(notes), seen.candidates, uses, _draft(profile, columns), refused)
+    return Look(layout, rows, columns, tuple(notes), seen.candidates, uses, _draft(profile, columns), tuple(findings))
 
 
-def _implausible(head: Path, uses: dict[str, str], record: Calibration | None, site: Site) -> list[Doubt]:
-    """What speaks against stations along a hole being what the columns say, by the reader that takes the file."""
+def _findings(head: Path, uses: dict[str, str], record: Calibration | None, site: Site) -> list[Finding]:
+    """What is wrong with stations along a hole, by the reader that takes the file."""
     if record is not None and uses[_RAW]:
         raise FileError(f"--calibration is for raw channels of a run, which these are not: {uses[_RAW]}", path=head)
     commands: tuple[str, ...] = (_SIX_AXES, "position")
     try:
         if record is not None or (uses[_SIX_AXES] and not uses[_RAW]):
-            found, commands = raw_doubts(read_raw_survey(head), record, site), (_RAW,)
+            found, commands = check_raw(read_raw_survey(head), record, site), (_RAW,)
         elif not uses[_SIX_AXES]:
-            survey = read_csv(head, azimuth_reference="magnetic")
-            found = survey_doubts(survey)
+            survey = read_survey(head, azimuth_reference="magnetic")
+            found = check_survey(survey)
             if survey.g is not None and survey.b is not None:
                 found = with_place(found, Run.of_fields(survey.md, survey.g, survey.b), site)
         elif not uses["position"]:
             well = read_well(head)
-            found = doubts(Run(well.md, well.inclination, well.azimuth))
+            found = check_run(Run(well.md, well.inclination, well.azimuth))
         else:
-            found = survey_doubts(read_csv(head))
+            found = check_survey(read_survey(head))
     except InclinometryError:
         if record is not None:
             raise
         return []  # no stations along a hole
-    refused = list(dict.fromkeys(one.name for one in found if one.refused))
+    refused = ",".join(dict.fromkeys(one.code for one in found if one.severity == "refused"))
     for command in commands if refused else ():
-        trusted = " ".join(f"--trust-file {name}" for name in refused)
-        uses[command] = uses[command] or f"refused as it is ({', '.join(refused)}); {trusted} takes it"
+        uses[command] = uses[command] or f"refused; --ignore {refused} accepts it"
     return found
 
 
@@ -215,36 +194,37 @@ _DAMAGED: Final = (EOFError, OSError, zlib.error)
 
 def _head(path: Path, folder: Path) -> tuple[Path, list[str], int | None]:
     """A text or table to look at, its lines, and how many the file has where that is not all of it."""
-    try:
-        with path.open("rb") as stream:
-            start = stream.read(4)
-    except FileNotFoundError:
-        raise FileError("there is no such file; check the name", path=path) from None
-    except OSError as error:
-        raise FileError(f"cannot be read ({error.strerror})", path=path) from None
-    blocks = opened(path, hashlib.sha256())
-    if blocks is not None:
+    with opened(path) as stream:
+        start = stream.read(4)
+    pieces = foreign_pieces(path, hashlib.sha256())
+    if pieces is not None:
         # another format: its cells as a plain table, whose beginning is looked at
         texts: list[str] = []
         rows = 0
-        for block in blocks:
-            texts += block.lines[: LOOKED_AT - len(texts)]
-            rows += sum(bool(line) for line in block.lines)
+        for piece in pieces:
+            if isinstance(piece, Frame):
+                found = zip(*map(texts_of, piece.columns.values()), strict=True)
+                lines: Iterable[Any] = found if rows else chain([piece.names], found)
+                rows += len(piece) + (not rows)
+            else:
+                lines = piece.lines
+                rows += sum(map(bool, piece.lines))
+            texts += map(line_of, islice(lines, LOOKED_AT - len(texts)))
         copy = folder / f"{path.stem}.csv"
         copy.write_text("\n".join(texts) + "\n", encoding="utf-8")
         return copy, texts, rows
     unpacked: Callable[..., Any] = gzip.open if start.startswith(b"\x1f\x8b") else open
-    lines: list[bytes] = []
+    read: list[bytes] = []
     with contextlib.suppress(*_DAMAGED), unpacked(path, "rb") as stream:
-        while len(lines) <= LOOKED_AT and (line := stream.readline(LONGEST_LINE + 2)):
-            lines.append(line)
+        while len(read) <= LOOKED_AT and (line := stream.readline(LONGEST_LINE + 2)):
+            read.append(line)
             if len(line) > LONGEST_LINE or b"\0" in line:
                 return path, [], None  # no table; the reader says so
-    texts = [line.decode("utf-8-sig", "replace") for line in lines]
-    if len(lines) <= LOOKED_AT:
+    texts = [line.decode("utf-8-sig", "replace") for line in read]
+    if len(read) <= LOOKED_AT:
         return path, texts, None
     copy = folder / path.name.removesuffix(".gz")
-    copy.write_bytes(b"".join(lines[:LOOKED_AT]))
+    copy.write_bytes(b"".join(read[:LOOKED_AT]))
     rows = 0
     with contextlib.suppress(*_DAMAGED), unpacked(path, "rb") as stream:
         while chunk := stream.read(1 << 20):
@@ -256,21 +236,21 @@ def _known(name: str) -> bool:
     return is_number(name) or _quantities.is_number(name)
 
 
-def _numeric(texts: Table) -> Callable[[str], bool]:
+def _numeric(texts: Frame) -> Callable[[str], bool]:
     """Known names, and every other column whose first rows are numbers."""
     found = set()
-    for name in texts.header:
+    for name in texts.names:
         cells = [cell for cell in texts.text(name) if cell][:200]
         if cells and all(NUMBER.fullmatch(cell) for cell in cells):
             found.add(name)
-    return lambda name: name in found or (_known(name) and name not in texts.header)
+    return lambda name: name in found or (_known(name) and name not in texts.names)
 
 
-def _column(table: Table, name: str, profile: Profile, uses: dict[str, str]) -> ColumnLook:
+def _column(table: Frame, name: str, profile: Profile, uses: dict[str, str]) -> ColumnLook:
     values = table.columns[name]
     here, remark = "", ""
     if not uses["displacement"] and (run := face(name)) is not None:
-        here = f"axis {run.axis.upper()}, run {180 * run.run}"
+        here = f"axis {run[0].upper()}, run {180 * run[1]}"
     elif not uses["holes"] and hole_column(name):
         here = hole_column(name)
     elif name in TEXT or is_number(name):
@@ -284,7 +264,7 @@ def _column(table: Table, name: str, profile: Profile, uses: dict[str, str]) -> 
             elif what is not None:
                 here = _quantities.quantities()[what.key].column if what.unit is not None else what.key
         except InputError as error:
-            remark = str(error).partition("; ")[0].partition(" has ")[2] or str(error)
+            remark = error.lack if isinstance(error, _quantities.ColumnError) else str(error)
     if isinstance(values, tuple):
         kinds = len(set(values))
         return ColumnLook(name, here, np.nan, np.nan, remark or f"text, {kinds} different")
@@ -297,7 +277,7 @@ def _column(table: Table, name: str, profile: Profile, uses: dict[str, str]) -> 
     return ColumnLook(name, here, low, high, remark)
 
 
-def _notes(table: Table, columns: tuple[ColumnLook, ...]) -> list[str]:
+def _notes(table: Frame, columns: tuple[ColumnLook, ...]) -> list[str]:
     notes = []
     if "time_s" in table:
         steps = np.diff(table.number("time_s"))
@@ -325,7 +305,7 @@ def _notes(table: Table, columns: tuple[ColumnLook, ...]) -> list[str]:
     return notes
 
 
-def _triads(table: Table, columns: tuple[ColumnLook, ...]) -> list[tuple[str, list[str]]]:
+def _triads(table: Frame, columns: tuple[ColumnLook, ...]) -> list[tuple[str, list[str]]]:
     """Columns of numbers whose names differ in x, y, z alone."""
     found = []
     numbers = [c.name for c in columns if not isinstance(table.columns[c.name], tuple)]

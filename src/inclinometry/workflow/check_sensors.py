@@ -16,8 +16,6 @@ from inclinometry.conventions import CONVENTIONS, axes_names, find_mapping
 from inclinometry.errors import InclinometryError, InputError
 from inclinometry.orientation import dip_angle
 
-RUN_ROWS: Final = 200_000
-"""Rows of a run in which rests are looked for: half an hour at 100 Hz, a third of a second of work."""
 _LEAST_ATTITUDES: Final = 6
 _MOST: Final = 2000
 """Attitudes by which conventions are judged."""
@@ -54,8 +52,9 @@ def sensors_of_run(path: Path) -> Sensors:
     held: dict[str, list[Array]] = {}
     run = open_run(path)
     more = False
+    most = 200_000  # rows in which rests are looked for: half an hour at 100 Hz, a third of a second of work
     for block in run.blocks():
-        if sum(map(len, times)) >= RUN_ROWS:
+        if sum(map(len, times)) >= most:
             more = True
             break
         times.append(block.time)
@@ -92,8 +91,7 @@ def sensors_of_bench(path: Path) -> Sensors:
     notes = []
     if readings.azimuth is not None:
         try:
-            notes = check_dials(readings)
-            notes = [f"dials: {note}" for note in notes] or [
+            notes = [f"dials: {note}" for note in check_dials(readings)] or [
                 "dials: no other way of counting fits better than as usual"
             ]
         except InclinometryError as error:
@@ -159,11 +157,11 @@ def _conventions(channels: Mapping[str, Array], units: Mapping[str, str]) -> Sen
         )
     notes = []
     with suppress(InputError):
-        ranking = find_mapping(a, b)
+        mappings, ambiguous, explanation = find_mapping(a, b)
         # the identity, or all channels reversed, is what the conventions above have
-        same = ranking.best.axes in (axes_names(np.eye(3)), axes_names(-np.eye(3)))
-        if not same and not ranking.ambiguous:
-            notes.append(f"axes: {ranking.explanation}")
+        same = mappings[0].axes in (axes_names(np.eye(3)), axes_names(-np.eye(3)))
+        if not same and not ambiguous:
+            notes.append(f"axes: {explanation}")
     spread = max(candidates, key=lambda c: c.scatter_deg).scatter_deg
     if spread > 5.0 and not notes:
         notes.append(

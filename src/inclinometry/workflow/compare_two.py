@@ -29,25 +29,8 @@ def compare_two(
 ) -> TwoCalibrations:
     """Calibrate two files of one tool, each by its method, and put the results side by side.
 
-    Parameters
-    ----------
-    paths : two paths
-        Bench readings, or tool.json of calibrations that were made before.
-    methods : one or two method names
-        For the readings, in their order; one for both.
-    options : Options, optional
-        What is known of the rig, for both.
-    dials : Dials, optional
-        How the dials of both count.
-    site : Site, optional
-        Fields at the stand, for both.
-    truth : Tool, optional
-        The tool behind simulated readings: adds the actual errors.
-
-    Raises
-    ------
-    InputError, FileError
-        Calibrations of tools that cannot be the same; a method the readings do not allow.
+    `paths`: bench readings, or tool.json of earlier calibrations. One method for both, or two in their order. `truth`:
+    the tool behind simulated readings, for the actual errors.
     """
     if len(methods) not in (1, 2):
         raise InputError(f"{len(methods)} methods are given for two files; give one for both, or two")
@@ -93,6 +76,6 @@ def content(found: TwoCalibrations) -> dict[str, Any]:
             for name, values in curves.items()
         },
         "warnings": [
-            f"{name}: {w}" for name, c in zip(found.names, found.calibrations, strict=True) for w in c.warnings
+            f"{name}: {w}" for name, c in zip(found.names, found.calibrations, strict=True) for w in c.remarks
         ],
     }

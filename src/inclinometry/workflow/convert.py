@@ -14,13 +14,16 @@ from typing import Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
 
-from inclinometry.errors import FileError, InclinometryError, InputError
+from inclinometry.errors import FileError, InclinometryError, InputError, settled
+from inclinometry.files._quantities import quantities_by_column
 from inclinometry.files.cave import HELD
-from inclinometry.files.exchange import SurveyFile
-from inclinometry.files.survey_csv import OutColumn, columns_of
+from inclinometry.files.exchange import SurveyFile, columns_of
+from inclinometry.files.frame import Column
 from inclinometry.files.writing import replacing
-from inclinometry.survey.consistency import angle_doubts
-from inclinometry.survey.plausibility import OVERRULED, Doubt, Run, doubts, settle
+from inclinometry.findings import Finding
+from inclinometry.survey.consistency import check_angles
+from inclinometry.survey.plausibility import check_run
+from inclinometry.survey.run import Run
 
 
 class Format(NamedTuple):
@@ -33,16 +36,16 @@ class Format(NamedTuple):
 
 FORMATS: Final[Mapping[str, Format]] = MappingProxyType(
     {
-        "csv": Format((".csv", ".tsv"), "files.six_axis:read_csv", "files.six_axis:write_csv"),
-        "xlsx": Format((".xlsx", ".xlsm"), "files.excel:read_excel", "files.excel:write_excel"),
-        "parquet": Format((".parquet", ".pq"), "files.parquet:read_parquet", "files.parquet:write_parquet"),
-        "las": Format((".las",), "files.las:read_las", "files.las:write_las"),
+        "csv": Format((".csv", ".tsv"), "files.six_axis:read_survey", "files.six_axis:write_csv"),
+        "xlsx": Format((".xlsx", ".xlsm"), "files.six_axis:read_excel", "files.excel:write_excel"),
+        "parquet": Format((".parquet", ".pq"), "files.six_axis:read_parquet", "files.parquet:write_parquet"),
+        "las": Format((".las",), "files.six_axis:read_las", "files.las:write_las"),
         "witsml": Format((".witsml", ".xml"), "workflow.convert_formats:read_witsml", "files.witsml:write_witsml"),
         "p7": Format((".p7", ".p717"), "workflow.convert_formats:read_p7", "workflow.convert_formats:write_p7"),
         "wits": Format(
             (".wits", ".wits0"), "workflow.convert_formats:read_wits", "workflow.convert_formats:write_wits"
         ),
-        "csv-excel": Format((), "files.six_axis:read_csv", "files.six_axis:write_excel_csv"),
+        "csv-excel": Format((), "files.six_axis:read_survey", "files.six_axis:write_excel_csv"),
         "survex": Format((".svx",), "", "files.cave:write_survex"),
         "therion": Format((".th",), "", "files.cave:write_therion"),
         "compass": Format((".dat",), "", "files.cave:write_compass"),
@@ -63,31 +66,18 @@ class Conversion:
     survey : what was read.
     source, target : names of the formats.
     lost : what the target does not hold, a sentence each, found by reading it back.
-    warnings : what speaks against the run, where it was judged.
+    findings : what is wrong with the run, where it was checked.
     """
 
     survey: SurveyFile
     source: str
     target: str
     lost: tuple[str, ...]
-    warnings: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
 
 
 def format_of(path: str | Path, name: str | None = None, option: str = "--from") -> str:
-    """The format of a file, by name or by its ending.
-
-    Raises
-    ------
-    InputError
-        An unknown name.
-    FileError
-        An ending that belongs to no format, or to files of any kind (.txt, .dat).
-
-    Examples
-    --------
-    >>> format_of("a.LAS"), format_of("a.txt", "csv")
-    ('las', 'csv')
-    """
+    """The format of a file, by name or by its ending; .txt and .dat are refused."""
     # some are written only
     known = {name: form for name, form in FORMATS.items() if option == "--to" or (form.read and form.endings)}
     if name is not None:
@@ -116,7 +106,7 @@ def convert(
     depth_unit: str | None = None,
     channels: str | Path | None = None,
     check: bool = False,
-    trusted: Sequence[str] = (),
+    ignored: Sequence[str] = (),
 ) -> Conversion:
     """Read a survey in one format and write it in another.
 
@@ -136,9 +126,9 @@ def convert(
     channels : str or Path, optional
         TOML map of the items of a WITS stream, read or written.
     check : bool
-        Judge the run as a whole (`inclinometry.survey.plausibility`) before anything is written.
-    trusted : sequence of str
-        Names of its checks that are overruled.
+        Check the run as a whole (`inclinometry.survey.plausibility`) before anything is written.
+    ignored : sequence of str
+        Codes or groups of its findings that do not refuse it.
 
     Returns
     -------
@@ -167,28 +157,28 @@ def convert(
         raise InputError(f"--map is of no use from {start} to {end}; leave it out")
     reader: Options = {"convention": convention, "azimuth_reference": azimuth_reference, "sheet": sheet}
     survey = read_survey_file(source, start, {**reader, "depth_unit": depth_unit, **_known(FORMATS[start].read, items)})
-    doubted = settle(survey_doubts(survey), trusted, source) if check else []
-    overruled = "\n".join(sentence for sentence in doubted if sentence.startswith(OVERRULED))
-    written = _write(survey, Path(target), end, {**items, "comment": overruled} if overruled else items)
-    return Conversion(survey, start, end, written, tuple(doubted))
+    found = settled(check_survey(survey), ignored, source) if check else ()
+    comment = "\n".join(f"ignored {one.code}: {one}" for one in found if one.severity == "ignored")
+    written = _write(survey, Path(target), end, {**items, "comment": comment} if comment else items)
+    return Conversion(survey, start, end, written, found)
 
 
-def survey_doubts(survey: SurveyFile) -> list[Doubt]:
-    """What speaks against the stations of a file being a run along a hole; none where it has no angles and no axes."""
+def check_survey(survey: SurveyFile) -> list[Finding]:
+    """What is wrong with the stations of a file as a run along a hole; nothing where it has no angles and no axes."""
     rows = np.ones(len(survey), dtype=bool) if survey.used is None else np.asarray(survey.used)
     if survey.g is not None and survey.b is not None:
         rows = rows & np.isfinite(survey.g).all(axis=1) & np.isfinite(survey.b).all(axis=1)
         if rows.sum() >= 3:
             run = Run.of_fields(survey.md[rows], survey.g[rows], survey.b[rows])
-            found = doubts(run)
+            found = check_run(run)
             if survey.inclination is not None:
                 azimuth = None if survey.azimuth is None else survey.azimuth[rows]
-                found += angle_doubts(run, survey.inclination[rows], azimuth, survey.azimuth_reference)
+                found += check_angles(run, survey.inclination[rows], azimuth, survey.azimuth_reference)
             return found
     if survey.inclination is None or survey.azimuth is None:
         return []
     totals = {name: survey.measured[name][rows] for name in ("g", "b", "dip") if name in survey.measured}
-    return doubts(Run(survey.md[rows], survey.inclination[rows], survey.azimuth[rows], totals=totals))
+    return check_run(Run(survey.md[rows], survey.inclination[rows], survey.azimuth[rows], totals=totals))
 
 
 def _write(survey: SurveyFile, target: Path, name: str, items: Options) -> tuple[str, ...]:
@@ -239,23 +229,7 @@ def _function(place: str) -> Callable[..., Any]:
 
 
 def lost(survey: SurveyFile, path: str | Path, name: str, options: Options = MappingProxyType({})) -> tuple[str, ...]:
-    """What of a survey a file written from it does not hold, a sentence each; found by reading the file.
-
-    Parameters
-    ----------
-    survey : SurveyFile
-        What was to be written.
-    path : str or Path
-    name : str
-        Format of the file.
-    options : mapping
-        What its reader needs besides.
-
-    Raises
-    ------
-    FileError
-        The file cannot be read.
-    """
+    """What a file written from a survey does not hold, a sentence each; found by reading it back with `options`."""
     try:
         found = _read_back(survey, path, name, options)
     except InclinometryError as error:
@@ -263,8 +237,8 @@ def lost(survey: SurveyFile, path: str | Path, name: str, options: Options = Map
         raise FileError(f"what {name} holds of this survey cannot be read back ({reason})", path=path) from None
     if len(found) != len(survey):
         return (f"stations: {len(survey)} were read, {len(found)} are in the file",)
-    there = {column.name: column for column in columns_of(found)}
-    sentences = [_column_lost(column, there.get(column.name)) for column in columns_of(survey)]
+    there = columns_of(found)
+    sentences = [_column_lost(name, values, there.get(name)) for name, values in columns_of(survey).items()]
     texts = set(found.header.values())
     gone = [key for key, text in survey.header.items() if text and found.header.get(key) != text and text not in texts]
     if gone:
@@ -274,7 +248,7 @@ def lost(survey: SurveyFile, path: str | Path, name: str, options: Options = Map
 
 def _of_legs(survey: SurveyFile) -> tuple[str, ...]:
     """What a file of legs, which is not read, does not hold."""
-    gone = (_column_lost(column, None) for column in columns_of(survey) if column.name not in HELD)
+    gone = (_column_lost(name, values, None) for name, values in columns_of(survey).items() if name not in HELD)
     texts = [key for key, text in survey.header.items() if text]
     more = [f"texts of the file's head: {', '.join(texts)}"] if texts else []
     return ("angles at the stations: legs are the straight lines between them", *filter(None, gone), *more)
@@ -291,25 +265,24 @@ def _read_back(survey: SurveyFile, path: str | Path, name: str, options: Options
         return read_survey_file(path, name, {**options, **north})
 
 
-def _column_lost(wanted: OutColumn, found: OutColumn | None) -> str:
+def _column_lost(name: str, wanted: Column, found: Column | None) -> str:
     """A sentence on one column; empty where all of it is there."""
-    if isinstance(wanted.values, tuple):
-        there = wanted.values if found is None else found.values
-        count = sum(bool(text) for text in wanted.values)
+    if isinstance(wanted, tuple):
+        count = sum(bool(text) for text in wanted)
         if found is None:
-            return f"column {wanted.name!r} ({count} values)" if count else ""
-        differ = sum(a != b for a, b in zip(wanted.values, there, strict=True))
-        return f"column {wanted.name!r}: {differ} of {count} values differ" if differ else ""
-    known = ~np.isnan(wanted.values)
-    if found is None or isinstance(found.values, tuple):
-        return f"column {wanted.name!r} ({known.sum()} values)"
-    gone = known & np.isnan(found.values)
+            return f"column {name!r} ({count} values)" if count else ""
+        differ = sum(a != b for a, b in zip(wanted, found, strict=True))
+        return f"column {name!r}: {differ} of {count} values differ" if differ else ""
+    known = ~np.isnan(wanted)
+    if found is None or isinstance(found, tuple):
+        return f"column {name!r} ({known.sum()} values)"
+    gone = known & np.isnan(found)
     if gone.any():
-        return f"column {wanted.name!r}: {gone.sum()} of {known.sum()} values"
-    change = np.abs(wanted.values - found.values)[known]
-    if wanted.quantity is not None and wanted.quantity.dimension == "angle":
+        return f"column {name!r}: {gone.sum()} of {known.sum()} values"
+    change = np.abs(wanted - found)[known]
+    if quantities_by_column()[name].dimension == "angle":
         change = np.minimum(change, np.abs(360.0 - change))
     largest = float(change.max(initial=0.0))
-    size = float(np.abs(wanted.values[known]).max(initial=0.0))
+    size = float(np.abs(wanted[known]).max(initial=0.0))
     same = 1e-9  # relative change that is rounding in turning units, not a loss
-    return f"digits of column {wanted.name!r}: changes up to {largest:.2g}" if largest > same * max(size, 1e-3) else ""
+    return f"digits of column {name!r}: changes up to {largest:.2g}" if largest > same * max(size, 1e-3) else ""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
@@ -26,32 +26,10 @@ LARGEST: Final = 0.2
 
 
 def refuse_uncorrectable(stations: Stations, reference: FieldReference) -> None:
-    """Refuse stations whose units, axes or signs are wrong: a correction would take the mistake for a sensor error.
+    """Refuse stations with wrong units, axes or signs: a correction would take the mistake for a sensor error.
 
-    Parameters
-    ----------
-    stations : Stations
-        Before any correction.
-    reference : FieldReference
-
-    Raises
-    ------
-    InputError
-        The median |g| or |b| is off by more than a fifth, or another assignment of axes and signs explains the dips.
-
-    Notes
-    -----
-    Dips that are off and that no exchange of axes explains are left to the corrections: interference does that.
-
-    Examples
-    --------
-    >>> run = Stations(np.arange(2.0), np.array([[0.0, 0.0, 1.0]] * 2), np.array([[5e4, 0.0, 0.0]] * 2))
-    >>> reference = FieldReference(g=9.81, b=5e4, dip=0.0, g_sigma=0.01, b_sigma=130.0, dip_sigma=0.0035)
-    >>> refuse_uncorrectable(run, reference)
-    Traceback (most recent call last):
-    ...
-    inclinometry.errors.InputError: median |g| of the stations is 1 m/s^2, the reference 9.81: more than 20 % off \
-is no error a correction may take off; check the unit and the reference
+    The median |g| or |b| is off by more than a fifth, or other axes and signs explain the dips. Dips that no exchange
+    of axes explains are left to the corrections: interference does that.
     """
     for name, unit, fields, wanted in (
         ("|g|", "m/s^2", stations.g, reference.g),
@@ -83,21 +61,7 @@ def unsettled(wiring: Check) -> list[str]:
 
 
 def refuse_beyond(parameters: Mapping[str, Parameter]) -> None:
-    """Refuse an estimate beyond ten times its prior.
-
-    Raises
-    ------
-    InputError
-        Names the parameter farthest out.
-
-    Examples
-    --------
-    >>> refuse_beyond({"ABZ": Parameter(0.47, 0.001, 0.004, "m/s^2")})
-    Traceback (most recent call last):
-    ...
-    inclinometry.errors.InputError: the analysis puts ABZ at +0.47 m/s^2, 118 times its prior of 0.004; beyond 10 \
-times it is no sensor error: check units, axes and signs of the channels, and the site's g, b and dip
-    """
+    """Refuse an estimate beyond ten times its prior; the message names the one farthest out."""
     out = {name: abs(p.value) / p.prior for name, p in parameters.items() if p.prior > 0.0}
     name = max(out, key=lambda one: out[one], default="")
     # prior standard deviations from which an estimate is no sensor error but a wrong unit, axis or reference
@@ -105,8 +69,10 @@ times it is no sensor error: check units, axes and signs of the channels, and th
     if not name or out[name] <= beyond:
         return
     p = parameters[name]
+    factor, unit = (np.degrees(1.0), "deg") if p.unit == "rad" else (1.0, p.unit)
     raise InputError(
-        f"the analysis puts {name} at {p.value:+.3g} {p.unit}, {out[name]:.0f} times its prior of {p.prior:.3g}; "
+        f"the analysis puts the error of {name} at {factor * p.value:+.3g} {unit}, {out[name]:.0f} times its prior of "
+        f"{factor * p.prior:.3g}; "
         f"beyond {beyond:g} times it is no sensor error: check units, axes and signs of the channels, "
         "and the site's g, b and dip"
     )
@@ -115,23 +81,10 @@ times it is no sensor error: check units, axes and signs of the channels, and th
 def matching_correction(
     path: str | Path, tool: str, inputs: Mapping[str, str], stations: Stations
 ) -> tuple[SensorCorrection, list[str]]:
-    """A stored correction that may be used for these stations, and what speaks against it.
+    """A stored correction that may be used for these stations, and warnings against it; `inputs` are digests.
 
-    Parameters
-    ----------
-    path : str or Path
-        corrections.json
-    tool : str
-        Name of the stations' calibrated tool, "" without one.
-    inputs : mapping of name to digest
-        Of the stations.
-    stations : Stations
-
-    Raises
-    ------
-    FileError
-        Another tool or calibration; a run at other depths, unless the tool is calibrated and the same; an estimate
-        beyond ten times its prior.
+    Refused: another tool or calibration; other depths, unless the tool is calibrated and the same; an estimate beyond
+    ten times its prior.
     """
     correction = read_corrections(path)
     digests = (correction.inputs.get("tool"), inputs.get("tool"))
@@ -162,88 +115,52 @@ CORRECTIONS: Final = ("axial", "msa", "sag")
 """The corrections by the names used at the command line."""
 
 
-def correction_names(text: str) -> tuple[str, ...]:
-    """The corrections of a list such as "axial,msa,sag", in its order.
+def correction_steps(text: str | None) -> list[tuple[str, str | None]]:
+    """The corrections of a list such as "axial,msa,sag", in its order; a corrections.json does what "msa" does.
 
-    Raises
-    ------
-    InputError
-        An unknown name, one given twice, or axial after msa: the analysis has estimated the axial field with everything
-        else, and the axial correction would throw that away.
-
-    Examples
-    --------
-    >>> correction_names("msa, sag")
-    ('msa', 'sag')
+    axial after msa is refused: the analysis has estimated the axial field, which the axial correction would discard.
     """
-    names = tuple(part.strip().lower() for part in text.split(",") if part.strip())
+    parts = [part.strip() for part in (text or "").split(",") if part.strip()]
+    steps: list[tuple[str, str | None]] = [
+        ("msa", part) if part.lower().endswith(".json") else (part.lower(), None) for part in parts
+    ]
+    names = [name for name, _ in steps]
     for place, name in enumerate(names):
         if name not in CORRECTIONS:
             raise InputError(f"correction {name!r} is not known; allowed: {', '.join(CORRECTIONS)}")
         if name in names[:place]:
             raise InputError(f"correction {name!r} is given twice; each is made once")
-    if not names:
+    if text is not None and not names:
         raise InputError(f"no correction in {text!r}; give one or more of {', '.join(CORRECTIONS)}, with commas")
     if "msa" in names and "axial" in names[names.index("msa") :]:
         raise InputError(
             "axial after msa would throw away the axial field that the multi-station analysis has estimated; give "
             "axial,msa or one of them"
         )
-    return names
+    return steps
 
 
-def apply_corrections(
-    stations: Stations,
-    names: Sequence[str],
-    *,
-    reference: FieldReference | None = None,
-    calibration: Tool | None = None,
-    bha: Bha | None = None,
-) -> tuple[Stations, dict[str, Any]]:
-    """Apply corrections one after the other.
+def corrected(
+    stations: Stations, name: str, reference: FieldReference | None, calibration: Tool | None, bha: Bha | None
+) -> tuple[Stations, Any]:
+    """Stations after one correction, and what it returned; each adds a line to the history and a source of error.
 
-    Parameters
-    ----------
-    stations : Stations
-    names : sequence of str
-        As `correction_names` returns them.
-    reference : FieldReference, optional
-        For axial and msa.
-    calibration : Tool, optional
-        For the priors of msa.
-    bha : Bha, optional
-        The assembly, for sag.
-
-    Returns
-    -------
-    Stations, dict
-        The latter holds what each correction returned, by its name: an AxialCorrection, a MultiStation, None for sag;
-        every step leaves a line in the history and its residual as a source of error.
-
-    Raises
-    ------
-    InputError
-        As `correction_names`, or means that a correction needs and has not.
+    `reference` is for axial and msa, `calibration` for the priors of msa, `bha` for sag.
     """
-    results: dict[str, Any] = {}
-    for name in correction_names(",".join(names)):
-        if name == "sag":
-            from inclinometry.survey.sag import correct_stations
+    if name == "sag":
+        from inclinometry.survey.sag import correct_stations
 
-            if bha is None:
-                raise InputError("the correction 'sag' needs the assembly; give --bha bha.toml")
-            stations, results[name] = correct_stations(stations, bha), None
-            continue
-        if reference is None:
-            raise InputError(f"the correction {name!r} needs g, b and dip of the site; give --site site.toml with them")
-        if name == "axial":
-            from inclinometry.survey.axial import axial_correction
+        if bha is None:
+            raise InputError("the correction 'sag' needs the assembly; give --bha bha.toml")
+        return correct_stations(stations, bha), None
+    if reference is None:
+        raise InputError(f"the correction {name!r} needs g, b and dip of the site; give --site site.toml with them")
+    if name == "axial":
+        from inclinometry.survey.axial import axial_correction
 
-            axial = axial_correction(stations, reference)
-            stations, results[name] = axial.stations, axial
-        else:
-            from inclinometry.survey.multistation import multistation
+        axial = axial_correction(stations, reference)
+        return axial.stations, axial
+    from inclinometry.survey.multistation import multistation
 
-            found = multistation(stations, reference, calibration=calibration)
-            stations, results[name] = found.corrected, found
-    return stations, results
+    found = multistation(stations, reference, calibration=calibration)
+    return found.corrected, found

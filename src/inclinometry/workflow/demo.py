@@ -54,12 +54,13 @@ from inclinometry.survey.reduce import Survey, reduce_survey
 from inclinometry.survey.stations import Stations
 from inclinometry.workflow import simulate
 from inclinometry.workflow.calibrate import Comparison, Options, compare, method, true_errors
-from inclinometry.workflow.dynamic import DynamicOptions, dynamic_run, write_dynamic
+from inclinometry.workflow.dynamic import dynamic_run, write_dynamic
+from inclinometry.workflow.dynamic_methods import DynamicOptions
 from inclinometry.workflow.examples import XSENS_GRAVITY, cave_instrument, xsens_stations
 from inclinometry.workflow.hot_run import JOINT, reduce_hot_run, rms_degrees
 from inclinometry.workflow.position import WellPosition, read_position
 from inclinometry.workflow.simulate_drilling import DrillingRequest, site_text, write_drilling
-from inclinometry.workflow.six_axis import Analysis, JudgedStations, analyse, judge, read_six_axis, survey_six_axis
+from inclinometry.workflow.six_axis import Analysis, JudgedStations, msa, quality, read_six_axis, survey_six_axis
 from inclinometry.workflow.survey import survey_raw, write_survey
 
 if TYPE_CHECKING:
@@ -76,13 +77,10 @@ Quaternion = tuple[float, float, float, float]
 def textbook_filter(run: DrillingSimulation, gain: float = 0.041) -> Array:
     """Attitude by the gradient-descent filter of textbooks: rotations (n, 3, 3) from north-east-down to tool.
 
-    The gain, rad/s, is Madgwick's own for gyros, accelerometers and magnetometers.
-
-    Notes
-    -----
-    Source: S. O. H. Madgwick, "An efficient orientation filter for inertial and inertial/magnetic sensor arrays",
-    2010, equations (25), (34), (42) to (47). It is given two advantages: it starts at the true attitude, and the gyros
-    turn it by the exact exponential; his first-order step loses 0.8 % of the speed at 600 rpm and 200 Hz.
+    S. O. H. Madgwick, "An efficient orientation filter for inertial and inertial/magnetic sensor arrays", 2010,
+    equations (25), (34), (42) to (47), with his gain, rad/s. It has two advantages here: it starts at the true
+    attitude, and it turns by the exact exponential; his first-order step loses 0.8 % of the speed at 600 rpm and 200
+    Hz.
     """
     start = dcm(run.truth.azimuth[0], run.truth.inclination[0], run.truth.toolface[0])
     q0, q1, q2, q3 = (float(v) for v in quaternion_from_dcm(start))
@@ -229,17 +227,9 @@ class DemoWell:
 
 
 def survey_demo_well(run: SurveySimulation, tensor: Array, tool: Path, folder: Path) -> DemoWell:
-    """Write the files of the well into `folder`, and go the whole way from raw channels to its ellipse.
+    """Write the files of the well, and go the whole way from raw channels to its ellipse.
 
-    Parameters
-    ----------
-    run : SurveySimulation
-        Clean of interference.
-    tensor : (m, 3) ndarray
-        True parametric tensor of the magnetometers, signal per stand's field.
-    tool : Path
-        tool.json of the tool.
-    folder : Path
+    `run` is clean of interference; `tensor` (m, 3) the true one of the magnetometers, signal per stand's field.
     """
     from inclinometry.files.corrections_json import write_corrections
 
@@ -263,7 +253,7 @@ def survey_demo_well(run: SurveySimulation, tensor: Array, tool: Path, folder: P
     write_text("\n".join(lines) + "\n", folder / "site.toml")
     six = read_six_axis(folder / "raw.csv", folder / "site.toml", tool)
     steel_nt = 500.0  # standard deviation of that, as the analysis expects it, nT
-    before, analysis = survey_six_axis(six), analyse(six, axial_sigma=steel_nt)
+    before, analysis = survey_six_axis(six), msa(six, axial_sigma=steel_nt)
     write_corrections(analysis.correction, folder / "corrections.json")
     after = survey_six_axis(six, str(folder / "corrections.json"))
     write_survey(after.survey, folder / "survey.csv")
@@ -284,7 +274,7 @@ def survey_demo_well(run: SurveySimulation, tensor: Array, tool: Path, folder: P
     truth = minimum_curvature(run.md, run.inclination, run.azimuth + declination, start=(0.0, 0.0, float(run.md[0])))
     path = position.path
     off = np.array([path.north[-1] - truth.north[-1], path.east[-1] - truth.east[-1], path.tvd[-1] - truth.tvd[-1]])
-    judged = judge(six.stations, six.site), judge(analysis.found.corrected, six.site)
+    judged = quality(six.stations, six.site), quality(analysis.found.corrected, six.site)
     return DemoWell(six.stations, before.survey, after.survey, errors, judged, analysis, position, off)
 
 
@@ -324,11 +314,11 @@ class Demo:
     comparisons: dict[str, Comparison] = field(default_factory=dict)
     verification: Verification | None = None
     survey: Survey | None = None
-    survey_error: Array | None = None  # (n, 2) inclination, azimuth, rad
-    hot_run: Mapping[str, Array] | None = None  # method -> azimuth errors, rad, of the run that is pictured
-    hot_runs_rms: dict[str, float] = field(default_factory=dict)  # method -> deg, over HOT_RUNS runs
+    survey_error: Array | None = None  #: (n, 2) inclination, azimuth, rad
+    hot_run: Mapping[str, Array] | None = None  #: method -> azimuth errors, rad, of the run that is pictured
+    hot_runs_rms: dict[str, float] = field(default_factory=dict)  #: method -> deg, over HOT_RUNS runs
     well: DemoWell | None = None
-    drilling: tuple[float, Mapping[str, tuple[float, float]]] | None = None  # highest rpm, name -> rms errors, deg
+    drilling: tuple[float, Mapping[str, tuple[float, float]]] | None = None  #: highest rpm, name -> rms errors, deg
     fleet: FleetStatus | None = None
     pages: list[Entry] = field(default_factory=list)
 
@@ -371,14 +361,7 @@ def _cave(demo: Demo) -> None:
     # spread of the tool axis and of the dip over the roll set that the calibration has not seen
     rolls = shots.take(np.arange(16, 24))
     seen = reduce_survey(np.arange(float(len(rolls))), rolls.channels, record.tool)
-    axis = np.stack(
-        [
-            np.sin(seen.inclination) * np.cos(seen.azimuth),
-            np.sin(seen.inclination) * np.sin(seen.azimuth),
-            np.cos(seen.inclination),
-        ],
-        axis=1,
-    )
+    axis = dcm(seen.azimuth, seen.inclination, 0.0)[:, 2]
     mean = axis.mean(axis=0) / np.linalg.norm(axis.mean(axis=0))
     off = np.arctan2(np.linalg.norm(np.cross(axis, mean), axis=1), axis @ mean)
     demo.cave = float(np.sqrt(np.mean(off**2))), float(np.std(seen.dip))
@@ -449,17 +432,8 @@ def _magnetised(demo: Demo) -> None:
     demo.page("magnetised string: multi-station analysis and quality", "magnetised/msa.html", page)
     page = survey_report(found.corrected)
     demo.page("magnetised string: survey after the analysis", "magnetised/survey.html", page)
-    page = position_report(
-        at.path,
-        at.survey,
-        at.uncertainty,
-        azimuth_reference=at.azimuth_reference,
-        tool_code=at.tool_code,
-        calibration=at.calibration,
-        notes=[*well_sentences(found), *at.notes],
-        warnings=at.warnings,
-        inputs=at.inputs,
-    )
+    told = at.told | {"notes": [*well_sentences(found), *at.notes]}
+    page = position_report(at.path, at.survey, at.uncertainty, **told)
     demo.page("magnetised string: quality, analysis and where the well is", "magnetised/position.html", page)
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from inclinometry.errors import FileError, InputError
 from inclinometry.files.casing_csv import CasingFile, read_casing
+from inclinometry.findings import Finding
 from inclinometry.survey.displacement import (
     SPIKE_LIMIT,
     CasingErrors,
@@ -20,20 +21,12 @@ from inclinometry.survey.displacement import (
 
 @dataclass(frozen=True, eq=False)
 class Movement:
-    """A casing since its base reading.
-
-    base : CasingFile
-    base_sums : axis -> CheckSums of the base reading; None of a single run.
-    found : name of a later reading -> Displacement.
-    warnings : what may be wrong; notes : what was taken for granted.
-    inputs : name -> digest.
-    """
+    """A casing since its base reading; `found` by later reading, `base_sums` by axis (None of a single run)."""
 
     base: CasingFile
     base_sums: dict[str, CheckSums | None]
     found: dict[str, Displacement]
-    warnings: tuple[str, ...]
-    notes: tuple[str, ...]
+    findings: tuple[Finding, ...]
     inputs: dict[str, str]
 
 
@@ -57,75 +50,33 @@ def casing_movement(
     first = read_casing(base, unit)
     seen = {first.table.digest: Path(base).name}
     found: dict[str, Displacement] = {}
-    warned = list(first.warnings)
+    said = list(first.findings)
     for path in map(Path, later):
         one = read_casing(path, unit)
         if one.table.digest in seen:
-            problem = f"this is {seen[one.table.digest]} again; a reading given twice shows no movement"
-            raise FileError(problem, path=path)
+            twice = Finding("holes-reading-twice", {"base": seen[one.table.digest]}, severity="refused")
+            raise FileError(twice, path=path)
         seen[one.table.digest] = path.name
-        _same_depths(first, one)
         # two folders may hold readings of one name
         name = path.stem if path.stem not in found else str(path)
         try:
             found[name] = displacement(first.reading, one.reading, errors, fixed=fixed, spike_limit=spike_limit)
         except InputError as error:
-            raise one.table.error(str(error)) from None
-        warned += [*one.warnings, *(f"{path.name}: {text}" for text in found[name].warnings)]
-        warned += [f"{path.name}: {text}" for text in _spikes(found[name])]
+            rows = () if error.finding is None else error.finding.rows
+            line = one.lines[rows[0]] if rows else None
+            raise FileError(error.finding or str(error), path=path, line=line) from None
+        said += [*one.findings, *found[name].findings]
     sums = {
         axis: check_sums(runs, spike_limit) if runs.shape[1] == 2 else None
         for axis, runs in first.reading.faces.items()
     }
-    return Movement(first, sums, found, tuple(warned), _notes(first, errors, fixed), {n: d for d, n in seen.items()})
-
-
-def _same_depths(base: CasingFile, one: CasingFile) -> None:
-    """FileError that names the first depth that only one of two readings has."""
-    then, now = base.reading.depth, one.reading.depth
-    name = base.table.path.name
-    for row, depth in enumerate(now.tolist()):
-        if row >= len(then) or abs(depth - then[row]) > 0.01 * base.reading.step:
-            other = f"{name} has {then[row]:g} m there" if row < len(then) else f"{name} ends at {then[-1]:g} m"
-            problem = f"depth {depth:g} m, and {other}; give readings of the same depths"
-            raise FileError(problem, path=one.table.path, line=one.lines[row])
-    if len(now) < len(then):
-        problem = f"ends at {now[-1]:g} m, and {name} at {then[-1]:g} m; give readings of the same depths"
-        raise FileError(problem, path=one.table.path)
-
-
-def _spikes(found: Displacement) -> list[str]:
-    texts = []
-    for axis, moved in found.axes.items():
-        for where, what in (
-            (moved.spikes, "read these depths again, or take the larger uncertainty that they add"),
-            (moved.repeated, "the base reading has them too, as of a coupling; they do not move the casing"),
-        ):
-            rows = where.nonzero()[0].tolist()
-            depths = ", ".join(f"{found.depth[row]:g}" for row in rows[:6]) + (", ..." if len(rows) > 6 else "")
-            if rows:
-                texts.append(f"axis {axis.upper()}: {len(rows)} check-sum(s) are spikes, at {depths} m; {what}")
-    return texts
-
-
-def _notes(base: CasingFile, errors: CasingErrors, fixed: str) -> tuple[str, ...]:
-    reading = base.reading
-    lacking = [
-        option
-        for option, value in (
-            ("--bias-shift-mm", errors.bias_shift),
-            ("--sensitivity-percent", errors.sensitivity),
-            ("--depth-sd-mm", errors.depth),
-            ("--rotation-deg", errors.rotation),
-        )
-        if not value
-    ]
-    notes = [
-        f"the {fixed} is taken not to move; a depth is that of the upper wheels, and the lowest point one step "
-        f"({reading.step:g} m) below the last depth"
-    ]
-    if lacking:
-        notes.append(f"systematic errors not included, for nothing states them: {', '.join(lacking)}")
-    if not reading.two_faces and errors.step_sd is None:
-        notes.append("single runs: without check-sums the random error is not known; state it by --step-sd-mm")
-    return tuple(notes)
+    stated = {
+        "--bias-shift-mm": errors.bias_shift,
+        "--sensitivity-percent": errors.sensitivity,
+        "--depth-sd-mm": errors.depth,
+        "--rotation-deg": errors.rotation,
+    }
+    said.append(Finding("holes-fixed-end", {"end": fixed, "step_m": first.reading.step}, severity="note"))
+    if lacking := tuple(option for option, value in stated.items() if not value):
+        said.append(Finding("holes-errors-unstated", {"options": lacking}, severity="note"))
+    return Movement(first, sums, found, tuple(said), {n: d for d, n in seen.items()})

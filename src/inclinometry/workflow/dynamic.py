@@ -3,60 +3,35 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from inclinometry.arrays import Array, Mask, within
+from inclinometry.arrays import Array, Mask
 from inclinometry.calibration.result import Calibration
-from inclinometry.constants import DIP, FIELD_UNITS, STRING_INTERFERENCE
-from inclinometry.conventions import AXES, Axes, axes_matrix, named
+from inclinometry.constants import DIP
+from inclinometry.conventions import AXES, axes_matrix, named
 from inclinometry.earth.site import REFERENCES, Site, convert_azimuth
 from inclinometry.errors import FileError, InputError
 from inclinometry.files.attitude_file import write_attitude
-from inclinometry.files.columns import KIND_PREFIX, PREFIXES
-from inclinometry.files.run_file import BLOCK, RunFile
-from inclinometry.motion.decimate import unit_warning
-from inclinometry.motion.magnetic.phase import LAG_SIGMA, MagneticSettings
-from inclinometry.motion.result import (
-    BITS,
-    CHANNELS,
-    Attitude,
-    AttitudeRows,
-    DynamicRun,
-    Envelope,
-    Excerpt,
-    RunCounts,
-    Samples,
-    Spectrogram,
-    Vibration,
-)
-from inclinometry.motion.result import METHODS as RESULT_METHODS
-from inclinometry.motion.timing import Piece, StretchCutter, rejoined
-from inclinometry.orientation import SWITCH, Angles, angles_jacobian, fields
+from inclinometry.files.columns import KIND_PREFIX
+from inclinometry.files.run_file import RunFile
+from inclinometry.findings import Finding, Value
+from inclinometry.motion.decimate import check_interval
+from inclinometry.motion.monitor import Monitor
+from inclinometry.motion.result import BITS, Attitude, AttitudeRows, DynamicRun, RunCounts, distinct
+from inclinometry.motion.timing import Piece, StretchCutter
+from inclinometry.motion.window_filter import Stream
+from inclinometry.orientation import Angles, angles_jacobian, fields
 from inclinometry.rotations import TAU, dcm_from_quaternion, quaternion_from_dcm, rotation_z
 from inclinometry.sensors import angle_sensitivity
 from inclinometry.survey.reduce import turned_to_north
 from inclinometry.tabular import check_record
 from inclinometry.uncertainty import UNKNOWN
-from inclinometry.workflow.dynamic_methods import (
-    LONGEST,
-    METHODS,
-    SHORTEST,
-    CarriedAttitude,
-    Method,
-    MethodName,
-    Setup,
-    Stream,
-    chosen_method,
-    gyro_known,
-    offset_uncertainty,
-)
-from inclinometry.workflow.dynamic_signals import Envelopes, Signals, Spectra, temperature_doubts, tool_name
+from inclinometry.workflow.dynamic_methods import METHODS, CarriedAttitude, DynamicOptions, Method, Setup, chosen_method
+from inclinometry.workflow.dynamic_signals import Signals, temperature_findings
 from inclinometry.workflow.field import completed
 
 # From the motion package's attitudes to the rows of a file: the north asked for, and what the calibration adds.
@@ -68,16 +43,9 @@ TURNS: Final = 8
 class Rows:
     """Collects rows; each part of a run comes with the length of its windows.
 
-    Parameters
-    ----------
-    site : Site
-        Its `north_reference` is what azimuths are counted from; a gyro's is never turned to magnetic north.
-    calibration : Calibration, optional
-    window : float
-        s; a tool that turns more than once in it is seen from all sides.
-    scale : float
-        Without a calibration, standard deviation of each scale error and coupling of the magnetometer; a third of it
-        is the accelerometers'.
+    A gyro's azimuth is never turned to magnetic north. `window`: a tool that turns more than once in it (s) is seen
+    from all sides. `scale`: without a calibration, sd of each scale error and coupling of the magnetometer; a third of
+    it is taken for the accelerometers.
     """
 
     def __init__(self, site: Site, calibration: Calibration | None, window: float, scale: float = 0.0) -> None:
@@ -85,6 +53,7 @@ class Rows:
         self._site, self._calibration, self._window = site, calibration, window
         self._parts: list[AttitudeRows] = []
         self.notes: list[str] = []
+        self.findings: tuple[Finding, ...] = ()
         self.heat: float | None = None
         """degC of the rows to come, for a calibration that depends on it."""
 
@@ -99,7 +68,7 @@ class Rows:
         InputError
             The site lacks the declination or convergence its north reference needs.
         """
-        self.notes += [note for note in found.notes if note not in self.notes]
+        self.findings = distinct((*self.findings, *found.findings))
         if not len(found):
             return
         at = found.angles
@@ -143,12 +112,7 @@ class Rows:
                 flags=found.flags,
                 method=found.method,
                 north=np.full(len(found), REFERENCES.index(north), dtype=np.uint8),
-                # of the filter of any motion it is given all the same: its azimuth counts from an arbitrary direction
-                quaternion=np.where(
-                    unknown[:, 3:] & (found.method != RESULT_METHODS.index("complementary"))[:, None],
-                    np.nan,
-                    quaternion,
-                ),
+                quaternion=np.where(unknown[:, 3:], np.nan, quaternion),
                 magnetic_toolface=np.where(unknown[:, 3], np.nan, at.magnetic_toolface),
                 u_magnetic_toolface=spread[:, 3],
                 u_common_inclination=shared[:, 0],
@@ -211,258 +175,6 @@ class Rows:
             yield fields(at.azimuth, at.inclination, toolface, dip)
 
 
-# How a run shook and turned, window by window, beside its attitude; memory does not grow with the run.
-
-SEGMENT: Final = 256
-"""Samples of a spectrum."""
-Phasor = NDArray[np.complex128]
-
-
-class Monitor:
-    """Takes the even pieces of a run.
-
-    Parameters
-    ----------
-    window : float
-        s, of the vibration rows.
-    """
-
-    def __init__(self, window: float) -> None:
-        self._window = window
-        self._held: list[Samples] = []
-        self._size = 0
-        self._number = -1
-        self._rows: list[tuple[float, ...]] = []
-        self._names: tuple[str, ...] = ()
-        self._envelopes: Envelopes | None = None
-        self._spectra: Spectra | None = None
-        self._interval = 0.0
-        self._first: Excerpt | None = None
-        self._worst: Excerpt | None = None
-        self._most = -1.0
-        self.clipped = 0
-        self.heat: tuple[float, float] | None = None
-        """Lowest and highest temperature, degC."""
-
-    def push(self, number: int, samples: Samples) -> None:
-        """A piece of stretch `number`."""
-        if not len(samples):
-            return
-        if number != self._number:
-            self._rest()
-            self._number = number
-        if self._envelopes is None:
-            self._names = tuple(name for name in CHANNELS if samples.has(name))
-            names = [f"{name}_{axis}" for name in self._names for axis in "xyz"]
-            units = [FIELD_UNITS[PREFIXES[name]] for name in self._names for _ in "xyz"]
-            self._envelopes = Envelopes(names, units, float(samples.time[0]), samples.interval)
-            self._interval = samples.interval
-        self._envelopes.push(samples.time, np.concatenate([getattr(samples, n) for n in self._names], axis=1))
-        if samples.clipped is not None:
-            self.clipped += int(samples.clipped.sum())
-        if samples.temperature is not None:
-            low, high = float(samples.temperature.min()), float(samples.temperature.max())
-            self.heat = (low, high) if self.heat is None else (min(low, self.heat[0]), max(high, self.heat[1]))
-        self._held.append(samples)
-        self._size += len(samples)
-        wanted = max(SEGMENT, round(self._window / samples.interval))
-        if self._size < wanted:
-            return
-        whole = rejoined(self._held)
-        start = 0
-        while start + wanted <= len(whole):
-            self._take(whole.part(start, start + wanted))
-            start += wanted
-        self._held, self._size = [whole.part(start, len(whole))], len(whole) - start
-
-    def _rest(self) -> None:
-        """What is left at the end of a stretch, if it is half a window or more."""
-        if self._size and self._size >= 0.5 * self._window / self._held[0].interval:
-            self._take(rejoined(self._held))
-        self._held, self._size = [], 0
-
-    def _take(self, window: Samples) -> None:
-        time = float(window.time[0] + window.time[-1]) / 2.0
-        # exp(-i toolface) of each sample but for a constant angle: by the transverse field, else by the gyro
-        if window.mag is not None:
-            field = window.mag[:, 0] + 1j * window.mag[:, 1]
-            strength = np.abs(field)
-            # a circle about its own middle, unless there is only an arc of it
-            phasor = np.asarray(np.where(strength > 0.0, field / np.where(strength > 0.0, strength, 1.0), 1.0))
-        elif window.gyro is not None:
-            phasor = np.asarray(np.exp(-1j * np.cumsum(window.gyro[:, 2]) * window.interval))
-        else:
-            phasor = None
-        shaking = _shaking(window, phasor)
-        self._rows.append((time, *shaking, *_speeds(window, phasor)))
-        lateral = shaking[0]
-        if self._first is None:
-            self._first = self._excerpt(window, "first seconds")
-        if lateral > self._most:
-            self._most, self._worst = lateral, self._excerpt(window, "strongest vibration")
-        if window.accel is None or len(window) < SEGMENT or abs(window.interval / self._interval - 1.0) > 1e-3:
-            return
-        if self._spectra is None:
-            width = len(window) * window.interval
-            frequency = np.arange(SEGMENT // 2 + 1) / (SEGMENT * window.interval)
-            self._spectra = Spectra("lateral acceleration", time - width / 2.0, width, frequency)
-        self._spectra.push(time, _density(window))
-
-    def _excerpt(self, window: Samples, what: str) -> Excerpt:
-        shown = 2000  # samples of an excerpt at most
-        excerpt = 5.0  # s of an excerpt at most
-        part = window.part(0, min(len(window), shown, max(2, round(excerpt / window.interval))))
-        channels: dict[str, Array] = {}
-        for name in self._names:
-            channels |= {f"{name}_{axis}": getattr(part, name)[:, k].copy() for k, axis in enumerate("xyz")}
-        units: Mapping[str, str] = {name: FIELD_UNITS[PREFIXES[name.split("_")[0]]] for name in channels}
-        return Excerpt(what, part.time.copy(), channels, units)
-
-    def finish(self) -> tuple[Vibration, tuple[Envelope, ...], tuple[Excerpt, ...], Spectrogram | None]:
-        """Everything, at the end of the run."""
-        self._rest()
-        columns = np.array(self._rows, dtype=np.float64).reshape(-1, 7).T
-        excerpts = tuple(each for each in (self._first, self._worst) if each is not None)
-        if len(excerpts) == 2 and excerpts[0].time[0] == excerpts[1].time[0]:
-            excerpts = excerpts[:1]
-        envelopes = () if self._envelopes is None else self._envelopes.done()
-        return Vibration(*columns), envelopes, excerpts, None if self._spectra is None else self._spectra.done()
-
-
-def _shaking(window: Samples, phasor: Phasor | None) -> tuple[float, float, float]:
-    """Of a window, rms of a transverse and the axial component and largest magnitude, m/s^2.
-
-    What is left of the accelerometers without their means and gravity as it turns.
-
-    z = ax + i ay = c0 + c1 exp(-i T) + rest, both constants by least squares: c0 offsets and centripetal acceleration,
-    c1 gravity across the hole.
-    """
-    if window.accel is None:
-        return np.nan, np.nan, np.nan
-    good = slice(None) if window.clipped is None or window.clipped.all() else ~window.clipped
-    across = (window.accel[:, 0] + 1j * window.accel[:, 1])[good]
-    along = window.accel[good, 2] - window.accel[good, 2].mean()
-    rest = across - across.mean()
-    if phasor is not None:
-        u = phasor[good] - phasor[good].mean()
-        power = float(np.mean(np.abs(u) ** 2))
-        # mean of the unit phasor of the toolface above which it hardly turns, and gravity is part of the plain mean
-        fixed = 0.99
-        if power > 1.0 - fixed**2:
-            rest = rest - (np.mean(rest * np.conj(u)) / power) * u
-    square = np.abs(rest) ** 2
-    peak = float(np.sqrt((square + along**2).max(initial=0.0)))
-    return float(np.sqrt(square.mean() / 2.0)), float(along.std()), peak
-
-
-def _speeds(window: Samples, phasor: Phasor | None) -> tuple[float, float, float]:
-    """Slowest, mean and fastest rotation speed over 0.1 s, rad/s."""
-    if window.gyro is not None:
-        rate = window.gyro[:, 2]
-    elif phasor is not None and len(window) > 1:
-        rate = -np.angle(phasor[1:] * np.conj(phasor[:-1])) / window.interval
-    else:
-        return np.nan, np.nan, np.nan
-    over = max(1, min(len(rate), round(0.1 / window.interval)))
-    means = rate[: len(rate) // over * over].reshape(-1, over).mean(axis=1)
-    return float(means.min()), float(rate.mean()), float(means.max())
-
-
-def _density(window: Samples) -> Array:
-    """One-sided spectral density of x and y together (f,), m^2/s^4/Hz: the sum does not depend on the toolface."""
-    if window.accel is None:
-        return np.empty(0)
-    count = len(window) // SEGMENT
-    across = window.accel[: count * SEGMENT, :2].reshape(count, SEGMENT, 2)
-    hann = 0.5 - 0.5 * np.cos(2.0 * np.pi * (np.arange(SEGMENT) + 0.5) / SEGMENT)
-    lines = np.fft.rfft((across - across.mean(axis=1, keepdims=True)) * hann[:, None], axis=1)
-    power = np.mean(np.abs(lines) ** 2, axis=0).sum(axis=1) * window.interval / np.sum(hann**2)
-    power[1:-1] *= 2.0
-    return np.asarray(power)
-
-
-Progress = Callable[[int], None]
-DEFAULT_WINDOW: Final = 10.0
-DELAY_SIGMA: Final = 1e-4
-"""s: triads sampled together whose anti-alias filters are alike to a few per cent of their delay."""
-SCALE_SIGMA: Final = 3e-3
-"""Of a triad trimmed once and never calibrated in its housing."""
-
-
-@dataclass(frozen=True)
-class DynamicOptions:
-    """How a run is reduced.
-
-    method : a key of `METHODS`.
-    window : s, length of a window.
-    delay_sigma : s, standard uncertainty of the time by which the sensors are out of step; a speed that changes shows
-        more.
-    scale_sigma : without a calibration, of each scale error and coupling of the magnetometer, a third of it of the
-        accelerometers.
-    axial_sigma : nT, standard uncertainty of the field that the string adds along the tool.
-    lag, lag_sigma : s, time constant of the eddy currents in the collar and its standard uncertainty: the transverse
-        field is late by atan(omega lag); a speed that changes shows it.
-    block : samples handled at a time; results do not depend on it.
-    gyro_noise, gyro_bias_sigma : of the gyro, rad/sqrt(s) and rad/s, where they are stated; see `gyro_known`.
-    allan : content of an allan.json, where there is one.
-    convention : without a calibration, axes and signs of the file's sensors, one of `conventions`.
-    axes, mag_axes : without a calibration, the file's channels that are x, y and z of the convention: of all triads,
-        and of the magnetometer before that.
-    switch : rad, inclination below which a row is steered by its magnetic toolface, from there on by gravity's.
-    interval : s, between the rows of the complementary filter; the window when not given.
-
-    Raises
-    ------
-    InputError
-        An unknown method; a window out of range.
-
-    Examples
-    --------
-    >>> DynamicOptions("psychic")
-    Traceback (most recent call last):
-    inclinometry.errors.InputError: method is 'psychic'; allowed: auto, static, quaternion,
-    magnetic, gyro, filter, robust, smoother, complementary
-    """
-
-    method: MethodName = "auto"
-    window: float = DEFAULT_WINDOW
-    block: int = BLOCK
-    delay_sigma: float = DELAY_SIGMA
-    scale_sigma: float = SCALE_SIGMA
-    axial_sigma: float = STRING_INTERFERENCE
-    lag: float = 0.0
-    lag_sigma: float = LAG_SIGMA
-    gyro_noise: float | None = None
-    gyro_bias_sigma: float | None = None
-    allan: Mapping[str, Any] | None = None
-    convention: str | None = None
-    axes: Axes | None = None
-    mag_axes: Axes | None = None
-    switch: float = SWITCH
-    interval: float | None = None
-
-    def __post_init__(self) -> None:
-        chosen_method(self.method)
-        if not SHORTEST <= self.window <= LONGEST:
-            raise InputError(f"the window is {self.window:g} s; allowed {SHORTEST:g} to {LONGEST:g} s")
-        within(self.delay_sigma, "the standard deviation of the delay", 0.0, 0.01, "s")
-        within(self.scale_sigma, "the standard deviation of the scale errors", 0.0, 0.1)
-        within(self.axial_sigma, "the standard deviation of the axial interference", 0.0, 1e5, "nT")
-        within(self.lag, "the lag of the field", 0.0, 0.05, "s")
-        within(self.lag_sigma, "the standard deviation of the lag", 0.0, 0.05, "s")
-        if self.gyro_noise is not None:
-            within(self.gyro_noise, "the gyro's noise", 1e-9, 1.0, "rad/sqrt(s)")
-        if self.gyro_bias_sigma is not None:
-            within(self.gyro_bias_sigma, "the standard deviation of the gyro's bias", 0.0, 1.0, "rad/s")
-        within(self.switch, "the inclination of the switch of toolfaces", 0.0, 0.5 * np.pi, "rad")
-        if self.interval is not None:
-            within(self.interval, "the interval between rows", 1e-4, LONGEST, "s")
-            if self.method != "complementary":
-                raise InputError(f"an interval is for the method complementary; {self.method} has a row a window")
-        if self.block < 1:
-            raise InputError(f"the block is {self.block} samples; allowed: 1 or more")
-
-
 def dynamic_run(
     run: RunFile,
     site: Site,
@@ -500,50 +212,16 @@ def dynamic_run(
     check_record(run, RunFile, "dynamic_run")
     check_record(site, Site, "dynamic_run")
     chosen = options or DynamicOptions()
-    method = chosen_method(chosen.method)
     place, said = completed(site)
-    there = {KIND_PREFIX[kind] for kind in run.names}
-    missing = [prefix for prefix in method.needs if prefix not in there]
-    if missing:
-        able = [other for other, each in METHODS.items() if set(each.needs) <= there]
-        remedy = ": add columns such as accel_x, accel_y, accel_z (m/s^2, gravity minus acceleration)"
-        remedy = f"; it can be reduced with --method {' or '.join(able)}" if able else remedy
-        problem = f"the method {chosen.method!r} needs {', '.join(missing)}, which the run has not{remedy}"
-        raise FileError(problem, path=run.path)
-    # before anything is read: whether azimuths can be turned to the north asked for
-    if "magnetometer" in run.names:
-        convert_azimuth(0.0, "magnetic", place.north_reference, place)
-    elif place.north_reference == "grid":
-        convert_azimuth(0.0, "true", "grid", place)
-    setup, known = _setup(run, place, calibration, chosen)
-    work = _Pipeline(
-        Signals(run, place, calibration, _turned(run, calibration, chosen)),
-        Rows(place, calibration, chosen.window, chosen.scale_sigma),
-        setup,
-        method,
-    )
-    try:
-        for block in run.blocks(chosen.block):
-            fields = work.signals.fields(block)
-            work.take(work.cutter.push(block.time, **fields), len(block.time))
-        work.take(work.cutter.finish(), 0)
-        for found in work.carried.finish():
-            work.rows.add(found)
-    except FileError:
-        raise
-    except InputError as error:
-        raise FileError(str(error), path=run.path) from None
-    if not len(work.rows):
-        length = f"the run lasts {work.stop - work.start:.6g} s, and no stretch of it fills a window"
-        raise FileError(f"{length} of {chosen.window:g} s; give a longer run or a shorter window", path=run.path)
-    rows = work.rows.done()
+    work = _Pipeline(run, place, calibration, chosen)
+    rows = work.through(run, chosen)
     # single windows are refused in the rows, with their flags; so is a run that has no field at all. Where every window
     # is refused for a dip that is not the site's, the site or the axes are wrong, not the windows
     if (rows.refused & (rows.flags & np.uint32(BITS["axes"] | BITS["misfit"]) > 0)).all():
-        wrong = next((note for note in work.rows.notes if "the dip comes out as" in note), None)
+        of_dip = ("motion-dip-axes", "motion-dip-disturbed", "motion-misfit-dip")
+        wrong = next((one for one in work.rows.findings if one.code in of_dip), None)
         if wrong is not None:
-            raise FileError(f"no window has an attitude: {wrong}", path=run.path)
-    vibration, envelopes, excerpts, spectrogram = work.monitor.finish()
+            raise FileError(wrong._replace(severity="refused"), path=run.path)
     report = work.cutter.report
     counts = RunCounts(
         work.samples,
@@ -553,70 +231,44 @@ def dynamic_run(
         report.intervals[0] if report.intervals else float("nan"),
         report.stretches,
     )
-    notes = (
-        *run.notes,
-        *said,
-        *known,
-        *work.signals.out_of_range.notes(),
-        *report.notes(),
-        *temperature_doubts(work.monitor.heat, calibration),
-        *work.rows.notes,
+    findings = (
+        *work.known,
+        *work.signals.out_of_range.findings(),
+        *report.findings(),
+        *temperature_findings(work.monitor.heat, calibration),
+        *work.rows.findings,
     )
     return DynamicRun(
         rows,
-        vibration,
-        envelopes,
-        excerpts,
-        spectrogram,
+        *work.monitor.finish(),
         counts,
         chosen.method,
         chosen.window,
         place.north_reference,
-        tuple(dict.fromkeys(notes)),
+        tuple(dict.fromkeys((*run.notes, *said, *work.rows.notes))),
         {"run": run.digest(), **(inputs or {})},
-        tool_name(calibration),
+        "" if calibration is None else calibration.tool.name,
         chosen.switch,
+        distinct(findings),
     )
 
 
-def _setup(
-    run: RunFile, place: Site, calibration: Calibration | None, options: DynamicOptions
-) -> tuple[Setup, tuple[str, ...]]:
-    """What the method is made from, and what is to be said of the gyro where there is one."""
-    offsets = offset_uncertainty(calibration, place)
-    stated = (options.gyro_noise, options.gyro_bias_sigma, options.allan)
-    if "gyro" not in run.names:
-        if any(one is not None for one in stated):
-            raise FileError("the gyro's noise or bias is stated, and the run has no gyro", path=run.path)
-        return _made(place, calibration, options, offsets, {}), ()
-    known, said = gyro_known(options.gyro_noise, options.gyro_bias_sigma, offsets, options.allan)
-    # said where it decides: known from somewhere, or an azimuth that rests on the gyro
-    say = bool(known) or options.method == "gyro" or "magnetometer" not in run.names
-    return _made(place, calibration, options, offsets, known), (said,) if say else ()
-
-
-def _made(
-    place: Site,
-    calibration: Calibration | None,
-    options: DynamicOptions,
-    offsets: Mapping[str, float],
-    gyro: Mapping[str, float],
-) -> Setup:
-    """What a method is made from, by the options."""
-    # a calibration does not tell how the axes lie to the axis of rotation
-    coupling = max(MagneticSettings.coupling_sigma, options.scale_sigma / 3.0 if calibration is None else 0.0)
-    return Setup(
-        place,
-        options.window,
-        offsets,
-        options.delay_sigma,
-        options.axial_sigma,
-        options.lag,
-        options.lag_sigma,
-        coupling,
-        gyro,
-        options.interval,
-    )
+def _method(run: RunFile, place: Site, options: DynamicOptions) -> Method:
+    """The method, before anything is read: whether its triads are there, and azimuths can be turned to the north."""
+    method = chosen_method(options.method)
+    there = {KIND_PREFIX[kind] for kind in run.names}
+    missing = [prefix for prefix in method.needs if prefix not in there]
+    if missing:
+        able = tuple(other for other, each in METHODS.items() if set(each.needs) <= there)
+        if not able:
+            raise FileError(Finding("motion-no-triads", severity="refused"), path=run.path)
+        lacks: dict[str, Value] = {"method": options.method, "missing": tuple(missing), "able": able}
+        raise FileError(Finding("motion-method-triads", lacks, severity="refused"), path=run.path)
+    if "magnetometer" in run.names:
+        convert_azimuth(0.0, "magnetic", place.north_reference, place)
+    elif place.north_reference == "grid":
+        convert_azimuth(0.0, "true", "grid", place)
+    return method
 
 
 def _turned(run: RunFile, calibration: Calibration | None, options: DynamicOptions) -> dict[str, Array]:
@@ -650,7 +302,7 @@ def attitude_stream(
     Returns
     -------
     Stream
-        `push(Samples)` gives an `Attitude` with the rows that became complete, `finish()` the last ones and the notes;
+        `push(Samples)` gives an `Attitude` with the rows that became complete, `finish()` the last and the findings;
         the same rows to the last bit however a run is cut into blocks. Azimuth counts from the method's own north
         (`Attitude.north`). What `dynamic_run` adds to the uncertainty, the share of the calibration's scales and of the
         declination, is not in it.
@@ -670,20 +322,42 @@ def attitude_stream(
     """
     check_record(site, Site, "attitude_stream")
     chosen = options or DynamicOptions()
-    place, _ = completed(site)
-    offsets = offset_uncertainty(calibration, place)
-    known, _ = gyro_known(chosen.gyro_noise, chosen.gyro_bias_sigma, offsets, chosen.allan)
-    return chosen_method(chosen.method).make(_made(place, calibration, chosen, offsets, known))
+    return chosen_method(chosen.method).make(Setup(completed(site)[0], chosen, calibration, gyro=True))
 
 
 class _Pipeline:
-    """The stages a run passes through."""
+    """The stages a run passes through; `known`: what is to be said of the gyro where it decides."""
 
-    def __init__(self, signals: Signals, rows: Rows, setup: Setup, method: Method) -> None:
-        self.signals, self.rows = signals, rows
-        self.cutter, self.monitor = StretchCutter(), Monitor(setup.window)
+    def __init__(self, run: RunFile, place: Site, calibration: Calibration | None, options: DynamicOptions) -> None:
+        method, gyro = _method(run, place, options), "gyro" in run.names
+        if not gyro and (options.gyro_noise, options.gyro_bias_sigma, options.allan) != (None, None, None):
+            raise FileError(Finding("motion-gyro-stated", severity="refused"), path=run.path)
+        setup = Setup(place, options, calibration, gyro=gyro)
+        # known from somewhere, or an azimuth that rests on the gyro
+        say = bool(setup.gyro) or options.method == "gyro" or "magnetometer" not in run.names
+        self.known = (setup.gyro_finding,) if setup.gyro_finding is not None and say else ()
+        self.signals = Signals(run, place, calibration, _turned(run, calibration, options))
+        self.rows = Rows(place, calibration, options.window, options.scale_sigma)
+        self.cutter, self.monitor = StretchCutter(), Monitor(options.window)
         self.carried = CarriedAttitude(method, setup)
         self.samples, self.start, self.stop = 0, float("nan"), float("nan")
+
+    def through(self, run: RunFile, options: DynamicOptions) -> AttitudeRows:
+        """All rows of the run; FileError where there is none."""
+        try:
+            for block in run.blocks(options.block):
+                self.take(self.cutter.push(block.time, **self.signals.fields(block)), len(block.time))
+            self.take(self.cutter.finish(), 0)
+            for found in self.carried.finish():
+                self.rows.add(found)
+        except FileError:
+            raise
+        except InputError as error:
+            raise FileError(error.finding or str(error), path=run.path) from None
+        if not len(self.rows):
+            window = {"window_s": options.window}
+            raise FileError(Finding("motion-no-window", window, severity="refused"), path=run.path)
+        return self.rows.done()
 
     def take(self, pieces: list[Piece], count: int) -> None:
         """Even pieces that became certain, and the rows read for them."""
@@ -692,9 +366,7 @@ class _Pipeline:
             samples = piece.samples
             if not len(samples):
                 continue
-            said = unit_warning(samples.interval)
-            if said:
-                raise InputError(said)
+            check_interval(samples.interval)
             if self.start != self.start:
                 self.start = float(samples.time[0])
             self.stop = float(samples.time[-1])

@@ -13,7 +13,6 @@ from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.stillness import StillIntervals, sd_of_mean, stations_from_log
 from inclinometry.digest import digest_bytes
 
-_DATA = "demo_data"
 XSENS_SETTLED, XSENS_SAMPLES = 50, 100
 XSENS_GRAVITY = 9.81744
 """Local gravity stated with the Xsens log, m/s^2."""
@@ -24,7 +23,7 @@ def xsens_log() -> tuple[Array, Array, str]:
 
     Source: Tedaldi, Pretto, Menegatti, ICRA 2014.
     """
-    data = files("inclinometry.workflow").joinpath(_DATA, "xsens_mti", "xsens_acc.txt.gz").read_bytes()
+    data = files("inclinometry.workflow").joinpath("demo_data", "xsens_mti", "xsens_acc.txt.gz").read_bytes()
     table = np.array(gzip.decompress(data).split(), dtype=np.float64).reshape(-1, 4)
     return table[:, 0], table[:, 1:], digest_bytes(data)
 
@@ -53,7 +52,7 @@ def cave_instrument(name: str) -> BenchReadings:
     Shots 1-8 are free, 9-16 and 17-24 two sets of 8 rolls about the tool axis, the instrument's y, at a fixed target.
     Tool axes are the instrument's z (taken as index mark), x, y. Source: furbrain, CircuitPython_mag_cal.
     """
-    data = files("inclinometry.workflow").joinpath(_DATA, "sap6_cave", f"{name}.json").read_bytes()
+    data = files("inclinometry.workflow").joinpath("demo_data", "sap6_cave", f"{name}.json").read_bytes()
     raw = json.loads(data)
     mag, grav = np.array(raw["mag"]), np.array(raw["grav"])
     # the makers' maps from chip axes to instrument axes: "+x+y-z" and "-y-x+z"

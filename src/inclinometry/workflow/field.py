@@ -7,14 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from inclinometry.earth.magnetic import (
-    MagneticField,
-    Model,
-    complete_site,
-    decimal_year,
-    igrf14,
-    wmm2025,
-)
+from inclinometry.earth.magnetic import MagneticField, Model, complete_site, decimal_year, igrf14, wmm2025
 from inclinometry.earth.site import Site
 from inclinometry.errors import InputError
 from inclinometry.files.site_toml import grid_convergence, out_of_area
@@ -85,33 +78,10 @@ def model_of(date: datetime.date | float) -> Model:
 
 
 def completed(site: Site) -> tuple[Site, list[str]]:
-    """The site with b, dip, declination and convergence filled where it lacks them, and sentences that say from what.
+    """The site with b, dip, declination and convergence filled where it lacks them, and sentences with the sources.
 
-    Parameters
-    ----------
-    site : Site
-        What it states wins, in-field values with their own sigmas included. The field is filled when latitude,
-        longitude and date are known, the convergence when latitude, longitude and crs are. Nothing is guessed. A
-        convergence stated that is not the crs' is doubted in a sentence.
-
-    Returns
-    -------
-    Site, list of str
-        `Site.origin` names the origin of each value; the sentences are for people, empty when nothing was to be done.
-
-    Raises
-    ------
-    InputError
-        Something is lacking and no model covers the date, or the grid cannot show the place.
-
-    Examples
-    --------
-    >>> site = Site(latitude=0.9, longitude=0.1, height_m=0.0, date=datetime.date(2026, 5, 1), declination=0.03)
-    >>> done, said = completed(site)
-    >>> done.declination, done.origin("b")
-    (0.03, 'WMM2025')
-    >>> print(said[0])
-    b 49392.3 ± 152 nT, dip 66.911 ± 0.22 deg from WMM2025 at 2026-05-01
+    Stated values stay, with their own sigmas. The field needs latitude, longitude and date, the convergence latitude,
+    longitude and crs. A stated convergence that is not that of the crs gets a sentence.
     """
     site, said = _with_field(site)
     site, more = _with_convergence(site)
@@ -167,6 +137,28 @@ def _with_convergence(site: Site) -> tuple[Site, list[str]]:
     origins = (*site.origins, ("convergence", site.crs))
     done = replace(site, convergence=convergence, convergence_sigma=0.0, origins=origins)
     return done, [f"{_shown(done, 'convergence')} from {site.crs}", *_outside(done)]
+
+
+def declination_doubts(site: Site) -> list[str]:
+    """A sentence where the declination stated is not that of the model at the place: a wrong sign, above all."""
+    if site.declination is None or site.origin("declination") != "given" or site.date is None:
+        return []
+    if site.latitude is None or site.longitude is None:
+        return []
+    try:
+        found = model_of(site.date)(site.latitude, site.longitude, site.height_m or 0.0, site.date)
+    except InputError:
+        return []  # a date that no model covers: nothing to compare it with
+    expected, sigma = float(found.declination), float(found.declination_sigma)
+    away = abs(float(wrap_signed(site.declination - expected)))
+    if away <= max(3.0 * sigma, np.radians(1.0)):
+        return []
+    turned = abs(float(wrap_signed(-site.declination - expected))) < 0.5 * away
+    doubt = "; its sign looks wrong (east is positive)" if turned else "; check it"
+    return [
+        f"the site's declination is {np.degrees(site.declination):+.2f} deg, {found.model} gives "
+        f"{np.degrees(expected):+.2f} ± {np.degrees(sigma):.2f} deg there{doubt}"
+    ]
 
 
 def _shown(site: Site, name: str) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -18,33 +17,27 @@ from inclinometry.earth.site import Site
 from inclinometry.errors import FileError, InputError
 from inclinometry.files.gyro_csv import CORRECTED, GyroReadings, write_gyro_stations
 from inclinometry.files.scale_json import ScaleRecord
+from inclinometry.findings import Finding
 from inclinometry.gyro.closed_form import tilt, upward
+from inclinometry.gyro.indexing import IndexTurns
 from inclinometry.gyro.north import to_high_side
+from inclinometry.gyro.point_mass import stated_law
 from inclinometry.gyro.result import North
-from inclinometry.gyro.tracking import (
-    MOST,
-    ScaleTrack,
-    contradicted,
-    quadratic_belief,
-    smooth_scale,
-    track_scale,
-    walking_belief,
-    widened,
-)
+from inclinometry.gyro.run import Averages, ScalePrior, Stations, fit_no_azimuth, solve, stations_of, without_failed
+from inclinometry.gyro.run_errors import run_errors
+from inclinometry.gyro.tracking import MOST, ScaleTrack, quadratic_belief, smooth_scale, track_scale
 from inclinometry.survey.flags import HEAT_MARGIN, Check
 from inclinometry.survey.gyro import gyro_survey
-from inclinometry.survey.gyro_quality import rate_unit_suspect
+from inclinometry.survey.gyro_quality import rate_unit_suspect, refusal
 from inclinometry.survey.reduce import Survey, parts_of
 from inclinometry.tabular import Column, Tabular, check_record
-from inclinometry.workflow.gyro_average import Averages, average_run, gravity_suspect
-from inclinometry.workflow.gyro_checks import check_rates, gravity_in_g, gravity_scale, misfit_hint, refusal
-from inclinometry.workflow.gyro_errors import run_errors
-from inclinometry.workflow.gyro_methods import ScalePrior, Stations, solve, stations_of
+from inclinometry.workflow.gyro_average import average_run, gravity_suspect
+from inclinometry.workflow.gyro_checks import check_rates, gravity_in_g, gravity_scale, misfit_hint
 
 METHODS: Final = ("joint", "patent", "fixed")
 PRIORS: Final = ("calibration", "previous", "both", "run")
-"""Where what is known of the scale before a station comes from: the calibration alone; the station before; the
-stations before and the calibration's temperature curve; or all other stations of the run and that curve."""
+"""Where what is known of the scale before a station comes from: the calibration alone; the stations before; the
+stations before and the temperature; or all other stations of the run and the temperature."""
 
 
 @dataclass(frozen=True)
@@ -53,10 +46,9 @@ class GyroOptions:
 
     scheme : index positions, a key of `inclinometry.gyro.indexing.SCHEMES`.
     method : one of `METHODS`.
-    prior : one of `PRIORS`; None: "run". Without temperatures the scale wanders from station to station.
-    scale_sd : standard uncertainty of the scale factor at the reference temperature.
+    prior : one of `PRIORS`; None: "run". How fast the scale walks from station to station is found from the run.
+    scale_sd : standard uncertainty of the scale factor at the first station.
     slope_sd, bend_sd : of its change over 100 degC, linear and square.
-    jitter : standard deviation of the scale from station to station.
     history : what an earlier run has taught.
     gyro_sd, accelerometer_sd, z_bias_sd, sweep : as `average_run`.
     hole : "down" or "up" for tools that cannot tell.
@@ -70,7 +62,6 @@ class GyroOptions:
     scale_sd: float = 0.003
     slope_sd: float = 0.005
     bend_sd: float = 0.003
-    jitter: float = 0.0005
     history: ScaleRecord | None = None
     gyro_sd: float | None = None
     accelerometer_sd: float | None = None
@@ -91,16 +82,12 @@ class GyroOptions:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class GyroRun(Tabular):
-    """A reduced run.
+    """A reduced run: `survey` in order of depth, the rest (n,) in the order measured.
 
-    survey : stations in order of depth.
-    north : the same in the order measured, with scale factors.
-    md, temperature : (n,) in the order measured; temperature None where the file has none.
-    track : how the scale was learnt; None where it was not.
-    others : the other methods, for comparison.
-    checks : the rates against the Earth's.
-    rates : (n, 3) what the gyros read in tool axes at index 0, freed of bias, times the scale factor found (step E of
-        the patent); rad/s, NaN where it is not measured or no scale factor was found.
+    track : how the scale was learnt; None where it was not. others : other methods. checks : rates against the Earth's.
+    rates : (n, 3) in tool axes at index 0, without bias, times the scale factor found (step E of the patent); rad/s,
+        NaN where not measured or without a scale.
+    index_turns : which way the index of the readings counts, looking down hole.
     """
 
     survey: Survey
@@ -113,6 +100,7 @@ class GyroRun(Tabular):
     rates: Array
     tool: str = ""
     inputs: Mapping[str, str] = field(default_factory=dict)
+    index_turns: IndexTurns = "clockwise"
 
     def __len__(self) -> int:
         return len(self.north)
@@ -171,28 +159,14 @@ def north_run(
     check_record(site, Site, "north_run")
     chosen = options or GyroOptions()
     _check_history(chosen.history, readings, calibration)
-    if site.latitude is None or site.gravity is None:
-        raise InputError("the site has no latitude; north by gyro needs it: give latitude_deg")
-    averages = average_run(
-        readings,
-        calibration,
-        scheme=chosen.scheme,
-        gyro_sd=chosen.gyro_sd,
-        accelerometer_sd=chosen.accelerometer_sd,
-        z_bias_sd=chosen.z_bias_sd,
-        sweep=chosen.sweep,
-        g=site.gravity,
-    )
-    if suspect := rate_unit_suspect(averages.rate.field) or gravity_suspect(averages.gravity.field, site.gravity):
-        raise FileError(suspect, path=readings.path)
-    stations = stations_of(averages, site, chosen.hole, _gravity_sd(chosen, site, calibration))
-    if suspect := gravity_in_g(stations):
-        raise FileError(suspect, path=readings.path)
+    averages, stations = _averaged(readings, site, calibration, chosen)
     heat = None if readings.temperature is None else readings.mean(readings.temperature)
     known = _expected(stations, averages, heat, chosen)
     found = {method: solve(method, stations, known) for method in METHODS}
-    checks = check_rates(stations, known, found["joint"], averages.rate_calibration)
-    if refused := refusal(checks, site.latitude):
+    checks = check_rates(stations, known, found["joint"], averages.rate_calibration, readings.labels)
+    disturbed = fit_no_azimuth(found["joint"], averages.failed)
+    found = {method: without_failed(one, averages, disturbed) for method, one in found.items()}
+    if refused := refusal(checks, stations.latitude):
         raise FileError(refused, path=readings.path)
     north = found.pop(chosen.method)
     # what the calibration leaves open is common to all stations: following the run does not average it away
@@ -203,27 +177,25 @@ def north_run(
     if track is not None:
         track = replace(track, scale_sd=np.hypot(track.scale_sd, averages.scale_calibration * track.scale))
     flags = _flags(averages, heat, calibration, chosen.history)
-    # stations of a sentence, numbered from 1, as the file calls them
-    labels = [
-        re.sub(r"station (\d+)", lambda m: f"station {readings.labels[int(m[1]) - 1]!r}", c.reason) for c in checks
-    ]
-    checks = [replace(c, reason=reason) for c, reason in zip(checks, labels, strict=True)]
-    inherited = [f"calibration: {sentence}" for sentence in (calibration.warnings if calibration else ())]
-    notes = [
+    inherited = [f"calibration: {sentence}" for sentence in (calibration.remarks if calibration else ())]
+    notes = [*readings.notes, *known.notes, *inherited]
+    findings = [
         *_remarks(readings, heat, chosen),
-        *readings.notes,
-        *averages.gravity.warnings,
-        *averages.rate.warnings,
-        *known.notes,
-        *inherited,
+        *averages.gravity.findings,
+        *averages.rate.findings,
+        *gravity_scale(stations),
+        *(
+            Finding("gyro-misfit-station", {"station": readings.labels[n]}, (int(n),))
+            for n in np.flatnonzero(disturbed)
+        ),
+        *misfit_hint(found.get("joint", north), stations.rate),
+        *(c.reason for c in checks if c.verdict == "fail" and isinstance(c.reason, Finding)),
     ]
-    notes += gravity_scale(stations)
-    notes += misfit_hint(found.get("joint", north), stations.rate, site.latitude)
-    notes += [f"{c.name}: {c.reason}; {c.action}" for c in checks if c.verdict == "fail"]
     total = np.linalg.norm(averages.gravity.field, axis=1)
     digests = {"raw": readings.digest, **(inputs or {}), **_earlier(chosen.history)}
-    name = "" if calibration is None else calibration.tool.name
-    errors = run_errors(north, stations, averages, known, calibration, site) if north.response else None
+    tool = None if calibration is None else calibration.tool
+    name = "" if tool is None else tool.name
+    errors = run_errors(north, stations, averages, known, tool, site) if north.response else None
     survey = gyro_survey(
         readings.md, north, site=site, g_total=total, flags=flags, tool=name, inputs=digests, notes=notes,
         errors=errors,
@@ -234,24 +206,53 @@ def north_run(
         "accelerometer": min(averages.gravity.noise_freedom, own),
         "gyro": min(averages.rate.noise_freedom, own),
     }
-    survey = replace(survey, notes=(*averages.gravity.notes, *averages.rate.notes), freedom=freedom)
+    counted = {
+        "clockwise": "index angles count clockwise looking down hole",
+        "counterclockwise": "index angles count counterclockwise looking down hole",
+    }[readings.index_turns]
+    survey = replace(survey, findings=tuple(findings), notes=(counted,), freedom=freedom)
     joined = tuple((*a, *b) for a, b in zip(north.flags, flags, strict=True))
     north = replace(north, flags=joined)
     rates = north.scale[:, None] * averages.rate.field
-    return GyroRun(survey, north, readings.md, heat, track, found, checks, rates, name, digests)
+    return GyroRun(survey, north, readings.md, heat, track, found, checks, rates, name, digests, readings.index_turns)
 
 
-def _remarks(readings: GyroReadings, heat: Array | None, options: GyroOptions) -> list[str]:
+def _averaged(
+    readings: GyroReadings, site: Site, calibration: Calibration | None, options: GyroOptions
+) -> tuple[Averages, Stations]:
+    """Gravity and rate of every station; refused where their units cannot be right."""
+    if site.latitude is None or site.gravity is None:
+        raise InputError("the site has no latitude; north by gyro needs it: give latitude_deg")
+    averages = average_run(
+        readings,
+        calibration,
+        scheme=options.scheme,
+        gyro_sd=options.gyro_sd,
+        accelerometer_sd=options.accelerometer_sd,
+        z_bias_sd=options.z_bias_sd,
+        sweep=options.sweep,
+        g=site.gravity,
+        latitude=site.latitude,
+    )
+    suspect = rate_unit_suspect(averages.rate.field[~averages.failed])
+    if suspect := suspect or gravity_suspect(averages.gravity.field, site.gravity):
+        raise FileError(suspect, path=readings.path)
+    stations = stations_of(averages, site, options.hole, _gravity_sd(options, site, calibration))
+    if suspect := gravity_in_g(stations):
+        raise FileError(suspect, path=readings.path)
+    return averages, stations
+
+
+def _remarks(readings: GyroReadings, heat: Array | None, options: GyroOptions) -> list[Finding]:
     """What a person should know about the input before anything is computed."""
     found = []
     if heat is not None and heat.max() > 230.0:  # no gyro tool survives that
-        found.append(f"temperature reaches {heat.max():.0f} degC: is it in kelvin or degrees Fahrenheit?")
-    if options.history is not None and options.history.tool == "":
-        found.append("the history names no tool: make sure that it is of this one")
+        found.append(Finding("gyro-temperature-unit", {"temperature_degC": float(heat.max())}))
     known = options.history
+    if known is not None and known.tool == "":
+        found.append(Finding("gyro-history-tool"))
     if known is not None and heat is not None and np.array_equal(known.md, readings.md):
-        same = np.allclose(known.temperature, heat, atol=1e-9)
-        found += ["the history has the depths and temperatures of this very run: was it learnt from it?"] * int(same)
+        found += [Finding("gyro-history-same")] * int(np.allclose(known.temperature, heat, atol=1e-9))
     return found
 
 
@@ -295,31 +296,30 @@ def _expected(stations: Stations, averages: Averages, heat: Array | None, option
     prior = options.prior or ("run" if size <= MOST else "both")
     if heat is None and options.history is not None:
         raise InputError("the history gives the scale by temperature; add the column temperature_degC")
-    start = 0.0 if heat is None else float(heat[0])
-    sd = float(np.hypot(options.scale_sd, own))
+    # the calibration errs in other directions of the tool in each run
     if options.history is not None:
         stated = options.history.belief
         doubt = np.zeros_like(stated.covariance)
-        doubt[0, 0] = own**2  # the calibration errs in other directions of the tool in the next run
+        doubt[0, 0] = own**2
         stated = replace(stated, covariance=stated.covariance + doubt)
-    elif heat is None or prior == "previous":
-        learning_walk = 5e-4  # wandering of the scale per root of a degC for the prior "previous"
-        stated = walking_belief(1.0, sd, walk=learning_walk, jitter=options.jitter, reference_temperature=start)
     else:
-        stated = quadratic_belief(1.0, sd, slope_sd=options.slope_sd, bend_sd=options.bend_sd, jitter=options.jitter)
+        stated = quadratic_belief(
+            1.0, float(np.hypot(options.scale_sd, own)), slope_sd=options.slope_sd, bend_sd=options.bend_sd,
+            reference_temperature=20.0 if heat is None else float(heat[0]),
+        )  # fmt: skip
+    # one that stands still says nothing
+    at = np.full(size, stated.reference_temperature) if heat is None or prior == "previous" else heat
+    before = stated.predict(at)
     found = tilt(stations.gravity, stations.g)
     if stations.hole == "up":
         found = upward(found, found.unseen)
     high, covariance = to_high_side(stations.rate, stations.rate_covariance, found.toolface)
     given = high / EARTH_RATE, covariance / EARTH_RATE**2, found.inclination, stations.latitude
     if prior == "calibration":
-        at = np.full(size, start) if heat is None else heat
-        used = contradicted(*given, at, stated)
-        known = used.predict(at)
-        return ScalePrior(*known, *known, *stated.predict(at), None, widened(stated, used))
-    track = (smooth_scale if prior == "run" else track_scale)(*given, heat, stated)
-    before = track.prior.predict(track.temperature), stated.predict(track.temperature)
-    return ScalePrior(track.expected, track.expected_sd, *before[0], *before[1], track, track.notes)
+        return ScalePrior(stated_law(*before), *before, *before, None)
+    track = (smooth_scale if prior == "run" else track_scale)(*given, None if prior == "previous" else heat, stated)
+    known = (track.expected, track.expected_sd) if track.contradicted else before
+    return ScalePrior(track.law, *known, *before, track, track.notes)
 
 
 def _flags(
@@ -349,10 +349,17 @@ def write_run(run: GyroRun, path: str | Path) -> None:
             "u_inclination", "u_azimuth", "u_toolface", "azimuth_reference",
         )
     }  # fmt: skip
+    # an angle that a station cannot have has no uncertainty
+    none = np.array([not {"channel", "up-hole"}.isdisjoint(row) for row in survey.flags])
+    none |= np.isnan(survey.azimuth) & np.array(["misfit" in row for row in survey.flags])
+    for name in ("inclination", "azimuth", "toolface"):
+        gone = none & np.isnan(getattr(survey, name))
+        columns[f"u_{name}"] = np.where(gone, np.nan, survey.u(name))
     columns["flags"] = ["|".join(row) for row in survey.flags]
     columns |= {"scale": north.scale[order], "u_scale": north.u_scale[order], "K": north.k[order]}
     columns |= {"root": [north.root[n] for n in order]}
     columns["temperature_degC"] = None if run.temperature is None else run.temperature[order]
     columns |= dict(zip(CORRECTED, np.degrees(3600.0 * run.rates[order]).T, strict=True))
-    columns |= parts_of(survey.common, survey.random) if survey.common.size else {}
+    parts = parts_of(survey.common, survey.random) if survey.common.size else {}
+    columns |= {name: np.where(none, np.nan, np.asarray(part)) for name, part in parts.items()}
     write_gyro_stations(path, columns)

@@ -15,7 +15,8 @@ from inclinometry.files.limits import GYRO_REPEAT, read_repeat_limits
 from inclinometry.files.survey_csv import read_survey_csv
 from inclinometry.gyro.result import FLAGS as GYRO_FLAGS
 from inclinometry.survey.flags import FLAGS, Check
-from inclinometry.survey.gyro import Comparison, Run, compare_runs
+from inclinometry.survey.gyro import Comparison, compare_runs
+from inclinometry.survey.run import Run
 
 MEANING = {**FLAGS, **GYRO_FLAGS}
 
@@ -29,15 +30,7 @@ SUSPECT = {
 
 
 def read_run(path: str | Path) -> Run:
-    """Stations of a survey file, azimuth from the file's own north.
-
-    Azimuth is NaN where it is missing or the station is flagged vertical.
-
-    Raises
-    ------
-    FileError
-        As `read_survey_csv`; no stations, a cell of inclination that is empty, more than one north in the file.
-    """
+    """Stations of a survey file; azimuth, from the file's own north, is NaN where missing or flagged vertical."""
     found = read_survey_csv(path)
     columns = {name: values for name, values in found.items() if not isinstance(values, tuple)}
     texts = {name: values for name, values in found.items() if isinstance(values, tuple)}
@@ -52,31 +45,13 @@ def read_run(path: str | Path) -> Run:
         )
     vertical = "vertical"  # flag of stations whose azimuth is hardly defined; it is not compared
     steep = np.array([vertical in row.split("|") for row in texts["flags"]], dtype=bool)
-    return Run(columns["md"], inclination, np.where(steep, np.nan, azimuth), norths[0])
+    return Run(columns["md"], inclination, np.where(steep, np.nan, azimuth), azimuth_reference=norths[0])
 
 
 def compare_run_files(
     in_run: str | Path, out_run: str | Path, site: Site | None = None, limits: str | Path = GYRO_REPEAT
 ) -> Comparison:
-    """Compare the survey files of an in-run and an out-run.
-
-    Parameters
-    ----------
-    in_run, out_run : str or Path
-        Survey CSV files; the columns of `gyro north` beyond the survey's are not looked at.
-    site : Site, optional
-        Brings the out-run to the north of the in-run; needed only where the files name different norths, and of the
-        site only the correction between the two.
-    limits : str or Path
-        Name of the shipped limits or a TOML file.
-
-    Raises
-    ------
-    FileError
-        As `read_run`, the same file twice.
-    InputError
-        As `compare_runs`, no correction between the two norths.
-    """
+    """Compare the survey files of an in-run and an out-run; a site is needed only where their norths differ."""
     if digest_file(in_run) == digest_file(out_run):
         raise FileError(f"this is {Path(in_run).name} again; the same run twice proves nothing", path=out_run)
     one, two = read_run(in_run), read_run(out_run)
@@ -126,7 +101,7 @@ def check_json(check: Check) -> dict[str, object]:
         "limit": check.limit * factor,
         "unit": unit,
         "stations": [row + 1 for row in check.stations],
-        "reason": check.reason,
+        "reason": str(check.reason),
         "action": check.action,
     }
 

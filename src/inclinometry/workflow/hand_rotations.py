@@ -8,11 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from inclinometry.calibration.hand_rotations import (
-    HandRotations,
-    calibrate_hand_rotations,
-    hand_rotations_calibration,
-)
+from inclinometry.calibration.hand_rotations import HandRotations, calibrate_hand_rotations, hand_rotations_calibration
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
 from inclinometry.constants import STANDARD_GRAVITY
@@ -21,7 +17,7 @@ from inclinometry.earth.site import Site
 from inclinometry.errors import FileError, IdentifiabilityError, InputError
 from inclinometry.files.log_csv import Log, read_log
 from inclinometry.files.profile import reading_with
-from inclinometry.files.table import Progress
+from inclinometry.files.text import Progress
 
 
 def calibrate_log(
@@ -34,30 +30,9 @@ def calibrate_log(
     name: str = "unnamed",
     progress: Progress | None = None,
 ) -> tuple[HandRotations, Calibration, BenchReadings]:
-    """Calibrate accelerometer and gyro of a log.
+    """Calibrate accelerometer and gyro of a log: the fit, its calibration, and the means over the rests.
 
-    Parameters
-    ----------
-    path : str or Path
-        `time_s`, accel_x to z and, unless they are in a file of their own, gyro_x to z.
-    site : Site, optional
-        Its gravity.
-    gyro_log, gyro_profile : optional
-        The gyro's own log, with the same times, and the profile it is read with.
-    specific_force : bool
-        The accelerometer reads +1 g upwards at rest.
-    name : str
-        Of the tool.
-
-    Returns
-    -------
-    HandRotations, Calibration, BenchReadings
-        The fit, the record of it, the means over the rests.
-
-    Raises
-    ------
-    FileError
-        As `read_log`; no accelerometer or gyro of three channels; a gyro with other times; a log that cannot be used.
+    `gyro_log`: the gyro's own log, with the same times. `specific_force`: the accelerometer reads +1 g upwards at rest.
     """
     log, triads, units, digest, notes = read_both(path, gyro_log, gyro_profile, progress)
     gravity = None if site is None else site.gravity

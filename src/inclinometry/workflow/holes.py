@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,31 +12,26 @@ from inclinometry.arrays import Array, Index
 from inclinometry.errors import FileError, InputError
 from inclinometry.files.columns import closest
 from inclinometry.files.holes_csv import Collar, Shots, read_collars, read_shots
-from inclinometry.files.table import Progress
+from inclinometry.files.text import Progress
+from inclinometry.findings import Finding, Value
 from inclinometry.survey.holes import Hole, drill_hole, inclination_of_dip
 from inclinometry.survey.path import Path as HolePath
 from inclinometry.survey.path import interpolate, minimum_curvature
-
-DIP_DOWN = ("positive", "negative")
-"""Signs that a dip downwards may have."""
+from inclinometry.survey.plausibility import check_run
+from inclinometry.survey.run import Run
 
 
 @dataclass(frozen=True, eq=False)
 class Holes:
-    """Many holes.
+    """Many holes by name, in the order of the file.
 
-    found : name -> Hole, in the order of the file.
-    collars : name -> east, north, elevation of the collar, m; zeros without a table of collars.
-    faults : name -> what is wrong, with its line.
-    notes, warnings : what was taken for granted, and what may be wrong.
-    inputs : name -> digest.
+    collars : east, north, elevation, m; zeros without a table of collars. faults : what is wrong with those left out.
     """
 
     found: dict[str, Hole]
     collars: dict[str, tuple[float, float, float]]
-    faults: dict[str, str]
-    notes: tuple[str, ...]
-    warnings: tuple[str, ...]
+    faults: dict[str, Finding]
+    findings: tuple[Finding, ...]
     inputs: dict[str, str]
 
 
@@ -49,25 +44,7 @@ def read_holes(
     skip_faulty: bool = False,
     progress: Progress | None = None,
 ) -> Holes:
-    """Positions of all holes of a table.
-
-    Parameters
-    ----------
-    surveys, collars : str or Path
-        As `read_shots` and `read_collars`.
-    dip_down : str, optional
-        Sign of a dip downwards, "positive" or "negative"; needed where a dip is not zero.
-    azimuth_add : float
-        rad, added to every azimuth, to count it from the north of the collars.
-    skip_faulty : bool
-        Leave faulty holes out; otherwise they are an error.
-    progress : callable, optional
-
-    Raises
-    ------
-    FileError
-        As the readers; the sign of the dip is not stated; a faulty hole, or with `skip_faulty` none that is sound.
-    """
+    """Positions of all holes of a table; `azimuth_add` (rad) brings azimuths to the north of the collars."""
     shots = read_shots(surveys, progress)
     inclination = _inclinations(shots, dip_down)
     known, inputs = None, {Path(surveys).name: shots.table.digest}
@@ -76,33 +53,47 @@ def read_holes(
         inputs[Path(collars).name] = table.digest
     found: dict[str, Hole] = {}
     starts: dict[str, tuple[float, float, float]] = {}
-    faults: dict[str, str] = {}
+    faults: dict[str, Finding] = {}
+    doubts: list[Finding] = []
     for name, rows in shots.rows.items():
         try:
             collar = None if known is None else _collar(name, known, Path(collars or ""))
-            found[name] = _hole(shots, inclination, rows, azimuth_add, None if collar is None else collar.end)
+            run = _shots(shots, inclination, rows, azimuth_add)
+            end = None if collar is None or np.isnan(collar.end) else collar.end
+            found[name] = drill_hole(run.md, run.inclination, run.azimuth, end)
             starts[name] = (0.0, 0.0, 0.0) if collar is None else (collar.east, collar.north, collar.elevation)
+            doubts += [Finding("holes-doubt", {"hole": name, "finding": one}) for one in check_run(run)]
         except InputError as error:
-            faults[name] = str(error)
+            row = error.finding.rows[0] if error.finding is not None and error.finding.rows else 0
+            values: dict[str, Value] = {"hole": name, "line": int(shots.table.lines[rows[row]])}
+            faults[name] = Finding("holes-left-out", values | {"fault": error.finding or f"{error}."})
     if faults and not (skip_faulty and found):
-        raise FileError(_all_faults(faults, len(shots.rows), skip_faulty), path=surveys)
-    alone = [] if known is None else [name for name in known if name not in shots.rows]
-    warned = [f"hole {name} left out: {fault}" for name, fault in faults.items()]
-    if alone:
-        shown = ", ".join(alone[:8]) + (", ..." if len(alone) > 8 else "")
-        warned.append(f"{len(alone)} of the collars have no shots in {Path(surveys).name}: {shown}")
-    return Holes(found, starts, faults, _notes(found, known is not None, azimuth_add), tuple(warned), inputs)
+        first = dict(next(iter(faults.values())).values)
+        if skip_faulty:
+            raise FileError(Finding("holes-none-left", first, severity="refused"), path=surveys)
+        first |= {"count": len(faults), "total": len(shots.rows), "names": _some(faults)}
+        raise FileError(Finding("holes-faulty", first, severity="refused"), path=surveys)
+    said = [*faults.values(), *doubts]
+    if alone := [name for name in known or () if name not in shots.rows]:
+        said.append(Finding("holes-collar-alone", {"count": len(alone), "names": _some(alone)}))
+    if known is None:
+        said.append(Finding("holes-no-collars", severity="note"))
+    said.append(Finding("holes-north", {"added_deg": float(np.degrees(azimuth_add))}, severity="note"))
+    for where in ("single shot", "first shot", "last shot"):
+        if names := [name for name, hole in found.items() if where in hole.straight]:
+            straight: dict[str, Value] = {"where": where, "count": len(names), "names": _some(names)}
+            said.append(Finding("holes-straight", straight, severity="note"))
+    return Holes(found, starts, faults, tuple(said), inputs)
+
+
+def _some(names: Iterable[str]) -> str:
+    """Up to eight of many names."""
+    shown = list(names)
+    return ", ".join(shown[:8]) + (", ..." if len(shown) > 8 else "")
 
 
 def positions_every(path: HolePath, step: float) -> HolePath:
-    """Points of a path at every `step` m, with its stations: the same curve.
-
-    Examples
-    --------
-    >>> path = minimum_curvature([0.0, 30.0], [0.0, 0.0], [0.0, 0.0])
-    >>> positions_every(path, 10.0).tvd.tolist()
-    [0.0, 10.0, 20.0, 30.0]
-    """
+    """Points of a path at every `step` m, with its stations: the same curve."""
     grid = np.arange(1, int(path.md[-1] / step) + 1) * step
     # a grid point that is a station, but for rounding, is that station
     near = np.abs(grid[:, None] - path.md[np.searchsorted(path.md, grid)[:, None].clip(1, len(path) - 1) + [-1, 0]])
@@ -123,69 +114,42 @@ def _inclinations(shots: Shots, dip_down: str | None) -> Array:
     there = np.degrees(dip[np.isfinite(dip)])
     if dip_down is None and there.any():
         low, high = float(there.min()), float(there.max())
-        raise shots.table.error(
-            f"dips are {low:g} to {high:g} deg, and nothing says which sign is downwards; state "
-            "--dip-down negative (as in most mines: -90 straight down) or --dip-down positive"
-        )
+        values: dict[str, Value] = {"low_deg": low, "high_deg": high}
+        raise shots.table.error(Finding("holes-dip-sign", values, severity="refused"))
     sound = np.where(np.isfinite(dip), dip, 0.0)
     return np.where(np.isfinite(dip), inclination_of_dip(sound, down_positive=dip_down == "positive"), np.nan)
 
 
 def _collar(name: str, known: Mapping[str, list[Collar]], path: Path) -> Collar:
     if name not in known:
-        near = closest(name, list(known), 0.8)
-        raise InputError(f"no collar in {path.name}" + (f" (is it {near!r} there?)" if near else ""))
+        other = closest(name, list(known), 0.8)
+        near = Finding("holes-collar-near", {"name": other}) if other else ""
+        raise InputError(Finding("holes-collar-missing", {"file": path.name, "near": near}, severity="refused"))
     if len(known[name]) > 1:
-        raise InputError(
-            f"{len(known[name])} collars in {path.name}, lines {', '.join(str(c.line) for c in known[name])}"
-        )
+        lines = ", ".join(str(one.line) for one in known[name])
+        raise InputError(Finding("holes-collar-double", {"file": path.name, "lines": lines}, severity="refused"))
     return known[name][0]
 
 
-def _hole(shots: Shots, inclination: Array, rows: Index, azimuth_add: float, end: float | None) -> Hole:
-    """One hole; InputError with the line of its first fault."""
-    lines = shots.table.lines[rows].tolist()
+def _shots(shots: Shots, inclination: Array, rows: Index, azimuth_add: float) -> Run:
+    """The shots of one hole as a run; InputError at its first fault, whose row counts within the hole."""
     depth, slope, heading = shots.depth[rows], inclination[rows], shots.azimuth[rows]
-    angle = "dip" if shots.inclination is None else "inclination"
-    low = slope if shots.inclination is not None else slope - 0.5 * np.pi
-    limit = np.pi if shots.inclination is not None else 0.5 * np.pi
     # straight up or down every azimuth is the same direction
     heading = np.where(np.isnan(heading) & (np.sin(slope) < 1e-9), -azimuth_add, heading)
-    for k, line in enumerate(lines):
-        for name, value in (("depth", depth[k]), (angle, slope[k]), ("azimuth", heading[k])):
-            if np.isnan(value):
-                raise InputError(f"line {line}: {name} is empty")
-        if abs(low[k]) > limit + 1e-9 or slope[k] < -1e-9:
-            raise InputError(f"line {line}: {angle} is beyond {np.degrees(limit):g} deg")
-        if abs(heading[k]) > 2.0 * np.pi + 1e-9:
-            raise InputError(f"line {line}: azimuth is {np.degrees(heading[k]):g} deg, allowed -360 to 360")
+    angle, stated = ("inclination", slope) if shots.dip is None else ("dip", shots.dip[rows])
+    bounds = {angle: (0.0 if shots.dip is None else -90.0, 180.0 if shots.dip is None else 90.0)}
+    bounds["azimuth"] = (-360.0, 360.0)
+    columns = {"depth": depth, angle: stated, "azimuth": heading}
+    for k in range(len(rows)):
+        for what, column in columns.items():
+            low, high = np.radians(bounds.get(what, (-np.inf, np.inf)))
+            if np.isnan(column[k]):
+                raise InputError(Finding("holes-cell-empty", {"what": what}, (k,), "refused"))
+            if not low - 1e-9 <= column[k] <= high + 1e-9:
+                values: dict[str, Value] = {"what": what, "value_deg": float(np.degrees(column[k]))}
+                values |= {"low_deg": bounds[what][0], "high_deg": bounds[what][1]}
+                raise InputError(Finding("holes-angle-range", values, (k,), "refused"))
         if k and depth[k] <= depth[k - 1]:
-            what = "again" if depth[k] == depth[k - 1] else f"after {depth[k - 1]:g} m"
-            raise InputError(f"line {line}: depth {depth[k]:g} m {what}; depths must increase from row to row")
-    try:
-        return drill_hole(
-            depth, slope.clip(0.0, np.pi), heading + azimuth_add, None if end is None or np.isnan(end) else end
-        )
-    except InputError as error:
-        raise InputError(f"line {lines[0]}: {error}") from None
-
-
-def _all_faults(faults: Mapping[str, str], total: int, skipped: bool) -> str:
-    shown = [f"{name} ({fault})" for name, fault in list(faults.items())[:5]]
-    more = f" and {len(faults) - 5} more" if len(faults) > 5 else ""
-    remedy = "none is left" if skipped else "correct them, or leave them out by --skip-faulty"
-    return f"{len(faults)} of {total} hole(s) faulty: {'; '.join(shown)}{more}; {remedy}"
-
-
-def _notes(found: Mapping[str, Hole], collars: bool, azimuth_add: float) -> tuple[str, ...]:
-    notes = [] if collars else ["no collars: every hole begins at 0, 0, 0"]
-    turned = f", {np.degrees(azimuth_add):+g} deg added" if azimuth_add else ""
-    notes.append(f"east and north are counted from the north of the azimuths as given{turned}")
-    straight: dict[str, list[str]] = {}
-    for name, hole in found.items():
-        for text in hole.notes:
-            straight.setdefault(text.partition(" at ")[0], []).append(name)
-    for text, names in straight.items():
-        shown = ", ".join(names[:8]) + (", ..." if len(names) > 8 else "")
-        notes.append(f"{text}: {len(names)} hole(s), {shown}")
-    return tuple(notes)
+            values = {"md_m": float(depth[k]), "last_m": float(depth[k - 1])}
+            raise InputError(Finding("holes-depth-order", values, (k,), "refused"))
+    return Run(depth, slope.clip(0.0, np.pi), heading + azimuth_add)

@@ -21,18 +21,7 @@ JOINT, FIXED, PATENT = "joint, scale followed", "uncompensated", "patent, closed
 def reduce_hot_run(run: HotRun) -> tuple[dict[str, North], dict[str, Array], ScaleTrack]:
     """North by the classical closed form with scale 1, by the patent's, and jointly with the scale followed.
 
-    Returns
-    -------
-    dict, dict, ScaleTrack
-        Method -> North; method -> azimuth found less true azimuth (n,), rad, NaN where it fails; the scale factor of
-        `JOINT`.
-
-    Examples
-    --------
-    >>> from inclinometry.simulate.gyro import hot_run
-    >>> _, errors, _ = reduce_hot_run(hot_run(8))
-    >>> {name: round(value, 2) for name, value in rms_degrees([errors]).items()}
-    {'uncompensated': 0.25, 'patent, closed form': 0.27, 'joint, scale followed': 0.08}
+    Returned by method: north; azimuth found less true (n,), rad, NaN where it fails; then the scale factor of `JOINT`.
     """
     size = len(run.a)
     high = np.stack([run.a, run.b], axis=1)
@@ -54,8 +43,7 @@ def reduce_hot_run(run: HotRun) -> tuple[dict[str, North], dict[str, Array], Sca
             *readings,
             gravity_covariance=down,
             rate_covariance=turning,
-            scale=track.expected,
-            scale_sd=track.expected_sd,
+            scale=track.law,
         ),
     }
     errors = {name: wrap_signed(found.azimuth - run.azimuth) for name, found in stations.items()}

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any, Final
 
 import numpy as np
 
@@ -61,73 +62,45 @@ def plan_file(name: str) -> Path | None:
     return None if name in PLANS or name == "optimal" else Path(name)
 
 
-def make_plan(
-    name: str,
-    *,
-    number: int | None = None,
-    inclination_range: tuple[float, float] | None = None,
-    criterion: str | None = None,
-    rig_sd: float | None = None,
-    dip: float | None = None,
-    first_inclination: float | None = None,
-    azimuth: float | None = None,
-    rolls: int | None = None,
-    azimuths: int | None = None,
-    seed: int | None = None,
-    progress: Callable[[float], None] | None = None,
-) -> Plan:
-    """A plan by name; angles in rad.
+USUAL: Final[Mapping[str, Mapping[str, Any]]] = {
+    "twelve": {"rolls": 3, "azimuths": 3},
+    "rotations": {"first_inclination": FIRST_INCLINATION, "azimuth": 0.0, "rolls": 8},
+    "optimal": {
+        "number": 24,
+        "inclination_range": INCLINATION_RANGE,
+        "criterion": "azimuth",
+        "rig_sd": RIG_SD,
+        "dip": DIP,
+        "seed": 1,
+    },
+}
+"""What a plan can be told, and what it takes when it is not: of a usual stand and tool, rad; the others are fixed."""
+
+
+def make_plan(name: str, *, progress: Callable[[float], None] | None = None, **given: Any) -> Plan:
+    """A plan by name; `given`: what `USUAL` names, None for what is not said.
 
     Raises
     ------
     InputError
         An unknown name or criterion; an option that the plan has no use for.
     """
-    given = {
-        "number": number,
-        "inclination_range": inclination_range,
-        "criterion": criterion,
-        "rig_sd": rig_sd,
-        "dip": dip,
-        "first_inclination": first_inclination,
-        "azimuth": azimuth,
-        "rolls": rolls,
-        "azimuths": azimuths,
-        "seed": seed,
-    }
-    # what each plan can be told; the others are fixed
-    uses = {
-        "twelve": {"rolls", "azimuths"},
-        "rotations": {"first_inclination", "azimuth", "rolls"},
-        "optimal": {"number", "inclination_range", "criterion", "rig_sd", "dip", "seed"},
-    }
-    in_degrees = ("inclination_range", "rig_sd", "dip", "first_inclination", "azimuth")
-    for option, value in given.items():
-        if value is not None and option not in uses.get(name, ()):
-            flag = option.replace("_", "-") + ("-deg" if option in in_degrees else "")
-            users = ", ".join(plan for plan, used in uses.items() if option in used)
-            raise InputError(f"plan {name} has no use for --{flag}; leave it out (it is for {users})")
+    known = USUAL.get(name, {})
+    said = {option: value for option, value in given.items() if value is not None}
+    for option in (one for one in said if one not in known):
+        of_angles = option in ("inclination_range", "rig_sd", "dip", "first_inclination", "azimuth")
+        flag = option.replace("_", "-") + ("-deg" if of_angles else "")
+        users = ", ".join(plan for plan, used in USUAL.items() if option in used)
+        raise InputError(f"plan {name} has no use for --{flag}; leave it out (it is for {users})")
+    chosen = {**known, **said}
     if name == "twelve":
-        return plans.twelve(3 if rolls is None else rolls, 3 if azimuths is None else azimuths)
+        return plans.twelve(**chosen)
     if name == "rotations":
-        return plans.rotations(
-            FIRST_INCLINATION if first_inclination is None else first_inclination,
-            0.0 if azimuth is None else azimuth,
-            8 if rolls is None else rolls,
-        )
+        return plans.rotations(**chosen)
     if name != "optimal":
         return plan_named(name)
-    # the optimal plan; what was not said has the values of a usual stand and tool
-    aim = "azimuth" if criterion is None else criterion
+    aim = chosen["criterion"]
     if aim not in CRITERIA:
         raise InputError(f"criterion {aim!r} is unknown; allowed: {', '.join(CRITERIA)}")
-    work = INCLINATION_RANGE if inclination_range is None else inclination_range
-    return optimal_plan(
-        24 if number is None else number,
-        inclination_range=aimed_range(work, aim),
-        criterion=CRITERIA[aim],
-        rig_sd=RIG_SD if rig_sd is None else rig_sd,
-        dip=DIP if dip is None else dip,
-        seed=1 if seed is None else seed,
-        progress=progress,
-    )
+    aimed = {"inclination_range": aimed_range(chosen["inclination_range"], aim), "criterion": CRITERIA[aim]}
+    return optimal_plan(chosen.pop("number"), **{**chosen, **aimed}, progress=progress)

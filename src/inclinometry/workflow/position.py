@@ -4,49 +4,47 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 
+from inclinometry.arrays import Array
 from inclinometry.calibration.result import Calibration
 from inclinometry.digest import digest_file
 from inclinometry.earth.site import Site, convert_azimuth
-from inclinometry.errors import FileError, InputError
+from inclinometry.errors import FileError, InputError, SiteError, settled
 from inclinometry.files.errors_json import read_errors
-from inclinometry.files.position_csv import WellStations, read_well
+from inclinometry.files.position_csv import Listed, WellStations, read_well
 from inclinometry.files.site_toml import read_site
 from inclinometry.files.survey_csv import RawSurvey, read_raw_survey
-from inclinometry.files.table import Progress
+from inclinometry.files.text import Progress
 from inclinometry.files.tool_code_json import load_tool_code
 from inclinometry.files.tool_json import read_calibration
+from inclinometry.findings import Finding
 from inclinometry.position.certificate import with_terms
 from inclinometry.position.propagation import AngleRun, MatrixSource, PositionUncertainty, gyro_sources, propagate
 from inclinometry.position.tool_code import ToolCode
 from inclinometry.position.well import WellSurvey, well_survey
-from inclinometry.rotations import wrap_signed
 from inclinometry.survey.from_tool import stations_from_tool
 from inclinometry.survey.path import Path as WellPath
 from inclinometry.survey.path import dogleg_severity_deg, minimum_curvature
-from inclinometry.survey.plausibility import Run, doubts, settle
+from inclinometry.survey.plausibility import check_run
 from inclinometry.survey.reduce import SensorCorrection
+from inclinometry.survey.run import Run
 from inclinometry.workflow.age import Age, at_the_run
 from inclinometry.workflow.calibration_error_model import calibration_error_model
 from inclinometry.workflow.corrections import matching_correction
-from inclinometry.workflow.field import completed, model_of
+from inclinometry.workflow.field import completed, declination_doubts
 
 
 @dataclass(frozen=True, eq=False)
 class WellPosition:
-    """A well's path and its uncertainty.
+    """A well's path, azimuths and positions from `survey.north`, and its uncertainty, None without an error model.
 
-    path : inclinometry.survey.path.Path, azimuths and positions from `survey.north`.
-    survey : WellSurvey
-    uncertainty : PositionUncertainty, or None without an error model.
     azimuth_reference : the north the file's azimuths count from.
-    tool_code : ToolCode, where one is the error model; calibration : name of the tool, where its certificate is.
-    notes : what was taken for granted; warnings : what may be wrong.
-    inputs : name -> digest.
+    tool_code, calibration : the error model, or the name of the tool whose certificate it is.
     """
 
     path: WellPath
@@ -58,6 +56,13 @@ class WellPosition:
     notes: Sequence[str] = ()
     warnings: Sequence[str] = ()
     inputs: Mapping[str, str] = field(default_factory=dict)
+    findings: tuple[Finding, ...] = ()
+
+    @property
+    def told(self) -> dict[str, Any]:
+        """What a report takes beside path, survey and uncertainty."""
+        names = ("azimuth_reference", "tool_code", "calibration", "notes", "warnings", "inputs")
+        return {name: getattr(self, name) for name in names}
 
 
 def read_position(
@@ -73,7 +78,7 @@ def read_position(
     tie_on: tuple[float, float, float] | None = None,
     tie_sigma: tuple[float, float, float] | None = None,
     north: str | None = None,
-    trusted: Sequence[str] = (),
+    ignored: Sequence[str] = (),
     progress: Progress | None = None,
 ) -> WellPosition:
     """Positions of a well from files.
@@ -96,14 +101,18 @@ def read_position(
         errors.json of the gyro run that the survey is: the error model of its angles.
     age : Age
         Of the calibration at the run; a year where nothing tells it.
-    tie_on, tie_sigma, north, trusted
-        As `well_position`.
+    tie_on, tie_sigma : (3,) float, optional
+        North, east, true vertical depth of the first station (0, 0, its md), and their standard deviations, m.
+    north : str, optional
+        What positions count from; the site's, where that is magnetic grid for grid azimuths, else true.
+    ignored : sequence of str
+        Codes or groups of findings that do not refuse the survey.
     progress : callable, optional
 
     Raises
     ------
     InputError, FileError
-        As the readers and `well_position`.
+        As the readers; a survey that cannot be true; a site that lacks what the norths or the error model need.
     """
     stations = read_well(survey, progress=progress)
     site, said = completed(Site() if site_path is None else read_site(site_path))
@@ -113,99 +122,9 @@ def read_position(
         calibration, old = at_the_run(read_calibration(tool), tool, site, age, otherwise=1.0)
         said = [*said, *old]
     channels = None if raw is None else read_raw_survey(raw)
-    correction: SensorCorrection | None = None
-    warned: list[str] = []
-    if corrections is not None and calibration is not None and channels is not None and tool is not None:
-        # a stored correction that may be used for these raw channels, and what speaks against it
-        seen = stations_from_tool(
-            channels.md, channels.channels, calibration.tool, temperature=channels.temperature, g=site.gravity, b=site.b
-        )
-        correction, warned = matching_correction(
-            corrections, calibration.tool.name, {"tool": digest_file(tool), "raw": channels.digest}, seen
-        )
-    found = well_position(
-        stations,
-        site,
-        code,
-        calibration,
-        channels,
-        correction,
-        None if errors is None else read_errors(errors),
-        tie_on=tie_on,
-        tie_sigma=tie_sigma,
-        north=north,
-        trusted=trusted,
-        site_path=site_path,
-    )
-    files = {
-        "site": site_path,
-        "tool code": tool_code,
-        "tool": tool,
-        "raw": raw,
-        "corrections": corrections,
-        "errors": errors,
-    }
-    read = {name: path for name, path in files.items() if path is not None and Path(path).is_file()}
-    digests = {name: digest_file(path) for name, path in read.items()}
-    warnings = (*warned, *found.warnings)
-    return replace(found, notes=(*said, *found.notes), warnings=warnings, inputs={**found.inputs, **digests})
-
-
-def well_position(
-    stations: WellStations,
-    site: Site,
-    tool_code: ToolCode | None = None,
-    calibration: Calibration | None = None,
-    raw: RawSurvey | None = None,
-    correction: SensorCorrection | None = None,
-    run: AngleRun | None = None,
-    *,
-    tie_on: tuple[float, float, float] | None = None,
-    tie_sigma: tuple[float, float, float] | None = None,
-    north: str | None = None,
-    trusted: Sequence[str] = (),
-    site_path: str | Path | None = None,
-) -> WellPosition:
-    """Positions of a well by minimum curvature, with their covariance where there is an error model.
-
-    Parameters
-    ----------
-    stations : WellStations
-        From `read_well`.
-    site : Site
-        Completed with what the error model needs.
-    tool_code : ToolCode, optional
-        The error model.
-    calibration : Calibration, optional
-        Its covariance is the error model, beside which the tool code tells of other things than the sensors.
-    raw : RawSurvey, optional
-        The raw channels of the same stations; without them the fields are those of the site.
-    correction : SensorCorrection, optional
-        Of the multi-station analysis that the survey was corrected with.
-    run : AngleRun, optional
-        The gyro run that the stations are, with what may be wrong with its angles; no calibration goes beside it. The
-        tool code then tells of depth, misalignment, sag and the course between stations.
-    tie_on : (3,) floats, optional
-        North, east and true vertical depth of the first station, m; 0, 0 and its measured depth where not given.
-    tie_sigma : (3,) floats, optional
-        Their standard deviations, m.
-    north : {"true", "grid"}, optional
-        What positions count from; else the site's north_reference, and where that is magnetic grid for grid azimuths
-        and true for others.
-    trusted : sequence of str
-        Names of `inclinometry.survey.plausibility.CHECKS` that are overruled.
-    site_path : str or Path, optional
-        The site's file, for messages.
-
-    Raises
-    ------
-    InputError
-        A run that cannot be true (`inclinometry.survey.plausibility.doubts`).
-    FileError
-        A declination or another value that is lacking, naming the site's file; stations the model is not made for.
-    """
-    found = doubts(Run(stations.md, stations.inclination, stations.azimuth))
-    implausible = settle(found, trusted, stations.path)
+    correction, warned = _stored(corrections, tool, calibration, channels, site)
+    checked = check_run(Run(stations.md, stations.inclination, stations.azimuth))
+    findings = settled(checked, ignored, stations.path)
     grid_or_true = "grid" if stations.azimuth_reference == "grid" else "true"
     target = north or (grid_or_true if site.north_reference == "magnetic" else site.north_reference)
     try:
@@ -214,29 +133,69 @@ def well_position(
         turned = convert_azimuth(stations.azimuth, stations.azimuth_reference, target, site)
         path = minimum_curvature(stations.md, stations.inclination, turned, start=start)
         tie = None if tie_sigma is None else np.diag(np.square(np.asarray(tie_sigma, dtype=np.float64)))
-        seen = (stations.md, stations.inclination, stations.azimuth)
-        well = well_survey(*seen, site, stations.azimuth_reference, tvd=path.tvd, north=target, tie=tie)
+        angles = (stations.md, stations.inclination, stations.azimuth)
+        well = well_survey(*angles, site, stations.azimuth_reference, tvd=path.tvd, north=target, tie=tie)
     except InputError as error:
         raise _of_site(error, site_path) from None
-    sources: Sequence[MatrixSource] = ()
-    code = tool_code
-    notes: list[str] = []
-    warnings: list[str] = []
-    uncertainty = None
+    model: _Model = ((), code, [], [])
     try:
         if calibration is not None:
-            sources, code, notes, warnings = calibration_error_model(
-                calibration, well, stations, raw, tool_code, correction
-            )
-        if run is not None:
-            sources, code, notes, warnings = _of_run(run, well, tool_code)
-        if code is not None or sources:
-            uncertainty = propagate(well, code, sources)
+            model = calibration_error_model(calibration, well, stations, channels, code, correction)
+        if errors is not None:
+            model = _of_run(read_errors(errors), well, code)
+        sources, code, notes, warnings = model
+        uncertainty = propagate(well, code, sources) if code is not None or sources else None
+    except FileError:
+        raise
+    except SiteError as error:
+        raise _of_site(error, site_path) from None
     except InputError as error:
-        if "the site" in str(error):
-            raise _of_site(error, site_path) from None
-        # what is doubted of the whole run explains what a formula says of one station
-        raise FileError("; ".join([*implausible, str(error)]), path=stations.path) from None
+        # a mistake in the whole run explains what a formula says of one station
+        raise FileError(" ".join(map(str, [*findings, error])), path=stations.path) from None
+    agreed, doubt = _against_listed(stations, site)
+    said = [*said, *_of_start(stations, tie_on), *agreed]
+    if uncertainty is None:
+        said.append("no tool code and no calibration was given: positions only, their uncertainty is left blank")
+    files = {"site": site_path, "tool code": tool_code, "tool": tool, "raw": raw}
+    files |= {"corrections": corrections, "errors": errors}
+    read = {name: file for name, file in files.items() if file is not None and Path(file).is_file()}
+    name = None if calibration is None else calibration.tool.name
+    return WellPosition(
+        path,
+        well,
+        uncertainty,
+        stations.azimuth_reference,
+        code,
+        "the tool" if name in ("", "unnamed") else name,
+        [*said, *notes],
+        (*warned, *(() if findings else _sharp(stations, path)), *declination_doubts(site), *warnings, *doubt),
+        {"survey": stations.digest} | {name: digest_file(file) for name, file in read.items()},
+        findings,
+    )
+
+
+_Model: TypeAlias = tuple[Sequence[MatrixSource], ToolCode | None, list[str], list[str]]
+"""Sources of error, the tool code beside them, notes, warnings."""
+
+
+def _stored(
+    path: str | Path | None,
+    tool: str | Path | None,
+    calibration: Calibration | None,
+    raw: RawSurvey | None,
+    site: Site,
+) -> tuple[SensorCorrection | None, list[str]]:
+    """A stored correction, where one is given, that may be used for these raw channels, and what speaks against it."""
+    if path is None or tool is None or calibration is None or raw is None:
+        return None, []
+    seen = stations_from_tool(
+        raw.md, raw.channels, calibration.tool, temperature=raw.temperature, g=site.gravity, b=site.b
+    )
+    return matching_correction(path, calibration.tool.name, {"tool": digest_file(tool), "raw": raw.digest}, seen)
+
+
+def _of_start(stations: WellStations, tie_on: tuple[float, float, float] | None) -> list[str]:
+    """Where the path begins where nothing says it, and rows without angles."""
     said = []
     if tie_on is None and stations.md[0] > 0.0:
         first = f"{stations.md[0]:g} m"
@@ -247,29 +206,10 @@ def well_position(
     if stations.left_out:
         number, line = len(stations.left_out), stations.left_out[0]
         said.append(f"rows without inclination and azimuth were left out: {number}, the first in line {line}")
-    if stations.listed is not None:
-        agreed, doubt = _against_listed(stations)
-        said += agreed
-        warnings = [*warnings, *doubt]
-    if uncertainty is None:
-        said.append("no tool code and no calibration was given: positions only, their uncertainty is left blank")
-    name = None if calibration is None else calibration.tool.name
-    return WellPosition(
-        path,
-        well,
-        uncertainty,
-        stations.azimuth_reference,
-        code,
-        "the tool" if name in ("", "unnamed") else name,
-        [*said, *notes],
-        (*(implausible or _sharp(stations, path)), *_declination_doubts(site), *warnings),
-        {"survey": stations.digest},
-    )
+    return said
 
 
-def _of_run(
-    run: AngleRun, well: WellSurvey, code: ToolCode | None
-) -> tuple[Sequence[MatrixSource], ToolCode | None, list[str], list[str]]:
+def _of_run(run: AngleRun, well: WellSurvey, code: ToolCode | None) -> _Model:
     """The error model that a gyro run is, with what of a tool code is about other things than its angles' sensors."""
     sources = gyro_sources(run, well)
     if code is None:
@@ -291,26 +231,102 @@ def _of_site(error: InputError, path: str | Path | None) -> InputError:
     return FileError(str(error), path=path)
 
 
-def _against_listed(stations: WellStations) -> tuple[list[str], list[str]]:
-    """A note or a warning on the positions that the file states beside the angles, by the north of its azimuths."""
+_AXES: Final = {"north": "north", "east": "east", "tvd": "true vertical depth"}
+
+
+def _listed_paths(stations: WellStations, site: Site) -> tuple[list[tuple[Listed, WellPath]], list[str]]:
+    """The positions that the file states, each with the path it is compared with, and notes on what is not compared."""
+    listed = [one for one in stations.listed if not np.isnan(one.values).all()]
+    lacking = [name for axis, name in _AXES.items() if axis not in [one.axis for one in listed]]
+    notes = []
+    if lacking and (listed or stations.unread):
+        notes.append(
+            "no column with a known name, a unit and numbers, therefore not compared with the path: "
+            f"{', '.join(lacking)}"
+        )
     own = minimum_curvature(stations.md, stations.inclination, stations.azimuth)
-    computed = np.stack([own.north, own.east, own.tvd], axis=1)
-    away = np.zeros(len(stations))
-    for listed, found in zip(np.asarray(stations.listed).T, computed.T, strict=True):
-        there = np.flatnonzero(~np.isnan(listed))
-        if there.size:
-            moved = listed[there] - found[there]
-            away[there] = np.maximum(away[there], np.abs(moved - moved[0]))
-    # angles to a tenth of a degree, depths and positions to a tenth of a metre
-    excess = away - 0.2 - 2e-3 * (stations.md - stations.md[0])
-    row = int(np.argmax(excess))
-    if excess[row] > 0.0:
-        return [], [
-            f"the positions in the file are {away[row]:.2f} m from the path by minimum curvature at md "
-            f"{stations.md[row]:g} m (line {stations.lines[row]}), and the latter is given out: another method or "
-            "north, or a typing error?"
-        ]
-    return [f"the positions in the file agree with the path by minimum curvature within {away.max():.2f} m"], []
+    # farther from their origin than the well is long: counted from grid north
+    on_map = [one.axis != "tvd" and np.nanmin(np.abs(one.values)) > stations.md[-1] for one in listed]
+    if not any(on_map) or stations.azimuth_reference == "grid":
+        return [(one, own) for one in listed], notes
+    try:
+        azimuth = convert_azimuth(stations.azimuth, stations.azimuth_reference, "grid", site)
+    except InputError:
+        notes.append(
+            "map coordinates in the file were not compared with the path: this needs azimuths from grid north, or a "
+            "site with declination and convergence"
+        )
+        return [(one, own) for one, far in zip(listed, on_map, strict=True) if not far], notes
+    grid = minimum_curvature(stations.md, stations.inclination, azimuth)
+    return [(one, grid if far else own) for one, far in zip(listed, on_map, strict=True)], notes
+
+
+def _against_listed(stations: WellStations, site: Site) -> tuple[list[str], list[str]]:
+    """Notes and warnings on the positions that the file states beside the angles, counted from their first row."""
+    md = stations.md
+    listed, notes = _listed_paths(stations, site)
+    warned: list[str] = []
+    left: set[str] = set()
+    of_axis = [[pair for pair in listed if pair[0].axis == axis] for axis in ("north", "east")]
+    for (north, path), (east, _) in zip(*of_axis, strict=False):
+        rows = _exchanged(north.values, east.values, path)
+        if rows:
+            left |= {north.name, east.name}
+            warned.append(
+                f"columns {north.name!r} and {east.name!r} are exchanged at {len(rows)} of {len(md)} stations, first "
+                f"at md {md[rows[0]]:g} m (line {stations.lines[rows[0]]}): they agree with the path the other way "
+                "round; correct the file"
+            )
+    worst, agreed = (0.0, ""), []
+    for one, path in listed:
+        if one.name in left:
+            continue
+        there = np.flatnonzero(~np.isnan(one.values))
+        if there.size < 2:  # positions count from the first: one alone is compared with nothing
+            notes.append(f"{_AXES[one.axis]} is in the file at {there.size} stations: not compared with the path")
+            continue
+        moved = (one.values - getattr(path, one.axis))[there]
+        away = np.abs(moved - moved[0])
+        # angles to a tenth of a degree, depths and positions to a tenth of a metre
+        excess = away - 0.2 - 2e-3 * (md[there] - md[0])
+        row = int(np.argmax(excess))
+        if excess[row] > worst[0]:
+            at = there[row]
+            text = (
+                f"the positions in the file ({_AXES[one.axis]}) are {away[row]:.2f} m from the path by minimum "
+                f"curvature at md {md[at]:g} m (line {stations.lines[at]}), and the latter is given out: another "
+                "method or north, or a typing error?"
+            )
+            worst = float(excess[row]), text
+        if there.size == len(md):
+            agreed.append(f"{_AXES[one.axis]} within {away.max():.2f} m")
+        else:
+            agreed.append(f"{_AXES[one.axis]} within {away.max():.2f} m at {there.size} of {len(md)} stations")
+    if worst[1]:
+        return notes, [*warned, worst[1]]
+    if agreed:
+        notes.insert(0, f"the file agrees with the path by minimum curvature: {', '.join(agreed)}")
+    return notes, warned
+
+
+def _exchanged(north: Array, east: Array, path: WellPath) -> list[int]:
+    """Stations at which north and east stand in each other's column, by how they go on from the station above."""
+    there = np.flatnonzero(~np.isnan(north + east))
+    listed, own = np.stack([north, east], axis=1)[there], np.stack([path.north, path.east], axis=1)[there]
+    straight, across = listed - own, listed[:, ::-1] - own
+    far = 0.2 + 2e-3 * np.diff(path.md[there])
+    found, last = [], straight[0] if there.size else None
+    for k in range(1, there.size):
+        ahead, turned = (float(np.hypot(*(one[k] - last))) for one in (straight, across))
+        exchanged = ahead > far[k - 1] and turned < min(far[k - 1], 0.25 * ahead)
+        found += [int(there[k])] if exchanged else []
+        last = across[k] if exchanged else straight[k]
+    if not found and there.size > 1:  # all of them, in steps too short to tell
+        allowed = 0.2 + 2e-3 * (path.md[there] - path.md[there[0]])
+        off, back = (np.hypot(*(one - one[0]).T) for one in (straight, across))
+        if (off > allowed).any() and (back <= allowed).all() and back.max() < 0.25 * off.max():
+            return there.tolist()
+    return found
 
 
 def _sharp(stations: WellStations, path: WellPath) -> list[str]:
@@ -324,29 +340,4 @@ def _sharp(stations: WellStations, path: WellPath) -> list[str]:
     return [
         f"dogleg severity {severity[row]:.0f} deg/30 m at md {stations.md[row]:g} m (line {stations.lines[row]}): "
         "a typing error, or depths in another unit?"
-    ]
-
-
-def _declination_doubts(site: Site) -> list[str]:
-    """The declination against the model of the place."""
-    # a given declination held against the model of the place, where that is known: a wrong sign shows
-    place = (site.latitude, site.longitude, site.date)
-    if site.declination is None or site.origin("declination") != "given" or None in place:
-        return []
-    latitude, longitude, date = site.latitude or 0.0, site.longitude or 0.0, site.date
-    try:
-        if date is None:
-            return []
-        found = model_of(date)(latitude, longitude, site.height_m or 0.0, date)
-    except InputError:
-        return []  # a date that no model covers: nothing to hold it against
-    expected, sigma = float(found.declination), float(found.declination_sigma)
-    away = abs(float(wrap_signed(site.declination - expected)))
-    if away <= max(3.0 * sigma, np.radians(1.0)):
-        return []
-    turned = abs(float(wrap_signed(-site.declination - expected))) < 0.5 * away
-    doubt = "; its sign looks wrong (east is positive)" if turned else "; check it"
-    return [
-        f"the site's declination is {np.degrees(site.declination):+.2f} deg, {found.model} gives "
-        f"{np.degrees(expected):+.2f} ± {np.degrees(sigma):.2f} deg there{doubt}",
     ]

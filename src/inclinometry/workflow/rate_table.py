@@ -31,11 +31,10 @@ NEAR = 1.2
 CLEAR = 3.0
 """Residuals smaller by this factor with another rate: the stated rate is wrong. No noise does that."""
 
-_TURN = float(np.degrees(1.0))
 RATE_MISTAKES = {
     -1.0: "rate_deg_s has the other sign; it is positive clockwise seen from above",
-    _TURN: "rate_deg_s is in rad/s; convert it",
-    1.0 / _TURN: "rate_deg_s was converted to degrees twice",
+    float(np.degrees(1.0)): "rate_deg_s is in rad/s; convert it",
+    float(np.radians(1.0)): "rate_deg_s was converted to degrees twice",
     6.0: "rate_deg_s is in revolutions per minute; 1 rpm is 6 deg/s",
     1.0 / 6.0: "rate_deg_s was multiplied by 6, as if deg/s were revolutions per minute",
     360.0: "rate_deg_s is in revolutions per second; 1 is 360 deg/s",
@@ -48,12 +47,8 @@ RATE_MISTAKES = {
 def check_plausible(steps: RateSteps, found: RateCalibration, latitude: float, before: Triad | None) -> list[str]:
     """Refuse what cannot be; sentences on what is odd.
 
-    Raises
-    ------
-    FileError
-        A scale that is not the unit's (or, without a unit, differs from the earlier calibration's by a known mistake),
-        gyros that respond to another axis than they are named after, or in the other sense, a rate that the Earth's
-        contradicts.
+    Refused: a scale that is not the unit's (without a unit: off the earlier one by a known mistake), gyros that respond
+    to another axis or sense than named, a rate that the Earth's contradicts.
     """
     residuals = _Residuals(steps, latitude, found)
     known = before if before is not None and _comparable(before, found.triad) else None
@@ -193,36 +188,7 @@ def calibrate_on_table(
     g_sensitive: bool = False,
     name: str = "unnamed",
 ) -> tuple[RateCalibration, Calibration, tuple[str, ...], int]:
-    """Calibrate the gyro triad of a tool on a rate table.
-
-    Parameters
-    ----------
-    steps : RateSteps
-        From `read_rate_steps`.
-    site : Site
-        With the latitude of the table.
-    calibration : str or Path, optional
-        tool.json whose gyro triad is to be replaced or added; everything else in it stays as it is.
-    temperature_degree : int
-    g_sensitive : bool
-        Fit the g-sensitivity too.
-    name : str
-        Of the tool, where no calibration gives one.
-
-    Returns
-    -------
-    RateCalibration, Calibration, tuple of str, int
-        The regression, the calibration with the gyro triad in it, what a person should know, steps left out included,
-        and the number of steps in the fit.
-
-    Raises
-    ------
-    InputError
-        A site without latitude; a FileError for rates or signals in other units, or of another sign, than they are
-        said to be.
-    IdentifiabilityError
-        Steps that leave something undetermined.
-    """
+    """Replace or add the gyro triad of a tool: the regression, the calibration, warnings, number of steps fitted."""
     if site.latitude is None:
         raise InputError("the site has no latitude; a gyro on a table sees the Earth turn too: give latitude_deg")
     if temperature_degree and steps.temperature is None:

@@ -15,7 +15,8 @@ from inclinometry.digest import digest_file
 from inclinometry.errors import FileError, InputError
 from inclinometry.files._quantities import is_number, meaning
 from inclinometry.files.columns import channel
-from inclinometry.files.table import Table, column_names, read_table
+from inclinometry.files.frame import Frame
+from inclinometry.files.table import TableFile
 from inclinometry.survey.flags import Check
 from inclinometry.survey.quality import dual_depth, repeated_stations, rotation_shots
 from inclinometry.workflow.convert import format_of
@@ -42,7 +43,7 @@ def read_shots(
     """
 
     def read(path: str | Path) -> SixAxis:
-        return read_six_axis(path, site, calibration, form=form, convention=convention, trusted=None)
+        return read_six_axis(path, site, calibration, form=form, convention=convention, ignored=None)
 
     table = _depth_table(raw) if format_of(raw, form) == "csv" else None
     if table is None or (np.diff(_metres(table)) > 0.0).all():
@@ -64,7 +65,7 @@ def read_shots(
                 columns.append(list(numbers))
             else:
                 columns.append(["" if np.isnan(value) else repr(value) for value in numbers.tolist()])
-        rows = {table.header_line: list(table.header)}
+        rows = {table.header_line or 0: list(table.names)}
         rows |= dict(zip(table.lines.tolist(), map(list, zip(*columns, strict=True)), strict=True))
         with copy.open("w", newline="", encoding="utf-8") as stream:
             writer = csv.writer(stream, quoting=csv.QUOTE_ALL, lineterminator="\n")
@@ -90,21 +91,7 @@ def rotation_checks(run: SixAxis) -> list[Check]:
 def repeat_checks(
     first: SixAxis, second: SixAxis, *, other_tool: bool = False, apart_m: float = APART_M
 ) -> list[Check]:
-    """The checks of `repeated_stations` on two surveys.
-
-    Parameters
-    ----------
-    first, second : SixAxis
-    other_tool : bool
-        Whether the second was made with another tool; two calibrations count as two tools.
-    apart_m : float
-        How far, m, depths of a pair may differ.
-
-    Raises
-    ------
-    InputError
-        One file given twice; as `repeated_stations`.
-    """
+    """The checks of `repeated_stations` on two surveys; two calibrations count as two tools."""
     if first.inputs["raw"] == second.inputs["raw"]:
         raise InputError("both files hold the same readings; one survey given twice proves nothing")
     same = not other_tool and first.inputs.get("tool") == second.inputs.get("tool")
@@ -112,31 +99,7 @@ def repeat_checks(
 
 
 def depth_check(first: str | Path, second: str | Path, first_sigma_m: float, second_sigma_m: float) -> Check:
-    """Whether the depths of two files, row by row, agree.
-
-    Parameters
-    ----------
-    first, second : str or Path
-        CSV with a depth (md_m, MD (ft), ...); rows of the same points in the same order. Where both have a column
-        `station` it must say the same.
-    first_sigma_m, second_sigma_m : float
-        Standard deviations of the depths, m.
-
-    Raises
-    ------
-    FileError
-        As `table.read_table`; no depth, other stations, one file given twice.
-    InputError
-        As `dual_depth`.
-
-    Examples
-    --------
-    >>> with TemporaryDirectory() as folder:
-    ...     _ = Path(folder, "a.csv").write_text("md_m\\n1000\\n")
-    ...     _ = Path(folder, "b.csv").write_text("md_m\\n1011\\n")
-    ...     depth_check(Path(folder, "a.csv"), Path(folder, "b.csv"), 0.5, 1.1).verdict
-    'fail'
-    """
+    """Whether the depths of two files agree, row by row; where both have a column `station` it must be the same."""
     if digest_file(first) == digest_file(second):
         raise FileError(f"this is {Path(first).name} again; one measurement given twice proves nothing", path=second)
     tables = [_depth_table(first), _depth_table(second)]
@@ -152,25 +115,24 @@ def depth_check(first: str | Path, second: str | Path, first_sigma_m: float, sec
     return dual_depth(_metres(one), _metres(two), first_sigma_m, second_sigma_m)
 
 
-def _given(table: Table | None, path: str | Path) -> Table:
+def _given(table: Frame | None, path: str | Path) -> Frame:
     if table is None:
         raise FileError("one column with the depth is needed, md_m or md_ft", path=path)
     return table
 
 
-def _depth_table(path: str | Path) -> Table | None:
+def _depth_table(path: str | Path) -> Frame | None:
     """A CSV with its numbers, or None unless exactly one column is the depth."""
-    names = column_names(path)
-    depths = [name for name in names if _is_depth(name)]
+    table = TableFile(path)
+    depths = [name for name in table.names if _is_depth(name)]
     if len(depths) != 1:
         return None
-    return read_table(path, numeric=lambda name: is_number(name) or channel(name) is not None,
-                      gaps=set(names) - set(depths))  # fmt: skip
+    return table.read(lambda name: is_number(name) or channel(name) is not None, set(table.names) - set(depths))
 
 
-def _depth_column(table: Table) -> tuple[str, float]:
+def _depth_column(table: Frame) -> tuple[str, float]:
     """The name of the depth, and how many metres its unit is."""
-    name = next(name for name in table.header if _is_depth(name))
+    name = next(name for name in table.names if _is_depth(name))
     found = meaning(name)
     if found is None or found.unit is None:
         raise table.error(f"the depth {name!r} has no unit; name it md_m or md_ft")
@@ -185,7 +147,7 @@ def _is_depth(name: str) -> bool:
     return found is not None and found.key == "md"
 
 
-def _metres(table: Table) -> Array:
+def _metres(table: Frame) -> Array:
     name, factor = _depth_column(table)
     return table.number(name) * factor
 

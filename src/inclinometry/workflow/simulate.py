@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -38,10 +38,6 @@ PLANS = {
 }
 """Plans that need no design, by name."""
 
-LAYOUTS = {"realistic": realistic_tool, "random": random_tool}
-"""How the sensors sit: near the tool's axes, or anywhere."""
-
-
 _STAND = ("dip", "latitude", "declination", "base_tilt", "tilt_axis", "north_offset")
 
 BITS = 12
@@ -73,14 +69,6 @@ def plan_named(name: str) -> Plan:
     raise InputError(f"plan {name!r} is unknown; allowed: {', '.join(PLANS)}, or a CSV file (of `inclinometry plan`)")
 
 
-class SimulatedBench(NamedTuple):
-    """Readings, the tool behind them and what else the simulation knows."""
-
-    readings: BenchReadings
-    truth: Tool
-    extras: Mapping[str, Any]
-
-
 def bench(
     plan: Plan,
     seed: int,
@@ -94,36 +82,19 @@ def bench(
     temperature_degree: int = 0,
     truth: tuple[Tool, Rig | None] | None = None,
     characteristic: Mapping[str, Characteristic] | None = None,
-) -> SimulatedBench:
-    """Simulate a bench run of a plan.
+) -> tuple[BenchReadings, Tool, dict[str, Any]]:
+    """Simulate a bench run of a plan: readings, the tool behind them, and the rest of the truth.
 
-    Parameters
-    ----------
-    plan : Plan
-    seed : int
-        Decides tool, rig errors and noise.
-    rig : Rig
-        The stand and its errors; `truth`'s stand replaces its base and field.
-    layout : {"realistic", "random"}
-    bits : int, optional
-        Of the converter; None for signals in m/s^2 and nT without steps.
-    noise : float
-        Factor on 0.3 mg and 20 nT.
-    truth : (Tool, Rig or None), optional
-        A tool and, where it is that of an earlier simulation, its stand, to be visited again.
-    characteristic : mapping of kind to Characteristic, optional
-        Noise and what bends the sensors, as `characteristics` makes them of a user's words.
-
-    Returns
-    -------
-    BenchReadings, Tool, dict
-        Readings, the tool behind them, and what else the simulation knows.
+    `noise` is a factor on 0.3 mg and 20 nT; without `bits` signals are in m/s^2 and nT without steps. `truth`: a tool
+    and perhaps its stand, to be visited again; that stand replaces base and field of `rig`.
     """
-    if layout not in LAYOUTS:
-        raise InputError(f"layout {layout!r} is unknown; allowed: {', '.join(LAYOUTS)}")
+    # how the sensors sit: near the tool's axes, or anywhere
+    layouts = {"realistic": realistic_tool, "random": random_tool}
+    if layout not in layouts:
+        raise InputError(f"layout {layout!r} is unknown; allowed: {', '.join(layouts)}")
     if noise < 0.0:
         raise InputError(f"noise factor is {noise:g}; it must be 0 or more")
-    tool = LAYOUTS[layout](seed, bits=bits, temperature_degree=temperature_degree) if truth is None else truth[0]
+    tool = layouts[layout](seed, bits=bits, temperature_degree=temperature_degree) if truth is None else truth[0]
     stand = rig
     if truth is not None and truth[1] is not None:
         # the errors of this visit on the base and in the field of the stand
@@ -165,7 +136,7 @@ def bench(
         "setting_errors_deg": np.degrees(run.setting_errors),
         "rig": stand_content(run.rig),
     }
-    return SimulatedBench(readings, run.tool, extras)
+    return readings, run.tool, extras
 
 
 def stand_content(rig: Rig) -> dict[str, float]:

@@ -65,24 +65,7 @@ def write_drilling(
     *,
     progress: Callable[[float], None] | None = None,
 ) -> int:
-    """Simulate straight into the files, Parquet or CSV by their endings; returns the number of samples.
-
-    Neither file appears before both are complete.
-
-    Parameters
-    ----------
-    request : DrillingRequest
-    run, truth : str or Path
-    progress : callable, optional
-        Called with the share done, 0 to 1.
-
-    Raises
-    ------
-    InputError
-        A scenario that cannot be simulated.
-    FileError
-        A file that cannot be written.
-    """
+    """Simulate straight into the files; returns the samples. Neither file appears before both are complete."""
     scenario = request.chosen
     header = {"scenario": request.scenario, "seed": str(request.seed), "azimuth_reference": "magnetic"}
     columns = (

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
@@ -14,7 +13,7 @@ from inclinometry.errors import InputError
 from inclinometry.files import json_codec
 from inclinometry.files.gyro_csv import write_gyro_run
 from inclinometry.files.writing import write_bytes
-from inclinometry.simulate.gyro import GyroSensors, GyroSimulation, HotRun, Spike, hot_run, simulate_gyro_run
+from inclinometry.simulate.gyro import GyroSensors, GyroSimulation, Spike, hot_run, simulate_gyro_run
 from inclinometry.simulate.tool import Streams
 
 POSITIONS: Final = {
@@ -27,70 +26,62 @@ POSITIONS: Final = {
 """Index positions a simulated run visits, deg."""
 
 
-@dataclass(frozen=True)
-class GyroRunRequest:
-    """What to simulate; SI and radians.
+def gyro_run(
+    seed: int,
+    noise_seed: int | None = None,
+    *,
+    scenario: str = "hot",
+    stations: int = 60,
+    scheme: str = "four",
+    latitude: float = float(np.pi / 4),
+    arw: float = float(np.radians(0.005)) / 60.0,
+    dwell: float = 60.0,
+    bias: float = 0.0,
+    drift: float = 0.0,
+    axes: int = 2,
+    gyros: int = 2,
+    accelerometer_noise: float = 5e-4,
+    spike: tuple[int, int, float] | None = None,
+) -> GyroSimulation:
+    """A simulated run, SI and radians; with another `noise_seed` the same hole is run again.
 
     scenario : "hot" (20 to 140 degC, the scale follows) or "cool" (20 degC throughout, scale 1).
-    scheme : a key of `POSITIONS`.
     axes : 2 (x, y), 3 (z too) for gyros; accelerometers get the same; gyros : 1 for a single gyro, x.
     """
-
-    scenario: str = "hot"
-    stations: int = 60
-    scheme: str = "four"
-    latitude: float = float(np.pi / 4)
-    arw: float = float(np.radians(0.005)) / 60.0
-    dwell: float = 60.0
-    bias: float = 0.0
-    drift: float = 0.0
-    axes: int = 2
-    gyros: int = 2
-    accelerometer_noise: float = 5e-4
-    spike: tuple[int, int, float] | None = None
-
-    def __post_init__(self) -> None:
-        if self.scenario not in ("hot", "cool"):
-            raise InputError(f"scenario is {self.scenario!r}; allowed: hot, cool")
-        if self.scheme not in POSITIONS:
-            raise InputError(f"scheme is {self.scheme!r}; allowed: {', '.join(POSITIONS)}")
-
-
-def gyro_run(request: GyroRunRequest, seed: int, noise_seed: int | None = None) -> tuple[GyroSimulation, HotRun]:
-    """A simulated run and the scenario behind it; with another `noise_seed` the same hole is run again."""
-    path = hot_run(seed, request.stations, latitude=request.latitude)
-    if request.scenario == "cool":
-        path = path._replace(temperature=np.full(request.stations, 20.0), scale=np.ones(request.stations))
-    tensor = np.eye(3)[: request.axes]
+    for name, value, allowed in (("scenario", scenario, ("hot", "cool")), ("scheme", scheme, POSITIONS)):
+        if value not in allowed:
+            raise InputError(f"{name} is {value!r}; allowed: {', '.join(allowed)}")
+    path = hot_run(seed, stations, latitude=latitude)
+    if scenario == "cool":
+        path = path._replace(temperature=np.full(stations, 20.0), scale=np.ones(stations))
+    tensor = np.eye(3)[:axes]
     # the dwell is the whole station's: every scheme listens as long
-    positions = np.radians(POSITIONS[request.scheme])
+    positions = np.radians(POSITIONS[scheme])
     sensors = GyroSensors(
-        gyro_tensor=tensor[:1] if request.gyros == 1 else tensor,
+        gyro_tensor=tensor[:1] if gyros == 1 else tensor,
         accelerometer_tensor=tensor,
-        gyro_bias=request.bias,
-        gyro_drift=request.drift,
-        arw=request.arw,
-        accelerometer_noise=request.accelerometer_noise,
+        gyro_bias=bias,
+        gyro_drift=drift,
+        arw=arw,
+        accelerometer_noise=accelerometer_noise,
     )
-    spikes = [] if request.spike is None else [Spike(request.spike[0], request.spike[1], 0, request.spike[2])]
     streams = Streams(seed if noise_seed is None else noise_seed, "gyro-run")
-    run = simulate_gyro_run(
-        30.0 * np.arange(1.0, request.stations + 1.0),
+    return simulate_gyro_run(
+        30.0 * np.arange(1.0, stations + 1.0),
         path.inclination,
         path.azimuth,
-        streams["toolface"].uniform(0.0, 2.0 * np.pi, request.stations),
-        latitude=request.latitude,
+        streams["toolface"].uniform(0.0, 2.0 * np.pi, stations),
+        latitude=latitude,
         scale=path.scale,
         temperature=path.temperature,
         positions=positions,
-        dwell=request.dwell / len(positions),
-        settle=0.0 if request.scheme == "carousel" else 5.0,
-        g=float(normal_gravity(request.latitude, 0.0)),
+        dwell=dwell / len(positions),
+        settle=0.0 if scheme == "carousel" else 5.0,
+        g=float(normal_gravity(latitude, 0.0)),
         sensors=sensors,
-        spikes=spikes,
+        spikes=[] if spike is None else [Spike(spike[0], spike[1], 0, spike[2])],
         seed=streams["rows"],
     )
-    return run, path
 
 
 def write_gyro(run: GyroSimulation, path: str | Path) -> None:

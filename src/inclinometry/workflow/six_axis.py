@@ -13,20 +13,20 @@ from inclinometry.arrays import Array, Mask
 from inclinometry.calibration.result import Calibration, same_units
 from inclinometry.constants import STANDARD_GRAVITY, VECTORS
 from inclinometry.digest import digest_file
-from inclinometry.earth.magnetic import complete_site
 from inclinometry.earth.site import Site, convert_azimuth
-from inclinometry.errors import FileError, InclinometryError, InputError
+from inclinometry.errors import FileError, InputError, settled
 from inclinometry.files.columns import channel
 from inclinometry.files.exchange import SurveyFile
 from inclinometry.files.site_toml import read_site
 from inclinometry.files.survey_csv import RawSurvey, read_raw_survey
-from inclinometry.files.table import Progress, column_names
+from inclinometry.files.table import TableFile
+from inclinometry.files.text import Progress
 from inclinometry.files.tool_code_json import load_tool_code
 from inclinometry.files.tool_json import read_calibration
+from inclinometry.findings import Finding
 from inclinometry.orientation import fields
-from inclinometry.rotations import wrap_signed
 from inclinometry.sensors import Tool
-from inclinometry.survey.consistency import angle_doubts, place_doubts
+from inclinometry.survey.consistency import check_angles, check_place
 from inclinometry.survey.flags import Check, worst
 from inclinometry.survey.from_stations import ESTIMATED, survey_from_stations
 from inclinometry.survey.from_tool import stations_from_tool, stations_plain
@@ -37,23 +37,24 @@ from inclinometry.survey.multistation_priors import (
     published_priors,
     reference_of_site,
 )
-from inclinometry.survey.plausibility import OVERRULED, Doubt, Run, doubts, settle
+from inclinometry.survey.plausibility import check_run
 from inclinometry.survey.quality import FieldLimits, FieldQuality, judge_fields, with_sensors
 from inclinometry.survey.quality_wiring import wiring_check
 from inclinometry.survey.reduce import SensorCorrection, Survey, apply_correction, correction_of
+from inclinometry.survey.run import Run
 from inclinometry.survey.stations import Stations
 from inclinometry.tabular import check_record
 from inclinometry.workflow.age import Age, at_the_run
 from inclinometry.workflow.convert import format_of, read_survey_file
 from inclinometry.workflow.corrections import (
-    apply_corrections,
-    correction_names,
+    corrected,
+    correction_steps,
     matching_correction,
     refuse_beyond,
     refuse_uncorrectable,
     unsettled,
 )
-from inclinometry.workflow.field import completed, model_of
+from inclinometry.workflow.field import completed, declination_doubts, model_of
 
 # Stations out of files: raw channels of a calibrated tool, fields in any format, or a survey's totals and angles.
 
@@ -70,7 +71,7 @@ def plain_stations(
     try:
         found = _survey_file(path, form, convention)
     except FileError:
-        if format_of(path, form) == "csv" and _has_channels(path, "counts"):
+        if format_of(path, form) == "csv" and _has_channels(TableFile(path), "counts"):
             raise FileError(
                 "raw channels whose names state no unit need --calibration tool.json; fields need their units in the "
                 "names, as in gx_m_s2 and bx_nT",
@@ -91,7 +92,8 @@ def tool_stations(
     path: str | Path, record: Calibration, site: Site, form: str | None, progress: Progress | None
 ) -> tuple[Stations, RawSurvey | SurveyFile]:
     """Stations of a calibrated tool from its raw channels, or from a survey made with it, and the file as read."""
-    if format_of(path, form) != "csv" or not _has_channels(path):
+    table = TableFile(path, progress) if format_of(path, form) == "csv" else None
+    if table is None or not _has_channels(table):
         # stations of a survey by the signals the tool must have given there
         found = _survey_file(path, form, None)
         if found.g is not None or found.b is not None:
@@ -112,8 +114,8 @@ def tool_stations(
         )
         line = REBUILT
         return replace(stations, history=(line, *stations.history[1:])), found
-    raw = read_raw_survey(path, progress=progress)
-    same_units(raw.units, record)
+    raw = read_raw_survey(table)
+    same_units(raw.units, record.tool)
     stations = stations_from_tool(
         raw.md, raw.channels, record.tool, temperature=raw.temperature, g=site.gravity, b=site.b
     )
@@ -137,8 +139,8 @@ def calibrated_run(raw: RawSurvey, tool: Tool) -> Run:
     return replace(run, channels=channels, fields=fields_of, strength_known=known)
 
 
-def raw_doubts(raw: RawSurvey, record: Calibration | None, site: Site) -> list[Doubt]:
-    """What speaks against raw channels along a hole; of a tool that is not known or not whole, by depths and values.
+def check_raw(raw: RawSurvey, record: Calibration | None, site: Site) -> list[Finding]:
+    """What is wrong with raw channels along a hole; without a whole calibration, by depths and values.
 
     Raises
     ------
@@ -146,17 +148,17 @@ def raw_doubts(raw: RawSurvey, record: Calibration | None, site: Site) -> list[D
         Channels in another unit than those of the calibration.
     """
     if record is not None:
-        same_units(raw.units, record)
+        same_units(raw.units, record.tool)
         if all(kind in raw.channels and kind in record.tool.triads for kind in VECTORS) and all(
             record.tool.triads[kind].full for kind in VECTORS
         ):
             run = calibrated_run(raw, record.tool)
-            return with_place(doubts(run), run, site)
+            return with_place(check_run(run), run, site)
     g, b = (raw.channels.get(kind) for kind in VECTORS)
     whole = g is not None and b is not None and g.shape[1] == b.shape[1] == 3
     level = np.zeros(len(raw.md))  # directions that say nothing
     bare = Run(raw.md, level, level, g if whole else None, b if whole else None, channels=raw.channels)
-    return [one for one in doubts(bare) if one.name in ("depths", "repeats", "totals")]
+    return [one for one in check_run(bare) if one.group in ("depths", "repeats", "totals")]
 
 
 def _survey_file(path: str | Path, form: str | None, convention: str | None) -> SurveyFile:
@@ -182,25 +184,17 @@ def _rows(found: SurveyFile, rows: Mask) -> SurveyFile:
     def some(value: Array | None) -> Array | None:
         return None if value is None else value[rows]
 
-    return SurveyFile(
-        md=found.md[rows],
-        inclination=some(found.inclination),
-        azimuth=some(found.azimuth),
-        azimuth_reference=found.azimuth_reference,
-        toolface=some(found.toolface),
-        g=some(found.g),
-        b=some(found.b),
-        measured={name: values[rows] for name, values in found.measured.items()},
-        temperature=some(found.temperature),
-        header=found.header,
-        notes=found.notes,
-        digest=found.digest,
-    )
+    chosen: dict[str, Any] = {
+        name: some(getattr(found, name)) for name in ("inclination", "azimuth", "toolface", "g", "b", "temperature")
+    }
+    measured = {name: values[rows] for name, values in found.measured.items()}
+    same = {name: getattr(found, name) for name in ("azimuth_reference", "header", "notes", "digest")}
+    return SurveyFile(md=found.md[rows], measured=measured, **chosen, **same)
 
 
-def _has_channels(path: str | Path, unit: str | None = None) -> bool:
-    """Whether a CSV has columns of raw channels (in a unit)."""
-    found = [channel(name) for name in column_names(path)]
+def _has_channels(table: TableFile, unit: str | None = None) -> bool:
+    """Whether a table has columns of raw channels (in a unit)."""
+    found = [channel(name) for name in table.names]
     return any(one is not None and unit in (None, one.unit) for one in found)
 
 
@@ -223,14 +217,8 @@ def _temperature(found: SurveyFile) -> Array | None:
 def fields_of_survey(found: SurveyFile, site: Site, path: str | Path) -> tuple[Array, Array, Array | None]:
     """Gravity and magnetic field (n, 3) in tool axes from totals, dip and angles, and temperature.
 
-    Inclination, azimuth, toolface, |g|, |b| and dip are six numbers: they are the six axes written in another way.
-
-    Raises
-    ------
-    FileError
-        One of them is missing or empty; toolface may be, for |g|, |b| and dip do not depend on it.
-    InputError
-        A true or grid azimuth without the site's declination or convergence.
+    Six numbers, so they are the six axes in another form. Toolface may be missing: |g|, |b| and dip do not depend on
+    it.
     """
     columns = {
         "inclination": found.inclination,
@@ -257,13 +245,10 @@ def fields_of_survey(found: SurveyFile, site: Site, path: str | Path) -> tuple[A
 
 @dataclass(frozen=True, eq=False)
 class SixAxis:
-    """Stations of a run and what is known beside them.
+    """Stations of a run, with errors of the calibration or of a tool code as their sources, and the completed site.
 
-    stations : Stations, with the calibration or a tool code's sensor errors as their sources.
-    site : Site, completed; tool : Tool, or None without a calibration; dip : rad at the calibration stand, or None.
-    notes : what was taken for granted; warnings : what may be wrong.
-    inputs : name -> digest.
-    freedom : component -> degrees of freedom of the calibration that its size is known from.
+    dip : rad at the calibration stand, or None. inputs : name -> digest.
+    freedom : component -> degrees of freedom of the calibration.
     """
 
     stations: Stations
@@ -274,6 +259,7 @@ class SixAxis:
     warnings: Sequence[str] = ()
     inputs: Mapping[str, str] = field(default_factory=dict)
     freedom: Mapping[str, float] = field(default_factory=dict)
+    findings: tuple[Finding, ...] = ()
 
     @property
     def reference(self) -> FieldReference | None:
@@ -294,7 +280,7 @@ def read_six_axis(
     *,
     form: str | None = None,
     convention: str | None = None,
-    trusted: Sequence[str] | None = (),
+    ignored: Sequence[str] | None = (),
     progress: Progress | None = None,
 ) -> SixAxis:
     """Read the stations of a run.
@@ -314,16 +300,16 @@ def read_six_axis(
         Format of `raw`; by its ending when not given.
     convention : str, optional
         Axes and signs of the sensors in `raw`, where there is no calibration.
-    trusted : sequence of str, optional
-        Names of `inclinometry.survey.plausibility.CHECKS` that are overruled; None for stations that are no run along
-        a hole, as those of a tool turned at one place.
+    ignored : sequence of str, optional
+        Codes or groups of findings that do not refuse the run; None for stations that are no run along a hole, as
+        those of a tool turned at one place.
     progress : callable, optional
         Called with the number of bytes of raw channels read so far.
 
     Raises
     ------
     InputError, FileError
-        As the readers; a run that cannot be true (`inclinometry.survey.plausibility.doubts`); without a calibration, no
+        As the readers; a run that is refused (`inclinometry.survey.plausibility.check_run`); without a calibration, no
         site or a site without gravity, b or dip; with one, the same where the tool lacks its field strengths.
     """
     if site is None and calibration is None:
@@ -333,7 +319,7 @@ def read_six_axis(
         )
     place, said = completed(Site() if site is None else read_site(site))
     inputs = {} if site is None else {"site": digest_file(site)}
-    warned = declination_warnings(place)
+    warned = declination_doubts(place)
     if calibration is None:
         _refuse_unknown(place)
         stations, read = plain_stations(raw, place, form, convention)
@@ -343,52 +329,53 @@ def read_six_axis(
         stations = with_sensors(stations, {term.name: term.sigma for term in code.terms})
         said = [*said, f"no calibration: the sensors' errors are taken from the tool code {sensors}"]
         beside = None if REBUILT in stations.history else read
-        warned = [*run_warnings(stations, place, trusted, raw, beside), *warned]
-        return SixAxis(stations, place, None, None, (*said, *read.notes), warned, {"raw": read.digest, **inputs})
+        findings = run_findings(stations, place, ignored, raw, beside)
+        inputs = {"raw": read.digest, **inputs}
+        return SixAxis(stations, place, None, None, (*said, *read.notes), warned, inputs, findings=findings)
     if convention is not None:
         raise InputError("--convention is of no use with --calibration, which knows the axes; leave it out")
     record, old = at_the_run(read_calibration(calibration), calibration, place, age)
     said = [*said, *old]
     stations, source = tool_stations(raw, record, place, form, progress)
     channels = calibrated_run(source, record.tool) if isinstance(source, RawSurvey) else None
-    warned = [*run_warnings(stations, place, trusted, raw, run=channels), *warned]
+    findings = run_findings(stations, place, ignored, raw, run=channels)
     inputs |= {f"calibration {name}": value for name, value in record.inputs.items()}
     inputs |= {"raw": source.digest, "tool": digest_file(calibration)}
-    inherited = [f"calibration: {sentence}" for sentence in record.warnings]
+    inherited = [f"calibration: {sentence}" for sentence in record.remarks]
     freedom = dict.fromkeys(ESTIMATED, record.degrees_of_freedom)
     warned = [*inherited, *warned]
-    return SixAxis(stations, place, record.tool, record.dip, (*said, *source.notes), warned, inputs, freedom)
+    return SixAxis(stations, place, record.tool, record.dip, (*said, *source.notes), warned, inputs, freedom, findings)
 
 
-def run_warnings(
+def run_findings(
     stations: Stations,
     site: Site,
-    trusted: Sequence[str] | None,
+    ignored: Sequence[str] | None,
     path: str | Path,
     beside: SurveyFile | None = None,
     run: Run | None = None,
-) -> list[str]:
-    """What speaks against the run as a whole, and against its place; FileError where it cannot be true.
+) -> tuple[Finding, ...]:
+    """What is wrong with the run as a whole, and with its place; FileError where it is refused.
 
-    `run` has the raw channels too. The angles of a file that holds six axes too (`beside`) are held against theirs.
+    `run` has the raw channels too. The angles of a file that holds six axes too (`beside`) are compared with theirs.
     """
-    if trusted is None:
-        return []
+    if ignored is None:
+        return ()
     run = run or Run.of_fields(stations.md, stations.g, stations.b)
-    found = doubts(run)
+    found = check_run(run)
     if beside is not None and beside.inclination is not None:
-        found += angle_doubts(run, beside.inclination, beside.azimuth, beside.azimuth_reference, site.declination)
-    return settle(with_place(found, run, site), trusted, path)
+        found += check_angles(run, beside.inclination, beside.azimuth, beside.azimuth_reference, site.declination)
+    return settled(with_place(found, run, site), ignored, path)
 
 
-def with_place(found: list[Doubt], run: Run, site: Site) -> list[Doubt]:
-    """Doubts about a run, and whether its fields are those of a place with a sign or both coordinates exchanged."""
-    if any(one.name in ("axes", "columns", "units") for one in found):
+def with_place(found: list[Finding], run: Run, site: Site) -> list[Finding]:
+    """Findings of a run, and whether its fields are those of a place with a sign or both coordinates exchanged."""
+    if any(one.group in ("axes", "columns", "units") for one in found):
         return found
     return [*found, *_of_place(run, site)]
 
 
-def _of_place(run: Run, site: Site) -> list[Doubt]:
+def _of_place(run: Run, site: Site) -> list[Finding]:
     if site.latitude is None or site.longitude is None or site.date is None or len(run.md) < 4:
         return []
     if "given" in (site.origin("b"), site.origin("dip")):
@@ -396,9 +383,9 @@ def _of_place(run: Run, site: Site) -> list[Doubt]:
     latitude, longitude = site.latitude, site.longitude
     places = {
         "": (latitude, longitude),
-        "the longitude of the other sign": (latitude, -longitude),
-        "the latitude of the other sign": (-latitude, longitude),
-        "latitude and longitude of the other signs": (-latitude, -longitude),
+        "sign of longitude": (latitude, -longitude),
+        "sign of latitude": (-latitude, longitude),
+        "signs of both": (-latitude, -longitude),
     }
     if abs(longitude) <= np.pi / 2.0:
         places["latitude and longitude exchanged"] = (longitude, latitude)
@@ -409,38 +396,7 @@ def _of_place(run: Run, site: Site) -> list[Doubt]:
             "b": float(field.b),
             "dip": float(field.dip),
         }
-    return place_doubts({name: float(np.median(run.totals[name])) for name in ("b", "dip")}, there)
-
-
-def declination_warnings(site: Site) -> list[str]:
-    """A warning where the declination stated has the sign opposite to the model's of the same place and date.
-
-    Examples
-    --------
-    >>> import datetime
-    >>> place = {"latitude": 0.9, "longitude": -1.4, "height_m": 0.0, "date": datetime.date(2026, 5, 1)}
-    >>> said = declination_warnings(Site(declination=np.radians(13.0), **place))
-    >>> "wrong sign" in said[0], declination_warnings(Site(declination=np.radians(-13.0), **place))
-    (True, [])
-    """
-    place = (site.latitude, site.longitude, site.date)
-    if site.declination is None or site.date is None or None in place or site.origin("declination") != "given":
-        return []
-    bare = replace(site, declination=None, declination_sigma=None)
-    try:
-        model = complete_site(bare, model_of(site.date))
-    except InclinometryError:
-        return []  # a date no model covers
-    expected, given = float(model.declination or 0.0), site.declination
-    as_it_is, turned = abs(wrap_signed(given - expected)), abs(wrap_signed(-given - expected))
-    sign = np.radians(1.0)  # declinations nearer to zero than this have no wrong sign worth a word
-    if min(abs(expected), abs(given)) < sign or turned >= as_it_is / 3.0:
-        return []
-    return [
-        f"the declination is {np.degrees(given):+.2f} deg, {model.origin('declination')} has "
-        f"{np.degrees(expected):+.2f} at this place: a wrong sign? East is positive; azimuths would be off by "
-        f"{np.degrees(as_it_is):.1f} deg and no check of gravity, field or dip shows it"
-    ]
+    return check_place({name: float(np.median(run.totals[name])) for name in ("b", "dip")}, there)
 
 
 @dataclass(frozen=True, eq=False)
@@ -461,7 +417,7 @@ class JudgedStations:
         return worst(self.checks)
 
 
-def judge(stations: Stations, site: Site, limits: FieldLimits | None = None) -> JudgedStations:
+def quality(stations: Stations, site: Site, limits: FieldLimits | None = None) -> JudgedStations:
     """Judge stations against their site.
 
     Raises
@@ -503,38 +459,29 @@ class SixAxisSurvey:
 
 
 def survey_six_axis(run: SixAxis, correct: str | None = None, bha: str | Path | None = None) -> SixAxisSurvey:
-    """Correct the stations of a run and reduce them.
-
-    Parameters
-    ----------
-    run : SixAxis
-    correct : str, optional
-        Names of corrections with commas, in their order; a corrections.json may stand for "msa".
-    bha : str or Path, optional
-        bha.toml, for sag.
-
-    Raises
-    ------
-    InputError, FileError, IdentifiabilityError
-        As the corrections; an assembly without the correction that needs it; a correction of a survey without
-        sensors; units, axes or signs that are wrong before axial or msa; an estimate beyond ten times its prior.
-    """
-    stations, results, warned = _corrected(run, correct, bha)
-    digests = {
-        f"correction {Path(name).name}": digest_file(name)
-        for name in [part for part in _parts(correct) if _is_file(part)]
-    }
+    """Correct the stations of a run (names with commas; corrections.json for "msa", bha.toml for sag); reduce them."""
+    steps = correction_steps(correct)
+    names = [name for name, _ in steps]
+    stations, results, warned = _corrected(run, steps, bha)
+    digests = {f"correction {Path(file).name}": digest_file(file) for _, file in steps if file is not None}
     inputs = {**run.inputs, **digests, **({} if bha is None else {"bha": digest_file(bha)})}
     survey = survey_from_stations(stations, site=run.site, tool=run.tool, calibration_dip=run.dip, inputs=inputs)
     judged = before = None
     if run.reference is not None:
-        judged = judge(stations, run.site)
-        before = judge(run.stations, run.site) if correct else None
+        judged = quality(stations, run.site)
+        before = quality(run.stations, run.site) if names else None
         if before is not None and before.wiring.verdict == judged.wiring.verdict == "fail":
             # a correction has bent the dips: what they say of the axes they said before it
             judged = replace(judged, wiring=before.wiring)
-        if before is not None and not {"axial", "msa"}.isdisjoint(_names(correct)) and judged.wiring.verdict != "fail":
+        if before is not None and not {"axial", "msa"}.isdisjoint(names) and judged.wiring.verdict != "fail":
             warned = [*unsettled(before.wiring), *warned]
+    if {"axial", "msa"} <= set(names):  # in this order: the other is refused
+        warned = [
+            "axial before msa: the axial field is then made from the reference, so that the analysis cannot find its "
+            "error and leans on the reference twice; on simulated runs azimuths come out up to four times worse than "
+            "by msa alone",
+            *warned,
+        ]
     # warnings of the corrections
     said = []
     for name, result in results.items():
@@ -543,14 +490,15 @@ def survey_six_axis(run: SixAxis, correct: str | None = None, bha: str | Path | 
         check = getattr(result, "check", None)
         if isinstance(check, Check) and check.verdict != "pass":
             said.append(f"{name}: {check.reason}; {check.action}")
-    told = [*run.warnings, *_of_order(correct), *warned, *said, *_of_checks(judged, survey)]
-    survey = replace(survey, warnings=(*told, *survey.warnings), freedom=run.freedom)
+    told = [*run.warnings, *warned, *said, *_of_checks(judged, survey)]
+    survey = replace(survey, findings=run.findings, warnings=(*told, *survey.warnings), freedom=run.freedom)
     return SixAxisSurvey(survey, run.site, judged, before, results, run.notes)
 
 
-def _corrected(run: SixAxis, correct: str | None, bha: str | Path | None) -> tuple[Stations, dict[str, Any], list[str]]:
-    parts = _parts(correct)
-    names = _names(correct)
+def _corrected(
+    run: SixAxis, steps: Sequence[tuple[str, str | None]], bha: str | Path | None
+) -> tuple[Stations, dict[str, Any], list[str]]:
+    names = [name for name, _ in steps]
     if bha is not None and "sag" not in names:
         raise InputError("--bha is given without the correction that needs it; add sag to --correct")
     assembly = None
@@ -567,43 +515,16 @@ def _corrected(run: SixAxis, correct: str | None, bha: str | Path | None) -> tup
         refuse_uncorrectable(run.stations, run.reference)
     stations, warned = run.stations, list[str]()
     results: dict[str, Any] = {}
-    for part, name in zip(parts, names, strict=True):
-        if _is_file(part):
+    for name, file in steps:
+        if file is not None:
             tool = "" if run.tool is None else run.tool.name
-            correction, warned = matching_correction(part, tool, run.inputs, run.stations)
+            correction, warned = matching_correction(file, tool, run.inputs, run.stations)
             stations = apply_correction(stations, correction)
             continue
-        stations, found = apply_corrections(
-            stations, (name,), reference=run.reference, calibration=run.tool, bha=assembly
-        )
-        results |= found
+        stations, results[name] = corrected(stations, name, run.reference, run.tool, assembly)
         if name == "msa":
-            refuse_beyond(found[name].parameters)
+            refuse_beyond(results[name].parameters)
     return stations, results, warned
-
-
-def _names(correct: str | None) -> tuple[str, ...]:
-    """The corrections; a file does what "msa" does, so the rules on the order hold for it."""
-    return correction_names(",".join("msa" if _is_file(one) else one for one in _parts(correct))) if correct else ()
-
-
-def _parts(correct: str | None) -> list[str]:
-    return [part.strip() for part in (correct or "").split(",") if part.strip()]
-
-
-def _is_file(part: str) -> bool:
-    return part.lower().endswith(".json")
-
-
-def _of_order(correct: str | None) -> list[str]:
-    """A warning where the axial field that an analysis could estimate was made from the reference before it."""
-    parts = _parts((correct or "").lower())
-    if "axial" not in parts or not any(part == "msa" or _is_file(part) for part in parts):
-        return []
-    return [
-        "axial before msa: the axial field is then made from the reference, so that the analysis cannot find its error "
-        "and leans on the reference twice; on simulated runs azimuths come out up to four times worse than by msa alone"
-    ]
 
 
 def _of_checks(judged: JudgedStations | None, survey: Survey) -> list[str]:
@@ -630,7 +551,7 @@ class Analysis:
         return [*self.found.warnings, *unsettled(self.judged.wiring)]
 
 
-def analyse(run: SixAxis, priors: str = "iscwsa", axial_sigma: float | None = None) -> Analysis:
+def msa(run: SixAxis, priors: str = "iscwsa", axial_sigma: float | None = None) -> Analysis:
     """Multi-station analysis of a run.
 
     Parameters
@@ -648,7 +569,7 @@ def analyse(run: SixAxis, priors: str = "iscwsa", axial_sigma: float | None = No
         times its prior.
     """
     check_record(run, SixAxis, "msa")
-    before, reference = judge(run.stations, run.site), reference_of_site(run.site)
+    before, reference = quality(run.stations, run.site), reference_of_site(run.site)
     refuse_uncorrectable(run.stations, reference)
     if run.tool is None:
         chosen = published_priors(priors, axial_sigma=axial_sigma)
@@ -658,6 +579,6 @@ def analyse(run: SixAxis, priors: str = "iscwsa", axial_sigma: float | None = No
     refuse_beyond(found.parameters)
     tool = "" if run.tool is None else run.tool.name
     correction = correction_of(found, reference, chosen, tool, run.inputs)
-    overruled = [sentence for sentence in run.warnings if sentence.startswith(OVERRULED)]
-    correction = replace(correction, warnings=(*overruled, *correction.warnings))
+    ignored = [f"ignored {one.code}: {one}" for one in run.findings if one.severity == "ignored"]
+    correction = replace(correction, warnings=(*ignored, *correction.warnings))
     return Analysis(found, correction, before)

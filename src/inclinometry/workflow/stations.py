@@ -6,8 +6,6 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-
 from inclinometry.calibration.plans import Plan
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.stillness import StillIntervals, stations_from_log
@@ -23,25 +21,10 @@ def readings_of_log(
     shortest: float = 1.0,
     progress: Callable[[int], None] | None = None,
 ) -> tuple[BenchReadings, StillIntervals]:
-    """Still stations of a log.
+    """Still stations of a log; a plan (positions in order) must have as many as there are still intervals.
 
-    Parameters
-    ----------
-    path : str or Path
-        CSV of `time_s` and channels.
-    plan : Plan, optional
-        The positions that were visited, in order; there must be as many still intervals.
-    window, shortest : float
-        Seconds over which stillness is judged, and the shortest rest that counts.
-
-    Raises
-    ------
-    InputError
-        No rest, or another number of rests than the plan has positions; times that are not positive.
+    window, shortest : s, over which stillness is judged, and the shortest rest that counts.
     """
-    for option, seconds in (("--window-s", window), ("--shortest-s", shortest)):
-        if not 0.0 < seconds < np.inf:
-            raise InputError(f"{option} is {seconds:g} s; it must be more than 0 s")
     log = read_log(path, progress=progress)
     readings, found = stations_from_log(
         log.time, log.channels, temperature=log.temperature, units=log.units, window=window, shortest=shortest

@@ -12,27 +12,28 @@ from inclinometry.calibration.result import Calibration, same_units
 from inclinometry.constants import VECTORS
 from inclinometry.digest import digest_file
 from inclinometry.earth.site import Site
-from inclinometry.errors import InputError
+from inclinometry.errors import InputError, settled
 from inclinometry.files.site_toml import read_site
 from inclinometry.files.survey_csv import RawSurvey, read_raw_survey, survey_cells
-from inclinometry.files.table import Progress
+from inclinometry.files.text import Progress
 from inclinometry.files.tool_json import read_calibration
-from inclinometry.files.writing import column, write_columns
+from inclinometry.files.writing import write_columns
+from inclinometry.findings import Finding
 from inclinometry.orientation import SWITCH
 from inclinometry.survey.from_stations import ESTIMATED
 from inclinometry.survey.from_tool import stations_from_tool
-from inclinometry.survey.plausibility import OVERRULED, Run, doubts, settle
+from inclinometry.survey.plausibility import check_run
 from inclinometry.survey.reduce import Survey, parts_of, reduce_survey
+from inclinometry.survey.run import Run
 from inclinometry.tabular import check_record
 from inclinometry.workflow.age import Age, at_the_run
-from inclinometry.workflow.field import completed
+from inclinometry.workflow.field import completed, declination_doubts
 from inclinometry.workflow.six_axis import (
     JudgedStations,
     SixAxisSurvey,
     calibrated_run,
-    declination_warnings,
     has_reference,
-    judge,
+    quality,
     read_six_axis,
     survey_six_axis,
 )
@@ -65,7 +66,7 @@ def survey_raw(
     """
     check_record(raw, RawSurvey, "survey_raw")
     check_record(calibration, Calibration, "survey_raw")
-    same_units(raw.units, calibration)
+    same_units(raw.units, calibration.tool)
     found = reduce_survey(
         raw.md,
         raw.channels,
@@ -78,7 +79,7 @@ def survey_raw(
         hole=hole,
         gravity_sd=gravity_sd,
     )
-    inherited = [f"calibration: {sentence}" for sentence in calibration.warnings]
+    inherited = [f"calibration: {sentence}" for sentence in calibration.remarks]
     freedom = dict.fromkeys(ESTIMATED, calibration.degrees_of_freedom)
     return replace(found, warnings=(*raw.notes, *inherited, *found.warnings), freedom=freedom)
 
@@ -97,32 +98,13 @@ def survey_file(
     form: str | None = None,
     convention: str | None = None,
     charts: bool = False,
-    trusted: Sequence[str] = (),
+    ignored: Sequence[str] = (),
     progress: Progress | None = None,
 ) -> SixAxisSurvey:
-    """A survey from files, with what is needed to report on it.
+    """A survey from files, with what a report needs; arguments as `read_six_axis`, `survey_six_axis`, `survey_raw`.
 
-    Parameters
-    ----------
-    raw, site, calibration, form, convention, trusted, progress
-        As `read_six_axis`; with a calibration the site is optional.
-    correct, bha
-        As `survey_six_axis`.
-    hole : {"down", "up"}
-        As `survey_raw`.
-    gravity_sd : float, optional
-        As `survey_raw`.
-    age : Age
-        Of the calibration at the run.
-    second : {"magnetometer", "gyro"}, optional
-        As `survey_raw`; corrections are of the magnetometer's survey only.
-    charts : bool
-        Judge the fields even where the survey does not need it, for a report.
-
-    Raises
-    ------
-    InputError, FileError, IdentifiabilityError
-        As these.
+    With a calibration the site is optional. Corrections are of the magnetometer's survey only. `charts`: judge the
+    fields even where the survey does not need it.
     """
     if calibration is None or correct is not None or bha is not None:
         if second is not None:
@@ -133,10 +115,10 @@ def survey_file(
         if gravity_sd is not None:
             raise InputError("--gravity-sd-percent is for raw channels of two calibrated accelerometers; leave it out")
         run = read_six_axis(
-            raw, site, calibration, age, form=form, convention=convention, trusted=trusted, progress=progress
+            raw, site, calibration, age, form=form, convention=convention, ignored=ignored, progress=progress
         )
         done = survey_six_axis(run, correct, bha)
-        return replace(done, survey=_marked(done.survey, run.warnings))
+        return replace(done, survey=_marked(done.survey, run.findings))
     if convention is not None or form not in (None, "csv"):
         raise InputError("with --calibration the readings are a CSV of raw channels; leave --from and --convention out")
     place, notes = (None, []) if site is None else completed(read_site(site))
@@ -144,10 +126,10 @@ def survey_file(
     record, old = at_the_run(read_calibration(calibration), calibration, place or Site(), age)
     notes = [*notes, *old]
     found = survey_raw(data, record, place, second=second, hole=hole, gravity_sd=gravity_sd)
-    warned = [] if place is None or found.azimuth_reference == "magnetic" else declination_warnings(place)
+    warned = [] if place is None or found.azimuth_reference == "magnetic" else declination_doubts(place)
     inputs = {**found.inputs, "tool": digest_file(calibration)}
-    warned = [*settle(doubts(_run(data, found, record, second)), trusted, raw), *warned]
-    found = _marked(replace(found, inputs=inputs, warnings=(*warned, *found.warnings)), warned)
+    findings = settled(check_run(_run(data, found, record, second)), ignored, raw)
+    found = _marked(replace(found, inputs=inputs, warnings=(*warned, *found.warnings)), findings)
     judged = _judged(data, record, place) if charts and second != "gyro" and place is not None else None
     return SixAxisSurvey(found, place or Site(), judged, notes=notes)
 
@@ -160,11 +142,11 @@ def _run(raw: RawSurvey, found: Survey, record: Calibration, second: str | None)
     return calibrated_run(raw, record.tool)
 
 
-def _marked(found: Survey, warned: Sequence[str]) -> Survey:
-    """The survey with a flag at every station where a check of the whole run was overruled."""
-    if not any(sentence.startswith(OVERRULED) for sentence in warned):
-        return found
-    return replace(found, flags=[[*row, "overruled"] for row in found.flags])
+def _marked(found: Survey, findings: tuple[Finding, ...]) -> Survey:
+    """The survey with its findings, and a flag at every station where one was ignored."""
+    if any(one.severity == "ignored" for one in findings):
+        found = replace(found, flags=[[*row, "overruled"] for row in found.flags])
+    return replace(found, findings=findings)
 
 
 def _judged(raw: RawSurvey, record: Calibration, site: Site) -> JudgedStations | None:
@@ -173,7 +155,7 @@ def _judged(raw: RawSurvey, record: Calibration, site: Site) -> JudgedStations |
     strong = all(triad is not None and triad.full and triad.field_strength for triad in triads)
     if not (strong and has_reference(site) and all(kind in raw.channels for kind in VECTORS)):
         return None
-    return judge(stations_from_tool(raw.md, raw.channels, record.tool, temperature=raw.temperature), site)
+    return quality(stations_from_tool(raw.md, raw.channels, record.tool, temperature=raw.temperature), site)
 
 
 def write_survey(survey: Survey, path: str | Path, *, switch: float = SWITCH) -> None:
@@ -191,7 +173,7 @@ def write_survey(survey: Survey, path: str | Path, *, switch: float = SWITCH) ->
     columns = {name: getattr(survey, name) for name in names}
     columns |= {name: getattr(survey, name) for name in ("u_inclination", "u_azimuth", "u_toolface")}
     flags = ["|".join(row) for row in survey.flags]
-    header, cells = survey_cells({**columns, "azimuth_reference": survey.azimuth_reference, "flags": flags})
+    cells = survey_cells({**columns, "azimuth_reference": survey.azimuth_reference, "flags": flags})
     steer = np.where(survey.inclination < switch, "magnetic", "gravity").tolist()
     parts = parts_of(survey.common, survey.random) if survey.common.size else {}
-    write_columns((*header, "toolface_type", *parts), [*cells, steer, *(column(v) for v in parts.values())], path)
+    write_columns({**cells, "toolface_type": steer, **parts}, path)

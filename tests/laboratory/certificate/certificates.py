@@ -11,12 +11,13 @@ import numpy as np
 from lxml import etree
 
 from inclinometry.calibration import plans
-from inclinometry.calibration.acceptance import Limits, verify
+from inclinometry.calibration.acceptance import verify
+from inclinometry.calibration.decision import Limits
 from inclinometry.calibration.joint import calibrate_joint
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
 from inclinometry.files.verification_json import judged_positions, stated_limits
-from inclinometry.laboratory.certificate.laboratory_toml import Laboratory, Order, Standard
+from inclinometry.laboratory.certificate.laboratory import Laboratory, Order, Standard
 from inclinometry.laboratory.certificate.record import certificate_record
 from inclinometry.simulate.bench import Rig, simulate_bench
 from inclinometry.simulate.tool import realistic_tool
@@ -25,18 +26,9 @@ SD = float(np.radians(0.05))
 DAY = datetime.date
 NASTY = "A #strong[x] & <b>\"o'k\"</b> \\ $x^2$ =cmd|' /C calc'!A0 {{1}} @a *b* _c_ `d` // e"
 LABORATORY = Laboratory(
-    "Stand & Son",
-    "1 Street\n2 Town",
-    "NO",
-    "Hall 3",
-    "NA 12",
-    "a@b.example",
-    "+47 1",
-    "Anna",
-    "head",
-    "level No. 7",
+    "Stand & Son", "1 Street\n2 Town", "NO", "Hall 3", "NA 12", "a@b.example", "+47 1", "Anna", "head", "level No. 7",
     "QP-12",
-)
+)  # fmt: skip
 STANDARDS = (Standard("Autocollimator 7", "PTB 2025-123", DAY(2027, 3, 1)), Standard("T2", "D-17", DAY(2026, 12, 31)))
 ORDER = Order(
     customer="Driller",
@@ -75,17 +67,17 @@ def verification(limit_deg: float | None = 1.0, guard: str = "none") -> dict[str
     if limit_deg is not None:
         limit = float(np.radians(limit_deg))
         limits = Limits("shop", "our own limits", limit, 3 * limit, 3 * limit, float(np.radians(5.0)), guard)
-    found = verify(readings(plans.twelve(), 9), calibration(), limits)
-    return {"verdict": found.verdict, "limits": stated_limits(found, limits), "report": judged_positions(found)}
+    found = verify(readings(plans.twelve(), 9), calibration(), limits, agreed=True)
+    return {"verdict": found.verdict, "limits": stated_limits(limits), "report": judged_positions(found)}
 
 
-def record(**changes: Any) -> dict[str, Any]:
-    """A whole record; `laboratory`, `order` and the keywords of `certificate_record` may be changed."""
+def record(made: Calibration | None = None, **changes: Any) -> dict[str, Any]:
+    """A whole record; calibration, `laboratory`, `order` and the keywords of `certificate_record` may be changed."""
     laboratory = changes.pop("laboratory", LABORATORY)
     order = changes.pop("order", ORDER)
     given = {"number": "2026-0001", "program": "inclinometry 0", "verification": verification(), "standards": STANDARDS}
-    given |= changes
-    return certificate_record(calibration(), laboratory, order, **given)
+    given |= {"accept_warnings": "the customer knows"} | changes
+    return certificate_record(made or calibration(), laboratory, order, **given)
 
 
 @cache

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import ast
 import copy
 import json
 import re
 import shutil
 import subprocess
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from datetime import date
 from pathlib import Path
@@ -18,46 +19,34 @@ import pytest
 import scipy.stats
 from lxml import etree
 
+import inclinometry
 from inclinometry.calibration.expected import expected_uncertainty, tool_temperature
+from inclinometry.calibration.result import Calibration
 from inclinometry.constants import STEPS
 from inclinometry.errors import FileError, InputError
 from inclinometry.laboratory.certificate.dcc import dcc_bytes
-from inclinometry.laboratory.certificate.laboratory_toml import Laboratory, Standard
+from inclinometry.laboratory.certificate.laboratory import Laboratory, Standard
 from inclinometry.laboratory.certificate.pdf import certificate_pdf
 from inclinometry.laboratory.certificate.record import (
-    certificate_record,
+    adjusted,
     checked,
     chinese_font,
+    classical_section,
     coverage_probability,
     record_bytes,
     record_digest,
+    verification_section,
     words,
 )
 from inclinometry.laboratory.certificate.requirements import missing
 from inclinometry.orientation import fields
-from inclinometry.sensors import angle_sensitivity
+from inclinometry.sensors import angle_sensitivity, with_scale
 from inclinometry.stability import aged
 
 from ...report.conftest import calibrated
 from .certificates import LABORATORY, NASTY, ORDER, STANDARDS, calibration, dcc_schema, record, verification
 
 poppler = pytest.mark.skipif(shutil.which("pdftotext") is None, reason="pdftotext is not installed")
-
-
-@pytest.fixture
-def seen(monkeypatch: pytest.MonkeyPatch) -> list[dict[str, str]]:
-    """What the typesetter is given, certificate by certificate; nothing is set."""
-    seen: list[dict[str, str]] = []
-
-    def compiled(*_: object, sys_inputs: dict[str, str], **__: object) -> bytes:
-        seen.append(json.loads(sys_inputs["data"]))
-        return b"%PDF"
-
-    monkeypatch.setattr("typst.compile", compiled)
-    monkeypatch.setattr("inclinometry.laboratory.certificate.record.paper_svg", lambda _: "<svg/>")
-    # nothing is set, so no font is needed, which for Chinese is not on every computer
-    monkeypatch.setattr("inclinometry.laboratory.certificate.pdf.families", lambda *_: ("serif", "sans"))
-    return seen
 
 
 def pages(pdf: bytes, tmp_path: Path) -> list[str]:
@@ -88,7 +77,7 @@ def test_the_page_says_what_the_standard_asks_for(tmp_path: Path) -> None:
     for text in (
         "Calibration certificate", "No. 2026-0001", "Stand & Son", "2 Town", "Hall 3", "NA 12", "Driller",
         "steering tool", "IN-7", "good", "2026-05-01", "2026-05-04 – 2026-05-05", "2026-05-06",
-        "orthogonal, 24 positions", "stand 1",
+        "orthogonal; 24 positions measured", "stand 1",
         "temperature 21.5 to 23 °C", "level No. 7", "Anna, head", "12 months", "2025-0003", "QP-12",
         "Autocollimator 7, certificate PTB 2025-123, due 2027-03-01", "T2, certificate D-17, due 2026-12-31",
         "The item conforms", "JCGM 106:2012, 8.2", "our own limits", "Results at the verified positions",
@@ -103,7 +92,7 @@ def test_the_page_says_what_the_standard_asks_for(tmp_path: Path) -> None:
     # after a year the sensors may have moved; the variances of 24 positions were estimated
     for text in ("effective degrees of freedom", "Ue(I), °", "at the end of the agreed interval of 12 months"):
         assert text in whole, text
-    for text in ("k = 2", "about 95 %", "U(I), °", "U0", "Residuals", "Verification at independent positions"):
+    for text in ("k = 2.02", "95.45 %", "U(I), °", "U0", "Residuals", "Verification at independent positions"):
         assert text in whole, text
 
 
@@ -151,7 +140,7 @@ def test_chinese_is_shown_or_refused(tmp_path: Path) -> None:
 
 def test_letters_without_a_font_are_refused() -> None:
     """Never a box where a name should be."""
-    with pytest.raises(InputError, match="no font on this computer shows"):
+    with pytest.raises(InputError, match="No font on this computer shows"):
         certificate_pdf(record(order=replace(ORDER, customer="\U00013080")))
 
 
@@ -166,11 +155,12 @@ def test_every_language_has_every_text() -> None:
 def test_uncertainties_are_those_of_the_calibration() -> None:
     """k times the worst standard uncertainty of each inclination, growing as 1 / sin I toward the vertical."""
     table, found = record()["results"]["uncertainty"], calibration()
+    # the noise is estimated, the dials are stated: a covariance that is nu / (nu - 2) times that at the estimates
+    nu = found.freedom
+    assert table["degrees_of_freedom"] == np.floor(nu)
+    assert table["coverage_factor"] == round(scipy.stats.t(np.floor(nu)).ppf(0.5 + 0.5 * coverage_probability(2.0)), 2)
+    found = replace(found, tool=replace(found.tool, covariance=(nu - 2.0) / nu * found.tool.covariance))
     worst = expected_uncertainty(found, np.radians(table["inclination_deg"])).of_one_reading
-    # 24 positions of six readings less 24 parameters and 72 settings; Student's quantile times root (nu - 2) / nu
-    assert table["degrees_of_freedom"] == 24 * 6 - 24 - 72
-    k = float(scipy.stats.t(48).ppf(0.5 + 0.5 * coverage_probability(2.0)) * np.sqrt(46 / 48))
-    assert k <= table["coverage_factor"] < k + 0.01
     for place, name in enumerate(("inclination", "azimuth", "toolface")):
         np.testing.assert_allclose(
             table[f"U_{name}_deg"], np.degrees(table["coverage_factor"] * worst[:, place]), rtol=1e-12
@@ -192,7 +182,7 @@ def test_uncertainties_are_those_of_the_calibration() -> None:
 @pytest.mark.parametrize("sensors", [{"accelerometer": 3}, {"accelerometer": 3, "gyro": 3}, {"accelerometer": 2}])
 def test_every_kind_of_tool_can_be_certified(sensors: dict[str, int]) -> None:
     """Angles it cannot give are left out, not invented; the digital certificate fits too."""
-    content = certificate_record(calibrated(sensors)[1], LABORATORY, ORDER, number="1", program="inclinometry 0")
+    content = record(calibrated(sensors)[1], verification=None)
     table = content["results"]["uncertainty"]
     assert ("U_azimuth_deg" in table) == ("gyro" in sensors)
     if sensors["accelerometer"] == 2:
@@ -214,6 +204,56 @@ def test_before_and_after() -> None:
     assert seen["previous"] == "2025-0001"
     assert 0.0 < seen["largest_difference_deg"]["azimuth"] < 1.0
     assert [row["name"] for row in seen["parameters"]] == list(calibration().tool.parameter_names)
+    texts = classical_section(record(previous=calibration(), previous_from="2025-0001"), words("en"))["texts"]
+    assert any("the same signals give the same angles within 0.0001°" in text for text in texts)
+
+
+def at_strengths(strengths: dict[str, float | None]) -> Calibration:
+    """The calibration once more at a stand with other fields: the same sensors, stated or not."""
+    found = calibration()
+    own = {kind: triad.field_strength or 1.0 for kind, triad in found.tool.triads.items()}
+    tool = with_scale(found.tool, {kind: (f or 1.01 * own[kind]) / own[kind] for kind, f in strengths.items()})
+    triads = {kind: replace(triad, field_strength=strengths[kind]) for kind, triad in tool.triads.items()}
+    return replace(found, tool=replace(tool, triads=triads))
+
+
+def test_the_same_sensors_at_a_stand_with_other_fields_have_not_changed() -> None:
+    """One unit before and after: gravity by 0.4 %, the magnetic field by 10 %, with the uncertainties of the tool."""
+    content = record(previous=at_strengths({"accelerometer": 9.78, "magnetometer": 45000.0}))
+    assert content["adjustment"]["relative"] == {}
+    for kind in ("accelerometer", "magnetometer"):
+        for row, before, change in adjusted(content, kind):
+            assert before["value"] == pytest.approx(row["value"], rel=1e-9, abs=1e-12)
+            assert before["u"] == pytest.approx(row["u"], rel=1e-4)
+            assert change["value"] == pytest.approx(0.0, abs=1e-6 * change["u"])
+            assert change["u"] == pytest.approx(np.sqrt(2.0) * row["u"], rel=1e-4)
+    pairs = zip(content["adjustment"]["parameters"], content["results"]["parameters"], strict=True)
+    for before, after in pairs:
+        assert before["value"] == pytest.approx(after["value"], rel=1e-9, abs=1e-9)
+
+
+@pytest.mark.parametrize("lacks", ["accelerometer", "magnetometer"])
+@pytest.mark.parametrize("later", [False, True])
+def test_a_field_that_one_calibration_does_not_state_gives_no_scale(lacks: str, later: bool) -> None:
+    """Ratios of the scales, offsets as signals and directions are compared, which needs no strength; nothing else."""
+    stated = {kind: triad.field_strength for kind, triad in calibration().tool.triads.items()}
+    other = at_strengths(stated | {lacks: None})
+    now, before = (other, calibration()) if later else (calibration(), other)
+    content = record(now, previous=before)
+    assert list(content["adjustment"]["relative"]) == [lacks]
+    for kind in stated:
+        rows = adjusted(content, kind)
+        compares = {row["name"] for row, _, change in rows if change is not None}
+        absolute = {f"{axis} {what}" for axis in "xyz" for what in ("scale", "bias")}
+        relative = {f"{axis} {what}" for axis in "xyz" for what in ("scale to the mean", "offset")}
+        directions = {f"{one} toward {other}" for one in "xyz" for other in "xyz" if one != other}
+        assert compares == directions | (relative if kind == lacks else absolute)
+        for _, _, change in rows:
+            assert change is None or change["value"] == pytest.approx(0.0, abs=1e-6 * change["u"])
+    scales = {row["name"]: row["value"] for row in content["adjustment"]["relative"][lacks] if row["unit"] == "%"}
+    assert np.mean(list(scales.values())) == pytest.approx(100.0)
+    tensors = [row for row in content["adjustment"]["parameters"] if row["name"].startswith(f"{lacks}.tensor")]
+    assert {row["value"] for row in tensors} == {None}
 
 
 @pytest.mark.long
@@ -223,7 +263,7 @@ def test_before_and_after() -> None:
         (lambda: verification(1.0), "pass", "simple"),
         (lambda: verification(0.01), "fail", "simple"),
         (lambda: verification(1.0, "expanded-uncertainty"), "pass", "guarded"),
-        (lambda: verification(None), "pass", "consistency"),
+        (lambda: verification(None), "not assessed", None),
         (lambda: None, "not assessed", None),
     ],
 )
@@ -292,7 +332,7 @@ def test_the_box_is_green_only_where_nothing_speaks_against_it(seen: list[dict[s
     doubted = copy.deepcopy(verification(1.0))
     doubted["report"]["warnings"] = ["the stand is poor"]
     plain = copy.deepcopy(verification(1.0)) | {"report": verification(1.0)["report"] | {"warnings": []}}
-    clean = record(verification=plain) | {"warnings": []}
+    clean = record(verification=plain) | {"warnings": [], "accepted": None}
     for content in (
         clean,
         clean | {"verification": doubted},
@@ -309,18 +349,25 @@ def test_the_box_is_green_only_where_nothing_speaks_against_it(seen: list[dict[s
     assert "the sign is assumed" in seen[2]["conformity"]
 
 
-LACKS = {
-    "laboratory": {"laboratory": replace(LABORATORY, address="")},
-    "customer": {"order": replace(ORDER, customer="")},
-    "item": {"order": replace(ORDER, serial="")},
+FIELDS: dict[str, Callable[[str], dict[str, Any]]] = {
+    "laboratory": lambda text: {"laboratory": replace(LABORATORY, address=text)},
+    "customer": lambda text: {"order": replace(ORDER, customer=text)},
+    "item": lambda text: {"order": replace(ORDER, serial=text)},
+    "traceability": lambda text: {
+        "laboratory": replace(LABORATORY, traceability=text),
+        "order": replace(ORDER, rig_traceability=text),
+    },
+    "environment": lambda text: {
+        "order": replace(ORDER, environment=text, temperature_degC=None, humidity_percent=None)
+    },
+    "condition": lambda text: {"order": replace(ORDER, condition=text)},
+    "procedure": lambda text: {"laboratory": replace(LABORATORY, procedure=text)},
+    "standards": lambda text: {"standards": (*STANDARDS, Standard("T3", text, date(2027, 3, 1)))},
+    "signatory": lambda text: {"laboratory": replace(LABORATORY, authoriser=text)},
+}
+LACKS = {key: given("") for key, given in FIELDS.items()} | {
     "performed": {"order": replace(ORDER, performed_from=None, performed_to=None)},
-    "traceability": {"laboratory": replace(LABORATORY, traceability="")},
-    "environment": {"order": replace(ORDER, temperature_degC=None, humidity_percent=None)},
-    "condition": {"order": replace(ORDER, condition="")},
-    "procedure": {"laboratory": replace(LABORATORY, procedure="")},
-    "standards": {"standards": STANDARDS[:1] + (Standard("T3"),)},
     "standards_due": {"standards": (Standard("T2", "D-17", date(2026, 5, 3)),)},
-    "signatory": {"laboratory": replace(LABORATORY, authoriser="")},
 }
 
 
@@ -359,20 +406,6 @@ STATED = (
     "good", "n/a, but sealed", "Нетребко", "х. Северный", "不详路 7 号", "无锡", "TBD-7", "Xavier",
     "00-17", "0-1", "John Dow", "Maximilian Muster", "Signe Names", "Подписнов", "张三丰",
 )  # fmt: skip
-FIELDS: dict[str, Callable[[str], dict[str, Any]]] = {
-    "laboratory": lambda text: {"laboratory": replace(LABORATORY, address=text)},
-    "customer": lambda text: {"order": replace(ORDER, customer=text)},
-    "item": lambda text: {"order": replace(ORDER, serial=text)},
-    "traceability": lambda text: {
-        "laboratory": replace(LABORATORY, traceability=text),
-        "order": replace(ORDER, rig_traceability=text),
-    },
-    "environment": lambda text: {"order": replace(ORDER, environment=text, temperature_degC=None)},
-    "condition": lambda text: {"order": replace(ORDER, condition=text)},
-    "procedure": lambda text: {"laboratory": replace(LABORATORY, procedure=text)},
-    "standards": lambda text: {"standards": (*STANDARDS, Standard("T3", text, date(2027, 3, 1)))},
-    "signatory": lambda text: {"laboratory": replace(LABORATORY, authoriser=text)},
-}
 
 
 @pytest.mark.parametrize("key", FIELDS)
@@ -388,23 +421,21 @@ def test_a_placeholder_is_as_good_as_nothing(key: str) -> None:
     assert [text for text in STATED if lacks(text)] == []
 
 
+@pytest.mark.parametrize(("language", "word"), [("en", "limits"), ("ru", "пределы"), ("zh", "限值")])
+def test_a_figure_without_limits_is_not_said_to_draw_them(language: str, word: str) -> None:
+    for limit, drawn in ((None, False), (1.0, True)):
+        section = verification_section(record(verification=verification(limit)), words(language))
+        assert {word in figure["caption"] for figure in section["figures"]} == {drawn}
+
+
 def test_a_document_of_placeholders_is_a_report() -> None:
     """What earned the title of a certificate once: every field filled, nothing said."""
     laboratory = Laboratory("-", "n/a", "XX", authoriser="N. N.", traceability="not stated", procedure=".")
     order = replace(ORDER, customer="?", condition="unknown", environment="tbd", temperature_degC=None)
     made = record(laboratory=laboratory, order=order, standards=(Standard("x", "none", date(9999, 12, 31)),))
     assert made["title"] == "report"
-    wanted = [
-        "laboratory",
-        "customer",
-        "traceability",
-        "environment",
-        "condition",
-        "procedure",
-        "standards",
-        "signatory",
-    ]
-    assert made["missing"] == wanted
+    wanted = "laboratory customer traceability environment condition procedure standards signatory"
+    assert made["missing"] == wanted.split()
 
 
 @pytest.mark.parametrize("code", ["XX", "AA", "ZZ", "QZ", "XA"])
@@ -449,7 +480,7 @@ def test_results_are_what_was_verified(seen: list[dict[str, str]]) -> None:
 def test_the_budget_adds_up_to_the_table_of_uncertainties(known: bool) -> None:
     """The squares of its causes are the square of U / k, at each inclination, for each angle; by triad in old files."""
     made = calibration() if known else replace(calibration(), shares={})
-    content = certificate_record(made, LABORATORY, ORDER, number="1", program="inclinometry 0")["results"]
+    content = record(made)["results"]
     table, budget = content["uncertainty"], content["budget"]
     kinds = {(one["cause"], one["kind"]) for one in budget["components"]}
     dials = {("calibration", f"{dial} dial") for dial in ("azimuth", "inclination", "toolface")}
@@ -465,7 +496,9 @@ def test_the_budget_adds_up_to_the_table_of_uncertainties(known: bool) -> None:
 def test_the_dials_parts_of_the_budget_are_what_their_errors_do() -> None:
     """Each dial's part once more, attitude by attitude, from the covariance that it brings to the parameters."""
     found = calibration()
-    tool, dip = found.tool, expected_uncertainty(found).dip
+    nu = found.freedom
+    tool = replace(found.tool, covariance=(nu - 2.0) / nu * found.tool.covariance)
+    dip = expected_uncertainty(found).dip
     budget = record()["results"]["budget"]
     parts = {one["kind"]: one["u_deg"] for one in budget["components"] if one["cause"] == "calibration"}
     assert set(parts) == set(found.causes)
@@ -505,7 +538,6 @@ def test_no_page_is_all_but_empty(language: str, tmp_path: Path) -> None:
         assert words(language)("results") in pages(file.read_bytes(), tmp_path)[0]
         drawn = subprocess.run(["pdftoppm", "-r", "20", "-gray", file], capture_output=True, check=True).stdout
         size = re.match(rb"P5\s(\d+) (\d+)\s255\s", drawn)
-        assert size is not None
         height, wide = int(size[2]), int(size[1])
         sheets = np.frombuffer(b"".join(drawn.split(size[0])[1:]), np.uint8).reshape(-1, height, wide)
         for number, sheet in enumerate(sheets, 1):
@@ -544,7 +576,14 @@ def test_the_sentence_on_the_coverage_factor_names_one_distribution(seen: list[d
     assert "Student" not in json.dumps(seen[1])
 
 
-@pytest.mark.parametrize(("plan", "text"), [("24 positions", "; 24 positions"), ("cube", "; cube, 24 positions")])
+@pytest.mark.parametrize(
+    ("plan", "text"),
+    [
+        ("24 positions", "; 24 positions"),
+        ("cube", "; cube; 24 positions measured"),
+        ("orthogonal, 36 positions", "; orthogonal, 36 positions; 24 positions measured"),
+    ],
+)
 def test_a_plan_named_by_its_number_of_positions_says_it_once(seen: list[dict[str, str]], plan: str, text: str) -> None:
     certificate_pdf(record(order=replace(ORDER, plan=plan)))
     (method,) = (said for name, said in seen[0]["facts"]["long"] if "positions" in said)  # type: ignore[index, call-overload]
@@ -555,6 +594,96 @@ def test_the_reservation_of_a_pass_stands_in_the_box(seen: list[dict[str, str]])
     """Limits of tens of degrees, which find only a much worse tool."""
     certificate_pdf(record(verification=verification(40.0)))
     box = " ".join(seen[0]["conformity"]).replace("\u200b", "")
-    assert "is held against a limit of 40 deg" in box
+    assert "is 40 deg, more than the" in box
     assert "the agreed limits are so wide" in box
     assert seen[0]["conformity_colour"] == "#8a5a00"
+
+
+# A verification without agreed limits: no conformity, no limit and no pass, in no document and no language.
+
+
+WORDS = {
+    "en": ("conformity:", "limit ±", "pass", "conforms"),
+    "ru": ("Соответствие", "предел ±", "принято", "соответствует"),
+    "zh": ("符合性", "限值 ±", "合格"),
+}
+
+
+@pytest.mark.parametrize("language", list(WORDS))
+def test_the_paper_compares_and_does_not_judge(seen: list[dict[str, Any]], language: str) -> None:
+    """Deviations with U at 95 % and agreement in words; with limits, all of it is there."""
+    certificate_pdf(record(verification=verification(None), language=language))
+    certificate_pdf(record(verification=verification(1.0), language=language))
+    without, judged = ({k: v for k, v in one.items() if k != "qr"} for one in seen)
+    texts = json.dumps(without["sections"][0], ensure_ascii=False) + without["conformity_head"]
+    for word in WORDS[language][1:]:
+        assert word not in texts, word
+    assert WORDS[language][1] in json.dumps(judged["sections"], ensure_ascii=False)
+    assert WORDS[language][1] not in json.dumps(without["sections"], ensure_ascii=False)
+    assert without["conformity_head"] != judged["conformity_head"]
+    assert "k = 2" in without["sections"][0]["texts"][0]
+    if language == "en":
+        assert without["conformity_head"] == "Agreement with the certificate"
+        assert without["conformity"][0] == "No limits were agreed: no statement of conformity is made."
+        assert "deviations at independent positions are smaller than their expanded" in without["conformity"][1]
+        assert without["conformity"][2].startswith("The deviations agree with the certificate: ")
+
+
+def test_the_digital_certificate_holds_no_conformity() -> None:
+    root = etree.fromstring(dcc_bytes(record(verification=verification(None))))
+    kinds = {kind for one in root.iter() for kind in str(one.get("refType", "")).split()}
+    assert "basic_measurementError" in kinds
+    assert not {kind for kind in kinds if "conformity" in kind or "toleranceLimit" in kind}
+    assert not root.xpath("//dcc:conformityXMLList | //dcc:conformity", namespaces=root.nsmap)
+    factors = root.xpath("//*[local-name()='coverageFactorXMLList']/text()")
+    assert max(map(float, " ".join(factors).split())) < 2.3
+
+
+def test_the_record_states_no_limit_and_no_pass() -> None:
+    content = record(verification=verification(None))
+    assert content["conformity"]["statement"] == "not assessed"
+    assert content["conformity"]["rule"] is None
+    held = content["verification"]
+    assert (held["limits"], held["verdict"], held["report"]["coverage_factor"]) == (None, "agrees", 2.0)
+    cells = [row[name] for row in held["report"]["positions"] for name in ("inclination", "azimuth", "toolface")]
+    assert {cell["decision"] for cell in cells} <= {"agrees", "not judged"}
+    assert {cell["limit_deg"] for cell in cells} == {None}
+
+
+# No certificate tells its reader to type an option or a command: the sentences that reach paper name neither.
+
+
+ROOT = Path(inclinometry.__file__).parent
+OPTION = re.compile(r"--[a-z][a-z-]+|`[a-z ]+`")
+
+
+def sentences(path: Path) -> Iterator[str]:
+    """Texts that may become a warning, a note or a reason: no docstrings, nothing that is raised."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    spared = {id(one) for node in ast.walk(tree) if isinstance(node, ast.Raise) for one in ast.walk(node)}
+    spared |= {
+        id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
+    }
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in spared:
+            yield node.value
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "calibration").glob("*.py")), ids=lambda path: path.stem)
+def test_warnings_of_calibration_and_verification_name_no_option(path: Path) -> None:
+    """They stand on paper: remarks, the box, what was found at the verified positions."""
+    assert [text for text in sentences(path) if OPTION.search(text)] == []
+
+
+@pytest.mark.parametrize("language", ["en", "ru", "zh"])
+@pytest.mark.parametrize("limit", [None, 1.0, 0.01, 40.0])
+def test_no_text_of_a_certificate_names_an_option(
+    seen: list[dict[str, Any]], language: str, limit: float | None
+) -> None:
+    """Of every kind of verification, with all that can be missing."""
+    for changes in ({}, {"order": type(ORDER)(issued=ORDER.issued), "laboratory": None}):
+        certificate_pdf(record(verification=verification(limit), language=language, **changes))
+    for view in seen:
+        said = {key: value for key, value in view.items() if key not in ("qr", "missing", "is_report")}
+        text = json.dumps(said, ensure_ascii=False).replace("\u200b", "")
+        assert not re.findall(r"(?<![\w-])--[a-z][a-z-]+", text)

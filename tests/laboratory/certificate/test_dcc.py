@@ -13,7 +13,7 @@ from inclinometry.errors import FileError, InputError
 from inclinometry.laboratory.certificate.dcc import dcc_bytes, read_dcc, unit
 from inclinometry.laboratory.certificate.record import record_digest
 
-from .certificates import LABORATORY, NASTY, ORDER, calibration, dcc_schema, record, verification
+from .certificates import LABORATORY, NASTY, ORDER, dcc_schema, record, verification
 
 BARE = replace(
     ORDER, received=None, performed_to=None, temperature_degC=None, humidity_percent=None, customer="", condition="",
@@ -41,23 +41,26 @@ def test_every_kind_of_certificate_fits_the_schema(changes: dict[str, Any]) -> N
     assert schema.validate(etree.fromstring(dcc_bytes(record(**changes)))), schema.error_log
 
 
-def test_the_numbers_come_back_to_the_bit() -> None:
-    """Parameters, their covariance, uncertainties, errors at the judged positions."""
-    content, found = record(), calibration()
-    said = read_dcc(dcc_bytes(content))
+def test_the_numbers_come_back_to_four_digits_of_their_uncertainty() -> None:
+    """Parameters, their covariance, uncertainties, errors at the judged positions; none has digits without meaning."""
+    content = record()
+    said, k = read_dcc(dcc_bytes(content)), content["results"]["coverage"]["factor"]
     assert (said.number, said.digest, said.serial) == ("2026-0001", record_digest(content), "IN-7")
-    np.testing.assert_array_equal(said.covariance, found.tool.covariance)
+    np.testing.assert_allclose(said.covariance, content["results"]["covariance"]["matrix"], rtol=1e-9)
+    assert np.linalg.eigvalsh(said.covariance)[0] > 0.0
     for row in content["results"]["parameters"]:
-        assert said.parameters[row["name"]] == (
-            row["value"],
-            content["results"]["uncertainty"]["coverage_factor"] * row["u"],
-        )
+        value, spread = said.parameters[row["name"]]
+        # half a digit of the fourth place of U, at most 5e-4 of it
+        assert value == pytest.approx(row["value"], abs=5.01e-4 * spread)
+        assert spread == pytest.approx(k * row["u"], rel=5.01e-4)
+        assert len(f"{spread!r}".replace(".", "").strip("0")) <= 4
     for name, values in said.uncertainty.items():
-        np.testing.assert_array_equal(values, content["results"]["uncertainty"][f"{name}_deg"])
+        np.testing.assert_allclose(values, content["results"]["uncertainty"][f"{name}_deg"], rtol=5.01e-4)
     positions = content["verification"]["report"]["positions"]
     for name, values in said.errors.items():
         rows = [row[name] for row in positions if row[name]["decision"] != "not judged"]
-        np.testing.assert_array_equal(values, [[row["error_deg"], row["U_deg"]] for row in rows])
+        np.testing.assert_allclose(values[:, 0], [row["error_deg"] for row in rows], atol=5.01e-4 * values[:, 1].max())
+        np.testing.assert_allclose(values[:, 1], [row["U_deg"] for row in rows], rtol=5.01e-4)
     assert set(said.errors) == {"inclination", "azimuth", "toolface"}
 
 

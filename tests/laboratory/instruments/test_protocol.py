@@ -97,6 +97,11 @@ def test_a_checksum_finds_a_changed_character(kind):
     assert (without_checksum(kind, changed) is None) == (kind != "none")
 
 
+def test_checksums_of_known_lines():
+    assert checksum("xor", b"$GPGLL,5057.970,N,00146.110,E,142451,A") == "27"
+    assert checksum("crc16", b"123456789") == "29B1"
+
+
 def test_an_unknown_checksum_is_refused():
     with pytest.raises(InputError, match="allowed: none, xor"):
         checksum("md5", b"1")

@@ -59,16 +59,22 @@ def greet(kinds, count=1):
         time.sleep(0.005)
 
 
-@pytest.mark.long
-def test_nothing_is_lost_or_doubled_when_connections_break_between_lines(served, until, kept):
+def sending(kept, data, last=1):
+    """Each connection is sent data(count), the n-th one stays open."""
+
     def serve(connection, count):
         greet(lambda: kept.kinds, count)
-        connection.sendall(b"".join(line(n) for n in range(100 * count, 100 * count + 100)))
-        if count == 5:
+        connection.sendall(data(count))
+        if count >= last:
             wait_for_the_end(connection)
 
-    server = served(serve)
-    with kept.reader(server) as reader:
+    return serve
+
+
+@pytest.mark.long
+def test_nothing_is_lost_or_doubled_when_connections_break_between_lines(served, until, kept):
+    serve = sending(kept, lambda count: b"".join(line(n) for n in range(100 * count, 100 * count + 100)), last=5)
+    with kept.reader(served(serve)) as reader:
         until(lambda: len(kept.samples) >= 500)
     assert kept.numbers == list(range(100, 600))
     assert kept.kinds.count("connected") == 5
@@ -78,25 +84,17 @@ def test_nothing_is_lost_or_doubled_when_connections_break_between_lines(served,
 
 @pytest.mark.long
 def test_the_last_bytes_before_a_connection_ends_are_read(served, until, kept):
-    def serve(connection, count):
-        greet(lambda: kept.kinds, count)
-        connection.sendall(line(count))
-
-    server = served(serve)
-    with kept.reader(server):
+    with kept.reader(served(sending(kept, line, last=99))):
         until(lambda: len(kept.samples) >= 5)
     assert kept.numbers[:5] == [1, 2, 3, 4, 5]
 
 
 def test_a_line_cut_by_a_broken_connection_is_the_only_loss(served, until, kept):
-    def serve(connection, count):
-        greet(lambda: kept.kinds, count)
-        data = b"".join(line(n) for n in range(10 * count, 10 * count + 10))
-        connection.sendall(data[:-4] if count == 1 else data)
-        if count == 2:
-            wait_for_the_end(connection)
+    def data(count):
+        whole = b"".join(line(n) for n in range(10 * count, 10 * count + 10))
+        return whole[:-4] if count == 1 else whole
 
-    with kept.reader(served(serve)):
+    with kept.reader(served(sending(kept, data, last=2))):
         until(lambda: len(kept.samples) >= 19)
     assert kept.numbers == [*range(10, 19), *range(20, 30)]
     assert {"partial", "gap"} <= set(kept.kinds)
@@ -117,49 +115,33 @@ def test_bytes_one_by_one(served, until, kept):
 
 
 def test_garbage_and_a_line_without_end_do_not_stop_it(served, until, kept):
-    def serve(connection, count):
-        greet(lambda: kept.kinds, count)
-        connection.sendall(line(1) + bytes(range(256)) + b"\r\n" + b"x" * 500_000 + b"\r\n" + line(2))
-        wait_for_the_end(connection)
-
-    with kept.reader(served(serve)) as reader:
+    junk = bytes(range(256)) + b"\r\n" + b"x" * 500_000 + b"\r\n"
+    with kept.reader(served(sending(kept, lambda _: line(1) + junk + line(2)))) as reader:
         until(lambda: len(kept.samples) >= 2)
     assert kept.numbers == [1, 2]
     assert reader.counts["too-long"] >= 1
     assert reader.counts["garbage"] + reader.counts["checksum"] >= 1
 
 
-def test_an_instrument_that_is_asked(served, until, kept):
+@pytest.mark.parametrize(("silent", "first"), [(0, list(range(1, 101))), (3, [1, 2, 4, 5])])
+def test_an_instrument_that_is_asked(served, until, kept, silent, first):
+    """An answer that does not come, every third, is asked for again."""
+
     def serve(connection, _count):
         number = 0
         while connection.recv(1) == b"?":
             number += 1
-            connection.sendall(b"%d,%d,1\r\n" % (number, number))
-
-    with kept.reader(served(serve), ASKED):
-        until(lambda: len(kept.samples) >= 200)
-    assert kept.numbers == list(range(1, len(kept.numbers) + 1))
-
-
-def test_an_answer_that_does_not_come_is_asked_for_again(served, until, kept):
-    def serve(connection, _count):
-        number = 0
-        while connection.recv(1) == b"?":
-            number += 1
-            if number % 3:
+            if not silent or number % silent:
                 connection.sendall(b"%d,%d,1\r\n" % (number, number))
 
     with kept.reader(served(serve), ASKED):
-        until(lambda: len(kept.samples) >= 4)
-    assert kept.numbers[:4] == [1, 2, 4, 5]
+        until(lambda: len(kept.samples) >= len(first))
+    assert kept.numbers[: len(first)] == first
 
 
 @pytest.mark.long
 def test_silence_is_told_and_then_the_port_is_opened_again(served, until, kept):
-    def serve(connection, _count):
-        wait_for_the_end(connection)
-
-    server = served(serve)
+    server = served(lambda connection, _count: wait_for_the_end(connection))
     with kept.reader(server, replace(STREAM, silence=0.3)):
         until(lambda: kept.kinds.count("connected") >= 2)
     assert kept.kinds[:3] == ["connected", "silent", "disconnected"]
@@ -201,12 +183,7 @@ def test_a_receiver_that_fails_does_not_stop_the_reading(served, until):
 
 
 def test_stop_waits_for_the_thread_and_a_second_start_reads_on(served, until, kept):
-    def serve(connection, count):
-        greet(lambda: kept.kinds, count)
-        connection.sendall(line(count))
-        wait_for_the_end(connection)
-
-    reader = kept.reader(served(serve))
+    reader = kept.reader(served(sending(kept, line)))
     for count in (1, 2):
         reader.start()
         reader.start()
@@ -222,22 +199,12 @@ def test_stop_waits_for_the_thread_and_a_second_start_reads_on(served, until, ke
 @pytest.mark.parametrize(
     "url",
     [
-        "",
-        "socket://",
-        "socket://127.0.0.1",
-        "socket://127.0.0.1:99999",
-        "socket://127.0.0.1:1/path",
-        "socket://user@127.0.0.1:1",
-        "socket://127.0.0.1:1?logging=debug",
-        "spy://COM3?file=out.txt",
-        "http://127.0.0.1:80",
-        "loop://",
-        "alt:///dev/ttyS0?class=X",
-        "/etc/passwd",
-        "/dev/ttyS0/../../etc/passwd",
+        "", "socket://", "socket://127.0.0.1", "socket://127.0.0.1:99999", "socket://127.0.0.1:1/path",
+        "socket://user@127.0.0.1:1", "socket://127.0.0.1:1?logging=debug", "spy://COM3?file=out.txt",
+        "http://127.0.0.1:80", "loop://", "alt:///dev/ttyS0?class=X", "/etc/passwd", "/dev/ttyS0/../../etc/passwd",
         "COMX",
     ],
-)
+)  # fmt: skip
 def test_only_ports_are_opened(url):
     with pytest.raises(InputError, match="is no port"):
         checked_url(url)

@@ -1,4 +1,4 @@
-"""The simulated instrument: the same seed says the same, the truth is what it says, faults are those asked for."""
+"""The simulated instrument: the same seed says the same, the truth is what it says."""
 
 from __future__ import annotations
 
@@ -16,16 +16,8 @@ from inclinometry.calibration.readings import BenchReadings
 from inclinometry.errors import InputError
 from inclinometry.laboratory.instruments.protocol_toml import read_protocol
 from inclinometry.laboratory.instruments.rig import RigDriver, ScpiRig
-from inclinometry.laboratory.instruments.simulated_instrument import (
-    SHARES,
-    Faults,
-    FaultSource,
-    SimulatedInstrument,
-    SimulatedStand,
-    StandSettings,
-    parse_faults,
-)
-from inclinometry.simulate.bench import Misread, Rig
+from inclinometry.laboratory.instruments.simulated_instrument import SimulatedInstrument, SimulatedStand, StandSettings
+from inclinometry.simulate.bench import Rig
 from inclinometry.simulate.tool import TRIADS, realistic_tool
 
 AT_ONCE = StandSettings(turn=0.0)
@@ -47,10 +39,9 @@ def lines(instrument, count):
 
 @pytest.mark.parametrize("protocol", ["csv-line", "wits0"])
 def test_the_same_seed_sends_the_same_bytes(protocol):
-    faults = parse_faults("garbage=0.1,dropout=0.1,partial=0.05,encoding=0.05,outside=0.1,stuck=0.01,repeat=0.05")
     told = []
     for seed in (7, 7, 8):
-        with SimulatedInstrument(protocol, seed=seed, speed=0.0, faults=faults) as instrument:
+        with SimulatedInstrument(protocol, seed=seed, speed=0.0) as instrument:
             told.append(lines(instrument, 500))
     assert told[0] == told[1]
     assert told[0] != told[2]
@@ -116,16 +107,6 @@ def test_it_follows_a_plan_by_itself():
         assert bench.dial == pytest.approx(wanted)
 
 
-def test_the_nth_position_is_misread_once_and_set_anew_is_right():
-    fault = Misread(2, "toolface", np.radians(30.0))
-    bench = stand(rig=Rig(setting_sd=0.0), turn=0.0, misread=(fault,))
-    found = []
-    for toolface in (0.0, 1.0, 2.0, 2.0, 3.0):
-        bench.move((0.0, 0.0, toolface), 0.0)
-        found.append(np.degrees(bench.errors[2]))
-    assert found == pytest.approx([0.0, 0.0, -30.0, 0.0, 0.0])
-
-
 def test_a_calibration_of_what_it_sends_finds_the_tool():
     rig = Rig(dip=np.radians(65.0), setting_sd=np.radians(0.05), base_tilt=np.radians(0.2))
     bench = stand(rig=rig, turn=0.0)
@@ -139,42 +120,6 @@ def test_a_calibration_of_what_it_sends_finds_the_tool():
         size = np.linalg.norm(triad.tensor[0], axis=-1)
         # five times 0.05 deg of setting over the root of a few stations
         assert np.abs(found.tool.triads[kind].offset[0] - triad.offset[0]).max() / size.max() < 0.005
-
-
-@pytest.mark.parametrize(
-    ("text", "expected"),
-    [
-        ("garbages=1", "'garbages' is unknown"),
-        ("garbage", "unknown"),
-        ("garbage=a lot", "a number is needed"),
-        ("garbage=nan", "finite"),
-        ("garbage=2", "from 0 to 1"),
-        ("garbage=-0.1", "from 0 to 1"),
-        ("disconnect=-1", "0 to 1e"),
-        ("garbage=0.1,garbage=0.2", "twice"),
-        ("misread=7", "STATION:DIAL:DEGREES"),
-        ("misread=0:toolface:30", "stations are 1"),
-        ("=", "unknown"),
-    ],
-)
-def test_faults_that_are_none(text, expected):
-    with pytest.raises(InputError, match=expected):
-        parse_faults(text)
-
-
-def test_faults_in_words():
-    found = parse_faults(" garbage = 0.5, misread=1:azimuth:10,misread=2:toolface:-5 ")
-    assert found.garbage == 0.5
-    assert [m.station for m in found.misread] == [0, 1]
-    assert parse_faults("") == Faults()
-
-
-def test_faults_happen_as_often_as_asked():
-    fate = FaultSource(Faults(**dict.fromkeys(SHARES, 0.1)), 3)
-    hits = [fate.of(number) for number in range(5000)]
-    for name in SHARES:
-        assert sum(name in hit for hit in hits) == pytest.approx(500, abs=110)  # sd 21, five times that
-    assert [fate.of(number) for number in range(100)] == hits[:100]
 
 
 def test_the_rig_is_turned_through_its_second_port():

@@ -4,32 +4,21 @@ from __future__ import annotations
 
 import io
 import json
-import sqlite3
-import threading
-import urllib.error
-import urllib.request
+import shutil
+from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
 import pytest
 from cryptography.hazmat.primitives.asymmetric import ec
-from sqlalchemy import UniqueConstraint, inspect, select
+from sqlalchemy import UniqueConstraint, inspect
 
 from inclinometry.errors import FileError, InputError
-from inclinometry.laboratory.ledger import chain
+from inclinometry.laboratory.ledger import chain, heads
 from inclinometry.laboratory.ledger.admin import create
-from inclinometry.laboratory.ledger.engine import HEAD, METADATA, default_path, engine
+from inclinometry.laboratory.ledger.engine import METADATA, default_path, engine
 from inclinometry.laboratory.ledger.exchange import backup
-from inclinometry.laboratory.ledger.heads import (
-    SignedHead,
-    grown,
-    head_of,
-    parse_signed,
-    proof_since,
-    read_head,
-    signed_by,
-)
 from inclinometry.laboratory.ledger.keys import (
     FOLDER,
     PASSPHRASE,
@@ -45,49 +34,8 @@ from inclinometry.laboratory.ledger.keys import (
 from inclinometry.laboratory.ledger.ledger import Draft, Ledger, LedgerError
 from inclinometry.laboratory.ledger.verify import Verdict, verify
 from inclinometry.laboratory.ledger.witness import name_others
-from inclinometry.laboratory.ledger.witness_server import server
 
-TOOL = {"name": "steering tool", "triads": {}}
-
-
-@pytest.fixture
-def keys(tmp_path: Path) -> Keys:
-    """A folder of keys of this test's own."""
-    return Keys(tmp_path / "keys")
-
-
-@pytest.fixture
-def path(tmp_path: Path, keys: Keys) -> Path:
-    """A ledger of eight tools, each signed for by itself."""
-    where = tmp_path / "lab.sqlite"
-    with create(where, keys=keys) as ledger:
-        for number in range(8):
-            ledger.append("tool", {"serial": f"T{number}"}, TOOL, author="anna")
-    return where
-
-
-def edit(path: Path, *statements: str) -> None:
-    """SQL by somebody who may do everything with the file."""
-    with sqlite3.connect(path) as raw:
-        triggers = raw.execute("SELECT name, sql FROM sqlite_master WHERE type = 'trigger'").fetchall()
-        for name, _ in triggers:
-            raw.execute(f'DROP TRIGGER "{name}"')
-        for statement in statements:
-            raw.execute(statement)
-        for _, text in triggers:
-            raw.execute(text)
-    raw.close()
-
-
-def cut(path: Path, after: int) -> None:
-    """The tail removed, with the heads that speak of it."""
-    edit(path, *(f"DELETE FROM {table} WHERE seq > {after}" for table in ("tool", "event", "head", "chain")))
-
-
-def seen(path: Path, keys: Keys, **how: Any) -> Verdict:
-    """What a verification finds."""
-    with Ledger(path, keys=keys) as ledger:
-        return verify(ledger, **how)
+from .conftest import TOOL, add, append_by_sql, cut, edit, rewrite, said, seen
 
 
 def rows(found: Verdict, words: str) -> list[tuple[str, str]]:
@@ -95,14 +43,26 @@ def rows(found: Verdict, words: str) -> list[tuple[str, str]]:
     return [(fault.table, fault.row) for fault in found.faults if words in fault.problem]
 
 
-@pytest.mark.parametrize(("gone", "row"), [((5,), "5"), ((5, 6), "5 to 6"), ((1,), "1"), ((1, 2, 3), "1 to 3")])
-def test_links_that_are_gone_are_counted(path: Path, keys: Keys, gone: tuple[int, ...], row: str) -> None:
-    """By their numbers, and each of their records stands for itself now."""
+@pytest.mark.parametrize(
+    ("gone", "forged", "words", "row"),
+    [
+        ((5,), 0, "have a gap", "5"), ((5, 6), 0, "have a gap", "5 to 6"), ((1,), 0, "have a gap", "1"),
+        ((1, 2, 3), 0, "have a gap", "1 to 3"), ((), 1, "not signed", "9"), ((), 2, "not signed", "9 to 10"),
+    ],
+)  # fmt: skip
+def test_links_without_a_record_or_a_signature_are_counted(
+    path: Path, keys: Keys, gone: tuple[int, ...], forged: int, words: str, row: str
+) -> None:
+    """Each record whose link is gone stands for itself; those appended by SQL are right in every link."""
     edit(path, *(f"DELETE FROM chain WHERE seq = {seq}" for seq in gone))
+    with Ledger(path, keys=keys) as ledger:
+        for _ in range(forged):
+            append_by_sql(ledger)
     found = seen(path, keys)
-    assert rows(found, "have a gap") == [("chain", row)]
+    assert rows(found, words) == [("chain", row)]
     assert len(rows(found, "no such record")) == len(gone)
-    assert found.records == 8 - len(gone)
+    assert found.records == 8 - len(gone) + forged
+    assert not forged or len(found.faults) == 1
 
 
 @pytest.mark.parametrize(("after", "row"), [(5, "6 to 8"), (6, "7 to 8"), (7, "8")])
@@ -122,40 +82,13 @@ def test_a_head_that_was_noted_is_met(path: Path, keys: Keys) -> None:
     with Ledger(path, keys=keys) as ledger:
         head = ledger.head()
         with ledger.snapshot() as connection:
-            older = connection.exec_driver_sql("SELECT link FROM chain WHERE seq = 3").scalar_one()
+            older, name = connection.exec_driver_sql("SELECT link, record FROM chain WHERE seq = 3").one()
     for noted in (head, chain.Head(3, older), chain.Head(0, chain.GENESIS)):
         assert seen(path, keys, head=noted).ok
     found = seen(path, keys, head=chain.Head(3, head.link))
-    assert rows(found, "not the head noted earlier") == [("chain", f"3 ({_record(path, 3)})")]
+    assert rows(found, "not the head noted earlier") == [("chain", f"3 ({name})")]
     cut(path, 3)
     assert rows(seen(path, keys, head=chain.Head(3, older)), "noted earlier") == []
-
-
-def _record(path: Path, seq: int) -> str:
-    with sqlite3.connect(path) as raw:
-        found = raw.execute("SELECT record FROM chain WHERE seq = ?", (seq,)).fetchone()[0]
-    raw.close()
-    return str(found)
-
-
-@pytest.mark.parametrize(("count", "row"), [(1, "9"), (2, "9 to 10")])
-def test_records_without_a_signature_are_counted(path: Path, keys: Keys, count: int, row: str) -> None:
-    """Appended by SQL, right in every link."""
-    with Ledger(path, keys=keys) as ledger:
-        head = ledger.head()
-    for number in range(count):
-        name, created, body = f"{number}" * 32, "2026-05-01T00:00:00.000000+00:00", chain.compact(TOOL)
-        digest = chain.record_digest("tool", name, created, "boris", 1, {"serial": f"F{number}"}, body)
-        head = chain.Head(head.seq + 1, chain.next_link(head.link, head.seq + 1, "tool", name, created, digest))
-        edit(
-            path,
-            f"INSERT INTO chain VALUES ({head.seq}, 'tool', '{name}', '{created}', '{digest}', '{head.link}')",
-            "INSERT INTO tool (seq, id, created, author, version, serial, body) VALUES "
-            f"({head.seq}, '{name}', '{created}', 'boris', 1, 'F{number}', '{body}')",
-        )
-    found = seen(path, keys)
-    assert rows(found, "not signed") == [("chain", row)]
-    assert len(found.faults) == 1
 
 
 def test_a_long_ledger_is_read_in_parts_and_says_how_far(tmp_path: Path, keys: Keys) -> None:
@@ -179,14 +112,13 @@ def test_what_was_accepted_is_counted(path: Path, keys: Keys, tmp_path: Path) ->
     backup_of = tmp_path / "old.sqlite"
     with Ledger(path, keys=keys) as ledger:
         backup(ledger, backup_of)
-        for serial in "ABC":
-            ledger.append("tool", {"serial": serial}, TOOL, author="anna")
+        add(ledger, *"ABC")
     backup_of.replace(path)
     with Ledger(path, keys=keys) as ledger:
         ledger.accept("the disk failed", author="boris")
         found = verify(ledger)
         assert found.ok, found.faults
-        assert "3 signed heads from before that contradict the records" in found.notes
+        assert "older signed heads that contradict the records: 3" in found.notes
         assert any(note.endswith("by boris: the disk failed") for note in found.notes)
 
 
@@ -201,9 +133,9 @@ def test_another_key_is_accepted_by_a_person_and_verification_says_so(path: Path
     keys.keep("public.pem", public_pem(other.public), mode=0o644)
     with Ledger(path, keys=keys) as ledger:
         with pytest.raises(LedgerError, match=rf"{fingerprint(old)}.*the one in .* is.*{fingerprint(other.public)}"):
-            ledger.append("tool", {"serial": "NEXT"}, TOOL, author="anna")
+            add(ledger, "NEXT")
         ledger.accept("the laboratory moved", author="anna")
-        ledger.append("tool", {"serial": "NEXT"}, TOOL, author="anna")
+        add(ledger, "NEXT")
         found = verify(ledger)
         assert found.ok, found.faults
         told = [note for note in found.notes if note.startswith("break")]
@@ -219,7 +151,7 @@ def test_a_rotation_is_no_break_even_where_something_was_accepted(path: Path, ke
     old = keys.public() or ""
     new = keys.rotate("every year").public
     with Ledger(path, keys=keys) as ledger:
-        ledger.append("tool", {"serial": "NEXT"}, TOOL, author="anna")
+        add(ledger, "NEXT")
         ledger.accept("a colleague asked", author="anna")
         notes = verify(ledger).notes
     assert f"from record 10 on the key is {fingerprint(new)}; {fingerprint(old)} signed for it" in notes
@@ -262,10 +194,10 @@ def test_a_key_that_was_rotated_twice_is_known_by_both(path: Path, keys: Keys) -
 
 
 @pytest.fixture
-def head(tmp_path: Path) -> SignedHead:
+def head(tmp_path: Path) -> heads.SignedHead:
     """A genuine one."""
     key = Keys(tmp_path / "signer").make()
-    return signed_by(key, "a" * 32, chain.Head(7, "b" * 64), b"\1" * 32, "2026-05-01T00:00:00+00:00")
+    return heads.signed_by(key, "a" * 32, chain.Head(7, "b" * 64), b"\1" * 32, "2026-05-01T00:00:00+00:00")
 
 
 @pytest.mark.parametrize(
@@ -278,52 +210,66 @@ def head(tmp_path: Path) -> SignedHead:
         {"signature": None}, {"signature": "s" * 201},
     ],
 )  # fmt: skip
-def test_what_is_no_head_is_refused(head: SignedHead, change: dict[str, Any]) -> None:
+def test_what_is_no_head_is_refused(head: heads.SignedHead, change: dict[str, Any]) -> None:
     """Each field by itself, with the file that was wanted."""
     for whole in ({**head.statement(), **change}, {k: v for k, v in head.statement().items() if k not in change}):
         with pytest.raises(FileError, match="not the signed head of a ledger"):
-            parse_signed(whole, "head.json")
+            heads.parse_signed(whole, "head.json")
 
 
-def test_what_is_a_head_is_read(head: SignedHead, tmp_path: Path) -> None:
+def test_what_is_a_head_is_read(head: heads.SignedHead, tmp_path: Path) -> None:
     """The same again, also of an empty ledger; genuine only while nothing was changed."""
-    assert parse_signed(head.statement(), "head.json") == head
+    assert heads.parse_signed(head.statement(), "head.json") == head
     assert head.genuine()
-    assert parse_signed({**head.statement(), "size": 0, "root": "0123456789abcdef" * 4}, "head.json").size == 0
+    assert heads.parse_signed({**head.statement(), "size": 0, "root": "0123456789abcdef" * 4}, "head.json").size == 0
     for wrong in ([], None, "head", 7):
         with pytest.raises(FileError, match="not the signed head"):
-            parse_signed(wrong, "head.json")
+            heads.parse_signed(wrong, "head.json")
     file = tmp_path / "head.json"
     file.write_text(json.dumps(head.statement()))
-    assert read_head(file)[0] == head
+    assert heads.read_head(file)[0] == head
     assert str(head).startswith(f"7 of {head.time}")
     for name, value in {"size": 8, "root": "0" * 64, "link": "0" * 64, "time": "later", "ledger": "0" * 32}.items():
         changed = {**head.statement(), name: value}
-        assert not parse_signed(changed, "head.json").genuine(), name
+        assert not heads.parse_signed(changed, "head.json").genuine(), name
         file.write_text(json.dumps(changed))
         with pytest.raises(FileError, match="changed or forged"):
-            read_head(file)
+            heads.read_head(file)
 
 
-def test_heads_of_one_size_need_no_proof_and_of_two_one_that_fits(path: Path, keys: Keys) -> None:
-    """By the key of now, or one that it signed for."""
-    with Ledger(path, keys=keys) as ledger:
+def test_heads_of_one_size_need_no_proof_and_of_two_one_that_fits(place: Callable[[], str], keys: Keys) -> None:
+    """Checked without the ledger: by the key of now, or one that it signed for; another ledger or a cut one is told."""
+    where = place()
+    with create(where, keys=keys) as ledger:
+        public = keys.public()
+        add(ledger, *"ABCDEFGH")
         old = ledger.signed_head()
-        old_public = keys.public()
+        add(ledger, "N")
+        same = ledger.signed_head()
         keys.rotate("every year")
-        ledger.append("tool", {"serial": "NEXT"}, TOOL, author="anna")
+        add(ledger, "NEXT")
         new = ledger.signed_head()
-    assert old is not None
-    assert new is not None
-    assert grown(old, old, {}, None) == ""
-    proof = proof_since(str(path), 8, new.size)
+        with ledger.snapshot() as connection:
+            proof, earlier = (heads.proof_since(connection, 8, size) for size in (new.size, 9))
+    assert heads.grown(old, old, {}, None) == ""
     content = {"consistency": {"from": 8, "proof": proof}, "changes": [7, *keys.changes()]}
-    assert grown(old, new, content, None) == grown(old, new, content, old_public) == ""
-    assert "did not sign" in grown(old, new, {**content, "changes": []}, None)
-    assert "from record 7, not from 8" in grown(old, new, {**content, "consistency": {"from": 7, "proof": proof}}, None)
-    assert "does not begin with" in grown(old, new, {**content, "consistency": {"from": 8, "proof": []}}, None)
-    twin = SignedHead(**{**vars(old), "root": "0" * 64})
-    assert "does not begin with" in grown(twin, old, {}, None)
+    assert heads.grown(old, new, content, None) == heads.grown(old, new, content, public) == ""
+    of_one_key = {"consistency": {"from": 8, "proof": earlier}}
+    assert heads.grown(old, same, of_one_key, public) == ""
+    twin, strange = (
+        heads.SignedHead(**{**vars(old), **change}) for change in ({"root": "0" * 64}, {"ledger": "0" * 32})
+    )
+    for one, other, content_, key, words in (
+        (old, same, {}, public, "no proof"),
+        (old, same, of_one_key, "ab" * 32, "did not sign"),
+        (twin, same, of_one_key, public, "does not begin with"),
+        (strange, same, of_one_key, public, "two ledgers"),
+        (old, new, {**content, "changes": []}, None, "did not sign"),
+        (old, new, {**content, "consistency": {"from": 7, "proof": proof}}, None, "from record 7, not from 8"),
+        (old, new, {**content, "consistency": {"from": 8, "proof": []}}, None, "does not begin with"),
+        (twin, old, {}, None, "does not begin with"),
+    ):
+        assert words in heads.grown(one, other, content_, key), words
 
 
 # keys in files
@@ -337,12 +283,15 @@ def test_public_keys_in_a_file(tmp_path: Path, keys: Keys) -> None:
     assert read_public(file).keys == tuple(made)
     assert read_public(file).certificates == ()
     file.write_text("-----BEGIN PUBLIC KEY-----\nAAAA\n-----END PUBLIC KEY-----\n")
-    with pytest.raises(FileError, match="not the public key of a laboratory"):
-        read_public(file)
-    with pytest.raises(FileError, match="give nobody this file"):
-        read_public(tmp_path / "0" / "key.pem")
-    with pytest.raises(FileError, match="no such file"):
-        read_public(tmp_path / "nowhere.pem")
+    (tmp_path / "begun.pem").write_bytes(b"-----BEGIN PRIVATE KEY-----\n")
+    for name, wanted in (
+        ("public.pem", "not the public key of a laboratory"),
+        ("0/key.pem", "give nobody this file"),
+        ("begun.pem", "give nobody this file"),
+        ("nowhere.pem", "no such file"),
+    ):
+        with pytest.raises(FileError, match=wanted):
+            read_public(tmp_path / name)
 
 
 def test_a_key_is_made_once_and_kept_from_others(tmp_path: Path, keys: Keys) -> None:
@@ -353,7 +302,8 @@ def test_a_key_is_made_once_and_kept_from_others(tmp_path: Path, keys: Keys) -> 
         keys.signing()
     first = keys.make().public
     assert Keys(keys.folder).make().public == keys.make().public == keys.public() == first
-    keys._write_new(Keys(tmp_path / "other").make().private, replace=False)
+    other = private_pem(Keys(tmp_path / "other").make().private)
+    keys.keep("key.pem", other, mode=0o600, replace=False)
     assert keys.signing().public == first
     modes = {name: (keys.folder / name).stat().st_mode & 0o777 for name in ("key.pem", "public.pem")}
     assert modes == {"key.pem": 0o600, "public.pem": 0o644}
@@ -386,21 +336,22 @@ def test_statements_of_changes_that_were_changed_are_named(keys: Keys) -> None:
 # time
 
 
-def test_the_clock_may_go_back_two_minutes(tmp_path: Path, keys: Keys) -> None:
-    """To the second, and the refusal says both times."""
+def test_the_clock_may_go_back_two_minutes(place: Callable[[], str], keys: Keys) -> None:
+    """To the second, and the refusal says both times and what to do."""
     now = datetime(2026, 5, 1, 12, tzinfo=UTC)
-    clock = [now]
-    create(tmp_path / "t.sqlite", keys=keys).close()
-    with Ledger(tmp_path / "t.sqlite", clock=lambda: clock[0], keys=keys) as ledger:
-        ledger.append("tool", {"serial": "A"}, TOOL, author="anna")
+    clock, where = [now], place()
+    create(where, keys=keys).close()
+    with Ledger(where, clock=lambda: clock[0], keys=keys) as ledger:
+        add(ledger, "A")
         clock[0] = now - timedelta(minutes=2, seconds=1)
-        with pytest.raises(LedgerError, match="2026-05-01 11:57:59 UTC, but the last record is of 2026-05-01T12:00:00"):
-            ledger.append("tool", {"serial": "B"}, TOOL, author="anna")
+        wanted = "2026-05-01 11:57:59 UTC, but the last record is of 2026-05-01T12:00:00.*set the clock"
+        with pytest.raises(LedgerError, match=wanted):
+            add(ledger, "B")
         clock[0] = now - timedelta(minutes=2)
-        ledger.append("tool", {"serial": "B"}, TOOL, author="anna")
+        add(ledger, "B")
 
 
-# what is stored, and what is asked of a witness over HTTP
+# what is stored
 
 
 def test_the_tables_of_the_program_are_those_of_the_migrations(path: Path) -> None:
@@ -420,62 +371,6 @@ def test_the_tables_of_the_program_are_those_of_the_migrations(path: Path) -> No
             assert sorted(one["column_names"] for one in inspected.get_unique_constraints(name)) == sorted(unique)
 
 
-def asked(address: str, body: object = None, length: str = "") -> tuple[int, str]:
-    """Status and text of an answer; POST where there is a body."""
-    data = None if body is None else body if isinstance(body, bytes) else json.dumps(body).encode()
-    request = urllib.request.Request(address, data, {"content-length": length} if length else {})
-    try:
-        with urllib.request.urlopen(request, timeout=20) as answer:
-            return answer.status, answer.read().decode()
-    except urllib.error.HTTPError as error:
-        return error.code, error.read().decode()
-
-
-def test_a_witness_over_http_keeps_what_only_grew(path: Path, keys: Keys, tmp_path: Path) -> None:
-    """Each answer, and what it keeps and says of whom it refused."""
-    with Ledger(path, keys=keys) as ledger:
-        newest = ledger.signed_head()
-        with ledger.snapshot() as connection:
-            heads = {row.seq: head_of(row) for row in connection.execute(select(HEAD))}
-    assert newest is not None
-    far, told = tmp_path / "of" / "others", []
-    running = server(far, "127.0.0.1", 0, keys.public(), told.append)
-    thread = threading.Thread(target=running.serve_forever, daemon=True)
-    thread.start()
-    address = f"http://127.0.0.1:{running.server_address[1]}/heads"
-    try:
-        own = f"{address}/{newest.ledger}"
-        assert asked(own) == (404, "no head of such a ledger")
-        stranger = signed_by(Keys(tmp_path / "s").make(), "a" * 32, chain.Head(1, "b" * 64), b"\1" * 32, newest.time)
-        status, text = asked(address, {"head": stranger.statement()})
-        assert (status, f"this witness keeps heads of {fingerprint(newest.key)}" in text) == (409, True)
-        assert asked(address, {"head": heads[5].statement(), "where": "w" * 600}) == (201, "kept")
-        assert asked(address, {"head": heads[5].statement()})[0] == 201  # told twice
-        assert asked(address, {"head": heads[4].statement()})[0] == 409
-        assert "had 5 records before: it was cut" in told[-1]
-        assert asked(address, {"head": newest.statement()})[0] == 409
-        assert "carries no proof from record 5" in told[-1]
-        proof = {"from": 5, "proof": proof_since(str(path), 5, 8)}
-        changed = {**newest.statement(), "time": "2026-05-01T00:00:00+00:00"}
-        assert asked(address, {"head": changed, **proof}) == (409, "its signature is not that of its key")
-        assert asked(address, {"head": newest.statement(), **proof}) == (201, "kept")
-        for wrong in (b"rubbish", {}, [], {"head": 7}):
-            assert asked(address, wrong) == (400, "not a signed head")
-        for place in (f"{address}/x", address.removesuffix("heads")):
-            assert asked(place, b"")[0] == 400
-        assert asked(address, b"", "1000001")[0] == 400  # announced, and not waited for
-        status, text = asked(own)
-        kept = [json.loads(line) for line in text.splitlines()]
-        assert (status, [one["size"] for one in kept]) == (200, [5, 5, 8])
-        assert [len(one["where"]) for one in kept] == [500, 0, 0]
-        assert [one.name for one in far.iterdir()] == [f"{newest.ledger}.jsonl"]
-        assert len(told) == 4
-    finally:
-        running.shutdown()
-        running.server_close()
-        thread.join()
-
-
 def test_long_texts_numbers_and_pages(path: Path, keys: Keys) -> None:
     """The ends of what is allowed, and where pages of a list meet."""
     with Ledger(path, keys=keys) as ledger:
@@ -490,7 +385,7 @@ def test_long_texts_numbers_and_pages(path: Path, keys: Keys) -> None:
         assert [record.seq for record in ledger.find("tool", newest=True, after=4, limit=2)] == [3, 2]
         assert ledger.find("tool", limit=0) == []
         for name in ("", " x", "x" * 201):
-            with pytest.raises(LedgerError, match="there is no tool record"):
+            with pytest.raises(LedgerError, check=lambda error: error.finding.code == "ledger-not-there"):
                 ledger.get("tool", name)
         body = {"dial_deg": [0.0, 90.0, 0.0], "channels": {"accelerometer": [1.0]}, "count": 5, "captured": "key"}
         for position in (0, 2**31 - 1):
@@ -538,26 +433,145 @@ class Terminal(io.StringIO):
 
 
 def test_a_passphrase_is_asked_for_where_somebody_sits(keys: Keys, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Once; a program without a terminal is told how to give it, and a key of another kind is none."""
+    """Once; a program without a terminal is told how to give it; a wrong one and a key of another kind are none."""
     public = keys.make().public
     monkeypatch.setenv(PASSPHRASE, "")
     keys.set_passphrase("correct horse")
+    assert b"ENCRYPTED" in keys.path.read_bytes()
+    assert Keys(keys.folder).signing().public == public
     asked_for: list[str] = []
     monkeypatch.setattr("getpass.getpass", lambda text: asked_for.append(text) or "correct horse")
     monkeypatch.delenv(PASSPHRASE)
-    monkeypatch.setattr("sys.stdin", Terminal(False))
-    with pytest.raises(LedgerError, match=f"into the environment as {PASSPHRASE}"):
-        Keys(keys.folder).signing()
+    for there in (None, Terminal(False)):
+        monkeypatch.setattr("sys.stdin", there)
+        with pytest.raises(LedgerError, match=f"into the environment as {PASSPHRASE}"):
+            Keys(keys.folder).signing()
     monkeypatch.setattr("sys.stdin", Terminal(True))
     assert Keys(keys.folder).signing().public == Keys(keys.folder).signing().public == public
     assert len(asked_for) == 1
+    monkeypatch.setenv(PASSPHRASE, "wrong")
+    with pytest.raises(LedgerError, match="passphrase is wrong"):
+        Keys(keys.folder).signing()
     monkeypatch.setenv(PASSPHRASE, "")
     keys.set_passphrase("")
     assert b"ENCRYPTED" not in keys.path.read_bytes()
-    other = ec.generate_private_key(ec.SECP256R1())
-    keys.path.write_bytes(private_pem(other))
-    with pytest.raises(LedgerError, match="a key of another kind"):
-        Keys(keys.folder).signing()
-    keys.path.write_text("nonsense")
-    with pytest.raises(LedgerError, match="restore it from a copy"):
-        Keys(keys.folder).signing()
+    for data, wanted in (
+        (private_pem(ec.generate_private_key(ec.SECP256R1())), "a key of another kind"),
+        (b"nonsense", "not a private key; restore it from a copy"),
+    ):
+        keys.path.write_bytes(data)
+        with pytest.raises(LedgerError, match=wanted):
+            Keys(keys.folder).signing()
+
+
+# A ledger that was rewritten whole, in every digest and link, and all signed heads with it removed from the file.
+
+
+def forge(path: Path, changed: int = 2) -> None:
+    """Another author of one record, and no trace of it in the file."""
+    rewrite(path, changed, "DELETE FROM head")
+
+
+@pytest.mark.parametrize("changed", [1, 8])
+def test_it_is_known_at_any_path_by_what_is_kept_beside_the_key(path: Path, keys: Keys, changed: int) -> None:
+    """By the links before what was changed, and where there are none, by the times of the records."""
+    other = path.with_name("other.sqlite")
+    shutil.copy(path, other)
+    forge(other, changed)
+    for copy in (False, True):
+        found = seen(other, keys, copy=copy)
+        assert "not those that were signed by the head that" in said(found)
+        assert not found.proven
+    assert "holds no signed head: its signatures were removed" in said(seen(other, keys))
+    assert not any("ledger init" in note for note in seen(other, keys).notes)
+    forge(path, changed)
+    assert "is signed, and this one is not" in said(seen(path, keys))
+
+
+def test_a_folder_that_is_a_witness_knows_it(path: Path, keys: Keys, tmp_path: Path) -> None:
+    """On a computer that has neither the key nor the file beside it."""
+    shutil.copytree(keys.folder / "heads", tmp_path / "share")
+    auditor = Keys(tmp_path / "auditor")
+    name_others(auditor.folder, [str(tmp_path / "share")])
+    assert seen(path, auditor).ok
+    forge(path)
+    assert f"head that {tmp_path / 'share'} keeps, and it holds no signed" in said(seen(path, auditor))
+
+
+def test_with_the_public_key_it_is_a_fault_and_without_it_is_not_proven(path: Path, keys: Keys, tmp_path: Path) -> None:
+    """Where nothing is known of it: whoever gives the key expects it to be signed."""
+    public, nothing = str(keys.public()), Keys(tmp_path / "none")
+    forge(path)
+    found = seen(path, nothing, public=[public])
+    assert [fault.table for fault in found.faults] == ["head"]
+    assert "not signed by the key" in found.faults[0].problem
+    found = seen(path, nothing)
+    assert (found.ok, found.proven) == (True, False)
+
+
+def test_nobody_answers_for_it_by_a_record_in_it(path: Path, keys: Keys) -> None:
+    """An event of acceptance is signed, or it is nothing."""
+    with Ledger(path, keys=keys) as ledger:
+        ledger.accept("as it should be", author="anna")
+    other = path.with_name("other.sqlite")
+    shutil.copy(path, other)
+    forge(other)
+    assert "rewritten" in said(seen(other, keys))
+
+
+def test_a_ledger_of_before_the_key_is_read_with_a_note(path: Path, keys: Keys, tmp_path: Path) -> None:
+    """It was never signed, and nothing here says that it was; it is sound, and not proven."""
+    old = tmp_path / "old.sqlite"
+    with create(old, keys=keys, sign=False) as ledger:
+        add(ledger, "A")
+    found = seen(old, keys)
+    assert (found.ok, found.proven, len(found.notes)) == (True, False, 1)
+    shutil.copy(old, tmp_path / "kept.sqlite")
+    with create(old, keys=keys, sign=True) as ledger:
+        add(ledger, "B")
+    # a copy from before it was signed: what the witness has agrees with it
+    found = seen(tmp_path / "kept.sqlite", keys, copy=True)
+    assert (found.ok, found.proven) == (True, False)
+    assert not any("ledger init" in note for note in found.notes)
+
+
+@pytest.mark.parametrize("where", ["in its place", "at another path"])
+def test_nothing_is_recorded_upon_it_and_it_is_not_signed(path: Path, keys: Keys, where: str) -> None:
+    """Before somebody answers for it; then it goes on under its name, and verification says so ever after."""
+    if where == "at another path":
+        path = shutil.copy(path, path.with_name("other.sqlite"))
+    forge(path)
+    with Ledger(path, keys=keys) as ledger:
+        with pytest.raises(LedgerError, match=r"signatures were removed; nothing was recorded .* --accept REASON"):
+            add(ledger, "NEXT")
+        assert ledger.head().seq == 8
+    with pytest.raises(LedgerError, match=r"signatures were removed; nothing was recorded .* --accept REASON"):
+        create(path, keys=keys, sign=True)
+    with Ledger(path, keys=keys) as ledger:
+        assert ledger.signed_head() is None
+    with create(path, keys=keys, sign=True, accepted=True) as ledger:
+        assert not verify(ledger).ok  # not yet said by anybody
+        ledger.accept("the disk was repaired", author="anna")
+        add(ledger, "NEXT")
+        found = verify(ledger)
+        assert [one.body["reason"] for one in ledger.find("event", action="accepted")] == ["the disk was repaired"]
+    assert found.proven, found.faults
+    assert any(note.endswith("by anna: the disk was repaired") for note in found.notes)
+    assert "older signed heads that contradict the records: 7" in found.notes
+
+
+def test_a_ledger_that_is_unsigned_on_purpose_is_recorded_in(keys: Keys, tmp_path: Path) -> None:
+    """And signed later, from when on verification says."""
+    where = tmp_path / "plain.sqlite"
+    keys.make()
+    with create(where, keys=keys, sign=False) as ledger:
+        add(ledger, *"ABC")
+    with create(where, keys=keys, sign=True) as ledger:
+        add(ledger, "D")
+        found = verify(ledger)
+    assert found.proven
+    told = "its first 3 records were there before it was signed: what they said until then is not proven"
+    assert told in found.notes
+    with create(tmp_path / "new.sqlite", keys=keys) as ledger:
+        add(ledger, "D")
+        assert not any("its first" in note for note in verify(ledger).notes)

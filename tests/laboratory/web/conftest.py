@@ -75,7 +75,6 @@ def serving(folder: Path, kind: str) -> Iterator[Server]:
             cwd=folder,
         )
     try:
-        assert process.stdout is not None
         word, _, port = process.stdout.readline().strip().partition(" ")
         assert word == "port", log.read_text()
         yield Server(f"http://127.0.0.1:{port}", ledger, process, log)

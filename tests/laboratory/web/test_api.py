@@ -3,8 +3,15 @@
 from __future__ import annotations
 
 import json
+import re
 
+import numpy as np
 import pytest
+
+from inclinometry.findings import rule
+from inclinometry.laboratory.ledger.keys import FOLDER, Keys
+from inclinometry.simulate.bench import Rig, simulate_bench
+from inclinometry.simulate.tool import realistic_tool
 
 UNKNOWN = "0" * 32
 NASTY = (
@@ -52,6 +59,90 @@ def test_a_run_is_opened_captured_and_left(api, session):
     assert (late.status_code, "closed" in late.json()["detail"]) == (422, True)
 
 
+def test_a_session_at_a_site_that_is_not_registered_is_refused(api):
+    wish = {"serial": "T", "rig": "stand", "plan": "twelve"}
+    refused = api.post("/api/v1/sessions", json=wish | {"site": "nowhere"})
+    assert refused.status_code == 422
+    assert refused.json()["detail"] == "site 'nowhere' is not registered; register it first"
+    assert api.put("/api/v1/sites/known", json={"dip_deg": 70}).status_code == 200
+    assert api.post("/api/v1/sessions", json=wish | {"site": "known"}).status_code == 201
+
+
+def seen_at(dial_deg, number, off_deg=0.0):
+    """What a tool on the stand says at a setting, its toolface off by so much."""
+    azimuth, inclination, toolface = ([x] for x in np.radians(dial_deg))
+    sd = float(np.radians(0.1))
+    run = simulate_bench(
+        realistic_tool(7), Rig(dip=np.radians(70.0), setting_sd=(sd, sd, sd)), azimuth, inclination,
+        [toolface[0] + np.radians(off_deg)], seed=np.random.SeedSequence([5, number]),
+    )  # fmt: skip
+    return {kind: values[0].tolist() for kind, values in run.signals.items()}
+
+
+def opened(api, serial):
+    """A session of twelve positions of a new tool, and where it is."""
+    assert api.put(f"/api/v1/tools/{serial}", json={"name": "tool"}).status_code == 200
+    made = api.post("/api/v1/sessions", json={"serial": serial, "rig": "stand", "plan": "twelve"}).json()
+    return made, f"/api/v1/sessions/{made['id']}"
+
+
+def calibrated(api, serial):
+    """Where a session is whose positions have all been taken, and the calibration that it ended with."""
+    made, where = opened(api, serial)
+    for position in made["positions"]:
+        channels = seen_at(position["dial_deg"], position["number"])
+        said = {"attempt": 1, "dial_deg": position["dial_deg"], "channels": channels}
+        assert api.post(f"{where}/readings/{position['number']}", json=said).status_code == 201
+    finished = api.post(f"{where}/finish")
+    assert finished.status_code == 201
+    return where, finished.json()
+
+
+def test_a_reading_far_from_its_dials_needs_a_reason(api):
+    """By the tool's calibration of before."""
+    calibrated(api, "FAR")
+    made, where = opened(api, "FAR")
+    dial = made["positions"][4]["dial_deg"]
+    said = {"attempt": 1, "dial_deg": dial, "channels": seen_at(dial, 99, 40.0)}
+    for reason in ({}, {"reason": "  "}, {"reason": "-"}, {"reason": "n/a"}):
+        refused = api.post(f"{where}/readings/5", json=said | reason)
+        assert (refused.status_code, refused.json()["code"]) == (409, "far-from-target")
+        assert re.search(r"toolface 1[56][0-9.]+ deg, target 120.0 deg. Turn the tool", refused.json()["detail"])
+    assert api.get(where).json()["readings"] == []
+    taken = api.post(f"{where}/readings/5", json=said | {"reason": "a new collet"})
+    assert taken.status_code == 201
+    assert taken.json()["note"].endswith("target 120.0 deg: a new collet")
+    right = said | {"channels": seen_at(dial, 98), "attempt": 2}
+    assert api.post(f"{where}/readings/5", json=right).json()["note"] == ""
+
+
+def test_an_open_warning_is_resolved_by_the_site(api):
+    """The page of the result and that of the certificate lead there; the calibration before leads to the new one."""
+    where, before = calibrated(api, "AGAIN")
+    assert before["body"]["summary"]["warnings"][0].startswith(rule("bench-sign-assumed").says[0].partition("{")[0])
+    go = "Set the site and evaluate again"
+    assert f"/results/{before['id']}#site" in api.get(f"/certificates/new?calibration={before['id']}").text
+    assert go in api.get(f"/results/{before['id']}").text
+    refused = api.post(f"{where}/evaluate", json={"site": "hall"})
+    assert (refused.status_code, refused.json()["detail"]) == (422, "site 'hall' is not registered; register it first")
+    assert api.put("/api/v1/sites/hall", json={"dip_deg": 70.0}).status_code == 200
+    answer = api.post(f"{where}/evaluate", json={"site": "hall", "reason": "measured"})
+    assert answer.status_code == 201
+    after = answer.json()
+    assert after["body"]["summary"]["warnings"] == []
+    assert api.get("/api/v1/calibrations?serial=AGAIN").json()[0]["id"] == after["id"]
+    assert api.get(where).json()["settings"]["site"] == "hall"
+    assert f"/results/{after['id']}" in api.get(f"/results/{before['id']}").text
+    assert f"/results/{before['id']}" in api.get(f"/results/{after['id']}").text
+    assert go not in api.get(f"/certificates/new?calibration={after['id']}").text
+    # a stand good to 0.1 deg cannot verify these limits: said before the first reading
+    wish = {"calibration": after["id"], "protocol": "roll-4", "limits": "rogatykh-2018-fluxgate"}
+    refused = api.post("/api/v1/verifications", json=wish)
+    assert (refused.status_code, "limit" in refused.json()["detail"]) == (422, True), refused.text
+    begun = api.post("/api/v1/verifications", json=wish | {"limits": None})
+    assert (begun.status_code, begun.json()["purpose"]) == (201, "verify")
+
+
 def test_a_repeated_request_is_noticed(api, session):
     where = f"/api/v1/sessions/{session}/readings/1"
     assert [api.post(where, json=reading()).status_code for _ in range(3)] == [201, 409, 409]
@@ -68,6 +159,7 @@ def test_a_repeated_request_is_noticed(api, session):
     ("get", "certificates/none", None),
     ("post", f"sessions/{UNKNOWN}/readings/1", reading()),
     ("post", f"sessions/{UNKNOWN}/finish", None),
+    ("post", f"sessions/{UNKNOWN}/evaluate", {"site": "x"}),
     ("post", f"sessions/{UNKNOWN}/abandon", {"reason": "x"}),
     ("post", "certificates/none/void", {"reason": "x"}),
     ("get", "nothing", None),
@@ -181,14 +273,8 @@ def test_private_answers_are_not_kept_and_say_nothing_of_the_inside(api, open_se
         assert answer.headers["cache-control"] == "no-store"
         assert answer.headers["content-type"].startswith("application/json")
     for path in (
-        "/tools/none",
-        "/results/x",
-        "/calibrate/x",
-        "/nothing",
-        "/ledger?before=x",
-        "/_nicegui/x",
-        "/static/x",
-    ):
+        "/tools/none", "/results/x", "/calibrate/x", "/nothing", "/ledger?before=x", "/_nicegui/x", "/static/x",
+    ):  # fmt: skip
         answer = api.get(path)
         assert answer.status_code in (404, 422), path
         assert "Traceback" not in answer.text
@@ -220,18 +306,33 @@ def test_everything_in_one_file(api, open_server):
     assert len(answer.content) == int(answer.headers["content-length"])
 
 
+def test_a_body_with_a_name_that_is_not_known_is_refused(api):
+    said = api.get("/api/openapi.json").json()
+    bodies = {
+        form["schema"]["$ref"].rpartition("/")[2]
+        for path in said["paths"].values()
+        for call in path.values()
+        for form in call.get("requestBody", {}).get("content", {}).values()
+        if "$ref" in form["schema"]
+    }
+    assert len(bodies) >= 20
+    shapes = said["components"]["schemas"]
+    assert [name for name in bodies if shapes[name].get("additionalProperties") is not False] == []
+
+
 def test_a_rig_and_a_session_say_how_the_dials_count(api):
     body = {"sd_deg": [0.1, 0.1, 0.1], "inclination_from": "horizontal", "azimuth_counts": "counterclockwise"}
     stated = {"inclination_from": "horizontal", "azimuth_counts": "counterclockwise", "toolface_counts": "clockwise"}
+    stated["base"] = "upright"
     assert api.put("/api/v1/rigs/odd", json=body).json()["body"]["dials"] == stated
     refused = api.put("/api/v1/rigs/odd", json={**body, "toolface_counts": "left"})
     assert refused.status_code == 422
     assert "toolface_counts" in refused.json()["detail"]
     asked = {"serial": "T", "rig": "odd", "plan": "twelve"}
-    opened = api.post("/api/v1/sessions", json=asked).json()
+    made = api.post("/api/v1/sessions", json=asked).json()
     usual = api.post("/api/v1/sessions", json={**asked, "rig": "stand"}).json()
-    assert opened["dials"] == stated
-    for one, other in zip(opened["positions"], usual["positions"], strict=True):
+    assert made["dials"] == stated
+    for one, other in zip(made["positions"], usual["positions"], strict=True):
         azimuth, inclination, toolface = other["dial_deg"]
         assert one["dial_deg"] == pytest.approx([-azimuth % 360.0, 90.0 - inclination, toolface], abs=1e-6)
     schema = api.get("/api/openapi.json").json()["components"]["schemas"]
@@ -243,3 +344,29 @@ def test_a_site_has_a_latitude(api):
     made = api.put("/api/v1/sites/equator", json={"latitude_deg": 0.0, "dip_deg": -20.0}).json()
     assert made["body"]["latitude_deg"] == 0.0
     assert api.put("/api/v1/sites/nowhere", json={"latitude_deg": 91.0}).status_code == 422
+
+
+def test_a_head_of_another_key_is_not_handed_out(start, tmp_path, monkeypatch):
+    """public.pem exchanged, or the ledger signed by another key: a fault by name, a refusal, nothing recorded."""
+    keys = Keys(tmp_path / "keys")
+    monkeypatch.setenv(FOLDER, str(keys.folder))
+    with start("open") as server, server.local() as browser:
+        assert browser.get("/api/v1/ledger/verify").json()["compared"] is True
+        assert browser.get("/api/v1/ledger/head").json()["signed"]["key"] == keys.public()
+        mine = (keys.path.read_bytes(), (keys.folder / "public.pem").read_bytes())
+        Keys(tmp_path / "other").make()
+        theirs = [(tmp_path / "other" / name).read_bytes() for name in ("key.pem", "public.pem")]
+        for (private, public), table, said in (
+            ((mine[0], theirs[1]), "keys", "holds the key"),
+            (theirs, "head", "bring the right key there"),
+        ):
+            keys.keep("key.pem", private, mode=0o600)
+            keys.keep("public.pem", public, mode=0o644)
+            found = browser.get("/api/v1/ledger/verify").json()
+            assert (found["ok"], found["proven"]) == (False, False)
+            assert table in [fault["table"] for fault in found["faults"]]
+            for answer in (
+                browser.get("/api/v1/ledger/head"),
+                browser.put("/api/v1/tools/T", json={"name": "tool"}),
+            ):
+                assert (answer.status_code, said in answer.json()["detail"]) == (422, True)

@@ -63,8 +63,7 @@ def test_a_disk_that_is_full(where, monkeypatch):
         with monkeypatch.context() as patch:
             patch.setattr("sqlalchemy.engine.Connection.execute", full)
             answer = asked(ledger, "PUT", "/api/v1/sites/x", json={})
-        assert answer.status_code == 507
-        assert "free some space" in answer.json()["detail"]
+        assert (answer.status_code, answer.json()["code"]) == (507, "ledger-disk-full")
         assert "INSERT" not in answer.text
         assert asked(ledger, "PUT", "/api/v1/sites/x", json={}).status_code == 200
 

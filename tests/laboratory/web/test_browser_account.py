@@ -35,7 +35,7 @@ def test_a_user_logs_in_and_sets_up_a_second_factor(tmp_path):
         again = [one for one in fields if one.get_attribute("autocomplete") == "current-password"][-1]
         first.send_keys(code(secret, int(time.time()) // 30))
         again.send_keys(PASSWORD)
-        browser.named("set-up-factor").click()
+        browser.push("set-up-factor")
         browser.wait(lambda: len(browser.find("[data-testid=recovery]")) == 10, "no recovery codes")
         recovery, another = (one.text for one in browser.find("[data-testid=recovery]")[:2])
         driver.get(f"{server.url}/logout")
@@ -51,7 +51,7 @@ def test_a_user_logs_in_and_sets_up_a_second_factor(tmp_path):
             again = [one for one in fields if one.get_attribute("autocomplete") == "current-password"][-1]
             now.send_keys(given)
             again.send_keys(PASSWORD)
-            browser.named("remove-factor").click()
+            browser.push("remove-factor")
             if gone:
                 browser.wait(lambda: browser.find("[data-testid=secret]"), "it is still there")
             else:

@@ -34,7 +34,7 @@ def test_from_an_empty_ledger_to_a_certificate(tmp_path):
     downloads = tmp_path / "downloads"
     downloads.mkdir()
     # the rig stands at position 1 already: the first turn is to position 2
-    with standing_ready(tmp_path, faults=f"misread={MISREAD - 1}:toolface:2") as stand:
+    with standing_ready(tmp_path, misread=(MISREAD - 1, 2.0)) as stand:
         with chromium(stand.url) as browser:
             register(browser)
             begin(browser)
@@ -108,7 +108,7 @@ def resume(browser: Browser) -> None:
 
 def retake_the_outlier(browser: Browser) -> None:
     """The page names the misread dial; with arrows and space the position is taken again, and nothing is an outlier."""
-    named = "toolface dial seems misread"
+    named = "the dial seems misread (toolface)"
     browser.wait(lambda: named in browser.text(f"outlier-{MISREAD}"), "no position is named")
     assert [n for n in range(1, 13) if browser.state(f"position-{n}") == "outlier"] == [MISREAD]
     back_to(browser, MISREAD)
@@ -150,7 +150,7 @@ def about_the_ledger(stand: Stand, number: str, papers: dict[str, Path]) -> None
     with Ledger(str(stand.ledger)) as ledger:
         assert verify(ledger).ok
         assert ledger.count("reading") == 12 + 1 + 4
-        assert not verify_certificate(ledger, number).problems
+        assert not verify_certificate(ledger, number)
         kept = {data for _, _, data in documents(ledger, status(ledger, number).record).values()}
         assert {path.read_bytes() for path in papers.values()} == kept
 

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import json
+import re
 from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from nicegui import ui
 
 from inclinometry.calibration import plans
 from inclinometry.calibration.conventions import Dials
+from inclinometry.laboratory.attitude import FarError
 from inclinometry.laboratory.guided import plan_for
 from inclinometry.laboratory.instruments.simulated_instrument import SimulatedInstrument
 from inclinometry.laboratory.ledger.admin import create
@@ -24,6 +28,7 @@ from inclinometry.laboratory.web.pages.calibrate.guided import (
     driver_of,
     heat_of,
 )
+from inclinometry.laboratory.web.pages.calibrate.show_progress import Live
 from inclinometry.laboratory.web.words import say
 
 SD = float(np.radians(0.05))
@@ -71,7 +76,10 @@ class Laboratory:
 
     def page(self, session, user="anna"):
         visitor = SimpleNamespace(
-            bench=self.bench, say=lambda key, **v: say("en", key, **v), require=lambda _: SimpleNamespace(name=user)
+            bench=self.bench,
+            say=lambda key, **v: say("en", key, **v),
+            sentence=str,
+            require=lambda _: SimpleNamespace(name=user),
         )
         return Guided(visitor, session)
 
@@ -89,7 +97,7 @@ class Laboratory:
             off = np.radians(10.0) if page.chosen.number == misread else 0.0
             azimuth, inclination, toolface = page.chosen.dial
             self.rest((azimuth, inclination, toolface + off))
-            page.take()
+            page.take(reason="the dial says so" if off else "")
             page.judge()
             page.choose_next()
 
@@ -102,6 +110,12 @@ def laboratory(tmp_path):
 
 
 @pytest.fixture
+def page(laboratory):
+    """The page of a session of twelve positions."""
+    return laboratory.page(laboratory.open(plans.twelve()))
+
+
+@pytest.fixture
 def motorised(tmp_path):
     made = Laboratory(tmp_path, Motor())
     yield made
@@ -109,8 +123,7 @@ def motorised(tmp_path):
 
 
 @pytest.mark.long
-def test_a_run_of_positions_ends_in_a_recorded_calibration(laboratory):
-    page = laboratory.page(laboratory.open(plans.twelve()))
+def test_a_run_of_positions_ends_in_a_recorded_calibration(laboratory, page):
     laboratory.run(page, 12)
     assert page.session.next is None
     assert not page.open_positions
@@ -121,8 +134,7 @@ def test_a_run_of_positions_ends_in_a_recorded_calibration(laboratory):
     assert record.body["summary"]["positions"] == 12
 
 
-def test_a_retake_is_a_new_attempt_and_the_old_reading_stays(laboratory):
-    page = laboratory.page(laboratory.open(plans.twelve()))
+def test_a_retake_is_a_new_attempt_and_the_old_reading_stays(laboratory, page):
     laboratory.run(page, 3)
     page.choose(2)
     laboratory.rest(page.chosen.dial)
@@ -131,8 +143,7 @@ def test_a_retake_is_a_new_attempt_and_the_old_reading_stays(laboratory):
     assert page.session.taken[2].attempt == 2
 
 
-def test_a_rejected_reading_opens_its_position_again(laboratory):
-    page = laboratory.page(laboratory.open(plans.twelve()))
+def test_a_rejected_reading_opens_its_position_again(laboratory, page):
     laboratory.run(page, 3)
     page.leave_out(2, "somebody leant on the stand")
     assert page.session.taken[2].rejected == "somebody leant on the stand"
@@ -146,7 +157,7 @@ def test_a_misread_dial_is_named_while_the_tool_is_on_the_stand_and_gone_after_a
     page = laboratory.page(laboratory.open(plans.orthogonal()))
     laboratory.run(page, 16, misread=13)
     assert list(page.now.outliers) == [13]
-    assert "toolface" in page.now.outliers[13]
+    assert "toolface" in page.now.outliers[13].values["dial"]
     page.choose(13)
     laboratory.run(page, 1)
     assert not page.now.outliers
@@ -204,8 +215,7 @@ def test_of_two_captures_of_one_position_the_second_is_told(laboratory):
     assert laboratory.ledger.count("reading", session=session) == 1
 
 
-def test_samples_from_before_a_capture_do_not_count_for_the_next(laboratory):
-    page = laboratory.page(laboratory.open(plans.twelve()))
+def test_samples_from_before_a_capture_do_not_count_for_the_next(laboratory, page):
     laboratory.run(page, 1)
     with pytest.raises(CaptureError, match="nothing is captured"):
         page.take()
@@ -218,8 +228,7 @@ def test_without_an_instrument_nothing_is_captured(laboratory):
         page.take()
 
 
-def test_automatic_capture_waits_until_the_tool_was_turned_and_rests(laboratory):
-    page = laboratory.page(laboratory.open(plans.twelve()))
+def test_automatic_capture_waits_until_the_tool_was_turned_and_rests(laboratory, page):
     page.automatic = True
     laboratory.rest(page.chosen.dial, 8.0)
     assert page.ready_by_itself(laboratory.feed.stability())
@@ -231,6 +240,74 @@ def test_automatic_capture_waits_until_the_tool_was_turned_and_rests(laboratory)
     assert not page.ready_by_itself(laboratory.feed.stability())
     laboratory.rest(page.chosen.dial, 8.0)
     assert page.ready_by_itself(laboratory.feed.stability())
+
+
+@pytest.fixture(scope="module")
+def calibrated(tmp_path_factory):
+    """A tool that was calibrated minutes before on a rig turned by hand."""
+    made = Laboratory(tmp_path_factory.mktemp("calibrated"))
+    page = made.page(made.open(plans.twelve()))
+    for position in page.positions:
+        page.choose(position.number)
+        made.rest(position.dial)
+        page.take()
+    page.finish()
+    yield made
+    made.close()
+
+
+@pytest.mark.parametrize(("number", "off_deg"), [(1, 40.0), (2, 80.0), (3, 90.0)])
+def test_a_tool_far_from_the_target_is_captured_with_a_reason_only(calibrated, number, off_deg):
+    page = calibrated.page(calibrated.open(plans.orthogonal()))
+    page.automatic = True
+    page.choose(number)
+    azimuth, inclination, toolface = page.chosen.dial
+    calibrated.rest((0.5, 1.0, 0.1), 1.0)
+    calibrated.rest((azimuth, inclination, toolface + np.radians(off_deg)), 12.0)
+    seen = calibrated.feed.stability()
+    assert seen.still
+    assert page.off_now(seen).far
+    assert not page.ready_by_itself(seen)
+    for how in ("automatic", "key"):
+        with pytest.raises(FarError, match="toolface"):
+            page.take(how)
+    assert calibrated.ledger.count("reading", session=page.session.id) == 0
+    taken = page.take(reason="the index mark is on the other side")
+    note = calibrated.ledger.get("reading", taken.record).body["note"]
+    assert note.endswith(": the index mark is on the other side")
+    assert f"target {np.degrees(toolface):.1f} deg" in note
+
+
+def shown(page, monkeypatch):
+    """State, colour and word of the verdict; the angles in red."""
+    sent = []
+    monkeypatch.setattr(ui, "run_javascript", sent.append)
+    Live(page).show()
+    said, (_, red) = (json.loads(f"[{part}]") for part in re.findall(r"bench\w+\((.*?)\)(?:;|$)", sent[0]))
+    return (*said[0][:3], red)
+
+
+def test_far_from_the_target_is_said_in_red_only_once_a_capture_is_asked_for(calibrated, monkeypatch):
+    page = calibrated.page(calibrated.open(plans.orthogonal(), purpose="verify"))
+    calibrated.rest((0.5, 1.0, 0.1), 12.0)
+    assert shown(page, monkeypatch) == ("turn", "", "Turn it to the target", [])
+    with pytest.raises(FarError):
+        page.take()
+    state, colour, word, red = shown(page, monkeypatch)
+    assert (state, colour, word, bool(red)) == ("far", "bad", "Not at the target", True)
+    page.choose(2)
+    assert shown(page, monkeypatch)[:2] == ("turn", "")
+
+
+def test_at_the_target_it_is_captured_by_itself_as_before(calibrated):
+    page = calibrated.page(calibrated.open(plans.orthogonal()))
+    page.automatic = True
+    calibrated.rest((0.5, 1.0, 0.1), 1.0)
+    calibrated.rest(page.chosen.dial, 12.0)
+    seen = calibrated.feed.stability()
+    assert not page.off_now(seen).far
+    assert page.ready_by_itself(seen)
+    assert page.take("automatic").capture.note == ""
 
 
 def test_a_motorised_rig_that_stands_elsewhere_is_not_captured(motorised):

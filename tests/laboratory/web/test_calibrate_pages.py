@@ -15,20 +15,9 @@ from inclinometry.laboratory.session import open_session
 from inclinometry.laboratory.web.pages.calibrate.show_progress import folded
 
 NAMES = (
-    "capture",
-    "automatic",
-    "next",
-    "finish",
-    "abandon",
-    "target",
-    "progress",
-    "position-1",
-    "position-12",
-    "events",
-    "judged-by",
-    "sound",
-    "large",
-)
+    "capture", "automatic", "next", "finish", "abandon", "target", "progress", "position-1", "position-12", "events",
+    "judged-by", "sound", "large",
+)  # fmt: skip
 SERIAL = "<b>\"7'</b>"
 
 

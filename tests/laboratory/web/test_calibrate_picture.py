@@ -7,8 +7,9 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from inclinometry.laboratory.web.pages.calibrate.guided import drawing, project, tool_axes
+from inclinometry.laboratory.web.pages.calibrate.guided import drawing, project
 from inclinometry.laboratory.web.pages.calibrate.show_progress import big
+from inclinometry.rotations import dcm
 
 
 def seen(*direction):
@@ -38,7 +39,7 @@ def test_the_directions_of_the_picture():
     ],
 )
 def test_tool_and_index_point_where_the_dials_say(dial, tip, index):
-    axes = tool_axes(tuple(np.radians(dial)))
+    axes = dcm(*np.radians(dial))
     assert axes[2] == pytest.approx(np.array(tip, dtype=float), abs=1e-12)
     # looking along the tool, toolface turns to the right of high side: over a tool to the east, to the south
     expected = np.array(index, dtype=float)

@@ -6,6 +6,7 @@ import asyncio
 import gzip
 import socket
 import time
+from contextlib import contextmanager
 
 import httpx
 import pytest
@@ -19,6 +20,14 @@ def head(server, path, *lines, method="PUT"):
     csrf = server.local().headers["X-CSRF-Token"]
     wanted = ("Host: 127.0.0.1", f"X-CSRF-Token: {csrf}", "Content-Type: application/json", *lines)
     return (f"{method} {path} HTTP/1.1\r\n" + "\r\n".join(wanted) + "\r\n\r\n").encode()
+
+
+@contextmanager
+def connected(server, data):
+    """A connection over which so much has been sent."""
+    with socket.create_connection(("127.0.0.1", server.port)) as line:
+        line.sendall(data)
+        yield line
 
 
 def answer_of(line):
@@ -41,8 +50,7 @@ def hung_up(line, beginning):
 
 
 def test_a_gigabyte_that_is_announced_is_refused_unread(open_server):
-    with socket.create_connection(("127.0.0.1", open_server.port)) as line:
-        line.sendall(head(open_server, "/api/v1/sites/x", f"Content-Length: {1000 * MB}"))
+    with connected(open_server, head(open_server, "/api/v1/sites/x", f"Content-Length: {1000 * MB}")) as line:
         assert answer_of(line).split()[1] == b"413"
 
 
@@ -50,8 +58,7 @@ def test_a_gigabyte_that_is_announced_is_refused_unread(open_server):
 def test_a_gigabyte_that_is_not_announced_is_cut_off_and_memory_stays_flat(open_server, path):
     before, sent = open_server.memory(), 0
     chunk = f"{MB:x}\r\n".encode() + b"[" * MB + b"\r\n"
-    with socket.create_connection(("127.0.0.1", open_server.port)) as line:
-        line.sendall(head(open_server, path, "Transfer-Encoding: chunked", method="POST"))
+    with connected(open_server, head(open_server, path, "Transfer-Encoding: chunked", method="POST")) as line:
         line.settimeout(60)
         try:
             while sent < 1000:
@@ -78,19 +85,18 @@ def test_a_body_just_too_large_is_told_so(open_server):
 
 @pytest.mark.parametrize(("length", "status"), [("-1", 400), ("abc", 400), ("1e9", 400), ("9" * 30, 400), ("", 400)])
 def test_a_length_that_is_none(open_server, length, status):
-    with socket.create_connection(("127.0.0.1", open_server.port)) as line:
-        line.sendall(head(open_server, "/api/v1/sites/x", f"Content-Length: {length}"))
+    with connected(open_server, head(open_server, "/api/v1/sites/x", f"Content-Length: {length}")) as line:
         assert int(answer_of(line).split()[1]) == status
 
 
 def test_length_and_chunks_together_do_not_smuggle_a_second_request(open_server):
     second = head(open_server, "/api/v1/sites/smuggled", "Content-Length: 2") + b"{}"
-    with socket.create_connection(("127.0.0.1", open_server.port)) as line:
-        line.sendall(
-            head(open_server, "/api/v1/sites/x", f"Content-Length: {5 + len(second)}", "Transfer-Encoding: chunked")
-            + b"0\r\n\r\n"
-            + second
-        )
+    with connected(
+        open_server,
+        head(open_server, "/api/v1/sites/x", f"Content-Length: {5 + len(second)}", "Transfer-Encoding: chunked")
+        + b"0\r\n\r\n"
+        + second,
+    ) as line:
         answer_of(line)
     with open_server.client() as browser:
         assert "smuggled" not in browser.get("/api/v1/sites").text
@@ -112,8 +118,7 @@ def test_a_connection_that_says_nothing_or_dribbles_is_hung_up_on(open_server):
         assert answer_of(silent) == b""
     with socket.create_connection(("127.0.0.1", open_server.port)) as slow:
         assert hung_up(slow, b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nX-Long: ")
-    with socket.create_connection(("127.0.0.1", open_server.port)) as kept:
-        kept.sendall(b"GET /healthz HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n")
+    with connected(open_server, b"GET /healthz HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n") as kept:
         assert b"200" in answer_of(kept)
         assert hung_up(kept, b"GET / HTTP/1.1\r\nX-Long: ")
 
@@ -133,8 +138,7 @@ def test_a_slow_body_is_given_up():
 
 def test_very_long_lines_of_a_request_are_refused(open_server):
     for request in (b"GET /" + b"x" * 100_000, b"GET / HTTP/1.1\r\nX: " + b"y" * 100_000):
-        with socket.create_connection(("127.0.0.1", open_server.port)) as line:
-            line.sendall(request + b"\r\n\r\n")
+        with connected(open_server, request + b"\r\n\r\n") as line:
             assert answer_of(line)[:12] in (b"HTTP/1.1 400", b"HTTP/1.1 431", b"")
 
 

@@ -119,7 +119,6 @@ def test_after_logging_out_a_page_does_nothing_more(users_server):
             socket.send("42" + json.dumps(["event", {"client_id": page, "id": 1, "listener_id": "x", "args": []}]))
             with pytest.raises(ConnectionClosed) as ended:
                 listen(socket)
-        assert ended.value.rcvd is not None
         assert ended.value.rcvd.code == 4401
 
 

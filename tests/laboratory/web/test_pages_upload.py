@@ -36,9 +36,8 @@ def ledger(users_server) -> Ledger:
 def _place(browser: httpx.Client) -> str:
     """Where the page of this browser takes its file."""
     found = re.search(
-        r"/_nicegui/client/[\w-]+/upload/\d+", html.unescape(browser.get(f"/import?serial={SERIAL}").text)
+        r"/_nicegui/client/[\w-]+/upload/\d+", html.unescape(browser.get(f"/import?serial={SERIAL}&rig=stand").text)
     )
-    assert found is not None
     return found.group()
 
 
@@ -63,6 +62,18 @@ def test_readings_are_recorded_whatever_the_file_is_called(users_server, ledger:
     readings = ledger.find("reading", session=session.id)
     assert [one.body["captured"] for one in readings] == ["import"] * 2
     assert "cron" not in str(session.body) + str([one.body for one in readings])
+
+
+def test_a_serial_that_is_not_registered_is_refused(users_server, ledger: Ledger) -> None:
+    """Nothing is recorded under the first tool of the list."""
+    before = ledger.head()
+    with users_server.program("operator") as browser:
+        page = html.unescape(browser.get("/import?serial=ZX-99").text)
+        assert "tool 'ZX-99' is not registered; register it first" in page
+        place = re.search(r"/_nicegui/client/[\w-]+/upload/\d+", page)
+        assert browser.post(place.group(), files={"file": ("x.csv", BENCH)}).status_code == 200
+    time.sleep(0.5)
+    assert ledger.head() == before
 
 
 def test_what_is_too_large_or_no_run_is_refused(users_server, ledger: Ledger) -> None:

@@ -10,6 +10,7 @@ from string import Formatter
 
 import pytest
 
+from inclinometry.findings import example
 from inclinometry.laboratory import web
 from inclinometry.laboratory.web.words import LANGUAGES, catalogue, say, sentence
 from inclinometry.report.language import speaking, translated
@@ -90,8 +91,7 @@ def test_values_are_put_in() -> None:
         "magnetometer 2 scatters 3.4 times its noise at rest: the tool moves",
         "accelerometer 1 went by -2.5 in 5.0 s, 7.1 times what noise does: the tool turns or warms up",
         "26 samples in 2.5 of 5 s; at least 8 samples over the whole time are needed: wait",
-        "station 7 disagrees with the others: its toolface dial seems misread: the tool stood 3.1 deg from the setting "
-        "(it was left out of the fit)",
+        str(example("bench-dial-misread")),
         "3 of the 8 positions of 'roll-8' have no valid reading (6, 7, 8): there is no verdict yet; capture them, or "
         "abandon the session",
         "tool '007' does not fit its history (package turned about z: -0.115 deg (u 0.0057), p 1e-05): make a full "
@@ -125,6 +125,6 @@ def test_an_unknown_sentence_stays_as_it_is() -> None:
 
 def test_pages_and_reports_say_a_warning_alike() -> None:
     """One table: what a report prints of a calibration, its page shows in the same words."""
-    warning = "the rig's base appears tilted by 12.0 deg; check the channels if the stand is level"
+    warning = str(example("bench-base-tilted"))
     with speaking("ru"):
         assert sentence("ru", warning) == translated(warning) != warning

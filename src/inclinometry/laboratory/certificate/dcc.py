@@ -6,59 +6,41 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
 from lxml import etree
 
 from inclinometry.arrays import Array
-from inclinometry.constants import COVERAGE_FACTOR
 from inclinometry.errors import FileError, InputError
-from inclinometry.laboratory.certificate.record import record_digest, words
+from inclinometry.laboratory.certificate.record import adjusted, coverage, defined, record_digest, words
 from inclinometry.laboratory.certificate.requirements import missing_said
 from inclinometry.uncertainty import coverage_probability
 
 # Units as the D-SI writes them.
 
 DEGREE: Final = r"\degree"
-_UNITS: Final = {
-    "counts": r"\one",
-    "V": r"\volt",
-    "mV": r"\milli\volt",
-    "uV": r"\micro\volt",
-    "µV": r"\micro\volt",
-    "A": r"\ampere",
-    "mA": r"\milli\ampere",
-    "Hz": r"\hertz",
-    "kHz": r"\kilo\hertz",
-    "T": r"\tesla",
-    "mT": r"\milli\tesla",
-    "uT": r"\micro\tesla",
-    "µT": r"\micro\tesla",
-    "nT": r"\nano\tesla",
-    "m/s2": r"\metre\second\tothe{-2}",
-    "m/s^2": r"\metre\second\tothe{-2}",
-    "rad/s": r"\radian\second\tothe{-1}",
-    "deg/s": r"\degree\second\tothe{-1}",
-    "deg/h": r"\degree\hour\tothe{-1}",
-}
 
 
 def unit(text: str) -> str | None:
     r"""The D-SI form of a unit of the package; None for one the SI does not know, which a reader must be told.
 
-    Examples
-    --------
     >>> unit("mV/K^2")
     '\\milli\\volt\\kelvin\\tothe{-2}'
-    >>> unit("g") is None
-    True
     """
     main, power = text, 0
     found = re.fullmatch(r"(.+?)/K(?:\^(\d))?", text)
     if found is not None:
         main, power = found[1], int(found[2] or 1)
-    known = _UNITS.get(main)
+    units = {
+        "counts": r"\one", "V": r"\volt", "mV": r"\milli\volt", "uV": r"\micro\volt", "µV": r"\micro\volt",
+        "A": r"\ampere", "mA": r"\milli\ampere", "Hz": r"\hertz", "kHz": r"\kilo\hertz", "T": r"\tesla",
+        "mT": r"\milli\tesla", "uT": r"\micro\tesla", "µT": r"\micro\tesla", "nT": r"\nano\tesla",
+        "m/s2": r"\metre\second\tothe{-2}", "m/s^2": r"\metre\second\tothe{-2}",
+        "rad/s": r"\radian\second\tothe{-1}", "deg/s": r"\degree\second\tothe{-1}",
+        "deg/h": r"\degree\hour\tothe{-1}",
+    }  # fmt: skip
+    known = units.get(main)
     if known is None or not power:
         return known
     heat = rf"\kelvin\tothe{{-{power}}}"
@@ -68,8 +50,6 @@ def unit(text: str) -> str | None:
 def product(one: str, other: str) -> str:
     r"""The unit of a product.
 
-    Examples
-    --------
     >>> product("\\volt", "\\one"), product("\\volt", "\\volt")
     ('\\volt', '\\volt\\volt')
     """
@@ -87,6 +67,8 @@ PREFIX: Final = "inclinometry_"
 
 Element = Any
 Record = Mapping[str, Any]
+Coverage: TypeAlias = tuple[float, float, float | None]
+"""k, probability and degrees of freedom of expanded uncertainties; None of a normal distribution."""
 
 
 def element(parent: Element, name: str, text: str | None = None, **attributes: str) -> Element:
@@ -110,9 +92,16 @@ def english(parent: Element, name: str, text: str) -> Element:
     return named(parent, name, text, lang="en")
 
 
-def number(value: float) -> str:
-    """The shortest decimal that reads back to the same number."""
-    return repr(float(value))
+def number(value: float, u: float | None = None) -> str:
+    """The shortest decimal that reads back to the same number; with an uncertainty u four digits of that.
+
+    >>> number(0.1 + 0.2), number(26756.123456, 3.81), number(3.8123456, 3.8123456)
+    ('0.30000000000000004', '26756.123', '3.812')
+    """
+    if u is None or not u > 0.0:
+        return repr(float(value))
+    places = 3 - math.floor(math.log10(u))
+    return repr(round(float(value), places))
 
 
 def factor(k: float) -> str:
@@ -120,41 +109,58 @@ def factor(k: float) -> str:
     return f"{k:.9f}".rstrip("0").rstrip(".")
 
 
-def values(parent: Element, given: Sequence[float], units: Sequence[str], names: Sequence[str] = ()) -> Element:
-    """A list of values with its unit, one for all or one each."""
+def values(
+    parent: Element,
+    given: Sequence[float],
+    units: Sequence[str],
+    names: Sequence[str] = (),
+    spread: Sequence[float | None] | None = None,
+) -> Element:
+    """A list of values with its unit, one for all or one each, to the digits that their `spread` leaves."""
     made = element(parent, "si:realListXMLList")
     if names:
         element(made, "si:labelXMLList", " ".join(names))
-    element(made, "si:valueXMLList", " ".join(map(number, given)))
+    digits = [None] * len(given) if spread is None else spread
+    element(made, "si:valueXMLList", " ".join(map(number, given, digits)))
     element(made, "si:unitXMLList", " ".join(units))
     return made
 
 
-def expanded(made: Element, spread: Sequence[float], k: float) -> None:
+def expanded(made: Element, spread: Sequence[float], covered: Coverage) -> None:
     """Expanded uncertainties of a list."""
     part = element(made, "si:expandedUncXMLList")
-    element(part, "si:uncertaintyXMLList", " ".join(map(number, spread)))
-    element(part, "si:coverageFactorXMLList", factor(k))
-    element(part, "si:coverageProbabilityXMLList", f"{coverage_probability(k):.4f}")
-    element(part, "si:distributionXMLList", "normal")
+    element(part, "si:uncertaintyXMLList", " ".join(map(number, spread, spread)))
+    _covered(part, "XMLList", covered[0], covered)
 
 
-def covariance(made: Element, matrix: Sequence[Sequence[float]], units: Sequence[str]) -> None:
-    """The covariance matrix of a list, as the region that holds all values together with 95 %."""
-    from scipy.special import gammaincinv
+def _covered(part: Element, ending: str, k: float, covered: Coverage) -> None:
+    """Coverage factor, probability and distribution, which is one word, since that of a list ends at a blank."""
+    element(part, f"si:coverageFactor{ending}", factor(k))
+    element(part, f"si:coverageProbability{ending}", f"{covered[1]:.4f}")
+    element(part, f"si:distribution{ending}", "normal" if covered[2] is None else "Student-t")
 
+
+def covariance(made: Element, matrix: Sequence[Sequence[float]], units: Sequence[str], covered: Coverage) -> None:
+    """The covariance matrix of a list, as the region that holds all values together."""
     region = element(made, "si:ellipsoidalRegionXMLList")
     whole = element(region, "si:covarianceMatrix")
     for column, first in zip(zip(*matrix, strict=True), units, strict=True):
         place = element(whole, "si:column")
         for value, second in zip(column, units, strict=True):
             cell = element(place, "si:covariance")
-            element(cell, "si:value", number(value))
+            element(cell, "si:value", f"{value:.10g}")
             element(cell, "si:unit", product(first, second))
-    k = math.sqrt(2.0 * float(gammaincinv(len(units) / 2.0, 0.95)))
-    element(region, "si:coverageFactor", factor(k))
-    element(region, "si:coverageProbability", "0.95")
-    element(region, "si:distribution", "normal")
+    _covered(region, "", round(_together(len(units), covered), 4), covered)
+
+
+def _together(size: int, covered: Coverage) -> float:
+    """Factor on the ellipsoid that holds `size` values together; Fisher's for a finite number of degrees of freedom."""
+    from scipy.special import fdtri, gammaincinv
+
+    _, probability, freedom = covered
+    if freedom is None:
+        return math.sqrt(2.0 * float(gammaincinv(size / 2.0, probability)))
+    return math.sqrt(size * float(fdtri(size, freedom, probability)))
 
 
 def quantity(parent: Element, name: str, ref: str) -> Element:
@@ -173,50 +179,104 @@ def result(parent: Element, name: str, ref: str, description: str = "") -> Eleme
     return element(made, "dcc:data")
 
 
-def uncertainty_result(parent: Element, table: Record) -> None:
+def uncertainty_result(parent: Element, table: Record, covered: Coverage) -> None:
     """U of each angle over inclination."""
-    k = table["coverage_factor"]
-    nu = table.get("degrees_of_freedom")
-    freedom = "" if nu is None else f", effective degrees of freedom {nu:g}"
     where = "at the worst azimuth and toolface of each inclination"
-    about = f"Expanded uncertainty of one reading, k = {k:g}{freedom}, {where}."
+    about = f"Expanded uncertainty of one reading, {_said(covered)}, {where}."
     data = element(result(parent, "Uncertainty over inclination", "uncertainty", about), "dcc:list")
     made = quantity(data, "inclination", PREFIX + "inclination")
     values(made, table["inclination_deg"], [DEGREE])
     for name in ("inclination", "azimuth", "toolface"):
         if f"U_{name}_deg" in table:
             made = quantity(data, f"expanded uncertainty of {name}", f"{PREFIX}U_{name}")
-            values(made, table[f"U_{name}_deg"], [DEGREE])
-    for name, later in (table.get("end_of_interval") or {}).items():
-        made = quantity(
-            data, f"expanded uncertainty of {name[2:-4]} at the end of the interval", f"{PREFIX}{name[:-4]}_end"
-        )
-        values(made, later, [DEGREE])
+            values(made, table[f"U_{name}_deg"], [DEGREE], spread=table[f"U_{name}_deg"])
+    for block, where, tail in (
+        ("from_calibration", "from the calibration alone", "calibration"),
+        ("end_of_interval", "at the end of the interval", "end"),
+    ):
+        for name, u in (table.get(block) or {}).items():
+            about = f"expanded uncertainty of {name[2:-4]} {where}"
+            values(quantity(data, about, f"{PREFIX}{name[:-4]}_{tail}"), u, [DEGREE], spread=u)
 
 
-def parameter_result(parent: Element, results: Record) -> None:
+def _said(covered: Coverage) -> str:
+    k, probability, freedom = covered
+    said = "" if freedom is None else f", {freedom:g} effective degrees of freedom"
+    return f"k = {k:g}, coverage probability {round(100.0 * probability, 2):g} %{said}"
+
+
+def parameter_result(parent: Element, results: Record, covered: Coverage) -> None:
     """Every parameter with its expanded uncertainty, and their covariance matrix."""
     rows = results["parameters"]
-    known = [unit(row["unit"]) for row in rows]
-    strange = sorted({row["unit"] for row, found in zip(rows, known, strict=True) if found is None})
-    units = [r"\one" if found is None else found for found in known]
-    about = "Signal of a sensor = N a + U0 for a field along the unit vector a in tool axes."
+    about = "Signal of a sensor = N a + U0 for a field along the unit vector a in tool axes. "
+    about += f"Expanded uncertainties: {_said(covered)}."
     data = result(parent, "Parameters of the sensors", "parameters", about)
     made = quantity(data, "tensors and offsets", PREFIX + "parameters")
-    listed = values(made, [row["value"] for row in rows], units, [row["name"] for row in rows])
-    if all(row["u"] is not None for row in rows):
-        k = (results["uncertainty"] or {}).get("coverage_factor", COVERAGE_FACTOR)
-        expanded(listed, [k * row["u"] for row in rows], k)
-        covariance(listed, results["covariance"]["matrix"], units)
-    if strange:
+    _listed(made, rows, covered, results["covariance"]["matrix"])
+
+
+def _listed(made: Element, rows: Sequence[Record], covered: Coverage, matrix: Sequence[Sequence[float]] = ()) -> None:
+    """Values with their expanded uncertainties and covariances where all are known; units that are of no SI."""
+    plain = {"deg": DEGREE, "%": r"\percent"}  # units that are of no signals
+    found = {row["unit"]: unit(row["unit"]) if matrix else plain.get(row["unit"]) or unit(row["unit"]) for row in rows}
+    units, names = [found[row["unit"]] or r"\one" for row in rows], [row["name"].replace(" ", "_") for row in rows]
+    spread = [None if row["u"] is None else covered[0] * row["u"] for row in rows]
+    listed = values(made, [row["value"] for row in rows], units, names, spread)
+    known = [u for u in spread if u is not None]
+    if len(known) == len(rows):
+        expanded(listed, known, covered)
+        if matrix:
+            covariance(listed, matrix, units, covered)
+    if strange := sorted(name for name, known_as in found.items() if known_as is None):
         meta = element(element(made, "dcc:measurementMetaData"), "dcc:metaData")
         said = f"The unit one stands for units the SI does not know: {', '.join(strange)}"
         english(meta, "dcc:declaration", said)
         element(meta, "dcc:nonSIUnit", ", ".join(strange))
 
 
+def classical_result(parent: Element, record: Record, covered: Coverage) -> None:
+    """Scale, bias and misalignment of each sensor; with a previous calibration before, after and their change."""
+    adjustment = record["adjustment"]
+    for kind in record["results"]["classical"]:
+        rows = adjusted(record, kind)
+        about = "" if adjustment is None else f"Before: {adjustment['previous'] or 'not stated'}. "
+        about += f"Expanded uncertainties: {_said(covered)}."
+        data = result(parent, f"Scale, bias and misalignment, {kind}", f"classical_{kind}", about)
+        listed = element(data, "dcc:list")
+        for name, place in (("after", 0),) if adjustment is None else (("before", 1), ("after", 0), ("change", 2)):
+            known = [one for row in rows if (one := row[place]) is not None and one["value"] is not None]
+            if not known:
+                continue
+            _listed(quantity(listed, "value" if adjustment is None else name, f"{PREFIX}{name}"), known, covered)
+
+
+def found_result(parent: Element, record: Record, name: str) -> None:
+    """Errors of one angle as found: the readings of the verification with the parameters before."""
+    report = (record.get("as_found") or {}).get("report")
+    if report is None:
+        return
+    # where an angle is not defined the paper has none either
+    rows = [row for row in report["positions"] if defined(row[name])]
+    if not rows:
+        return
+    about = f"The same readings with the parameters before: {record['as_found']['previous'] or 'not stated'}."
+    data = element(result(parent, f"{name} as found".capitalize(), f"as_found_{name}", about), "dcc:list")
+    made = quantity(data, f"{name} set", "basic_referenceValue")
+    values(made, [row[f"{name}_deg"] for row in rows], [DEGREE])
+    _errors(data, report, rows, name, f"error of {name} as found")
+
+
+def _errors(data: Element, report: Record, rows: Sequence[Record], name: str, what: str) -> Element:
+    """Errors of one angle against a stand, with their expanded uncertainties."""
+    made, k = quantity(data, what, "basic_measurementError"), report["coverage_factor"]
+    spread = [row[name]["U_deg"] for row in rows]
+    listed = values(made, [row[name]["error_deg"] for row in rows], [DEGREE], spread=spread)
+    expanded(listed, spread, (k, coverage_probability(k), None))
+    return made
+
+
 def verification_result(parent: Element, found: Record, name: str) -> None:
-    """Errors of one angle at the positions where it was judged, with limits and decisions."""
+    """Errors of one angle at the positions where it was judged; limits and decisions where limits were agreed."""
     report = found["report"]
     rows = [row for row in report["positions"] if row[name]["decision"] != "not judged"]
     if not rows:
@@ -226,9 +286,9 @@ def verification_result(parent: Element, found: Record, name: str) -> None:
     for dial in ("azimuth", "inclination", "toolface"):
         made = quantity(data, f"{dial} set", "basic_referenceValue" if dial == name else f"{PREFIX}{dial}_set")
         values(made, [row[f"{dial}_deg"] for row in rows], [DEGREE])
-    made = quantity(data, f"error of {name}", "basic_measurementError")
-    listed = values(made, [row[name]["error_deg"] for row in rows], [DEGREE])
-    expanded(listed, [row[name]["U_deg"] for row in rows], report["coverage_factor"])
+    made = _errors(data, report, rows, name, f"error of {name}")
+    if found["limits"] is None:
+        return
     meta = element(element(made, "dcc:measurementMetaData"), "dcc:metaData", refType="basic_conformity")
     # decision of a position -> DCC; inconclusive means that a guarded acceptance cannot say pass
     conformity = {"pass": "pass", "fail": "fail", "inconclusive": "noPass"}
@@ -240,29 +300,14 @@ def verification_result(parent: Element, found: Record, name: str) -> None:
 
 
 def dcc_bytes(record: Record) -> bytes:
-    """A certificate's record as DCC XML; the same record gives the same bytes.
-
-    Parameters
-    ----------
-    record : mapping
-        As `inclinometry.laboratory.certificate.record.certificate_record` makes it.
-
-    Raises
-    ------
-    InputError
-        No laboratory, no country or no date of the work, which every DCC states.
-    """
+    """A certificate's record as DCC XML; the same record gives the same bytes."""
     laboratory, dates = record["laboratory"], record["dates"]
-    lost = [
-        what
-        for what, there in (
-            ("the laboratory", laboratory),
-            ("the laboratory's country", (laboratory or {}).get("country")),
-            ("the date of the calibration (performed_from)", dates["performed_from"]),
-        )
-        if not there
-    ]
-    if lost:
+    needed = {
+        "the laboratory": laboratory,
+        "the laboratory's country": (laboratory or {}).get("country"),
+        "the date of the calibration (performed_from)": dates["performed_from"],
+    }
+    if lost := [what for what, there in needed.items() if not there]:
         raise InputError(f"a digital certificate states {lost[0]}; give it in lab.toml (--laboratory)")
     root = etree.Element(ROOT, schemaVersion="3.2.1", nsmap=NSMAP)
     parent = element(root, "dcc:administrativeData")
@@ -272,7 +317,6 @@ def dcc_bytes(record: Record) -> bytes:
     element(software, "dcc:release", release or "unknown")
     element(software, "dcc:type", "application")
     core = element(parent, "dcc:coreData")
-    dates = record["dates"]
     element(core, "dcc:countryCodeISO3166_1", record["laboratory"]["country"])
     element(core, "dcc:usedLangCodeISO639_1", "en")
     element(core, "dcc:mandatoryLangCodeISO639_1", "en")
@@ -360,13 +404,20 @@ def _statements(parent: Any, record: Record) -> None:
         made = element(parent, "dcc:statement")
         english(made, "dcc:name", "condition of the item")
         named(made, "dcc:declaration", record["item"]["condition"])
-    if record["laboratory"]["traceability"]:
-        made = element(parent, "dcc:statement", refType="basic_traceability")
-        named(made, "dcc:declaration", record["laboratory"]["traceability"])
-    if record["method"].get("rig_traceability"):
-        made = element(parent, "dcc:statement", refType="basic_traceability")
-        named(made, "dcc:name", record["method"]["rig"] or "rig")
-        named(made, "dcc:declaration", record["method"]["rig_traceability"])
+    method = record["method"]
+    traced = (("", record["laboratory"]["traceability"]), (method["rig"] or "rig", method.get("rig_traceability")))
+    for name, text in traced:
+        if text:
+            made = element(parent, "dcc:statement", refType="basic_traceability")
+            if name:
+                named(made, "dcc:name", name)
+            named(made, "dcc:declaration", text)
+    if record.get("accepted"):
+        made = element(parent, "dcc:statement")
+        english(made, "dcc:name", "warnings and who accepted them")
+        about = record["accepted"]
+        signed = words("en")("accepted_by", **{**about, "by": about["by"] or "not stated"})
+        english(made, "dcc:declaration", "; ".join([*about["warnings"], signed]))
     if record["interval_months"] is not None:
         made = element(parent, "dcc:statement", refType="basic_recalibration")
         english(made, "dcc:declaration", "Interval agreed with the customer.")
@@ -423,13 +474,15 @@ def _measurement(parent: Any, record: Record) -> None:
                 for value, name in stated:
                     _identified(names, "other", value, name)
     _conditions(parent, record["environment"])
-    results = element(parent, "dcc:results")
+    results, covered = element(parent, "dcc:results"), coverage(record)
     if record["results"]["uncertainty"] is not None:
-        uncertainty_result(results, record["results"]["uncertainty"])
-    parameter_result(results, record["results"])
+        uncertainty_result(results, record["results"]["uncertainty"], covered)
+    parameter_result(results, record["results"], covered)
+    classical_result(results, record, covered)
     if record["verification"] is not None:
         for name in ("inclination", "azimuth", "toolface"):
             verification_result(results, record["verification"], name)
+            found_result(results, record, name)
 
 
 def _conditions(parent: Any, about: Record) -> None:
@@ -456,10 +509,8 @@ class Dcc(NamedTuple):
     """The numbers of a DCC that this package wrote.
 
     number, digest : of the certificate and its record.
-    serial : of the item.
     uncertainty : "inclination", "U_inclination", "U_azimuth", "U_toolface" -> (n,) deg.
-    parameters : name -> (value, expanded uncertainty, NaN where none is stated).
-    covariance : (p, p) of the parameters; empty where none is stated.
+    parameters : name -> (value, expanded uncertainty or NaN). covariance : (p, p) of them, or empty.
     errors : angle -> (n, 2) error and expanded uncertainty at the judged positions, deg.
     """
 
@@ -475,10 +526,7 @@ class Dcc(NamedTuple):
 def dcc_root(data: bytes, where: str | Path = "certificate.xml") -> Element:
     """The root of a digital certificate; entities and everything outside the file are refused.
 
-    Raises
-    ------
-    FileError
-        Not XML, not a DCC.
+    Raises FileError: not XML, not a DCC.
     """
     largest = 50_000_000
     if len(data) > largest:
@@ -496,10 +544,7 @@ def dcc_root(data: bytes, where: str | Path = "certificate.xml") -> Element:
 def read_dcc(data: bytes, where: str | Path = "certificate.xml") -> Dcc:
     """Read the numbers back, each from its one place below the root.
 
-    Raises
-    ------
-    FileError
-        Not XML, not a DCC, not written by this package, one certificate inside of another.
+    Raises FileError: not XML, not a DCC, not written by this package, one certificate inside of another.
     """
     root = dcc_root(data, where)
     if len([*root.iter(ROOT)]) != 1:

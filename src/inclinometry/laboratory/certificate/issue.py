@@ -12,8 +12,10 @@ from inclinometry.errors import InputError
 from inclinometry.files.tool_json import read_calibration
 from inclinometry.files.verification_json import read_verification
 from inclinometry.files.writing import program
-from inclinometry.laboratory.certificate.laboratory_toml import Order, read_laboratory
+from inclinometry.laboratory.certificate.laboratory import Order
+from inclinometry.laboratory.certificate.laboratory_toml import read_laboratory
 from inclinometry.laboratory.certificate.record import certificate_record
+from inclinometry.laboratory.certificate.requirements import only_conforming, open_warnings
 
 
 def record_from_files(
@@ -26,30 +28,14 @@ def record_from_files(
     number: str | None = None,
     language: str = "en",
     today: date | None = None,
+    nonconforming: bool = False,
+    accept_warnings: str = "",
 ) -> dict[str, Any]:
     """The record of a certificate; the digest of every file is in it.
 
-    Parameters
-    ----------
-    tool : Path
-        tool.json
-    verification : Path, optional
-        verify.json of that calibration.
-    laboratory : Path, optional
-        lab.toml
-    previous : Path, optional
-        tool.json of the calibration before.
-    as_found : Path, optional
-        verify.json of that calibration at the positions of `verification`.
-    number : str, optional
-        Unique to this certificate; year and eight digits of the digest of inputs and language when not given.
-    today : date, optional
-        Date of issue where lab.toml has none; the clock's when not given.
-
-    Raises
-    ------
-    InputError
-        Files that do not belong together, in one sentence.
+    `previous` is the tool.json of the calibration before, `as_found` its verify.json at the positions of
+    `verification`. Default number: year and eight digits of the digest of inputs, language and the reason for which
+    warnings are accepted. Date of issue: that of lab.toml, `today`, or the clock's.
     """
     calibration = read_calibration(tool)
     if calibration.method == "datasheet":
@@ -64,6 +50,8 @@ def record_from_files(
     issued = order.issued or today or datetime.now(UTC).date()
     order = replace(order, serial=order.serial or ("" if name in unnamed else name), issued=issued)
     judged = None if verification is None else read_verification(verification, calibration)
+    if not nonconforming:
+        only_conforming(judged)
     before = None if previous is None else read_calibration(previous)
     if before is not None and before.tool.name != calibration.tool.name:
         raise InputError(f"the previous calibration is of {before.tool.name!r:.60}, this one of {order.serial!r:.60}")
@@ -73,19 +61,24 @@ def record_from_files(
             raise InputError("--as-found is what the calibration before said: give --previous and --verification, too")
         found = read_verification(as_found, before)
         if _positions(found) != _positions(judged):
-            raise InputError(
-                f"{as_found} was not verified at the positions of {verification}; verify the same readings"
-            )
-    given = {"tool.json": tool, "verify.json": verification, "lab.toml": laboratory, "previous tool.json": previous}
-    given |= {"as-found verify.json": as_found}
+            problem = f"was not verified at the positions of {verification}; verify the same readings"
+            raise InputError(f"{as_found} {problem}")
+        if found["limits"] != judged["limits"]:
+            problem = "were judged by different limits; verify both by the same or by none"
+            raise InputError(f"{as_found} and {verification} {problem}")
+    given = {"tool.json": tool, "verify.json": verification, "lab.toml": laboratory, "previous tool.json": previous,
+             "as-found verify.json": as_found}  # fmt: skip
     inputs = {name: digest_file(path) for name, path in given.items() if path is not None}
     if judged is not None:
         inputs |= {f"verification {n}": d for n, d in judged["inputs"].items() if not n.startswith("calibration ")}
+    derived = dict(inputs)
+    if open_warnings(calibration, judged):
+        derived["accepted"] = accept_warnings.strip()
     return certificate_record(
         calibration,
         who,
         order,
-        number=_number(number, order, inputs, language),
+        number=_number(number, order, derived, language),
         program=program(),
         language=language,
         standards=standards,
@@ -94,6 +87,7 @@ def record_from_files(
         previous=before,
         previous_from="" if before is None or previous is None else f"{previous.name} ({before.method})",
         inputs=inputs,
+        accept_warnings=accept_warnings,
     )
 
 

@@ -13,8 +13,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from inclinometry.errors import InputError
+from inclinometry.files.verification_json import without_conformity
+from inclinometry.findings import Finding
 from inclinometry.laboratory.certificate import record as tables
-from inclinometry.laboratory.certificate.record import LETTERS, NARROW, Words, families, record_digest, words
+from inclinometry.laboratory.certificate.record import LETTERS, Words, families, record_digest, words
 from inclinometry.laboratory.certificate.requirements import missing_said, overdue
 from inclinometry.report.language import speaking, translated
 from inclinometry.report.words import plain, significant
@@ -29,28 +31,10 @@ Content = dict[str, Any]
 def certificate_pdf(
     record: Mapping[str, Any], *, fonts: Sequence[str | Path] = (), logo: bytes | None = None, seal: str = ""
 ) -> bytes:
-    """A certificate as PDF/A-2b: every page numbered, drawings inside, a square code with number and digest.
+    """A certificate as PDF/A-2b; `seal` is the signed text of its square code, number and digest when empty.
 
-    Parameters
-    ----------
-    record : mapping
-        As `inclinometry.laboratory.certificate.record.certificate_record` makes it.
-    fonts : sequence of path
-        Folders with further fonts.
-    logo : bytes, optional
-        Of the laboratory, PNG or SVG.
-    seal : str
-        What the square code says, signed; number and digest alone when not given.
-
-    Returns
-    -------
-    bytes
-        The same record gives the same bytes with the same version of typst and matplotlib.
-
-    Raises
-    ------
-    InputError
-        A letter that no font on this computer shows.
+    The same record gives the same bytes with the same version of typst and matplotlib. A letter that no font on this
+    computer or in the folders `fonts` shows is refused.
     """
     import typst
 
@@ -71,15 +55,15 @@ def certificate_pdf(
             sys_inputs={"data": json.dumps(content, ensure_ascii=False)},
             pdf_standards="a-2b",
             timestamp=datetime(day.year, day.month, day.day, tzinfo=UTC),
-            font_paths=_fonts(len(chosen) > NARROW, tuple(str(folder) for folder in fonts)),
+            # two fonts show everything but Chinese
+            font_paths=_fonts(len(chosen) > 2, tuple(str(folder) for folder in fonts)),
         )
     except typst.TypstError as error:
         lost = re.search(r"the text (.*) could not be displayed", error.message)
         if lost is None:
             raise
-        raise InputError(
-            f"no font on this computer shows {lost[1].replace('`', '')}; write it in other letters, or install a font"
-        ) from None
+        letters = {"letters": lost[1].replace("`", "")}
+        raise InputError(Finding("ledger-letters-not-shown", letters, severity="refused")) from None
     if not isinstance(made, bytes):
         raise TypeError("typst returned no document")
     return made
@@ -103,8 +87,6 @@ def _fonts(system: bool, folders: tuple[str, ...]) -> typst.Fonts:
 def qr_text(number: str, digest: str) -> str:
     """What the square code on a certificate says.
 
-    Examples
-    --------
     >>> qr_text("2026-0001", "sha256:ab")
     'inclinometry certificate 2026-0001 sha256:ab'
     """
@@ -113,33 +95,34 @@ def qr_text(number: str, digest: str) -> str:
 
 def _view(record: Content, seal: str) -> Content:
     """Ready texts for the template."""
+    import segno
+
     say, number, digest = words(record["language"]), record["number"], record_digest(record)
+    # of a record of before, limits that nobody agreed are none
+    for name in ("verification", "as_found"):
+        if record.get(name) is not None:
+            record = record | {name: without_conformity(record[name])}
     laboratory = record["laboratory"] or {}
     day = date.fromisoformat(record["dates"]["issued"])
-    statement = record["conformity"]["statement"]
-    # whoever reads the box alone reads what speaks against relying on it
     remarks = [translated(warning) for warning in record["warnings"]]
-    warned = (
-        []
-        if statement == "not assessed"
-        else [*(translated(warning) for warning in record["verification"]["report"]["warnings"]), *remarks]
-    )
+    accepted = record.get("accepted")
+    signed = [] if accepted is None else [say("accepted_by", **{**accepted, "by": accepted["by"] or say("not_stated")})]
     # of a record of before only a laboratory that is not named is said
     missing = record.get("missing", [] if record["laboratory"] else ["laboratory"])
     kind = "_report" if record.get("title") == "report" else ""
+    qr = seal or qr_text(number, digest)
     # the last one is of drawings that keep together, so that no page has but a few lines
     sections = [
         tables.results_section(record, say),
         tables.budget_section(record, say),
         tables.uncertainty_section(record, say),
         tables.verification_section(record, say),
-        tables.section(say("remarks"), list=remarks) if remarks else None,
+        tables.section(say("remarks"), list=[*remarks, *signed]) if remarks or signed else None,
         tables.parameter_section(record, say),
         tables.classical_section(record, say),
         _inputs(record, digest, say),
         tables.residual_section(record, say),
     ]
-    colours = {"pass": "#1a7f37", "doubted": "#8a5a00", "fail": "#c1272d", "not assessed": "#5d6975"}
     view = {
         "language": record["language"],
         "document_title": f"{say('title' + kind)} {number}",
@@ -156,22 +139,33 @@ def _view(record: Content, seal: str) -> Content:
         "is_report": say("is_report"),
         "missing": [missing_said(key, record, say) for key in missing],
         "facts": _facts(record, say),
-        "conformity_colour": colours["doubted" if statement == "pass" and warned else statement],
-        "conformity_head": say("conformity"),
-        "conformity": [*_conformity(record, say), *warned],
+        **_box(record, remarks, say),
         "authorised": _authorised(laboratory, record, say),
-        "qr_says": seal or qr_text(number, digest),
+        "qr_says": qr,
         "sections": [part for part in sections if part is not None],
         "end": say("end" + kind, number=number),
     }
     broken: Content = _breakable(view)
-    import segno
-
     stream = io.BytesIO()
-    segno.make(seal or qr_text(number, digest), error="m", micro=False).save(
-        stream, kind="svg", border=1, xmldecl=False, svgns=True
-    )
+    segno.make(qr, error="m", micro=False).save(stream, kind="svg", border=1, xmldecl=False, svgns=True)
     return broken | {"qr": stream.getvalue().decode("utf-8"), "digest": digest}
+
+
+def _box(record: Content, remarks: Sequence[str], say: Words) -> Content:
+    """The statement of conformity; whoever reads it alone reads what speaks against relying on it."""
+    found = record["verification"]
+    compared = found is not None and found["limits"] is None
+    statement = found["verdict"] if compared else record["conformity"]["statement"]
+    warned = []
+    if statement != "not assessed":
+        warned = list(dict.fromkeys([*map(translated, found["report"]["warnings"]), *remarks]))
+    colours = {"pass": "#1a7f37", "doubted": "#8a5a00", "fail": "#c1272d", "not assessed": "#5d6975"}
+    colours |= {"agrees": "#5d6975", "does not agree": "#c1272d"}
+    return {
+        "conformity_colour": colours["doubted" if statement in ("pass", "agrees") and warned else statement],
+        "conformity_head": say("agreement" if compared else "conformity"),
+        "conformity": [*_conformity(record, say), *warned],
+    }
 
 
 def _letterhead(laboratory: Mapping[str, str], say: Words) -> list[str]:
@@ -185,12 +179,7 @@ def _standards(record: Content, say: Words) -> str:
     late = overdue(record) if record.get("standards") else []
     said = []
     for one in record.get("standards", ()):
-        text = say(
-            "standard",
-            name=one["name"],
-            certificate=one["certificate"] or say("not_stated"),
-            due=one["due"] or say("not_stated"),
-        )
+        text = say("standard", **{name: value or say("not_stated") for name, value in one.items()})
         said.append(f"{text} ({say('overdue')})" if f"{one['name']} ({one['due']})" in late else text)
     return "; ".join(said)
 
@@ -243,9 +232,8 @@ def _facts(record: Content, say: Words) -> dict[str, list[list[str]]]:
 
 
 def _range(item: Content, say: Words) -> str:
-    if item["temperature_range_degC"] is None:
-        return ""
-    return _span("range_of", "range_at", item["temperature_range_degC"], say)
+    span = item["temperature_range_degC"]
+    return "" if span is None else _span("range_of", "range_at", span, say)
 
 
 def _span(between: str, at: str, span: Sequence[float], say: Words) -> str:
@@ -276,43 +264,33 @@ def _environment(about: Content, say: Words) -> str:
 
 def _conformity(record: Content, say: Words) -> list[str]:
     statement, rule = record["conformity"]["statement"], record["conformity"]["rule"]
-    if rule is None:
+    if record["verification"] is None:
         return [say("not_assessed")]
     limits = record["verification"]["limits"]
-    conformity = {
-        ("pass", "consistency"): "consistent",
-        ("fail", "consistency"): "inconsistent",
-        ("pass", "simple"): "pass",
-        ("pass", "guarded"): "pass",
-        ("fail", "simple"): "fail",
-        ("fail", "guarded"): "fail",
-    }
-    texts = [say(conformity[statement, rule], limits=limits["name"]), *_applies(record, say)]
-    texts.append(f"{say('rule')}: {say(rule)}")
-    if rule != "consistency":
-        texts.append(f"{say('limits_source')}: {limits['source']}")
-    return texts
+    if limits is None:
+        return [*tables.agreement(record, say), *_applies(record, say)]
+    return [
+        say(statement),
+        *_applies(record, say),
+        f"{say('rule')}: {say(rule)}",
+        f"{say('limits_source')}: {limits['source']}",
+    ]
 
 
 def _applies(record: Content, say: Words) -> list[str]:
-    """To which results the statement applies (ISO/IEC 17025, 7.8.6.2): the protocol, angles and inclinations judged."""
+    """What was judged or compared (ISO/IEC 17025, 7.8.6.2): the protocol, angles and inclinations."""
     judged = record["conformity"].get("judged", {})
-    parts = [
-        say(
-            "judged_at",
-            angle=say(name),
-            count=one["positions"],
-            low=plain(one["inclination_deg"][0], 2),
-            high=plain(one["inclination_deg"][1], 2),
-        )
-        for name, one in judged.items()
-    ]
+    parts = []
+    for name, one in judged.items():
+        low, high = (plain(value, 2) for value in one["inclination_deg"])
+        parts.append(say("judged_at", angle=say(name), count=one["positions"], low=low, high=high))
     left_out = [say(name) for name in LETTERS if name not in judged]
     protocol = record["verification"]["report"].get("protocol")
+    agreed = record["verification"]["limits"] is not None
     return [
         *([say("protocol", **protocol)] if protocol else []),
-        *([say("applies", parts="; ".join(parts))] if parts else []),
-        *([say("not_judged", angles=", ".join(left_out))] if left_out else []),
+        *([say("applies" if agreed else "compared", parts="; ".join(parts))] if parts else []),
+        *([say("not_judged" if agreed else "not_compared", angles=", ".join(left_out))] if left_out else []),
     ]
 
 

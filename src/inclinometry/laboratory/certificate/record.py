@@ -19,27 +19,38 @@ import numpy as np
 
 from inclinometry.arrays import Array
 from inclinometry.calibration.causes import UNDETECTED
-from inclinometry.calibration.expected import (
-    expected_gravity_sd,
-    expected_uncertainty,
-)
+from inclinometry.calibration.expected import certified, expected_uncertainty
 from inclinometry.calibration.result import Calibration
-from inclinometry.constants import COVERAGE_FACTOR, GRAVITY_SPREAD, KINDS
+from inclinometry.constants import COVERAGE_FACTOR, INCLINATIONS, KINDS
 from inclinometry.digest import digest_bytes
 from inclinometry.errors import InputError
 from inclinometry.files import json_codec
 from inclinometry.files.json_codec import canonical
+from inclinometry.files.verification_json import without_conformity
+from inclinometry.findings import LANGUAGES
 from inclinometry.laboratory.certificate.budget import uncertainty_budget, uncertainty_table
-from inclinometry.laboratory.certificate.laboratory_toml import Laboratory, Order, Standard
-from inclinometry.laboratory.certificate.requirements import missing
+from inclinometry.laboratory.certificate.laboratory import Laboratory, Order, Standard
+from inclinometry.laboratory.certificate.requirements import (
+    accepted_warnings,
+    missing,
+    open_warnings,
+    two_accelerometers,
+)
 from inclinometry.report.calibration import log_scale
-from inclinometry.report.calibration_tables import Row, classical_rows, differences, parameter_rows, sensor_names
+from inclinometry.report.calibration_tables import (
+    Row,
+    classical_rows,
+    differences,
+    parameter_rows,
+    sensor_names,
+    shape_rows,
+)
 from inclinometry.report.figure import BAD, INK, MARKERS, SERIES, new_figure, style, styled
 from inclinometry.report.glossary import terms
 from inclinometry.report.language import translated
 from inclinometry.report.words import plain, rounded, significant
 from inclinometry.rotations import wrap_signed
-from inclinometry.sensors import Tool
+from inclinometry.sensors import Tool, in_field_of
 from inclinometry.uncertainty import coverage_probability
 
 if TYPE_CHECKING:
@@ -70,60 +81,51 @@ def uncertainty_figure(table: Mapping[str, Any]) -> Figure:
     return figure
 
 
+def _about_zero(reach: float, across: str, up: str) -> tuple[Figure, Any]:
+    """A drawing of values about zero, and its axes."""
+    from matplotlib.ticker import MaxNLocator
+
+    figure = new_figure(1.9, width=WIDTH)
+    axes = figure.add_subplot()
+    axes.set_ylim(-reach, reach)
+    axes.set_xlabel(across)
+    axes.xaxis.set_major_locator(MaxNLocator("auto", integer=True))
+    axes.set_ylabel(up)
+    return figure, axes
+
+
 @styled
 def residual_figure(standardised: Sequence[Sequence[float | None]]) -> Figure:
     """Standardised residuals of one triad over the number of the station."""
-    from matplotlib.ticker import MaxNLocator
-
-    many = 60
     values = np.array(standardised, dtype=float)
-    figure = new_figure(1.9, width=WIDTH)
-    axes = figure.add_subplot()
-    place = np.arange(1, len(values) + 1)
+    figure, axes = _about_zero(1.1 * max(3.4, float(np.nanmax(np.abs(values), initial=0.0))), "n", "r / σ")
+    place, size = np.arange(1, len(values) + 1), 4.0 if len(values) <= 60 else 2.0
     for sensor in range(values.shape[1]):
-        axes.plot(
-            place + 0.2 * (sensor - 1),
-            values[:, sensor],
-            linestyle="none",
-            marker=MARKERS[(0, 1, 2)[sensor % 3]],
-            color=SERIES[sensor % len(SERIES)],
-            markersize=4.0 if len(values) <= many else 2.0,
-        )
+        look = {"marker": MARKERS[sensor % 3], "color": SERIES[sensor % len(SERIES)], "markersize": size}
+        axes.plot(place + 0.2 * (sensor - 1), values[:, sensor], linestyle="none", **look)
     for level, colour in ((2.0, INK), (3.0, BAD)):
         for sign in (1.0, -1.0):
             axes.axhline(sign * level, color=colour, linewidth=0.8, linestyle="--" if level < 3.0 else "-")
-    reach = 1.1 * max(3.4, float(np.nanmax(np.abs(values), initial=0.0)))
-    axes.set_ylim(-reach, reach)
     axes.set_xlim(0.3, len(values) + 0.7)
-    axes.set_ylabel("r / σ")
-    axes.set_xlabel("n")
-    axes.xaxis.set_major_locator(MaxNLocator("auto", integer=True))
     return figure
 
 
 @styled
 def error_figure(
-    setting: Array, error: Array, u: Array, limit: Array, letter: str, *, by_place: bool = False
+    setting: Array, error: Array, u: Array, limit: Array | None, letter: str, *, by_place: bool = False
 ) -> Figure:
     """Errors of one angle over its setting, or position by position, with U and limits; degrees, judged ones only."""
-    from matplotlib.ticker import MaxNLocator
-
-    figure = new_figure(1.9, width=WIDTH)
-    axes = figure.add_subplot()
-    axes.errorbar(setting, error, u, linestyle="none", marker="o", markersize=3.5, color=SERIES[0], elinewidth=0.9)
-    if limit.size and np.ptp(limit) < 1e-12:
-        for sign in (1.0, -1.0):
-            axes.axhline(sign * limit[0], color=BAD, linewidth=1.2)
-    else:
-        order = np.argsort(setting, kind="stable")
-        for sign in (1.0, -1.0):
-            axes.plot(setting[order], sign * limit[order], "_", color=BAD, markersize=7.0)
+    limit = np.zeros(0) if limit is None else limit
     reach = 1.1 * float(max(np.max(np.abs(error) + u, initial=1e-6), np.max(limit, initial=0.0)))
-    axes.set_ylim(-reach, reach)
+    figure, axes = _about_zero(reach, "n" if by_place else f"{letter}, °", f"Δ{letter}, °")
+    axes.errorbar(setting, error, u, linestyle="none", marker="o", markersize=3.5, color=SERIES[0], elinewidth=0.9)
+    for sign in (1.0, -1.0) if len(limit) else ():
+        if np.ptp(limit) < 1e-12:
+            axes.axhline(sign * limit[0], color=BAD, linewidth=1.2)
+        else:
+            order = np.argsort(setting, kind="stable")
+            axes.plot(setting[order], sign * limit[order], "_", color=BAD, markersize=7.0)
     axes.axhline(0.0, color=INK, linewidth=0.7)
-    axes.set_xlabel("n" if by_place else f"{letter}, °")
-    axes.xaxis.set_major_locator(MaxNLocator("auto", integer=True))
-    axes.set_ylabel(f"Δ{letter}, °")
     return figure
 
 
@@ -159,8 +161,6 @@ def record_bytes(record: Mapping[str, Any]) -> bytes:
 def record_digest(record: Mapping[str, Any]) -> str:
     """SHA-256 of the JSON file, as it is printed on the certificate.
 
-    Examples
-    --------
     >>> record_digest({})[:15]
     'sha256:ca3d163b'
     """
@@ -175,24 +175,11 @@ def checked(content: dict[str, Any], where: str | Path) -> dict[str, Any]:
 # The fixed texts of a certificate in its languages, and the fonts that can show them.
 
 CHINESE: Final = (
-    "Noto Sans SC",
-    "Noto Sans CJK SC",
-    "Noto Serif CJK SC",
-    "Source Han Sans SC",
-    "Source Han Sans CN",
-    "Microsoft YaHei",
-    "PingFang SC",
-    "Hiragino Sans GB",
-    "SimSun",
-    "SimHei",
-    "WenQuanYi Zen Hei",
-    "WenQuanYi Micro Hei",
-    "Droid Sans Fallback",
-    "AR PL UMing CN",
+    *("Noto Sans SC", "Noto Sans CJK SC", "Noto Serif CJK SC", "Source Han Sans SC", "Source Han Sans CN"),
+    *("Microsoft YaHei", "PingFang SC", "Hiragino Sans GB", "SimSun", "SimHei", "WenQuanYi Zen Hei"),
+    *("WenQuanYi Micro Hei", "Droid Sans Fallback", "AR PL UMing CN"),
 )
 """Fonts with Chinese letters that come with systems; none is small enough to come with a program."""
-NARROW: Final = 2
-"""How many fonts show everything but Chinese."""
 
 
 class Words:
@@ -215,23 +202,17 @@ class Words:
 def words(language: str) -> Words:
     """The texts of a language.
 
-    Examples
-    --------
     >>> words("ru")("page", page=1, pages=3)
     'Страница 1 из 3'
     """
-    text = (
-        files("inclinometry.laboratory.certificate").joinpath("templates", "certificate_words.json").read_text("utf-8")
-    )
-    found = json.loads(text)
+    folder = files("inclinometry.laboratory.certificate").joinpath("templates")
+    found = json.loads(folder.joinpath("certificate_words.json").read_text("utf-8"))
     return Words(found[language] | terms(found["terms"], language))
 
 
 def needs_chinese(text: str) -> bool:
     """Whether a text holds letters that only the large fonts have.
 
-    Examples
-    --------
     >>> needs_chinese("Сертификат №1"), needs_chinese("校准证书")
     (False, True)
     """
@@ -249,10 +230,7 @@ def chinese_font(folders: Sequence[str | Path] = ()) -> str | None:
 def families(text: str, folders: Sequence[str | Path] = ()) -> tuple[str, ...]:
     """Fonts to set a text in, in order of preference.
 
-    Raises
-    ------
-    InputError
-        Chinese letters, and no font on this computer has them.
+    Raises InputError: Chinese letters, and no font on this computer has them.
     """
     rest = "DejaVu Sans"  # comes with matplotlib; shows what the serif lacks
     serif = "Libertinus Serif"  # comes with typst; Latin, Greek, Cyrillic
@@ -286,47 +264,23 @@ def certificate_record(
     inputs: Mapping[str, str] | None = None,
     head: str | None = None,
     supersedes: str | None = None,
+    accept_warnings: str = "",
 ) -> Record:
-    """Everything a certificate says.
+    """Everything a certificate says, as JSON of the schema "certificate-2".
 
-    Parameters
-    ----------
-    calibration : Calibration
-    laboratory : Laboratory or None
-        None leaves a certificate that names no laboratory and says so.
-    order : Order
-        With the date of issue.
-    number : str
-        Unique to this certificate.
-    standards : sequence of Standard
-        The reference standards that were used.
-    verification : mapping, optional
-        "verdict", "limits" and "report" as a verification is recorded, degrees.
-    as_found : mapping, optional
-        The same of the readings of that verification with the parameters of `previous`.
-    previous : Calibration, optional
-        Of the same tool, for the values before adjustment; `previous_from` says which.
-    inputs : mapping, optional
-        Name -> digest of every file or record this was made from, besides those the calibration names.
-    head : str, optional
-        Head of the ledger's chain when the certificate was issued.
-
-    Returns
-    -------
-    dict
-        JSON values that fit the schema "certificate-2".
-
-    Raises
-    ------
-    InputError
-        An unknown language, no date of issue, a previous calibration of other sensors.
+    Without a laboratory it says that it names none. `as_found` are the readings of `verification` with the parameters
+    of `previous`; `inputs` name -> digest of further files and records it was made from; `head` that of the ledger's
+    chain. Open warnings are refused unless `accept_warnings` says why.
     """
-    languages = ("en", "ru", "zh")
-    if language not in languages:
-        raise InputError(f"language is {language!r:.20}; allowed: {', '.join(languages)}")
+    if language not in LANGUAGES:
+        raise InputError(f"language is {language!r:.20}; allowed: {', '.join(LANGUAGES)}")
     if order.issued is None:
         raise InputError("a certificate needs its date of issue")
-    tool = calibration.tool
+    stated = certified(calibration)
+    tool, expected = stated.calibration.tool, expected_uncertainty(stated.calibration, INCLINATIONS)
+    judged, found_before = (None if one is None else without_conformity(one) for one in (verification, as_found))
+    remarks = [*calibration.remarks, *two_accelerometers(tool)]
+    accepted = accepted_warnings(open_warnings(calibration, judged), accept_warnings, laboratory, order)
     lacking = missing(laboratory, order, standards)
     record: Record = {
         "schema": SCHEMA,
@@ -336,8 +290,7 @@ def certificate_record(
         "title": "report" if lacking else "certificate",
         "missing": lacking,
         "standards": [
-            {"name": one.name, "certificate": one.certificate, "due": one.due and one.due.isoformat()}
-            for one in standards
+            {"name": s.name, "certificate": s.certificate, "due": s.due and s.due.isoformat()} for s in standards
         ],
         "laboratory": None if laboratory is None else dict(laboratory.__dict__),
         "customer": {"name": order.customer, "address": order.customer_address, "reference": order.reference},
@@ -350,50 +303,46 @@ def certificate_record(
             "humidity_percent": order.humidity_percent,
         },
         "results": {
-            "uncertainty": uncertainty_table(calibration, order.interval_months),
-            "budget": uncertainty_budget(calibration),
+            "coverage": {
+                "factor": stated.k,
+                "probability": round(coverage_probability(COVERAGE_FACTOR), 4),
+                "degrees_of_freedom": stated.freedom,
+            },
+            "uncertainty": uncertainty_table(stated, expected, order.interval_months),
+            "budget": uncertainty_budget(stated.calibration, expected),
             "parameters": _parameters(tool),
             "classical": _classical(tool),
             "covariance": {"parameters": list(tool.parameter_names), "matrix": tool.covariance},
             "residuals": _residuals(calibration),
         },
-        "adjustment": None if previous is None else _adjustment(calibration, previous, previous_from),
-        "verification": None
-        if verification is None
-        else {name: verification[name] for name in ("verdict", "limits", "report")},
-        "as_found": None
-        if as_found is None
-        else {name: as_found[name] for name in ("verdict", "limits", "report")} | {"previous": previous_from},
-        "conformity": _conformity(verification),
+        "adjustment": None if previous is None else _adjustment(tool, expected.dip, previous, previous_from),
+        "verification": judged and _judgement(judged),
+        "as_found": found_before and {**_judgement(found_before), "previous": previous_from},
+        "conformity": _conformity(judged),
         "interval_months": order.interval_months,
-        "warnings": [*calibration.warnings, *_two_accelerometers(calibration.tool)],
+        "warnings": remarks,
+        "accepted": accepted,
         "inputs": {**{f"calibration {n}": d for n, d in calibration.inputs.items()}, **(inputs or {})},
         "head": head,
         "supersedes": supersedes,
         "program": program,
     }
-    clean: Record = json.loads(canonical(printable(_plain(record))))
+    clean: Record = json.loads(canonical(printable(record)))
     return checked(clean, f"certificate {number}")
 
 
+def _judgement(found: Mapping[str, Any]) -> Record:
+    return {name: found[name] for name in ("verdict", "limits", "report")}
+
+
 def _item(tool: Tool, order: Order) -> Record:
-    return {
-        "name": order.item,
-        "manufacturer": order.manufacturer,
-        "serial": order.serial,
-        "condition": order.condition,
-        "triads": [
-            {
-                "kind": kind,
-                "sensors": triad.count,
-                "unit": triad.unit,
-                "degree": triad.degree,
-                "reference_temperature_degC": triad.reference_temperature,
-            }
-            for kind, triad in tool.triads.items()
-        ],
-        "temperature_range_degC": tool.temperature_range,
-    }
+    triads = [
+        {"kind": kind, "sensors": triad.count, "unit": triad.unit, "degree": triad.degree,
+         "reference_temperature_degC": triad.reference_temperature}
+        for kind, triad in tool.triads.items()
+    ]  # fmt: skip
+    about = {name: getattr(order, name) for name in ("manufacturer", "serial", "condition")}
+    return {"name": order.item, **about, "triads": triads, "temperature_range_degC": tool.temperature_range}
 
 
 def _dates(order: Order) -> Record:
@@ -403,30 +352,12 @@ def _dates(order: Order) -> Record:
     return {name: None if day is None else day.isoformat() for name, day in days.items()}
 
 
-def _two_accelerometers(tool: Tool) -> list[str]:
-    """The condition under which two accelerometers have an uncertainty of inclination."""
-    triad = tool.triads.get("accelerometer")
-    if triad is None or triad.rank != 2:
-        return []
-    sd = expected_gravity_sd(tool)
-    why = "two places of which nothing is known" if sd == GRAVITY_SPREAD else "stated at both places"
-    return [
-        "two accelerometers: the uncertainties of one reading hold where the strength of gravity is known to "
-        f"{100.0 * sd:.2g} % of that at the calibration ({why}) and the way the hole goes tells the sign of the "
-        "component across both; at the place of the calibration an error of that strength cancels. They grow without "
-        "bound toward gravity in the plane of the two"
-    ]
-
-
 def _method(calibration: Calibration, order: Order) -> Record:
     rig = np.broadcast_to(np.degrees(calibration.rig.sd), (3,))
     return {
         "name": calibration.method,
-        "plan": order.plan,
         "positions": len(calibration.residuals.station),
-        "rig": order.rig,
-        "rig_traceability": order.rig_traceability,
-        "rig_place": order.rig_place,
+        **{name: getattr(order, name) for name in ("plan", "rig", "rig_traceability", "rig_place")},
         "rig_sd_deg": dict(zip(("azimuth", "inclination", "toolface"), rig.tolist(), strict=True)),
     }
 
@@ -460,28 +391,47 @@ def _residuals(calibration: Calibration) -> list[Record]:
     return found
 
 
-def _adjustment(calibration: Calibration, previous: Calibration, previous_from: str) -> Record:
-    """The values before, and how far the old and the new coefficients are apart in the angles they give."""
-    tool, old = calibration.tool, previous.tool
+def _adjustment(tool: Tool, dip: float, previous: Calibration, previous_from: str) -> Record:
+    """The values before, and how far the old and the new coefficients are apart in the angles they give.
+
+    Those before are for the field of the new calibration; where its strength or that before is not stated they are
+    unknown, and "relative" has what compares without it.
+    """
+    old = certified(previous).calibration.tool
     if tool.parameter_names != old.parameter_names or any(
         tool.triads[kind].unit != old.triads[kind].unit for kind in tool.triads
     ):
         raise InputError("the previous calibration is of other sensors or of another unit; leave it out")
-    apart = differences(tool, old, expected_uncertainty(calibration).dip)
-    return {
+    apart = differences(tool, old, dip)
+    old, unknown = in_field_of(old, tool)
+    found: Record = {
         "previous": previous_from,
         "parameters": _parameters(old),
         "classical": _classical(old),
+        "relative": {kind: _relative(tool, old, kind) for kind in unknown},
         "largest_difference_deg": {name: float(np.degrees(abs(wrap_signed(x)))) for name, x in apart.items()},
     }
+    for kind in unknown:
+        lost = [row for row in found["parameters"] if row["name"].startswith(f"{kind}.tensor")]
+        for row in [*lost, *(row for row in found["classical"][kind] if row["unit"] != "deg")]:
+            row["value"] = row["u"] = None
+    return found
+
+
+def _relative(tool: Tool, old: Tool, kind: str) -> list[Record]:
+    """Ratios of the scales of a triad and offsets as signals, before and after."""
+    return [
+        {"name": new.label, "unit": new.unit, "before": was.value, "u_before": was.uncertainty,
+         "value": new.value, "u": new.uncertainty}
+        for new, was in zip(shape_rows(tool, kind), shape_rows(old, kind), strict=True)
+    ]  # fmt: skip
 
 
 def _conformity(verification: Mapping[str, Any] | None) -> Record:
     if verification is None:
         return {"statement": "not assessed", "rule": None}
-    guard = verification["limits"].get("guard")
-    rules = {"none": "simple", "expanded-uncertainty": "guarded"}
-    rule = rules.get(str(guard), "consistency")
+    limits = verification["limits"]
+    rule = None if limits is None else {"none": "simple", "expanded-uncertainty": "guarded"}[limits["guard"]]
     # to which results the statement applies: angle -> how many positions, lowest and highest inclination
     positions = verification["report"]["positions"]
     found: Record = {}
@@ -490,27 +440,22 @@ def _conformity(verification: Mapping[str, Any] | None) -> Record:
         if inclinations:
             span = [min(inclinations), max(inclinations)]
             found[name] = {"positions": len(inclinations), "inclination_deg": span}
-    return {"statement": verification["verdict"], "rule": rule, "judged": found}
-
-
-def _plain(value: Any) -> Any:
-    """Lists, mappings and numbers; what is not finite is null."""
-    if isinstance(value, np.ndarray | np.generic):
-        value = value.tolist()
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+    return {"statement": "not assessed" if rule is None else verification["verdict"], "rule": rule, "judged": found}
 
 
 def printable(value: Any) -> Any:
-    """Texts without what no page shows: control characters, half characters, marks that turn the direction."""
+    """Lists, mappings and numbers, null what is not finite; texts without what no page shows: control characters, half
+    characters, marks that turn the direction.
+    """
+    if isinstance(value, np.ndarray | np.generic):
+        value = value.tolist()
     if isinstance(value, str):
         return "".join(c for c in value if c == "\n" or c.isprintable()).strip()
-    if isinstance(value, dict):
-        return {str(printable(key)): printable(item) for key, item in value.items()}
-    return [printable(item) for item in value] if isinstance(value, list) else value
+    if isinstance(value, Mapping):
+        return {str(printable(str(key))): printable(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [printable(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 # Tables and figures of a certificate: ready texts, made from its record.
@@ -534,9 +479,9 @@ def section(title: str, texts: Sequence[str] = (), **parts: Any) -> Content:
     return {"title": title, "texts": texts, "figures": [], "tables": [], "list": []} | parts
 
 
-def figure(svg: str, caption: str, width: int = 100) -> Content:
-    """A drawing as the template takes it; its width in percent of the page."""
-    return {"svg": svg, "caption": caption, "width": width}
+def figure(svg: str, caption: str) -> Content:
+    """A drawing as the template takes it."""
+    return {"svg": svg, "caption": caption}
 
 
 def uncertainty_section(record: Content, say: Words) -> Content:
@@ -546,13 +491,15 @@ def uncertainty_section(record: Content, say: Words) -> Content:
     if found is None:
         return section(title, [say("no_uncertainty")])
     names = [name for name in LETTERS if f"U_{name}_deg" in found]
-    k, probability = found["coverage_factor"], 100.0 * found["coverage_probability"]
+    k, probability = found["coverage_factor"], _probability(record)
     texts = [say("letters")]
-    if found.get("degrees_of_freedom") is None:  # certificates of before had k = 2
-        texts.append(say("uncertainty_note", k=f"{k:g}", p=f"{probability:.0f}"))
+    if found.get("degrees_of_freedom") is None:  # variances that were stated; certificates of before
+        texts.append(say("uncertainty_note", k=f"{k:g}", p=probability))
     else:
+        # k of certificates of before was for means over the variances
+        note = "student_note" if "coverage" in record["results"] else "freedom_note"
         texts.append(say("uncertainty_of_freedom", k=f"{k:g}"))
-        texts.append(say("freedom_note", nu=f"{found['degrees_of_freedom']:g}", p=f"{probability:.0f}"))
+        texts.append(say(note, nu=f"{found['degrees_of_freedom']:g}", p=probability))
     if found["azimuth_from"] is not None:
         key = "dip_assumed" if found["dip_assumed"] else "dip"
         texts.append(say(key, triad=say(found["azimuth_from"]), dip=plain(found["dip_deg"], 2)))
@@ -573,7 +520,7 @@ def uncertainty_section(record: Content, say: Words) -> Content:
         texts.append(say("end_note", months=record["interval_months"]))
     picture = figure(paper_svg(uncertainty_figure(found)), say("curve_u"))
     caption = f"U, k = {k:g}"
-    texts = [*texts, say("gum")]
+    texts = [*texts, say("gum", p=probability)]
     return section(title, texts, tables=[table(caption, head, rows)], figures=[picture])
 
 
@@ -586,7 +533,7 @@ def budget_section(record: Content, say: Words) -> Content | None:
     steps = range(len(found["inclination_deg"]))
     head = [say("cause"), *(f"{x:g}°" for _ in names for x in found["inclination_deg"])]
     parts = [np.array([one["u_deg"][n][step] for n in names for step in steps]) for one in found["components"]]
-    whole, k = np.sqrt(np.maximum(sum(np.sign(u) * u**2 for u in parts), 0.0)), _factor(record)
+    whole, k = np.sqrt(np.maximum(sum(np.sign(u) * u**2 for u in parts), 0.0)), coverage(record)[0]
     # one decimal more than the sum has: what does not show there does not count
     places = [1 + len(significant(float(u)).partition(".")[2]) for u in whole]
     rows = []
@@ -610,24 +557,26 @@ def results_section(record: Content, say: Words) -> Content:
     found, before = record["verification"], record.get("as_found")
     if found is None:
         return section(say("results"), [say("not_assessed")])
-    report, rows = found["report"], []
+    report, rows, agreed = found["report"], [], found["limits"] is not None
     k, positions = report["coverage_factor"], report["positions"]
     earlier = None if before is None else before["report"]["positions"]
-    names = [name for name in LETTERS if any(_shown(row[name]) for row in positions)]
+    names = [name for name in LETTERS if any(defined(row[name]) for row in positions)]
     for place, row in enumerate(positions):
         cells = [str(place + 1)]
         for name in names:
             one, reference = row[name], row[f"{name}_deg"]
             old = None if earlier is None else earlier[place][name]
-            cells += _result(one, old, reference, 180.0 if name == "inclination" else 360.0)
-        rows.append([*cells, _verdict(row, say)])
-    one = ["reference_value", *(["found_value"] if earlier else []), "indication", "deviation", "", "limit_of"]
-    head = [say("position"), *(say(key) if key else "U" for _ in names for key in one), say("result")]
+            cells += _result(one, old, reference, 180.0 if name == "inclination" else 360.0)[: None if agreed else -1]
+        rows.append([*cells, *([_verdict(row, say)] if agreed else [])])
+    one = ["reference_value", *(["found_value"] if earlier else []), "indication", "deviation", ""]
+    one += ["limit_of"] * agreed
+    head = [say("position"), *(say(key) if key else "U" for _ in names for key in one), *[say("result")] * agreed]
     made = table("", head, rows, size=6.6)
     made |= {"columns": ["auto"] * len(head), "groups": [[say(name), len(one)] for name in names]}
     texts = [say("results_note", k=f"{k:.3g}", p=_percent(k))]
     if before is not None:
-        verdict = say("found_pass" if before["verdict"] == "pass" else "found_fail")
+        words_of = {"pass": "found_pass", "fail": "found_fail", "agrees": "found_agrees"}
+        verdict = say(words_of.get(before["verdict"], "found_disagrees"))
         texts.append(say("found_note", previous=before["previous"] or say("not_stated"), verdict=verdict))
     return section(say("results_at" if before is None else "results_found"), texts, tables=[made], texts_last=True)
 
@@ -637,15 +586,16 @@ def _percent(k: float) -> str:
     return f"{min(round(100.0 * coverage_probability(k), 2), 99.99):g}"
 
 
-def _shown(one: Content) -> bool:
+def defined(one: Content) -> bool:
+    """Whether an angle at a position has an error and an uncertainty that are worth printing."""
     return None not in (one["error_deg"], one["U_deg"]) and bool(one["U_deg"] <= UNDEFINED_DEG)
 
 
 def _result(one: Content, old: Content | None, reference: float, turn: float) -> list[str]:
     """Cells of one angle at one position."""
     dash = ["–"]
-    found = [] if old is None else [_signed(old["error_deg"], old["U_deg"]) if _shown(old) else "–"]
-    if not _shown(one):
+    found = [] if old is None else [_signed(old["error_deg"], old["U_deg"]) if defined(old) else "–"]
+    if not defined(one):
         return [plain(reference, 2), *(dash if old is not None else []), *dash, *dash, *dash, *dash]
     value = reference + one["error_deg"]
     value = abs(value) if turn == 180.0 else value % turn
@@ -671,8 +621,8 @@ def _degrees(value: float | None, say: Words) -> str:
 def parameter_section(record: Content, say: Words) -> Content:
     """Tensor and offset of each triad, as the tool uses them."""
     results, tables = record["results"], []
-    k = _factor(record)
-    texts = [say("parameters_note"), say("conventions")]
+    k = coverage(record)[0]
+    texts = [say("parameters_note", k=f"{k:g}", p=_probability(record)), say("conventions")]
     for triad in record["item"]["triads"]:
         kind, count = triad["kind"], triad["sensors"]
         found = [row for row in results["parameters"] if row["name"].startswith(f"{kind}.")]
@@ -689,9 +639,9 @@ def parameter_section(record: Content, say: Words) -> Content:
     return section(say("parameters"), texts, tables=tables)
 
 
-def _expanded(row: Content, k: float) -> str:
+def _expanded(row: Content | None, k: float) -> str:
     """Value ± expanded uncertainty."""
-    if row["value"] is None:
+    if row is None or row["value"] is None:
         return "–"
     if not row["u"]:
         return f"{row['value']:.8g}"
@@ -701,45 +651,67 @@ def _expanded(row: Content, k: float) -> str:
 def classical_section(record: Content, say: Words) -> Content:
     """Scale, bias and misalignment of each sensor, with the values before where a previous calibration is known."""
     results, adjustment = record["results"], record["adjustment"]
-    tables = []
-    for kind, rows in results["classical"].items():
-        old = None if adjustment is None else {row["name"]: row for row in adjustment["classical"].get(kind, [])}
-        head = [say("quantity"), say("unit"), say("value")]
-        if old is not None:
-            head = [say("quantity"), say("unit"), say("before"), say("after"), say("change")]
-        body = [_classical_row(row, old, _factor(record), say) for row in rows]
+    tables, texts, k = [], [], coverage(record)[0]
+    for kind in results["classical"]:
+        head = [
+            say("quantity"),
+            say("unit"),
+            *map(say, ("value",) if adjustment is None else ("before", "after", "change")),
+        ]
+        body = []
+        for row, before, change in adjusted(record, kind):
+            cells = [row] if adjustment is None else [before, row, change]
+            body.append([*_classical_label(row, say), *(_expanded(cell, k) for cell in cells)])
         made = table(say("classical", triad=say(kind)), head, body, left=2)
         # one column of values stands beside its units, not at the other edge of the page
-        tables.append(made | {"columns": ["auto"] * 3} if old is None else made)
-    texts = []
+        tables.append(made | {"columns": ["auto"] * 3} if adjustment is None else made)
     if adjustment is not None:
-        apart = adjustment["largest_difference_deg"].items()
-        said = ", ".join(f"{say(name)} {significant(value)}°" for name, value in apart) or "–"
-        texts.append(say("adjustment_note", previous=adjustment["previous"] or say("not_stated"), differences=said))
+        apart = adjustment["largest_difference_deg"]
+        same = bool(apart) and max(apart.values()) < 1e-4
+        said = ", ".join(f"{say(name)} {significant(value)}°" for name, value in apart.items()) or "–"
+        note = {"previous": adjustment["previous"] or say("not_stated")} | ({} if same else {"differences": said})
+        texts.append(say("adjustment_same" if same else "adjustment_note", **note))
+        kinds = ", ".join(say(kind) for kind in adjustment.get("relative", {}))
+        texts += [say("apart_note", triad=kinds)] if kinds else []
     return section(say("classical_title" if adjustment is None else "adjustment"), texts, tables=tables)
 
 
-def _factor(record: Content) -> float:
-    """k of the certificate; where it states no uncertainty that of a normal distribution."""
-    return float((record["results"]["uncertainty"] or {}).get("coverage_factor", COVERAGE_FACTOR))
+def coverage(record: Mapping[str, Any]) -> tuple[float, float, float | None]:
+    """k of every U of the calibration, its probability and the degrees of freedom; None of a normal distribution."""
+    # certificates of before have them beside U of the angles only
+    table = record["results"]["uncertainty"] or {}
+    before = {"factor": table.get("coverage_factor", COVERAGE_FACTOR),
+              "probability": table.get("coverage_probability", round(coverage_probability(COVERAGE_FACTOR), 4)),
+              "degrees_of_freedom": table.get("degrees_of_freedom")}  # fmt: skip
+    found = record["results"].get("coverage", before)
+    return float(found["factor"]), float(found["probability"]), found["degrees_of_freedom"]
 
 
-def _classical_row(row: Content, old: Mapping[str, Content] | None, k: float, say: Words) -> list[str]:
+def _probability(record: Content) -> str:
+    return f"{round(100.0 * coverage(record)[1], 2):g}"
+
+
+def adjusted(record: Mapping[str, Any], kind: str) -> list[tuple[Record, Record | None, Record | None]]:
+    """Rows of a triad with their values before and their changes; None where one of the two is not known."""
+    adjustment = record["adjustment"] or {"classical": {}}
+    old = {row["name"]: row for row in adjustment["classical"].get(kind, [])}
+    pairs = [(row, old.get(row["name"])) for row in record["results"]["classical"][kind]]
+    for row in adjustment.get("relative", {}).get(kind, []):
+        pairs.append((row, {**row, "value": row["before"], "u": row["u_before"]}))
+    found: list[tuple[Record, Record | None, Record | None]] = []
+    for row, before in pairs:
+        if before is None or None in (before["value"], row["value"]) or before["unit"] != row["unit"]:
+            found.append((row, None, None))
+            continue
+        spread = None if row["u"] is None and before["u"] is None else math.hypot(row["u"] or 0.0, before["u"] or 0.0)
+        found.append((row, before, {**row, "value": row["value"] - before["value"], "u": spread}))
+    return found
+
+
+def _classical_label(row: Content, say: Words) -> list[str]:
     name, _, what = row["name"].partition(" ")
-    if what.startswith("toward "):
-        label = f"{name} {say('toward', axis=what.removeprefix('toward '))}"
-    else:
-        label = f"{name} {say(what)}"
-    cells = [label, "°" if row["unit"] == "deg" else translated(row["unit"])]
-    if old is None:
-        return [*cells, _expanded(row, k)]
-    before = old.get(row["name"])
-    if before is None or before["value"] is None or row["value"] is None:
-        return [*cells, "–", _expanded(row, k), "–"]
-    spread = k * np.hypot(row["u"] or 0.0, before["u"] or 0.0)
-    change = row["value"] - before["value"]
-    said = f"{rounded(change, spread)} ± {significant(spread)}" if spread else f"{change:.3g}"
-    return [*cells, _expanded(before, k), _expanded(row, k), said]
+    label = say("toward", axis=what.removeprefix("toward ")) if what.startswith("toward ") else say(what)
+    return [f"{name} {label}", "°" if row["unit"] == "deg" else translated(row["unit"])]
 
 
 def residual_section(record: Content, say: Words) -> Content:
@@ -765,46 +737,62 @@ def verification_section(record: Content, say: Words) -> Content | None:
     if found is None:
         return None
     report = found["report"]
-    k, positions = report["coverage_factor"], report["positions"]
+    k, positions, agreed = report["coverage_factor"], report["positions"], found["limits"] is not None
     texts = [say("verification_note", k=f"{k:.3g}", p=_percent(k))]
     rows = []
     for name in LETTERS:
         judged = _judged(positions, name)
         if not judged:
-            rows.append([say(name), "0", "–", "–", "–", "–"])
+            rows.append([say(name), "0", "–", "–", "–", *["–"] * agreed])
             continue
         worst = max(judged, key=lambda row: abs(row[name]["error_deg"]))[name]
-        limits = [row[name]["limit_deg"] for row in judged]
-        own = max(limits) - min(limits) > 1e-12
-        passed = sum(row[name]["decision"] == "pass" for row in judged)
+        good = sum(row[name]["decision"] == "pass" for row in judged) if agreed else _inside(judged, name)
+        limit = [plain(judged[0][name]["limit_deg"], 6)] if agreed else []
         cells = [_signed(worst["error_deg"], worst["U_deg"]), significant(worst["U_deg"])]
-        rows.append([say(name), str(len(judged)), str(passed), *cells, say("own_u") if own else plain(limits[0], 6)])
-    head = [say("angle"), say("judged"), say("accepted"), f"{say('largest_error')}, °", "U, °", f"{say('limit')}, °"]
-    tables = [table(say("conformity"), head, rows)]
+        rows.append([say(name), str(len(judged)), str(good), *cells, *limit])
+    head = [*map(say, ("angle", "judged", "accepted" if agreed else "inside_u")), f"{say('largest_error')}, °", "U, °"]
+    head += [f"{say('limit')}, °"] * agreed
+    tables = [table(say("conformity" if agreed else "agreement"), head, rows)]
     figures = []
     for name, letter in LETTERS.items():
         judged = _judged(positions, name)
         if judged:
             setting = np.array([row[f"{name}_deg"] for row in judged], dtype=float)
-            error, u, limit = (
+            error, u, bound = (
                 np.array([row[name][key] for row in judged], dtype=float) for key in ("error_deg", "U_deg", "limit_deg")
             )
+            bounds = bound if agreed else None
             # settings of an angle below which errors over it are drawn position by position
             few = len(np.unique(setting.round(3))) < 4
             place = np.array([n for n, row in enumerate(positions, 1) if row in judged], dtype=float)
-            svg = paper_svg(error_figure(place if few else setting, error, u, limit, letter, by_place=few))
-            figures.append(figure(svg, say("by_position" if few else "curve_error", angle=say(name))))
-    return section(
-        say("verification"),
-        texts,
-        tables=tables,
-        figures=figures,
-        list=[translated(line) for line in (*report["reasons"], *report["warnings"])],
-    )
+            svg = paper_svg(error_figure(place if few else setting, error, u, bounds, letter, by_place=few))
+            bars = say("limit_lines") if agreed else ""
+            figures.append(figure(svg, say("by_position" if few else "curve_error", angle=say(name)) + bars))
+    lines = [translated(line) for line in (*report["reasons"], *report["warnings"])]
+    return section(say("verification"), texts, tables=tables, figures=figures, list=lines)
 
 
 def _judged(positions: Sequence[Content], name: str) -> list[Content]:
-    return [row for row in positions if row[name]["decision"] != "not judged" and row[name]["limit_deg"] is not None]
+    return [row for row in positions if row[name]["decision"] != "not judged" and row[name]["error_deg"] is not None]
+
+
+def _inside(judged: Sequence[Content], name: str) -> int:
+    """How many deviations are smaller than their expanded uncertainty."""
+    return sum(bool(abs(row[name]["error_deg"]) <= row[name]["U_deg"]) for row in judged)
+
+
+def agreement(record: Content, say: Words) -> list[str]:
+    """What deviations say without agreed limits: how many are within U, and whether all agree with the certificate."""
+    found = record["verification"]
+    seen = {name: _judged(found["report"]["positions"], name) for name in LETTERS}
+    count, inside = sum(map(len, seen.values())), sum(_inside(rows, name) for name, rows in seen.items())
+    k = found["report"]["coverage_factor"]
+    key = "all_inside" if inside == count else "some_inside"
+    return [
+        say("no_limits"),
+        say(key, inside=inside, count=count, k=f"{k:.3g}", p=_percent(k)),
+        say("agrees" if found["verdict"] == "agrees" else "disagrees"),
+    ]
 
 
 def _signed(value: float, u: float) -> str:

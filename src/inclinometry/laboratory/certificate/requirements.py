@@ -1,44 +1,28 @@
-"""What ISO/IEC 17025 asks of a calibration certificate, and what of it a document lacks."""
+"""What a certificate needs: what ISO/IEC 17025 asks of it, and that no warning is open."""
 
 from __future__ import annotations
 
-import json
 import re
-import unicodedata
 from collections.abc import Callable, Mapping, Sequence
 from datetime import date
-from functools import cache
-from importlib.resources import files
-from typing import Any, Final
+from typing import Any
 
-from inclinometry.laboratory.certificate.laboratory_toml import Laboratory, Order, Standard
-
-LONGEST_INTERVAL: Final = 20
-"""Years for which a reference standard may be calibrated; a later due date is none that anybody set."""
-
-
-@cache
-def _placeholders() -> frozenset[str]:
-    text = files("inclinometry.laboratory.certificate").joinpath("templates", "placeholders.json").read_text("utf-8")
-    return frozenset(_letters(one) for of_language in json.loads(text).values() for one in of_language)
+from inclinometry.calibration.decision import DISAGREES
+from inclinometry.calibration.expected import expected_gravity_sd
+from inclinometry.calibration.result import Calibration
+from inclinometry.constants import GRAVITY_SPREAD
+from inclinometry.errors import InputError
+from inclinometry.laboratory.certificate.laboratory import Laboratory, Order, Standard
+from inclinometry.laboratory.placeholders import stated
+from inclinometry.sensors import Tool
 
 
-def _letters(text: str) -> str:
-    """Letters and digits alone, small, in one form."""
-    return "".join(c for c in unicodedata.normalize("NFKC", text).casefold() if c.isalnum())
+class NonconformingError(InputError):
+    """The verification failed or does not agree, and nobody agreed to certify that."""
 
 
-def stated(text: str) -> bool:
-    """Whether a text says anything: a dash, "n/a", "not stated", "tbd" are no more than an empty field.
-
-    Examples
-    --------
-    >>> [stated(text) for text in ("QP-12", "-", "N. N.", "not stated", "нет", "不详")]
-    [True, False, False, False, False, False]
-    """
-    parts = [_letters(part) for part in re.split(r"[\n,;，；、]", text)]
-    whole = _letters(text)
-    return whole not in _placeholders() and any(part and part not in _placeholders() for part in parts)
+class OpenWarningsError(InputError):
+    """Warnings are open, and nobody accepted them with a reason."""
 
 
 def stated_country(code: str) -> bool:
@@ -49,7 +33,8 @@ def stated_country(code: str) -> bool:
 
 def stated_due(due: date | None, day: date | None) -> bool:
     """Whether a day up to which a standard's calibration holds is one, for a standard that was used on `day`."""
-    return due is not None and due.year <= (day or date.today()).year + LONGEST_INTERVAL
+    longest = 20  # years for which a standard may be calibrated; a later due date is none that anybody set
+    return due is not None and due.year <= (day or date.today()).year + longest
 
 
 def missing(laboratory: Laboratory | None, order: Order, standards: Sequence[Standard]) -> list[str]:
@@ -82,3 +67,53 @@ def overdue(record: Mapping[str, Any]) -> list[str]:
     """Reference standards whose own calibration had run out when they were used, each with its day."""
     day = record["dates"]["performed_to"] or record["dates"]["issued"]
     return [f"{one['name']} ({one['due']})" for one in record["standards"] if one["due"] and one["due"] < day]
+
+
+def open_warnings(calibration: Calibration, verification: Mapping[str, Any] | None) -> list[str]:
+    """What speaks against relying on a calibration and its verification, each sentence once."""
+    judged = () if verification is None else verification["report"]["warnings"]
+    return list(dict.fromkeys([*calibration.remarks, *two_accelerometers(calibration.tool), *judged]))
+
+
+def accepted_warnings(
+    warnings: list[str], reason: str, laboratory: Laboratory | None, order: Order
+) -> dict[str, Any] | None:
+    """Who accepted the open warnings, when and why; OpenWarningsError where nobody did."""
+    if not warnings:
+        return None
+    if not stated(reason):
+        raise OpenWarningsError(
+            f"resolve these warnings before issuing, or accept them with a reason: {'; '.join(warnings)}"
+        )
+    by = "" if laboratory is None else laboratory.authoriser
+    day = "" if order.issued is None else order.issued.isoformat()
+    return {"by": by, "on": day, "reason": reason.strip(), "warnings": warnings}
+
+
+def nonconforming(verification: Mapping[str, Any] | None) -> bool:
+    """Whether a certificate would state that the tool does not conform or agree."""
+    return verification is not None and verification["verdict"] in ("fail", DISAGREES)
+
+
+def only_conforming(verification: Mapping[str, Any] | None) -> None:
+    """NonconformingError where it is `nonconforming`."""
+    if nonconforming(verification):
+        raise NonconformingError(
+            "the verification failed: a certificate would state that the tool does not conform or agree; accept that, "
+            "or calibrate and verify again"
+        )
+
+
+def two_accelerometers(tool: Tool) -> list[str]:
+    """The condition under which two accelerometers have an uncertainty of inclination."""
+    triad = tool.triads.get("accelerometer")
+    if triad is None or triad.rank != 2:
+        return []
+    sd = expected_gravity_sd(tool)
+    why = "two places of which nothing is known" if sd == GRAVITY_SPREAD else "stated at both places"
+    return [
+        "two accelerometers: the uncertainties of one reading hold where the strength of gravity is known to "
+        f"{100.0 * sd:.2g} % of that at the calibration ({why}) and the way the hole goes tells the sign of the "
+        "component across both; at the place of the calibration an error of that strength cancels. They grow without "
+        "bound toward gravity in the plane of the two"
+    ]

@@ -15,7 +15,16 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from datetime import UTC, datetime, timedelta
 from threading import Thread
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple, TypeAlias
+
+from cryptography import x509
+from cryptography.exceptions import InvalidSignature, UnsupportedAlgorithm
+from cryptography.hazmat.primitives import hashes, serialization
+from cryptography.hazmat.primitives.asymmetric import ec
+from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
+from cryptography.hazmat.primitives.asymmetric.rsa import RSAPrivateKey
+from cryptography.hazmat.primitives.serialization import Encoding
+from cryptography.x509 import Certificate
 
 from inclinometry.errors import FileError, InputError
 from inclinometry.files.json_codec import canonical, parse
@@ -33,9 +42,6 @@ from inclinometry.laboratory.ledger.keys import (
 )
 from inclinometry.opening import whole
 
-if TYPE_CHECKING:
-    from cryptography.x509 import Certificate
-
 SIGNATURE: Final = "signature"
 """Key of the JSON file that is not of the record: its seal, and the public key."""
 _SEAL: Final = re.compile(
@@ -43,8 +49,6 @@ _SEAL: Final = re.compile(
     r"(?: (?P<key>[0-9a-f]{32}) (?P<signature>[A-Za-z0-9+/]{86}==))?"
 )
 _DS: Final = "http://www.w3.org/2000/09/xmldsig#"
-_FIELD: Final = "LaboratorySignature"
-_RESERVED: Final = 12_000  # bytes for the signature in a PDF: certificates of an authority fit, too
 
 
 class Seal(NamedTuple):
@@ -73,8 +77,6 @@ def seal(record: Mapping[str, Any], keys: Keys) -> Seal:
 def parse_seal(text: str) -> Seal | None:
     """The seal of a square code's text; None for other texts.
 
-    Examples
-    --------
     >>> parse_seal("inclinometry certificate 2026-0001 sha256:" + 64 * "0").number
     '2026-0001'
     """
@@ -91,24 +93,15 @@ def sealed_by(made: Seal, public: Public) -> str:
 # The document key and its certificates.
 
 
-class DocumentKey(NamedTuple):
-    """What signs PDF and XML: a private key of ECDSA or RSA, its X.509 certificate first, those above it behind."""
-
-    private: Any
-    certificates: tuple[Certificate, ...]
+DocumentKey: TypeAlias = "tuple[Any, tuple[Certificate, ...]]"
+"""What signs PDF and XML: a private key of ECDSA or RSA, its X.509 certificate first, those above it behind."""
 
 
 def document_key(keys: Keys, name: str) -> DocumentKey:
     """The document key of a laboratory of that name; made, and certified by its key, where there is none.
 
-    Raises
-    ------
-    LedgerError
-        No laboratory's key; document.pem holds no key with a certificate for it.
+    Raises LedgerError: no laboratory's key; document.pem holds no key with a certificate for it.
     """
-    from cryptography import x509
-    from cryptography.hazmat.primitives.serialization import Encoding
-
     path = keys.folder / "document.pem"
     name = name[:64] or "laboratory"  # the longest common name of X.509
     public = Public((keys.signing().public,), ())
@@ -128,32 +121,29 @@ def document_key(keys: Keys, name: str) -> DocumentKey:
             )
         stated = found[0].subject.rfc4514_string() == _name(name).rfc4514_string()
         if stated or not made_out_by(found[0], public):  # of an authority: as it is
-            return DocumentKey(private, found)
-    made = _new_document_key(keys, name)
-    pem = b"".join(one.public_bytes(Encoding.PEM) for one in made.certificates)
-    keys.keep("document.pem", private_pem(made.private) + pem, mode=0o600)
-    return made
+            return private, found
+    private, made = _new_document_key(keys, name)
+    pem = b"".join(one.public_bytes(Encoding.PEM) for one in made)
+    keys.keep("document.pem", private_pem(private) + pem, mode=0o600)
+    return private, made
 
 
 def _name(text: str) -> Any:
-    from cryptography import x509
-
     return x509.Name([x509.NameAttribute(x509.NameOID.COMMON_NAME, text)])
 
 
 def _new_document_key(keys: Keys, name: str) -> DocumentKey:
-    from cryptography import x509
-    from cryptography.hazmat.primitives.asymmetric import ec
-
     issuer, private = keys.signing(), ec.generate_private_key(ec.SECP256R1())
+    own = issuer.private.public_key()
     of_laboratory = _name(f"inclinometry laboratory {fingerprint(issuer.public)}")
     # no end that is known (RFC 5280, 4.1.2.5): a key ends when it is rotated
     first, last = datetime.now(UTC) - timedelta(days=1), datetime(9999, 12, 31, 23, 59, 59, tzinfo=UTC)
 
     def certificate(subject: Any, key: Any, authority: bool) -> Certificate:
-        usage = dict.fromkeys(
-            ("key_encipherment", "data_encipherment", "key_agreement", "encipher_only", "decipher_only"), False
-        )
+        unused = ("key_encipherment", "data_encipherment", "key_agreement", "encipher_only", "decipher_only")
+        usage = dict.fromkeys(unused, False)
+        usage |= dict.fromkeys(("digital_signature", "content_commitment"), not authority)
+        usage |= dict.fromkeys(("key_cert_sign", "crl_sign"), authority)
         builder = (
             x509.CertificateBuilder()
             .subject_name(subject)
@@ -163,33 +153,18 @@ def _new_document_key(keys: Keys, name: str) -> DocumentKey:
             .not_valid_before(first)
             .not_valid_after(last)
             .add_extension(x509.BasicConstraints(ca=authority, path_length=0 if authority else None), critical=True)
-            .add_extension(
-                x509.KeyUsage(
-                    digital_signature=not authority,
-                    content_commitment=not authority,
-                    key_cert_sign=authority,
-                    crl_sign=authority,
-                    **usage,
-                ),
-                critical=True,
-            )
+            .add_extension(x509.KeyUsage(**usage), critical=True)
             .add_extension(x509.SubjectKeyIdentifier.from_public_key(key), critical=False)
-            .add_extension(
-                x509.AuthorityKeyIdentifier.from_issuer_public_key(issuer.private.public_key()), critical=False
-            )
+            .add_extension(x509.AuthorityKeyIdentifier.from_issuer_public_key(own), critical=False)
         )
         return builder.sign(issuer.private, None)
 
     leaf = certificate(_name(name), private.public_key(), False)
-    return DocumentKey(private, (leaf, certificate(of_laboratory, issuer.private.public_key(), True)))
+    return private, (leaf, certificate(of_laboratory, own, True))
 
 
 def made_out_by(certificate: Certificate, public: Public) -> str:
     """Fingerprint of the laboratory's key that made out a certificate, or of one that it published; "" for others."""
-    from cryptography.exceptions import InvalidSignature
-    from cryptography.hazmat.primitives import hashes
-    from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
-
     if certificate in public.certificates:
         return certificate.fingerprint(hashes.SHA256()).hex()[:32]
     for one in public.keys:
@@ -203,16 +178,25 @@ def made_out_by(certificate: Certificate, public: Public) -> str:
 
 
 def public_bundle(keys: Keys) -> bytes:
-    """What the laboratory publishes, PEM: its key, those that were rotated into it, an authority's certificate."""
-    from cryptography import x509
-    from cryptography.hazmat.primitives.serialization import Encoding
+    """What the laboratory publishes, PEM: its key, those that were rotated into it, an authority's certificate.
 
-    now = keys.public()
-    known = (*([now] if now else []), *keys.former())
+    Raises LedgerError: the private key is here and cannot be read; public.pem holds another key.
+    """
+    known = _published(keys)
+    return b"".join([*map(public_pem, known), *(one.public_bytes(Encoding.PEM) for one in of_authority(keys))])
+
+
+def _published(keys: Keys) -> tuple[str, ...]:
+    # nothing is published that was not compared with the private key where that is here
+    now = keys.signing().public if keys.there else keys.public()
+    return (*([now] if now else []), *keys.former(now))
+
+
+def of_authority(keys: Keys) -> list[Certificate]:
+    """The certificate in document.pem, where the laboratory's key did not make it; none otherwise."""
     path = keys.folder / "document.pem"
     found = x509.load_pem_x509_certificates(whole(path, LARGEST_KEY)) if path.is_file() else []
-    of_others = [one for one in found[:1] if not made_out_by(one, Public(known, ()))]
-    return b"".join([*map(public_pem, known), *(one.public_bytes(Encoding.PEM) for one in of_others)])
+    return [one for one in found[:1] if not made_out_by(one, Public(_published(keys), ()))]
 
 
 # Signing.
@@ -229,23 +213,23 @@ def sign_pdf(data: bytes, key: DocumentKey, made: Seal, name: str) -> bytes:
     def signed() -> bytes:
         from asn1crypto import keys as asn1_keys
         from asn1crypto import x509 as asn1_x509
-        from cryptography.hazmat.primitives import serialization
         from pyhanko.pdf_utils.incremental_writer import IncrementalPdfFileWriter
         from pyhanko.sign import fields, signers
         from pyhanko_certvalidator.registry import SimpleCertificateStore
 
         der = serialization.Encoding.DER
         plain = (serialization.PrivateFormat.PKCS8, serialization.NoEncryption())
-        chain = [asn1_x509.Certificate.load(one.public_bytes(der)) for one in key.certificates]
+        private, certificates = key
+        chain = [asn1_x509.Certificate.load(one.public_bytes(der)) for one in certificates]
         store: Any = SimpleCertificateStore()  # type: ignore[no-untyped-call]
         store.register_multiple(chain)
         signer = signers.SimpleSigner(
             signing_cert=chain[0],
-            signing_key=asn1_keys.PrivateKeyInfo.load(key.private.private_bytes(der, *plain)),
+            signing_key=asn1_keys.PrivateKeyInfo.load(private.private_bytes(der, *plain)),
             cert_registry=store,
         )
         about = signers.PdfSignatureMetadata(
-            field_name=_FIELD,
+            field_name="LaboratorySignature",
             md_algorithm="sha256",
             subfilter=fields.SigSeedSubFilter.PADES,
             name=name,
@@ -263,7 +247,8 @@ def sign_pdf(data: bytes, key: DocumentKey, made: Seal, name: str) -> bytes:
                 """The metadata as they were: written anew they lose the prefixes that PDF/A asks for."""
 
         writer = Kept(io.BytesIO(data))
-        out = Archived(about, signer=signer).sign_pdf(writer, bytes_reserved=2 * _RESERVED, output=io.BytesIO())
+        # hexadecimal digits for the signature: certificates of an authority fit, too
+        out = Archived(about, signer=signer).sign_pdf(writer, bytes_reserved=24_000, output=io.BytesIO())
         return bytes(out.getvalue())
 
     made_pdf: bytes = _apart(signed)
@@ -272,33 +257,27 @@ def sign_pdf(data: bytes, key: DocumentKey, made: Seal, name: str) -> bytes:
 
 def sign_dcc(data: bytes, key: DocumentKey) -> bytes:
     """The digital certificate with an enveloped XAdES signature, as its schema allows at its end."""
-    from cryptography.hazmat.primitives.asymmetric.rsa import RSAPrivateKey
     from lxml import etree
     from signxml.algorithms import DigestAlgorithm, SignatureMethod
     from signxml.xades.xades import XAdESSigner
 
-    rsa = isinstance(key.private, RSAPrivateKey)
+    private, certificates = key
+    rsa = isinstance(private, RSAPrivateKey)
     signer = XAdESSigner(
         signature_algorithm=SignatureMethod.RSA_SHA256 if rsa else SignatureMethod.ECDSA_SHA256,
         digest_algorithm=DigestAlgorithm.SHA256,
     )
-    root = signer.sign(etree.fromstring(data), key=key.private, cert=list(key.certificates))
+    root = signer.sign(etree.fromstring(data), key=private, cert=list(certificates))
     return etree.tostring(root, xml_declaration=True, encoding="UTF-8")
 
 
-class Signed(NamedTuple):
-    """A certificate's files, signed."""
-
-    pdf: bytes | None
-    dcc: bytes | None
-    json: bytes
-
-
-def sign_files(record: Mapping[str, Any], pdf: bytes | None, dcc: bytes | None, made: Seal, keys: Keys) -> Signed:
-    """All files of a certificate signed; `pdf` bears the seal in its square code already."""
+def sign_files(
+    record: Mapping[str, Any], pdf: bytes | None, dcc: bytes | None, made: Seal, keys: Keys
+) -> tuple[bytes | None, bytes | None, bytes]:
+    """PDF, DCC and JSON file of a certificate, signed; `pdf` bears the seal in its square code already."""
     name = str((record["laboratory"] or {}).get("name", ""))
     key = document_key(keys, name)
-    return Signed(
+    return (
         None if pdf is None else sign_pdf(pdf, key, made, name or "laboratory"),
         None if dcc is None else sign_dcc(dcc, key),
         sign_json(record, made, keys.signing().public),
@@ -335,12 +314,9 @@ def _apart(work: Callable[[], Any]) -> Any:
 class Looked(NamedTuple):
     """What a file proves.
 
-    kind : "PDF", "DCC", "JSON" or "square code".
-    number, digest : of the certificate it states, "" where it cannot be told.
-    problem : why it is not genuine; "" when it is.
-    key : fingerprint of the key that stands behind it.
-    record : of a JSON file.
-    signer : by whom it is signed, where that is none of the keys given: nothing is proven then, and nothing disproven.
+    kind : "PDF", "DCC", "JSON" or "square code". number, digest : "" where it cannot be told.
+    problem : why it is not genuine; "" when it is. key : fingerprint of the key that stands behind it.
+    signer : who signed it, where that is none of the keys given: then nothing is proven and nothing disproven.
     """
 
     kind: str
@@ -355,10 +331,7 @@ class Looked(NamedTuple):
 def look(data: bytes, where: str, public: Public) -> Looked:
     """Whether the laboratory signed a file as it is.
 
-    Raises
-    ------
-    FileError
-        Neither PDF, digital certificate nor record.
+    Raises FileError: neither PDF, digital certificate nor record.
     """
     found = _look(data, where, public)
     if found.signer is None or found.kind == "square code":
@@ -370,7 +343,7 @@ def look(data: bytes, where: str, public: Public) -> Looked:
 def _look(data: bytes, where: str, public: Public) -> Looked:
     head = data.lstrip()[:5]
     if data.startswith(b"%PDF"):
-        return _look_at_pdf(data, public)
+        return _apart(lambda: _look_at_pdf(data, public))  # type: ignore[no-any-return]
     if head.startswith(b"<"):
         return _look_at_dcc(data, where, public)
     if head.startswith(b"{"):
@@ -431,8 +404,6 @@ def _look_at_json(data: bytes, where: str, public: Public) -> Looked:
 
 
 def _look_at_dcc(data: bytes, where: str, public: Public) -> Looked:
-    from cryptography import x509
-    from cryptography.exceptions import UnsupportedAlgorithm
     from lxml import etree
     from signxml.exceptions import InvalidCertificate, InvalidDigest, InvalidInput, InvalidSignature
     from signxml.verifier import SignatureConfiguration
@@ -524,18 +495,12 @@ def _references(info: Any) -> list[tuple[str, bool]]:
 
 def _certificate(text: str) -> Certificate:
     """The certificate of base64 in XML."""
-    from cryptography import x509
-
     body = "".join(text.split())
     return x509.load_pem_x509_certificate(f"-----BEGIN CERTIFICATE-----\n{body}\n-----END CERTIFICATE-----\n".encode())
 
 
 def _by_others(seen: Looked, leaf: Certificate, beside: Iterable[Certificate], public: Public) -> Looked:
     """What a document says whose key none of the given ones made out; `beside` are the certificates that lead on."""
-    from cryptography import x509
-    from cryptography.exceptions import UnsupportedAlgorithm
-    from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
-
     try:
         found = [one.public_key() for one in beside]
     except (ValueError, UnsupportedAlgorithm, x509.InvalidVersion):
@@ -554,14 +519,8 @@ def _by_others(seen: Looked, leaf: Certificate, beside: Iterable[Certificate], p
 
 
 def _look_at_pdf(data: bytes, public: Public) -> Looked:
-    return _apart(lambda: _pdf(data, public))  # type: ignore[no-any-return]
-
-
-def _pdf(data: bytes, public: Public) -> Looked:
     import logging
 
-    from cryptography import x509
-    from cryptography.exceptions import UnsupportedAlgorithm
     from pyhanko.pdf_utils.misc import PdfError
     from pyhanko.pdf_utils.reader import PdfFileReader
     from pyhanko.sign.validation import validate_pdf_signature
@@ -610,7 +569,6 @@ def _as_we_sign(data: bytes, one: Any, leaf: Certificate) -> bool:
     but those that lead on from the signer's.
     """
     from asn1crypto import cms
-    from cryptography import x509
 
     first, behind = int(one.byte_range[1]), int(one.byte_range[2])
     room, content = data[first:behind], bytes(one.pkcs7_content)
@@ -646,7 +604,6 @@ def _as_we_sign(data: bytes, one: Any, leaf: Certificate) -> bool:
 
 def _one_path(leaf: Certificate, given: Sequence[Certificate]) -> bool:
     """Whether certificates are one path: each made out by the next, the last by itself; or there is only the first."""
-    from cryptography.exceptions import InvalidSignature, UnsupportedAlgorithm
 
     def by(one: Certificate, issuer: Certificate) -> bool:
         try:

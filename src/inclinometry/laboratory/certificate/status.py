@@ -2,7 +2,7 @@
 
 Each certificate comes with its entry in the chain and the proof (RFC 6962) that it is among the records of a signed
 head, the event that voided or superseded it likewise. That there is no such event up to that head the laboratory says
-by its signature.
+by its signature. So it says which breaks of the ledger somebody accepted: what was recorded before one may be lost.
 """
 
 from __future__ import annotations
@@ -18,38 +18,32 @@ from sqlalchemy import select
 from inclinometry.digest import digest_bytes
 from inclinometry.errors import FileError
 from inclinometry.files.json_codec import load
-from inclinometry.laboratory import certificates
 from inclinometry.laboratory.certificate.record import record_digest
-from inclinometry.laboratory.ledger import chain
-from inclinometry.laboratory.ledger.chain import LedgerError
+from inclinometry.laboratory.certified import ended, ending, every
+from inclinometry.laboratory.ledger import chain, heads
+from inclinometry.laboratory.ledger.chain import LedgerError, missing
 from inclinometry.laboratory.ledger.engine import CHAIN
-from inclinometry.laboratory.ledger.heads import SignedHead, leaves, newest_head, parse_signed, signed_by
-from inclinometry.laboratory.ledger.keys import Public, descends, explained, fingerprint, genuine
-from inclinometry.laboratory.ledger.ledger import Ledger, Record
+from inclinometry.laboratory.ledger.keys import Public, descends, fingerprint, genuine
+from inclinometry.laboratory.ledger.ledger import Ledger, Record, accepted_breaks
 from inclinometry.laboratory.ledger.merkle import Tree, includes, leaf_hash
 
 SCHEMA: Final = "inclinometry/certificate-status"
+VERSION: Final = 2  # 1 carried no accepted breaks
 
 
 def make_status(ledger: Ledger, numbers: Sequence[str] = ()) -> dict[str, Any]:
-    """The statement, signed, of some certificates or of all.
-
-    Raises
-    ------
-    LedgerError
-        The ledger is not signed or behind what this computer saw of it, its key is not here, there is no such
-        certificate.
-    """
+    """The statement, signed, of some certificates or of all; the ledger must not be behind what was seen of it."""
     ledger.not_behind()
-    known = certificates.Issued(ledger)
-    unknown = [number for number in numbers if number not in known.records]
+    known, ends = {str(one.keys["number"]): one for one in every(ledger, "certificate")}, ended(ledger)
+    accepted = every(ledger, "event", **heads.ACCEPTED)
+    unknown = [number for number in numbers if number not in known]
     if unknown:
-        raise LedgerError(f"there is no certificate {unknown[0]!r:.60} in {ledger.shown}")
+        raise LedgerError(missing("certificate", unknown[0], ledger.shown))
     with ledger.snapshot() as connection:
-        head = newest_head(connection)
+        head = heads.newest_head(connection)
         if head is None:
             raise LedgerError(f"{ledger.shown} is not signed; `inclinometry ledger init` begins that")
-        tree = Tree(leaves(connection, 0, head.size))
+        tree = Tree(heads.leaves(connection, 0, head.size))
         if tree.root().hex() != head.root or not head.genuine():
             raise LedgerError(f"{ledger.shown} is not what was signed; run `inclinometry ledger verify`")
         head = _of_now(ledger, head)
@@ -60,50 +54,49 @@ def make_status(ledger: Ledger, numbers: Sequence[str] = ()) -> dict[str, Any]:
             return {**said, "proof": [one.hex() for one in tree.inclusion(record.seq - 1)]}
 
         rows = []
-        for number in numbers or known.records:
-            record, event = known.records[number], known.ended.get(number)
+        for number in numbers or known:
+            record, event = known[number], ends.get(number)
             if max(record.seq, event.seq if event else 0) > head.size:
                 continue  # recorded while this was read
-            state = event.keys["action"] if event else "issued"
-            row = {
-                "number": number,
-                "digest": record_digest(record.body["record"]),
-                "state": state,
-                "entry": entry(record),
-            }
-            row["body"] = {name: value for name, value in record.body.items() if name != "record"}
-            row |= {"author": record.author, "serial": record.keys["serial"], "version": record.version}
+            state, by, reason = ending(event)
+            row: dict[str, Any] = {"number": number, "digest": record_digest(record.body["record"]), "state": state}
+            body = {name: value for name, value in record.body.items() if name != "record"}
+            row |= {"entry": entry(record), "body": body, "author": record.author, "serial": record.keys["serial"]}
+            row["version"] = record.version
             if event is not None:
-                details = event.body.get("details", {})
-                row |= {
-                    "by": str(details.get("by", "")),
-                    "reason": str(event.body.get("reason", "")),
-                    "event": entry(event),
-                }
+                row |= {"by": by, "reason": reason, "event": entry(event)}
             rows.append(row)
+        breaks = {
+            one["created"]: {**one, "entry": entry(record)}
+            for record in accepted
+            if record.seq <= head.size
+            for one in accepted_breaks([record])
+        }
     content = {
         "schema": SCHEMA,
-        "version": 1,
+        "version": VERSION,
         "head": head.statement(),
         "changes": ledger.keys.changes(),
         "certificates": rows,
+        "accepted": list(breaks.values()),
         "time": datetime.now(UTC).isoformat(timespec="seconds"),
     }
     return ledger.keys.signing().statement(content)
 
 
-def _of_now(ledger: Ledger, head: SignedHead) -> SignedHead:
+def break_said(one: Mapping[str, Any]) -> str:
+    """An accepted break in a sentence."""
+    before = "an unknown number of records" if one["before"] is None else f"{one['before']} records"
+    accepted = f"accepted on {one['created'][:19]} UTC by {one['author']}: {one['reason']}"
+    return f"break of the ledger: {before} before, {one['after']} after; {accepted}"
+
+
+def _of_now(ledger: Ledger, head: heads.SignedHead) -> heads.SignedHead:
     """The head signed by the key of now, where another one signed it last and the change is known."""
-    key, changes = ledger.keys.signing(), ledger.keys.changes()
+    key = ledger.keys.signing()
     if head.key == key.public:
         return head
-    path = explained(head.key, key.public, changes)
-    if path is None:
-        raise LedgerError(
-            f"{ledger.shown} is signed by the key {fingerprint(head.key)}, the one in {ledger.keys.folder} is "
-            f"{fingerprint(key.public)}; bring the right key there, or state with `inclinometry ledger init --accept "
-            "REASON` that the ledger goes on with this one"
-        )
+    path = heads.succession(head, key.public, ledger.keys, ledger.shown)
     lost = next((str(one["time"]) for one in path if one["action"] == "lost"), "9999")
     if head.time[:19] > lost[:19]:  # whoever found the key goes on signing with it
         raise LedgerError(
@@ -111,7 +104,7 @@ def _of_now(ledger: Ledger, head: SignedHead) -> SignedHead:
             f"{lost[:19]} UTC; run `inclinometry ledger verify`"
         )
     end = chain.Head(head.size, head.link)
-    return signed_by(key, head.ledger, end, bytes.fromhex(head.root), head.time)
+    return heads.signed_by(key, head.ledger, end, bytes.fromhex(head.root), head.time)
 
 
 class Status(NamedTuple):
@@ -119,11 +112,13 @@ class Status(NamedTuple):
 
     head : of the ledger at which it holds. changes : of the laboratory's keys.
     rows : number -> how the certificate stands.
+    accepted : breaks of the ledger that somebody accepted, oldest first; none in a statement of version 1.
     """
 
-    head: SignedHead
+    head: heads.SignedHead
     changes: tuple[dict[str, Any], ...]
     rows: Mapping[str, Mapping[str, Any]]
+    accepted: tuple[Mapping[str, Any], ...]
 
 
 def is_status(content: Mapping[str, Any]) -> bool:
@@ -134,17 +129,14 @@ def is_status(content: Mapping[str, Any]) -> bool:
 def read_status(path: str | Path, public: Public) -> Status:
     """The statement of a file, when the laboratory signed it and every proof in it holds.
 
-    Raises
-    ------
-    FileError
-        Not a statement, not genuine, a proof that does not hold.
+    Raises FileError: not a statement, not genuine, a proof that does not hold.
     """
     content = load(path)
-    if not is_status(content) or content.get("version") != 1:
+    if not is_status(content) or content.get("version") not in (1, VERSION):
         raise FileError(
             "not a statement of certificates; the file that `inclinometry ledger status -o` writes", path=path
         )
-    head = parse_signed(content.get("head"), path)
+    head = heads.parse_signed(content.get("head"), path)
     changes = tuple(one for one in content.get("changes", ()) if isinstance(one, dict) and genuine(one))
     if not genuine(content) or not head.genuine():
         raise FileError("its signature is not that of its key: changed or forged", path=path)
@@ -156,16 +148,21 @@ def read_status(path: str | Path, public: Public) -> Status:
         rows = {str(row["number"]): row for row in content["certificates"]}
         entries = {n: [row["entry"], *([] if row["state"] == "issued" else [row["event"]])] for n, row in rows.items()}
         wrong = [n for n, found in entries.items() if not all(_included(one, head) for one in found)]
+        names = ("author", "created", "reason", "before", "after", "entry")
+        accepted = tuple({n: one[n] for n in names} for one in (content["accepted"] if content["version"] > 1 else ()))
+        unfounded = [one for one in accepted if not _included(one["entry"], head)]
     except (KeyError, TypeError, ValueError):
         raise FileError(
             "a statement with other contents than this program knows; update inclinometry", path=path
         ) from None
     if wrong:
         raise FileError(f"its proof for certificate {wrong[0]:.60} does not hold", path=path)
-    return Status(head, changes, rows)
+    if unfounded:
+        raise FileError(f"its proof for the break of {unfounded[0]['created']:.19} does not hold", path=path)
+    return Status(head, changes, rows, accepted)
 
 
-def _included(entry: Mapping[str, Any], head: SignedHead) -> bool:
+def _included(entry: Mapping[str, Any], head: heads.SignedHead) -> bool:
     leaf = chain.leaf(*(entry[name] for name in ("seq", "kind", "record", "created", "digest")))
     proof = [bytes.fromhex(one) for one in entry["proof"]]
     return includes(leaf_hash(leaf), entry["seq"] - 1, head.size, proof, bytes.fromhex(head.root))
@@ -199,10 +196,16 @@ def _agree(one: Status, two: Status, number: str) -> bool:
 
 
 def holding(found: Iterable[Status], number: str) -> Status | None:
-    """The statement by which a certificate stands: the newest by which it ended, or the newest that lists it."""
-    listing = [one for one in found if number in one.rows]
-    ended = [one for one in listing if one.rows[number]["state"] != "issued"]
-    return max(ended or listing, key=lambda one: (one.head.size, one.head.time), default=None)
+    """The statement by which a certificate stands: the newest that says void, or by which it ended, or that lists it.
+
+    A break of the ledger can have taken a void back; whoever saw it relies on nothing.
+    """
+
+    def rank(one: Status) -> tuple[bool, bool, int, str]:
+        state = one.rows[number]["state"]
+        return state == "void", state != "issued", one.head.size, one.head.time
+
+    return max((one for one in found if number in one.rows), key=rank, default=None)
 
 
 def contradiction(

@@ -18,9 +18,9 @@ from inclinometry.cli import output
 from inclinometry.cli.options import Flag
 from inclinometry.errors import InputError
 from inclinometry.laboratory.commands import LedgerAddress, ProtocolName
+from inclinometry.laboratory.commands.ledger import _where
 from inclinometry.laboratory.ledger.admin import create
-from inclinometry.laboratory.ledger.ledger import Ledger, default_path
-from inclinometry.laboratory.ledger.witness import is_loopback
+from inclinometry.laboratory.ledger.ledger import Ledger
 
 SIMULATED = "simulated"
 
@@ -68,7 +68,7 @@ def bench(
         except OSError as error:
             reason = error.strerror or error
             raise InputError(f"--certificate {certificate} with --key {key} cannot be used ({reason})") from None
-    where = str(default_path()) if ledger is None else ledger
+    where = _where(ledger)
     with ExitStack() as stack:
         stack.enter_context(ending_well())
         # no laboratory answers for a demonstration; a key with a passphrase is asked for now, not at the first capture
@@ -77,16 +77,10 @@ def bench(
             opened.keys.signing()
         listening = stack.enter_context(_listening(host, port))
         feed, rig = stack.enter_context(_instrument(opened, SIMULATED if demo else instrument, protocol, demo))
-        from inclinometry.laboratory.web.app import create_app, run
+        from inclinometry.laboratory.web.app import create_app, is_loopback, run
 
-        app = create_app(
-            opened,
-            host=host,
-            names=(*name, host),
-            feed=feed,
-            rig=rig,
-            instrument=instrument or (SIMULATED if demo else ""),
-        )
+        attached = instrument or (SIMULATED if demo else "")
+        app = create_app(opened, host=host, names=(*name, host), feed=feed, rig=rig, instrument=attached)
         scheme = "http" if certificate is None else "https"
         if not is_loopback(host) and certificate is None:
             output.warnings(["passwords cross the network unencrypted; give --certificate and --key"])
@@ -134,10 +128,8 @@ def _listening(host: str, port: int) -> Iterator[socket.socket]:
             made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             made.bind((host, port))
         except (OSError, UnicodeError) as error:
-            reason = getattr(error, "strerror", None) or error
-            raise InputError(
-                f"cannot listen at {host} port {port} ({reason}); choose another --port or --host"
-            ) from None
+            why = f"cannot listen at {host} port {port} ({getattr(error, 'strerror', None) or error})"
+            raise InputError(f"{why}; choose another --port or --host") from None
         yield made
 
 

@@ -13,8 +13,8 @@ from inclinometry.files.json_codec import parse
 from inclinometry.files.writing import write_bytes
 from inclinometry.laboratory.certificate.issue import record_from_files
 from inclinometry.laboratory.certificate.record import record_bytes, record_digest, words
-from inclinometry.laboratory.certificate.requirements import missing_said
-from inclinometry.laboratory.certificate.signing import Looked, look, look_at_seal, parse_seal, seal, sign_files
+from inclinometry.laboratory.certificate.requirements import NonconformingError, OpenWarningsError, missing_said
+from inclinometry.laboratory.certificate.signing import Looked, look, parse_seal, seal, sign_files
 from inclinometry.laboratory.ledger.keys import Keys, Public, read_public
 from inclinometry.opening import whole
 
@@ -34,6 +34,8 @@ def certificate(
     language: Literal["en", "ru", "zh"] = "en",
     fonts: InputOrNone = None,
     unsigned: Flag = False,
+    nonconforming: Flag = False,
+    accept_warnings: str = "",
     json: Json = False,
 ) -> None:
     """Write a calibration certificate: PDF/A, digital certificate (DCC) and JSON record.
@@ -58,41 +60,39 @@ def certificate(
     record
         Write the record, JSON; its SHA-256 is printed on the certificate.
     number
-        Unique number; year and a part of the digest of inputs and language when not given.
+        Unique number; year and a part of the digest of inputs, language and acceptance when not given.
     language
         Of the fixed texts of the PDF.
     fonts
         Folder with further fonts, where a letter is missing.
     unsigned
         Sign nothing, though there is a laboratory's key.
+    nonconforming
+        Certify a verification that failed or does not agree, as such.
+    accept_warnings
+        Reason to issue though warnings are open; it is printed with who authorises the certificate.
     """
-    output.claim(
-        {"--output": output_, "--dcc": dcc, "--record": record},
-        {"tool.json": tool, "--verification": verification, "--laboratory": laboratory, "--previous": previous}
-        | {"--as-found": as_found},
-    )
+    read = {"verification": verification, "laboratory": laboratory, "previous": previous, "as_found": as_found}
+    inputs = {"tool.json": tool, **{f"--{name.replace('_', '-')}": path for name, path in read.items()}}
+    output.claim({"--output": output_, "--dcc": dcc, "--record": record}, inputs)
     if fonts is not None and not any(
         path.suffix.lower() in (".ttf", ".otf", ".ttc", ".otc") for path in (fonts.rglob("*") if fonts.is_dir() else ())
     ):
         what = "there is no such folder" if not fonts.is_dir() else "no font is in this folder"
         raise FileError(f"--fonts: {what}; name one with files .ttf, .otf, .ttc or .otc", path=fonts)
-    made = record_from_files(
-        tool,
-        verification=verification,
-        laboratory=laboratory,
-        previous=previous,
-        as_found=as_found,
-        number=number,
-        language=language,
-    )
+    try:
+        how: dict[str, Any] = {**read, "nonconforming": nonconforming, "accept_warnings": accept_warnings}
+        made = record_from_files(tool, number=number, language=language, **how)
+    except NonconformingError as error:
+        raise InputError(f"{error}; to accept, give --nonconforming") from None
+    except OpenWarningsError as error:
+        raise InputError(f"{error}; to accept, give --accept-warnings REASON") from None
     keys = Keys()
     sealed = seal(made, keys) if keys.there and not unsigned else None
-    pdf: bytes | None = _pdf(made, fonts, laboratory, str(sealed or ""))
-    xml = None
-    if dcc is not None:
-        from inclinometry.laboratory.certificate.dcc import dcc_bytes
+    from inclinometry.laboratory.certificate.dcc import dcc_bytes
 
-        xml = dcc_bytes(made)
+    pdf: bytes | None = _pdf(made, fonts, laboratory, str(sealed or ""))
+    xml = None if dcc is None else dcc_bytes(made)
     text: bytes = record_bytes(made)
     if sealed is not None:
         pdf, xml, text = sign_files(made, pdf, xml, sealed, keys)
@@ -102,26 +102,32 @@ def certificate(
     output.warnings([*_lacking(made), *made["warnings"]])
     digest, statement = record_digest(made), made["conformity"]["statement"]
     if json:
-        summary = {
-            "number": made["number"],
-            "digest": digest,
-            "title": made["title"],
-            "missing": made["missing"],
-            "conformity": statement,
-            "written": list(files),
-        }
-        output.print_json(summary)
+        about = {name: made[name] for name in ("number", "title", "missing")}
+        output.print_json(about | {"digest": digest, "conformity": statement, "written": list(files)})
         return
     output.say(f"{made['title']} {made['number']}, conformity {statement}")
     output.say(f"record {digest}")
-    key = "not signed: no laboratory's key is here (`inclinometry ledger key --make`)" if not unsigned else "not signed"
-    output.say(key if sealed is None else f"signed by the key {sealed.key}")
+    why = "" if unsigned else ": no laboratory's key is here (`inclinometry ledger key --make`)"
+    output.say(f"not signed{why}" if sealed is None else f"signed by the key {sealed.key}")
     output.say(f"written to {', '.join(map(str, files))}")
 
 
 def _lacking(record: dict[str, Any]) -> list[str]:
     """What the document lacks to be titled a certificate, and where it is stated."""
-    said = [missing_said(key, record, words("en")) for key in record["missing"]]
+    where = {
+        "laboratory": "name, address, country in lab.toml",
+        "customer": "customer in [order]",
+        "item": "serial in [order]",
+        "performed": "performed_from in [order]",
+        "traceability": "traceability in lab.toml",
+        "environment": "environment or temperature_degC in [order]",
+        "condition": "condition in [order]",
+        "procedure": "procedure in lab.toml",
+        "standards": "[[standards]] in lab.toml",
+        "standards_due": "due of [[standards]] in lab.toml",
+        "signatory": "authoriser in lab.toml",
+    }
+    said = [f"{missing_said(key, record, words('en'))} ({where[key]})" for key in record["missing"]]
     return [f"titled calibration report, not certificate; missing: {'; '.join(said)}"] if said else []
 
 
@@ -142,25 +148,26 @@ def verify(*files: str, key: Input, json: Json = False) -> int:
     ----------
     files
         PDF, XML and JSON of one certificate, together or each alone, the text of a square code in quotes, and
-        statements that `ledger status` wrote: with the newest of these it also says whether it is issued, void or
-        superseded; statements that contradict each other are two histories, exit status 1.
+        statements that `ledger status` wrote: with these it also says whether it is issued, void or superseded, and
+        which breaks of the ledger were accepted. What one of them calls void is void. Statements that contradict each
+        other are two histories, exit status 1.
     key
         Public key of the laboratory, from the laboratory itself: the file that `ledger key --public` writes.
     """
-    from inclinometry.laboratory.certificate.status import Status, holding, is_status, read_status, two_histories
+    from inclinometry.laboratory.certificate.status import break_said, holding, is_status, read_status, two_histories
 
     if not files:
         raise InputError("name the files of a certificate: PDF, XML or JSON, or the text of its square code")
     public = read_public(key)
     given = [(name, _given(name)) for name in files]
     statements = [name for name, data in given if _json(data) is not None and is_status(_json(data) or {})]
-    found: dict[str, Status] = {name: read_status(name, public) for name in statements}
+    found = {name: read_status(name, public) for name in statements}
     newest = max(found.values(), key=lambda one: (one.head.size, one.head.time), default=None)
     published = public
     if newest is not None:  # keys that came after the published one, or before it
         said = [str(one[end]) for one in newest.changes for end in ("before", "after") if one[end]]
         public = Public(tuple(dict.fromkeys((*public.keys, *said))), public.certificates)
-    looked = [(name, data, _look(name, data, public)) for name, data in given if name not in statements]
+    looked = [(name, data, look(data, name, public)) for name, data in given if name not in statements]
     if newest is not None and not looked:
         about = output.counted(len(newest.rows), "certificate")
         raise InputError(
@@ -171,15 +178,20 @@ def verify(*files: str, key: Input, json: Json = False) -> int:
     rows = _judged(looked, held, published, () if newest is None else newest.changes)
     numbers = sorted(number for number in held if number)
     mixed = two_histories(found)
+    # each once, though every statement since carries it
+    accepted = {one["created"]: one for each in found.values() for one in each.accepted}
+    breaks = [{name: one[name] for name in one if name != "entry"} for one in accepted.values()]
     if len(numbers) > 1:
         apart = f"these are files of different certificates: {', '.join(numbers)}; verify each by itself"
         mixed = "\n".join(filter(None, (mixed, apart)))
     ok = not mixed and all(row["genuine"] and row["state"] in ("issued", "not known") for row in rows)
     if json:
         as_of = next((one.head.statement() for one in held.values() if one is not None), None)
-        output.print_json({"ok": ok, "problem": mixed, "files": rows, "as_of": as_of})
+        output.print_json({"ok": ok, "problem": mixed, "files": rows, "as_of": as_of, "accepted": breaks})
         return 0 if ok else 1
     _say(rows, held)
+    for one in breaks:
+        output.say(break_said(one))
     if mixed:
         output.say(mixed)
     return 0 if ok else 1
@@ -199,11 +211,6 @@ def _json(data: bytes) -> dict[str, Any] | None:
     except (ValueError, RecursionError):
         return None
     return content if isinstance(content, dict) else None
-
-
-def _look(name: str, data: bytes, public: Public) -> Looked:
-    made = parse_seal(name)
-    return look(data, name, public) if made is None else look_at_seal(made, public)
 
 
 def _judged(
@@ -230,9 +237,9 @@ def _judged(
             problem = f"these files are of different records under the number {one.number}"
         if not problem and row is not None:
             problem = contradiction(row, one.digest, one.record, {whole: data} if whole else {})
+        state = "not known" if by is None else "not in the ledger" if row is None else str(row["state"])
         rows.append({"file": name, "kind": one.kind, "number": one.number, "digest": one.digest, "key": one.key,
-                     "genuine": not problem, "proven": not open_, "problem": problem,
-                     "state": _state(row, by)})  # fmt: skip
+                     "genuine": not problem, "proven": not open_, "problem": problem, "state": state})  # fmt: skip
     return rows
 
 
@@ -241,20 +248,12 @@ def _vouched(key: str, row: Any, kind: str | None, published: Public, changes: S
     from inclinometry.laboratory.ledger.keys import descends, fingerprint
 
     later = [str(one["after"]) for one in changes]
-    trusted = {
-        *published.keys,
-        *(each for each in later if any(descends(each, one, changes) for one in published.keys)),
-    }
+    trusted = {*published.keys}
+    trusted |= {each for each in later if any(descends(each, one, changes) for one in published.keys)}
     former = {str(one["before"]) for one in changes if one["before"]} | set(later)
     if key not in {fingerprint(one) for one in former - trusted}:
         return True
     return row is not None and (kind is None or kind in row["body"].get("documents", {}))
-
-
-def _state(row: Any, by: Any) -> str:
-    if by is None:
-        return "not known"
-    return "not in the ledger" if row is None else str(row["state"])
 
 
 def _say(rows: list[dict[str, Any]], held: dict[str, Any]) -> None:

@@ -2,40 +2,34 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from datetime import UTC, date, datetime
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
+import numpy as np
 from cyclopts import Parameter
 
 from inclinometry.cli import options, output
-from inclinometry.cli.options import Flag, InputOrNone, Json, sd
+from inclinometry.cli.options import Flag, InputOrNone, Json
+from inclinometry.cli.stand import UNKNOWN, USUAL_DIALS, USUAL_FIT, DialOptions, FitOptions, LeftHanded, StandOptions
+from inclinometry.earth.site import Site
 from inclinometry.errors import FileError, InputError
-from inclinometry.laboratory import certificates
-from inclinometry.laboratory.certificate.laboratory_toml import Laboratory, begun, read_laboratory, read_logo
+from inclinometry.files.site_toml import read_site
+from inclinometry.laboratory import certificates, registry
+from inclinometry.laboratory.certificate.laboratory import Laboratory, begun
+from inclinometry.laboratory.certificate.laboratory_toml import read_laboratory, read_logo
+from inclinometry.laboratory.certificate.requirements import open_warnings
 from inclinometry.laboratory.commands import LedgerAddress
 from inclinometry.laboratory.commands.ledger import _where, _who
 from inclinometry.laboratory.drift import DOSES
-from inclinometry.laboratory.import_file import LARGEST, import_file
+from inclinometry.laboratory.import_file import LARGEST, import_file, try_file
 from inclinometry.laboratory.ledger.admin import create
 from inclinometry.laboratory.ledger.ledger import Ledger, Record
-from inclinometry.laboratory.registry import (
-    LARGEST_LOGO,
-    RegisteredRig,
-    RegisteredStandard,
-    RegisteredTool,
-    find_laboratory,
-    find_logo,
-    find_rig,
-    find_tool,
-    put_laboratory,
-    put_rig,
-    put_standard,
-    put_tool,
-    standards,
-)
-from inclinometry.laboratory.results import calibration_of, finish_calibration
+from inclinometry.laboratory.placeholders import stated
+from inclinometry.laboratory.results import finish_calibration
 from inclinometry.opening import whole
+from inclinometry.workflow.calibrate import Options
 
 
 def enter(
@@ -46,7 +40,11 @@ def enter(
     performed: str,
     rig: str,
     ledger: LedgerAddress = None,
-    rig_sd_deg: float | None = None,
+    site: Annotated[str | None, Parameter(group=options.INPUT)] = None,
+    stand: StandOptions = UNKNOWN,
+    fit: FitOptions = USUAL_FIT,
+    dials: DialOptions = USUAL_DIALS,
+    left_handed: LeftHanded = False,
     type_: Annotated[str | None, Parameter(name="--type")] = None,
     hours: float = 0.0,
     shock: float = 0.0,
@@ -55,11 +53,13 @@ def enter(
     laboratory: InputOrNone = None,
     supersedes: str | None = None,
     reason: str | None = None,
+    accept_warnings: str = "",
     json: Json = False,
 ) -> None:
     """Bring a calibration made elsewhere into the ledger: bench readings, which are fitted, or tool.json.
 
-    A tool that is not registered is registered with the channels of the file.
+    Readings are fitted as `calibrate` fits them, by the joint method. A tool and a rig that are not registered are
+    registered; nothing is recorded of a file that is refused.
 
     Parameters
     ----------
@@ -70,9 +70,11 @@ def enter(
     performed
         Day of the measurement, YYYY-MM-DD: from then on the calibration holds.
     rig
-        Name of the stand.
-    rig_sd_deg
-        Standard deviation of its settings, to register it with; a stand that is registered needs none.
+        Name of the stand. One that is not registered is registered with --rig-sd-deg and the options of its dials; a
+        registered one has its own.
+    site
+        Name of a registered site, or site.toml with what is known of the bench: g, b_nT, dip_deg, latitude_deg. Dip and
+        latitude decide the signs.
     type_
         Type of the tool, to register it with: tools of one type are taken to drift alike.
     hours
@@ -89,41 +91,84 @@ def enter(
         Number of a certificate that this one takes the place of.
     reason
         Why; it is recorded.
+    accept_warnings
+        Reason to certify though warnings are open; it is recorded and printed on the certificate.
     """
     day, doses = performed_on(performed), doses_of(hours, shock, heat)
-    if supersedes is not None and not (reason or "").strip():
+    if supersedes is not None and not stated(reason or ""):
         raise InputError("--supersedes needs --reason: a certificate is not superseded without one")
     if (certify or supersedes) and laboratory is None:
         raise InputError("a certificate names its laboratory: give --laboratory lab.toml")
     known = read_laboratory(laboratory)[0] if laboratory is not None else None
-    content = _content(file)
+    readings, wishes = _content(file), Options(left_handed=left_handed, name=serial, **vars(fit), **vars(stand))
     with create(_where(ledger)) as opened:
-        spread = sd(rig_sd_deg, "--rig-sd-deg")
-        if find_rig(opened, rig) is None:
-            if spread is None:
-                raise InputError(f"rig {rig!r} is not registered; give --rig-sd-deg to register it")
-            put_rig(opened, RegisteredRig(rig, (spread, spread, spread)), author=_who())
-        tool = find_tool(opened, serial)
-        if tool is None:
-            put_tool(opened, RegisteredTool(serial, type_ or serial), author=_who())
-        elif type_ is not None and tool.name != type_:
+        about_rig, tool = _rig(opened, rig, wishes, dials), registry.find_tool(opened, serial)
+        if type_ is not None and tool is not None and tool.name != type_:
             raise InputError(
                 f"tool {serial} is registered as of type {tool.name!r}, --type is {type_!r}; change it at the bench"
             )
+        known_site = None if site is None else registry.find_site(opened, site)
+        where = known_site if site is None or known_site is not None else _site_file(site)
+        wishes = replace(wishes, rig_sd=None, azimuth_sd=None, inclination_sd=None, toolface_sd=None)
         try:
-            found = import_file(opened, content, serial, rig, author=_who(), performed=day, doses=doses)
+            with output.busy("calibrating"):
+                tried = try_file(readings, about_rig, where, wishes)
+            if (certify or supersedes) and not stated(accept_warnings) and (doubts := open_warnings(tried, None)):
+                raise InputError(
+                    "nothing is recorded, since a certificate is not issued with open warnings. Resolve them, or give "
+                    f"--accept-warnings REASON: {'; '.join(doubts)}"
+                )
+            if registry.find_rig(opened, rig) is None:
+                registry.put_rig(opened, about_rig, author=_who())
+            if tool is None:
+                registry.put_tool(opened, registry.RegisteredTool(serial, type_ or serial), author=_who())
+            at = {"fields": where} if known_site is None else {"site": known_site.name}
+            said: dict[str, Any] = {"options": wishes, "performed": day, "doses": doses, **at}
+            found = import_file(opened, readings, serial, rig, author=_who(), **said)
         except FileError as error:
-            raise FileError(error.problem, path=file, line=error.line) from None
+            raise FileError(error.finding or error.problem, path=file, line=error.line) from None
         if found.kind == "session":
             with output.busy("calibrating"):
                 found = finish_calibration(opened, found.id, author=_who())
-        number = certified(opened, found, known, supersedes, reason or "") if certify or supersedes else None
+        number = None
+        if certify or supersedes:
+            number = certified(opened, found, known, supersedes, reason or "", accept_warnings)
+    output.notes(tried.notes)
+    output.warnings(tried.warnings)
+    output.findings(tried.findings)
     if json:
-        output.print_json({"serial": serial, "calibration": found.id, "certificate": number})
+        content = {"serial": serial, "calibration": found.id, "certificate": number, "notes": list(tried.notes)}
+        told = {"findings": [one.plain() for one in tried.findings], "warnings": list(tried.warnings)}
+        output.print_json(content | told)
         return
-    output.warnings(calibration_of(found).warnings)
-    said = f", certificate {number}" if number else ""
-    output.say(f"{serial}: calibration {found.id} of {day} recorded{said}")
+    output.say(f"{serial}: calibration {found.id} of {day} recorded{f', certificate {number}' if number else ''}")
+
+
+def _rig(ledger: Ledger, name: str, stated: Options, dials: DialOptions) -> registry.RegisteredRig:
+    """The rig as registered, or as it is to be registered; what contradicts a registered one is refused."""
+    known = registry.find_rig(ledger, name)
+    each = (stated.azimuth_sd, stated.inclination_sd, stated.toolface_sd)
+    if known is None:
+        azimuth, inclination, toolface = (stated.rig_sd if one is None else one for one in each)
+        if azimuth is None or inclination is None or toolface is None:
+            raise InputError(f"rig {name!r} is not registered; give --rig-sd-deg to register it")
+        return registry.RegisteredRig(name, (azimuth, inclination, toolface), dials=dials.dials())
+    rounded = 1e-10  # of a standard deviation in the record, rad
+    stated_sd = [stated.rig_sd if one is None else one for one in each]
+    other = any(one is not None and abs(one - sd) > rounded for one, sd in zip(stated_sd, known.sd, strict=True))
+    if other or replace(known.dials, **dials.given()) != known.dials:
+        settings = ", ".join(f"{one:.4g}" for one in np.degrees(known.sd))
+        raise InputError(
+            f"rig {name!r} is registered with settings good to {settings} deg and dials ({known.dials.way}); "
+            "leave these options out, or change the rig at the bench"
+        )
+    return known
+
+
+def _site_file(path: str) -> Site:
+    if not Path(path).exists():
+        raise InputError(f"site {path!r} is neither registered nor a file; name a registered site or site.toml")
+    return read_site(path)
 
 
 def _content(file: Path) -> bytes:
@@ -148,14 +193,27 @@ def doses_of(hours: float, shock: float, heat: float) -> dict[str, float]:
 
 
 def certified(
-    ledger: Ledger, calibration: Record, known: Laboratory | None, supersedes: str | None, reason: str
+    ledger: Ledger,
+    calibration: Record,
+    known: Laboratory | None,
+    supersedes: str | None,
+    reason: str,
+    accept_warnings: str = "",
 ) -> str:
     """Number of the certificate issued for a calibration, in place of another where one is named."""
-    with output.busy("setting the certificate"):
-        if supersedes is not None:
-            made = certificates.supersede(ledger, supersedes, calibration.id, None, known, reason=reason, author=_who())
-        else:
-            made = certificates.issue(ledger, calibration.id, None, known, author=_who())
+    said: dict[str, Any] = {
+        "author": _who(),
+        "accept_warnings": accept_warnings,
+        "supersedes": supersedes,
+        "reason": reason,
+    }
+    try:
+        with output.busy("setting the certificate"):
+            made = certificates.issue(ledger, calibration.id, None, known, **said)
+    except InputError as error:
+        raise InputError(
+            f"calibration {calibration.id} is recorded, no certificate was issued: {error}. Issue it at the bench"
+        ) from None
     return str(made.keys["number"])
 
 
@@ -192,24 +250,24 @@ def laboratory(
         raise InputError("--logo goes with lab.toml, which says whose it is: give both")
     if file is not None:
         known, _, used = read_laboratory(file)
-        picture = whole(logo, LARGEST_LOGO) if logo is not None else read_logo(file)
+        picture = whole(logo, registry.LARGEST_LOGO) if logo is not None else read_logo(file)
         with create(_where(ledger)) as opened:
-            put_laboratory(opened, known, author=_who(), logo=picture)
+            registry.put_laboratory(opened, known, author=_who(), logo=picture)
             for one in used:
-                put_standard(opened, RegisteredStandard(one.name, one.certificate, one.due), author=_who())
+                registry.put_standard(opened, one, author=_who())
     with Ledger(_where(ledger), read_only=True) as opened:
-        found, there, registered = find_laboratory(opened), find_logo(opened), standards(opened)
+        found, there, registered = (
+            registry.find_laboratory(opened),
+            registry.find_logo(opened),
+            registry.standards(opened),
+        )
     settings = {} if found is None else {name: text for name, text in vars(found).items() if text}
     today = datetime.now(UTC).date()
     late = [one.name for one in registered if one.overdue(today) and not one.retired]
-    output.warnings(
-        [f"the reference standard {name} is past its due date: calibrate it before it is used" for name in late]
-    )
+    overdue = "is past its due date: calibrate it before it is used"
+    output.warnings([f"the reference standard {name} {overdue}" for name in late])
     if json:
-        rows = [
-            {"name": one.name, "certificate": one.certificate, "due": one.due and one.due.isoformat()}
-            for one in registered
-        ]
+        rows = [{"name": s.name, "certificate": s.certificate, "due": s.due and s.due.isoformat()} for s in registered]
         output.print_json({**settings, "logo": there is not None, "standards": rows})
         return
     for name, text in settings.items():

@@ -7,7 +7,6 @@ import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from types import FrameType
 from typing import Annotated
 
 from cyclopts import Parameter
@@ -16,12 +15,7 @@ from inclinometry.cli import options, output
 from inclinometry.cli.options import InputOrNone, Json
 from inclinometry.errors import InputError
 from inclinometry.laboratory.commands import ProtocolName
-from inclinometry.laboratory.instruments.simulated_instrument import (
-    SimulatedInstrument,
-    StandSettings,
-    from_truth,
-    parse_faults,
-)
+from inclinometry.laboratory.instruments.simulated_instrument import SimulatedInstrument, StandSettings, from_truth
 from inclinometry.workflow.simulate import plan_named
 
 
@@ -47,7 +41,6 @@ def instrument(
     temperature: Annotated[float, Parameter(name="--temperature-degC")] = 20.0,
     warming: Annotated[float, Parameter(name="--warming-degC-h")] = 0.0,
     noise: float = 1.0,
-    faults: str = "",
     duration_s: float | None = None,
     json: Annotated[Json, Parameter(help="Print where it listens as JSON.")] = False,
 ) -> None:
@@ -64,7 +57,7 @@ def instrument(
     tool
         truth.json of a simulated tool and its stand; a realistic tool drawn by the seed when not given.
     seed
-        Decides tool, errors of the rig, noise and faults.
+        Decides tool, errors of the rig and noise.
     rate_hz
         Samples a second of an instrument that sends by itself.
     speed
@@ -79,9 +72,6 @@ def instrument(
         By which it rises.
     noise
         Factor on the tool's own noise.
-    faults
-        As garbage=0.01,dropout=0.02,disconnect=60,misread=7:toolface:30; names: garbage, dropout, partial, encoding,
-        endless, repeat, outside, stuck (shares), disconnect, latency (s), misread.
     duration_s
         Stop after so many seconds; at Ctrl-C when not given.
     """
@@ -89,25 +79,14 @@ def instrument(
         raise InputError(f"--duration-s is {duration_s:g}; allowed more than 0")
     settings = StandSettings(turn_s, temperature, warming, noise, None if plan is None else plan_named(plan), dwell_s)
     true_tool, true_rig = (None, None) if tool is None else from_truth(tool)
-    server = SimulatedInstrument(
-        protocol,
-        tool=true_tool,
-        rig=true_rig,
-        seed=seed,
-        host=host,
-        port=port,
-        rig_port=rig_port,
-        rate=rate_hz,
-        speed=speed,
-        stand=settings,
-        faults=parse_faults(faults),
-    )
+    where = {"host": host, "port": port, "rig_port": rig_port}
+    about = {"tool": true_tool, "rig": true_rig, "seed": seed, "rate": rate_hz, "speed": speed, "stand": settings}
+    server = SimulatedInstrument(protocol, **where, **about)  # type: ignore[arg-type]
     with server, _stop_signal() as stop:
         rig = None if server.rig_port is None else f"{server.host}:{server.rig_port}"
         if json:
-            output.print_json(
-                {"url": server.url, "rig": rig, "protocol": server.protocol.name, "tool": server.tool.name}
-            )
+            names = {"protocol": server.protocol.name, "tool": server.tool.name}
+            output.print_json({"url": server.url, "rig": rig, **names})
         else:
             output.say(f"instrument at {server.url}, protocol {server.protocol.name}")
             if rig is not None:
@@ -124,15 +103,8 @@ def instrument(
 def _stop_signal() -> Iterator[threading.Event]:
     """Set by Ctrl-C and SIGTERM; both are an ordinary end of a server."""
     stop = threading.Event()
-
-    def handle(_number: int, _frame: FrameType | None) -> None:
-        stop.set()
-
-    if threading.current_thread() is not threading.main_thread():
-        yield stop
-        return
-    names = (signal.SIGINT, signal.SIGTERM)
-    before = {name: signal.signal(name, handle) for name in names}
+    names = (signal.SIGINT, signal.SIGTERM) if threading.current_thread() is threading.main_thread() else ()
+    before = {name: signal.signal(name, lambda *_: stop.set()) for name in names}
     try:
         yield stop
     finally:

@@ -5,8 +5,9 @@ from __future__ import annotations
 import getpass
 import os
 import sys
+from dataclasses import replace
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from inclinometry.cli import output
 from inclinometry.cli.options import Flag, InputOrNone, Json
@@ -18,7 +19,7 @@ from inclinometry.laboratory.ledger.chain import parse_head
 from inclinometry.laboratory.ledger.exchange import restore
 from inclinometry.laboratory.ledger.keys import fingerprint, read_public
 from inclinometry.laboratory.ledger.ledger import Ledger, default_path
-from inclinometry.laboratory.ledger.users import change_password, find_user, guard_last_administrator, put_user
+from inclinometry.laboratory.ledger.users import User, change_password, find_user, guard_last_administrator, put_user
 from inclinometry.laboratory.ledger.users import remove_second_factor as without_second_factor
 from inclinometry.laboratory.ledger.users import users as all_users
 from inclinometry.laboratory.ledger.verify import verify as verify_ledger
@@ -96,19 +97,10 @@ def verify(
         public = () if key is None else read_public(key).keys
         found = verify_ledger(opened, head=noted, public=public, copy=copy, progress=progress)
     if json:
-        output.print_json(
-            {
-                "ok": found.ok,
-                "proven": found.proven,
-                "silent": found.silent,
-                "records": found.records,
-                "documents": found.documents,
-                "head": str(found.head),
-                "faults": [{"table": f.table, "row": f.row, "problem": f.problem} for f in found.faults],
-                "signed": None if found.signed is None else found.signed.statement(),
-                "notes": found.notes,
-            }
-        )
+        plain = {name: getattr(found, name) for name in ("ok", "proven", "compared", "silent", "records", "documents")}
+        signed = None if found.signed is None else found.signed.statement()
+        faults = [vars(fault) for fault in found.faults]
+        output.print_json(plain | {"head": str(found.head), "faults": faults, "signed": signed, "notes": found.notes})
         return 0 if found.unsuspected else 1
     for fault in (*found.faults, *found.silent):
         output.say(str(fault))
@@ -127,27 +119,27 @@ def verify(
             "when it answers, or take it off with `inclinometry ledger witness PLACE --remove`"
         )
         return 1
-    output.say(f"{output.counted(len(found.faults), 'fault')}: this ledger was changed behind its back")
+    of_keys = all(fault.table == "keys" for fault in found.faults)
+    what = "the laboratory's keys are not what they were" if of_keys else "this ledger was changed behind its back"
+    output.say(f"{output.counted(len(found.faults), 'fault')}: {what}")
     return 1
 
 
 def _certificate(where: str, number: str, json: bool) -> int:
     """One certificate against the ledger."""
-    from inclinometry.laboratory.certificates import verify_certificate
+    from inclinometry.laboratory.certificates import digest_of, status, verify_certificate
 
     with Ledger(where, read_only=True) as opened:
-        found = verify_certificate(opened, number)
+        found = status(opened, number)
+        problems = verify_certificate(opened, number)
+    digest, end = digest_of(found.record), 1 if problems else 0
     if json:
-        output.print_json(
-            {"ok": found.ok, "state": found.status.state, "digest": found.digest, "problems": found.problems}
-        )
-        return 0 if found.ok else 1
-    for problem in found.problems:
+        output.print_json({"ok": not problems, "state": found.state, "digest": digest, "problems": problems})
+        return end
+    for problem in problems or [f"certificate {number} ({found.state}): files, record and calibration agree"]:
         output.say(problem)
-    if found.ok:
-        output.say(f"certificate {number} ({found.status.state}): files, record and calibration agree")
-    output.say(f"digest of its record {found.digest}; compare it with the one on paper")
-    return 0 if found.ok else 1
+    output.say(f"digest of its record {digest}; compare it with the one on paper")
+    return end
 
 
 def export(target: Path, /, *, ledger: LedgerAddress = None) -> None:
@@ -159,7 +151,7 @@ def export(target: Path, /, *, ledger: LedgerAddress = None) -> None:
         File to write, a ZIP.
     """
     where = _where(ledger)
-    output.claim({"the export": target}, {"--ledger": _path(where)})
+    output.claim({"the export": target}, {"--ledger": path_of(where)})
     with Ledger(where, read_only=True) as opened, output.working("exporting") as progress:
         head = exchange.export(opened, target, progress=progress)
     output.say(f"{output.counted(head.seq, 'record')} written to {target}")
@@ -176,7 +168,7 @@ def import_(source: Path, /, *, ledger: LedgerAddress = None) -> None:
         File that `ledger export` wrote.
     """
     where = _where(ledger)
-    path = _path(where)
+    path = path_of(where)
     made = path is not None and not path.exists()
     try:
         with create(where) as opened, output.working("importing") as progress:
@@ -199,7 +191,7 @@ def backup(target: Path, /, *, ledger: LedgerAddress = None) -> None:
         File to write; it must not be there yet.
     """
     where = _where(ledger)
-    output.claim({"the backup": target}, {"--ledger": _path(where)})
+    output.claim({"the backup": target}, {"--ledger": path_of(where)})
     with Ledger(where, read_only=True) as opened, output.busy("backing up"):
         exchange.backup(opened, target)
     output.say(f"{where} copied to {target}")
@@ -215,18 +207,12 @@ def history(serial: str, /, *, ledger: LedgerAddress = None, json: Json = False)
     """
     with Ledger(_where(ledger), read_only=True) as opened:
         found = history_of(opened, serial)
-    if json:
-        output.print_json(
-            {
-                "serial": found.serial,
-                "measured": [day.isoformat() for day in found.measured],
-                "created": found.created,
-                "calibrations": found.records,
-                "parameters": {name: {"value": found.values[name], "u": found.u[name]} for name in found.values},
-            }
-        )
-        return
     days = [day.isoformat() for day in found.measured]
+    if json:
+        pairs = {name: {"value": found.values[name], "u": found.u[name]} for name in found.values}
+        about = {"serial": found.serial, "measured": days, "created": found.created, "calibrations": found.records}
+        output.print_json(about | {"parameters": pairs})
+        return
     rows = []
     for name in found.values:
         change, spread = found.change(name)
@@ -240,6 +226,9 @@ def history(serial: str, /, *, ledger: LedgerAddress = None, json: Json = False)
         rows,
         caption="change since the first calibration; ! beyond three standard uncertainties",
     )
+    if kinds := ", ".join(found.scale_unknown[-1]):
+        said = f"{kinds}: the strength of the field is not stated in the first or the last calibration. "
+        output.notes([said + "The common scale of the sensors is left out of the change."])
 
 
 def users(
@@ -282,31 +271,28 @@ def users(
         raise InputError("--disable and --enable exclude each other; give one of them")
     with Ledger(_where(ledger), read_only=name is None) as opened:
         if name is not None:
-            active = False if disable else (True if enable else None)
             old = find_user(opened, name)
             if old is None and role is None:
                 raise InputError(f"{name!r} is a new user; give --role operator, metrologist, auditor or administrator")
-            new_role = role if role is not None or old is None else old.role
-            now_active = active if active is not None else (old is None or old.active)
-            if old is not None and old.may("administer"):
-                guard_last_administrator(opened, name, str(new_role), now_active)
-            put_user(
-                opened,
-                name,
-                role=str(new_role),
-                author=_who(),
-                password=_ask(f"password of {name}") if password or old is None else None,
-                full_name=full_name if full_name is not None else ("" if old is None else old.full_name),
-                active=now_active,
-                language=language if language is not None else ("en" if old is None else old.language),
+            known = old or User(name, "", str(role), True, "en")
+            new = replace(
+                known,
+                role=role or known.role,
+                full_name=known.full_name if full_name is None else full_name,
+                active=enable or (known.active and not disable),
+                language=language or known.language,
             )
+            if known.may("administer"):
+                guard_last_administrator(opened, name, new.role, new.active)
+            secret = _ask(f"password of {name}") if password or old is None else None
+            about: dict[str, Any] = {"full_name": new.full_name, "active": new.active, "language": new.language}
+            put_user(opened, name, role=new.role, author=_who(), password=secret, **about)
             if remove_second_factor:
                 without_second_factor(opened, name, author=_who())
         found = all_users(opened)
     if json:
-        output.print_json(
-            [{"name": u.name, "role": u.role, "active": u.active, "full_name": u.full_name} for u in found]
-        )
+        fields = ("name", "role", "active", "full_name")
+        output.print_json([{name: getattr(u, name) for name in fields} for u in found])
         return
     rows = [[u.name, u.role, "yes" if u.active else "no", u.full_name] for u in found]
     output.table("users", ["name", "role", "active", "full name"], rows)
@@ -329,16 +315,16 @@ def password(name: str, /, *, ledger: LedgerAddress = None) -> None:
     output.say(f"the password of {name} was changed; its logins at a bench end")
 
 
-def _ask(what: str, variable: str = "INCLINOMETRY_PASSWORD", *, once: bool = False) -> str:
+def _ask(what: str, variable: str = "INCLINOMETRY_PASSWORD", *, once: bool = False, word: str = "password") -> str:
     """A password that is nowhere on the command line, where others could read it."""
     given = os.environ.get(variable)
     if given is not None:
         return given
     if not sys.stdin.isatty():
-        raise InputError(f"no terminal to ask for a password on; put it into the environment as {variable}")
+        raise InputError(f"no terminal to ask for a {word} on; put it into the environment as {variable}")
     first = getpass.getpass(f"{what}: ")
     if not once and getpass.getpass("again: ") != first:
-        raise InputError("the two passwords differ; nothing was changed")
+        raise InputError(f"the two {word}s differ; nothing was changed")
     return first
 
 
@@ -350,5 +336,6 @@ def _who() -> str:
         return f"uid {os.getuid()}" if hasattr(os, "getuid") else "command line"
 
 
-def _path(where: str) -> Path | None:
+def path_of(where: str) -> Path | None:
+    """The file of a ledger; None where a server keeps it."""
     return None if "://" in where else Path(where)

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import getpass
-import os
-import sys
-from datetime import UTC, datetime
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
+
+from cryptography.hazmat.primitives.hashes import SHA256
 
 from inclinometry.cli import output
 from inclinometry.cli.options import AlsoWritten, Flag, InputOrNone, Json, Output, OutputOrNone
@@ -15,22 +14,13 @@ from inclinometry.errors import InputError
 from inclinometry.files.json_codec import canonical
 from inclinometry.files.writing import write_bytes
 from inclinometry.laboratory.commands import LedgerAddress
-from inclinometry.laboratory.commands.ledger import _where, _who
+from inclinometry.laboratory.commands.ledger import _ask, _where, _who, path_of
 from inclinometry.laboratory.ledger.chain import LedgerError
 from inclinometry.laboratory.ledger.engine import default_path, shown
 from inclinometry.laboratory.ledger.heads import grown, proof_since, read_head
 from inclinometry.laboratory.ledger.keys import Keys, fingerprint, read_public
-from inclinometry.laboratory.ledger.ledger import Ledger
-from inclinometry.laboratory.ledger.witness import (
-    PRINT,
-    is_loopback,
-    lost_sentence,
-    name_others,
-    others,
-    send,
-    unencrypted,
-    witnessed,
-)
+from inclinometry.laboratory.ledger.ledger import Ledger, send
+from inclinometry.laboratory.ledger.witness import PRINT, lost_sentence, name_others, others, witnessed
 
 
 def key(
@@ -68,39 +58,41 @@ def key(
     if lost is not None:
         keys.begin_anew(lost)
     if passphrase:
-        keys.set_passphrase(_new_passphrase())
+        keys.set_passphrase(_ask("new passphrase", "INCLINOMETRY_NEW_PASSPHRASE", word="passphrase"))
     found = keys.public()
     if found is None:
         raise InputError(f"there is no key in {keys.folder}; `inclinometry ledger key --make` makes one")
     if public is not None:
-        from inclinometry.laboratory.certificate.signing import public_bundle
+        from inclinometry.laboratory.certificate.signing import of_authority, public_bundle
 
         write_bytes(public_bundle(keys), public)
+        output.warnings(
+            [
+                "document.pem holds a certificate that the laboratory's key did not make "
+                f"({one.subject.rfc4514_string()}, SHA-256 {one.fingerprint(SHA256()).hex()}): "
+                f"publish this file only if the certificate is yours"
+                for one in of_authority(keys)
+            ]
+        )
+    uncompared = keys.uncompared()
     if json:
-        print_public = {"folder": str(keys.folder), "public": found, "fingerprint": fingerprint(found)}
-        output.print_json({**print_public, "changes": keys.changes(), "witnesses": others(keys.folder)})
+        about = {"folder": str(keys.folder), "public": found, "fingerprint": fingerprint(found)}
+        compared = not uncompared if keys.there else None
+        output.print_json(about | {"compared": compared, "changes": keys.changes(), "witnesses": others(keys.folder)})
         return
     output.say(f"key {fingerprint(found)} in {keys.folder}")
+    if uncompared:
+        output.say(uncompared)
     for one in keys.changes():
-        what = "took the place of" if one["action"] == "rotated" else "was begun, lost was"
-        before = fingerprint(one["before"]) if one["before"] else "one that is not known"
-        output.say(f"{one['time'][:10]}: {fingerprint(one['after'])} {what} {before} ({one['reason']})")
+        output.say(_change(one))
     if public is not None:
         output.say(f"public key written to {public}")
 
 
-def _new_passphrase() -> str:
-    given = os.environ.get("INCLINOMETRY_NEW_PASSPHRASE")
-    if given is not None:
-        return given
-    if not sys.stdin.isatty():
-        raise InputError(
-            "no terminal to ask on; put the passphrase into the environment as INCLINOMETRY_NEW_PASSPHRASE"
-        )
-    first = getpass.getpass("new passphrase: ")
-    if getpass.getpass("again: ") != first:
-        raise InputError("the two passphrases differ; nothing was changed")
-    return first
+def _change(one: Mapping[str, Any]) -> str:
+    what = "took the place of" if one["action"] == "rotated" else "was begun, lost was"
+    before = fingerprint(one["before"]) if one["before"] else "one that is not known"
+    return f"{one['time'][:10]}: {fingerprint(one['after'])} {what} {before} ({one['reason']})"
 
 
 def head(
@@ -129,18 +121,20 @@ def head(
     """
     if file is not None:
         return _check(file, since, key, json)
-    where = str(default_path()) if ledger is None else ledger
-    output.claim({"--output": output_}, {"--since": since, "--ledger": None if "://" in where else Path(where)})
+    where = _where(ledger)
+    output.claim({"--output": output_}, {"--since": since, "--ledger": path_of(where)})
     with Ledger(where, read_only=True) as opened:
-        newest = opened.signed_head()
+        newest = opened.own_head()
         if newest is None:
             raise LedgerError(f"{opened.shown} is not signed; `inclinometry ledger init` begins that")
         content: dict[str, Any] = {**newest.statement(), "changes": opened.keys.changes()}
-    if since is not None:
-        old, _ = read_head(since)
-        if old.ledger != newest.ledger or old.size > newest.size:
-            raise InputError(f"{since} is head {old.size} of ledger {old.ledger}, this one has {newest}")
-        content["consistency"] = {"from": old.size, "proof": proof_since(where, old.size, newest.size)}
+        if since is not None:
+            old, _ = read_head(since)
+            if old.ledger != newest.ledger or old.size > newest.size:
+                raise InputError(f"{since} is head {old.size} of ledger {old.ledger}, this one has {newest}")
+            with opened.snapshot() as connection:
+                proof = proof_since(connection, old.size, newest.size)
+            content["consistency"] = {"from": old.size, "proof": proof}
     if output_ is not None:
         write_bytes(canonical(content), output_)
     if json:
@@ -167,11 +161,7 @@ def _check(file: Path, since: Path | None, key: Path | None, json: bool) -> int:
     return 1 if problem else 0
 
 
-def status(
-    *numbers: str,
-    ledger: LedgerAddress = None,
-    output_: Output,
-) -> None:
+def status(*numbers: str, ledger: LedgerAddress = None, output_: Output) -> None:
     """Write how certificates stand, signed, for those who hold a certificate and not the ledger.
 
     Parameters
@@ -179,59 +169,38 @@ def status(
     numbers
         Of certificates; all when none is given.
     output_
-        JSON to write: the newest signed head, each certificate issued, void or superseded, proofs that they are in it.
+        JSON to write: the newest signed head, each certificate issued, void or superseded, each break that was accepted
+        with `ledger init --accept`, proofs that they are in it.
     """
-    from inclinometry.laboratory.certificate.status import make_status
+    from inclinometry.laboratory.certificate.status import break_said, make_status
 
-    where = str(default_path()) if ledger is None else ledger
-    output.claim({"--output": output_}, {"--ledger": None if "://" in where else Path(where)})
+    where = _where(ledger)
+    output.claim({"--output": output_}, {"--ledger": path_of(where)})
     with Ledger(where, read_only=True) as opened:
         made = make_status(opened, numbers)
     write_bytes(canonical(made), output_)
     states = [one["state"] for one in made["certificates"]]
-    listed = ", ".join(
-        f"{states.count(state)} {state}" for state in ("issued", "void", "superseded") if state in states
-    )
+    order = [state for state in ("issued", "void", "superseded") if state in states]
+    listed = ", ".join(f"{states.count(state)} {state}" for state in order)
     output.say(f"{output.counted(len(states), 'certificate')} as of record {made['head']['size']}: {listed or 'none'}")
+    for one in made["accepted"]:
+        output.say(break_said(one))
     output.say(f"written to {output_}")
 
 
-def witness(
-    place: str | None = None,
-    /,
-    *,
-    ledger: LedgerAddress = None,
-    remove: Flag = False,
-    serve: Path | None = None,
-    host: str = "127.0.0.1",
-    port: int = 7100,
-    key: InputOrNone = None,
-) -> int:
-    """Where signed heads are kept beside this computer; or be such a place for others. Ctrl-C ends it. Exit status 1:
-    one of them keeps nothing of the ledger, or does not answer.
+def witness(place: str | None = None, /, *, ledger: LedgerAddress = None, remove: Flag = False) -> int:
+    """Where signed heads are kept beside this computer. Exit status 1: one of them keeps nothing of the ledger, or
+    cannot be read.
 
     Parameters
     ----------
     place
-        A folder, http://host:port of a witness, another ledger, or "print": from now on every new head goes there, and
-        `ledger verify` asks it. Without it they are listed.
+        A folder, another ledger, or "print": from now on every new head goes there, and `ledger verify` reads it.
+        Without it they are listed.
     remove
         Take the place off the list; what it keeps stays there. Both are recorded in the ledger, when the key here
         signs it: a place that is taken off in another way is missed by `ledger verify`.
-    serve
-        Folder to keep the heads of others in: be a witness over HTTP.
-    host
-        Address to listen at.
-    port
-        Port to listen at; 0 chooses a free one.
-    key
-        Keep heads of this public key only; without it the first head of each ledger says whose they are.
     """
-    if serve is not None:
-        _serve(serve, host, port, key)
-        return 0
-    if key is not None:
-        raise InputError("--key says whose heads --serve keeps; give --serve FOLDER, too, or leave --key out")
     keys = Keys()
     if place is not None and remove:
         _remove(keys, place, ledger)
@@ -240,17 +209,16 @@ def witness(
     output.say(f"{keys.folder / 'heads'} (this computer)")
     for one in others(keys.folder):
         output.say(shown(one))
-        output.warnings(unencrypted(one))
-    where = str(default_path()) if ledger is None else ledger
+    where = _where(ledger)
     if ledger is None and not default_path().is_file():
         return 0
     with Ledger(where, read_only=True) as opened:
         newest = opened.signed_head()
     if newest is None or newest.key != keys.public() or not keys.there:
         return 0
-    found = witnessed(keys.folder, newest.ledger, where)
-    output.warnings([*found.silent, *(lost_sentence(keys.folder, one, newest.ledger) for one in found.lost)])
-    return 1 if found.lost or found.silent else 0
+    _, silent, lost = witnessed(keys.folder, newest.ledger, where)
+    output.warnings([*silent, *(lost_sentence(keys.folder, one, newest.ledger) for one in lost)])
+    return 1 if lost or silent else 0
 
 
 def _absolute(place: str) -> str:
@@ -286,23 +254,3 @@ def _remove(keys: Keys, place: str, ledger: str | None) -> None:
     if found is None and before == after:
         raise InputError(f"{place!r} is not on the list: {', '.join(named) or 'there are none'}")
     name_others(keys.folder, [one for one in named if one != found])
-
-
-def _serve(folder: Path, host: str, port: int, key: Path | None) -> None:
-    from inclinometry.laboratory.commands.bench import ending_well
-    from inclinometry.laboratory.ledger.witness_server import server
-
-    public = None if key is None else read_public(key).keys[0]
-    if not 0 <= port <= 65535:
-        raise InputError(f"--port is {port}; allowed 0 to 65535")
-    try:
-        made = server(folder, host, port, public, lambda text: output.warnings([f"{datetime.now(UTC):%F %T} {text}"]))
-    except OSError as error:
-        raise InputError(f"cannot be a witness at {host} port {port} ({error.strerror or error})") from None
-    if not is_loopback(host):
-        output.warnings(
-            ["heads cross the network unencrypted; put a TLS proxy before this witness and name it with https://"]
-        )
-    with made, ending_well():
-        output.say(f"witness at http://{host}:{made.server_address[1]} keeps heads in {folder} (Ctrl-C ends it)")
-        made.serve_forever()

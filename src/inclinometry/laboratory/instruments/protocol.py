@@ -7,51 +7,28 @@ import re
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import reduce
+from functools import cache, reduce
 from operator import xor
 from typing import Final
 
 import numpy as np
 
 from inclinometry.arrays import Array, finite, frozen
+from inclinometry.calibration.readings import LARGEST
 from inclinometry.constants import KINDS
 from inclinometry.conventions import axes_matrix
 from inclinometry.errors import InputError
-from inclinometry.files.wits0 import BEGIN, END, Frame
-from inclinometry.files.wits0 import _take as take_item
-
-EVENTS: Final[Mapping[str, str]] = {
-    "connected": "the port is open",
-    "disconnected": "the port was lost",
-    "unreachable": "the port could not be opened",
-    "silent": "the port is open and nothing comes",
-    "garbage": "a line that is not of this protocol",
-    "partial": "a line whose beginning or end is missing",
-    "too-long": "bytes without the end of a line",
-    "checksum": "a line whose checksum is wrong",
-    "range": "a value outside the range the protocol allows",
-    "stuck": "the same values again and again",
-    "gap": "samples the instrument sent and we did not get",
-    "repeated": "a sample that was sent twice",
-    "restart": "the instrument counts from the beginning again",
-    "clock": "the instrument's clock or ours went back",
-    "listener": "a receiver of the samples failed",
-}
-"""Kinds of event and what each is."""
-FAULTS: Final = ("range", "stuck")
-"""Events that spoil a sample which is otherwise delivered: they stand in `Sample.faults`."""
+from inclinometry.files.wits0 import BEGIN, END, WitsFrame, take_item
 
 
 @dataclass(frozen=True, eq=False)
 class Sample:
     """One reading of all channels.
 
-    time : s, when it arrived, on the clock of the reader (never goes back).
-    channels : kind -> (m,) signals in the unit the protocol states, axes and signs mapped.
-    temperature : degC, where the instrument sends it.
-    sequence : number the instrument gave it, where it does.
-    instrument_time : s, on the instrument's own clock, where it sends it.
-    faults : of `FAULTS`, what is wrong with it; empty for a good one.
+    time : s, of arrival, on the reader's clock (never goes back). instrument_time : s, on the instrument's own.
+    channels : kind -> (m,) signals in the unit of the protocol, axes and signs mapped. temperature : degC.
+    sequence : number the instrument gave it. faults : "range", "stuck", events that spoil a sample which is
+        otherwise delivered; empty for a good one.
     """
 
     time: float
@@ -64,19 +41,27 @@ class Sample:
 
 @dataclass(frozen=True)
 class InstrumentEvent:
-    """Something that happened to the stream: time, s, on the clock of the reader; kind, of `EVENTS`; a sentence."""
+    """Something that happened to the stream: time, s, on the clock of the reader; kind; a sentence.
+
+    Of the port: connected, disconnected, unreachable, silent. Of a line: garbage, partial (its beginning or end is
+    missing), too-long, checksum. Of a sample: range (a value that the protocol does not allow), stuck (the same values
+    again and again), gap (samples that we did not get), repeated. restart: the instrument counts from the beginning
+    again. clock: its clock or ours went back. listener: a receiver of the samples failed.
+    """
 
     time: float
     kind: str
     sentence: str
 
 
-_ANCHOR: Final = time.time() - time.monotonic()
+@cache
+def _anchor() -> float:
+    return time.time() - time.monotonic()
 
 
 def steady_clock() -> float:
-    """Unix time, s, that never jumps: the date when this program started plus the time since."""
-    return _ANCHOR + time.monotonic()
+    """Unix time, s, that never jumps: the date when it was first asked for plus the time since."""
+    return _anchor() + time.monotonic()
 
 
 # Checksums at the end of a line: an asterisk and hexadecimal digits, as NMEA 0183 writes them.
@@ -91,23 +76,7 @@ CHECKSUMS: Final = ("none", *_SUMS)
 
 
 def checksum(kind: str, line: bytes) -> str:
-    """The checksum of a line, without the asterisk; a leading $ is not counted, as in NMEA 0183.
-
-    Parameters
-    ----------
-    kind : {"none", "xor", "sum", "crc16"}
-    line : bytes
-
-    Raises
-    ------
-    InputError
-        An unknown kind.
-
-    Examples
-    --------
-    >>> checksum("xor", b"$GPGLL,5057.970,N,00146.110,E,142451,A"), checksum("crc16", b"123456789")
-    ('27', '29B1')
-    """
+    """The checksum of a line, without the asterisk; a leading $ is not counted, as in NMEA 0183."""
     if kind not in CHECKSUMS:
         raise InputError(f"checksum is {kind!r}; allowed: {', '.join(CHECKSUMS)}")
     if kind == "none":
@@ -119,8 +88,6 @@ def checksum(kind: str, line: bytes) -> str:
 def with_checksum(kind: str, line: str) -> str:
     """The line with its asterisk and checksum; as it is for "none".
 
-    Examples
-    --------
     >>> with_checksum("xor", "1,2"), with_checksum("none", "1,2")
     ('1,2*2F', '1,2')
     """
@@ -130,8 +97,6 @@ def with_checksum(kind: str, line: str) -> str:
 def without_checksum(kind: str, line: str) -> str | None:
     """The line before its asterisk when the checksum is right; None when it is wrong or missing.
 
-    Examples
-    --------
     >>> without_checksum("xor", "1,2*2F"), without_checksum("xor", "1,3*2F")
     ('1,2', None)
     """
@@ -142,37 +107,12 @@ def without_checksum(kind: str, line: str) -> str | None:
     return body if star and given.strip().upper() == right else None
 
 
-LARGEST: Final = 1e15
-"""No reading may be larger, as in bench readings."""
-
-
 @dataclass(frozen=True, eq=False)
 class ChannelMap:
-    """Fields of a line that are the sensors of one triad.
+    """Fields of a line that are the sensors of one triad, in the order x, y, z unless `axes` says otherwise.
 
-    Parameters
-    ----------
-    fields : sequence of str
-        One name a sensor, in the order x, y, z where they are those.
-    unit : str
-        Of the signals after `scale`.
-    axes : sequence of str
-        For three sensors: which of them, with which sign, is the tool's x, y, z; e.g. ("+y", "-x", "+z"). Empty
-        where the order of the fields is right.
-    scale : float or sequence of float
-        What a number of the line is multiplied by, one for all or one a field; negative turns a sign.
-    low, high : float
-        Allowed values, in `unit`; one outside is reported and spoils the sample.
-
-    Raises
-    ------
-    InputError
-        No field or too many, a field twice, axes that are none, a scale of 0, an empty range.
-
-    Examples
-    --------
-    >>> ChannelMap(("a", "b", "c"), axes=("+y", "-x", "+z"), scale=0.1).signals([10.0, 20.0, 30.0])
-    array([ 2., -1.,  3.])
+    axes : which sensor, with which sign, is the tool's x, y, z, for example ("+y", "-x", "+z").
+    scale : factor on the numbers, one for all or one a field. low, high : in `unit`; outside spoils the sample.
     """
 
     fields: Sequence[str]
@@ -234,47 +174,23 @@ class TemperatureMap:
             )
 
 
+LIMITS: Final[Mapping[str, tuple[float, float, type[int] | type[float]]]] = {
+    "interval": (0.0, 3600.0, float),
+    "answer": (0.01, 600.0, float),
+    "silence": (0.1, 3600.0, float),
+    "stuck_after": (0, 1e6, int),
+    "longest": (8, 1e6, int),
+    "modulus": (0, 1e12, int),
+}
+"""Lowest and highest value of the numbers of a protocol; those that are no whole numbers are times, s."""
+
+
 @dataclass(frozen=True, eq=False)
 class Protocol:
-    """A protocol of lines.
+    """A protocol of lines: give `columns` or `pattern`, or neither for "wits0", frames of WITS level 0.
 
-    Parameters
-    ----------
-    name : str
-    channels : mapping of kind to ChannelMap
-    framing : {"line", "wits0"}
-        A line is a sample; or a frame of WITS level 0 is, and fields are items of four digits.
-    columns, delimiter : sequence of str, str
-        Names of the cells of a line, parted by the delimiter (white space when it is a space). "" is a cell without
-        meaning.
-    pattern : str
-        Or a regular expression that the whole line fits, whose named groups are the fields.
-    terminator : bytes
-        End of a line. After "\\r\\n" a bare "\\n" does too.
-    query : bytes
-        What is sent to ask for a sample; empty for an instrument that sends by itself.
-    interval, answer : float
-        s, between queries, and how long an answer is waited for.
-    checksum : {"none", "xor", "sum", "crc16"}
-    sequence, modulus : str, int
-        Field that numbers the samples, and where it starts again from 0 (0: never).
-    time : str
-        Field with the instrument's own clock, s.
-    silence : float
-        s without a byte before it is reported.
-    stuck_after : int
-        Identical readings before they are called stuck; 0 never.
-    longest : int
-        Bytes of the longest line; more without an end are thrown away.
-    serial : mapping
-        baudrate, bytesize, parity, stopbits, rtscts, xonxoff for a serial port.
-    template : str
-        How a line looks, with the fields in braces; the simulated instrument writes it where there is a `pattern`.
-
-    Raises
-    ------
-    InputError
-        What does not go together, with the remedy.
+    In columns "" is a cell without meaning, a delimiter " " any white space. A pattern is a regular expression of the
+    whole line whose named groups are the fields; with one, `template` is what the simulated instrument writes.
     """
 
     name: str
@@ -284,17 +200,17 @@ class Protocol:
     delimiter: str = ","
     pattern: str = ""
     terminator: bytes = b"\r\n"
-    query: bytes = b""
-    interval: float = 0.1
-    answer: float = 1.0
+    query: bytes = b""  #: empty: the instrument sends by itself
+    interval: float = 0.1  #: s between queries
+    answer: float = 1.0  #: s an answer is waited for
     checksum: str = "none"
     temperature: TemperatureMap | None = None
-    sequence: str = ""
-    modulus: int = 0
-    time: str = ""
-    silence: float = 3.0
-    stuck_after: int = 50
-    longest: int = 1024
+    sequence: str = ""  #: field that numbers the samples
+    modulus: int = 0  #: where the number starts again from 0; 0: never
+    time: str = ""  #: field with the instrument's own clock, s
+    silence: float = 3.0  #: s without a byte before it is reported
+    stuck_after: int = 50  #: identical readings; 0: never
+    longest: int = 1024  #: bytes of a line
     serial: Mapping[str, object] = field(default_factory=dict)
     template: str = ""
     description: str = ""
@@ -302,23 +218,20 @@ class Protocol:
     expression: re.Pattern[str] | None = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        framings = ("line", "wits0")
         object.__setattr__(self, "expression", self._compiled())
         if not self.channels or set(self.channels) - set(KINDS):
             raise InputError(f"channels are {sorted(self.channels)}; allowed: one or more of {', '.join(KINDS)}")
         ordered = {kind: self.channels[kind] for kind in KINDS if kind in self.channels}
         object.__setattr__(self, "channels", ordered)
-        for name, allowed in (("framing", framings), ("checksum", CHECKSUMS)):
+        for name, allowed in (("framing", ("line", "wits0")), ("checksum", CHECKSUMS)):
             if getattr(self, name) not in allowed:
                 raise InputError(f"{name} is {getattr(self, name)!r}; allowed: {', '.join(allowed)}")
         if not self.terminator or (self.framing == "wits0" and self.checksum != "none"):
             raise InputError("a terminator is needed, e.g. \\r\\n; and WITS level 0 has no checksum")
-        for name, low, high in (("interval", 0.0, 3600.0), ("answer", 0.01, 600.0), ("silence", 0.1, 3600.0)):
+        for name, (low, high, whole) in LIMITS.items():
+            unit = " s" if whole is float else ""
             if not low <= getattr(self, name) <= high:
-                raise InputError(f"{name} is {getattr(self, name):g} s; allowed {low:g} to {high:g} s")
-        for name, low, high in (("stuck_after", 0, 1e6), ("longest", 8, 1e6), ("modulus", 0, 1e12)):
-            if not low <= getattr(self, name) <= high:
-                raise InputError(f"{name} is {getattr(self, name)}; allowed {low:g} to {high:g}")
+                raise InputError(f"{name} is {getattr(self, name):g}{unit}; allowed {low:g} to {high:g}{unit}")
         self._check_fields()
 
     def _compiled(self) -> re.Pattern[str] | None:
@@ -373,20 +286,7 @@ class Protocol:
 
 
 class Lines:
-    r"""Collects bytes and gives out whole lines.
-
-    Parameters
-    ----------
-    protocol : Protocol
-        Its terminator, and the longest line.
-
-    Examples
-    --------
-    >>> from inclinometry.laboratory.instruments.protocol_toml import read_protocol
-    >>> lines = Lines(read_protocol("csv-line"))
-    >>> list(lines.feed(b"1,2\r\n3,")), list(lines.feed(b"4\n")), lines.rest
-    ([b'1,2'], [b'3,4'], b'')
-    """
+    """Collects bytes and gives out whole lines."""
 
     def __init__(self, protocol: Protocol) -> None:
         # after \r\n a bare \n ends a line too: converters between the two are common
@@ -440,7 +340,7 @@ class FieldReader:
 
     def __init__(self, protocol: Protocol) -> None:
         self._protocol = protocol
-        self._frame: Frame | None = None
+        self._frame: WitsFrame | None = None
 
     def clear(self) -> None:
         """A new connection begins."""
@@ -449,10 +349,7 @@ class FieldReader:
     def take(self, line: bytes) -> Fields | None:
         """The fields of a line that completes a sample, None for one that does not.
 
-        Raises
-        ------
-        Refused
-            With the kind of event and the reason.
+        Raises Refused: with the kind of event and the reason.
         """
         try:
             text = line.decode("ascii")
@@ -477,7 +374,7 @@ class FieldReader:
     def _item(self, text: str) -> Fields | None:
         frame = self._frame
         if text == BEGIN:
-            self._frame = Frame(0, {}, {})
+            self._frame = WitsFrame(0, {}, {})
             if frame is not None:
                 raise Refused("partial", "a frame does not end (!! is missing)")
             return None
@@ -489,7 +386,7 @@ class FieldReader:
             wrong = take_item(frame, 0, text)
             if wrong is not None:
                 self._frame = None
-                raise Refused("garbage", wrong.why)
+                raise Refused("garbage", wrong)
             return None
         self._frame = None
         mine = [name for name in self._protocol.used if name in frame.items]
@@ -504,45 +401,19 @@ class FieldReader:
 def shown(line: bytes) -> str:
     r"""The beginning of a line as it can be printed.
 
-    Examples
-    --------
     >>> shown(b"\xff12")
     "'\\xff12'"
     """
     text = line[:40].decode("ascii", "backslashreplace").replace("'", "")
-    return (
-        "'"
-        + "".join(c if c.isprintable() else f"\\x{ord(c):02x}" for c in text)
-        + ("..." if len(line) > 40 else "")
-        + "'"
-    )
+    printed = "".join(c if c.isprintable() else f"\\x{ord(c):02x}" for c in text)
+    return f"'{printed}{'...' if len(line) > 40 else ''}'"
 
 
 # The line an instrument would send for a sample: the reverse of reading one, for simulated instruments.
 
 
 def encode(protocol: Protocol, sample: Sample) -> bytes:
-    r"""A line, or a frame of WITS level 0, with its end.
-
-    Parameters
-    ----------
-    protocol : Protocol
-    sample : Sample
-        With the channels of the protocol.
-
-    Raises
-    ------
-    InputError
-        A channel the protocol has is not in the sample; a pattern without a template.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from inclinometry.laboratory.instruments.protocol_toml import read_protocol
-    >>> channels = {"accelerometer": np.array([1.0, 2.0, 3.0]), "magnetometer": np.array([4.0, 5.0, 6.0])}
-    >>> encode(read_protocol("csv-line"), Sample(0.0, channels, 20.5, 7))
-    b'7,20.5,1,2,3,4,5,6\r\n'
-    """
+    """A line, or a frame of WITS level 0, with its end."""
     values: dict[str, str] = {}
     for kind, channel in protocol.channels.items():
         signals = sample.channels.get(kind)
@@ -576,26 +447,13 @@ def encode(protocol: Protocol, sample: Sample) -> bytes:
 
 # Bytes to samples and events; knows no port and no thread.
 
-_NUMBER: Final = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,3})?\s*", re.ASCII)
-_WHOLE: Final = re.compile(r"\s*\d{1,18}(\.0*)?\s*", re.ASCII)
-
 
 class Decoder:
     """Turns what comes through a port into samples, each delivered once, and says what was wrong with the rest.
 
-    Parameters
-    ----------
-    protocol : Protocol
-    on_sample, on_event : callables
-        Called in the order in which things came.
-    clock : callable
-        s; where it goes back, times go on from where they were.
-
-    Notes
-    -----
-    The first line after connecting to an instrument that sends by itself is left out unless it has a checksum: it may
-    have lost its beginning, and "23.5" for "123.5" looks like any number. A sample with the number of the one before
-    is one sample. Neither is counted as lost.
+    The first line of an instrument that sends by itself without checksum is left out: its beginning may be lost, and
+    "23.5" for "123.5" looks like any number. A sample with the number of the one before is one sample. Neither counts
+    as lost.
     """
 
     def __init__(
@@ -661,15 +519,13 @@ class Decoder:
                 faults.append("range")
                 bounds = f"{channel.low:g} to {channel.high:g} {channel.unit}"
                 self.event("range", f"{kind} reads {', '.join(f'{v:g}' for v in signals)}; allowed {bounds}")
-        about = self._protocol.temperature
-        if about is None:
-            temperature = None
-        else:
-            degrees = about.scale * _number(fields, about.field, line) + about.offset
-            if not about.low <= degrees <= about.high:
+        about, temperature = self._protocol.temperature, None
+        if about is not None:
+            temperature = about.scale * _number(fields, about.field, line) + about.offset
+            if not about.low <= temperature <= about.high:
                 faults.append("range")
-                self.event("range", f"temperature is {degrees:g} degC; allowed {about.low:g} to {about.high:g} degC")
-            temperature = degrees
+                bounds = f"{about.low:g} to {about.high:g} degC"
+                self.event("range", f"temperature is {temperature:g} degC; allowed {bounds}")
         when = _number(fields, protocol.time, line) if protocol.time else None
         number = _whole(fields, protocol.sequence, line) if protocol.sequence else None
         now = self._clock() + self._ahead
@@ -722,7 +578,7 @@ class Decoder:
 
 def _number(fields: Fields, name: str, line: bytes) -> float:
     text = fields[name]
-    if not _NUMBER.fullmatch(text):
+    if not re.fullmatch(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,3})?\s*", text, re.ASCII):
         raise Refused("garbage", f"{name} is {text[:20]!r}, not a number, in {shown(line)}")
     value = float(text)
     # what WITS level 0 writes for no value
@@ -733,6 +589,6 @@ def _number(fields: Fields, name: str, line: bytes) -> float:
 
 def _whole(fields: Fields, name: str, line: bytes) -> int:
     text = fields[name]
-    if not _WHOLE.fullmatch(text):
+    if not re.fullmatch(r"\s*\d{1,18}(\.0*)?\s*", text, re.ASCII):
         raise Refused("garbage", f"{name} is {text[:20]!r}, not the number of a sample, in {shown(line)}")
     return int(float(text)) if "." in text else int(text)

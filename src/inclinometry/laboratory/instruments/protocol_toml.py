@@ -4,29 +4,18 @@ from __future__ import annotations
 
 from importlib.resources import as_file, files
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
+from inclinometry.calibration.readings import LARGEST
 from inclinometry.constants import KINDS
 from inclinometry.errors import FileError, InputError
 from inclinometry.files import toml_keys
-from inclinometry.laboratory.instruments.protocol import LARGEST, ChannelMap, Protocol, TemperatureMap
-
-_TEXTS: Final = ("description", "source", "framing", "delimiter", "pattern", "checksum", "template", "sequence", "time")
-_BYTES: Final = ("terminator", "query")
-_NUMBERS: Final = {
-    "interval_s": ("interval", 0.0, 3600.0),
-    "answer_s": ("answer", 0.01, 600.0),
-    "silence_s": ("silence", 0.1, 3600.0),
-}
-_WHOLE: Final = {"stuck_after": 10**6, "longest": 10**6, "modulus": 10**12}
-_KEYS: Final = (*_TEXTS, *_BYTES, *_NUMBERS, *_WHOLE, "columns", "channels", "temperature", "serial")
+from inclinometry.laboratory.instruments.protocol import LIMITS, ChannelMap, Protocol, TemperatureMap
 
 
 def protocol_names() -> tuple[str, ...]:
     """Names of the protocols shipped with the package.
 
-    Examples
-    --------
     >>> protocol_names()
     ('csv-line', 'query-response', 'wits0')
     """
@@ -35,25 +24,10 @@ def protocol_names() -> tuple[str, ...]:
 
 
 def read_protocol(name_or_path: str | Path) -> Protocol:
-    """A protocol by the name of a shipped one, or from a TOML file.
-
-    Raises
-    ------
-    InputError
-        A name that is neither; lists the names.
-    FileError
-        Wrong syntax, an unknown key, a value out of range, fields that are not there.
-
-    Examples
-    --------
-    >>> protocol = read_protocol("query-response")
-    >>> protocol.query, protocol.units
-    (b'0SD\\r', {'accelerometer': 'counts', 'magnetometer': 'counts'})
-    """
+    """A protocol by the name of a shipped one, or from a TOML file."""
     if str(name_or_path) in protocol_names():
-        with as_file(
-            files("inclinometry.laboratory.instruments").joinpath("protocols", f"{name_or_path}.toml")
-        ) as path:
+        folder = files("inclinometry.laboratory.instruments").joinpath("protocols")
+        with as_file(folder.joinpath(f"{name_or_path}.toml")) as path:
             return _read(path)
     path = Path(name_or_path)
     if path.suffix != ".toml":
@@ -63,40 +37,33 @@ def read_protocol(name_or_path: str | Path) -> Protocol:
 
 
 def _read(path: Path) -> Protocol:
-    settings = toml_keys.load(path, _KEYS)
-    found: dict[str, Any] = {key: value for key in _TEXTS if (value := _text(settings, key)) is not None}
-    for key in _BYTES:
+    texts = ("description", "source", "framing", "delimiter", "pattern", "checksum", "template", "sequence", "time")
+    numbers = {f"{name}_s" if whole is float else name: name for name, (_, _, whole) in LIMITS.items()}
+    keys = (*texts, "terminator", "query", *numbers, "columns", "channels", "temperature", "serial")
+    settings = toml_keys.load(path, keys)
+    found: dict[str, Any] = {key: value for key in texts if (value := _text(settings, key)) is not None}
+    for key in ("terminator", "query"):
         value = _text(settings, key)
         if value is not None:
             found[key] = _ascii(value, key, path)
-    for key, (name, low, high) in _NUMBERS.items():
+    for key, name in numbers.items():
+        low, high, whole = LIMITS[name]
         number = settings.number(key, low, high)
         if number is not None:
-            found[name] = number
-    for key, most in _WHOLE.items():
-        number = settings.number(key, 0, most)
-        if number is not None:
-            found[key] = int(number)
+            found[name] = whole(number)
     if "columns" in settings.content:
         found["columns"] = _texts(settings.content["columns"], "columns", path)
     found["serial"] = _serial(settings.content.get("serial", {}), path)
     try:
         found["channels"] = _channels(settings.content.get("channels"), path)
         if "temperature" in settings.content:
-            table = _table(
-                settings.content["temperature"],
-                "temperature",
-                ("field", "scale", "offset_degC", "low_degC", "high_degC"),
-                path,
-            )
+            own = {"scale": "scale", "offset_degC": "offset", "low_degC": "low", "high_degC": "high"}
+            table = _table(settings.content["temperature"], "temperature", ("field", *own), path)
             field = _text(table, "field")
             if field is None:
                 raise FileError("temperature: key 'field' is missing; name the field", path=path)
-            keys = {"scale": "scale", "offset_degC": "offset", "low_degC": "low", "high_degC": "high"}
-            given = {own: table.number(key, -1e6, 1e6) for key, own in keys.items()}
-            found["temperature"] = TemperatureMap(
-                field, **{own: number for own, number in given.items() if number is not None}
-            )
+            given = {name: number for key, name in own.items() if (number := table.number(key, -1e6, 1e6)) is not None}
+            found["temperature"] = TemperatureMap(field, **given)
         return Protocol(path.stem, **found)
     except FileError:
         raise

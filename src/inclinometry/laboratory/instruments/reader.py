@@ -8,7 +8,6 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping
-from types import TracebackType
 from typing import Any, Final
 from urllib.parse import urlsplit
 
@@ -17,7 +16,6 @@ from inclinometry.laboratory.instruments.protocol import Decoder, InstrumentEven
 
 # The port an instrument hangs on: a serial port, or one behind a socket; opened, read, written, closed.
 
-_DEVICE: Final = re.compile(r"COM[0-9]{1,3}|/dev/(tty|cu|pts/)[\w.\-/]*", re.IGNORECASE | re.ASCII)
 READ_TIMEOUT: Final = 0.1
 """s; the longest a read waits for the first byte."""
 
@@ -27,32 +25,15 @@ class PortError(InclinometryError, ConnectionError):
 
 
 def checked_url(url: str) -> str:
-    """The URL of a port, when it is one.
-
-    Parameters
-    ----------
-    url : str
-        "COM3", "/dev/ttyUSB0", "socket://host:port" or "rfc2217://host:port".
-
-    Raises
-    ------
-    InputError
-        Anything else; pyserial's other schemes open files and are not allowed.
-
-    Examples
-    --------
-    >>> checked_url("socket://127.0.0.1:7000")
-    'socket://127.0.0.1:7000'
-    >>> checked_url("spy:///dev/ttyS0?file=out")
-    Traceback (most recent call last):
-    inclinometry.errors.InputError: instrument 'spy:///dev/ttyS0?file=out' is no port; give COM3 ...
-    """
-    if _DEVICE.fullmatch(url) and ".." not in url:
+    """The URL of a port, when it is one; pyserial's other schemes open files and are refused."""
+    device = r"COM[0-9]{1,3}|/dev/(tty|cu|pts/)[\w.\-/]*"
+    if re.fullmatch(device, url, re.IGNORECASE | re.ASCII) and ".." not in url:
         return url
     try:
         parts = urlsplit(url)
-        schemes = ("socket", "rfc2217")
-        right = parts.scheme in schemes and bool(parts.hostname) and parts.port is not None and parts.port > 0
+        right = (
+            parts.scheme in ("socket", "rfc2217") and bool(parts.hostname) and parts.port is not None and parts.port > 0
+        )
         plain = not parts.query and not parts.fragment and parts.path in ("", "/") and "@" not in parts.netloc
     except ValueError:
         right = plain = False
@@ -62,20 +43,7 @@ def checked_url(url: str) -> str:
 
 
 class Port:
-    """An open port.
-
-    Parameters
-    ----------
-    url : str
-        As `checked_url` takes it.
-    protocol : Protocol
-        For the settings of a serial port.
-
-    Raises
-    ------
-    PortError
-        The port cannot be opened; says why and what to look at.
-    """
+    """An open port, by `checked_url` and the serial settings of the protocol."""
 
     def __init__(self, url: str, protocol: Protocol) -> None:
         import serial
@@ -97,10 +65,7 @@ class Port:
     def read(self) -> bytes:
         """Bytes that have come; empty when none comes for `READ_TIMEOUT`.
 
-        Raises
-        ------
-        PortError
-            The other side closed, or the port is gone.
+        Raises PortError: the other side closed, or the port is gone.
         """
         chunk = 65536
         try:
@@ -125,10 +90,7 @@ class Port:
     def write(self, data: bytes) -> None:
         """Send bytes.
 
-        Raises
-        ------
-        PortError
-            They cannot be sent.
+        Raises PortError: they cannot be sent.
         """
         try:
             self._port.write(data)
@@ -149,31 +111,11 @@ def _reason(error: BaseException) -> str:
 
 
 class InstrumentReader:
-    """Reads samples from a port until it is stopped.
+    """Reads samples from a port until it is stopped; the callbacks run in its thread and must return soon.
 
-    Parameters
-    ----------
-    url : str
-        COM3, /dev/ttyUSB0 or socket://host:port.
-    protocol : Protocol
-    on_sample : callable
-        Called with each `Sample`, in the reader's thread; must return soon.
-    on_event : callable, optional
-        Called with each `InstrumentEvent`.
-    clock : callable, optional
-        s, the time samples get; a clock that never jumps when not given.
-    backoff : (float, float)
-        s, first and longest wait before the port is opened again; doubled each time in between.
-
-    Raises
-    ------
-    InputError
-        The URL is none; waits out of range.
-
-    Notes
-    -----
-    A receiver that raises is told as an event and does not stop the reading. A line is delivered once: a connection
-    that breaks within a line loses that line only, and the event "gap" says so where the instrument numbers its lines.
+    A line is delivered once: a connection that breaks within a line loses that line only, told as event "gap" where the
+    instrument numbers its lines. A receiver that raises is told as an event and does not stop the reading.
+    `backoff` : s, first and longest wait before the port is opened again, doubled in between.
     """
 
     def __init__(
@@ -205,20 +147,18 @@ class InstrumentReader:
                 self._thread.start()
         return self
 
-    def stop(self, timeout: float = 10.0) -> None:
-        """Stop reading and wait for the thread, at most `timeout` s."""
+    def stop(self) -> None:
+        """Stop reading and wait for the thread, at most 10 s."""
         with self._lock:
             thread, self._thread = self._thread, None
         self._stop.set()
         if thread is not None and thread is not threading.current_thread():
-            thread.join(timeout)
+            thread.join(10.0)
 
     def __enter__(self) -> InstrumentReader:
         return self.start()
 
-    def __exit__(
-        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.stop()
 
     @property

@@ -7,7 +7,7 @@ import socket
 import threading
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from typing import Any, Final, Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -17,7 +17,6 @@ from inclinometry.laboratory.instruments.reader import PortError
 
 Angles = tuple[float, float, float]
 """Azimuth, inclination, toolface, rad."""
-_NUMBER: Final = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 
 
 @runtime_checkable
@@ -39,18 +38,7 @@ class RigDriver(Protocol):
 
 
 class ManualRig:
-    """A rig turned by hand: it is where it should be when the operator says so.
-
-    Examples
-    --------
-    >>> rig = ManualRig()
-    >>> rig.move(0.0, 1.0, 0.0)
-    >>> rig.ready(), rig.position()
-    (False, None)
-    >>> rig.confirm()
-    >>> rig.ready(), rig.position()
-    (True, (0.0, 1.0, 0.0))
-    """
+    """A rig turned by hand: it is where it should be when the operator says so."""
 
     def __init__(self, name: str = "manual") -> None:
         self.name = name
@@ -59,15 +47,12 @@ class ManualRig:
 
     def move(self, azimuth: float, inclination: float, toolface: float) -> None:
         """A setting the operator is asked for."""
-        self._target, self._there = _angles((azimuth, inclination, toolface)), False
+        self._target, self._there = angles_of((azimuth, inclination, toolface)), False
 
     def confirm(self) -> None:
         """The operator says that the rig is set.
 
-        Raises
-        ------
-        InputError
-            Nothing was asked for.
+        Raises InputError: nothing was asked for.
         """
         if self._target is None:
             raise InputError("no setting was asked for; choose a position first")
@@ -86,17 +71,9 @@ class ManualRig:
 class RigCommands:
     """The words of a motorised rig.
 
-    move : sent to turn; {azimuth}, {inclination}, {toolface} are degrees.
-    position : asks for the setting; the answer is three numbers in degrees, parted by commas.
-    ready : asks whether it stands; the answer is 1 or 0.
-    identity : asks for its name.
-    error : asks for an error after a move; the answer begins with 0 when there is none. Empty: nothing is asked.
-    decimals : of the degrees.
-
-    Raises
-    ------
-    InputError
-        A move without the three angles, a line end in a command.
+    move : with {azimuth}, {inclination}, {toolface}, degrees with `decimals`.
+    position : the answer is three numbers in degrees, parted by commas. ready : the answer is 1 or 0.
+    error : asked after a move; the answer begins with 0 when there is none. Empty: nothing is asked.
     """
 
     move: str = "AZ {azimuth};INC {inclination};TF {toolface}"
@@ -127,20 +104,7 @@ class RigCommands:
 
 
 class ScpiRig:
-    """A rig that takes lines of commands over TCP; a lost connection is opened again at the next command.
-
-    Parameters
-    ----------
-    host, port : str, int
-    commands : RigCommands
-    timeout : float
-        s for an answer.
-
-    Raises
-    ------
-    InputError
-        A port or time out of range.
-    """
+    """A rig that takes lines of commands over TCP; a lost connection is opened again at the next command."""
 
     def __init__(
         self, host: str, port: int, commands: RigCommands | None = None, *, timeout: float = 3.0, name: str = "rig"
@@ -155,16 +119,8 @@ class ScpiRig:
         self._lock = threading.Lock()
 
     def move(self, azimuth: float, inclination: float, toolface: float) -> None:
-        """Turn to a setting, rad.
-
-        Raises
-        ------
-        PortError
-            The rig cannot be reached.
-        InputError
-            The rig refuses the setting.
-        """
-        self._exchange(self._commands.moving(_angles((azimuth, inclination, toolface))), answer=False)
+        """Turn to a setting, rad; a refused one raises InputError, a lost rig PortError."""
+        self._exchange(self._commands.moving(angles_of((azimuth, inclination, toolface))), answer=False)
         if self._commands.error:
             answer = self._exchange(self._commands.error)
             if not re.match(r"[+-]?0\b", answer):
@@ -173,10 +129,11 @@ class ScpiRig:
     def position(self) -> Angles | None:
         """What the rig says it is set to, rad; errors as `move`."""
         answer = self._exchange(self._commands.position)
-        parts = [part.strip() for part in answer.split(",")]
-        if len(parts) != 3 or not all(_NUMBER.fullmatch(part) for part in parts):
+        number = r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*"
+        found = re.fullmatch(",".join([number] * 3), answer, re.ASCII)
+        if found is None:
             raise InputError(f"rig {self.name} answers {answer[:60]!r}; three numbers in degrees are expected")
-        return _angles(np.radians([float(part) for part in parts]))
+        return angles_of(np.radians([float(part) for part in found.groups()]))
 
     def ready(self) -> bool:
         """Whether the setting is reached; errors as `move`."""
@@ -205,23 +162,18 @@ class ScpiRig:
         Settings are absolute, so that sending one twice turns to the same place.
         """
         with self._lock:
-            fresh = self._socket is None
-            try:
-                return self._once(line, answer)
-            except OSError as error:
-                self._drop()
-                if fresh or isinstance(error, TimeoutError):
-                    raise self._lost(error) from None
-            try:
-                return self._once(line, answer)
-            except OSError as error:
-                self._drop()
-                raise self._lost(error) from None
-
-    def _lost(self, error: OSError) -> PortError:
-        host, port = self._place
-        why = error.strerror or str(error) or type(error).__name__
-        return PortError(f"rig {self.name} at {host}:{port} does not answer ({why}); is it switched on and connected?")
+            while True:
+                fresh = self._socket is None
+                try:
+                    return self._once(line, answer)
+                except OSError as error:
+                    self._drop()
+                    if fresh or isinstance(error, TimeoutError):
+                        why = error.strerror or str(error) or type(error).__name__
+                        place = f"{self._place[0]}:{self._place[1]}"
+                        raise PortError(
+                            f"rig {self.name} at {place} does not answer ({why}); is it switched on and connected?"
+                        ) from None
 
     def _once(self, line: str, answer: bool) -> str:
         longest = 4096
@@ -243,18 +195,7 @@ class ScpiRig:
 
 
 def rig_driver(driver: Mapping[str, Any], name: str = "rig") -> ManualRig | ScpiRig:
-    """The driver a registered rig names: {"kind": "manual"} or {"kind": "scpi", "host", "port", "commands"}.
-
-    Raises
-    ------
-    InputError
-        An unknown kind or key, a port that is none.
-
-    Examples
-    --------
-    >>> rig_driver({}).name
-    'rig'
-    """
+    """The driver a registered rig names: {"kind": "manual"} or {"kind": "scpi", "host", "port", "commands"}."""
     kind = driver.get("kind", "manual")
     allowed = {"manual": {"kind"}, "scpi": {"kind", "host", "port", "commands", "timeout_s"}}
     if kind not in allowed or set(driver) - allowed[kind]:
@@ -274,7 +215,8 @@ def rig_driver(driver: Mapping[str, Any], name: str = "rig") -> ManualRig | Scpi
     return ScpiRig(str(driver.get("host", "127.0.0.1")), port, RigCommands(**words), timeout=timeout, name=name)
 
 
-def _angles(dial: Any) -> Angles:
+def angles_of(dial: Any) -> Angles:
+    """A setting of three angles, rad; InputError for degrees."""
     values = finite(dial, "setting", (3,))
     if np.abs(values).max() > 4.0 * np.pi:
         raise InputError(f"setting is {values.tolist()} rad; it looks like degrees")

@@ -1,7 +1,7 @@
 """A simulated instrument that is a real server: the bench, the demo and the tests reach it through the real transport.
 
-It speaks any protocol that is described as data, has a tool and a rig with errors of their own, and can be told to
-misbehave. The rig is turned by `move`, through a second port that understands SCPI, or follows a plan by itself.
+It speaks any protocol that is described as data, and has a tool and a rig with errors of their own. The rig is turned
+by `move`, through a second port that understands SCPI, or follows a plan by itself.
 """
 
 from __future__ import annotations
@@ -9,63 +9,49 @@ from __future__ import annotations
 import contextlib
 import re
 import socket
+import socketserver
 import threading
 import time as clock
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Final
 
 import numpy as np
 
-from inclinometry.arrays import Array, finite
+from inclinometry.arrays import Array
 from inclinometry.calibration.plans import Plan
-from inclinometry.constants import DIALS
 from inclinometry.errors import InputError
 from inclinometry.laboratory.instruments.protocol import FieldReader, Lines, Protocol, Refused, Sample, encode
 from inclinometry.laboratory.instruments.protocol_toml import read_protocol
+from inclinometry.laboratory.instruments.rig import Angles, angles_of
 from inclinometry.sensors import Tool
-from inclinometry.simulate.bench import Misread, Rig
+from inclinometry.simulate.bench import Rig
 from inclinometry.simulate.tool import Streams, realistic_tool
-from inclinometry.workflow.simulate import misread, read_truth
-
-POLL: Final = 0.1
+from inclinometry.workflow.simulate import read_truth
 
 
-class LineServer:
-    """Listens on a port and runs `serve(connection, stopping)` for each connection in its own thread.
+class LineServer(socketserver.ThreadingTCPServer):
+    """Listens on a port (0: a free one) and runs `serve(connection, stopping)` for each connection in its own thread.
 
-    Parameters
-    ----------
-    host : str
-    port : int
-        0: the system chooses one.
-    serve : callable
-        Ends when the connection is closed or `stopping` is set.
-
-    Raises
-    ------
-    InputError
-        The port is taken or not allowed.
+    `serve` ends when the connection is closed or `stopping` is set.
     """
+
+    allow_reuse_address, daemon_threads = True, True
 
     def __init__(self, host: str, port: int, serve: Callable[[socket.socket, threading.Event], None]) -> None:
         if not 0 <= port <= 65535:
             raise InputError(f"port is {port}; allowed 0 to 65535 (0: a free one is chosen)")
-        self._serve, self._stopping = serve, threading.Event()
-        try:
-            self._listener = socket.create_server((host, port), backlog=4)
-        except (OSError, UnicodeError) as error:
-            why = getattr(error, "strerror", None) or str(error)
-            raise InputError(
-                f"cannot listen on {host}:{port} ({why}); choose another port, or 0 for a free one"
-            ) from None
-        self._listener.settimeout(POLL)
-        self.host, self.port = host, int(self._listener.getsockname()[1])
+        self._work, self._stopping = serve, threading.Event()
         self._connections: dict[socket.socket, threading.Thread] = {}
         self._lock = threading.Lock()
-        self._accepting = threading.Thread(target=self._accept, name=f"server {self.port}", daemon=True)
+        try:
+            super().__init__((host, port), socketserver.BaseRequestHandler)
+        except (OSError, UnicodeError) as error:
+            why = f"{host}:{port} ({getattr(error, 'strerror', None) or error})"
+            raise InputError(f"cannot listen on {why}; choose another port, or 0 for a free one") from None
+        self.host, self.port = host, int(self.server_address[1])
+        self._accepting = threading.Thread(target=self.serve_forever, args=(0.1,), daemon=True)
 
     def start(self) -> None:
         """Begin to accept."""
@@ -75,8 +61,8 @@ class LineServer:
         """Close everything and wait for the threads."""
         self._stopping.set()
         if self._accepting.is_alive():
-            self._accepting.join()
-        self._listener.close()
+            self.shutdown()
+        self.server_close()
         self.disconnect()
         with self._lock:
             threads = list(self._connections.values())
@@ -96,34 +82,23 @@ class LineServer:
                 with contextlib.suppress(OSError):
                     connection.shutdown(socket.SHUT_RDWR)
 
-    def _accept(self) -> None:
-        while not self._stopping.is_set():
-            try:
-                connection, _ = self._listener.accept()
-            except TimeoutError:
-                continue
-            except OSError:
-                return
-            with self._lock:
-                # connections at a time; one more is closed at once
-                if len(self._connections) >= 16:
-                    connection.close()
-                    continue
-                connection.settimeout(POLL)
-                connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-                thread = threading.Thread(target=self._run, args=(connection,), daemon=True)
-                self._connections[connection] = thread
-                thread.start()
+    def verify_request(self, request: Any, client_address: Any) -> bool:
+        """Connections at a time; one more is closed at once."""
+        return self.connections < 16
 
-    def _run(self, connection: socket.socket) -> None:
+    def finish_request(self, request: Any, client_address: Any) -> None:
+        """One connection, in its thread."""
+        with self._lock:
+            self._connections[request] = threading.current_thread()
         try:
-            self._serve(connection, self._stopping)
+            request.settimeout(0.1)
+            request.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            self._work(request, self._stopping)
         except OSError:
             pass  # the other side went away: nothing of ours is lost by it
         finally:
             with self._lock:
-                self._connections.pop(connection, None)
-            connection.close()
+                del self._connections[request]
 
 
 def send(connection: socket.socket, data: bytes, stopping: threading.Event) -> bool:
@@ -143,145 +118,6 @@ def receive(connection: socket.socket, stopping: threading.Event) -> bytes:
     return b""
 
 
-# What goes wrong with a simulated instrument, stated as "garbage=0.01,dropout=0.02,disconnect=60".
-
-SHARES: Final = ("garbage", "dropout", "partial", "encoding", "endless", "repeat", "outside", "stuck")
-"""Faults given as a share of the samples, in the order of their draws."""
-BLOCK: Final = 256
-
-
-@dataclass(frozen=True)
-class Faults:
-    """Faults of a simulated instrument.
-
-    garbage : share of samples before which an unreadable line is sent.
-    dropout : share of samples that are not sent.
-    partial : share of lines that lose their end, so that the next line hangs on.
-    encoding : share of samples before which bytes that are no text are sent.
-    endless : share of samples before which 5000 bytes without the end of a line are sent.
-    repeat : share of samples sent twice.
-    outside : share of samples with a value far out of range.
-    stuck : share of samples at which all values stay the same for 100 samples.
-    disconnect : mean time between lost connections, s of the simulation; 0 never.
-    latency : largest delay of a line, s of the simulation.
-    misread : settings (station from 0) at which a dial was misread: the tool stands elsewhere than the record says.
-
-    Raises
-    ------
-    InputError
-        A share outside 0 to 1, times below 0.
-
-    Examples
-    --------
-    >>> parse_faults("garbage=0.01,disconnect=60").disconnect
-    60.0
-    """
-
-    garbage: float = 0.0
-    dropout: float = 0.0
-    partial: float = 0.0
-    encoding: float = 0.0
-    endless: float = 0.0
-    repeat: float = 0.0
-    outside: float = 0.0
-    stuck: float = 0.0
-    disconnect: float = 0.0
-    latency: float = 0.0
-    misread: tuple[Misread, ...] = ()
-
-    def __post_init__(self) -> None:
-        for name in SHARES:
-            if not 0.0 <= getattr(self, name) <= 1.0:
-                raise InputError(f"faults: {name} is {getattr(self, name):g}; a share from 0 to 1 is needed")
-        for name, most in (("disconnect", 1e6), ("latency", 60.0)):
-            if not 0.0 <= getattr(self, name) <= most:
-                raise InputError(f"faults: {name} is {getattr(self, name):g} s; allowed 0 to {most:g} s")
-
-
-def parse_faults(text: str) -> Faults:
-    """Faults from "name=value,name=value"; misread=STATION:DIAL:DEGREES may come more than once.
-
-    Raises
-    ------
-    InputError
-        An unknown name, a value that is no number or out of range, a name twice.
-
-    Examples
-    --------
-    >>> parse_faults("misread=7:toolface:30").misread[0].station
-    6
-    >>> parse_faults("garbages=1")
-    Traceback (most recent call last):
-    inclinometry.errors.InputError: faults: 'garbages' is unknown; allowed: garbage, dropout, partial ...
-    """
-    most_positions = 5000
-    known = [field.name for field in fields(Faults)]
-    found: dict[str, Any] = {}
-    for part in text.split(",") if text.strip() else []:
-        name, equals, value = (piece.strip() for piece in part.partition("="))
-        if name not in known or not equals:
-            raise InputError(f"faults: {name!r} is unknown; allowed: {', '.join(known)}, as name=value")
-        if name == "misread":
-            found[name] = (*found.get(name, ()), misread(value, most_positions))
-            continue
-        if name in found:
-            raise InputError(f"faults: {name} is given twice; give it once")
-        try:
-            found[name] = float(value)
-        except ValueError:
-            raise InputError(f"faults: {name} is {value!r}; a number is needed, e.g. {name}=0.01") from None
-        if not np.isfinite(found[name]):
-            raise InputError(f"faults: {name} is {value!r}; a finite number is needed")
-    return Faults(**found)
-
-
-class FaultSource:
-    """What happens to each sample: a function of the seed and the number of the sample alone."""
-
-    def __init__(self, faults: Faults, seed: int) -> None:
-        self.faults, self._streams = faults, Streams(seed, "instrument")
-        self._limits = np.array([getattr(faults, name) for name in SHARES])
-        self._any = bool(self._limits.any())
-        # one tuple, so that two readers never see the number of one block with the draws of another
-        self._drawn = (-1, np.zeros((0, len(SHARES)), dtype=bool))
-
-    def of(self, number: int) -> tuple[str, ...]:
-        """The faults that befall a sample."""
-        if not self._any:
-            return ()
-        block, row = divmod(number, BLOCK)
-        known, drawn = self._drawn
-        if block != known:
-            drawn = self._streams[f"faults.{block}"].random((BLOCK, len(SHARES))) < self._limits
-            self._drawn = (block, drawn)
-        hits = drawn[row]
-        return tuple(name for name, hit in zip(SHARES, hits, strict=True) if hit) if hits.any() else ()
-
-    def delay(self, number: int) -> float:
-        """s of the simulation by which a line is late."""
-        if not self.faults.latency:
-            return 0.0
-        return float(self._streams[f"latency.{number}"].uniform(0.0, self.faults.latency))
-
-    def next_disconnect(self, index: int, now: float) -> float:
-        """When the connection is lost next, s of the simulation; infinite for never."""
-        if not self.faults.disconnect:
-            return float("inf")
-        return now + float(self._streams[f"disconnect.{index}"].exponential(self.faults.disconnect))
-
-    def unreadable(self, number: int, kind: str) -> bytes:
-        """An unreadable line without its end; for "endless" one that is too long."""
-        random: Array = self._streams[f"unreadable.{number}"].random(24)
-        if kind == "endless":
-            return b"7" * 5000
-        if kind == "encoding":
-            return bytes(128 + int(x * 127) for x in random)
-        return b"#" + bytes(33 + int(x * 90) for x in random).replace(b",", b";")
-
-
-Angles = tuple[float, float, float]
-
-
 @dataclass(frozen=True, eq=False)
 class StandSettings:
     """How the simulated stand behaves.
@@ -290,7 +126,6 @@ class StandSettings:
     temperature, warming : degC at the start, degC an hour.
     noise : factor on the tool's own noise.
     plan, dwell : positions visited one after the other, over and over, and s at each; none: it waits for `move`.
-    misread : settings at which the tool stands elsewhere than its dials say; station counts changes of position.
     """
 
     turn: float = 2.0
@@ -299,7 +134,6 @@ class StandSettings:
     noise: float = 1.0
     plan: Plan | None = None
     dwell: float = 5.0
-    misread: tuple[Misread, ...] = ()
 
     def __post_init__(self) -> None:
         limits = {"turn": (0.0, 3600.0), "temperature": (-100.0, 400.0), "warming": (-1e4, 1e4), "noise": (0.0, 1e3)}
@@ -308,43 +142,11 @@ class StandSettings:
                 raise InputError(f"{name} is {getattr(self, name):g}; allowed {low:g} to {high:g}")
 
 
-@dataclass
-class _State:
-    """Of a stand; start, stop : true settings, (3,) rad, of the move that goes on from begin to end, s."""
-
-    dial: Angles = (0.0, 0.0, 0.0)
-    start: Array = field(default_factory=lambda: np.zeros(3))
-    stop: Array = field(default_factory=lambda: np.zeros(3))
-    begin: float = 0.0
-    end: float = 0.0
-    settings: int = 0
-    positions: int = 0
-    visited: int = 0
-    clean: dict[str, Array] = field(default_factory=dict)
-
-    def at(self, time: float) -> Array:
-        """True settings, smooth at both ends of the move."""
-        return self.start + self.way(time) * (self.stop - self.start)
-
-    def way(self, time: float) -> float:
-        """Share of the move that is done."""
-        if time >= self.end:
-            return 1.0
-        share = max((time - self.begin) / (self.end - self.begin), 0.0)
-        return share * share * (3.0 - 2.0 * share)
-
-
 class SimulatedStand:
     """The truth behind a simulated instrument; safe to use from many threads.
 
-    Parameters
-    ----------
-    tool : Tool
-    rig : Rig
-        Its faults are not used: see `StandSettings.misread`.
-    seed : int
-        Decides errors of settings and noise; the noise of a sample depends on its number only.
-    settings : StandSettings
+    The seed decides errors of settings and noise; the noise of a sample depends on its number only. Faults of the rig
+    are not used.
     """
 
     def __init__(self, tool: Tool, rig: Rig, seed: int, settings: StandSettings) -> None:
@@ -353,57 +155,61 @@ class SimulatedStand:
             rig = replace(rig, tilt_axis=float(self._streams["tilt"].uniform(0.0, 2.0 * np.pi)))
         self.tool, self.rig, self.settings = tool, rig, settings
         self._directions = {kind: rig.direction(kind) for kind in tool.triads}
-        self._lock, self._state = threading.RLock(), _State()
+        self._lock = threading.RLock()
+        self._dial: Angles = (0.0, 0.0, 0.0)
+        # true settings, (3,) rad, of the move that goes on from begin to end, s
+        self._start, self._stop, self._begin, self._end = np.zeros(3), np.zeros(3), 0.0, 0.0
+        self._moves = self._visited = 0
+        self._clean: dict[str, Array] = {}
         self._noise: dict[int, Mapping[str, Array]] = {}
         self._constant = all(triad.degree == 0 for triad in tool.triads.values())
-        self.move(self._state.dial, 0.0, at_once=True)
-        self._state.positions = 0
+        self.move(self._dial, 0.0, at_once=True)
 
     @property
     def dial(self) -> Angles:
         """What the dials say, or will when the turn is over: azimuth, inclination, toolface, rad."""
         with self._lock:
-            return self._state.dial
+            return self._dial
 
     @property
     def errors(self) -> Array:
         """True less dialled angles (3,) of the setting now, rad."""
         with self._lock:
-            return np.asarray(self._state.stop - np.array(self._state.dial))
+            return np.asarray(self._stop - np.array(self._dial))
 
     def ready(self, time: float) -> bool:
         """Whether the tool stands at its dials."""
         with self._lock:
-            return time >= self._state.end
+            return time >= self._end
+
+    def _way(self, time: float) -> float:
+        """Share of the move that is done, smooth at both ends."""
+        if time >= self._end:
+            return 1.0
+        share = max((time - self._begin) / (self._end - self._begin), 0.0)
+        return share * share * (3.0 - 2.0 * share)
 
     def indicated(self, time: float) -> Angles:
         """What the dials show at a time, on the way too."""
         with self._lock:
-            state = self._state
-            gone = state.way(time)
-            shown = state.start + gone * (np.array(state.dial) - state.start)
-            azimuth, inclination, toolface = (float(x) for x in (np.array(state.dial) if gone == 1.0 else shown))
+            gone = self._way(time)
+            if gone == 1.0:
+                return self._dial
+            azimuth, inclination, toolface = (
+                float(x) for x in self._start + gone * (np.array(self._dial) - self._start)
+            )
             return azimuth, inclination, toolface
 
     def move(self, dial: Angles, time: float, *, at_once: bool = False) -> None:
-        """Turn to azimuth, inclination, toolface, rad; the same setting again is set anew, without a misreading."""
-        values = finite(dial, "setting", (3,))
-        if np.abs(values).max() > 4.0 * np.pi:
-            raise InputError(f"setting is {values.tolist()} rad; it looks like degrees")
+        """Turn to azimuth, inclination, toolface, rad; the same setting again is set anew."""
+        setting = angles_of(dial)
         with self._lock:
-            state = self._state
-            now = state.at(time)
-            changed = state.positions == 0 or not np.allclose(values, state.dial, rtol=0.0, atol=1e-9)
-            off = self._streams[f"setting.{state.settings}"].standard_normal(3) * self.rig.setting_sd + self.rig.zeros()
-            if changed:
-                for fault in self.settings.misread:
-                    if fault.station == state.positions:
-                        off[DIALS.index(fault.dial)] -= fault.size
-                state.positions += 1
-            state.settings += 1
+            now = self._start + self._way(time) * (self._stop - self._start)
+            off = self._streams[f"setting.{self._moves}"].standard_normal(3) * self.rig.setting_sd + self.rig.zeros()
+            self._moves += 1
             end = time if at_once else time + self.settings.turn
-            state.dial = (float(values[0]), float(values[1]), float(values[2]))
-            state.start, state.stop, state.begin, state.end, state.clean = now, values + off, time, end, {}
+            self._dial, self._clean = setting, {}
+            self._start, self._stop, self._begin, self._end = now, np.array(setting) + off, time, end
 
     def sample(self, number: int, time: float) -> Sample:
         """What the tool says: sample `number`, at `time` s."""
@@ -411,28 +217,27 @@ class SimulatedStand:
             plan = self.settings.plan
             if plan is not None:
                 due = int(time / (self.settings.dwell + self.settings.turn))
-                if self._state.visited <= due:
+                if self._visited <= due:
                     row = due % len(plan)
                     place = (float(plan.azimuth[row]), float(plan.inclination[row]), float(plan.toolface[row]))
                     self.move(place, time, at_once=due == 0)
-                    self._state.visited = due + 1
+                    self._visited = due + 1
             degrees = self.settings.temperature + self.settings.warming * time / 3600.0
-            moving = time < self._state.end
-            if self._state.clean and not moving:
-                clean = self._state.clean
-            else:
-                turned = self.rig.orientation(self._state.at(time))
-                found = {k: t.signals(turned @ self._directions[k], degrees) for k, t in self.tool.triads.items()}
+            moving = time < self._end
+            clean = {} if moving else self._clean
+            if not clean:
+                turned = self.rig.orientation(self._start + self._way(time) * (self._stop - self._start))
+                clean = {k: t.signals(turned @ self._directions[k], degrees) for k, t in self.tool.triads.items()}
                 if self._constant and not moving:
-                    self._state.clean = found
-                clean = found
+                    self._clean = clean
             # noise while the tool is turned, in units of its noise at rest
             shake = self.settings.noise * (20.0 if moving else 1.0)
-            block, row = divmod(number, BLOCK)
+            size = 256  # samples whose noise is drawn at once
+            block, row = divmod(number, size)
             drawn = self._noise.get(block)
             if drawn is None:
                 drawn = {
-                    kind: self._streams[f"{kind}.{block}"].standard_normal((BLOCK, triad.count)) * self.tool.noise[kind]
+                    kind: self._streams[f"{kind}.{block}"].standard_normal((size, triad.count)) * self.tool.noise[kind]
                     for kind, triad in self.tool.triads.items()
                 }
                 self._noise = {**dict(list(self._noise.items())[-2:]), block: drawn}
@@ -447,114 +252,49 @@ class SimulatedStand:
 # How a simulated instrument and its rig talk: a stream of lines, answers to queries, SCPI commands.
 
 
-@dataclass(frozen=True)
-class Timing:
-    """rate: samples a second of the simulation; speed: its seconds a second, 0 for as fast as it goes."""
-
-    rate: float
-    speed: float
-    begin: float = field(default_factory=clock.monotonic)
-
-    def now(self) -> float:
-        """s of the simulation since the start."""
-        return (clock.monotonic() - self.begin) * self.speed
-
-    def wait(self, time: float, stopping: threading.Event) -> None:
-        """Until a moment of the simulation, or the end."""
-        if self.speed > 0.0:
-            left = time / self.speed - (clock.monotonic() - self.begin)
-            if left > 0.0:
-                stopping.wait(left)
-
-
 class ProtocolEmulator:
-    """Serves the samples of a stand in a protocol, with faults.
+    """Serves the samples of a stand in a protocol.
 
-    Parameters
-    ----------
-    on_line : callable, optional
-        Told of each line that was sent whole, in order: connection (from 1) and number of the sample.
-    last : int, optional
-        The last sample that is sent; then the connection stays open and silent.
+    rate: samples a second of the simulation; speed: its seconds a second, 0 for as fast as it goes. sent : number of
+    the next sample.
     """
 
-    def __init__(
-        self,
-        protocol: Protocol,
-        stand: SimulatedStand,
-        source: FaultSource,
-        timing: Timing,
-        on_line: Callable[[int, int], None] | None = None,
-        last: int | None = None,
-    ) -> None:
-        self.protocol, self.stand, self.source, self.timing = protocol, stand, source, timing
-        self._on_line, self._last = on_line, last
+    def __init__(self, protocol: Protocol, stand: SimulatedStand, rate: float, speed: float) -> None:
+        self.protocol, self.stand, self.rate, self.speed = protocol, stand, rate, speed
+        self._begin = clock.monotonic()
         self._lock = threading.Lock()
-        self._next = 0
-        self._links = 0
-        self._drops = 0
-        self._stuck: Sample | None = None
-        self._stuck_until = -1
-
-    @property
-    def sent(self) -> int:
-        """Number of the next sample: how many there have been."""
-        return self._next
+        self.sent = 0
 
     def now(self) -> float:
         """s of the simulation; by samples where it goes as fast as it can."""
-        return self.timing.now() if self.timing.speed > 0.0 else self._next / self.timing.rate
+        return (clock.monotonic() - self._begin) * self.speed if self.speed > 0.0 else self.sent / self.rate
 
     def serve(self, connection: socket.socket, stopping: threading.Event) -> None:
         """One connection, until it ends."""
-        with self._lock:
-            self._links += 1
-            link = self._links
-        drop = self._next_drop()
         if self.protocol.query:
-            self._answer(connection, stopping, link, drop)
+            self._answer(connection, stopping)
         else:
-            self._stream(connection, stopping, link, drop)
+            self._stream(connection, stopping)
 
-    def _next_drop(self) -> float:
-        with self._lock:
-            self._drops += 1
-            return self.source.next_disconnect(self._drops, self.now())
-
-    def _stream(self, connection: socket.socket, stopping: threading.Event, link: int, drop: float) -> None:
-        timing, glued = self.timing, False
-        number = self._next if timing.speed == 0.0 else max(int(np.ceil(timing.now() * timing.rate)), 0)
-        batch, whole = b"", list[int]()
+    def _stream(self, connection: socket.socket, stopping: threading.Event) -> None:
+        batch = b""
+        number = self.sent if self.speed == 0.0 else max(int(np.ceil(self.now() * self.rate)), 0)
         while not stopping.is_set():
-            if self._last is not None and number > self._last:
-                if not send(connection, batch, stopping):
-                    return
-                self._tell(link, whole)
-                receive(connection, stopping)
-                return
-            time = number / timing.rate
-            timing.wait(time + self.source.delay(number), stopping)
-            lines, here, glued = self._lines(number, time, glued)
-            batch += lines
-            whole += [number] if here else []
+            time = number / self.rate
+            if self.speed > 0.0:
+                stopping.wait(max((time - self.now()) / self.speed, 0.0))
+            batch += encode(self.protocol, self.stand.sample(number, time))
             number += 1
-            self._next = max(self._next, number)
-            lost = time >= drop
-            cut = lost and here and "repeat" not in self.source.of(number - 1)
+            self.sent = max(self.sent, number)
             # samples sent at a time where time does not matter
-            if timing.speed == 0.0 and number % 64 and not lost:
+            if self.speed == 0.0 and number % 64:
                 continue
-            if cut:  # in the middle of a line
-                batch, whole = batch[: -max(len(self.protocol.terminator) + 5, 1)], whole[:-1]
             if not send(connection, batch, stopping):
                 return
-            self._tell(link, whole)
-            batch, whole = b"", []
-            if lost:
-                return
+            batch = b""
 
-    def _answer(self, connection: socket.socket, stopping: threading.Event, link: int, drop: float) -> None:
-        asked, glued = b"", False
+    def _answer(self, connection: socket.socket, stopping: threading.Event) -> None:
+        asked = b""
         while not stopping.is_set():
             data = receive(connection, stopping)
             if not data:
@@ -563,47 +303,9 @@ class ProtocolEmulator:
             while self.protocol.query in asked:
                 asked = asked[asked.index(self.protocol.query) + len(self.protocol.query) :]
                 with self._lock:
-                    number, self._next = self._next, self._next + 1
-                time = self.now()
-                if self.source.faults.latency:
-                    stopping.wait(self.source.delay(number) / (self.timing.speed or 1.0))
-                lines, here, glued = self._lines(number, time, glued)
-                if not send(connection, lines, stopping):
+                    number, self.sent = self.sent, self.sent + 1
+                if not send(connection, encode(self.protocol, self.stand.sample(number, self.now())), stopping):
                     return
-                self._tell(link, [number] if here else [])
-                if time >= drop:
-                    return
-
-    def _tell(self, link: int, numbers: list[int]) -> None:
-        if self._on_line is not None:
-            for number in numbers:
-                self._on_line(link, number)
-
-    def _lines(self, number: int, time: float, glued: bool) -> tuple[bytes, bool, bool]:
-        """Bytes of a sample; whether its line is whole; whether its end is missing, so that the next hangs on."""
-        sample, fate = self.stand.sample(number, time), self.source.of(number)
-        if "stuck" in fate and number > self._stuck_until:
-            # samples for which values stay when they are stuck
-            self._stuck, self._stuck_until = sample, number + 100
-        if number <= self._stuck_until and self._stuck is not None:
-            sample = replace(sample, channels=self._stuck.channels)
-        if "outside" in fate:
-            kind = next(iter(self.protocol.channels))
-            far = sample.channels[kind].copy()
-            # a value that no instrument measures
-            far[0] = 1e9
-            sample = replace(sample, channels={**sample.channels, kind: far})
-        out = b""
-        if not glued:
-            for kind in ("garbage", "encoding", "endless"):
-                if kind in fate:
-                    out += self.source.unreadable(number, kind) + self.protocol.terminator
-        if "dropout" in fate:
-            return out, False, glued
-        line = encode(self.protocol, sample)
-        if "partial" in fate:
-            return out + line[: max(len(line) * 2 // 3, 1)].rstrip(b"\r\n"), False, True
-        return out + (line + line if "repeat" in fate and not glued else line), not glued, False
 
 
 class RigCommands:
@@ -663,43 +365,12 @@ class RigCommands:
 class SimulatedInstrument:
     """A tool on a rig behind a TCP port.
 
-    Parameters
-    ----------
-    protocol : str or Protocol
-        Name of a shipped protocol, a TOML file, or one in memory.
-    tool : Tool, optional
-        The true tool; a realistic one drawn by the seed when not given.
-    rig : Rig, optional
-        The true rig; by default settings err by 0.05 deg and the base is tilted by 0.3 deg.
-    seed : int
-        Decides tool, errors of settings, noise and faults.
-    host, port : str, int
-        Port 0 chooses a free one.
-    rig_port : int, optional
-        Of the rig's SCPI server; none when not given.
-    rate : float
-        Samples a second of an instrument that sends by itself.
-    speed : float
-        Seconds of the simulation a second; 0 for as fast as the receiver takes them.
-    stand : StandSettings, optional
-    faults : Faults, optional
-    on_line : callable, optional
-        Told of each line sent whole: connection (from 1), number of the sample.
-    last : int, optional
-        The last sample that is sent.
-
-    Raises
-    ------
-    InputError
-        A port that is taken; a tool without the sensors or the units of the protocol; values out of range.
-
-    Examples
-    --------
-    >>> with SimulatedInstrument(seed=1) as instrument:
-    ...     instrument.move(0.0, 1.0, 0.0)
-    ...     instrument.url.startswith("socket://127.0.0.1:"), instrument.ready()
-    (True, False)
+    The default tool is drawn by the seed; the default rig errs by 0.05 deg in its settings and is tilted by 0.3 deg.
+    `rate` is in samples a second, `speed` in simulated seconds a second (0: as fast as they are taken). `rig_port` is
+    that of the rig's SCPI server, none by default; `url` what a reader is given.
     """
+
+    name = "simulated rig"
 
     def __init__(
         self,
@@ -714,27 +385,21 @@ class SimulatedInstrument:
         rate: float = 10.0,
         speed: float = 1.0,
         stand: StandSettings | None = None,
-        faults: Faults | None = None,
-        on_line: Callable[[int, int], None] | None = None,
-        last: int | None = None,
     ) -> None:
         for name, value, low, high in (("rate", rate, 0.01, 10_000.0), ("speed", speed, 0.0, 1e6)):
             if not low <= value <= high:
                 raise InputError(f"{name} is {value:g}; allowed {low:g} to {high:g}")
         self.protocol = protocol if isinstance(protocol, Protocol) else read_protocol(protocol)
-        faults = faults or Faults()
-        settings = stand or StandSettings()
         # of the converter of a tool nobody gave
         self.tool = realistic_tool(seed, bits=16) if tool is None else tool
         fits(self.tool, self.protocol)
-        settings = replace(settings, misread=(*settings.misread, *faults.misread))
-        self.stand = SimulatedStand(self.tool, default_rig() if rig is None else rig, seed, settings)
+        self.stand = SimulatedStand(self.tool, default_rig() if rig is None else rig, seed, stand or StandSettings())
         self.rig = self.stand.rig
         speaks(self.protocol, self.stand.sample(0, 0.0))
-        self._emulator = ProtocolEmulator(
-            self.protocol, self.stand, FaultSource(faults, seed), Timing(rate, speed), on_line, last
-        )
+        self._emulator = ProtocolEmulator(self.protocol, self.stand, rate, speed)
         self._server = LineServer(host, port, self._emulator.serve)
+        self.host, self.port = host, self._server.port
+        self.url = f"socket://{host}:{self.port}"
         self._rig_server: LineServer | None = None
         if rig_port is not None:
             try:
@@ -742,6 +407,7 @@ class SimulatedInstrument:
             except InputError:
                 self._server.stop()
                 raise
+        self.rig_port = None if self._rig_server is None else self._rig_server.port
         self._begun = False
 
     def start(self) -> SimulatedInstrument:
@@ -762,30 +428,8 @@ class SimulatedInstrument:
     def __enter__(self) -> SimulatedInstrument:
         return self.start()
 
-    def __exit__(
-        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.stop()
-
-    @property
-    def host(self) -> str:
-        """Address of both ports."""
-        return self._server.host
-
-    @property
-    def port(self) -> int:
-        """Of the instrument."""
-        return self._server.port
-
-    @property
-    def rig_port(self) -> int | None:
-        """Of the rig's SCPI server; None without one."""
-        return None if self._rig_server is None else self._rig_server.port
-
-    @property
-    def url(self) -> str:
-        """What a reader is given."""
-        return f"socket://{self._server.host}:{self.port}"
 
     @property
     def connections(self) -> int:
@@ -796,11 +440,6 @@ class SimulatedInstrument:
     def sent(self) -> int:
         """How many samples there have been."""
         return self._emulator.sent
-
-    @property
-    def name(self) -> str:
-        """As rigs have one."""
-        return "simulated rig"
 
     def move(self, azimuth: float, inclination: float, toolface: float) -> None:
         """Turn the tool to azimuth, inclination, toolface, rad; it takes `StandSettings.turn` s."""
@@ -827,10 +466,7 @@ def default_rig() -> Rig:
 def fits(tool: Tool, protocol: Protocol) -> None:
     """Refuse a tool that the protocol cannot carry.
 
-    Raises
-    ------
-    InputError
-        Says which sensors or unit differ.
+    Raises InputError: says which sensors or unit differ.
     """
     for kind, channel in protocol.channels.items():
         triad = tool.triads.get(kind)
@@ -848,10 +484,7 @@ def fits(tool: Tool, protocol: Protocol) -> None:
 def speaks(protocol: Protocol, sample: Sample) -> None:
     """Refuse a protocol whose own lines it would not read.
 
-    Raises
-    ------
-    InputError
-        A pattern without a template, or with one that does not fit it.
+    Raises InputError: A pattern without a template, or with one that does not fit it.
     """
     data = encode(protocol, sample)
     reader = FieldReader(protocol)

@@ -10,7 +10,7 @@ from sqlalchemy.engine import Engine
 from sqlalchemy.exc import DBAPIError
 
 from inclinometry.laboratory.ledger.chain import LedgerError
-from inclinometry.laboratory.ledger.engine import default_path, engine, in_words, shown, translated, unprotected
+from inclinometry.laboratory.ledger.engine import default_path, engine, refusal, shown, translated, unprotected
 from inclinometry.laboratory.ledger.keys import Keys
 from inclinometry.laboratory.ledger.ledger import Ledger
 
@@ -18,21 +18,8 @@ from inclinometry.laboratory.ledger.ledger import Ledger
 def create(where: str | Path, *, keys: Keys | None = None, sign: bool | None = None, accepted: bool = False) -> Ledger:
     """Make an empty ledger, or bring an existing one up to date, and open it.
 
-    Parameters
-    ----------
-    where : str or Path
-    keys : Keys, optional
-        The laboratory's keys, made where there are none; those of this computer when not given.
-    sign : bool, optional
-        Whether its heads are signed; when not given a new ledger's are, and an existing one's as they were.
-    accepted : bool
-        Somebody will answer, by `Ledger.accept`, for signatures that were removed.
-
-    Raises
-    ------
-    LedgerError
-        A folder that cannot be written, a database that is not a ledger or of a newer program; one to be signed whose
-        signatures were removed.
+    With `sign` None a new ledger is signed, an old one as it was. `accepted`: somebody will answer, by `Ledger.accept`,
+    for signatures that were removed; without it such a ledger is refused.
     """
     if "://" not in str(where):
         path = Path(where)
@@ -82,7 +69,7 @@ def _write_ahead(made: Engine, where: str | Path) -> None:
         finally:
             raw.close()
     except (sqlite3.Error, DBAPIError) as error:
-        raise LedgerError(f"{shown(where)}: {in_words(getattr(error, 'orig', None) or error)}") from None
+        raise LedgerError(refusal(shown(where), getattr(error, "orig", None) or error)) from None
 
 
 def _migrate(made: Engine, revision: str = "head") -> None:

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from typing import Any, Final, NamedTuple
 
 from inclinometry.errors import InputError
+from inclinometry.findings import Finding
 
 GENESIS: Final = "0" * 64
 """The link before the first record."""
@@ -15,6 +16,11 @@ GENESIS: Final = "0" * 64
 
 class LedgerError(InputError):
     """The ledger refuses, or cannot be used: what happened and what to do."""
+
+
+def missing(kind: str, name: object, ledger: str) -> Finding:
+    """That a ledger holds no such record."""
+    return Finding("ledger-not-there", {"kind": kind, "name": f"{name!r:.60}", "ledger": ledger}, severity="refused")
 
 
 class Head(NamedTuple):
@@ -30,8 +36,6 @@ class Head(NamedTuple):
 def parse_head(text: str) -> Head:
     """A head as `str(head)` prints it.
 
-    Examples
-    --------
     >>> parse_head("0:" + GENESIS).seq
     0
     """
@@ -44,8 +48,6 @@ def parse_head(text: str) -> Head:
 def compact(content: Any) -> str:
     """JSON text that depends on the content alone: keys sorted, no blanks, shortest decimals; NaN refused.
 
-    Examples
-    --------
     >>> compact({"b": 1.0, "a": [True, None]})
     '{"a":[true,null],"b":1.0}'
     """

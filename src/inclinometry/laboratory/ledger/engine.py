@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final
 
 from sqlalchemy import (
     BigInteger,
@@ -38,6 +38,7 @@ from sqlalchemy.types import NullType
 
 from inclinometry.digest import digest_bytes
 from inclinometry.errors import InputError
+from inclinometry.findings import Finding
 from inclinometry.laboratory.ledger import chain
 from inclinometry.laboratory.ledger.chain import LedgerError
 
@@ -48,8 +49,6 @@ PATIENCE: Final = 20
 """Seconds a writer waits for another one."""
 _WRITE_LOCK: Final = 0x1E_D6E7  # any number, the same for all writers of one PostgreSQL database
 _SAID: Final = (
-    ("disk is full", "the disk is full: free some space on it, then try again; nothing was recorded"),
-    ("No space left", "the server's disk is full: free some space on it, then try again; nothing was recorded"),
     ("disk I/O", "the disk could not be read or written: check it and the space on it; nothing was recorded"),
     ("readonly", "the ledger cannot be written: check the permissions of the file and of its folder"),
     ("read-only", "the server does not let this user write: ask its administrator"),
@@ -84,8 +83,6 @@ def default_path() -> Path:
 def shown(where: str | Path) -> str:
     """An address without its password.
 
-    Examples
-    --------
     >>> shown("postgresql://anna:secret@host/lab"), shown("lab.sqlite")
     ('postgresql://anna:***@host/lab', 'lab.sqlite')
     """
@@ -101,21 +98,7 @@ def shown(where: str | Path) -> str:
 
 
 def engine(where: str | Path, *, create: bool = False, read_only: bool = False) -> Engine:
-    """The database engine of a path or an address.
-
-    Parameters
-    ----------
-    where : str or Path
-    create : bool
-        The file may be missing.
-    read_only : bool
-        Nothing will be written; a ledger in a folder that cannot be written can be read then.
-
-    Raises
-    ------
-    LedgerError
-        No such file (unless `create`), not a file, a kind of database that is not supported.
-    """
+    """The database engine of a path or an address; `read_only` opens a ledger in a folder that cannot be written."""
     text = str(where)
     return _server(text) if "://" in text else _file(text, create, read_only)
 
@@ -220,29 +203,15 @@ def translated(where: str) -> Iterator[None]:
             f"{where}: somebody else has just recorded this; nothing was lost, load the page again"
         ) from None
     except DBAPIError as error:
-        lost = error.connection_invalidated
-        raise LedgerError(f"{where}: {in_words(error.orig, lost=lost)}") from None
+        raise LedgerError(refusal(where, error.orig, lost=error.connection_invalidated)) from None
     except UnicodeDecodeError:
         raise LedgerError(f"{where}: a text in it was changed; run `inclinometry ledger verify`") from None
     except SQLAlchemyError as error:
-        raise LedgerError(f"{where}: {in_words(error)}") from None
+        raise LedgerError(refusal(where, error)) from None
 
 
 def in_words(error: object, *, lost: bool = False) -> str:
-    """What a database refused, as a sentence with the remedy; its own words stand behind it, quoted.
-
-    Parameters
-    ----------
-    error : object
-        As its text says it.
-    lost : bool
-        Whether the connection was lost with it.
-
-    Examples
-    --------
-    >>> in_words("database is locked")
-    'another program holds the ledger: close it, then try again ("database is locked")'
-    """
+    """What a database refused, as a sentence with the remedy; its own words stand behind it, quoted."""
     cause = " ".join(str(error).split())[:200].replace('"', "'").replace(";", ",")
     said = next((text for mark, text in _SAID if mark in cause), "the database refused: nothing was recorded")
     if lost:
@@ -250,10 +219,17 @@ def in_words(error: object, *, lost: bool = False) -> str:
     return f'{said} ("{cause}")'
 
 
+def refusal(where: str, error: object, *, lost: bool = False) -> Finding | str:
+    """What a database refused: a finding where its code decides something, else in words."""
+    if not lost and any(mark in str(error) for mark in ("disk is full", "No space left")):
+        return Finding("ledger-disk-full", {"ledger": where, "cause": f"{error!s:.200}"}, severity="refused")
+    return f"{where}: {in_words(error, lost=lost)}"
+
+
 # The kinds of record a ledger holds: what they are found by, and what their body must contain.
 
-INTEGERS: Final = range(2**31)
-"""Whole numbers a key may be: what both engines can keep."""
+MOST_KEY: Final = 2**31 - 1
+"""Largest whole number a key may be: what both engines can keep."""
 
 
 @dataclass(frozen=True)
@@ -281,7 +257,7 @@ KINDS: Final[Mapping[str, Kind]] = {
         Kind("session", {"serial": str, "purpose": str}),
         Kind("reading", {"session": str, "position": int, "attempt": int}, ("session", "position", "attempt")),
         Kind("calibration", {"serial": str, "session": str}),
-        Kind("verification", {"serial": str, "calibration": str}),
+        Kind("verification", {"serial": str, "calibration": str}, version=2),
         Kind("certificate", {"number": str, "serial": str}, ("number",)),
         Kind("user", {"name": str}, version=2),
         Kind("event", {"subject_kind": str, "subject": str, "action": str}),
@@ -314,19 +290,7 @@ def _validator(kind: str, version: int) -> Draft202012Validator:
 
 
 def check(kind: str, keys: Mapping[str, Any], body: Mapping[str, Any], version: int | None = None) -> Kind:
-    """The kind, when keys and body fit it.
-
-    Raises
-    ------
-    InputError
-        An unknown kind, keys that are missing, surplus or of the wrong type, a body that does not fit the schema of the
-        kind; with the path of the value.
-
-    Examples
-    --------
-    >>> check("tool", {"serial": "IN-7"}, {"name": "steering tool", "triads": {}}).unique
-    ()
-    """
+    """The kind, when keys and body fit it and its schema; else an InputError with the path of the value."""
     if kind not in KINDS:
         raise InputError(f"record kind is {kind!r}; allowed: {', '.join(KINDS)}")
     known = KINDS[kind]
@@ -334,11 +298,12 @@ def check(kind: str, keys: Mapping[str, Any], body: Mapping[str, Any], version: 
         raise InputError(f"a {kind} record has the keys {', '.join(known.keys)}; given: {', '.join(keys) or 'none'}")
     for name, wanted in known.keys.items():
         value = keys[name]
-        fits = plain(value) if wanted is str else (type(value) is int and value in INTEGERS)
-        if not fits:
-            must = "a text of 1 to 200 printable characters"
-            must = must if wanted is str else f"a whole number, 0 to {INTEGERS[-1]}"
-            raise InputError(f"{kind}.{name} is {_shown(value)}; it must be {must}")
+        if not fits(wanted, value):
+            must = "a text of 1 to 200 printable characters" if wanted is str else f"a whole number, 0 to {MOST_KEY}"
+            said = (
+                f"a number of {value.bit_length()} bits" if isinstance(value, int) and value >> 64 else f"{value!r:.60}"
+            )
+            raise InputError(f"{kind}.{name} is {said}; it must be {must}")
     version = known.version if version is None else version
     if type(version) is not int:
         raise InputError(f"the version of a {kind} record is {version!r:.60}; it must be a whole number")
@@ -354,10 +319,9 @@ def plain(text: object) -> bool:
     return isinstance(text, str) and 1 <= len(text) <= 200 and text.isprintable() and text == text.strip()
 
 
-def _shown(value: object) -> str:
-    if isinstance(value, int) and value.bit_length() > 64:
-        return f"a number of {value.bit_length()} bits"
-    return f"{value!r:.60}"
+def fits(wanted: type, value: object) -> bool:
+    """Whether this is what a key of that type may be."""
+    return plain(value) if wanted is str else type(value) is int and 0 <= value <= MOST_KEY
 
 
 # SQLite gives a rowid alias, which a range scan needs, to INTEGER only
@@ -367,15 +331,18 @@ METADATA: Final = MetaData()
 MEDIA: Final = {"pdf": "application/pdf", "dcc": "application/xml", "json": "application/json"}
 """Media types of the documents of a certificate."""
 
+
+def _texts(*names: str, **how: Any) -> list[Column[Any]]:
+    return [Column(name, Text, nullable=False, **how) for name in names]
+
+
 CHAIN: Final = Table(
     "chain",
     METADATA,
     Column("seq", _SEQ, primary_key=True, autoincrement=False),
-    Column("kind", Text, nullable=False),
-    Column("record", Text, nullable=False, unique=True),
-    Column("created", Text, nullable=False),
-    Column("digest", Text, nullable=False),
-    Column("link", Text, nullable=False),
+    *_texts("kind"),
+    *_texts("record", unique=True),
+    *_texts("created", "digest", "link"),
 )
 
 DOCUMENT: Final = Table(
@@ -400,12 +367,7 @@ HEAD: Final = Table(
     METADATA,
     Column("place", _SEQ, primary_key=True, autoincrement=False),
     Column("seq", _SEQ, nullable=False, index=True),
-    Column("ledger", Text, nullable=False),
-    Column("root", Text, nullable=False),
-    Column("link", Text, nullable=False),
-    Column("created", Text, nullable=False),
-    Column("key", Text, nullable=False),
-    Column("signature", Text, nullable=False),
+    *_texts("ledger", "root", "link", "created", "key", "signature"),
     Column("frontier", Text, nullable=True),
 )
 """The signed heads, one for each step that recorded something; `frontier` are the peaks of the tree, now and then."""
@@ -419,12 +381,11 @@ def _table(kind: Kind) -> Table:
         kind.name,
         METADATA,
         Column("seq", _SEQ, ForeignKey("chain.seq"), primary_key=True, autoincrement=False),
-        Column("id", Text, nullable=False, unique=True),
-        Column("created", Text, nullable=False),
-        Column("author", Text, nullable=False),
+        *_texts("id", unique=True),
+        *_texts("created", "author"),
         Column("version", Integer, nullable=False),
         *columns,
-        Column("body", Text, nullable=False),
+        *_texts("body"),
         *extra,
     )
 
@@ -437,12 +398,8 @@ TABLES: Final = {name: _table(kind) for name, kind in KINDS.items()}
 class Record:
     """One record, as stored.
 
-    kind, id, seq : what it is, its name, its place in the chain (from 1).
-    created : UTC, ISO 8601 with microseconds.
-    author : name of the user.
-    version : of its schema.
-    keys, body : what it is found by, and the rest.
-    digest : SHA-256 of all of this.
+    seq : place in the chain, from 1. created : UTC, ISO 8601 with microseconds.
+    version : of its schema. keys, body : what it is found by, and the rest. digest : SHA-256 of all of this.
     """
 
     kind: str
@@ -454,14 +411,6 @@ class Record:
     keys: Mapping[str, Any]
     body: Mapping[str, Any]
     digest: str = field(default="", compare=False)
-
-
-class Precondition(NamedTuple):
-    """What must not be in the ledger yet when something is recorded: a kind, keys as for `Ledger.find`, what to say."""
-
-    kind: str
-    keys: Mapping[str, Any]
-    message: str
 
 
 @dataclass(frozen=True)
@@ -486,10 +435,8 @@ def row_digest(kind: str, row: Any) -> str:
 def record_of(kind: str, row: Any) -> Record:
     """The record of a row that was read together with its digest in the chain.
 
-    Raises
-    ------
-    LedgerError
-        The row was changed after it was recorded: what is computed from records is computed from sound ones.
+    Raises LedgerError: the row was changed after it was recorded: what is computed from records is computed from sound
+    ones.
     """
     if row_digest(kind, row) != row.digest:
         raise LedgerError(
@@ -501,20 +448,13 @@ def record_of(kind: str, row: Any) -> Record:
 
 
 REVISIONS: Final = ("0001", "0002", "0003")
-"""Revisions of the tables this program reads and writes; the last one is what it makes."""
+"""Revisions of the tables this program reads and writes; the last one is what it makes, with signed heads."""
 _NAMES: Final = ("chain", "document", *TABLES, "head")
-_UNSIGNED: Final = REVISIONS[:2]
-"""Revisions without the table of signed heads."""
 _FUNCTION: Final = " BEGIN RAISE EXCEPTION 'the ledger is append-only: %', TG_TABLE_NAME; END "
 
 
 def readable(connection: Connection, where: str) -> None:
-    """Refuse what is not a ledger, and a ledger of a newer program.
-
-    Raises
-    ------
-    LedgerError
-    """
+    """Refuse what is not a ledger, and a ledger of a newer program (LedgerError)."""
     tables = set(inspect(connection).get_table_names())
     if "chain" not in tables or "alembic_version" not in tables:
         raise LedgerError(f"{where}: this is not a ledger; make one with `inclinometry ledger init`")
@@ -523,7 +463,7 @@ def readable(connection: Connection, where: str) -> None:
     unknown = [revision for revision in found if revision not in REVISIONS]
     if unknown:
         raise LedgerError(f"{where}: the ledger was made by a newer program ({unknown[0]!r:.40}); update inclinometry")
-    lost = [name for name in _NAMES if name not in tables and (name != "head" or not {*found} & {*_UNSIGNED})]
+    lost = [name for name in _NAMES if name not in tables and (name != "head" or not {*found} & {*REVISIONS[:2]})]
     if lost:
         raise LedgerError(f"{where}: the tables {', '.join(lost)} are missing; restore a backup")
 

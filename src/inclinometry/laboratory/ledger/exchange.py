@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import heapq
+import itertools
 import json
 import sqlite3
 import zipfile
@@ -19,25 +20,13 @@ from sqlalchemy.engine import Connection
 from inclinometry.digest import digest_bytes
 from inclinometry.errors import FileError, InputError
 from inclinometry.files.writing import replacing
-from inclinometry.laboratory.ledger import chain
+from inclinometry.laboratory.ledger import chain, engine
 from inclinometry.laboratory.ledger.chain import LedgerError
-from inclinometry.laboratory.ledger.engine import (
-    CHAIN,
-    KINDS,
-    STORED,
-    TABLES,
-    as_stored,
-    check,
-    in_words,
-    plain,
-    row_digest,
-)
 from inclinometry.laboratory.ledger.ledger import LARGEST_DOCUMENT, Batch, Ledger, add_document
 from inclinometry.opening import opened
 
 Progress = Callable[[float], None]
 FORMAT: Final = "inclinometry/ledger-export"
-VERSION: Final = 1
 BLOCK: Final = 500
 """Records read or written at a time."""
 
@@ -45,10 +34,7 @@ BLOCK: Final = 500
 def export(ledger: Ledger, path: str | Path, *, progress: Progress | None = None) -> chain.Head:
     """Write everything into one ZIP file: records.jsonl in order, documents/ by digest, manifest.json.
 
-    Returns
-    -------
-    Head
-        Of the chain written; note it elsewhere.
+    Returns the head of the chain written; note it elsewhere.
     """
     head, documents = chain.Head(0, chain.GENESIS), {}
     with (
@@ -60,49 +46,37 @@ def export(ledger: Ledger, path: str | Path, *, progress: Progress | None = None
             for row in _rows(connection, progress):
                 lines.write(chain.compact(row).encode("utf-8") + b"\n")
                 head = chain.Head(row["seq"], row["link"])
-        for found in connection.execution_options(yield_per=1).execute(STORED):
-            if not as_stored(found.data, found.digest):
+        for found in connection.execution_options(yield_per=1).execute(engine.STORED):
+            if not engine.as_stored(found.data, found.digest):
                 raise LedgerError(
                     f"document {found.digest!s:.80} in {ledger.shown} was changed; run `inclinometry ledger verify`"
                 )
             name = found.digest.removeprefix("sha256:")
             archive.writestr(f"documents/{name}", found.data)
             documents[name] = found.media_type
-        manifest = {"format": FORMAT, "version": VERSION, "head": str(head), "documents": documents}
+        manifest = {"format": FORMAT, "version": 1, "head": str(head), "documents": documents}
         archive.writestr("manifest.json", chain.compact(manifest))
     return head
 
 
 def _rows(connection: Connection, progress: Progress | None) -> Iterator[dict[str, Any]]:
     """Records in order; only a few of each kind are in memory at a time."""
-    last = connection.execute(select(func.max(CHAIN.c.seq))).scalar()
-    found = heapq.merge(*(_stream(connection, kind) for kind in TABLES), key=lambda pair: pair[1].seq)
-    for link in _streamed(connection, select(CHAIN).order_by(CHAIN.c.seq)):
+    last = connection.execute(select(func.max(engine.CHAIN.c.seq))).scalar()
+    tables = {kind: select(table).order_by(table.c.seq) for kind, table in engine.TABLES.items()}
+    streams = [zip(itertools.repeat(kind), _streamed(connection, query)) for kind, query in tables.items()]
+    found = heapq.merge(*streams, key=lambda pair: pair[1].seq)
+    for link in _streamed(connection, select(engine.CHAIN).order_by(engine.CHAIN.c.seq)):
         kind, row = next(found, ("", None))
-        if row is None or (kind, row.id) != (link.kind, link.record) or row_digest(kind, row) != link.digest:
+        if row is None or (kind, row.id) != (link.kind, link.record) or engine.row_digest(kind, row) != link.digest:
             raise LedgerError(
                 f"{link.kind} {link.seq} is missing or was changed; run `inclinometry ledger verify`, "
                 "nothing was exported"
             )
-        yield {
-            "seq": link.seq,
-            "kind": kind,
-            "id": row.id,
-            "created": row.created,
-            "author": row.author,
-            "version": row.version,
-            "keys": {name: getattr(row, name) for name in KINDS[kind].keys},
-            "body": row.body,
-            "digest": link.digest,
-            "link": link.link,
-        }
+        about = {name: getattr(row, name) for name in ("seq", "id", "created", "author", "version", "body")}
+        keys = {name: getattr(row, name) for name in engine.KINDS[kind].keys}
+        yield {**about, "kind": kind, "keys": keys, "digest": link.digest, "link": link.link}
         if progress is not None and link.seq % BLOCK == 0:
             progress(min(1.0, link.seq / last))
-
-
-def _stream(connection: Connection, kind: str) -> Iterator[tuple[str, Any]]:
-    for row in _streamed(connection, select(TABLES[kind]).order_by(TABLES[kind].c.seq)):
-        yield kind, row
 
 
 def _streamed(connection: Connection, query: Select[Any]) -> Iterator[Any]:
@@ -110,15 +84,7 @@ def _streamed(connection: Connection, query: Select[Any]) -> Iterator[Any]:
 
 
 def backup(ledger: Ledger, path: str | Path) -> None:
-    """Copy a SQLite ledger, as it is at this moment, into a new file that is a ledger itself.
-
-    Raises
-    ------
-    LedgerError
-        A ledger on PostgreSQL: use the server's own backup, or `export`.
-    FileError
-        The file is there already, or cannot be written.
-    """
+    """Copy a SQLite ledger, as it is now, into a new file that is a ledger itself; PostgreSQL has its own backup."""
     if "://" in ledger.where:
         raise LedgerError(
             "this ledger is kept by a PostgreSQL server; use its own backup, or `inclinometry ledger export`"
@@ -130,39 +96,29 @@ def backup(ledger: Ledger, path: str | Path) -> None:
             with closing(sqlite3.connect(ledger.where)) as source, closing(sqlite3.connect(stream.name)) as target:
                 source.backup(target)
         except sqlite3.Error as error:
-            raise FileError(f"the backup cannot be written: {in_words(error)}", path=path) from None
+            raise FileError(engine.refusal("the backup cannot be written", error), path=path) from None
 
 
 # Reading an export into an empty ledger: everything is checked, nothing in the file is trusted.
 
 _LONGEST_LINE: Final = 60_000_000
 """Of a line of records.jsonl, bytes: a body of the greatest length with every character escaped or of many bytes."""
-_DAMAGED: Final = (
-    zipfile.BadZipFile, zipfile.LargeZipFile, zlib.error, KeyError, EOFError, NotImplementedError, RuntimeError,
-)  # fmt: skip
 
 
 def restore(ledger: Ledger, path: str | Path, *, progress: Progress | None = None) -> chain.Head:
-    """Read an export into an empty ledger; every digest and link is checked, all is recorded or nothing.
-
-    Raises
-    ------
-    FileError
-        Not an export, damaged, changed; with the line.
-    LedgerError
-        The ledger is not empty.
-    """
+    """Read an export into an empty ledger; every digest and link is checked, all is recorded or nothing."""
     try:
         with opened(path) as export, zipfile.ZipFile(export) as archive:
             manifest = _manifest(archive, path)
             with ledger.filling() as connection:
                 batch = Batch(connection, chain.Head(0, chain.GENESIS))
-                for number, line in _lines(archive):
-                    _add(batch, line, number, path)
-                    if number % BLOCK == 0:
-                        batch.write()
-                        if progress is not None:
-                            progress(min(1.0, number / max(manifest["seq"], 1)))
+                with archive.open("records.jsonl") as lines:
+                    for number, line in enumerate(iter(lambda: lines.readline(_LONGEST_LINE), b""), start=1):
+                        _add(batch, line, number, path)
+                        if number % BLOCK == 0:
+                            batch.write()
+                            if progress is not None:
+                                progress(min(1.0, number / max(manifest["seq"], 1)))
                 batch.write()
                 if str(batch.head) != manifest["head"]:
                     said = manifest["head"][:40]
@@ -170,10 +126,12 @@ def restore(ledger: Ledger, path: str | Path, *, progress: Progress | None = Non
                 for name, media_type in manifest["documents"].items():
                     with archive.open(f"documents/{name}") as stream:
                         data = stream.read(LARGEST_DOCUMENT + 1)
-                    if digest_bytes(data) != f"sha256:{name}" or not plain(media_type):
+                    if digest_bytes(data) != f"sha256:{name}" or not engine.plain(media_type):
                         raise FileError(f"documents/{name:.80} was changed", path=path)
                     add_document(connection, media_type, data)
-    except _DAMAGED as error:
+    except (
+        zipfile.BadZipFile, zipfile.LargeZipFile, zlib.error, KeyError, EOFError, NotImplementedError, RuntimeError,
+    ) as error:  # fmt: skip
         raise FileError(f"not an export of a ledger, or damaged ({error})", path=path) from None
     except OSError as error:
         raise FileError(f"cannot be read ({error.strerror or error})", path=path) from None
@@ -195,14 +153,9 @@ def _manifest(archive: zipfile.ZipFile, path: str | Path) -> dict[str, Any]:
             right = False
     if not right:
         raise FileError("not an export of a ledger: its manifest.json does not say so", path=path)
-    if content["version"] != VERSION:
-        raise FileError(f"an export of version {content['version']!r:.20}; this program reads {VERSION}", path=path)
+    if content["version"] != 1:
+        raise FileError(f"an export of version {content['version']!r:.20}; this program reads 1", path=path)
     return {"head": str(head), "seq": head.seq, "documents": content["documents"]}
-
-
-def _lines(archive: zipfile.ZipFile) -> Iterator[tuple[int, bytes]]:
-    with archive.open("records.jsonl") as lines:
-        yield from enumerate(iter(lambda: lines.readline(_LONGEST_LINE), b""), start=1)
 
 
 def _add(batch: Batch, line: bytes, number: int, path: str | Path) -> None:
@@ -228,7 +181,7 @@ def _fit(row: Mapping[str, Any], line: bytes) -> None:
     if set(row) != fields:
         raise InputError("its fields are not those of a record")
     for name in ("id", "author", "created"):
-        if not plain(row[name]):
+        if not engine.plain(row[name]):
             raise InputError(f"{name} is not a text of 1 to 200 printable characters")
     created = datetime.fromisoformat(row["created"])
     if created.utcoffset() is None or created.astimezone(UTC).isoformat(timespec="microseconds") != row["created"]:
@@ -238,4 +191,4 @@ def _fit(row: Mapping[str, Any], line: bytes) -> None:
     body = json.loads(row["body"])
     if chain.compact(body) != row["body"] or chain.compact(row).encode() != line.removesuffix(b"\n"):
         raise InputError("spelled in another way than `ledger export` does: doubled keys, blanks or another order")
-    check(row["kind"], row["keys"], body, row["version"])
+    engine.check(row["kind"], row["keys"], body, row["version"])

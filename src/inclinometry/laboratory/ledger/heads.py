@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import re
 import uuid
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -16,15 +17,7 @@ from inclinometry.files.json_codec import load
 from inclinometry.laboratory.ledger import chain
 from inclinometry.laboratory.ledger.chain import LedgerError
 from inclinometry.laboratory.ledger.engine import CHAIN, HEAD, Draft
-from inclinometry.laboratory.ledger.keys import (
-    Keys,
-    SigningKey,
-    descends,
-    explained,
-    fingerprint,
-    right,
-    signed_bytes,
-)
+from inclinometry.laboratory.ledger.keys import Keys, SigningKey, descends, explained, fingerprint, right, signed_bytes
 from inclinometry.laboratory.ledger.merkle import SIZE, Frontier, Tree, consistent, leaf_hash
 
 SCHEMA: Final = "inclinometry/ledger-head"
@@ -34,7 +27,6 @@ ACCEPTED: Final = {"subject_kind": "ledger", "subject": "head", "action": "accep
 """Keys of the event by which somebody answers for what verification found, in words, and goes on."""
 WITNESS_EVENT: Final = {"subject_kind": "ledger", "subject": "witness"}
 """Keys of the event that records that a witness was "named" or "removed"; details: its place, and the ledger."""
-_SPARSE: Final = 256  # records between two rows that keep the peaks: so many are read again when a program starts
 
 
 @dataclass(frozen=True)
@@ -68,49 +60,39 @@ class SignedHead:
 
 
 def parse_signed(content: object, where: str | Path) -> SignedHead:
-    """A signed head from its JSON content, of right shape; its signature is not looked at.
-
-    Raises
-    ------
-    FileError
-    """
-    said = content if isinstance(content, Mapping) else {}
-    texts: dict[str, Any] = {name: said.get(name) for name in ("ledger", "root", "link", "time", "key", "signature")}
-    size = said.get("size")
-    lengths = {"ledger": 32, "root": 64, "link": 64, "key": 64}
-    digits = set("0123456789abcdef")
-    fits = all(isinstance(one, str) and len(one) <= 200 for one in texts.values()) and all(
-        len(texts[name]) == length and set(texts[name]) <= digits for name, length in lengths.items()
+    """A signed head from its JSON content, FileError for another shape; its signature is not looked at."""
+    whole = content if isinstance(content, Mapping) else {}
+    said: dict[str, Any] = {name: whole.get(name) for name in SignedHead.__dataclass_fields__}
+    digits = {"ledger": 32, "root": 64, "link": 64, "key": 64}
+    size, texts = said["size"], [one for name, one in said.items() if name != "size"]
+    fits = all(isinstance(one, str) and len(one) <= 200 for one in texts) and all(
+        re.fullmatch(f"[0-9a-f]{{{length}}}", str(said[name])) for name, length in digits.items()
     )
-    if said.get("schema") != SCHEMA or said.get("version") != 1 or type(size) is not int or size < 0 or not fits:
+    if whole.get("schema") != SCHEMA or whole.get("version") != 1 or type(size) is not int or size < 0 or not fits:
         raise FileError(
             "not the signed head of a ledger; the file that `inclinometry ledger head -o` writes", path=where
         )
-    return SignedHead(size=size, **texts)
+    return SignedHead(**said)
 
 
 def signed_by(key: SigningKey, ledger: str, head: chain.Head, root: bytes, time: str) -> SignedHead:
     """A head signed."""
-    content = {
-        "schema": SCHEMA, "version": 1, "ledger": ledger, "size": head.seq, "root": root.hex(), "link": head.link,
-        "time": time,
-    }  # fmt: skip
-    whole = key.statement(content)
-    return SignedHead(ledger, head.seq, root.hex(), head.link, time, key.public, whole["signature"])
+    bare = SignedHead(ledger, head.seq, root.hex(), head.link, time, key.public, "")
+    return replace(bare, signature=key.sign(signed_bytes(bare.statement())))
+
+
+_COLUMNS: Final = {"size": "seq", "time": "created"}
+"""Fields of a signed head whose columns have other names."""
 
 
 def head_of(row: Any) -> SignedHead:
     """The signed head of a row of its table.
 
-    Raises
-    ------
-    LedgerError
-        Somebody put something else than a head there.
+    Raises LedgerError: somebody put something else than a head there.
     """
-    said = {name: getattr(row, name) for name in ("ledger", "root", "link", "key", "signature")}
-    content = {"schema": SCHEMA, "version": 1, "size": row.seq, "time": row.created, **said}
+    said = {name: getattr(row, _COLUMNS.get(name, name)) for name in SignedHead.__dataclass_fields__}
     try:
-        return parse_signed(content, "head")
+        return parse_signed({"schema": SCHEMA, "version": 1, **said}, "head")
     except FileError:
         raise LedgerError(
             f"the signed head in place {row.place} was changed and cannot be read; run `inclinometry ledger verify`"
@@ -138,22 +120,29 @@ def leaves(connection: Connection, after: int, until: int) -> Iterable[bytes]:
         yield leaf_hash(chain.leaf(row.seq, row.kind, row.record, row.created, row.digest))
 
 
-class Sealing:
-    """The signing of one ledger's heads: the tree as far as it is known, and the keys.
+def succession(newest: SignedHead, public: str, keys: Keys, where: str) -> Sequence[Mapping[str, Any]]:
+    """The changes that lead from the key of a ledger's last head to the laboratory's; none where it is the same.
 
-    Parameters
-    ----------
-    keys : Keys
-    where : str
-        The ledger, for messages.
+    Raises LedgerError: another key signed the ledger `where`.
     """
+    path = [] if newest.key == public else explained(newest.key, public, keys.changes())
+    if path is None:
+        raise LedgerError(
+            f"{where} is signed by the key {fingerprint(newest.key)}, the one in {keys.folder} is "
+            f"{fingerprint(public)}; nothing was recorded or signed: bring the right key there, or state with "
+            "`inclinometry ledger init --accept REASON` that the ledger goes on with this one"
+        )
+    return path
+
+
+class Sealing:
+    """The signing of one ledger's heads: the tree as far as it is known, and the keys; `where` is for messages."""
 
     def __init__(self, keys: Keys, where: str) -> None:
         self.keys = keys
         self._where = where
         self._tree = Frontier()
         self._peaks_at = 0
-        self._signed = False
 
     def begin(self, connection: Connection, head: chain.Head, time: str, name: str) -> SignedHead:
         """The first signed head of a ledger, whose name is made where it has none; it covers all its records."""
@@ -164,18 +153,10 @@ class Sealing:
     def before(self, connection: Connection, head: chain.Head) -> tuple[str, list[Draft]]:
         """Before something is recorded: the ledger's name ("" when it is not signed), what is to be recorded first.
 
-        Raises
-        ------
-        LedgerError
-            Records that no head speaks of, a head that the laboratory's key did not sign, no key: whoever signs now
-            would answer for what somebody else has done.
+        Refused with records that no head covers, a head the laboratory's key did not sign, or no key: whoever signs now
+        would answer for what somebody else has done.
         """
-        if not self._signed:
-            self._signed = inspect(connection).has_table("head")
-        newest = None
-        if self._signed:
-            row = connection.execute(select(HEAD).order_by(HEAD.c.place.desc()).limit(1)).first()
-            newest = None if row is None else head_of(row)
+        newest = newest_head(connection)
         if newest is None:
             return "", []
         if not self.keys.there:
@@ -188,17 +169,11 @@ class Sealing:
             raise self._doubt(f"its last record is {head.seq}, its last signed head {newest.size}")
         key = self.keys.signing()
         # whoever signs with the same key needs no word about others
-        changes = [] if newest.key == key.public else explained(newest.key, key.public, self.keys.changes())
-        if changes is None:
-            raise LedgerError(
-                f"{self._where} is signed by the key {fingerprint(newest.key)}, the one in {self.keys.folder} is "
-                f"{fingerprint(key.public)}; nothing was recorded: bring the right key there, or state with "
-                "`inclinometry ledger init --accept REASON` that the ledger goes on with this one"
-            )
+        changes = succession(newest, key.public, self.keys, self._where)
         if (self._tree.size, self._tree.root().hex()) != (newest.size, newest.root):
             self._load(connection, newest)
-        about = [(one["action"], one) for one in changes]
-        return newest.ledger, [Draft("event", {**KEY_EVENT, "action": done}, {"details": dict(d)}) for done, d in about]
+        events = [Draft("event", {**KEY_EVENT, "action": one["action"]}, {"details": dict(one)}) for one in changes]
+        return newest.ledger, events
 
     def after(
         self, connection: Connection, ledger: str, added: Sequence[bytes], head: chain.Head, time: str
@@ -236,12 +211,12 @@ class Sealing:
     def _write(self, connection: Connection, ledger: str, head: chain.Head, time: str) -> SignedHead:
         made = signed_by(self.keys.make(), ledger, head, self._tree.root(), time)
         peaks = None
-        if head.seq - self._peaks_at >= _SPARSE:
+        # records between two rows that keep the peaks: so many are read again when a program starts
+        if head.seq - self._peaks_at >= 256:
             peaks, self._peaks_at = b"".join(self._tree.peaks).hex(), head.seq
-        row = vars(made).copy()
+        row = {_COLUMNS.get(name, name): value for name, value in vars(made).items()}
         last = connection.execute(select(func.max(HEAD.c.place))).scalar() or 0
-        row |= {"place": last + 1, "seq": row.pop("size"), "created": row.pop("time"), "frontier": peaks}
-        connection.execute(HEAD.insert(), row)
+        connection.execute(HEAD.insert(), {**row, "place": last + 1, "frontier": peaks})
         return made
 
     def _doubt(self, said: str) -> LedgerError:
@@ -257,10 +232,7 @@ class Sealing:
 def read_head(path: str | Path) -> tuple[SignedHead, dict[str, Any]]:
     """A signed head from its file, with the whole content, where a proof of consistency may be.
 
-    Raises
-    ------
-    FileError
-        Not a signed head, or one that its key did not sign.
+    Raises FileError: not a signed head, or one that its key did not sign.
     """
     content = load(path)
     found = parse_signed(content, path)
@@ -292,10 +264,6 @@ def grown(old: SignedHead, new: SignedHead, content: Mapping[str, Any], public: 
     return f"the ledger of {new.size} records does not begin with the {old.size} signed before: cut or rewritten"
 
 
-def proof_since(where: str, first: int, second: int) -> list[str]:
+def proof_since(connection: Connection, first: int, second: int) -> list[str]:
     """Hashes that prove that the first `second` records of a ledger begin with its first `first` ones."""
-    from inclinometry.laboratory.ledger.ledger import Ledger
-
-    with Ledger(where, read_only=True) as ledger, ledger.snapshot() as connection:
-        tree = Tree(leaves(connection, 0, second))
-    return [one.hex() for one in tree.consistency(first, second)]
+    return [one.hex() for one in Tree(leaves(connection, 0, second)).consistency(first, second)]

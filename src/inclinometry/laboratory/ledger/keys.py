@@ -15,26 +15,35 @@ import os
 import re
 import sys
 import tempfile
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple
+
+from cryptography import x509
+from cryptography.exceptions import InvalidSignature, UnsupportedAlgorithm
+from cryptography.hazmat.primitives import serialization
+from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey, Ed25519PublicKey
+from cryptography.hazmat.primitives.serialization import (
+    Encoding,
+    PublicFormat,
+    load_pem_private_key,
+    load_pem_public_key,
+)
 
 from inclinometry.errors import FileError, InputError
 from inclinometry.laboratory.ledger.chain import LedgerError, compact
+from inclinometry.laboratory.placeholders import stated
 from inclinometry.opening import LARGEST_SETTINGS, whole
-
-if TYPE_CHECKING:
-    from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
 FOLDER: Final = "INCLINOMETRY_KEYS"
 """Environment: the folder of the keys, in the place of the one in the user's configuration."""
 PASSPHRASE: Final = "INCLINOMETRY_KEY_PASSPHRASE"
 """Environment: the passphrase of the keys; asked for on a terminal when not given."""
 CHANGE: Final = "inclinometry/key-change"
+BREAK: Final = "inclinometry/accepted-break"
 LARGEST_KEY: Final = 1_000_000
 """Bytes of a file of keys, and of certificates."""
-_PREFIX: Final = b"inclinometry signed statement\n"  # no signature of ours can serve another purpose
 
 
 def default_folder() -> Path:
@@ -49,8 +58,6 @@ def default_folder() -> Path:
 def fingerprint(public: str) -> str:
     """What people compare of a public key (64 hexadecimal digits): 32 digits of its SHA-256.
 
-    Examples
-    --------
     >>> fingerprint("00" * 32)
     '66687aadf862bd776c8fc18b8e9f8e20'
     """
@@ -59,14 +66,12 @@ def fingerprint(public: str) -> str:
 
 def signed_bytes(statement: Mapping[str, Any]) -> bytes:
     """What the signature of a statement is over."""
-    return _PREFIX + compact({name: value for name, value in statement.items() if name != "signature"}).encode()
+    prefix = b"inclinometry signed statement\n"  # no signature of ours can serve another purpose
+    return prefix + compact({name: value for name, value in statement.items() if name != "signature"}).encode()
 
 
 def right(public: str, signature: str, message: bytes) -> bool:
     """Whether a signature, base64, over bytes is that of a public key, 64 hexadecimal digits."""
-    from cryptography.exceptions import InvalidSignature
-    from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
-
     try:
         raw = base64.b64decode(signature, validate=True)
         Ed25519PublicKey.from_public_bytes(bytes.fromhex(public)).verify(raw, message)
@@ -83,13 +88,30 @@ def genuine(statement: Mapping[str, Any]) -> bool:
         return False
 
 
-class SigningKey:
-    """A private Ed25519 key.
+class KeyFaultError(LedgerError):
+    """The keys of the laboratory were exchanged or damaged; `own` is the public key of key.pem, where it is one."""
 
-    Parameters
-    ----------
-    private : Ed25519PrivateKey
-    """
+    own: str | None = None
+
+
+class NoPrivateKeyError(KeyFaultError):
+    """key.pem is no private key."""
+
+
+class OtherKeyError(KeyFaultError):
+    """public.pem holds another key than key.pem beside it."""
+
+    def __init__(self, path: Path, stated: str, own: str) -> None:
+        super().__init__(
+            f"{path} holds the key {fingerprint(stated)}, but the key of key.pem beside it is {fingerprint(own)}. One "
+            "of them was exchanged: compare both with the published fingerprint. If key.pem is right, remove "
+            "public.pem and run `inclinometry ledger key --make`; if not, restore key.pem from a copy"
+        )
+        self.own = own
+
+
+class SigningKey:
+    """A private Ed25519 key."""
 
     def __init__(self, private: Ed25519PrivateKey) -> None:
         self.private = private
@@ -107,18 +129,11 @@ class SigningKey:
 
 
 class Keys:
-    """The folder of a laboratory's keys; read when they are needed.
+    """The folder of a laboratory's keys, `default_folder()` when not given; read when they are needed.
 
-    Parameters
-    ----------
-    folder : str or Path, optional
-        `default_folder()` when not given.
-
-    Notes
-    -----
-    key.pem is the private key (PKCS 8, mode 0600), public.pem its public one, changes.jsonl what was signed when it was
-    rotated or lost, document.pem the key that signs documents with its X.509 certificates, heads/ the witness of this
-    computer, witnesses.txt the other places that heads go to.
+    key.pem : private key (PKCS 8, mode 0600). public.pem : its public one. changes.jsonl : what was signed when it was
+    rotated or lost. accepted.jsonl : accepted breaks of ledgers. document.pem : key that signs documents, with its
+    X.509 certificates. heads/ : witness of this computer. witnesses.txt : the other places that heads go to.
     """
 
     def __init__(self, folder: str | Path | None = None) -> None:
@@ -137,13 +152,36 @@ class Keys:
         return self.path.is_file()
 
     def public(self) -> str | None:
-        """The public key, without asking for a passphrase; None where there is none.
+        """The public key: that of key.pem where it can be read without a passphrase, else that of public.pem, or None.
 
-        Raises
-        ------
-        FileError
-            The file holds something else.
+        A key.pem that is no private key, or a public.pem of another key, raises KeyFaultError.
         """
+        stated = self._stated()
+        try:
+            own = self._own(ask=False) if self.there else None
+        except NoPrivateKeyError:
+            raise
+        except (FileError, LedgerError):  # see `uncompared`
+            own = None
+        return stated if own is None else self._compared(own, stated).public
+
+    def uncompared(self) -> str:
+        """Why public.pem is not compared with key.pem; "" where it is, and where there is no key.pem."""
+        try:
+            if self.there:
+                self._own(ask=False)
+        except (FileError, LedgerError) as error:
+            return f"the public key was not compared with the private key: {error}"
+        return ""
+
+    def _compared(self, own: SigningKey, stated: str | None) -> SigningKey:
+        """The key of key.pem; KeyFaultError where public.pem states another."""
+        if stated in (None, own.public):
+            return own
+        raise OtherKeyError(self.folder / "public.pem", str(stated), own.public)
+
+    def _stated(self) -> str | None:
+        """What public.pem holds; None where it is missing."""
         path = self.folder / "public.pem"
         if not path.exists():
             return None
@@ -156,10 +194,10 @@ class Keys:
                 path=path,
             ) from None
 
-    def former(self) -> list[str]:
-        """The public keys that were rotated into the one of now, the newest first."""
+    def former(self, now: str | None = None) -> list[str]:
+        """The public keys that were rotated into one, that of `public` when not given, the newest first."""
         found: list[str] = []
-        wanted = self.public()
+        wanted = now or self.public()
         for one in reversed(self.changes()):
             if one["after"] == wanted and one["action"] == "rotated" and one["key"] == one["before"]:
                 wanted = str(one["before"])
@@ -169,15 +207,22 @@ class Keys:
     def signing(self) -> SigningKey:
         """The private key.
 
-        Raises
-        ------
-        LedgerError
-            None is there, or it cannot be read; a passphrase is missing or wrong.
+        Raises LedgerError: none is there, or it cannot be read; a passphrase is missing or wrong; public.pem holds
+        another key.
         """
+        own = self._own(ask=True)
+        try:
+            stated = self._stated()
+        except FileError:  # it follows from the private key: `make` writes it anew
+            stated = None
+        return self._compared(own, stated)
+
+    def _own(self, *, ask: bool) -> SigningKey:
+        """The key of key.pem; `ask` for a passphrase where it can be typed."""
         try:
             found = self.path.stat()
             if self._key is None or self._stamp != (found.st_mtime_ns, found.st_ino):
-                self._key = SigningKey(_private(whole(self.path, LARGEST_KEY), self.path))
+                self._key = SigningKey(_private(whole(self.path, LARGEST_KEY), self.path, ask=ask))
                 self._stamp = (found.st_mtime_ns, found.st_ino)
         except FileNotFoundError:
             raise LedgerError(
@@ -189,54 +234,46 @@ class Keys:
 
     def make(self) -> SigningKey:
         """The private key, made where there is none; of two that make one at once, the first one's stays."""
-        from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
-
         if not self.there:
-            self._write_new(Ed25519PrivateKey.generate(), replace=False)
+            self.keep("key.pem", private_pem(Ed25519PrivateKey.generate()), mode=0o600, replace=False)
         found = self.signing()
         try:
-            stated = self.public()
+            missing = self._stated() is None
         except FileError:  # what it holds follows from the private key
-            stated = None
-        if stated != found.public:
-            self.keep("public.pem", _public_pem(found.private), mode=0o644)
+            missing = True
+        if missing:
+            self.keep("public.pem", public_pem(found.public), mode=0o644)
         return found
 
     def rotate(self, reason: str) -> SigningKey:
         """A new key in the place of the old one, which signs for it."""
-        if not reason.strip():
+        if not stated(reason):
             raise InputError("say why the key is rotated: a new one is not begun without a reason")
         return self._change("rotated", self.signing(), reason)
 
     def begin_anew(self, reason: str) -> SigningKey:
         """A new key where the old one is lost: nothing signs for it but itself, and every ledger will say so."""
-        if not reason.strip():
+        if not stated(reason):
             raise InputError("say how the key was lost: a new one is not begun without a reason")
         return self._change("lost", None, reason)
 
     def _change(self, action: str, old: SigningKey | None, reason: str) -> SigningKey:
-        from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
-
         new = SigningKey(Ed25519PrivateKey.generate())
         try:
             before = self.public() if old is None else old.public
         except FileError:  # lost, too
             before = None
-        content = {
-            "schema": CHANGE,
-            "version": 1,
-            "action": action,
-            "before": before or "",
-            "after": new.public,
-            "reason": reason.strip(),
-            "time": datetime.now(UTC).isoformat(timespec="seconds"),
-        }
+        time = datetime.now(UTC).isoformat(timespec="seconds")
+        content = {"schema": CHANGE, "version": 1, "action": action, "before": before or "", "after": new.public}
+        content |= {"reason": reason.strip(), "time": time}
         changes = [*self.changes(), (old or new).statement(content)]
         text = "".join(compact(one) + "\n" for one in changes)
         # the change first: a key whose predecessor's signature is lost could not be explained any more
         self.keep("changes.jsonl", text.encode(), mode=0o644)
-        self._write_new(new.private, replace=True)
-        self.keep("public.pem", _public_pem(new.private), mode=0o644)
+        # at no moment beside a key.pem that it does not belong to
+        (self.folder / "public.pem").unlink(missing_ok=True)
+        self.keep("key.pem", private_pem(new.private), mode=0o600)
+        self.keep("public.pem", public_pem(new.public), mode=0o644)
         (self.folder / "document.pem").unlink(missing_ok=True)
         return self.signing()
 
@@ -244,43 +281,52 @@ class Keys:
         """Encrypt the key anew; an empty passphrase leaves it plain."""
         key = self.signing()
         os.environ[PASSPHRASE] = passphrase
-        self._write_new(key.private, replace=True)
+        self.keep("key.pem", private_pem(key.private), mode=0o600)
         (self.folder / "document.pem").unlink(missing_ok=True)
 
     def changes(self) -> list[dict[str, Any]]:
-        """The statements made when keys were rotated or lost, oldest first.
+        """The statements made when keys were rotated or lost, oldest first; FileError for a line that is none."""
+        found = []
+        for line, row in self._statements("changes.jsonl", CHANGE):
+            if row is None:
+                raise FileError(
+                    "not what a laboratory's key signed when it was rotated or lost; restore the file from a copy, or "
+                    "take the line out: every ledger has recorded the changes that it knows of",
+                    path=self.folder / "changes.jsonl",
+                    line=line,
+                )
+            found.append(row)
+        return found
 
-        Raises
-        ------
-        FileError
-            It cannot be read, or a line is none of them.
-        """
-        path = self.folder / "changes.jsonl"
+    def breaks(self, ledger: str) -> list[dict[str, Any]]:
+        """Who accepted a break of a ledger here, when and why, oldest first; a restored copy may not hold it."""
+        names = {"author", "created", "reason", "before", "after"}
+        rows = [row for _, row in self._statements("accepted.jsonl", BREAK) if row is not None]
+        return [{n: row[n] for n in names} for row in rows if row.get("ledger") == ledger and names <= row.keys()]
+
+    def _statements(self, name: str, schema: str) -> Iterator[tuple[int, dict[str, Any] | None]]:
+        """Lines of a file and the statements in them, None where a line is none that a key signed."""
+        path = self.folder / name
         try:
             there = path.exists()
         except OSError as error:
             raise FileError(f"cannot be read ({error.strerror}); check its permissions", path=path) from None
-        if not there:
-            return []
-        found = []
-        for number, line in enumerate(whole(path, LARGEST_SETTINGS).splitlines(), 1):
+        for number, line in enumerate(whole(path, LARGEST_SETTINGS).splitlines() if there else (), 1):
+            if not line.strip():
+                continue
             try:
-                row = json.loads(line) if line.strip() else None
+                row = json.loads(line)
             except (ValueError, RecursionError):
-                row = ""
-            if isinstance(row, dict) and row.get("schema") == CHANGE and genuine(row):
-                found.append(row)
-            elif row is not None:
-                raise FileError(
-                    "not what a laboratory's key signed when it was rotated or lost; restore the file from a copy, or "
-                    "take the line out: every ledger has recorded the changes that it knows of",
-                    path=path,
-                    line=number,
-                )
-        return found
+                row = None
+            fits = isinstance(row, dict) and row.get("schema") == schema and genuine(row)
+            yield number, row if fits else None
 
-    def _write_new(self, private: Any, *, replace: bool) -> None:
-        self.keep("key.pem", private_pem(private), mode=0o600, replace=replace)
+    def keep_break(self, ledger: str, accepted: Mapping[str, Any]) -> None:
+        """Keep what `breaks` gives, signed."""
+        path = self.folder / "accepted.jsonl"
+        before = whole(path, LARGEST_SETTINGS) if path.exists() else b""
+        row = self.signing().statement({"schema": BREAK, "version": 1, "ledger": ledger, **accepted})
+        self.keep(path.name, before + compact(row).encode() + b"\n", mode=0o644)
 
     def keep(self, name: str, data: bytes, *, mode: int, replace: bool = True) -> None:
         """A file, whole or not at all; one that must not be replaced is linked, which fails where it is there."""
@@ -308,62 +354,45 @@ class Keys:
 
 
 def _passphrase() -> bytes | None:
-    given = os.environ.get(PASSPHRASE)
-    return given.encode() if given else None
+    return os.environ.get(PASSPHRASE, "").encode() or None
 
 
 def private_pem(private: Any) -> bytes:
     """A private key as PKCS 8, encrypted where a passphrase is set."""
-    from cryptography.hazmat.primitives import serialization
-
     phrase = _passphrase()
     cover: Any = serialization.NoEncryption() if phrase is None else serialization.BestAvailableEncryption(phrase)
     data: bytes = private.private_bytes(serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, cover)
     return data
 
 
-def load_private(data: bytes, path: Path) -> Any:
-    """A private key of any kind from PEM.
+def load_private(data: bytes, path: Path, *, ask: bool = True) -> Any:
+    """A private key of any kind from PEM; a missing passphrase is asked for where it can be typed, unless not to `ask`.
 
-    Raises
-    ------
-    LedgerError
-        Not a key; encrypted, and the passphrase is missing or wrong.
+    Raises LedgerError: not a key; encrypted, and the passphrase is missing or wrong.
     """
-    from cryptography.exceptions import UnsupportedAlgorithm
-    from cryptography.hazmat.primitives.serialization import load_pem_private_key
-
     phrase = _passphrase()
     if b"ENCRYPTED" in data and phrase is None:
-        if not sys.stdin or not sys.stdin.isatty():
+        if not ask or not sys.stdin or not sys.stdin.isatty():
             raise LedgerError(f"{path} is encrypted; put its passphrase into the environment as {PASSPHRASE}")
         phrase = getpass.getpass(f"passphrase of {path}: ").encode()
         os.environ[PASSPHRASE] = phrase.decode()
     try:
         return load_pem_private_key(data, phrase if b"ENCRYPTED" in data else None)
     except (ValueError, TypeError, UnsupportedAlgorithm):
-        remedy = "or its passphrase is wrong" if b"ENCRYPTED" in data else "restore it from a copy"
-        raise LedgerError(f"{path} is not a private key; {remedy}") from None
+        if b"ENCRYPTED" in data:
+            raise LedgerError(f"{path} is not a private key; or its passphrase is wrong") from None
+        raise NoPrivateKeyError(f"{path} is not a private key; restore it from a copy") from None
 
 
-def _private(data: bytes, path: Path) -> Ed25519PrivateKey:
-    from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
-
-    found = load_private(data, path)
+def _private(data: bytes, path: Path, *, ask: bool) -> Ed25519PrivateKey:
+    found = load_private(data, path, ask=ask)
     if not isinstance(found, Ed25519PrivateKey):
-        raise LedgerError(f"{path} is a key of another kind; the key of a laboratory is an Ed25519 key")
+        raise NoPrivateKeyError(f"{path} is a key of another kind; the key of a laboratory is an Ed25519 key")
     return found
-
-
-def _public_pem(private: Ed25519PrivateKey) -> bytes:
-    return public_pem(private.public_key().public_bytes_raw().hex())
 
 
 def public_pem(public: str) -> bytes:
     """A public key of 64 hexadecimal digits as PEM."""
-    from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
-    from cryptography.hazmat.primitives.serialization import Encoding, PublicFormat
-
     key = Ed25519PublicKey.from_public_bytes(bytes.fromhex(public))
     return key.public_bytes(Encoding.PEM, PublicFormat.SubjectPublicKeyInfo)
 
@@ -380,20 +409,7 @@ class Public(NamedTuple):
 
 
 def read_public(path: str | Path) -> Public:
-    """Public keys (64 hexadecimal digits) and X.509 certificates of a PEM file, as `ledger key --public` writes it.
-
-    Raises
-    ------
-    NoPublicKeyError
-        No Ed25519 public key is in it.
-    FileError
-        No such file, or too large a one.
-    """
-    from cryptography import x509
-    from cryptography.exceptions import UnsupportedAlgorithm
-    from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
-    from cryptography.hazmat.primitives.serialization import load_pem_public_key
-
+    """Public keys (64 hexadecimal digits) and X.509 certificates of a PEM file, as `ledger key --public` writes it."""
     data = whole(path, LARGEST_KEY)
     try:
         blocks = re.findall(rb"-----BEGIN PUBLIC KEY-----.*?-----END PUBLIC KEY-----", data, re.DOTALL)
@@ -404,9 +420,12 @@ def read_public(path: str | Path) -> Public:
     keys = tuple(key.public_bytes_raw().hex() for key in found if isinstance(key, Ed25519PublicKey))
     if not keys:
         secret = b"PRIVATE KEY" in data
-        remedy = "this is a private key: give nobody this file, but what `inclinometry ledger key --public FILE` writes"
-        problem = "not the public key of a laboratory; the file that `inclinometry ledger key --public FILE` writes"
-        raise NoPublicKeyError(remedy if secret else problem, path=path)
+        problem = (
+            "this is a private key: give nobody this file, but what"
+            if secret
+            else "not the public key of a laboratory; needed is the file that"
+        )
+        raise NoPublicKeyError(f"{problem} `inclinometry ledger key --public FILE` writes", path=path)
     return Public(keys, tuple(certificates))
 
 

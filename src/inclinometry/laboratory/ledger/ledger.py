@@ -15,42 +15,47 @@ from sqlalchemy.engine import Connection
 
 from inclinometry.digest import digest_bytes
 from inclinometry.errors import FileError, InputError
-from inclinometry.laboratory.ledger import chain
-from inclinometry.laboratory.ledger.chain import LedgerError
+from inclinometry.laboratory.ledger import chain, heads
+from inclinometry.laboratory.ledger.chain import LedgerError, missing
 from inclinometry.laboratory.ledger.engine import (
     CHAIN,
     DOCUMENT,
-    INTEGERS,
     KINDS,
     STORED,
     TABLES,
     ConflictError,
     Draft,
-    Precondition,
     Record,
     as_stored,
     check,
     default_path,
     engine,
+    fits,
     plain,
     readable,
     record_of,
     shown,
     translated,
 )
-from inclinometry.laboratory.ledger.heads import ACCEPTED, WITNESS_EVENT, Sealing, SignedHead, newest_head
 from inclinometry.laboratory.ledger.keys import Keys, explained
 from inclinometry.laboratory.ledger.merkle import leaf_hash
 from inclinometry.laboratory.ledger.witness import (
+    PRINT,
     Witnessed,
     Witnesses,
     ahead,
     ahead_elsewhere,
     begun_at,
+    farthest,
     folders_of,
+    is_ledger,
+    itself,
+    keep,
     place_of,
     remembered,
+    witnessed,
 )
+from inclinometry.laboratory.placeholders import stated
 
 LARGEST_DOCUMENT: Final = 100_000_000
 
@@ -73,9 +78,8 @@ class Batch:
         seq = self.head.seq + 1
         digest = chain.record_digest(kind, name, created, author, version, keys, body)
         link = chain.next_link(self.head.link, seq, kind, name, created, digest)
-        self._links.append(
-            {"seq": seq, "kind": kind, "record": name, "created": created, "digest": digest, "link": link}
-        )
+        entry = {"seq": seq, "kind": kind, "record": name, "created": created, "digest": digest}
+        self._links.append({**entry, "link": link})
         self.leaves.append(leaf_hash(chain.leaf(seq, kind, name, created, digest)))
         row = {"seq": seq, "id": name, "created": created, "author": author, "version": version, **keys, "body": body}
         self._rows.setdefault(kind, []).append(row)
@@ -114,7 +118,7 @@ def body_text(draft: Draft) -> str:
     return body
 
 
-__all__ = ["ConflictError", "Draft", "Ledger", "LedgerError", "Precondition", "Record", "default_path"]
+__all__ = ["ConflictError", "Draft", "Ledger", "LedgerError", "Record", "default_path"]
 
 
 def now() -> datetime:
@@ -122,27 +126,24 @@ def now() -> datetime:
     return datetime.now(UTC)
 
 
+def accepted_breaks(events: Sequence[Record]) -> list[dict[str, Any]]:
+    """Who accepted a break, when and why; how many records were signed `before`, None in events of older programs, and
+    how many were there `after`. Each after those before it that the ledger had lost.
+    """
+    found: list[dict[str, Any]] = []
+    for one in events:
+        details = one.body["details"]
+        found += details.get("earlier", [])
+        about = {"author": one.author, "created": one.created, "reason": str(one.body.get("reason", ""))}
+        found.append({**about, "before": details.get("before"), "after": one.seq - 1})
+    return found
+
+
 class Ledger:
-    """A ledger at a path (SQLite) or a database address (PostgreSQL).
+    """A ledger at a path (SQLite) or an address (postgresql+psycopg://user:password@host/database).
 
-    Parameters
-    ----------
-    where : str or Path
-        Path of a SQLite file, or "postgresql+psycopg://user:password@host/database". It must exist: see
-        `inclinometry.laboratory.ledger.admin.create`.
-    clock : callable, optional
-        Gives the time; for tests.
-    read_only : bool
-        Refuse to append.
-    keys : Keys, optional
-        The laboratory's keys, which sign the heads of a ledger that is signed; those of this computer when not given.
-    alone : bool
-        Tell its heads to the witness of this computer only: it is a witness itself.
-
-    Raises
-    ------
-    LedgerError
-        No such ledger, not a ledger, a ledger of a newer program.
+    The keys, by default those of this computer, sign the heads of a signed ledger. `alone`: its heads go to the witness
+    of this computer only, for a ledger that is a witness itself. `clock` is for tests.
     """
 
     def __init__(
@@ -160,9 +161,9 @@ class Ledger:
         self.shown: Final = shown(where)
         """Where it is, without a password."""
         self.keys: Final = Keys() if keys is None else keys
-        self._sealing = Sealing(self.keys, self.shown)
+        self._sealing = heads.Sealing(self.keys, self.shown)
         self._alone = alone
-        self._witnesses = Witnesses(self.keys.folder, self.where, alone=alone)
+        self._witnesses = Witnesses(self.keys.folder, self.where, send, alone=alone)
         self._seen = -1
         """Record up to which the ledger was once found not to be behind what this computer saw of it."""
         self._unknown = False
@@ -193,29 +194,22 @@ class Ledger:
     # -- writing -------------------------------------------------------------------------------------------------------
 
     def append(self, kind: str, keys: Mapping[str, Any], body: Mapping[str, Any], *, author: str) -> Record:
-        """Record one thing; when this returns it is on the disk.
-
-        Raises
-        ------
-        InputError
-            A body that does not fit its kind.
-        ConflictError
-            A record with the same unique keys is already there.
-        LedgerError
-            Read-only, disk full, a clock that went back.
-        """
+        """Record one thing; when this returns it is on the disk. A record with its unique keys raises ConflictError."""
         return self.append_all([Draft(kind, keys, body)], author=author)[0]
 
-    # how far the clock may have gone back since the last record; beyond that nothing is recorded
     def append_all(
         self,
         drafts: Sequence[Draft],
         *,
         author: str,
         slack: timedelta = timedelta(minutes=2),
-        unless: Sequence[Precondition] = (),
+        unless: Sequence[tuple[str, Mapping[str, Any], str]] = (),
     ) -> list[Record]:
-        """Record several things in one step: all of them or none; `unless` is looked at in the same step."""
+        """Record several things in one step: all of them or none.
+
+        `unless` is what must not be in the ledger yet, looked at in the same step: a kind, keys as for `find`, what to
+        say. `slack` is how far the clock may have gone back since the last record; beyond that nothing is recorded.
+        """
         if self.read_only:
             raise LedgerError(f"{self.shown} was opened for reading only; nothing was recorded")
         if not plain(author):
@@ -223,43 +217,45 @@ class Ledger:
         bodies = [body_text(draft) for draft in drafts]
         self._not_behind_others()
         with self._writing() as connection:
-            for there in unless:
-                if connection.execute(_query(there.kind).where(_matching(there.kind, there.keys)).limit(1)).first():
-                    raise ConflictError(there.message)
+            for kind, keys, message in unless:
+                if connection.execute(_query(kind).where(_matching(kind, keys)).limit(1)).first():
+                    raise ConflictError(message)
             head, last = self._tail(connection)
             created = self._now(last, slack)
             name, first = self._sealing.before(connection, head)
             self._not_behind(connection)
             if not name:
                 self._never_signed(connection)
-            batch = Batch(connection, head)
-            records = [
-                batch.add(draft.kind, uuid.uuid4().hex, created, author, KINDS[draft.kind].version, draft.keys, body)
-                for draft, body in zip([*first, *drafts], [*map(body_text, first), *bodies], strict=True)
-            ]
-            batch.write()
-            signed = self._sealing.after(connection, name, batch.leaves, batch.head, created) if name else None
+            whole = [*zip(first, map(body_text, first), strict=True), *zip(drafts, bodies, strict=True)]
+            records, signed = self._recorded(connection, name, head, created, author, whole)
             for draft in drafts:
                 for media_type, data in draft.documents:
                     add_document(connection, media_type, data)
-        self._published(signed)
+        self._witnesses.publish(signed)
         return records[len(first) :]
 
-    def begin_signing(self, *, accepted: bool = False) -> SignedHead | None:
+    def _recorded(
+        self, connection: Connection, name: str, head: chain.Head, created: str, author: str,
+        drafts: Sequence[tuple[Draft, str]],
+    ) -> tuple[list[Record], heads.SignedHead | None]:  # fmt: skip
+        """Write drafts with the texts of their bodies behind the last record; sign them in a ledger that has a name."""
+        batch = Batch(connection, head)
+        records = [
+            batch.add(draft.kind, uuid.uuid4().hex, created, author, KINDS[draft.kind].version, draft.keys, body)
+            for draft, body in drafts
+        ]
+        batch.write()
+        signed = self._sealing.after(connection, name, batch.leaves, batch.head, created) if name else None
+        return records, signed
+
+    def begin_signing(self, *, accepted: bool = False) -> heads.SignedHead | None:
         """Sign the ledger from now on, all that it holds included; None when it is signed already.
 
-        Parameters
-        ----------
-        accepted : bool
-            Somebody answers, by `accept`, for a ledger whose signatures were removed: it goes on under its name.
-
-        Raises
-        ------
-        LedgerError
-            It holds records and no signed head, and this computer or a witness knows it as a signed one.
+        `accepted`: somebody answers, by `accept`, for removed signatures; it goes on under its name. Else a ledger
+        without a signed head that this computer or a witness knows as signed is refused.
         """
         with self._writing() as connection:
-            if newest_head(connection) is not None:
+            if heads.newest_head(connection) is not None:
                 return None
             head = self._tail(connection)[0]
             name = ""
@@ -269,42 +265,50 @@ class Ledger:
             elif head.seq:
                 self._never_signed(connection, folders_of(self.keys.folder, self.where))
             signed = self._sealing.begin(connection, head, self._now(None, timedelta.max), name)
-        self._published(signed)
+        self._witnesses.publish(signed)
         return signed
 
     def accept(self, reason: str, *, author: str) -> Record:
         """Answer for what a verification found, in words, as an event: the ledger goes on from what it holds now.
 
-        Raises
-        ------
-        LedgerError
-            The ledger is not signed.
+        The event keeps the ledger's `head`, how many of its records were signed `before`, as far as this computer and
+        its witnesses know, and breaks accepted here that a restored copy does not hold (`earlier`).
         """
-        if not reason.strip():
+        if not stated(reason):
             raise InputError("say what happened: a ledger is not accepted without a reason")
+        signed_before = self._signed_before()
+        kept = self.find("event", limit=1000, subject_kind="ledger", subject="head", action="accepted")
+        held = {one["created"] for one in accepted_breaks(kept)}
         with self._writing() as connection:
             head, last = self._tail(connection)
             name = self._sealing.resume(connection, head)
             if not name:
                 raise LedgerError(f"{self.shown} is not signed; there is nothing to accept")
             created = self._now(last, timedelta(minutes=2))
-            body = body_text(Draft("event", ACCEPTED, {"reason": reason.strip(), "details": {"head": str(head)}}))
-            batch = Batch(connection, head)
-            record = batch.add("event", uuid.uuid4().hex, created, author, KINDS["event"].version, ACCEPTED, body)
-            batch.write()
-            signed = self._sealing.after(connection, name, batch.leaves, batch.head, created)
-        self._published(signed)
+            details: dict[str, Any] = {"head": str(head), "before": signed_before}
+            if earlier := [one for one in self.keys.breaks(name) if one["created"] not in held]:
+                details["earlier"] = earlier
+            draft = Draft("event", heads.ACCEPTED, {"reason": reason.strip(), "details": details})
+            (record,), signed = self._recorded(connection, name, head, created, author, [(draft, body_text(draft))])
+        self.keys.keep_break(name, accepted_breaks([record])[-1])
+        self._witnesses.publish(signed)
         return record
+
+    def _signed_before(self) -> int:
+        """The last record that was signed, by this ledger's heads and those of its witnesses since the last break."""
+        with self._reading() as connection:
+            newest = heads.newest_head(connection)
+            accepted = self._accepted(connection)
+        if newest is None:
+            return 0
+        kept = witnessed(self.keys.folder, newest.ledger, self.where)[0]
+        lost = farthest(kept, newest, accepted)
+        return newest.size if lost is None or lost.head is None else lost.head.size
 
     def record_witness(self, place: str, action: str, *, author: str) -> None:
         """Record that a witness was "named" or "removed", where its list cannot be changed without a trace.
 
         Nothing is recorded where that is known already, in a ledger that is not signed, or not by the key here.
-
-        Raises
-        ------
-        LedgerError
-            As `append`.
         """
         newest, public = self.signed_head(), self.keys.public()
         if newest is None or public is None or not self.keys.there:
@@ -314,25 +318,34 @@ class Ledger:
         details = {"place": shown(place), "ledger": newest.ledger}
         known = False
         after = 0
-        while rows := self.find("event", after=after, subject_kind="ledger", subject=WITNESS_EVENT["subject"]):
+        while rows := self.find("event", after=after, subject_kind="ledger", subject=heads.WITNESS_EVENT["subject"]):
             after = rows[-1].seq
             said = [row.keys["action"] for row in rows if row.body.get("details") == details]
             known = said[-1] == "named" if said else known
         if known != (action == "named"):
-            self.append("event", {**WITNESS_EVENT, "action": action}, {"details": details}, author=author)
+            self.append("event", {**heads.WITNESS_EVENT, "action": action}, {"details": details}, author=author)
 
-    def signed_head(self) -> SignedHead | None:
+    def signed_head(self) -> heads.SignedHead | None:
         """The last signed head; None in a ledger that is not signed."""
         with self._reading() as connection:
-            return newest_head(connection)
+            return heads.newest_head(connection)
+
+    def own_head(self) -> heads.SignedHead | None:
+        """The same, to be handed out: where the laboratory's private key is, its key signed it.
+
+        Raises LedgerError: another key signed it; public.pem holds another key than key.pem.
+        """
+        newest = self.signed_head()
+        public = self.keys.public() if newest is not None and self.keys.there else None
+        if newest is not None and public is not None:
+            heads.succession(newest, public, self.keys, self.shown)
+        return newest
 
     def not_behind(self) -> None:
         """Refuse to sign upon a ledger that lacks records which this computer saw in it.
 
-        Raises
-        ------
-        LedgerError
-            The witness beside the keys has a head of this ledger beyond its end, and nobody answered for that.
+        Raises LedgerError: the witness beside the keys has a head of this ledger beyond its end, and nobody answered
+        for that.
         """
         self._not_behind_others()
         with self._reading() as connection:
@@ -343,7 +356,7 @@ class Ledger:
         if self._alone or self._seen >= 0:
             return
         with self._reading() as connection:
-            newest = newest_head(connection)
+            newest = heads.newest_head(connection)
             accepted = self._accepted(connection)
         lost = None if newest is None else ahead_elsewhere(self.keys.folder, self.where, newest, accepted)
         if newest is not None and lost is not None:
@@ -351,10 +364,10 @@ class Ledger:
 
     def _accepted(self, connection: Connection) -> str:
         """Time when somebody last answered for what a verification found; "" for never."""
-        times = select(func.max(TABLES["event"].c.created)).where(_matching("event", ACCEPTED))
+        times = select(func.max(TABLES["event"].c.created)).where(_matching("event", heads.ACCEPTED))
         return str(connection.execute(times).scalar() or "")
 
-    def _behind(self, newest: SignedHead, lost: Witnessed) -> str:
+    def _behind(self, newest: heads.SignedHead, lost: Witnessed) -> str:
         """What happened to a ledger of which a witness remembers more than it holds, and what to do."""
         if lost.head is None:
             raise TypeError("a head that is not readable is beyond nothing")
@@ -362,20 +375,18 @@ class Ledger:
             f"{self.shown} ends with record {newest.size}, but the laboratory's key signed record {lost.head.size} of "
             f"this ledger on {lost.head.time[:19]} UTC"
         )
+        what = "an older state was put back, or its end was cut"
+        where, remedy = "this place", "Put the newest one back; or, when it is known what happened"
         if lost.place and lost.place != place_of(self.where):
-            remedy = (
-                f" in {lost.place}: one is a copy of the other, and only one can go on; nothing was recorded or signed."
-                f" Record in {lost.place}; or, to go on here without what was recorded there"
-            )
-        else:
-            remedy = (
-                " in this place: an older state was put back, or its end was cut; nothing was recorded or signed. Put "
-                "the newest one back; or, when it is known what happened"
-            )
-        return f"{fact}{remedy}, state it with `inclinometry ledger init {self.shown} --accept REASON`"
+            what, where = "one is a copy of the other, and only one can go on", lost.place
+            remedy = f"Record in {where}; or, to go on here without what was recorded there"
+        return (
+            f"{fact} in {where}: {what}; nothing was recorded or signed. {remedy}, state it with `inclinometry ledger "
+            f"init {self.shown} --accept REASON`"
+        )
 
     def _not_behind(self, connection: Connection) -> None:
-        newest = newest_head(connection)
+        newest = heads.newest_head(connection)
         if newest is None:
             return
         if not 0 <= self._seen <= newest.size:
@@ -404,15 +415,12 @@ class Ledger:
             )
         self._unknown = True
 
-    def _published(self, signed: SignedHead | None) -> None:
-        if signed is not None:
-            self._witnesses.publish(signed)
-
     def correct_clock(self, reason: str, *, author: str) -> Record:
         """Go on after the clock was in the future when something was recorded: as an event, with the time of now."""
-        draft = Draft(
-            "event", {"subject_kind": "ledger", "subject": "clock", "action": "corrected"}, {"reason": reason}
-        )
+        if not stated(reason):
+            raise InputError("say what happened: a clock is not corrected without a reason")
+        keys = {"subject_kind": "ledger", "subject": "clock", "action": "corrected"}
+        draft = Draft("event", keys, {"reason": reason})
         return self.append_all([draft], author=author, slack=timedelta.max)[0]
 
     def _now(self, last: str | None, slack: timedelta) -> str:
@@ -441,7 +449,7 @@ class Ledger:
             if name:
                 self._sealing.resume(connection, head)
                 signed = self._sealing.after(connection, name, (), head, self._now(None, timedelta.max))
-        self._published(signed)
+        self._witnesses.publish(signed)
 
     # -- reading -------------------------------------------------------------------------------------------------------
 
@@ -449,7 +457,7 @@ class Ledger:
         """The record of that id; LedgerError when there is none."""
         found = self._select(_query(kind).where(TABLES[kind].c.id == name), kind) if plain(name) else []
         if not found:
-            raise LedgerError(f"there is no {kind} record {name!r:.60} in {self.shown}")
+            raise LedgerError(missing(kind, name, self.shown))
         return found[0]
 
     def latest(self, kind: str, **keys: Any) -> Record | None:
@@ -502,7 +510,7 @@ class Ledger:
             query = STORED.where(DOCUMENT.c.digest == digest if plain(digest) else false())
             row = connection.execute(query).first()
         if row is None:
-            raise LedgerError(f"there is no document {digest!r:.80} in {self.shown}")
+            raise LedgerError(missing("document", digest, self.shown))
         if not as_stored(row.data, digest):
             raise LedgerError(f"document {digest} in {self.shown} was changed; run `inclinometry ledger verify`")
         return row.media_type, row.data
@@ -545,6 +553,22 @@ class Ledger:
             yield connection
 
 
+def send(witness: str, head: heads.SignedHead, where: str, folder: Path) -> None:
+    """Tell one witness of a head of the ledger `where`; `folder` is that of the keys.
+
+    A ledger records it as an event, signs it in its turn and tells its own witness of it.
+    """
+    place = place_of(where)
+    if witness == PRINT:
+        print(f"head {chain.compact(head.statement())}", flush=True)  # noqa: T201
+    elif not is_ledger(witness):
+        keep(Path(witness), head, place)
+    elif not itself(witness, place):
+        keys = {"subject_kind": "ledger", "subject": head.ledger, "action": "head"}
+        with Ledger(witness, keys=Keys(folder), alone=True) as ledger:
+            ledger.append("event", keys, {"details": {**head.statement(), "where": place}}, author="witness")
+
+
 def _time(created: str) -> datetime:
     try:
         return datetime.fromisoformat(created)
@@ -572,7 +596,5 @@ def _matching(kind: str, keys: Mapping[str, Any]) -> ColumnElement[bool]:
 
 def _equal(kind: str, name: str, value: Any) -> ColumnElement[bool]:
     # what no record can have finds none; the engines would each complain in their own way
-    text = KINDS[kind].keys[name] is str
     wanted = value if isinstance(value, list | tuple | set) else [value]
-    possible = [one for one in wanted if (plain(one) if text else type(one) is int and one in INTEGERS)]
-    return TABLES[kind].c[name].in_(possible)
+    return TABLES[kind].c[name].in_([one for one in wanted if fits(KINDS[kind].keys[name], one)])

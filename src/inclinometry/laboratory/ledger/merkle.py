@@ -27,24 +27,7 @@ def node_hash(left: bytes, right: bytes) -> bytes:
 
 
 class Frontier:
-    """What appending needs of a tree: the complete subtrees along its right edge, one for each 1 in its size.
-
-    Parameters
-    ----------
-    size : int
-        Leaves.
-    peaks : sequence of bytes
-        Roots of those subtrees, the largest first.
-
-    Examples
-    --------
-    >>> tree = Frontier()
-    >>> tree.root() == EMPTY
-    True
-    >>> tree.extend([leaf_hash(b"a"), leaf_hash(b"b")])
-    >>> tree.root() == node_hash(leaf_hash(b"a"), leaf_hash(b"b")), tree.size
-    (True, 2)
-    """
+    """What appending needs: roots of the complete subtrees along the right edge, one for each 1 in its size."""
 
     def __init__(self, size: int = 0, peaks: Sequence[bytes] = ()) -> None:
         self.size = size
@@ -70,13 +53,7 @@ class Frontier:
 
 
 class Tree:
-    """A whole tree: every complete subtree is kept, so that a proof costs a few hashes.
-
-    Parameters
-    ----------
-    leaves : iterable of bytes
-        Hashes of the leaves.
-    """
+    """A whole tree, from hashes of its leaves: every complete subtree is kept, so that a proof costs a few hashes."""
 
     def __init__(self, leaves: Iterable[bytes]) -> None:
         level = bytearray(b"".join(leaves))
@@ -134,14 +111,7 @@ def _height(size: int) -> int:
 
 
 def includes(leaf: bytes, index: int, size: int, proof: Sequence[bytes], root: bytes) -> bool:
-    """Whether a proof leads from the hash of a leaf at its place (from 0) to the root (RFC 9162, 2.1.3.2).
-
-    Examples
-    --------
-    >>> tree = Tree(leaf_hash(bytes([k])) for k in range(7))
-    >>> includes(leaf_hash(bytes([4])), 4, 7, tree.inclusion(4), tree.root())
-    True
-    """
+    """Whether a proof leads from the hash of a leaf at its place (from 0) to the root (RFC 9162, 2.1.3.2)."""
     if not 0 <= index < size:
         return False
     place, last, found = index, size - 1, leaf
@@ -159,14 +129,7 @@ def includes(leaf: bytes, index: int, size: int, proof: Sequence[bytes], root: b
 
 
 def consistent(first: int, second: int, old: bytes, new: bytes, proof: Sequence[bytes]) -> bool:
-    """Whether a proof leads from the root of `first` leaves to that of `second` (RFC 9162, 2.1.4.2).
-
-    Examples
-    --------
-    >>> tree = Tree(leaf_hash(bytes([k])) for k in range(7))
-    >>> consistent(3, 7, tree.root(3), tree.root(), tree.consistency(3))
-    True
-    """
+    """Whether a proof leads from the root of `first` leaves to that of `second` (RFC 9162, 2.1.4.2)."""
     if not 0 <= first <= second:
         return False
     if first == second:

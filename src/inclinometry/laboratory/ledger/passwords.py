@@ -24,83 +24,48 @@ if TYPE_CHECKING:
 SHORTEST: Final = 15
 """Characters of a new password, NIST SP 800-63B-4 for one that stands alone; blanks in a row count once."""
 LONGEST: Final = 128
-LONGEST_TRIED: Final = 200
-"""Older programs took so many."""
-LEAST_GUESSES: Final = 1e12
-"""A hundred times zxcvbn's highest score: for whoever has a copy of the ledger and a thousand processors, at twenty
-argon2id hashes of 64 MB a second each, more than a year; three words drawn by lot from 10,000."""
-_PROGRAM: Final = ("inclinometry", "inclinometer")
-_FIELD: Final = (
-    *("borehole", "calibration", "certificate", "drilling", "gyro", "inclination", "azimuth", "toolface"),
-    *("laboratory", "metrology", "survey", "пароль", "скважина", "密码"),
-    *[
-        "январь",
-        "февраль",
-        "март",
-        "апрель",
-        "май",
-        "июнь",
-        "июль",
-        "август",
-        "сентябрь",
-        "октябрь",
-        "ноябрь",
-        "декабрь",
-    ],
+_TRIED: Final = (
+    *("password", "passphrase", "borehole", "calibration", "certificate", "drilling", "gyro", "inclination", "azimuth"),
+    *("toolface", "laboratory", "metrology", "survey", "пароль", "скважина", "密码"),
+    *("январь", "февраль", "март", "апрель", "май", "июнь", "июль", "август", "сентябрь", "октябрь", "ноябрь"),
+    *("декабрь", "correcthorsebatterystaple", "thequickbrownfoxjumpsoverthelazydog", "maytheforcebewithyou"),
+    *("tobeornottobe", "winteriscoming", "openthepodbaydoors"),
 )
-"""What somebody would try who knows what the program is for."""
-_PUBLISHED: Final = (
-    *("correcthorsebatterystaple", "thequickbrownfoxjumpsoverthelazydog", "maytheforcebewithyou", "tobeornottobe"),
-    *("winteriscoming", "openthepodbaydoors"),
-)
-"""Phrases that everybody has read; zxcvbn knows words."""
+"""What somebody would try who knows what the program is for, and phrases that all have read; zxcvbn knows words."""
 _BETWEEN: Final = re.compile(r"[\s_.,;:-]+")
-_KEYS: Final = str.maketrans(
-    "йцукенгшщзхъфывапролджэячсмитьбюё!@#$%^&*()", "qwertyuiop[]asdfghjkl;'zxcvbnm,.`1234567890"
-)
-"""The keys under Cyrillic letters and under signs."""
-_READ: Final = 72  # zxcvbn's time grows with the square of what it reads
 
 
 def strength(password: str, words: Iterable[str] = ()) -> float:
-    """From 0 to 1, which is enough: the guesses needed by somebody who knows the words, and the length.
-
-    Parameters
-    ----------
-    password : str
-    words : iterable of str
-        What somebody who guesses knows: the names of the user, of the laboratory.
-
-    Examples
-    --------
-    >>> strength("passwordpassword") < 0.3, strength("quiet granite harbour lamp")
-    (True, 1.0)
-    >>> strength("AnnaBerg annaberg 1", ["Anna Berg"])
-    0.125
-    """
+    """From 0 to 1, which is enough: the guesses of somebody who knows `words` (user, laboratory), and the length."""
     from zxcvbn import zxcvbn
 
-    names = {*_PROGRAM, *(part for word in words for part in (word, *re.split(r"\W+", word)) if len(part) > 2)}
-    known = [*sorted(names), "password", "passphrase", *_FIELD, *_PUBLISHED]
+    # a hundred times zxcvbn's highest score: for whoever has a copy of the ledger and a thousand processors, at twenty
+    # argon2id hashes of 64 MB a second each, more than a year; three words drawn by lot from 10,000
+    least_guesses = 1e12
+    # the keys under Cyrillic letters and under signs
+    keys = str.maketrans("йцукенгшщзхъфывапролджэячсмитьбюё!@#$%^&*()", "qwertyuiop[]asdfghjkl;'zxcvbnm,.`1234567890")
+    names = {
+        "inclinometry",
+        "inclinometer",
+        *(part for word in words for part in (word, *re.split(r"\W+", word)) if len(part) > 2),
+    }
+    known = [*sorted(names), *_TRIED]
     normal = _normal(password)
     if not normal:
         return 0.0
     together = _BETWEEN.sub("", normal) or normal
     guesses = math.inf
-    for text in dict.fromkeys((normal, together, together.casefold().translate(_KEYS))):
+    for text in dict.fromkeys((normal, together, together.casefold().translate(keys))):
         # the better of both ends: a long password is not weak because its beginning is
-        parts = {text[:_READ], text[-_READ:]}
-        guesses = min(guesses, max(float(zxcvbn(part, user_inputs=known)["guesses_log10"]) for part in parts))
-    return max(0.0, min(1.0, guesses / math.log10(LEAST_GUESSES), _length(normal) / SHORTEST, _own(normal, names) / 8))
+        ends = {text[:72], text[-72:]}  # zxcvbn's time grows with the square of what it reads
+        guesses = min(guesses, max(float(zxcvbn(part, user_inputs=known)["guesses_log10"]) for part in ends))
+    return max(0.0, min(1.0, guesses / math.log10(least_guesses), _length(normal) / SHORTEST, _own(normal, names) / 8))
 
 
 def hashed(password: str, words: Iterable[str] = ()) -> str:
     """The argon2id hash of a password that may be taken.
 
-    Raises
-    ------
-    InputError
-        Too short, too long, among those that are guessed first; a control character is in it.
+    Raises InputError: too short, too long, among those that are guessed first; a control character is in it.
     """
     normal = _normal(password)
     control = next((sign for sign in normal if unicodedata.category(sign) in ("Cc", "Cs")), None)
@@ -123,7 +88,7 @@ def fits(stored: str | None, password: str) -> bool:
     """Whether the password is the one that was hashed; without a hash it takes as long and is wrong."""
     from argon2.exceptions import InvalidHashError, VerificationError
 
-    given = password[: LONGEST_TRIED + 1]
+    given = password[:201]  # older programs took 200
     # older programs hashed what was typed
     for tried in dict.fromkeys((_normal(given), given)):
         try:

@@ -21,17 +21,12 @@ from inclinometry.laboratory.ledger import passwords
 
 STEP_S: Final = 30
 """Seconds a code is shown."""
-_EITHER_SIDE: Final = 1  # steps by which telephone and bench may differ
 _SECRET: Final = 20  # bytes, the length of HMAC-SHA-1 (RFC 4226, section 4)
-_RECOVERY: Final = 10
-_SALT: Final = 16
 
 
 def code(secret: bytes, step: int, digits: int = 6, algorithm: str = "sha1") -> str:
     """The code of a time step: RFC 4226, section 5.3, with the counter of RFC 6238, section 4.2.
 
-    Examples
-    --------
     >>> code(b"12345678901234567890", 59 // STEP_S, digits=8)  # RFC 6238, appendix B
     '94287082'
     """
@@ -45,11 +40,8 @@ def step_of(secret: bytes, given: str, time: float) -> int | None:
     """The time step, near `time` (s since 1970), whose code was given; None when it is the code of none."""
     now = int(time) // STEP_S
     digits = re.sub(r"[\s-]", "", given).encode()
-    found = [
-        step
-        for step in range(max(0, now - _EITHER_SIDE), now + _EITHER_SIDE + 1)
-        if hmac.compare_digest(code(secret, step).encode(), digits)
-    ]
+    near = range(max(0, now - 1), now + 2)  # telephone and bench may differ by a step
+    found = [step for step in near if hmac.compare_digest(code(secret, step).encode(), digits)]
     return found[0] if found else None
 
 
@@ -61,10 +53,7 @@ def new_secret() -> str:
 def secret_bytes(text: str) -> bytes:
     """The secret of its base 32; blanks and small letters do not matter.
 
-    Raises
-    ------
-    InputError
-        Not base 32, or not 160 bits.
+    Raises InputError: not base 32, or not 160 bits.
     """
     try:
         found = base64.b32decode(re.sub(r"[\s=-]", "", text).upper())
@@ -78,8 +67,6 @@ def secret_bytes(text: str) -> bytes:
 def address(secret: str, name: str) -> str:
     """What an authenticator reads from the square code.
 
-    Examples
-    --------
     >>> address("GEZDGNBVGY3TQOJQGEZDGNBVGY3TQOJQ", "anna")
     'otpauth://totp/inclinometry:anna?secret=GEZDGNBVGY3TQOJQGEZDGNBVGY3TQOJQ&issuer=inclinometry'
     """
@@ -88,7 +75,7 @@ def address(secret: str, name: str) -> str:
 
 def sealed(secret: bytes, password: str) -> dict[str, Any]:
     """The secret as it is kept."""
-    salt, costs = secrets.token_bytes(_SALT), passwords.costs()
+    salt, costs = secrets.token_bytes(16), passwords.costs()
     key = passwords.key(password, salt, _SECRET, **costs)
     return {"salt": salt.hex(), "secret": _added(secret, key).hex(), **costs}
 
@@ -102,7 +89,7 @@ def opened(kept: Mapping[str, Any], password: str) -> bytes:
 
 def recovery_codes() -> list[str]:
     """Codes that each replace one code of the telephone: 120 random bits, so that a plain hash keeps them."""
-    letters = [base64.b32encode(secrets.token_bytes(15)).decode() for _ in range(_RECOVERY)]
+    letters = [base64.b32encode(secrets.token_bytes(15)).decode() for _ in range(10)]
     return ["-".join(re.findall("......", text)) for text in letters]
 
 

@@ -6,7 +6,7 @@ import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeAlias
 
 from sqlalchemy import inspect, select
 from sqlalchemy.engine import Connection
@@ -16,11 +16,10 @@ from inclinometry.laboratory.ledger import chain
 from inclinometry.laboratory.ledger.chain import LedgerError
 from inclinometry.laboratory.ledger.engine import HEAD, shown
 from inclinometry.laboratory.ledger.heads import ACCEPTED, KEY_EVENT, WITNESS_EVENT, SignedHead, head_of, newest_head
-from inclinometry.laboratory.ledger.keys import descends, explained, fingerprint, genuine
+from inclinometry.laboratory.ledger.keys import KeyFaultError, Keys, descends, explained, fingerprint, genuine
 from inclinometry.laboratory.ledger.ledger import Ledger
 from inclinometry.laboratory.ledger.merkle import Frontier, leaf_hash
 from inclinometry.laboratory.ledger.witness import (
-    Testimony,
     Witnessed,
     begun_at,
     folders_of,
@@ -40,7 +39,11 @@ class Fault:
     problem: str
 
     def __str__(self) -> str:
-        return f"{self.table} {self.row}: {self.problem}"
+        return f"{self.table}{'' if self.row == '-' else f' {self.row}'}: {self.problem}"
+
+
+Testimony: TypeAlias = tuple[list[Witnessed], list[str], list[str]]
+"""What `witnessed` gives: heads that are kept, witnesses that do not answer, those that keep none."""
 
 
 def asked(ledger: Ledger) -> tuple[str, Testimony, Witnessed | None]:
@@ -56,39 +59,32 @@ def asked(ledger: Ledger) -> tuple[str, Testimony, Witnessed | None]:
         except (OSError, FileError) as error:
             reason = getattr(error, "strerror", None) or error
             silent = f'the witness in {ledger.keys.folder} cannot be asked ("{reason}")'
-            return "", Testimony([], [silent], [], []), None
+            return "", ([], [silent], []), None
     name = here if newest is None else newest.ledger
     if known is not None and known.head is not None:
         name = known.head.ledger
-    said = witnessed(ledger.keys.folder, name, ledger.where) if name else Testimony([], [], [], [])
+    said = witnessed(ledger.keys.folder, name, ledger.where) if name else ([], [], [])
     return here, said, known
 
 
-def _public(ledger: Ledger) -> tuple[str, ...]:
+def _public(keys: Keys) -> tuple[tuple[str, ...], list[Fault]]:
+    """The keys of this computer, the one of now first; the fault of one that was exchanged."""
+    faults = []
     try:
-        now = ledger.keys.public()
-        return () if now is None else (now, *ledger.keys.former())
+        now = keys.public()
     except OSError:  # the folder of another user
-        return ()
+        return (), []
+    except KeyFaultError as error:
+        now, faults = error.own, [Fault("keys", "-", str(error))]
+    return () if now is None else (now, *keys.former(now)), faults
 
 
 class Signatures:
     """Along the chain with its tree, comparing each signed head with the root of the records it speaks of.
 
-    Parameters
-    ----------
-    connection : Connection
-    ledger : Ledger
-    public : sequence of str
-        The laboratory's keys, the one of now first; those of this computer when empty.
-    here : str
-        The ledger that was last seen in this place.
-    testimony : Testimony
-        Of the witnesses.
-    known : Witnessed, optional
-        The head by which a ledger that holds none is known to have been signed.
-    copy : bool
-        A copy kept on purpose: that it ends before heads which witnesses keep is a note.
+    `public` are the laboratory's keys, the present one first; `here` is the ledger last seen in this place, `known` the
+    head by which a ledger that holds none is known to have been signed. A `copy` may end before heads that witnesses
+    keep.
     """
 
     def __init__(
@@ -105,13 +101,17 @@ class Signatures:
         self.newest = newest_head(connection, readable=True)
         self._unreadable: list[Fault] = []
         self._given, self._here, self._remembered = tuple(public), here, known
-        ours = _public(ledger)
+        ours, self._other_key = _public(ledger.keys)
         self._wanted = self._given or ours
+        by_folder = not self._given and bool(ours or self._other_key)
+        self._uncompared = ledger.keys.uncompared() if by_folder else ""
+        self.compared = not self._uncompared if by_folder and ledger.keys.there else None
+        """Whether the key that it is verified by is that of key.pem; None where there is none, or a key was given."""
         self._own_changes = ledger.keys.changes() if ours else []
         self._copy = copy
         self.strange = False
         """Whether the last head is signed by another key than the one here, and nothing says that it should not be."""
-        self._kept, self._notes = testimony.kept, list(testimony.open)
+        self._kept, self._notes = testimony[0], list[str]()
         # only who signs tells a witness: on another computer none is expected
         signs = self.newest is not None and (self.newest.key in ours or self._before_the_break() is not None)
         self._own = own = signs and ledger.keys.there
@@ -124,7 +124,7 @@ class Signatures:
         # place of a witness -> whether it was named, and not removed since
         self._named: dict[str, bool] = {}
         name, folder = self.newest.ledger if self.newest else "", ledger.keys.folder
-        self._lost_witnesses = [lost_sentence(folder, one, name) for one in testimony.lost] if own else []
+        self._lost_witnesses = [lost_sentence(folder, one, name) for one in testimony[2]] if own else []
         self._tree = Frontier()
         self._link = chain.GENESIS
         self._own_heads = self._stored(connection) if inspect(connection).has_table("head") else iter(())
@@ -140,6 +140,7 @@ class Signatures:
         self._changes: list[dict[str, Any]] = []
         self._accepted: list[tuple[str, str, str]] = []
         self._keys = self._successive(connection) if self.newest else []
+        self._signers = {*self._wanted, *(key for key, _, _ in self._keys)}
         self._compare(0)
 
     def _stored(self, connection: Connection) -> Iterator[tuple[SignedHead, str | None]]:
@@ -193,6 +194,8 @@ class Signatures:
         if row.subject == WITNESS_EVENT["subject"] and isinstance(details, dict) and details.get("ledger") == here:
             self._named[str(details.get("place"))] = row.action == "named"
         if (row.subject, row.action) == (ACCEPTED["subject"], ACCEPTED["action"]):
+            earlier = details.get("earlier", []) if isinstance(details, dict) else []
+            self._accepted += [(str(one["created"]), str(one["author"]), str(one["reason"])) for one in earlier]
             self._accepted.append((str(row.created), str(row.author), reason))
 
     def _compare(self, seq: int) -> None:
@@ -212,25 +215,27 @@ class Signatures:
     def _judge(self, head: SignedHead, witness: str, seq: int) -> None:
         where = f"{head.size} ({head.time[:19]})"
         if not head.genuine():
-            said = f"its signature is not that of the key {fingerprint(head.key)}: changed or forged"
-            if witness:
-                said = (
-                    f"its signature, kept by {witness}, is not that of the key {fingerprint(head.key)}: "
-                    "changed or forged"
-                )
+            kept = f", kept by {witness}," if witness else ""
+            said = f"its signature{kept} is not that of the key {fingerprint(head.key)}: changed or forged"
             self._doubts.append(("9999", Fault("head", where, said)))
         elif self.newest is not None and head.ledger != self.newest.ledger:
             self._doubts.append((head.time, Fault("head", where, f"is of another ledger ({head.ledger})")))
+        elif self._by_another(head, witness, where):
+            pass
         elif head.size != seq or (self._tree.root().hex(), self._link) != (head.root, head.link):
-            said = "the records up to here are not those that were signed then: rewritten, or an older copy"
-            if witness:
-                said = (
-                    f"the records up to here are not those that were signed by the head that {witness} keeps: "
-                    "rewritten, or an older copy"
-                )
+            signed = f"by the head that {witness} keeps" if witness else "then"
+            said = f"the records up to here are not those that were signed {signed}: rewritten, or an older copy"
             self._doubts.append((head.time, Fault("head", where, said)))
         elif witness:
             self._agreed[witness] = max(self._agreed.get(witness, 0), head.size)
+
+    def _by_another(self, head: SignedHead, witness: str, where: str) -> bool:
+        """Whether a witness keeps a head that no key of the laboratory, and none of the ledger's heads, signed."""
+        if not witness or not self._wanted or head.key in self._signers:
+            return False
+        said = f"kept by {witness}: signed by the key {fingerprint(head.key)}, which signed no head of this ledger"
+        self._doubts.append((head.time, Fault("head", where, said)))
+        return True
 
     def end(self, seq: int) -> tuple[list[Fault], list[str]]:
         """Faults and notes when the last record, `seq`, is passed."""
@@ -239,11 +244,9 @@ class Signatures:
             self._next = next(self._own_heads, None)
         for head, witness, place in self._outside[self._at :]:
             self._lost(head, witness, place, seq)
-        faults = [
-            Fault("head", "-", f"a line that {one.witness} keeps is not readable")
-            for one in self._kept
-            if one.head is None
-        ]
+        faults = self._other_key
+        unreadable = [one.witness for one in self._kept if one.head is None]
+        faults += [Fault("head", "-", f"a line that {witness} keeps is not readable") for witness in unreadable]
         faults += self._unreadable
         faults += [Fault("witness", "-", sentence) for sentence in self._lost_witnesses]
         faults += self._unlisted()
@@ -263,29 +266,26 @@ class Signatures:
         for time, author, reason in self._accepted:
             self._notes.append(f"accepted on {time[:19]} by {author}: {reason}")
         if excused:
-            self._notes.append(f"{excused} signed heads from before that contradict the records")
+            self._notes.append(f"older signed heads that contradict the records: {excused}")
         for place, size in self._elsewhere.items():
             self._notes.append(f"this is a copy: the ledger in {place} goes on to record {size}")
         faults += self._of_keys(said[0])
         return faults, [*self._signed(), *self._notes]
 
     def _lost(self, head: SignedHead, witness: str, place: str, seq: int) -> None:
+        kept = f"kept by {witness}" if witness else "in it"
         if not head.genuine():
-            said = "the head in it is forged: its key did not sign it"
-            if witness:
-                said = f"the head kept by {witness} is forged: its key did not sign it"
+            said = f"the head {kept} is forged: its key did not sign it"
             self._doubts.append(("9999", Fault("head", str(head.size), said)))
+            return
+        if self._by_another(head, witness, f"{head.size} ({head.time[:19]})"):
             return
         lost = f"{seq + 1} to {head.size}" if head.size > seq + 1 else f"{head.size}"
         if witness and self._copy:
             self._elsewhere[place] = max(self._elsewhere.get(place, 0), head.size)
             return
-        said = "removed: the ledger ends before the signed head in it"
-        if witness:
-            said = (
-                f"removed: the ledger ends before the signed head kept by {witness}; "
-                "a copy that is kept on purpose is verified with --copy"
-            )
+        said = f"removed: the ledger ends before the signed head {kept}"
+        said += "; a copy that is kept on purpose is verified with --copy" if witness else ""
         self._doubts.append((head.time, Fault("chain", lost, said)))
 
     def _unlisted(self) -> Iterator[Fault]:
@@ -304,11 +304,8 @@ class Signatures:
         """Faults of a ledger whose end is not signed, or that is not the one that was here."""
         if self.newest is None:
             if self._given:
-                said = (
-                    f"not signed by the key {fingerprint(self._given[0])}: its signatures were removed, or it never "
-                    "had any"
-                )
-                yield Fault("head", "-", said)
+                by = f"not signed by the key {fingerprint(self._given[0])}"
+                yield Fault("head", "-", f"{by}: its signatures were removed, or it never had any")
             if self._here:
                 yield Fault("head", "-", "the ledger that was begun in this place is signed, and this one is not")
             elif self._remembered is not None and self._remembered.head is not None:
@@ -326,9 +323,8 @@ class Signatures:
             yield Fault("head", "-", f"another ledger ({self._here}) was begun in this place than stands here now")
         if self.newest.size < seq:
             lost = f"{self.newest.size + 1} to {seq}" if seq > self.newest.size + 1 else f"{seq}"
-            yield Fault(
-                "chain", lost, "not signed: recorded by something else than this program with the laboratory's key"
-            )
+            said = "not signed: recorded by something else than this program with the laboratory's key"
+            yield Fault("chain", lost, said)
 
     def _of_keys(self, accepted: str) -> Iterator[Fault]:
         """Faults of the keys: one that followed another without a word, or that is not the laboratory's."""
@@ -338,9 +334,8 @@ class Signatures:
             path = explained(before, after, self._changes)
             self._notes += _changed(before, path or (), size)
             if path is None and time <= accepted:
-                self._notes.append(
-                    f"break: from record {size} on the key is {fingerprint(after)}, accepted by a person"
-                )
+                said = f"break: from record {size} on the key is {fingerprint(after)}, accepted by a person"
+                self._notes.append(said)
             elif path is None:
                 said = f"signed by {fingerprint(after)}, for which the key before did not sign"
                 yield Fault("head", f"{size} ({time[:19]})", said)
@@ -385,7 +380,11 @@ class Signatures:
             yield f"signed up to record {size} by the key {by} (the laboratory's until it was lost)"
         else:
             whose = "the laboratory's" if self._known() else "compare it with the laboratory's"
+            if self._uncompared:
+                whose = "the one in public.pem"
             yield f"signed up to record {size} by the key {by} ({whose})"
+            if self._uncompared:
+                yield self._uncompared
         first = min([self._first, *(head.size for head, _, _ in self._outside)])
         if first:
             yield f"its first {first} records were there before it was signed: what they said until then is not proven"
@@ -397,9 +396,8 @@ class Signatures:
 
 def unsigned(*, doubted: bool) -> str:
     """What a ledger without signatures proves; to sign it is no remedy where something is wrong with it."""
-    if doubted:
-        return "not signed: whoever can write to it can rewrite it"
-    return "not signed: whoever can write to it can rewrite it; `inclinometry ledger init` begins to sign"
+    remedy = "" if doubted else "; `inclinometry ledger init` begins to sign"
+    return f"not signed: whoever can write to it can rewrite it{remedy}"
 
 
 def _changed(before: str, path: Sequence[Mapping[str, Any]], size: int) -> Iterator[str]:

@@ -9,7 +9,7 @@ from typing import Any, Final
 from inclinometry.digest import digest_bytes
 from inclinometry.errors import InputError
 from inclinometry.laboratory.ledger import passwords, second_factor
-from inclinometry.laboratory.ledger.ledger import ConflictError, Draft, Ledger, LedgerError, Precondition, Record
+from inclinometry.laboratory.ledger.ledger import ConflictError, Draft, Ledger, LedgerError, Record
 
 ROLES: Final[Mapping[str, frozenset[str]]] = {
     "auditor": frozenset({"read"}),
@@ -55,11 +55,6 @@ def put_user(
     """Add a user or record a change; without a password the old one stays.
 
     A password that somebody else sets takes the second factor away, whose secret only the old password opens.
-
-    Raises
-    ------
-    InputError
-        An unknown role, a password that is not taken (`passwords.hashed`), a new user without one.
     """
     if not name:
         raise InputError("a user needs a name: write the one to log in with")
@@ -71,26 +66,20 @@ def put_user(
     old = ledger.latest("user", name=name)
     if password is None and old is None:
         raise InputError(f"{name!r} is a new user; give a password of at least {passwords.SHORTEST} characters")
-    body = {"role": role, "full_name": full_name, "active": active, "language": language}
-    events = []
-    if password is not None:
-        body["password"] = passwords.hashed(password, known_words(ledger, name, full_name))
-        body["second_factor"] = None
-        if old is not None:
-            events = ["password changed"]
-            events += ["second factor removed"] if old.body.get("second_factor") else []
-    elif old is not None:
-        body |= {key: old.body.get(key) for key in ("password", "second_factor")}
+    body: dict[str, Any] = {"role": role, "full_name": full_name, "active": active, "language": language}
+    before = {} if old is None else {key: old.body.get(key) for key in ("password", "second_factor")}
+    if password is None:
+        return _put(ledger, name, body | before, author)
+    body |= {"password": passwords.hashed(password, known_words(ledger, name, full_name)), "second_factor": None}
+    events = ["password changed"] if before else []
+    events += ["second factor removed"] if before.get("second_factor") else []
     return _put(ledger, name, body, author, *events)
 
 
 def change_password(ledger: Ledger, name: str, current: str, new: str) -> User:
     """The user's own change; the second factor stays.
 
-    Raises
-    ------
-    InputError
-        The current password is wrong, the new one is not taken.
+    Raises InputError: the current password is wrong, the new one is not taken.
     """
     record, body = _own(ledger, name, current)
     body["password"] = passwords.hashed(new, known_words(ledger, name, str(body.get("full_name", ""))))
@@ -103,13 +92,8 @@ def change_password(ledger: Ledger, name: str, current: str, new: str) -> User:
 def put_second_factor(ledger: Ledger, name: str, password: str, secret: str, code: str) -> list[str]:
     """Ask this user for a code of the second factor from now on; its recovery codes, of which only digests are kept.
 
-    The code that sets it up is used by that: it opens no login.
-
-    Raises
-    ------
-    InputError
-        The password is wrong, the code is not that of the secret now or was used before, there is a second factor
-        already: what takes it away asks for one of its codes.
+    The code that sets it up is used by that: it opens no login. A second factor there already must be taken away first,
+    which asks for one of its codes.
     """
     found = second_factor.secret_bytes(secret)
     _, body = _own(ledger, name, password)
@@ -131,10 +115,7 @@ def put_second_factor(ledger: Ledger, name: str, password: str, secret: str, cod
 def remove_second_factor(ledger: Ledger, name: str, *, author: str) -> User:
     """Ask this user for the password alone from now on; by whom is recorded.
 
-    Raises
-    ------
-    LedgerError
-        There is no such user, or no second factor.
+    Raises LedgerError: there is no such user, or no second factor.
     """
     record = ledger.latest("user", name=name)
     if record is None or not record.body.get("second_factor"):
@@ -166,12 +147,7 @@ def check_code(ledger: Ledger, name: str, password: str, given: str) -> bool:
     """Whether the code is one of the user's second factor and was never given before; afterwards it was.
 
     A recovery code does as well. Without a second factor only no code is right. That a code was given is an event of
-    the ledger, recorded unless it is there already: of two who bring the same code, to whichever bench, one gets in.
-
-    Parameters
-    ----------
-    password : str
-        The user's, already checked: it opens the secret.
+    the ledger: of two who bring the same code, to whichever bench, one gets in. The password opens the secret.
     """
     record = ledger.latest("user", name=name)
     factor = None if record is None else record.body.get("second_factor")
@@ -187,7 +163,7 @@ def check_code(ledger: Ledger, name: str, password: str, given: str) -> bool:
         return False
     keys = {"subject_kind": "user", "subject": name, "action": mark}
     try:
-        ledger.append_all([Draft("event", keys, {})], author=name, unless=[Precondition("event", keys, "used")])
+        ledger.append_all([Draft("event", keys, {})], author=name, unless=[("event", keys, "used")])
     except ConflictError:
         return False
     return True
@@ -233,33 +209,22 @@ def _put(
 
     once : an event that must not have happened before; ConflictError when it has.
     """
-    keys = [
-        {"subject_kind": "user", "subject": name, "action": event} for event in (*events, *([once] if once else []))
-    ]
+    actions = (*events, once) if once else events
+    keys = [{"subject_kind": "user", "subject": name, "action": action} for action in actions]
     drafts = [Draft("user", {"name": name}, body), *(Draft("event", key, {}) for key in keys)]
-    unless = [Precondition("event", keys[-1], "used")] if once else []
+    unless = [("event", keys[-1], "used")] if once else []
     return _user(ledger.append_all(drafts, author=author, unless=unless)[0])
 
 
 def refuse_control(*names: str) -> None:
-    """Refuse names with characters that nobody sees.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse names with characters that nobody sees (InputError)."""
     for name in names:
         if not name.isprintable():
             raise InputError(f"the name {name!r:.60} has a control character; take characters that are seen")
 
 
 def guard_last_administrator(ledger: Ledger, name: str, role: str, active: bool) -> None:
-    """Refuse a change that leaves no active administrator.
-
-    Raises
-    ------
-    LedgerError
-    """
+    """Refuse a change that leaves no active administrator (LedgerError)."""
     administrators = {u.name for u in users(ledger) if u.may("administer")}
     if administrators == {name} and not (active and role == "administrator"):
         raise LedgerError(f"{name!r} is the last active administrator; make another one first")
@@ -267,13 +232,6 @@ def guard_last_administrator(ledger: Ledger, name: str, role: str, active: bool)
 
 def _user(record: Record) -> User:
     body = record.body
-    seal = digest_bytes(f"seal {body.get('password')}".encode())
-    return User(
-        record.keys["name"],
-        body.get("full_name", ""),
-        body["role"],
-        bool(body["active"]),
-        body.get("language", "en"),
-        seal,
-        bool(body.get("second_factor")),
-    )
+    seal, full_name = digest_bytes(f"seal {body.get('password')}".encode()), body.get("full_name", "")
+    about = (record.keys["name"], full_name, body["role"], bool(body["active"]), body.get("language", "en"))
+    return User(*about, seal, bool(body.get("second_factor")))

@@ -35,12 +35,12 @@ MOST_FAULTS: Final = 100
 
 @dataclass(frozen=True)
 class Verdict:
-    """What a verification found: how many records and documents were read, the head, the faults.
+    """What a verification found; records and documents are how many were read.
 
-    signed : the last signed head; None where the ledger is not signed.
-    notes : sentences about signatures and witnesses, what was accepted.
-    silent : sentences about the named witnesses that did not answer: what only they know is not found out.
-    strange : the key that signed it is not the one here: it may be another laboratory's, or anybody's.
+    signed : the last signed head; None where the ledger is not signed. notes : of signatures, witnesses, acceptances.
+    silent : of named witnesses that did not answer: what only they know is not found out.
+    strange : another key than the one here signed it, another laboratory's or anybody's.
+    compared : the public key here with the private one; None where there is none, or a key was given.
     """
 
     records: int
@@ -51,6 +51,7 @@ class Verdict:
     notes: tuple[str, ...] = ()
     silent: tuple[str, ...] = ()
     strange: bool = False
+    compared: bool | None = None
 
     @property
     def ok(self) -> bool:
@@ -59,12 +60,17 @@ class Verdict:
 
     @property
     def proven(self) -> bool:
-        """Whether nothing was found, every witness that was named answered, and a known key signed it."""
-        return self.signed is not None and self.unsuspected
+        """Whether nothing was found, every witness that was named answered, and a known key signed it.
+
+        A public key that was not compared with the private one beside it is not known.
+        """
+        return self.signed is not None and self.unsuspected and self.compared is not False
 
     @property
     def unsuspected(self) -> bool:
-        """The same, and also of a ledger that is not signed and that nothing here knows as a signed one."""
+        """The same, and also with a key that was not compared, and of a ledger that is not signed and that nothing here
+        knows as a signed one.
+        """
         return not self.faults and not self.silent and not self.strange
 
 
@@ -78,20 +84,10 @@ def verify(
 ) -> Verdict:
     """Read the whole ledger and name every row that was changed, removed, inserted or moved.
 
-    Parameters
-    ----------
-    ledger : Ledger
-    head : Head, optional
-        A head noted earlier (every certificate carries one).
-    public : sequence of str
-        Public keys of the laboratory, 64 hexadecimal digits, the one of now first; those of this computer when empty.
-    copy : bool
-        A copy kept on purpose: that the ledger went on since is a note, no fault.
-    progress : callable, optional
-        Called with the share done, 0 to 1.
+    head : noted earlier (every certificate carries one). public : keys of the laboratory, 64 hexadecimal digits, that
+        of now first; those of this computer when empty. copy : one kept on purpose; that the ledger went on since is a
+        note, no fault. progress : called with the share done, 0 to 1.
 
-    Notes
-    -----
     The chain proves that nobody changed the ledger who did not also recompute every later link; the signed heads, that
     nobody did who has not the laboratory's key; the heads that witnesses keep, that nothing was cut off its end and no
     older copy put in its place, by anybody who cannot write to all of them.
@@ -118,8 +114,18 @@ def verify(
     if signatures.newest is None:
         notes.insert(0, unsigned(doubted=bool(faults) or witnesses[2] is not None))
     head = chain.Head(walk.seq, walk.link)
-    shown, silent = tuple(faults[:MOST_FAULTS]), tuple(witnesses[1].silent)
-    return Verdict(walk.records, documents, head, shown, signatures.newest, tuple(notes), silent, signatures.strange)
+    shown, silent = tuple(faults[:MOST_FAULTS]), tuple(witnesses[1][1])
+    return Verdict(
+        walk.records,
+        documents,
+        head,
+        shown,
+        signatures.newest,
+        tuple(notes),
+        silent,
+        signatures.strange,
+        signatures.compared,
+    )
 
 
 @contextmanager
@@ -214,6 +220,8 @@ def _strays(connection: Connection) -> Iterator[Fault]:
 
 def _documents(connection: Connection) -> Iterator[Fault]:
     """Files whose bytes or media type changed, and files that records refer to and that are gone."""
+    # how documents of a certificate begin; ledgers of before may hold others, of which nothing was said
+    begins = {"application/pdf": b"%PDF-", "application/xml": b"<", "application/json": b"{"}
     have: dict[str, tuple[str, bytes]] = {}
     for row in connection.execution_options(yield_per=1).execute(STORED):
         have[row.digest] = row.media_type, row.data[:5] if isinstance(row.data, bytes) else b""
@@ -225,13 +233,9 @@ def _documents(connection: Connection) -> Iterator[Fault]:
             continue
         found, data = have[digest]
         # the bytes are bound by their digest, what they are by the record that refers to them
-        if media_type not in (None, found) and data.startswith(_BEGINS.get(str(media_type), b"")):
+        if media_type not in (None, found) and data.startswith(begins.get(str(media_type), b"")):
             said = f"its media type was changed: it is {found!r:.60}, {by} says {media_type}"
             yield Fault("document", digest, said)
-
-
-_BEGINS: Final = {"application/pdf": b"%PDF-", "application/xml": b"<", "application/json": b"{"}
-"""How documents of a certificate begin; ledgers of before may hold others, of which nothing was said."""
 
 
 def _referred(connection: Connection) -> Iterator[tuple[str, str, str | None]]:

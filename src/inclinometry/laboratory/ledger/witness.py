@@ -1,56 +1,36 @@
 """Witnesses: places outside the ledger where its signed heads are kept, so that a cut tail or an old copy is found.
 
 The first is a file beside the keys of this computer, one for each ledger. Others are named in witnesses.txt: a folder,
-a witness of ours that answers HTTP, another ledger, "print". They are served in the background, the newest head first:
-a place that does not answer holds up no capture, and the next head tells it all that the earlier ones would have.
+another ledger, "print". They are served in the background, the newest head first: a share that does not answer holds up
+no capture, and the next head tells it all that the earlier ones would have.
 """
 
 from __future__ import annotations
 
-import ipaddress
 import json
 import os
 import sys
 import threading
 import time
-import urllib.error
-import urllib.request
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from itertools import islice
 from pathlib import Path
 from typing import Final, NamedTuple
-from urllib.parse import urlsplit
 
 from sqlalchemy import select, tuple_
 from sqlalchemy.engine import Connection
 
 from inclinometry.errors import FileError, InclinometryError, InputError
 from inclinometry.laboratory.ledger.chain import LedgerError, compact
-from inclinometry.laboratory.ledger.engine import CHAIN, shown
+from inclinometry.laboratory.ledger.engine import CHAIN, TABLES, engine, readable, record_of, shown, translated
 from inclinometry.laboratory.ledger.heads import SignedHead, parse_signed
 from inclinometry.opening import LARGEST_SETTINGS, opened, whole
 
 PRINT: Final = "print"
 PATIENCE: Final = 5.0
-"""Seconds that a witness over HTTP may take, and that the end of a program waits for one."""
+"""Seconds that the end of a program waits for the other witnesses."""
 _LONGEST: Final = 10_000_000
-LARGEST_HEADS: Final = 1_000_000_000
-"""Bytes of a file of heads: more than a million of them."""
-
-
-def is_loopback(host: str) -> bool:
-    """Whether an address is reached from this computer only.
-
-    Examples
-    --------
-    >>> is_loopback("127.0.0.1"), is_loopback("0.0.0.0"), is_loopback("localhost")
-    (True, False, True)
-    """
-    try:
-        return ipaddress.ip_address(host.strip("[]")).is_loopback
-    except ValueError:
-        return host == "localhost"
 
 
 def place_of(where: str | Path) -> str:
@@ -71,28 +51,25 @@ class Witnessed(NamedTuple):
 
 
 class Witnesses:
-    """The witnesses of one ledger.
+    """The witnesses of one ledger; `folder` is that of the keys, `alone` tells the file of this computer only.
 
-    Parameters
-    ----------
-    folder : Path
-        Of the keys.
-    where : str
-        The ledger.
-    alone : bool
-        Tell the file of this computer only.
+    `tell` is called with a witness, a head, the place of the ledger and the folder (`ledger.send`).
     """
 
-    def __init__(self, folder: Path, where: str, *, alone: bool = False) -> None:
-        self._folder, self._where = folder, where
+    def __init__(
+        self, folder: Path, where: str, tell: Callable[[str, SignedHead, str, Path], None], *, alone: bool = False
+    ) -> None:
+        self._folder, self._where, self._tell = folder, where, tell
         self._others: list[str] | None = [] if alone else None
         self._waiting: SignedHead | None = None
         self._turn = threading.Condition()
         self._thread: threading.Thread | None = None
         self._ended = False
 
-    def publish(self, head: SignedHead) -> None:
-        """Tell every witness of a head; the file of this computer at once, the others in the background."""
+    def publish(self, head: SignedHead | None) -> None:
+        """Tell every witness of a head, if any; the file of this computer at once, the others in the background."""
+        if head is None:
+            return
         try:
             (self._folder / "heads").mkdir(parents=True, exist_ok=True, mode=0o700)
             keep(self._folder / "heads", head, place_of(self._where))
@@ -128,7 +105,7 @@ class Witnesses:
                 return
             for one in self._others or []:
                 try:
-                    send(one, head, self._where, self._folder)
+                    self._tell(one, head, self._where, self._folder)
                 except (InclinometryError, OSError) as error:
                     _warn(f"the witness {shown(one)} was not told of head {head.size}: {error}")
 
@@ -169,79 +146,15 @@ def _warn(sentence: str) -> None:
     sys.stderr.write(f"warning: {sentence}\n")
 
 
-def send(witness: str, head: SignedHead, where: str, folder: Path) -> None:
-    """Tell one witness of a head of the ledger `where`; `folder` is that of the keys."""
-    place = place_of(where)
-    if witness == PRINT:
-        print(f"head {compact(head.statement())}", flush=True)  # noqa: T201
-    elif witness.startswith(("http://", "https://")):
-        try:
-            _post(witness, head, where, folder)
-        except OSError as error:
-            reason = getattr(error, "reason", None) or error
-            raise LedgerError(f"the witness {witness} does not answer ({reason}); check its address") from None
-    elif _is_ledger(witness):
-        _record(witness, head, place, folder)
-    else:
-        keep(Path(witness), head, place)
-
-
-def _is_ledger(witness: str) -> bool:
+def is_ledger(witness: str) -> bool:
+    """Whether a witness is another ledger, not a folder."""
     return "://" in witness or Path(witness).is_file()
 
 
-def _itself(witness: str, place: str) -> bool:
+def itself(witness: str, place: str) -> bool:
     """Whether a witness is the very ledger: none is a witness of its own."""
     same = place_of(witness) == place
     return same or ("://" not in witness + place and Path(witness).resolve() == Path(place).resolve())
-
-
-def _record(witness: str, head: SignedHead, place: str, folder: Path) -> None:
-    """A head as an event of another ledger, which signs it in its turn and tells its own witness of it."""
-    from inclinometry.laboratory.ledger.keys import Keys
-    from inclinometry.laboratory.ledger.ledger import Ledger
-
-    if _itself(witness, place):
-        return
-    keys = {"subject_kind": "ledger", "subject": head.ledger, "action": "head"}
-    with Ledger(witness, keys=Keys(folder), alone=True) as ledger:
-        ledger.append("event", keys, {"details": {**head.statement(), "where": place}}, author="witness")
-
-
-def _post(witness: str, head: SignedHead, where: str, folder: Path) -> None:
-    """POST a head to a witness of ours, with what proves that the ledger only grew since the one it has."""
-    from inclinometry.laboratory.ledger.heads import proof_since
-    from inclinometry.laboratory.ledger.keys import Keys
-
-    known = [one.head for one in _fetched(witness, head.ledger) if one.head is not None]
-    old = max((one.size for one in known if one.size <= head.size), default=0)
-    proof = proof_since(where, old, head.size) if 0 < old < head.size else []
-    body = {
-        "head": head.statement(),
-        "where": place_of(where),
-        "from": old,
-        "proof": proof,
-        "changes": Keys(folder).changes(),
-    }
-    request = urllib.request.Request(
-        f"{witness.rstrip('/')}/heads", compact(body).encode(), {"content-type": "application/json"}
-    )
-    try:
-        with urllib.request.urlopen(request, timeout=PATIENCE):
-            pass
-    except urllib.error.HTTPError as error:
-        raise LedgerError(f"it refuses: {error.read(1000).decode(errors='replace')}") from None
-
-
-def _fetched(witness: str, ledger: str) -> Iterator[Witnessed]:
-    try:
-        with urllib.request.urlopen(f"{witness.rstrip('/')}/heads/{ledger}", timeout=PATIENCE) as answer:
-            yield from _lines(answer.read(_LONGEST).decode(), witness)
-    except urllib.error.HTTPError as error:
-        if error.code != 404:
-            raise
-    except UnicodeDecodeError:
-        raise LedgerError(f"{witness} does not answer as a witness does") from None
 
 
 def _lines(text: str, witness: str) -> Iterator[Witnessed]:
@@ -278,13 +191,7 @@ def _begun_at(folder: Path, place: str) -> str:
 def ahead(folder: Path, newest: SignedHead, accepted: str) -> Witnessed | None:
     """The head that the file of this computer keeps farthest beyond the newest of a ledger; None when it has none.
 
-    Parameters
-    ----------
-    folder : Path
-        Of the keys.
-    newest : SignedHead
-    accepted : str
-        Time until which somebody answered for what is missing; "" for none.
+    `accepted` is the time until which somebody answered for what is missing, "" for none.
     """
     try:
         path = folder / "heads" / f"{newest.ledger}.jsonl"
@@ -298,12 +205,12 @@ def ahead(folder: Path, newest: SignedHead, accepted: str) -> Witnessed | None:
         kept = [*_kept(path, str(folder / "heads"))]
     except (OSError, FileError):
         return None
-    return _farthest(kept, newest, accepted)
+    return farthest(kept, newest, accepted)
 
 
 def ahead_elsewhere(folder: Path, where: str, newest: SignedHead, accepted: str) -> Witnessed | None:
     """The same of the other witnesses, as far as they answer within a moment: nobody waits for the rest."""
-    moment = 1.5
+    moment = 1.5  # s
     kept: list[Witnessed] = []
 
     def ask(one: str) -> None:
@@ -316,10 +223,11 @@ def ahead_elsewhere(folder: Path, where: str, newest: SignedHead, accepted: str)
     end = time.monotonic() + moment
     for thread in asked:
         thread.join(max(0.0, end - time.monotonic()))
-    return _farthest([*kept], newest, accepted)
+    return farthest([*kept], newest, accepted)
 
 
-def _farthest(kept: list[Witnessed], newest: SignedHead, accepted: str) -> Witnessed | None:
+def farthest(kept: list[Witnessed], newest: SignedHead, accepted: str) -> Witnessed | None:
+    """The genuine head farthest beyond the newest of a ledger, of those made after `accepted`; None for none."""
     beyond = [(one.head.size, one) for one in kept if one.head is not None and one.head.size > newest.size]
     found = [(size, one) for size, one in beyond if one.head and one.head.time > accepted and one.head.genuine()]
     return max(found, key=lambda pair: pair[0], default=(0, None))[1]
@@ -330,13 +238,6 @@ def remembered(connection: Connection, folders: Sequence[Path]) -> Witnessed | N
 
     It is the same ledger where a link of its chain is one that was signed, or where the record that a head was signed
     with has its time, to the microsecond: both stay where somebody removed the heads and recomputed what he changed.
-
-    Parameters
-    ----------
-    connection : Connection
-        Of the ledger.
-    folders : sequence of Path
-        Of heads, as `folders_of` names them.
     """
     for folder in folders:
         for path in sorted(folder.glob("*.jsonl")):
@@ -358,61 +259,35 @@ def folders_of(folder: Path, where: str) -> list[Path]:
     return [folder / "heads", *(Path(one) for one in _asking(folder, where) if "://" not in one and Path(one).is_dir())]
 
 
-class Testimony(NamedTuple):
-    """What the witnesses of a ledger say.
+def witnessed(folder: Path, ledger: str, where: str) -> tuple[list[Witnessed], list[str], list[str]]:
+    """What the witnesses say of a ledger, which is at `where`; `folder` is that of the keys.
 
-    kept : the heads they keep.
-    silent : sentences about those that do not answer.
-    lost : those that keep no head of it, or are gone; see `lost_sentence`.
-    open : sentences about those that are asked over a network without encryption.
+    The heads they keep; sentences about those that do not answer; those that keep no head of it, or are gone (see
+    `lost_sentence`).
     """
-
-    kept: list[Witnessed]
-    silent: list[str]
-    lost: list[str]
-    open: list[str]
-
-
-def witnessed(folder: Path, ledger: str, where: str) -> Testimony:
-    """What the witnesses say of a ledger, which is at `where`; `folder` is that of the keys."""
-    found = Testimony([], [], [], [])
+    heads: list[Witnessed] = []
+    silent: list[str] = []
+    lost: list[str] = []
     for one in [str(folder / "heads"), *_asking(folder, where)]:
-        found.open.extend(unencrypted(one))
         try:
             kept = _asked(one, ledger)
             if not kept:
-                found.lost.append(one)
-            found.kept.extend(kept)
+                lost.append(one)
+            heads.extend(kept)
         except (OSError, InputError) as error:
-            reason = getattr(error, "reason", None) or getattr(error, "strerror", None) or error
-            found.silent.append(f'the witness {shown(one)} cannot be asked ("{reason}")')
-    return found
-
-
-def unencrypted(witness: str) -> list[str]:
-    """What a witness does not prove whose answers cross a network as they are; nothing of all others.
-
-    A head cannot be forged on the way, but a newer one can be kept back and an older one given instead.
-    """
-    if not witness.startswith("http://") or is_loopback(urlsplit(witness).hostname or ""):
-        return []
-    sentence = (
-        f"the witness {shown(witness)} is asked without encryption: whoever sits between can keep heads back and "
-        "answer with older ones; put a TLS proxy before it and name it with https://"
-    )
-    return [sentence]
+            reason = getattr(error, "strerror", None) or error
+            silent.append(f'the witness {shown(one)} cannot be asked ("{reason}")')
+    return heads, silent, lost
 
 
 def _asking(folder: Path, where: str) -> list[str]:
     """The witnesses beside the file of this computer that can be asked of the ledger at `where`."""
-    return [one for one in others(folder) if one != PRINT and not _itself(one, place_of(where))]
+    return [one for one in others(folder) if one != PRINT and not itself(one, place_of(where))]
 
 
 def _asked(witness: str, ledger: str) -> list[Witnessed]:
     """The heads of a ledger that one witness keeps."""
-    if witness.startswith(("http://", "https://")):
-        return [*_fetched(witness, ledger)]
-    if _is_ledger(witness):
+    if is_ledger(witness):
         return [*_recorded(witness, ledger)]
     path = Path(witness) / f"{ledger}.jsonl"
     return [*_kept(path, witness)] if path.exists() else []
@@ -421,12 +296,10 @@ def _asked(witness: str, ledger: str) -> list[Witnessed]:
 def _kept(path: Path, witness: str) -> Iterator[Witnessed]:
     """The heads of a file, one a line."""
     with opened(path) as stream:
-        size = os.fstat(stream.fileno()).st_size
-        if size > LARGEST_HEADS:
-            raise FileError(
-                f"it has {size:,} bytes; allowed {LARGEST_HEADS:,}: keep its last lines, and the first, in a new file",
-                path=path,
-            )
+        size, largest = os.fstat(stream.fileno()).st_size, 1_000_000_000  # more than a million heads
+        if size > largest:
+            said = f"it has {size:,} bytes; allowed {largest:,}: keep its last lines, and the first, in a new file"
+            raise FileError(said, path=path)
         while line := stream.readline(_LONGEST):
             yield from _lines(line.decode(errors="replace"), witness)
 
@@ -434,29 +307,27 @@ def _kept(path: Path, witness: str) -> Iterator[Witnessed]:
 def lost_sentence(folder: Path, witness: str, ledger: str) -> str:
     """What is gone of a witness that keeps nothing of a ledger, and the remedy."""
     place = shown(witness)
-    if witness.startswith(("http://", "https://")) or _is_ledger(witness):
-        return (
-            f"{place} keeps no head of this ledger; restore it, give it the head of now with "
-            f"`inclinometry ledger witness {place}`, or take it off with --remove"
-        )
     file = Path(witness) / f"{ledger}.jsonl"
     if witness == str(folder / "heads"):
-        return (
-            f"{file} is missing; restore it from a copy, or state why it is gone with "
-            "`inclinometry ledger init --accept REASON`"
-        )
+        remedy = "from a copy, or state why it is gone with `inclinometry ledger init --accept REASON`"
+        return f"{file} is missing; restore it {remedy}"
+    lost = f"{place} keeps no head of this ledger" if is_ledger(witness) else f"{file} is missing"
     return (
-        f"{file} is missing; restore it, give it the head of now with `inclinometry ledger witness {place}`, "
-        "or take it off with --remove"
+        f"{lost}; restore it, give it the head of now with `inclinometry ledger witness {place}`, or take it off with "
+        "--remove"
     )
 
 
 def _recorded(witness: str, ledger: str) -> Iterator[Witnessed]:
-    from inclinometry.laboratory.ledger.ledger import Ledger
-
-    with Ledger(witness, read_only=True) as asked:
-        after = 0
-        while rows := asked.find("event", after=after, subject_kind="ledger", subject=ledger, action="head"):
-            for row in rows:
-                yield from _lines(compact(row.body.get("details", {})), shown(witness))
-            after = rows[-1].seq
+    """Those that another ledger has recorded."""
+    event, place = TABLES["event"], shown(witness)
+    query = select(event, CHAIN.c.digest).join(CHAIN, CHAIN.c.seq == event.c.seq).order_by(event.c.seq)
+    query = query.where((event.c.subject_kind == "ledger") & (event.c.subject == ledger) & (event.c.action == "head"))
+    asked = engine(witness, read_only=True)
+    try:
+        with translated(place), asked.connect() as connection:
+            readable(connection, place)
+            for row in connection.execute(query, execution_options={"yield_per": 500}):
+                yield from _lines(compact(record_of("event", row).body.get("details", {})), place)
+    finally:
+        asked.dispose()

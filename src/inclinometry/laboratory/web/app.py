@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import importlib
+import ipaddress
 import socket
 from collections.abc import Callable, Iterable
 from importlib.resources import files
@@ -20,7 +21,6 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 from inclinometry.errors import InputError
 from inclinometry.laboratory.ledger.ledger import Ledger
 from inclinometry.laboratory.ledger.users import users
-from inclinometry.laboratory.ledger.witness import is_loopback
 from inclinometry.laboratory.web import refusals
 from inclinometry.laboratory.web.frame import Bench, serve
 from inclinometry.laboratory.web.guard import Guard, guard_sockets
@@ -32,6 +32,20 @@ if TYPE_CHECKING:
 
 HEAD_S: Final = 15.0
 """How long a request may take until its headers are there; a new connection must begin within the same time."""
+
+
+def is_loopback(host: str) -> bool:
+    """Whether an address is reached from this computer only.
+
+    Examples
+    --------
+    >>> is_loopback("127.0.0.1"), is_loopback("0.0.0.0"), is_loopback("localhost")
+    (True, False, True)
+    """
+    try:
+        return ipaddress.ip_address(host.strip("[]")).is_loopback
+    except ValueError:
+        return host == "localhost"
 
 
 class PatientProtocol(H11Protocol):
@@ -95,16 +109,7 @@ def run(
     ready: Callable[[], None] | None = None,
     head_s: float = HEAD_S,
 ) -> None:
-    """Serve until Ctrl-C or SIGTERM.
-
-    Parameters
-    ----------
-    app : ASGI application.
-    listening : socket, bound.
-    certificate, key : files for TLS, PEM.
-    ready : called once the server listens.
-    head_s : s until the headers of a request must be there.
-    """
+    """Serve until Ctrl-C or SIGTERM; `ready` is called once it listens, headers must come within `head_s` s."""
     protocol = type("Protocol", (PatientProtocol,), {"head_s": head_s})
     config = uvicorn.Config(
         app,
@@ -151,24 +156,9 @@ def create_app(
 ) -> Guard:
     """The whole application of a bench; one a process.
 
-    Parameters
-    ----------
-    ledger : Ledger
-    host : str
-        Address the server listens at: on loopback there is one user without a password, elsewhere users log in.
-    names : iterable of str
-        Names, without port, by which browsers address the server when it is not on loopback.
-    feed : LiveFeed, optional
-        Live channels of the instrument.
-    rig : RigDriver, optional
-        Turns the rig; without one the operator does.
-    instrument : str
-        Address of the instrument, as shown.
-
-    Raises
-    ------
-    InputError
-        A host that is not loopback with a ledger that has no active administrator.
+    On loopback there is one user without a password, elsewhere a login. `names` are those, without port, by which
+    browsers address a server that is not on loopback; it needs an active administrator. Without `rig` the operator
+    turns the rig.
     """
     single_user = is_loopback(host)
     if not single_user and not any(user.may("administer") for user in users(ledger)):
@@ -194,9 +184,9 @@ def create_app(
     if (manual / "index.html").is_file():
         app.mount("/manual", StaticFiles(directory=manual, html=True), "manual")
     else:
-        app.add_api_route("/manual/", _guide, include_in_schema=False)
+        app.add_api_route("/manual/", lambda: RedirectResponse("/help", 303), include_in_schema=False)
     refusals.explain(app)
-    app.add_api_route("/healthz", _alive, include_in_schema=False)
+    app.add_api_route("/healthz", lambda: PlainTextResponse("ok"), include_in_schema=False)
     app.include_router(importlib.import_module("inclinometry.laboratory.web.pages.home").router)
     app.include_router(importlib.import_module("inclinometry.laboratory.web.pages.lists").router)
     app.include_router(importlib.import_module("inclinometry.laboratory.web.api").router)
@@ -208,11 +198,3 @@ def create_app(
     guard_sockets()
     loopback_names = frozenset({"localhost", "127.0.0.1", "[::1]"})
     return Guard(app, logins=logins, hosts=loopback_names | frozenset(names), single_user=single_user)
-
-
-def _guide() -> RedirectResponse:
-    return RedirectResponse("/help", 303)
-
-
-def _alive() -> PlainTextResponse:
-    return PlainTextResponse("ok")

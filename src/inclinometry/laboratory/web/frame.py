@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from copy import copy
 from dataclasses import dataclass
@@ -12,12 +12,13 @@ from typing import TYPE_CHECKING, Any, Final, TypeVar, cast
 from fastapi import HTTPException, Request
 from nicegui import context, core, run, ui
 
+from inclinometry import findings
 from inclinometry.errors import InclinometryError
+from inclinometry.findings import Finding
 from inclinometry.laboratory.ledger.ledger import Ledger
 from inclinometry.laboratory.ledger.users import User
-from inclinometry.laboratory.results import at_the_bench
 from inclinometry.laboratory.web.logins import Login, Logins
-from inclinometry.laboratory.web.words import LANGUAGES, preferred, say, sentence
+from inclinometry.laboratory.web.words import LANGUAGES, preferred, problem, say, sentence
 
 if TYPE_CHECKING:
     from inclinometry.laboratory.instruments.rig import RigDriver
@@ -45,10 +46,7 @@ class Bench:
     instrument: str = ""
 
     def without_path(self, text: str) -> str:
-        """What an error or a warning says, for a user of the bench, who has no options of the command line; on a
-        network nobody is told where on this computer the ledger lies.
-        """
-        text = at_the_bench(text)
+        """What an error or a warning says; on a network nobody is told where on this computer the ledger lies."""
         return text if self.single_user else text.replace(self.ledger.shown, "the ledger")
 
     def user(self, login: Login | None) -> User:
@@ -110,17 +108,27 @@ class Visitor:
         """A text of the catalogue in the visitor's language."""
         return say(self.language, key, **values)
 
-    def sentence(self, text: str) -> str:
+    def sentence(self, text: Finding | str) -> str:
         """A sentence of the program - a warning, what the instrument did - in the visitor's language."""
+        if isinstance(text, Finding):
+            return self.bench.without_path(findings.say(text, self.language))
         return sentence(self.language, self.bench.without_path(text))
 
     def problem(self, error: InclinometryError) -> str:
         """What went wrong, in the visitor's language."""
-        return self.sentence(str(error))
+        return self.bench.without_path(problem(self.language, error))
 
     def require(self, what: str) -> User:
         """The user as of now, when allowed to do this; RefusedError otherwise. Call it in every action."""
         return self.bench.require(self.login, what)
+
+    @contextmanager
+    def panel(self, key: str, **values: Any) -> Iterator[str]:
+        """A card with a heading of the catalogue, which is given; what it holds goes inside."""
+        with ui.card().classes("panel"):
+            title = self.say(key, **values)
+            ui.label(title).classes("subtitle")
+            yield title
 
     def action(self, what: str, do: Callable[[User], None]) -> Callable[[], None]:
         """A handler that does something only for a user who still may, and says what went wrong."""
@@ -129,9 +137,30 @@ class Visitor:
             try:
                 do(self.require(what))
             except InclinometryError as error:
-                ui.notify(self.problem(error), type="negative", multi_line=True, timeout=0, close_button="OK")
+                self.complain(self.problem(error))
 
         return handler
+
+    async def attempt(
+        self, what: str, do: Callable[[User], T], tell: Callable[[str], object], button: ui.button
+    ) -> T | None:
+        """What a user who may does in a thread, its button off meanwhile; None where it fails, and why is told."""
+        button.disable()
+        try:
+            user = self.require(what)
+            return await aside(lambda: do(user))
+        except InclinometryError as error:
+            tell(self.problem(error))
+        button.enable()
+        return None
+
+    def complain(self, sentence: str) -> None:
+        """A sentence that stays until it is put away."""
+        ui.notify(sentence, type="negative", multi_line=True, timeout=0, close_button="OK")
+
+    def button(self, key: str, props: str, what: str, do: Callable[[User], None]) -> None:
+        """A button with a text of the catalogue for an action."""
+        ui.button(self.say(key), on_click=self.action(what, do)).props(props)
 
 
 def visitor_of(request: Request) -> Visitor:
@@ -179,20 +208,9 @@ def _nav(visitor: Visitor, request: Request, path: str, key: str) -> None:
 
 @contextmanager
 def frame(request: Request, title: str, *, needs: str = "read") -> Iterator[Visitor]:
-    """A page with its frame; the content goes inside.
+    """A page with its frame; the content goes inside. `title` is a key of the catalogue.
 
-    Parameters
-    ----------
-    request : Request
-    title : str
-        Key of the catalogue.
-    needs : {"read", "capture", "issue", "administer"}
-        What the visitor must be allowed to do to see the page.
-
-    Raises
-    ------
-    HTTPException
-        303 to the login, 403 for a user who may not see it.
+    Who may not `needs` ("read", "capture", "issue", "administer") gets 303 to the login or 403.
     """
     visitor = visitor_of(request)
     if not visitor.user.may(needs):
@@ -240,9 +258,6 @@ def frame(request: Request, title: str, *, needs: str = "read") -> Iterator[Visi
             ui.label(visitor.say("frame.local"))
 
 
-_LANGUAGE_OF_PARTS: Final[Mapping[str, Any]] = {"ru": "ru", "zh": "zh-CN"}
-
-
 def set_theme(language: str, request: Request) -> None:
     """Styles, theme and language of a page."""
     ui.add_head_html('<link rel="stylesheet" href="/static/bench.css">')
@@ -252,4 +267,5 @@ def set_theme(language: str, request: Request) -> None:
     ui.query("html").props(f'lang="{language}"')
     # the words of the framework's own parts: pages of a table, file fields
     page = context.client.page = copy(context.client.page)
-    page.language = _LANGUAGE_OF_PARTS.get(language, "en-US")
+    parts: dict[str, Any] = {"ru": "ru", "zh": "zh-CN"}
+    page.language = parts.get(language, "en-US")

@@ -74,14 +74,9 @@ ENDED: Final = 4401
 class Guard:
     """ASGI middleware around the whole application.
 
-    Parameters
-    ----------
-    app : the application.
-    logins : who is logged in.
-    hosts : names (without port) by which this server may be addressed; a page of another site that makes its own name
-        point here is refused. Where users log in, the numeric address of the server itself will do, too: no foreign
-        site can have it for a name.
-    single_user : True on loopback, where whoever sits at the computer is the one user.
+    hosts : names (without port) of this server; a page of another site that makes its own name point here is refused.
+        With logins the server's numeric address will do, too: no foreign site can have it for a name.
+    single_user : on loopback, where whoever sits at the computer is the one user.
     """
 
     def __init__(self, app: App, *, logins: Logins, hosts: frozenset[str], single_user: bool) -> None:

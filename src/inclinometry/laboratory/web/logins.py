@@ -30,11 +30,7 @@ IDLE_S: Final = 30 * 60.0
 LONGEST_S: Final = 12 * 3600.0
 FREE_FAILURES: Final = 5
 """Wrong passwords in a row before a client has to wait; then twice as long each time."""
-LONGEST_WAIT_S: Final = 900.0
-FORGOTTEN_S: Final = 86_400.0
-"""So long after the last wrong password none is held against anybody."""
-KNOWN_S: Final = 30 * 86_400.0
-"""So long an address is known from which a user logged in."""
+_DAY_S: Final = 86_400.0
 MOST: Final = 10_000
 """Sessions and addresses remembered; those longest unused go first."""
 _LOG: Final = logging.getLogger("inclinometry.laboratory.access")
@@ -57,13 +53,11 @@ class CodeError(InputError):
 
 @dataclass
 class Login:
-    """One logged-in browser or program.
+    """One logged-in browser or program; token, csrf and known are secrets.
 
-    token : secret of the cookie or of the Authorization header.
-    csrf : secret that a browser's requests carry beside the cookie.
-    seal : of the password it was opened with; another password ends it.
-    address : where it came from; `began_at` and `began`, `seen`: when, as a date and by the clock of the logins.
-    known : what this client shows at its next login to be known, a secret, too.
+    token : of the cookie or the Authorization header. csrf : carried beside the cookie by a browser's requests.
+    seal : of the password it was opened with; another password ends it. address : where it came from.
+    began_at, began, seen : when, as a date and by the clock of the logins. known : shown at its next login.
     """
 
     token: str
@@ -84,15 +78,7 @@ class Login:
 
 
 class Logins:
-    """All of them, in memory: a restart logs everybody out.
-
-    Parameters
-    ----------
-    ledger : Ledger
-        Knows the users.
-    clock : callable
-        Monotonic seconds; for tests.
-    """
+    """All of them, in memory: a restart logs everybody out. The clock is in monotonic seconds, for tests."""
 
     def __init__(self, ledger: Ledger, clock: Callable[[], float] = time.monotonic) -> None:
         self._ledger, self._clock = ledger, clock
@@ -108,23 +94,10 @@ class Logins:
         self._local = Login(secrets.token_urlsafe(32), secrets.token_urlsafe(32), LOCAL.name, 0.0, 0.0)
 
     def log_in(self, name: str, password: str, address: str, *, code: str = "", known: str = "") -> Login | None:
-        """A new login, None when name or password is wrong.
+        """A new login, None when name or password is wrong; `known` is that of an earlier login of this client.
 
-        Parameters
-        ----------
-        code : str
-            Of the second factor, "" without one.
-        known : str
-            `Login.known` of an earlier login of this client.
-
-        Raises
-        ------
-        InputError
-            A control character is in the name: nobody's, and nothing is counted.
-        TooManyError
-            This client, or strangers at this name or address, have guessed wrong too often.
-        CodeError
-            The password is right, the code is not.
+        TooManyError: this client, or strangers at this name or address, guessed wrong too often. CodeError: the
+        password is right, the code is not. A control character in the name is nobody's, and nothing is counted.
         """
         refuse_control(name)
         name, network = name[:200], _network(address)
@@ -163,17 +136,9 @@ class Logins:
             now = self._clock()
             self._seen.pop((name, network), None)
             self._seen[name, network] = now
-            login = Login(
-                secrets.token_urlsafe(32),
-                secrets.token_urlsafe(32),
-                user.name,
-                now,
-                now,
-                user.seal,
-                address,
-                f"{self._ledger.time():%Y-%m-%d %H:%M}",
-                _mark(user, secrets.token_urlsafe(12)),
-            )
+            token, csrf, number = (secrets.token_urlsafe(size) for size in (32, 32, 12))
+            began_at = f"{self._ledger.time():%Y-%m-%d %H:%M}"
+            login = Login(token, csrf, user.name, now, now, user.seal, address, began_at, _mark(user, number))
             self._open[login.token] = login
             for kept in (self._open, self._seen):
                 while len(kept) > MOST:
@@ -201,16 +166,8 @@ class Logins:
     def confirm(self, login: Login, password: str, code: str | None = None) -> None:
         """Ask again for the password, before something that whoever finds the browser open is not to do.
 
-        Parameters
-        ----------
-        code : str, optional
-            Ask for a code of the second factor, too, or a recovery code.
-
-        Raises
-        ------
-        InputError
-            One is wrong. After a few of these the login ends; the user's other logins, and new ones, know nothing of
-            it.
+        With a code, that of the second factor or a recovery code, too. After a few wrong ones the login ends; the
+        user's other logins, and new ones, know nothing of it.
         """
         with self._turn(True):
             wrong = "current password" if check_password(self._ledger, login.name, password) is None else ""
@@ -253,13 +210,10 @@ class Logins:
                 login.seen = now
                 self._open.move_to_end(token)
         # the user, asked of the ledger no more often than every two seconds
-        name = login.name
         now = self._clock()
-        known = self._users.get(name)
-        user_fresh_s = 2.0
-        if known is None or now - known[0] > user_fresh_s:
-            known = (now, find_user(self._ledger, name))
-            self._users[name] = known
+        known = self._users.get(login.name)
+        if known is None or now - known[0] > 2.0:
+            known = self._users[login.name] = now, find_user(self._ledger, login.name)
         user = known[1]
         if user is None or not user.active or user.seal != login.seal:
             self.log_out(token)
@@ -281,8 +235,9 @@ class Logins:
             user, number = find_user(self._ledger, name), known.partition(".")[0]
             if user is not None and same_secret(known, _mark(user, number)):
                 return f"client {number} {name}"
+        # for thirty days an address is known from which a user logged in
         seen = self._seen.get((name, network))
-        return f"known {network} {name}" if seen is not None and self._clock() - seen < KNOWN_S else ""
+        return f"known {network} {name}" if seen is not None and self._clock() - seen < 30 * _DAY_S else ""
 
     @contextmanager
     def _turn(self, known: bool) -> Iterator[None]:
@@ -298,13 +253,14 @@ class Logins:
 
     def _count(self, key: str) -> int:
         count, last = self._failures.get(key, (0, 0.0))
-        return count if self._clock() - last < FORGOTTEN_S else 0
+        # a day after the last wrong password none is held against anybody
+        return count if self._clock() - last < _DAY_S else 0
 
     def _wait(self, key: str) -> float:
         count = self._count(key)
         if count < FREE_FAILURES:
             return 0.0
-        pause = min(2.0 * 2.0 ** (count - FREE_FAILURES), LONGEST_WAIT_S)
+        pause = min(2.0 * 2.0 ** (count - FREE_FAILURES), 900.0)
         return max(0.0, self._failures[key][1] + pause - self._clock())
 
 

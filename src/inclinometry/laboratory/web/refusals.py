@@ -19,10 +19,11 @@ from starlette.exceptions import HTTPException
 
 from inclinometry.digest import digest_bytes
 from inclinometry.errors import InclinometryError, InputError
+from inclinometry.laboratory.attitude import FarError
 from inclinometry.laboratory.ledger.ledger import ConflictError
 from inclinometry.laboratory.web.frame import RefusedError, current, language_of
 from inclinometry.laboratory.web.logins import Login
-from inclinometry.laboratory.web.words import say
+from inclinometry.laboratory.web.words import problem, say
 from inclinometry.laboratory.web.words import sentence as sentence_in
 
 # What every answer tells the browser to refuse; the cookie of a login.
@@ -69,11 +70,6 @@ def cookie_name(host: str, *, secure: bool = False) -> str:
     """Name of the cookie at an address: cookies do not tell ports apart, and two benches may run on one computer.
 
     Over TLS its prefix lets no other name of the same domain set it.
-
-    Examples
-    --------
-    >>> cookie_name("lab.example:8080"), cookie_name("lab.example", secure=True)
-    ('inclinometry-8080', '__Host-inclinometry')
     """
     cookie = "__Host-inclinometry" if secure else "inclinometry"
     port = host.rpartition("]")[2].rpartition(":")[2] if ":" in host.rpartition("]")[2] else ""
@@ -215,13 +211,20 @@ _PAGE: Final = """<!doctype html><html lang="{language}"><head><meta charset="ut
 
 
 def status_of(error: Exception) -> int:
-    """409 somebody was first, 403 not allowed, 404 not there, 507 no space, 422 the rest of what a user can mend."""
-    if isinstance(error, ConflictError):
+    """409 somebody was first or the tool is far off, 403 not allowed, by the code of its finding, 422 the rest.
+
+    >>> from inclinometry.findings import Finding
+    >>> full = Finding("ledger-disk-full", {"ledger": "lab", "cause": "disk is full"})
+    >>> status_of(InputError(full)), status_of(InputError("there is no limit; give one"))
+    (507, 422)
+    """
+    if isinstance(error, ConflictError | FarError):
         return 409
     if isinstance(error, RefusedError):
         return 403
-    text = str(error)
-    return 404 if text.startswith("there is no ") else 507 if "disk is full" in text else 422
+    finding = error.finding if isinstance(error, InclinometryError) else None
+    known = {"ledger-not-there": 404, "ledger-disk-full": 507}
+    return 422 if finding is None else known.get(finding.code, 422)
 
 
 def explain(app: FastAPI) -> None:
@@ -296,7 +299,12 @@ def _short(value: Any) -> str:
 
 
 def _mendable(_: Request, error: Exception) -> JSONResponse:
-    return JSONResponse({"detail": current().without_path(str(error))}, status_of(error))
+    content = {"detail": current().without_path(str(error))}
+    if isinstance(error, FarError):
+        content["code"] = error.code
+    elif isinstance(error, InclinometryError) and error.finding is not None:
+        content["code"] = error.finding.code
+    return JSONResponse(content, status_of(error))
 
 
 def _invalid(_: Request, error: Exception) -> JSONResponse:
@@ -321,7 +329,7 @@ def _page(request: Request, error: Exception) -> Response:
     elif isinstance(error, RequestValidationError):
         status, sentence = 422, say(language, "error.address")
     elif isinstance(error, InclinometryError):
-        status, sentence = status_of(error), current().without_path(str(error))
+        status, sentence = status_of(error), current().without_path(problem(language, error))
     else:
         _LOG.error("page %s failed", ascii(request.url.path), exc_info=error)
     title = say(language, "error.not_there" if status == 404 else "error.not_done")

@@ -241,14 +241,12 @@ def forward(
     steps: Array,
     updates: Array,
 ) -> None:
-    """One window. nominal, p, x, last (the gyro's sample before) are carried on.
+    """One window; nominal, p, x and last (the gyro's sample before) are carried on. No tape where steps has no rows.
 
-    marks: bits, 1 use the field, 2 the gyro's sample was unusable: the last one was held. c: interval, three Earth-rate
-    steps (rad), field strength, mag variance, gate, held variance, the 16 variances a step adds, 1, or 0 for a tool
-    that is held: its bias and scale turn nothing, and the axis of `_field`. `out` receives what `_taper` sums, the
-    drift from the window's mean to its end, then (COUNTS) field samples used, refused, sum of their squared normalised
-    innovations, sums of the corrected rates, sum and number of second differences of the field's residuals as
-    variances. steps, updates: the tape, of no rows when it is not wanted.
+    marks: bits, 1 use the field, 2 the gyro's sample was unusable. c: interval, three Earth-rate steps (rad), field
+    strength, mag variance, gate, held variance, 16 variances of a step, 1 or 0 (a tool that is held: its bias and
+    scale turn nothing), axis. out: sums of `_taper`, drift from mean to end, COUNTS: field samples used, refused,
+    squared innovations; corrected rates; sum and number of squared second differences of the field's residuals.
     """
     dt, strength, variance, gate, held, coupled = c[0], c[4], c[5], c[6], c[7], c[24]
     noise, axis = c[8 : 8 + STATES], c[25:28]

@@ -9,7 +9,6 @@ import numpy as np
 
 from inclinometry.arrays import Array
 from inclinometry.earth.site import Site
-from inclinometry.errors import InputError
 from inclinometry.motion.inertial.state import InertialSettings, Model, State
 from inclinometry.motion.inertial.window import (
     LOST,
@@ -25,8 +24,8 @@ from inclinometry.motion.inertial.window import (
     reduce_window,
     sought,
 )
-from inclinometry.motion.result import BITS, LARGEST_BREAK, METHODS, Attitude, Samples, joined, refusals
-from inclinometry.motion.window_filter import WindowBuffer
+from inclinometry.motion.result import BITS, LARGEST_BREAK, METHODS, Attitude, Samples, refusals
+from inclinometry.motion.window_filter import WindowStream
 from inclinometry.rotations import dcm_from_quaternion
 from inclinometry.tabular import check_record
 
@@ -168,10 +167,7 @@ class Engine:
 
     def advance(self, window: Samples) -> Node:
         """The window, reduced."""
-        needed = ("accel", "gyro", "mag") if self.model.magnetic else ("accel", "gyro")
-        missing = [name for name in needed if not window.has(name)]
-        if missing:
-            raise InputError(f"the samples have no {' and no '.join(missing)}; this filter needs {', '.join(needed)}")
+        window.need(*(("accel", "gyro", "mag") if self.model.magnetic else ("accel", "gyro")))
         # count on, or begin the grid again at the first stamp of a window that does not continue it
         expected = self._first + window.interval * self._count
         slack = LARGEST_BREAK * window.interval + 4.0 * np.spacing(abs(window.time[0]))
@@ -242,29 +238,12 @@ class Engine:
         return state, False, model
 
 
-class _Stream:
+class _Stream(WindowStream):
     def __init__(self, model: Model, start: Attitude | None, method: str) -> None:
-        self._engine, self._method = Engine(model, start), method
-        self._buffer = WindowBuffer(model.settings.window)
-        self._north = "magnetic" if model.magnetic else "true"
-
-    def push(self, samples: Samples) -> Attitude:
-        """Rows of the windows that became complete with this block.
-
-        Raises
-        ------
-        InputError
-            A block without the triads needed, or unlike those before it.
-        """
-        return self._rows(self._buffer.push(samples))
-
-    def finish(self) -> Attitude:
-        """The row of the rest, when it fills half a window."""
-        return self._rows(self._buffer.finish())
-
-    def _rows(self, windows: list[Samples]) -> Attitude:
-        rows = [self._engine.row(self._engine.advance(window), window, self._method) for window in windows]
-        return joined(rows) if rows else refusals([], (), self._method, self._north)
+        engine, nothing = Engine(model, start), refusals([], (), method, "magnetic" if model.magnetic else "true")
+        super().__init__(
+            model.settings.window, lambda window: engine.row(engine.advance(window), window, method), nothing
+        )
 
 
 class InertialStream(_Stream):
@@ -354,7 +333,7 @@ def inertial_attitude(
     (array([30., 30., 30., 30.]), array([60., 60., 60., 60.]))
     """
     check_record(samples, Samples, "inertial_attitude")
-    return _whole(InertialStream(settings, site, start), samples)
+    return InertialStream(settings, site, start).whole(samples)
 
 
 def gyro_attitude(
@@ -412,9 +391,4 @@ def gyro_attitude(
     [60.0, 0.28]
     """
     check_record(samples, Samples, "gyro_attitude")
-    return _whole(GyroStream(settings, site, start), samples)
-
-
-def _whole(stream: _Stream, samples: Samples) -> Attitude:
-    parts = [part for part in (stream.push(samples), stream.finish()) if len(part)]
-    return joined(parts) if parts else stream.push(samples.part(0, 0))
+    return GyroStream(settings, site, start).whole(samples)

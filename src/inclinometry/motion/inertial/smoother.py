@@ -8,12 +8,12 @@ import numpy as np
 
 from inclinometry.arrays import Array
 from inclinometry.earth.site import Site
-from inclinometry.errors import InputError
+from inclinometry.errors import refused
+from inclinometry.findings import Finding
 from inclinometry.motion.inertial.filter import SETTLED, Engine, Node, row
 from inclinometry.motion.inertial.state import (
     NO_GATE,
     STATES,
-    Ends,
     InertialSettings,
     Model,
     State,
@@ -22,7 +22,7 @@ from inclinometry.motion.inertial.state import (
     carried,
     corrected,
 )
-from inclinometry.motion.inertial.window import reduce_window
+from inclinometry.motion.inertial.window import Ends, reduce_window
 from inclinometry.motion.result import BITS, Attitude, Samples, joined, refusals
 from inclinometry.motion.window_filter import WindowBuffer
 from inclinometry.rotations import dcm_from_quaternion, rotation_log
@@ -35,42 +35,12 @@ def smoothed_attitude(
     site: Site | None = None,
     start: Attitude | None = None,
 ) -> Attitude:
-    """Attitude of a recorded run, every row from all samples before and after it: filter and backward pass.
+    """Attitude of a recorded run, every row from all samples before and after it; arguments as `inertial_attitude`.
 
-    Parameters
-    ----------
-    samples : Samples
-        With `accel`, `mag` and `gyro`.
-    settings, site, start
-        As for `inertial_attitude`.
-
-    Returns
-    -------
-    Attitude
-        Rows as those of `inertial_attitude`, method "smoother".
-
-    Raises
-    ------
-    InputError
-        As `inertial_attitude`.
-
-    Notes
-    -----
-    Modified Bryson-Frazier smoother (Bierman G.J., Factorization Methods for Discrete Sequential Estimation, 1977,
-    chapter X): from the last sample back, lam = (1 - k h)' lam - h v / s, info = (1 - k h)' info (1 - k h) + h h' / s
-    past a measurement, F' lam and F' info F past a step; smoothed error x - P lam, covariance P - P info P. No
-    covariance is inverted. States are kept at the ends of the windows only; the steps of a window are gone through
-    again from there, so that memory grows by some kilobytes a window.
-
-    Examples
-    --------
-    >>> from inclinometry.orientation import fields
-    >>> g, b = fields(np.radians(60.0), np.radians(30.0), np.radians(100.0), np.radians(65.0))
-    >>> noise = np.random.default_rng(0)
-    >>> still = Samples(np.arange(2000) / 100.0, 0.01, accel=9.81 * g + noise.normal(0, 0.03, (2000, 3)),
-    ...                 mag=50e3 * b + noise.normal(0, 50, (2000, 3)), gyro=np.zeros((2000, 3)))
-    >>> [float(np.degrees(x[0]).round(1)) for x in smoothed_attitude(still).angles[:3]]
-    [30.0, 60.0, 100.0]
+    Modified Bryson-Frazier smoother (Bierman, Factorization Methods, 1977, chapter X): from the last sample back, lam
+    = (1 - k h)' lam - h v / s, info = (1 - k h)' info (1 - k h) + h h' / s past a measurement, F' lam and F' info F
+    past a step; smoothed error x - P lam, covariance P - P info P. No covariance is inverted. States are kept at the
+    ends of windows only, whose steps are gone through again: memory grows by some kilobytes a window.
     """
     model = Model(settings or InertialSettings(), site or Site(), True)
     return _smoothed(samples, model, start, None, "smoother")
@@ -99,7 +69,7 @@ def continuous_survey(
     Returns
     -------
     Attitude
-        A row a window, method "survey", north "true". A note tells the misclosure; where it is larger than the
+        A row a window, method "survey", north "true". A finding has the misclosure; where it is larger than the
         uncertainties allow, or the last window gives no attitude to close at, every row is flagged "misfit".
 
     Raises
@@ -116,9 +86,9 @@ def continuous_survey(
     check_record(samples, Samples, "continuous_survey")
     model = Model(settings or InertialSettings(), site or Site(), False)
     if not len(end) or end.refused[0]:
-        raise InputError("the end station has no row with an attitude; give one that was measured")
+        raise refused("input-station")
     if end.north != "true":
-        raise InputError(f"the end station's azimuth counts from {end.north} north; a gyro needs true: convert it")
+        raise refused("input-north", {"norths": (end.north, "true")})
     return _smoothed(samples, model, start, end, "survey")
 
 
@@ -128,7 +98,7 @@ def _smoothed(samples: Samples, model: Model, start: Attitude | None, end: Attit
     nodes = [engine.advance(window) for window in windows]
     if not nodes:
         if end is not None:
-            raise InputError(f"the run is shorter than half a window of {model.settings.window:g} s; nothing to survey")
+            raise refused("input-few", {"name": "windows", "count": 0, "least": 1})
         return refusals([], (), method, "magnetic" if model.magnetic else "true")
     lam, info, misclosure = np.zeros(STATES), np.zeros((STATES, STATES)), 0.0
     # a misfit in the last window leaves the survey open at its end; a run without any attitude is refused
@@ -143,12 +113,13 @@ def _smoothed(samples: Samples, model: Model, start: Attitude | None, end: Attit
     if end is None:
         return found
     if opened:
-        why = "gravity of the last window contradicts the run: the survey is not closed at the end station"
-        return replace(found, flags=(found.flags | BITS["misfit"]).astype(np.uint32), notes=(*found.notes, why))
-    note = f"misclosure at the end station {misclosure:.2f} standard deviations (root mean square of three axes)"
-    # standard deviations, root mean square of three
-    bit = BITS["misfit"] if misclosure > 4.0 else 0
-    return replace(found, flags=(found.flags | bit).astype(np.uint32), notes=(*found.notes, note))
+        bit, said = BITS["misfit"], Finding("motion-not-closed")
+    else:
+        # standard deviations, root mean square of three
+        much = misclosure > 4.0
+        bit = BITS["misfit"] if much else 0
+        said = Finding("motion-misclosure", {"ratio": misclosure}, severity="warning" if much else "note")
+    return replace(found, flags=(found.flags | bit).astype(np.uint32), findings=(*found.findings, said))
 
 
 def _close(node: Node, end: Attitude, model: Model, lam: Array, info: Array) -> float:
@@ -156,19 +127,17 @@ def _close(node: Node, end: Attitude, model: Model, lam: Array, info: Array) -> 
     from inclinometry.motion.inertial._recursions import backward
 
     if node.after is None:
-        raise InputError("the last window has no attitude to be closed at the end station: clipped from the start")
+        raise refused("input-station")
     late = float(end.time[0] - node.time)
     if abs(late) > model.settings.window:
-        raise InputError(
-            f"the end station is of {end.time[0]:.6g} s, {late:.3g} s after the last row; allowed are "
-            f"{model.settings.window:g} s either way"
-        )
+        values = {"time_s": float(end.time[0]), "off_s": late, "most_s": model.settings.window}
+        raise refused("input-station-far", values)
     difference = rotation_log(dcm_from_quaternion(node.after.quaternion) @ dcm_from_quaternion(end.quaternion[0]).T)
     p, tape = node.after.covariance.copy(), Tape(np.zeros((0, 13)), np.zeros((3, 34)), np.zeros(STATES))
     together = p[:3, :3] + end.covariance[0]
     ends = Ends(p, np.zeros(STATES), tape, 0)
-    values, axes = np.linalg.eigh(end.covariance[0])
-    for value, axis in zip(values, axes.T, strict=True):
+    variances, axes = np.linalg.eigh(end.covariance[0])
+    for value, axis in zip(variances, axes.T, strict=True):
         ends.measure(np.append(axis, np.zeros(STATES - 3)), float(axis @ difference), float(value), NO_GATE)
     backward(tape.steps, tape.updates, lam, info)
     return float(np.sqrt(difference @ np.linalg.solve(together, difference) / 3.0))

@@ -12,7 +12,7 @@ from inclinometry.arrays import Array, frozen
 from inclinometry.constants import EARTH_RATE, STANDARD_GRAVITY
 from inclinometry.earth.rate import earth_rate, horizontal_rate
 from inclinometry.earth.site import Site
-from inclinometry.errors import InputError
+from inclinometry.errors import refused
 from inclinometry.rotations import quaternion_exp, quaternion_multiply, rotation_exp
 from inclinometry.settings import Range, Settings
 
@@ -57,9 +57,11 @@ class InertialSettings(Settings):
     def __post_init__(self) -> None:
         super().__post_init__()
         if np.shape(self.lever_arm) != (3,):
-            raise InputError(f"lever_arm is {self.lever_arm}; give three numbers, m in tool axes")
+            value = str(self.lever_arm)
+            raise refused("input-value", {"name": "lever_arm", "value": value, "allowed": "x, y, z (m)"})
         if np.shape(self.hard_iron_sigma) not in ((), (3,)):
-            raise InputError(f"hard_iron_sigma is {self.hard_iron_sigma}; give one number or three, nT")
+            value = str(self.hard_iron_sigma)
+            raise refused("input-value", {"name": "hard_iron_sigma", "value": value, "allowed": "nT; x, y, z (nT)"})
 
     def prior(self, attitude: Array, dip_sigma: float) -> Array:
         """Covariance (16, 16) before the first sample, `attitude` (3, 3) that of the attitude."""
@@ -165,78 +167,41 @@ def blank_tape(size: int) -> Tape:
 NO_TAPE: Final = Tape(np.zeros((0, 13)), np.zeros((0, 34)), np.zeros(16))
 
 
-class Ends:
-    """Measurements at the end of a window, put on the tape after its samples."""
-
-    def __init__(self, p: Array, x: Array, tape: Tape, size: int) -> None:
-        self._p, self._x, self._tape, self._next = p, x, tape, size
-        self._taped = len(tape.updates) > 0
-
-    def measure(self, h: Array, z: float, variance: float, gate: float) -> float:
-        from inclinometry.motion.inertial._recursions import measure
-
-        row = self._tape.updates[self._next] if self._taped else np.empty(34)
-        self._next += 1
-        return float(measure(h, z, variance, gate, self._p, self._x, row))
-
-    def innovation(self, h: Array, z: float) -> tuple[float, float]:
-        """Of a measurement without noise, and its variance, before anything is done."""
-        return float(z - h @ self._x), float(h @ self._p @ h)
-
-    def doubt(self, variance: Array, slope: float, most: float) -> None:
-        """Add covariance (3, 3) to that of the attitude, and `slope` times as much to the bias's, up to `most`."""
-        self._p[:3, :3] += variance
-        self._p[3:6, 3:6] += variance * min(slope, most / max(float(np.trace(variance)), 1e-300))
-
-
 NOMINAL = 20
 """Quaternion 0-3, gyro bias 4-6, gyro scale 7-9, accelerometer bias 10-12, hard iron 13-15, dip 16."""
 STATES = 16
 
 
 class Shaking(NamedTuple):
-    """What is known of vibration and lever arm.
+    """What is known of vibration and lever arm."""
 
-    scatter : (3,) m^2/s^4, variance of a window's mean by the tapers beside zero frequency, north, east, down; over
-        windows in which it was of one level.
-    bands : (2, 2) the same of the tapers of 2 and of 3 turns alone; horizontal, vertical.
-    lever : (3,) m, position of the accelerometers; information : (3, 3) its inverse covariance.
-    windows : seen in all; level : of these, since the level of shaking last rose.
-    slow : (4, 4) of what moves more slowly than a window and shows in no taper, from the innovations of gravity north,
-        east, down and along the tool: sums over windows, each a twentieth less than the next, of their square over its
-        variance s, of (square - s) / s^2, of 1 / s^2 and of 1.
-    """
-
+    # (3,) m^2/s^4, variance of a window's mean by the tapers beside zero frequency, north, east, down; over windows in
+    # which it was of one level
     scatter: Array
-    bands: Array
-    lever: Array
+    bands: Array  #: (2, 2) the same of the tapers of 2 and of 3 turns alone; horizontal, vertical
+    lever: Array  #: (3,) m, position of the accelerometers; the next is its inverse covariance, (3, 3)
     information: Array
-    windows: int
+    windows: int  #: seen in all; the next: of these, since the level of shaking last rose
     level: int
+    # (4, 4) of what moves more slowly than a window and shows in no taper, from the innovations of gravity north, east,
+    # down and along the tool: sums over windows, each a twentieth less than the next, of their square over its variance
+    # s, of (square - s) / s^2, of 1 / s^2 and of 1
     slow: Array
 
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """Estimates at an instant.
+    """Estimates at an instant."""
 
-    nominal : (20,) quaternion (north-east-down to tool), gyro bias, gyro scale, accelerometer bias, hard iron, dip.
-    covariance : (16, 16) of estimate minus truth.
-    offset : (16,) expected estimate minus truth; zero but where a start is linearised again.
-    last : (3,) gyro sample before the window.
-    strength : nT, of the reference field.
-    field_variance : nT^2, of the noise that successive samples of the field show, averaged over windows.
-    shaking : of the tool, as far as known.
-    axis : (3,) of the tool, north, east, down, averaged over some minutes; zero at the start and while it turns.
-    """
-
+    # (20,) quaternion (north-east-down to tool), gyro bias, gyro scale, accelerometer bias, hard iron, dip
     nominal: Array
-    covariance: Array
-    offset: Array
-    last: Array
-    strength: float
-    field_variance: float
-    shaking: Shaking
+    covariance: Array  #: (16, 16) of estimate minus truth
+    offset: Array  #: (16,) expected estimate minus truth; zero but where a start is linearised again
+    last: Array  #: (3,) gyro sample before the window
+    strength: float  #: nT, of the reference field
+    field_variance: float  #: nT^2, of the noise that successive samples of the field show, averaged over windows
+    shaking: Shaking  #: of the tool, as far as known
+    #: (3,) of the tool, north, east, down, averaged over some minutes; zero at the start and while it turns
     axis: Array
 
     @property

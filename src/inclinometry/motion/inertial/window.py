@@ -10,13 +10,12 @@ import numpy as np
 
 from inclinometry.arrays import Array, Mask, frozen
 from inclinometry.constants import EARTH_RATE
-from inclinometry.errors import IdentifiabilityError, InputError
+from inclinometry.errors import IdentifiabilityError, InputError, refused
 from inclinometry.motion.inertial.state import (
     NO_GATE,
     NO_TAPE,
     NOMINAL,
     STATES,
-    Ends,
     Model,
     Shaking,
     State,
@@ -24,7 +23,7 @@ from inclinometry.motion.inertial.state import (
     blank_tape,
     corrected,
 )
-from inclinometry.motion.reference import DIP_SIGMA
+from inclinometry.motion.reference import dip_sigma
 from inclinometry.motion.result import Attitude, Samples
 from inclinometry.rotations import (
     cross_matrix,
@@ -37,14 +36,37 @@ from inclinometry.rotations import (
 from inclinometry.uncertainty import UNKNOWN
 from inclinometry.wahba import solve_triad
 
+
+class Ends:
+    """Measurements at the end of a window, put on the tape after its samples."""
+
+    def __init__(self, p: Array, x: Array, tape: Tape, size: int) -> None:
+        self._p, self._x, self._tape, self._next = p, x, tape, size
+        self._taped = len(tape.updates) > 0
+
+    def measure(self, h: Array, z: float, variance: float, gate: float) -> float:
+        from inclinometry.motion.inertial._recursions import measure
+
+        row = self._tape.updates[self._next] if self._taped else np.empty(34)
+        self._next += 1
+        return float(measure(h, z, variance, gate, self._p, self._x, row))
+
+    def innovation(self, h: Array, z: float) -> tuple[float, float]:
+        """Of a measurement without noise, and its variance, before anything is done."""
+        return float(z - h @ self._x), float(h @ self._p @ h)
+
+    def doubt(self, variance: Array, slope: float, most: float) -> None:
+        """Add covariance (3, 3) to that of the attitude, and `slope` times as much to the bias's, up to `most`."""
+        self._p[:3, :3] += variance
+        self._p[3:6, 3:6] += variance * min(slope, most / max(float(np.trace(variance)), 1e-300))
+
+
 # A window's gravity: its mean through a taper in the almost-inertial frame, and the noise shaking leaves in it.
 
 MEMORY: Final = 10
 """Windows over which the noise that shaking leaves in gravity is averaged."""
 ANY: Final = 1e6
 """Gate, in variances, of a window that is only linearised at."""
-SLOW_MEMORY: Final = 20
-"""The same of what is slower than a window."""
 FREE: Final = 10 / 3.0
 """Degrees of freedom of that noise in one window and direction: 4 tapers in 3 directions less the lever arm."""
 
@@ -119,14 +141,9 @@ def measure_gravity(
 ) -> tuple[float, Shaking]:
     """Apparent gravity through the Hann taper, put into the filter.
 
-    Returns
-    -------
-    Largest squared normalised innovation, negative when one was beyond the gate, and the shaking as now known.
-
-    Notes
-    -----
-    With psi the attitude error in north, east, down, the mean of c' a is g + g x psi_mean - mean(c') d(bias), and
-    psi_mean = psi_end - D (bias, scale), D the drift from mean to end that the loop has summed.
+    Largest squared normalised innovation, negative when one was beyond the gate, and the shaking as now known. With
+    psi the attitude error in north, east, down, the mean of c' a is g + g x psi_mean - mean(c') d(bias), and psi_mean
+    = psi_end - D (bias, scale), D the drift from mean to end that the loop has summed.
     """
     from inclinometry.motion.inertial import _recursions as kernels
 
@@ -179,7 +196,7 @@ def _watched(shaking: Shaking, innovation: Array, spread: Array, axis: Array, wi
     normal = ((8.0 * free + 1.0) / (8.0 * free + 3.0)) ** 2 * free * np.log1p(square / spread / free)
     seen = np.zeros((4, 4))
     seen[:, [*range(count), 3]] = normal, (square - spread) / spread**2, 1.0 / spread**2, np.ones(count + 1)
-    return np.asarray((1.0 - 1.0 / SLOW_MEMORY) * shaking.slow + seen)
+    return np.asarray((1.0 - 1.0 / (2 * MEMORY)) * shaking.slow + seen)
 
 
 def heaving(slow: Array, axis: Array) -> Array:
@@ -224,30 +241,18 @@ MISFIT: Final = 1.5
 
 
 class Observation(NamedTuple):
-    """What a window tells besides the state: for flags and quality.
+    """What a window tells besides the state: for flags and quality."""
 
-    rate : rad/s, mean about the tool axis.
-    still : held as a standstill.
-    clipped : gravity left out for it.
-    refused : share of field samples beyond the gate, NaN where none was used.
-    misfit : mean squared normalised innovation of the field, NaN where none was used.
-    noise : nT^2, variance of the field's samples by their second differences.
-    disturbed : the field was left out.
-    gravity : largest squared normalised innovation of gravity, negative when it was refused.
-    shaking : m/s^2, what shaking leaves in a mean of the window, as far as known.
-    slow : m/s^2, the same of accelerations slower than the window, where they show.
-    """
-
-    rate: float
-    still: bool
-    clipped: bool
-    refused: float
-    misfit: float
-    noise: float
-    disturbed: bool
-    gravity: float
-    shaking: float
-    slow: float
+    rate: float  #: rad/s, mean about the tool axis
+    still: bool  #: held as a standstill
+    clipped: bool  #: gravity left out for it
+    refused: float  #: share of field samples beyond the gate, NaN where none was used
+    misfit: float  #: mean squared normalised innovation of the field, NaN where none was used
+    noise: float  #: nT^2, variance of the field's samples by their second differences
+    disturbed: bool  #: the field was left out
+    gravity: float  #: largest squared normalised innovation of gravity, negative when it was refused
+    shaking: float  #: m/s^2, what shaking leaves in a mean of the window, as far as known
+    slow: float  #: m/s^2, the same of accelerations slower than the window, where they show
 
 
 def reduce_window(state: State, window: Samples, model: Model, tape: Tape = NO_TAPE) -> tuple[State, Observation]:
@@ -438,14 +443,14 @@ def blank(window: Samples, model: Model) -> State:
     """Nothing known but what the settings and the site say."""
     site = model.site
     # a dip that no site states is taken from the first window
-    dip_sigma = np.radians(1.0) if site.dip is None else (DIP_SIGMA if site.dip_sigma is None else site.dip_sigma)
+    doubt = np.radians(1.0) if site.dip is None else dip_sigma(site)
     nominal = np.zeros(NOMINAL)
     nominal[0] = 1.0
     nominal[16] = 0.0 if site.dip is None else site.dip
     strength = 0.0
     if model.magnetic:
         strength = float(np.sqrt(np.mean(np.sum(np.asarray(window.mag) ** 2, axis=1)))) if site.b is None else site.b
-    covariance = model.settings.prior(np.eye(3), dip_sigma)
+    covariance = model.settings.prior(np.eye(3), float(doubt))
     gyro = np.asarray(window.gyro)
     return State(nominal, covariance, np.zeros(STATES), gyro[0].copy(), strength, 0.0, unshaken(model), np.zeros(3))
 
@@ -468,13 +473,8 @@ def unshaken(model: Model) -> Shaking:
 def sought(state: State, window: Samples, model: Model) -> State:
     """The state with its attitude found anew from a window, and that of the sample before it.
 
-    Magnetic: gravity and field averaged in the almost-inertial frame. Otherwise gravity, and azimuth by the rate that a
-    standing tool reads or, where the model is blind, none; how good it is, is left to the measurements to judge.
-
-    Raises
-    ------
-    IdentifiabilityError
-        Field and gravity parallel.
+    Magnetic: gravity and field averaged in the almost-inertial frame. Otherwise gravity, and azimuth by the rate that
+    a standing tool reads or, where the model is blind, none; how good it is, is left to the measurements to judge.
     """
     window = beginning(window, model)
     gravity = hann_mean(state, window, np.asarray(window.accel))
@@ -516,15 +516,13 @@ def given(state: State, window: Samples, start: Attitude, model: Model) -> State
     """
     north = "magnetic" if model.magnetic else "true"
     if not len(start) or start.refused[-1]:
-        raise InputError("the start attitude has no row with an attitude; give one that was measured")
+        raise refused("input-station")
     if start.north != north:
-        raise InputError(f"the start's azimuth counts from {start.north} north; this filter needs {north}: convert it")
+        raise refused("input-north", {"norths": (start.north, north)})
     late = float(window.time[0] - start.time[-1])
     if abs(late) > model.settings.window:
-        raise InputError(
-            f"the start attitude is of {start.time[-1]:.6g} s, {late:.3g} s before the first sample; allowed are "
-            f"{model.settings.window:g} s either way"
-        )
+        values = {"time_s": float(start.time[-1]), "off_s": late, "most_s": model.settings.window}
+        raise refused("input-station-far", values)
     first = np.asarray(window.gyro)[0]
     rate = first * (1.0 - state.nominal[7:10]) - state.nominal[4:7]
     back = quaternion_multiply(quaternion_exp(rate * window.interval), start.quaternion[-1])

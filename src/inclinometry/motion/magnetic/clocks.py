@@ -12,7 +12,8 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from inclinometry.arrays import Array
-from inclinometry.errors import InputError
+from inclinometry.errors import refused
+from inclinometry.findings import Finding
 from inclinometry.motion.magnetic.demodulate import (
     DELAY_SIGMA,
     Demodulated,
@@ -30,30 +31,19 @@ from inclinometry.tabular import check_record
 
 FLOOR_S: Final = 2e-5
 """Least standard deviation stated: what differences of filters leave."""
-EVIDENCE_S: Final = 10.0
-"""s, longest stretch in which what goes with the speed is sought: speeds swing in some seconds."""
 SIGNIFICANT: Final = 5.0
 """Standard deviations from which a delay is called one."""
 
 
 @dataclass(frozen=True)
 class ClockOffset:
-    """Delays of magnetometer and gyro.
+    """Delays of magnetometer and gyro."""
 
-    Attributes
-    ----------
-    delay_s : float
-        Of the magnetometer against the accelerometer, positive when its samples are late: they show what was true that
-        long ago.
-    sigma_s : float
-        Its standard deviation. A run that turns evenly shows no delay: the sigma is then 0.05 s.
-    gyro_lag_s, gyro_sigma_s : float
-        Of the gyro against the magnetometer, likewise; NaN without a gyro.
-    windows : int
-    """
-
+    # of the magnetometer against the accelerometer, positive when its samples are late: they show what was true that
+    # long ago
     delay_s: float
-    sigma_s: float
+    sigma_s: float  #: its standard deviation. A run that turns evenly shows no delay: the sigma is then 0.05 s
+    # gyro_lag_s, gyro_sigma_s: of the gyro against the magnetometer, likewise; NaN without a gyro
     gyro_lag_s: float
     gyro_sigma_s: float
     windows: int
@@ -65,30 +55,17 @@ class ClockOffset:
 
 
 class Clocks(NamedTuple):
-    """What is made of the evidence so far, s.
+    """What is made of the evidence so far, s."""
 
-    Attributes
-    ----------
-    delay, eddy, sigma : float
-        Of the magnetometer against the accelerometer: of its clock, by eddy currents in the collar, and the standard
-        deviation left of both together.
-    seen : bool
-        Whether the readings tell more of it than the prior.
-    late : bool
-        Whether it departs from the setting by five standard deviations.
-    stepped : bool
-        Whether by more than eddy currents explain.
-    gyro_lag : float
-        Of the gyro against the magnetometer; 0 unless it is five standard deviations.
-    """
-
+    # delay, eddy, sigma: of the magnetometer against the accelerometer: of its clock, by eddy currents in the collar,
+    # and the standard deviation left of both together
     delay: float
     eddy: float
     sigma: float
-    seen: bool
-    late: bool
-    stepped: bool
-    gyro_lag: float
+    seen: bool  #: whether the readings tell more of it than the prior
+    late: bool  #: whether it departs from the setting by five standard deviations
+    stepped: bool  #: whether by more than eddy currents explain
+    gyro_lag: float  #: of the gyro against the magnetometer; 0 unless it is five standard deviations
 
 
 def clocks(known: ToolConstants, settings: MagneticSettings) -> Clocks:
@@ -160,12 +137,11 @@ def clock_offset(samples: Samples, settings: MagneticSettings | None = None) -> 
     """
     check_record(samples, Samples, "clock_offset")
     chosen = settings or MagneticSettings()
-    if not (samples.has("accel") and samples.has("mag")):
-        raise InputError("the delay of the magnetometer needs an accelerometer and a magnetometer")
+    samples.need("accel", "mag")
     step = chosen.node(samples.interval)
     size = chosen.nodes(samples.interval) * step
     if len(samples) < size:
-        raise InputError(f"the run of {len(samples)} samples is shorter than a window of {size}; shorten the window")
+        raise refused("input-few", {"name": "samples", "count": len(samples), "least": size})
     known = prior_constants(chosen)
     with_gyro = chosen.use_gyro and samples.has("gyro")
     delay, lag, windows = (DELAY_SIGMA**-2, 0.0), (DELAY_SIGMA**-2, 0.0), 0
@@ -254,7 +230,7 @@ def delay_evidence(d: Demodulated, known: ToolConstants, centre: Array | None = 
     return information, information * (d.delay + float(found.value[0].real))
 
 
-def clock_notes(known: ToolConstants, settings: MagneticSettings, fastest: float) -> list[str]:
+def clock_findings(known: ToolConstants, settings: MagneticSettings, fastest: float) -> list[Finding]:
     """What is to be said of the sensors' clocks after a run whose fastest window turned with `fastest` rad/s."""
     found = clocks(known, settings)
     delay, lag = 1e3 * _found(known.delay)[0], 1e3 * found.gyro_lag
@@ -264,21 +240,16 @@ def clock_notes(known: ToolConstants, settings: MagneticSettings, fastest: float
         np.hypot(_found(known.gyro_lag)[1], _found(known.delay)[1])
     )
     if found.late and not settings.mag_delay_s and with_gyro and not lag:
-        return [f"the accelerometer is late by {-delay:.2f} ms against magnetometer and gyro: taken off their phases"]
+        return [Finding("motion-accel-late", {"late_ms": -delay}, severity="note")]
     said = []
     if found.late:
-        against = "the other sensors" if agrees or not with_gyro else "the accelerometer"
-        why = "" if found.stepped else " (eddy currents in the collar, or its clock)"
-        said.append(f"the magnetometer is late by {delay:.2f} ms against {against}{why}: taken off")
+        code = "motion-mag-late" if found.stepped else "motion-mag-lag"
+        said.append(Finding(code, {"late_ms": delay}, severity="note"))
     if lag and not agrees:
-        against = "the magnetometer" if found.late else "magnetometer and accelerometer"
-        said.append(f"the gyro is late by {lag:.2f} ms against {against}: its angle is brought to their time")
+        said.append(Finding("motion-gyro-late", {"late_ms": lag}, severity="note"))
     shift = float(np.degrees(fastest * found.sigma))
     # deg, turn of the field by a delay that cannot be seen, from which it is said
     if not found.seen and shift > 0.01:
-        said.append(
-            "the speed of rotation changes too little to show a delay between magnetometer and accelerometer, or eddy "
-            f"currents in the collar: the standard deviation of {1e3 * found.sigma:.2g} ms that is allowed turns the "
-            f"field by up to {shift:.2g} deg"
-        )
+        values = {"sigma_ms": 1e3 * found.sigma, "turn_deg": shift}
+        said.append(Finding("motion-delay-unseen", values, severity="note"))
     return said

@@ -9,7 +9,7 @@ import numpy as np
 
 from inclinometry.arrays import Array
 from inclinometry.constants import STANDARD_GRAVITY
-from inclinometry.errors import InputError
+from inclinometry.errors import refused
 from inclinometry.motion.magnetic.phase import SECTORS, Complex, MagneticSettings, Track, remembered, smooth, untried
 from inclinometry.motion.result import LARGEST_BREAK, Samples
 
@@ -18,14 +18,6 @@ class Held:
     """Samples of a stream that are still needed, and their stamps.
 
     The stamps are kept apart: those of a cut would jitter against its first one by more than a whole block's may.
-
-    Examples
-    --------
-    >>> held = Held()
-    >>> [held.add(Samples([t], 0.5, gyro=[[0.0, 0.0, t]])) for t in (7.0, 7.5, 9.0)]
-    [True, True, False]
-    >>> held.stamps(0, 2), held.cut(1, 2).gyro
-    (array([7. , 7.5]), array([[0. , 0. , 7.5]]))
     """
 
     def __init__(self) -> None:
@@ -75,7 +67,7 @@ class Held:
     def _merge(self) -> None:
         """One block of all, on an even grid."""
         if not self._blocks:
-            raise InputError("no samples are held")
+            raise refused("input-few", {"name": "samples", "count": 0, "least": 1})
         if len(self._blocks) == 1 and self._blocks[0].time is not self._stamps[0]:
             return
         interval = self._blocks[0].interval
@@ -99,17 +91,13 @@ def _follows(last: Samples, block: Samples) -> bool:
     """Whether a block continues the last one without a gap."""
     names = ("accel", "mag", "gyro", "temperature")
     if last.interval != block.interval or any((getattr(last, n) is None) != (getattr(block, n) is None) for n in names):
-        raise InputError(
-            f"a block has the interval {block.interval:.6g} s or triads unlike the one before ({last.interval:.6g} s); "
-            "feed one run to a stream and begin another stream for the next"
-        )
+        raise refused("input-block")
     if not len(block):
         return True
     off = float(block.time[0] - last.time[-1]) / block.interval - 1.0
     if off < -LARGEST_BREAK:
-        raise InputError(
-            f"a block begins at {block.time[0]:.9g} s, before the last one's end at {last.time[-1]:.9g} s; sort the run"
-        )
+        values = {"time_s": float(block.time[0]), "before_s": float(last.time[-1])}
+        raise refused("input-backwards", values)
     return off <= LARGEST_BREAK
 
 
@@ -121,51 +109,25 @@ DELAY_SIGMA: Final = 0.05
 
 @dataclass(frozen=True, eq=False)
 class ToolConstants:
-    """Estimates with covariance, valid up to the end of the window they come from.
+    """Estimates with covariance, valid up to the end of the window they come from."""
 
-    Attributes
-    ----------
-    offset : complex
-        Transverse magnetic offset, nT.
-    offset_covariance : (2, 2) ndarray
-        nT^2.
-    seen : bool
-        Whether an arc sufficed for the offset to be fitted.
-    motion : (2,) ndarray
-        Transverse accelerometer offset, m/s^2, and lever arm, m, complex.
-    motion_covariance : (2, 2) ndarray
-        Per real component.
-    axial : (2,) ndarray
-        What axial gravity takes over of omega^2 and of its rate of change, m: lever arm times coupling.
-    axial_covariance : (2, 2) ndarray
-        m^2.
-    trust : (4, r) ndarray
-        Log weights of the noise spectra of transverse gravity and field, axial gravity and field.
-    delay : tuple of float
-        Information about the magnetometer's delay against the accelerometer, 1/s^2, and information times delay.
-    gyro_lag : tuple of float
-        Likewise of the gyro against the magnetometer.
-    met : (2, SECTORS) ndarray
-        Sums and numbers of the transverse field by direction, as long as no arc sufficed.
-    sighted : tuple of float, optional
-        Of the last window: angle from field to gravity as read, its variance, rad^2, and the speed, rad/s.
-    levelled : tuple of float, optional
-        Of the last window: mean axial gravity as read, m/s^2, the means of omega^2 and of its rate of change under the
-        same weights, and the variance of the first by noise.
-    """
-
-    offset: complex
-    offset_covariance: Array
-    seen: bool
-    motion: Complex
-    motion_covariance: Complex
+    offset: complex  #: transverse magnetic offset, nT
+    offset_covariance: Array  #: (2, 2) nT^2
+    seen: bool  #: whether an arc sufficed for the offset to be fitted
+    motion: Complex  #: (2,) transverse accelerometer offset, m/s^2, and lever arm, m, complex
+    motion_covariance: Complex  #: (2, 2) per real component
+    #: (2,) what axial gravity takes over of omega^2 and of its rate of change, m: lever arm times coupling
     axial: Array
-    axial_covariance: Array
-    trust: Array
+    axial_covariance: Array  #: (2, 2) m^2
+    trust: Array  #: (4, r) log weights of the noise spectra of transverse gravity and field, axial gravity and field
+    # information about the magnetometer's delay against the accelerometer, 1/s^2, and information times delay
     delay: tuple[float, float]
-    gyro_lag: tuple[float, float]
-    met: Complex
+    gyro_lag: tuple[float, float]  #: likewise of the gyro against the magnetometer
+    met: Complex  #: (2, SECTORS) sums and numbers of the transverse field by direction, as long as no arc sufficed
+    # of the last window: angle from field to gravity as read, its variance, rad^2, and the speed, rad/s
     sighted: tuple[float, float, float] | None = None
+    # of the last window: mean axial gravity as read, m/s^2, the means of omega^2 and of its rate of change under the
+    # same weights, and the variance of the first by noise
     levelled: tuple[float, float, float, float] | None = None
 
     def aged(self, seconds: float) -> ToolConstants:
@@ -213,46 +175,25 @@ MOST_TURN: Final = 1.5
 
 @dataclass(frozen=True, eq=False)
 class Demodulated:
-    """Nodes (m,) of one window, in the frame that turns with the transverse field.
+    """Nodes (m,) of one window, in the frame that turns with the transverse field."""
 
-    Attributes
-    ----------
-    gravity, field : (m,) ndarray
-        Transverse parts as complex numbers, m/s^2 and nT.
-    axial_gravity, axial_field : (m,) ndarray
-    back : (m,) ndarray
-        The factor by which they were turned, the conjugate of the phasor.
-    phasor : (m,) ndarray
-        At the middle of the node.
-    rate, acceleration : (m,) ndarray
-        Of the rotation about the tool axis, rad/s and rad/s^2.
-    track : Track
-    turned : (m,) ndarray
-        Angle by the gyro, rad; empty where none was used.
-    delay : float
-        s, by which the magnetometer was taken to be late against the accelerometer, eddy currents included.
-    gyro_lag : float
-        s, by which the gyro was taken to be late against the magnetometer.
-    lag : (m,) ndarray
-        Phase by which the magnetometer is late, rad, already taken off gravity.
-    turn : float
-        Largest rotation from one node to the next, rad.
-    """
-
+    # gravity, field: (m,) transverse parts as complex numbers, m/s^2 and nT
     gravity: Complex
     field: Complex
+    # axial_gravity, axial_field: (m,)
     axial_gravity: Array
     axial_field: Array
-    back: Complex
-    phasor: Complex
+    back: Complex  #: (m,) the factor by which they were turned, the conjugate of the phasor
+    phasor: Complex  #: (m,) at the middle of the node
+    # rate, acceleration: (m,) of the rotation about the tool axis, rad/s and rad/s^2
     rate: Array
     acceleration: Array
     track: Track
-    turned: Array
-    delay: float
-    gyro_lag: float
-    lag: Array
-    turn: float
+    turned: Array  #: (m,) angle by the gyro, rad; empty where none was used
+    delay: float  #: s, by which the magnetometer was taken to be late against the accelerometer, eddy currents included
+    gyro_lag: float  #: s, by which the gyro was taken to be late against the magnetometer
+    lag: Array  #: (m,) phase by which the magnetometer is late, rad, already taken off gravity
+    turn: float  #: largest rotation from one node to the next, rad
 
 
 def demodulate(
@@ -265,31 +206,16 @@ def demodulate(
     eddy: float = 0.0,
     gyro_lag: float = 0.0,
 ) -> Demodulated:
-    """Turn a window back.
+    """Turn a window of a whole number of nodes back, `step` samples each, the transverse `offset`, nT, taken off.
 
-    Parameters
-    ----------
-    samples : Samples
-        A whole number of nodes.
-    step : int
-        Samples of a node.
-    offset : complex
-        Transverse magnetic offset to take off, nT.
-    with_gyro : bool
-        Whether the gyro carries the phase from sample to sample; the magnetometer then only guides it, slowly.
-    delay : float
-        By how much the magnetometer is late against the accelerometer, s.
-    eddy : float
-        Time constant of the collar's eddy currents, s: the transverse field is late by atan(eddy omega), and weaker by
-        sqrt(1 + (eddy omega)^2). The root of that is given back: a clock that is late takes nothing.
-    gyro_lag : float
-        By how much the gyro is late against the magnetometer, s: its angle is brought to the magnetometer's time.
+    With a gyro it carries the phase from sample to sample, and the magnetometer only guides it, slowly. delay,
+    gyro_lag: s, by which magnetometer (against the accelerometer) and gyro (against the magnetometer) are late. eddy:
+    s, time constant of the collar: the transverse field is late by atan(eddy omega), and weaker by sqrt(1 + (eddy
+    omega)^2). The root of that is given back: a clock that is late takes nothing.
     """
     from inclinometry.motion.magnetic import _kernels
 
-    accel, mag, gyro = samples.accel, samples.mag, samples.gyro if with_gyro else None
-    if accel is None or mag is None:  # the callers refuse before
-        raise ValueError("needs accel and mag")
+    accel, mag, gyro = np.asarray(samples.accel), np.asarray(samples.mag), samples.gyro if with_gyro else None
     count, span = len(samples) // step, step * samples.interval
     theta, middle = np.empty(0), np.empty(0)
     means = np.empty((2, count))

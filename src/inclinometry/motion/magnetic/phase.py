@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from inclinometry.arrays import Array
 from inclinometry.constants import STRING_INTERFERENCE
 from inclinometry.earth.site import Site
-from inclinometry.errors import InputError
+from inclinometry.errors import refused
 from inclinometry.settings import Range, Settings
 
 LAG_SIGMA: Final = 3e-3
@@ -83,10 +83,7 @@ class MagneticSettings(Settings):
         count = round(self.window_s / (self.node(interval) * interval))
         least_nodes = 40  # for the band of the fit to lie well inside what the nodes can show
         if count < least_nodes:
-            raise InputError(
-                f"a window of {self.window_s:g} s holds {count} samples of {interval:g} s; at least "
-                f"{least_nodes} are needed: lengthen it"
-            )
+            raise refused("input-few", {"name": "samples", "count": count, "least": least_nodes})
         return count
 
     def hop(self, interval: float) -> int:
@@ -115,28 +112,15 @@ class Basis:
 
 @dataclass(frozen=True, eq=False)
 class BandFit:
-    """Fit of a complex (or real) series.
+    """Fit of a complex (or real) series."""
 
-    Attributes
-    ----------
-    value : (p,) ndarray
-    covariance : (p, p) ndarray
-        Per real component, priors included, widened for the degrees of freedom the noise is known with.
-    gain : (k,) ndarray
-        Derivative of the first coefficient by the tapered sums.
-    trust : (r,) ndarray
-        Logarithm of the weight of each spectrum, the largest 0.
-    taken : float
-        How many of the sums the regressors used up; 1 is a plain mean.
-    shared : float
-        Variance of the first coefficient, per real component, that comes from the priors: what windows have in common.
-    """
-
-    value: Complex
+    value: Complex  #: (p,)
+    # (p, p) per real component, priors included, widened for the degrees of freedom the noise is known with
     covariance: Complex
-    gain: Complex
-    trust: Array
-    taken: float
+    gain: Complex  #: (k,) derivative of the first coefficient by the tapered sums
+    trust: Array  #: (r,) logarithm of the weight of each spectrum, the largest 0
+    taken: float  #: how many of the sums the regressors used up; 1 is a plain mean
+    # variance of the first coefficient, per real component, that comes from the priors: what windows have in common
     shared: float
 
 
@@ -183,26 +167,12 @@ def remembered(trust: Array) -> Array:
 def fit(
     of: Basis, series: Complex | Array, regressors: Complex | Array, mean: Complex, precision: Complex, trust: Array
 ) -> BandFit:
-    """Bayesian least squares of a series inside the band.
+    """Bayesian least squares of a series (m,) inside the band, on regressors (m, p) with prior mean and precision.
 
-    Parameters
-    ----------
-    of : Basis
-    series : (m,) ndarray
-        Real or complex.
-    regressors : (m, p) ndarray
-    mean, precision : (p,), (p, p) ndarray
-        Prior of the coefficients, precision per real component; zero where nothing is known.
-    trust : (r,) ndarray
-        Logarithm of the prior of each spectrum: `untried` or, after a window, `remembered`.
-
-    Notes
-    -----
-    For every spectrum the noise's variance is the residual's own over the sums less those the regressors took,
-    S = |e|^2 / 2 (k - tr H), found in turn with the coefficients. A mean of Gaussian errors of estimated variance has
-    Student's distribution, whose variance is freedom / (freedom - 2) times as large: the covariance is widened by that.
-    The spectra are averaged with their marginal likelihoods as weights, those of earlier windows included, and what
-    lies between them is added to the covariance.
+    For every spectrum the noise's variance is the residual's own over the sums less those the regressors took, S =
+    |e|^2 / 2 (k - tr H), found in turn with the coefficients; Student's distribution widens the covariance by freedom
+    / (freedom - 2). Spectra are averaged by their marginal likelihoods, earlier windows' (`trust`, (r,) logarithms)
+    included, and what lies between them is added to the covariance.
     """
     parts = 2.0 if np.iscomplexobj(series) else 1.0
     y, x = of.tapers @ series, of.tapers @ regressors
@@ -256,24 +226,12 @@ SECTORS: Final = 36
 
 @dataclass(frozen=True, eq=False)
 class Circle:
-    """Centre and radius of the transverse field.
+    """Centre and radius of the transverse field."""
 
-    Attributes
-    ----------
-    centre : complex
-        nT.
-    covariance : (2, 2) ndarray
-        nT^2, of the real and imaginary part of the centre.
-    radius : float
-        nT.
-    scatter : float
-        Standard deviation of the distances from the circle, nT.
-    """
-
-    centre: complex
-    covariance: Array
-    radius: float
-    scatter: float
+    centre: complex  #: nT
+    covariance: Array  #: (2, 2) nT^2, of the real and imaginary part of the centre
+    radius: float  #: nT
+    scatter: float  #: standard deviation of the distances from the circle, nT
 
 
 def arc(angle: Array) -> float:
@@ -288,14 +246,7 @@ def arc(angle: Array) -> float:
 
 
 def sectors(points: Complex, centre: complex) -> Complex:
-    """Sums and numbers (2, SECTORS) of points by their direction from a provisional centre.
-
-    Examples
-    --------
-    >>> found = sectors(np.array([1.0 + 0.1j, 3.0 + 0.1j, -1.0 + 0.1j]), 0j)
-    >>> found[:, 0], int(np.count_nonzero(found[1]))
-    (array([4.+0.2j, 2.+0.j ]), 2)
-    """
+    """Sums and numbers (2, SECTORS) of points by their direction from a provisional centre."""
     turn = np.mod(np.angle(points - centre) / (2.0 * np.pi), 1.0)
     place = np.minimum((turn * SECTORS).astype(int), SECTORS - 1)
     found = np.zeros((2, SECTORS), dtype=np.complex128)
@@ -307,18 +258,9 @@ def sectors(points: Complex, centre: complex) -> Complex:
 def fit_circle(points: Complex, start: complex, prior: Array) -> Circle:
     """Circle of least squared distances, its centre known to (2, 2) `prior` covariance about `start`.
 
-    Notes
-    -----
     Gauss-Newton on |z - h| - R. The variance is that of the distances; as they hang together in time (anomalies, a
-    field that changes along the hole), their number is reduced by (1 - r) / (1 + r) with r their correlation from one
-    to the next.
-
-    Examples
-    --------
-    >>> z = 3.0 + 1.0j + 10.0 * np.exp(1j * np.linspace(0.0, 6.0, 50))
-    >>> found = fit_circle(z, 0j, 1e4 * np.eye(2))
-    >>> round(found.centre.real, 3), round(found.radius, 3)
-    (3.0, 10.0)
+    field that changes along the hole), their number is reduced by (1 - r) / (1 + r), r their correlation from one to
+    the next.
     """
     information = np.zeros((3, 3))
     information[:2, :2] = np.linalg.inv(prior)
@@ -355,31 +297,16 @@ def raised(error: Array) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """Smoothed phase of a window, one value a node.
+    """Smoothed phase of a window, one value a node."""
 
-    Attributes
-    ----------
-    phase : (m,) ndarray
-        rad, without jumps.
-    slope, bend : (m,) ndarray
-        First and second derivative per node.
-    noise : float
-        Standard deviation of the phase of one node, rad, from leaving each out in turn.
-    half : int
-        Half length of the smoother, nodes.
-    sigma : float
-        Standard deviation of the smoothed phase, rad: its noise, and what it gives away of the motion.
-    given : (m,) ndarray
-        The phase before smoothing.
-    """
-
-    phase: Array
+    phase: Array  #: (m,) rad, without jumps
+    # slope, bend: (m,) first and second derivative per node
     slope: Array
     bend: Array
-    noise: float
-    half: int
-    sigma: float
-    given: Array
+    noise: float  #: standard deviation of the phase of one node, rad, from leaving each out in turn
+    half: int  #: half length of the smoother, nodes
+    sigma: float  #: standard deviation of the smoothed phase, rad: its noise, and what it gives away of the motion
+    given: Array  #: (m,) the phase before smoothing
 
 
 @lru_cache(maxsize=64)
@@ -394,23 +321,10 @@ def _kernels(half: int) -> tuple[Array, Array, Array]:
 
 
 def smooth(phase: Array) -> Track:
-    """Smoothed by local cubics of the length that predicts best what it has not seen.
+    """Phase (m,), rad, unwrapped, smoothed by local cubics of the length that predicts best what it has not seen.
 
-    Parameters
-    ----------
-    phase : (m,) ndarray
-        rad, unwrapped, at equal steps.
-
-    Notes
-    -----
     Savitzky A., Golay M.J.E., Analytical Chemistry 36, 1964; the length by leave-one-out cross-validation: residual /
     (1 - h) with h the smoother's weight of the point itself. Beyond the ends the phase is mirrored in their points.
-
-    Examples
-    --------
-    >>> track = smooth(0.1 * np.arange(50.0))
-    >>> bool(np.allclose(track.phase, 0.1 * np.arange(50.0))), round(float(track.slope[25]), 9)
-    (True, 0.1)
     """
     best: tuple[float, int, Array] | None = None
     values: dict[int, Array] = {0: phase}

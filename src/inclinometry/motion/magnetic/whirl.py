@@ -2,51 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Final
-
 import numpy as np
 
 from inclinometry.arrays import Array
 from inclinometry.motion.magnetic.phase import Complex
 
-WIDTHS: Final = (1, 2, 4, 8, 16, 32)
-"""Bins of the spectrum that are taken together: an axis that rolls circles at one order, one that slips at many."""
-LEAST: Final = 1.0
-"""m/s^2 below which a whirl does not matter: leaning by 0.1 deg it shifts gravity by 0.2 mg."""
-BESIDE: Final = 24
-"""Bins of the other hand that a bin is held against, at the least."""
-
 
 def whirl_acceleration(lateral: Complex, angle: Array) -> float:
-    """Lateral acceleration that circles one way round and not the other, m/s^2 (root mean square of its length).
+    """Lateral acceleration (m,) that circles one way and not the other, m/s^2 rms; in axes that stand in the hole.
 
-    Parameters
-    ----------
-    lateral : (m,) ndarray
-        Acceleration across the hole as a complex number in axes that stand in the hole, without gravity and without
-        what turns with the tool.
-    angle : (m,) ndarray
-        Angle the tool has turned, rad.
-
-    Returns
-    -------
-    float
-        0 where nothing stands out, and for a tool that turns less than twice.
-
-    Notes
-    -----
-    Vibration to and fro shows the same power at both hands of the rotary spectrum (Gonella J., Deep-Sea Research 19,
-    1972), an axis that circles in the hole at one of them. A whirl keeps a ratio to the rotation (Vandiver J.K.,
-    Nicholson J.W., Shyu R.-J., SPE Drilling Engineering 5, 1990), so that the spectrum is one over the angle turned,
-    not over time.
-
-    Examples
-    --------
-    >>> turned = np.linspace(0.0, 120.0, 1000)
-    >>> rng = np.random.default_rng(0)
-    >>> shaking = rng.normal(size=(1000, 2)) @ [20.0, 20.0j]
-    >>> whirl_acceleration(shaking, turned), round(whirl_acceleration(shaking + 10.0 * np.exp(-4j * turned), turned))
-    (0.0, 10)
+    Vibration to and fro has the same power at both hands of the rotary spectrum (Gonella J., Deep-Sea Research 19,
+    1972), an axis that circles at one. A whirl keeps a ratio to the rotation (Vandiver J.K., Nicholson J.W., Shyu R.J.,
+    SPE Drilling Engineering 5, 1990): the spectrum is one over the angle turned, rad, not over time. 0 where nothing
+    stands out, and for a tool that turns less than twice.
     """
     from scipy.special import fdtri
 
@@ -70,8 +38,9 @@ def whirl_acceleration(lateral: Complex, angle: Array) -> float:
     hands = hands[:, max(1, int(0.5 * turned / (2.0 * np.pi))) :]
     total = np.concatenate([np.zeros((2, 1)), np.cumsum(hands, axis=1)], axis=1)
     largest = 0.0
-    for width in WIDTHS:
-        size = max(BESIDE, 2 * width)
+    # bins taken together: an axis that rolls circles at one order, one that slips at many
+    for width in (1, 2, 4, 8, 16, 32):
+        size = max(24, 2 * width)  # of the other hand
         if size > hands.shape[1]:
             break
         own = total[:, width:] - total[:, :-width]
@@ -82,4 +51,5 @@ def whirl_acceleration(lateral: Complex, angle: Array) -> float:
         stands = own > chance * other
         if stands.any():
             largest = max(largest, float((own - other)[stands].max()))
-    return float(np.sqrt(largest)) if largest > LEAST**2 else 0.0
+    # below 1 m/s^2 a whirl does not matter: leaning by 0.1 deg it shifts gravity by 0.2 mg
+    return float(np.sqrt(largest)) if largest > 1.0 else 0.0

@@ -9,12 +9,11 @@ import numpy as np
 
 from inclinometry.arrays import Array, Mask
 from inclinometry.constants import STANDARD_GRAVITY, STATED_GRAVITY_SD
-from inclinometry.errors import InputError
+from inclinometry.findings import Finding
 from inclinometry.motion.magnetic.clocks import (
-    EVIDENCE_S,
     SIGNIFICANT,
     Clocks,
-    clock_notes,
+    clock_findings,
     clocks,
     delay_evidence,
     gyro_evidence,
@@ -48,7 +47,7 @@ from inclinometry.motion.magnetic.phase import (
 )
 from inclinometry.motion.magnetic.whirl import whirl_acceleration
 from inclinometry.motion.reference import SiteCheck, departure, inflated, referenced
-from inclinometry.motion.result import BITS, METHODS, Attitude, Samples, joined
+from inclinometry.motion.result import BITS, METHODS, Attitude, Fault, Samples, joined
 from inclinometry.orientation import angles, dip_angle, dip_jacobian
 from inclinometry.rotations import cross_matrix, dcm, quaternion_from_dcm, rotation_z
 from inclinometry.tabular import check_record
@@ -59,52 +58,42 @@ from inclinometry.uncertainty import propagate
 class WindowFit:
     """Fields of one window in the frame that turns with the transverse field, and what was learnt of the tool."""
 
+    # gravity, field: (3,) m/s^2 and nT, x along the transverse field, z along the tool
     gravity: Array
     field: Array
+    # covariance, common: (6, 6) of both, and the part that all windows share
     covariance: Array
     common: Array
-    phase: float
-    phase_sigma: tuple[float, float]
-    rate: float
-    arc: float
-    circle: Circle
-    ripple: float
-    taken: float
-    clipped: float
-    constants: ToolConstants
-    offset_sigma: float
-    turn: float
-    mirrored: bool
-    stepped: bool
-    whirl: float
+    phase: float  #: rad, by which the tool has turned at the middle instant
+    phase_sigma: tuple[float, float]  #: rad, of the phase: by noise; by late stamps and the delay
+    rate: float  #: rad/s, mean speed of rotation
+    arc: float  #: rad, turned in the window or, where the run so far gave the circle, met by it
+    circle: Circle  #: of the transverse field
+    ripple: float  #: nT, scatter about the circle beyond noise
+    taken: float  #: how many sums of the fit of gravity the regressors used up; 1 is a plain mean
+    clipped: float  #: share of the samples
+    constants: ToolConstants  #: with what this window tells
+    offset_sigma: float  #: nT, of the mean field by the magnetic offset
+    turn: float  #: rad, largest between two samples
+    mirrored: bool  #: the fields turn in opposite directions: a wrong axis
+    stepped: bool  #: the magnetometer is late by more than eddy currents explain
+    whirl: float  #: m/s^2, lateral acceleration that turns otherwise than the tool
 
 
 def fit_window(samples: Samples, settings: MagneticSettings, known: ToolConstants) -> WindowFit:
-    """Fit the fields of a window.
+    """Fit the fields of a window, with what is known from earlier ones that share no sample with it.
 
-    Parameters
-    ----------
-    samples : Samples
-        Of one window: accelerometer and magnetometer, a gyro if there is one.
-    settings : MagneticSettings
-    known : ToolConstants
-        From earlier windows that share no sample with this one.
-
-    Notes
-    -----
-    With u the unit phasor of the transverse field, g_x + i g_y times u* is
-
-        G + [c + r (omega^2 - i alpha)] u* + vibration
-
-    where G is constant, c the accelerometer's offset and r its lever arm, constant in the tool. All is seen through
-    Slepian sequences, i.e. in a narrow band about zero, where the vibration has little and white power; lines of the
-    rotation outside the band drop out of the equations, and what is left is a mean.
+    With u the unit phasor of the transverse field, g_x + i g_y times u* is G + [c + r (omega^2 - i alpha)] u* +
+    vibration, where G is constant, c the accelerometer's offset and r its lever arm, constant in the tool. All is seen
+    through Slepian sequences, i.e. in a narrow band about zero, where the vibration has little and white power; lines
+    of the rotation outside the band drop out of the equations, and what is left is a mean.
     """
     step = settings.node(samples.interval)
     clipped = 0.0 if samples.clipped is None else clipped_share(samples.clipped)
     with_gyro = settings.use_gyro and samples.has("gyro")
     offset, clock = known.offset, clocks(known, settings)
-    most = round(EVIDENCE_S / (step * samples.interval))
+    # nodes in 10 s, the longest stretch in which what goes with the speed is sought: speeds swing in some seconds
+    most = round(10.0 / (step * samples.interval))
     for _ in range(3):
         found = demodulate(
             samples,
@@ -155,13 +144,8 @@ def fit_window(samples: Samples, settings: MagneticSettings, known: ToolConstant
 
 
 def sight(window: WindowFit, clock: float) -> tuple[float, float, float]:
-    """Angle from field to gravity as the sensors read it, its variance by noise, rad^2, and the speed, rad/s.
-
-    Parameters
-    ----------
-    window : WindowFit
-    clock : float
-        s, the delay that was taken off gravity.
+    """Angle from field to gravity as read, its variance by noise, rad^2, and the speed; `clock` s were taken off
+    gravity.
     """
     g, b = complex(*window.gravity[:2]), complex(*window.field[:2])
     noise = window.covariance - window.common
@@ -219,16 +203,7 @@ def _fields(
     whirl = whirl_acceleration(d.gravity - g.value[0] - rows[:, 1:] @ fixed, np.unwrap(np.angle(d.phasor)))
     # an axis that leans outwards as it whirls leaves a part of that along the tool, in proportion to omega^2
     leaning = (settings.tilt_sigma * whirl / max(float(np.mean(d.rate**2)), 1e-6)) ** 2
-    axial = np.concatenate([[0.0], known.axial]).astype(np.complex128)
-    spread: Complex | Array = known.axial_covariance
-    spread = spread + np.diag([max(leaning - spread[0, 0].real, 0.0), 0.0])
-    pieces = _pieces(d, most)
-    # a long window's band is too narrow for what swings in it: its parts tell first what goes with the speed
-    for piece in [*(pieces if len(pieces) > 1 else []), d]:
-        gz = fit(
-            basis(piece.rate.size), piece.axial_gravity, axial_regressors(piece), axial, prior(spread), known.trust[2]
-        )
-        axial, spread = np.concatenate([[0.0], gz.value[1:]]), gz.covariance[1:, 1:]
+    gz = _along(d, known, leaning, most)
     bz = fit(of, d.axial_field, one, nothing, free, known.trust[3])
     gravity = np.array([g.value[0].real, g.value[0].imag, gz.value[0].real])
     by_offset = _by_offset(of, d, g, b)
@@ -236,10 +211,7 @@ def _fields(
     hann = np.hanning(d.rate.size + 2)[1:-1]
     rate = float(hann @ d.rate / hann.sum())
     turn = _by_delay(complex(b.value[0]), rate * clock.sigma)
-    # of the transverse field, what eddy currents keep out beside their lag, half the square of omega tau: half of it
-    # has been given back
-    weak = 0.5 * float(np.mean(d.rate**2)) * (0.5 * clock.eddy**2 + settings.lag_sigma_s * clock.sigma)
-    kept = np.array([0.0, 0.0, 0.0, weak * b.value[0].real, weak * b.value[0].imag, 0.0])
+    kept = _by_eddies(complex(b.value[0]), d.rate, 0.5 * clock.eddy**2 + settings.lag_sigma_s * clock.sigma)
     shared = np.array([g.shared, g.shared, gz.shared, 0.0, 0.0, 0.0])
     # offsets along the tool that no rotation shows
     along = np.array([0.0, 0.0, settings.accel_sigma**2, 0.0, 0.0, settings.axial_sigma**2])
@@ -247,19 +219,16 @@ def _fields(
     common += np.outer(gain, gain) + np.outer(turn, turn) + np.outer(kept, kept)
     noise = np.array([float(one.covariance[0, 0].real) for one in (g, g, gz, b, b, bz)])
     covariance = common + np.diag(np.maximum(noise - shared, 0.0)) + _by_clipping(clipped, gravity)
-    constants = ToolConstants(
-        circle.centre,
-        circle.covariance,
-        known.seen or covered >= settings.least_arc,
-        g.value[1:],
-        g.covariance[1:, 1:],
-        gz.value[1:].real,
-        gz.covariance[1:, 1:].real,
-        np.stack([g.trust, b.trust, gz.trust, bz.trust]),
-        known.delay,
-        known.gyro_lag,
-        known.met,
-        known.sighted,
+    constants = replace(
+        known,
+        offset=circle.centre,
+        offset_covariance=circle.covariance,
+        seen=known.seen or covered >= settings.least_arc,
+        motion=g.value[1:],
+        motion_covariance=g.covariance[1:, 1:],
+        axial=gz.value[1:].real,
+        axial_covariance=gz.covariance[1:, 1:].real,
+        trust=np.stack([g.trust, b.trust, gz.trust, bz.trust]),
     )
     constants = _levelled(constants, known, d, abs(complex(g.value[0])), clipped > 0.0)
     return WindowFit(
@@ -282,6 +251,20 @@ def _fields(
         stepped=clock.stepped,
         whirl=whirl,
     )
+
+
+def _along(d: Demodulated, known: ToolConstants, leaning: float, most: int) -> BandFit:
+    """Gravity along the tool, and what of it goes with the speed; `leaning`: variance of the part with omega^2."""
+    axial = np.concatenate([[0.0], known.axial]).astype(np.complex128)
+    spread: Complex | Array = known.axial_covariance
+    spread = spread + np.diag([max(leaning - spread[0, 0].real, 0.0), 0.0])
+    pieces = _pieces(d, most)
+    # a long window's band is too narrow for what swings in it: its parts tell first what goes with the speed
+    for piece in [*(pieces if len(pieces) > 1 else []), d]:
+        of, rows = basis(piece.rate.size), axial_regressors(piece)
+        found = fit(of, piece.axial_gravity, rows, axial, prior(spread), known.trust[2])
+        axial, spread = np.concatenate([[0.0], found.value[1:]]), found.covariance[1:, 1:]
+    return found
 
 
 def _levelled(
@@ -341,6 +324,12 @@ def _by_gain(gravity: complex, field: complex, rate: Array, bandwidth: float) ->
 def _by_delay(field: complex, angle: float) -> Array:
     """Change (6,) of gravity and field when the magnetometer is late by so much of a turn: the stamps are gravity's."""
     return np.array([0.0, 0.0, 0.0, -angle * field.imag, angle * field.real, 0.0])
+
+
+def _by_eddies(field: complex, rate: Array, square: float) -> Array:
+    """Change (6,) by what eddy currents keep out beside their lag, half the square of omega tau: half is given back."""
+    weak = 0.5 * float(np.mean(rate**2)) * square
+    return np.array([0.0, 0.0, 0.0, weak * field.real, weak * field.imag, 0.0])
 
 
 def _phase_sigma(d: Demodulated, mean: float, stamps: float, delay: float) -> tuple[float, float]:
@@ -428,7 +417,7 @@ class Verdict:
     flags: tuple[str, ...]
     quality: float
     method: str
-    said: str = ""
+    far: Fault | None = None
 
 
 def stuck(samples: Samples) -> bool:
@@ -476,7 +465,7 @@ def judge(window: WindowFit, settings: MagneticSettings, is_stuck: bool) -> Verd
     )
     seen = window
     if not extra:
-        told = referenced(
+        change, covariance, common = referenced(
             window.gravity,
             window.field,
             window.covariance,
@@ -486,10 +475,10 @@ def judge(window: WindowFit, settings: MagneticSettings, is_stuck: bool) -> Verd
         )
         window = replace(
             window,
-            gravity=window.gravity + told.change[:3],
-            field=window.field + told.change[3:],
-            covariance=told.covariance,
-            common=told.common,
+            gravity=window.gravity + change[:3],
+            field=window.field + change[3:],
+            covariance=covariance,
+            common=common,
         )
     matrix, covariance, common = attitude_of(window)
     # from six times that on linear covariance and the small mean of shaking no longer hold
@@ -501,10 +490,10 @@ def judge(window: WindowFit, settings: MagneticSettings, is_stuck: bool) -> Verd
     )
 
 
-def _refused(names: tuple[str, ...], method: str, said: str = "") -> Verdict:
+def _refused(names: tuple[str, ...], method: str, far: Fault | None = None) -> Verdict:
     """No attitude, for these reasons."""
     nothing = np.full((3, 3), np.nan)
-    return Verdict(np.full(4, np.nan), nothing, nothing, names, 0.0, method, said)
+    return Verdict(np.full(4, np.nan), nothing, nothing, names, 0.0, method, far)
 
 
 def _whirl_excess(window: WindowFit, settings: MagneticSettings) -> float:
@@ -618,15 +607,7 @@ def magnetic_attitude(samples: Samples, settings: MagneticSettings | None = None
 
 
 class MagneticStream:
-    """The same block by block, with the same result to the last bit however the run is cut.
-
-    Examples
-    --------
-    >>> stream = MagneticStream(MagneticSettings(window_s=2.0))
-    >>> block = Samples(np.arange(10) / 100.0, 0.01, accel=np.ones((10, 3)), mag=np.ones((10, 3)))
-    >>> len(stream.push(block)), len(stream.finish())
-    (0, 0)
-    """
+    """The same block by block, with the same result to the last bit however the run is cut."""
 
     def __init__(self, settings: MagneticSettings | None = None) -> None:
         self.settings = settings or MagneticSettings()
@@ -635,7 +616,7 @@ class MagneticStream:
         self._known: list[tuple[int, ToolConstants]] = [(0, prior_constants(self.settings))]
         self._gaps = 0
         self._fastest = 0.0  # rad/s
-        self._far = ("", 0)  # why windows were refused, in words, and how many
+        self._far: tuple[Fault | None, int] = (None, 0)  # why windows were refused, and how many
         self._rows = 0
         self._site_check = SiteCheck(self.settings.site)
 
@@ -647,8 +628,7 @@ class MagneticStream:
         InputError
             No accelerometer or magnetometer, another interval or other triads than before, an overlapping block.
         """
-        if not (samples.has("accel") and samples.has("mag")):
-            raise InputError("the magnetic attitude needs an accelerometer and a magnetometer; use the gyro methods")
+        samples.need("accel", "mag")
         if not len(samples):
             return _table([], [], [])
         if not self._held.add(samples):
@@ -699,22 +679,21 @@ class MagneticStream:
     def finish(self) -> Attitude:
         """End of the run: no rows, but what was found out on the way."""
         constants = self._known[-1][1]
-        notes = []
+        found = []
         if constants.seen:
             sigma = float(np.sqrt(np.trace(constants.offset_covariance) / 2.0))
-            notes.append(
-                f"transverse magnetic offset found and taken off: {constants.offset.real:.0f} and "
-                f"{constants.offset.imag:.0f} nT, standard uncertainty {sigma:.1f} nT"
-            )
-        notes += self._site_check.notes("that turn or shake")
-        notes += clock_notes(constants, self.settings, self._fastest)
-        if self._far[1]:
-            notes.append(f"{self._far[0]} ({self._far[1]} windows were refused for the like)")
+            offset = {"x_nT": float(constants.offset.real), "y_nT": float(constants.offset.imag), "u_nT": sigma}
+            found.append(Finding("motion-offset-removed", offset, severity="note"))
+        found += self._site_check.findings()
+        found += clock_findings(constants, self.settings, self._fastest)
+        far, count = self._far
+        if far is not None:
+            found.append(far.counted(count, self._rows))
         if self._gaps:
-            notes.append(f"{self._gaps} gaps between blocks: windows were begun anew after each")
+            found.append(Finding("motion-block-gaps", {"count": self._gaps}, severity="note"))
         if not self._rows:
-            notes.append(f"the run is shorter than a window of {self.settings.window_s:g} s: no attitude")
-        return _table([], [], [], tuple(notes))
+            found.append(Finding("motion-no-window", {"window_s": self.settings.window_s}))
+        return _table([], [], [], tuple(found))
 
     def _window(self, part: Samples, start: int, size: int) -> tuple[float, Verdict]:
         """Attitude of a window; the tool's constants come from windows that ended before it begins."""
@@ -729,8 +708,8 @@ class MagneticStream:
             # of noise: what is allowed for steel along the tool does not excuse it
             u = float(np.sqrt(max(float(slopes @ (window.covariance - window.common) @ slopes), 0.0)))
             self._site_check.add(window.gravity, window.field, u)
-        if verdict.said:
-            self._far = (self._far[0] or verdict.said, self._far[1] + 1)
+        if verdict.far:
+            self._far = (self._far[0] or verdict.far, self._far[1] + 1)
         if told:
             # what the field is turned by is no lag where it is disturbed
             if not set(verdict.flags) & {"clipped", "stuck", "aliased", "no-field", "disturbed", "misfit", "offset"}:
@@ -745,7 +724,9 @@ class MagneticStream:
         return window.rate, verdict
 
 
-def _table(times: list[float], rates: list[float], verdicts: list[Verdict], notes: tuple[str, ...] = ()) -> Attitude:
+def _table(
+    times: list[float], rates: list[float], verdicts: list[Verdict], findings: tuple[Finding, ...] = ()
+) -> Attitude:
     """Rows from verdicts."""
     bits = [sum(BITS[name] for name in verdict.flags) for verdict in verdicts]
     return Attitude(
@@ -758,5 +739,5 @@ def _table(times: list[float], rates: list[float], verdicts: list[Verdict], note
         flags=np.array(bits, dtype=np.uint32),
         method=np.array([METHODS.index(v.method) for v in verdicts], dtype=np.uint8),
         north="magnetic",
-        notes=notes,
+        findings=findings,
     )

@@ -50,15 +50,12 @@ class Chunked:
         first, last = start // self.chunk, (stop - 1) // self.chunk
         for key in [key for key in self._kept if key[0] == name and not first <= key[1] <= last]:
             del self._kept[key]
-        parts = [self._draw(name, index) for index in range(first, last + 1)]
+        for key in [(name, index) for index in range(first, last + 1)]:
+            if key not in self._kept:
+                self._kept[key] = self.streams[f"{name}.{key[1]}"].standard_normal(self.chunk)
+        parts = [self._kept[name, index] for index in range(first, last + 1)]
         offset = first * self.chunk
         return np.concatenate(parts)[start - offset : stop - offset]
-
-    def _draw(self, name: str, index: int) -> Array:
-        key = (name, index)
-        if key not in self._kept:
-            self._kept[key] = self.streams[f"{name}.{index}"].standard_normal(self.chunk)
-        return self._kept[key]
 
 
 class BandNoise:
@@ -93,13 +90,12 @@ class BandNoise:
         """Derivatives of the given orders at samples start to stop - 1, `shift` s later."""
         half = self._half
         transform = np.fft.rfft(self._noise.white(self._name, start - half, stop + half), self._size)
-        return [self._filtered(transform, order, shift)[2 * half : 2 * half + stop - start] for order in orders]
-
-    def _filtered(self, transform: NDArray[np.complex128], order: int, shift: float) -> Array:
-        key = (order, shift)
-        if key not in self._spectra:
-            self._spectra[key] = np.fft.rfft(self._kernel(order, shift), self._size)
-        return np.fft.irfft(transform * self._spectra[key], self._size)
+        found = []
+        for key in [(order, shift) for order in orders]:
+            if key not in self._spectra:
+                self._spectra[key] = np.fft.rfft(self._kernel(*key), self._size)
+            found.append(np.fft.irfft(transform * self._spectra[key], self._size)[2 * half : 2 * half + stop - start])
+        return found
 
     def _kernel(self, order: int, shift: float) -> Array:
         """The kernel's derivative at the grid, `shift` s later."""
@@ -590,73 +586,36 @@ class Reading:
         return np.asarray(total[first + self._tool.taps] > total[first])
 
 
-class Corruption:
-    """The faults of one run; remembers from chunk to chunk what a stuck channel shows."""
-
-    def __init__(self, faults: tuple[Fault, ...], streams: Streams) -> None:
-        self._faults, self._streams = faults, streams
-        self._shown: dict[int, float] = {}
-
-    def spoil(self, block: DrillingSimulation, index: int) -> DrillingSimulation:
-        """The chunk as it is recorded."""
-        for number, fault in enumerate(self._faults):
-            random = self._streams[f"fault {number}.{index}"]
-            if isinstance(fault, Stuck):
-                name, axis = fault.channel.split("_")
-                column = "xyz".index(axis)
-                rows: Array = getattr(block, name).copy()
-                stuck = np.flatnonzero((block.time >= fault.start) & (block.time < fault.stop))
-                if stuck.size:
-                    rows[stuck, column] = self._shown.setdefault(number, float(rows[stuck[0], column]))
-                changed: dict[str, Any] = {name: rows}
-                block = replace(block, **changed)
-            elif isinstance(fault, Jitter):
-                block = replace(block, time=block.time + fault.sd * random.standard_normal(len(block)))
-            elif isinstance(fault, Dropped):
-                block = block.rows(np.flatnonzero(random.random(len(block)) >= fault.fraction))
-            elif isinstance(fault, Repeated):
-                block = block.rows(np.repeat(np.arange(len(block)), 1 + (random.random(len(block)) < fault.fraction)))
-        return block
+def recorded(
+    block: DrillingSimulation, index: int, faults: tuple[Fault, ...], streams: Streams, shown: dict[int, float]
+) -> DrillingSimulation:
+    """The chunk with the faults of the run; `shown` remembers from chunk to chunk what a stuck channel shows."""
+    for number, fault in enumerate(faults):
+        random = streams[f"fault {number}.{index}"]
+        if isinstance(fault, Stuck):
+            name, axis = fault.channel.split("_")
+            column = "xyz".index(axis)
+            rows: Array = getattr(block, name).copy()
+            stuck = np.flatnonzero((block.time >= fault.start) & (block.time < fault.stop))
+            if stuck.size:
+                rows[stuck, column] = shown.setdefault(number, float(rows[stuck[0], column]))
+            changed: dict[str, Any] = {name: rows}
+            block = replace(block, **changed)
+        elif isinstance(fault, Jitter):
+            block = replace(block, time=block.time + fault.sd * random.standard_normal(len(block)))
+        elif isinstance(fault, Dropped):
+            block = block.rows(np.flatnonzero(random.random(len(block)) >= fault.fraction))
+        elif isinstance(fault, Repeated):
+            block = block.rows(np.repeat(np.arange(len(block)), 1 + (random.random(len(block)) < fault.fraction)))
+    return block
 
 
 def simulate_drilling(scenario: str | Scenario, seed: Seed, *, duration: float | None = None) -> DrillingSimulation:
-    """Readings of a tool that drills, and the truth.
+    """Readings of a tool that drills, and the truth; a longer run begins with the same numbers as a shorter one.
 
-    Parameters
-    ----------
-    scenario : str or Scenario
-        A name from `SCENARIOS`, or a scenario of one's own.
-    seed : int, SeedSequence or Generator
-    duration : float, optional
-        s; the scenario's own when absent. A longer run begins with the same numbers as a shorter one.
-
-    Returns
-    -------
-    DrillingSimulation
-
-    Raises
-    ------
-    InputError
-        Unknown name, impossible setting, a duration without one sample or without end.
-
-    Notes
-    -----
-    All three triads follow from one motion. With toolface T(t), a closed formula of time plus torsional vibration, the
-    direction cosines are C = R_z(T) R_y(I) R_z(A) and, for sensors at r in tool axes,
-
-        gyro = w + C w_e,      w = T' z + I' y_h + A' d
-        mag = C b + hard iron
-        accel = C g - R_z(T) a - w x (w x r) - w' x r
-
-    with a the acceleration of the tool in the axes of the hole (vibration, shocks, whirl). These are computed at the
-    internal rate, clipped, filtered without delay and decimated; then noise, thermal bias and steps are added. The
-    stamps are the middles of the filter, and the truth is exact at the stamps.
-
-    Examples
-    --------
-    >>> run = simulate_drilling("vibration-5g", 1, duration=2.0)
-    >>> run.accel.shape, round(run.interval, 6)
-    ((400, 3), 0.005)
+    gyro = w + C w_e, mag = C b + hard iron, accel = C g - R_z(T) a - w x (w x r) - w' x r, where C = R_z(T) R_y(I)
+    R_z(A), w = T' z + I' y_h + A' d, r the lever, a the acceleration in hole axes. Computed at the internal rate,
+    clipped, filtered without delay, decimated; then noise, bias and steps are added. Truth is exact at the stamps.
     """
     blocks = list(_chunks(_scenario(scenario), seed, duration, endless=False))
     return joined(blocks)
@@ -665,20 +624,7 @@ def simulate_drilling(scenario: str | Scenario, seed: Seed, *, duration: float |
 def drilling_blocks(
     scenario: str | Scenario, seed: Seed, *, duration: float | None = None, block: int = 4096
 ) -> Iterator[DrillingSimulation]:
-    """The rows of `simulate_drilling`, bit for bit, in blocks of `block` rows (the last may be shorter).
-
-    Memory does not grow with `duration`, which may be infinite.
-
-    Raises
-    ------
-    InputError
-        As `simulate_drilling`, and a block of less than one row.
-
-    Examples
-    --------
-    >>> [len(part) for part in drilling_blocks("smooth", 1, duration=0.1, block=8)]
-    [8, 8, 4]
-    """
+    """The rows of `simulate_drilling`, bit for bit, in blocks; memory does not grow with `duration`, even infinite."""
     if block < 1:
         raise InputError(f"block is {block}; allowed: 1 row or more")
     return _blocks(_chunks(_scenario(scenario), seed, duration, endless=True), int(block))
@@ -717,18 +663,19 @@ def _generate(scenario: Scenario, streams: Streams, length: float) -> Iterator[D
     noise = Chunked(streams, chunk)
     reading = Reading(scenario, streams, rows)
     physics = Physics(scenario, noise, reading.reach)
-    corruption = Corruption(scenario.faults, streams)
+    shown: dict[int, float] = {}
     total = round(length / tool.interval) if math.isfinite(length) else math.inf
     index = 0
     while index * rows < total:
         first = index * rows * tool.factor
         sensed = physics.at(first - reading.before, first + rows * tool.factor + reading.after)
-        block = _recorded(scenario, reading, sensed, index, rows)
-        yield corruption.spoil(block.rows(slice(0, int(min(rows, total - index * rows)))), index)
+        block = _read(scenario, reading, sensed, index, rows)
+        block = block.rows(slice(0, int(min(rows, total - index * rows))))
+        yield recorded(block, index, scenario.faults, streams, shown)
         index += 1
 
 
-def _recorded(scenario: Scenario, reading: Reading, sensed: Sensed, index: int, rows: int) -> DrillingSimulation:
+def _read(scenario: Scenario, reading: Reading, sensed: Sensed, index: int, rows: int) -> DrillingSimulation:
     """The chunk as read, with its truth."""
     tool, hole = scenario.instrument, scenario.hole
     time = np.arange(index * rows, (index + 1) * rows) * tool.factor / tool.rate

@@ -29,7 +29,7 @@ FLAGS = (
     "--disable-background-networking", "--disable-component-update", "--disable-sync", "--disable-default-apps",
     "--disable-extensions", "--disable-dev-shm-usage", "--hide-scrollbars", "--force-color-profile=srgb",
 )  # fmt: skip
-INSIDE = ("data", "blob", "about", "chrome", "chrome-error", "devtools")
+INSIDE = ("data", "blob", "about", "chrome", "chrome-error", "chrome-untrusted", "devtools")
 """Schemes of addresses that are no request."""
 SHIFTS = """
 window.shifts = []; window.painted = {};
@@ -73,6 +73,10 @@ class Browser:
     def named(self, name: str) -> WebElement:
         """What a test id names."""
         return self.one(f'[data-testid="{name}"]')
+
+    def push(self, name: str) -> None:
+        """The button of a test id, once nothing that still moves covers it."""
+        self.wait(lambda: self.named(name).click() or True, f"{name!r} cannot be pushed")
 
     def text(self, name: str) -> str:
         """Text of what a test id names; empty where there is none."""

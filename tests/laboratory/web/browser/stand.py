@@ -13,15 +13,19 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import date
+from itertools import count
 from pathlib import Path
+from typing import Any
 
-from inclinometry.calibration.acceptance import Limits
+import numpy as np
+
+from inclinometry.calibration.decision import Limits
 from inclinometry.laboratory import demonstration
-from inclinometry.laboratory.certificate.laboratory_toml import Laboratory
+from inclinometry.laboratory.certificate.laboratory import Laboratory
 from inclinometry.laboratory.certificates import issue
-from inclinometry.laboratory.instruments.simulated_instrument import SimulatedInstrument, StandSettings, parse_faults
+from inclinometry.laboratory.instruments.simulated_instrument import Angles, SimulatedInstrument, StandSettings
 from inclinometry.laboratory.ledger.admin import create
-from inclinometry.laboratory.registry import RegisteredStandard, put_laboratory, put_standard
+from inclinometry.laboratory.registry import Standard, put_laboratory, put_standard
 from inclinometry.laboratory.session import capture
 from inclinometry.laboratory.verification import begin_verification, finish_verification
 
@@ -94,7 +98,7 @@ def furnish(where: Path, seed: int) -> dict[str, str]:
     with create(str(where)) as ledger, SimulatedInstrument(seed=seed) as instrument:
         session = demonstration.half_way(ledger, instrument).id
         put_laboratory(ledger, laboratory, author="anna")
-        put_standard(ledger, RegisteredStandard("T2", "D-17", date(2020, 1, 31)), author="anna")
+        put_standard(ledger, Standard("T2", "D-17", date(2020, 1, 31)), author="anna")
         calibration = ledger.find("calibration", newest=True, limit=1)[0].id
         rolls = begin_verification(ledger, calibration, "roll-4", author="anna")
         for position in rolls.positions:
@@ -105,7 +109,9 @@ def furnish(where: Path, seed: int) -> dict[str, str]:
         for position in under_way.positions[:7]:
             reading = demonstration.reading(instrument, position.dial, first=9000 + 100 * position.number)
             capture(ledger, under_way.id, position.number, reading, author="anna")
-        number = issue(ledger, calibration, verification, laboratory, author="anna").keys["number"]
+        number = issue(
+            ledger, calibration, verification, laboratory, author="anna", accept_warnings="the field points down"
+        ).keys["number"]
     return {
         "home": "/",
         "tools": "/tools",
@@ -133,11 +139,24 @@ def furnish(where: Path, seed: int) -> dict[str, str]:
     }
 
 
+def _misread(instrument: SimulatedInstrument, turn: int, degrees: float) -> None:
+    """The turn to another position, counted from 1, at which the dial of the toolface is misread."""
+    stand, turns, move = instrument.stand, count(1), instrument.stand.move
+
+    def turned(dial: Angles, time: float, **how: Any) -> None:
+        another = not np.allclose(dial, stand.dial, rtol=0.0, atol=1e-9)
+        move(dial, time, **how)
+        if another and next(turns) == turn:
+            stand._stop[2] -= np.radians(degrees)
+
+    stand.move = turned  # type: ignore[method-assign]
+
+
 @contextmanager
 def standing_ready(
     folder: Path,
     *,
-    faults: str = "",
+    misread: tuple[int, float] | None = None,
     rate: float = 200.0,
     seconds: float = 0.25,
     turn: float = 0.05,
@@ -146,6 +165,7 @@ def standing_ready(
 ) -> Iterator[Stand]:
     """Start everything and end it: ledger, logs and downloads are in `folder`.
 
+    misread : after so many turns to another position the toolface is so many degrees short, until it is set anew.
     rate : samples a second; seconds : over which a reading is averaged; turn : s that a turn of the rig takes;
     furnished : whether the ledger has records already.
     """
@@ -153,9 +173,9 @@ def standing_ready(
     ledger, log = folder / "ledger.sqlite", folder / "server.log"
     pages = furnish(ledger, seed) if furnished else {}
     settings = StandSettings(turn=turn)
-    with SimulatedInstrument(
-        seed=seed, rate=rate, rig_port=0, stand=settings, faults=parse_faults(faults)
-    ) as instrument:
+    with SimulatedInstrument(seed=seed, rate=rate, rig_port=0, stand=settings) as instrument:
+        if misread is not None:
+            _misread(instrument, *misread)
         cable = Cable(instrument.port)
         words = [sys.executable, str(PROCESS), str(ledger), cable.url, str(instrument.rig_port), str(seconds)]
         surroundings = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}
@@ -163,7 +183,6 @@ def standing_ready(
             process = subprocess.Popen(
                 words, stdout=subprocess.PIPE, stderr=stream, text=True, cwd=folder, env=surroundings
             )
-        assert process.stdout is not None
         try:
             word, _, port = process.stdout.readline().strip().partition(" ")
             assert word == "port", log.read_text()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated, Any
 
 from fastapi import Depends, Path, Query, Request
-from pydantic import BaseModel
+from pydantic import BaseModel, ConfigDict
 
 from inclinometry.errors import InputError
 from inclinometry.files.json_codec import parse
@@ -38,10 +38,21 @@ After = Annotated[int, Query(ge=0, le=2**53)]
 Limit = Annotated[int, Query(ge=1, le=1000)]
 
 
+class Body(BaseModel):
+    """What a request brings: no names that are not known, no numbers that are none."""
+
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
+
+
 class Refusal(BaseModel):
     """Why not: the value given, what is allowed, what to do."""
 
     detail: str
+
+
+def attributes(of: object, *names: str) -> dict[str, Any]:
+    """Some of what a record holds, by name."""
+    return {name: getattr(of, name) for name in names}
 
 
 REFUSALS: dict[int | str, dict[str, Any]] = {

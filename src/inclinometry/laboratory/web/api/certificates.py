@@ -6,13 +6,22 @@ from typing import Annotated, Any, Literal
 from urllib.parse import quote
 
 from fastapi import APIRouter, Path, Query, Response
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from inclinometry.laboratory import certificates as workflow
-from inclinometry.laboratory.certificate.laboratory_toml import LONGEST, Laboratory
+from inclinometry.laboratory.certificate.laboratory import LONGEST, Laboratory
 from inclinometry.laboratory.ledger.ledger import LedgerError
 from inclinometry.laboratory.ledger.users import User
-from inclinometry.laboratory.web.api.access import REFUSALS, After, Limit, Metrologist, Reader, TheLedger
+from inclinometry.laboratory.web.api.access import (
+    REFUSALS,
+    After,
+    Body,
+    Limit,
+    Metrologist,
+    Reader,
+    TheLedger,
+    attributes,
+)
 
 router = APIRouter(prefix="/certificates", tags=["certificates"], responses=REFUSALS)
 
@@ -21,10 +30,9 @@ Text = Annotated[str, Field(max_length=LONGEST)]
 Id = Annotated[str, Field(pattern="^[0-9a-f]{32}$")]
 
 
-class LaboratoryBody(BaseModel):
+class LaboratoryBody(Body):
     """The laboratory; that of the session's site when it is left out. Country: two capital letters."""
 
-    model_config = ConfigDict(extra="forbid")
     name: Text = Field(min_length=1)
     address: Text = ""
     country: Text = ""
@@ -34,10 +42,9 @@ class LaboratoryBody(BaseModel):
     procedure: Text = ""
 
 
-class AboutBody(BaseModel):
+class AboutBody(Body):
     """Of the order, in place of what the session says."""
 
-    model_config = ConfigDict(extra="forbid")
     customer: Text = ""
     order: Text = ""
     condition: Text = ""
@@ -45,14 +52,14 @@ class AboutBody(BaseModel):
     environment: Text = ""
 
 
-class IssueBody(BaseModel):
+class IssueBody(Body):
     """What to certify."""
 
-    model_config = ConfigDict(extra="forbid")
     calibration: Id
     verification: Id | None = None
     language: Literal["en", "ru", "zh"] = "en"
     nonconforming: bool = False
+    accept_warnings: str = Field(default="", max_length=2000)
     laboratory: LaboratoryBody | None = None
     about: AboutBody = Field(default_factory=AboutBody)
 
@@ -63,10 +70,9 @@ class SupersedeBody(IssueBody):
     reason: str = Field(min_length=1, max_length=2000)
 
 
-class VoidBody(BaseModel):
+class VoidBody(Body):
     """Why a certificate is void."""
 
-    model_config = ConfigDict(extra="forbid")
     reason: str = Field(min_length=1, max_length=2000)
 
 
@@ -85,7 +91,7 @@ def list_certificates(
 @router.post("", status_code=201)
 def issue(ledger: TheLedger, user: Metrologist, body: IssueBody) -> dict[str, Any]:
     """Issue a certificate; the authoriser is who asks."""
-    made = workflow.issue(ledger, body.calibration, body.verification, author=user.name, **_wish(body, user))
+    made = workflow.issue(ledger, body.calibration, body.verification, **_wish(body, user))
     return _shown(workflow.status(ledger, made.keys["number"]))
 
 
@@ -115,15 +121,8 @@ def declare_void(ledger: TheLedger, user: Metrologist, number: Number, body: Voi
 @router.post("/{number}/supersede", status_code=201)
 def replace(ledger: TheLedger, user: Metrologist, number: Number, body: SupersedeBody) -> dict[str, Any]:
     """Issue another certificate in place of this one."""
-    made = workflow.supersede(
-        ledger,
-        number,
-        body.calibration,
-        body.verification,
-        reason=body.reason,
-        author=user.name,
-        **_wish(body, user),
-    )
+    wish = {"supersedes": number, "reason": body.reason, **_wish(body, user)}
+    made = workflow.issue(ledger, body.calibration, body.verification, **wish)
     return _shown(workflow.status(ledger, made.keys["number"]))
 
 
@@ -132,9 +131,11 @@ def _wish(body: IssueBody, user: User) -> dict[str, Any]:
     about["environment"] = {"text": body.about.environment} if body.about.environment else {}
     return {
         "laboratory": None if body.laboratory is None else Laboratory(**body.laboratory.model_dump()),
+        "author": user.name,
         "authoriser": (user.full_name or user.name, user.role),
         "language": body.language,
         "nonconforming": body.nonconforming,
+        "accept_warnings": body.accept_warnings,
         "about": about,
     }
 
@@ -142,13 +143,9 @@ def _wish(body: IssueBody, user: User) -> dict[str, Any]:
 def _shown(one: workflow.CertificateStatus) -> dict[str, Any]:
     record = one.record
     return {
-        "number": one.number,
-        "state": one.state,
-        "by": one.by,
-        "reason": one.reason,
+        **attributes(one, "number", "state", "by", "reason"),
+        **attributes(record, "created", "author"),
         "serial": record.keys["serial"],
-        "created": record.created,
-        "author": record.author,
         "calibration": record.body["calibration"],
         "verification": record.body.get("verification"),
         "digest": workflow.digest_of(record),

@@ -16,7 +16,7 @@ from inclinometry.laboratory.ledger.chain import parse_head
 from inclinometry.laboratory.ledger.engine import KINDS
 from inclinometry.laboratory.ledger.exchange import backup, export
 from inclinometry.laboratory.ledger.verify import verify
-from inclinometry.laboratory.web.api.access import REFUSALS, Administrator, After, Limit, Reader, TheLedger
+from inclinometry.laboratory.web.api.access import REFUSALS, Administrator, After, Limit, Reader, TheLedger, attributes
 from inclinometry.laboratory.web.api.registry import shown
 
 router = APIRouter(prefix="/ledger", tags=["ledger"], responses=REFUSALS)
@@ -29,7 +29,7 @@ HIDDEN = ("user",)
 @router.get("/head")
 def head(ledger: TheLedger, _: Reader) -> dict[str, Any]:
     """How many records there are, the last link of the chain, and the laboratory's signature: keep it elsewhere."""
-    found, signed = ledger.head(), ledger.signed_head()
+    found, signed = ledger.head(), ledger.own_head()
     return {"records": found.seq, "head": str(found), "signed": None if signed is None else signed.statement()}
 
 
@@ -37,16 +37,9 @@ def head(ledger: TheLedger, _: Reader) -> dict[str, Any]:
 def check(ledger: TheLedger, _: Reader, head: Annotated[str | None, Query(max_length=100)] = None) -> dict[str, Any]:
     """Every record against its digest and the chain, signed heads against the records, witnesses against both."""
     found = verify(ledger, head=None if head is None else parse_head(head))
-    faults = [{"table": f.table, "row": f.row, "problem": f.problem} for f in found.faults]
-    return {
-        "ok": found.ok,
-        "proven": found.proven,
-        "records": found.records,
-        "head": str(found.head),
-        "faults": faults,
-        "silent": found.silent,
-        "notes": found.notes,
-    }
+    faults = [attributes(fault, "table", "row", "problem") for fault in found.faults]
+    own = attributes(found, "ok", "proven", "compared", "records", "silent", "notes")
+    return own | {"head": str(found.head), "faults": faults}
 
 
 @router.get("/records/{kind}")

@@ -5,21 +5,21 @@ from __future__ import annotations
 from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, HTTPException, Path, Request
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, Field
 
 from inclinometry.errors import InputError
+from inclinometry.laboratory.ledger import users
 from inclinometry.laboratory.ledger.passwords import LONGEST, SHORTEST
-from inclinometry.laboratory.ledger.users import (
-    LOCAL,
-    User,
-    change_password,
-    guard_last_administrator,
-    put_second_factor,
-    put_user,
-    remove_second_factor,
-    users,
+from inclinometry.laboratory.web.api.access import (
+    REFUSALS,
+    Administrator,
+    Body,
+    Key,
+    Reader,
+    Refusal,
+    TheLedger,
+    attributes,
 )
-from inclinometry.laboratory.web.api.access import REFUSALS, Administrator, Key, Reader, Refusal, TheLedger
 from inclinometry.laboratory.web.frame import current
 from inclinometry.laboratory.web.logins import CodeError, Login, TooManyError
 
@@ -28,10 +28,9 @@ router = APIRouter(tags=["people"], responses=REFUSALS)
 LoginId = Annotated[str, Path(pattern="^[0-9a-f]{16}$")]
 
 
-class Credentials(BaseModel):
+class Credentials(Body):
     """Name and password."""
 
-    model_config = ConfigDict(extra="forbid")
     name: str = Field(min_length=1, max_length=200)
     password: str = Field(min_length=1, max_length=200)
     code: str = Field(default="", max_length=60, description="of the second factor, or a recovery code")
@@ -47,18 +46,16 @@ class Token(BaseModel):
     known: str
 
 
-class NewPassword(BaseModel):
+class NewPassword(Body):
     """The password as it is and as it is to be."""
 
-    model_config = ConfigDict(extra="forbid")
     password: str = Field(min_length=1, max_length=200)
     new_password: str = Field(min_length=1, max_length=200)
 
 
-class SecondFactor(BaseModel):
+class SecondFactor(Body):
     """A secret of 20 random bytes in base 32, and the code it gives now."""
 
-    model_config = ConfigDict(extra="forbid")
     password: str = Field(min_length=1, max_length=200)
     secret: str = Field(min_length=1, max_length=60)
     code: str = Field(min_length=1, max_length=20)
@@ -70,10 +67,9 @@ class RecoveryCodes(BaseModel):
     recovery_codes: list[str]
 
 
-class Confirmation(BaseModel):
+class Confirmation(Body):
     """The password again, and a code of now."""
 
-    model_config = ConfigDict(extra="forbid")
     password: str = Field(min_length=1, max_length=200)
     code: str = Field(min_length=1, max_length=60, description="of the second factor, or a recovery code")
 
@@ -97,10 +93,9 @@ class Me(BaseModel):
     csrf: str
 
 
-class UserBody(BaseModel):
+class UserBody(Body):
     """A user to be added or changed; without a password the old one stays."""
 
-    model_config = ConfigDict(extra="forbid")
     role: Literal["operator", "metrologist", "auditor", "administrator"]
     password: str | None = Field(default=None, min_length=SHORTEST, max_length=LONGEST)
     full_name: str = Field(default="", max_length=200)
@@ -141,21 +136,23 @@ def change_own_password(request: Request, ledger: TheLedger, user: Reader, body:
     """Another password for the caller; all other logins of the caller end."""
     logins, login = current().logins, _own(request)
     logins.confirm(login, body.password)
-    logins.keep(login, change_password(ledger, user.name, body.password, body.new_password))
+    logins.keep(login, users.change_password(ledger, user.name, body.password, body.new_password))
 
 
 @router.put("/me/second-factor")
 def set_up_second_factor(request: Request, ledger: TheLedger, user: Reader, body: SecondFactor) -> RecoveryCodes:
     """Ask the caller for a code at every login from now on."""
     current().logins.confirm(_own(request), body.password)
-    return RecoveryCodes(recovery_codes=put_second_factor(ledger, user.name, body.password, body.secret, body.code))
+    return RecoveryCodes(
+        recovery_codes=users.put_second_factor(ledger, user.name, body.password, body.secret, body.code)
+    )
 
 
 @router.post("/me/second-factor/remove", status_code=204)
 def remove_own_second_factor(request: Request, ledger: TheLedger, user: Reader, body: Confirmation) -> None:
     """Ask the caller for the password alone from now on; whoever has no code asks an administrator."""
     current().logins.confirm(_own(request), body.password, body.code)
-    remove_second_factor(ledger, user.name, author=user.name)
+    users.remove_second_factor(ledger, user.name, author=user.name)
 
 
 @router.get("/me/logins")
@@ -185,25 +182,25 @@ def end_login(_: Administrator, login: LoginId) -> None:
 @router.get("/users")
 def list_users(ledger: TheLedger, _: Administrator) -> list[dict[str, Any]]:
     """All users; never their passwords."""
-    return [_shown(user) for user in users(ledger)]
+    return [_shown(user) for user in users.users(ledger)]
 
 
 @router.put("/users/{name:path}")
 def change_user(ledger: TheLedger, author: Administrator, name: Key, body: UserBody) -> dict[str, Any]:
     """Add or change a user."""
-    guard_last_administrator(ledger, name, body.role, body.active)
-    return _shown(put_user(ledger, name, author=author.name, **body.model_dump()))
+    users.guard_last_administrator(ledger, name, body.role, body.active)
+    return _shown(users.put_user(ledger, name, author=author.name, **body.model_dump()))
 
 
 @router.delete("/users/{name:path}/second-factor", status_code=204)
 def remove_users_second_factor(ledger: TheLedger, author: Administrator, name: Key) -> None:
     """Take the second factor from a user who has lost it; it is recorded by whom."""
-    remove_second_factor(ledger, name, author=author.name)
+    users.remove_second_factor(ledger, name, author=author.name)
 
 
 def _own(request: Request) -> Login:
     login: Login = request.state.login
-    if login.name == LOCAL.name:
+    if login.name == users.LOCAL.name:
         raise InputError("this bench is open to this computer only, and nobody logs in; there is no password to change")
     return login
 
@@ -212,9 +209,7 @@ def _open(request: Request, name: str | None) -> list[Open]:
     logins, own = current().logins, request.state.login.id
     return [
         Open(
-            id=one.id,
-            name=one.name,
-            address=one.address,
+            **attributes(one, "id", "name", "address"),
             began=one.began_at,
             idle_s=round(logins.idle_s(one), 1),
             this=one.id == own,
@@ -228,12 +223,5 @@ def _end(login: str, name: str | None) -> None:
         raise HTTPException(404, f"there is no open login {login}")
 
 
-def _shown(user: User) -> dict[str, Any]:
-    return {
-        "name": user.name,
-        "role": user.role,
-        "full_name": user.full_name,
-        "active": user.active,
-        "language": user.language,
-        "second_factor": user.second_factor,
-    }
+def _shown(user: users.User) -> dict[str, Any]:
+    return attributes(user, "name", "role", "full_name", "active", "language", "second_factor")

@@ -8,21 +8,23 @@ from dataclasses import MISSING, asdict, fields, is_dataclass
 from typing import Annotated, Any, TypeVar, get_type_hints
 
 from fastapi import APIRouter, HTTPException, Query
-from pydantic import BaseModel, ConfigDict, Field, create_model
+from pydantic import BaseModel, Field, create_model
 
 from inclinometry.errors import InputError
 from inclinometry.laboratory import registry
-from inclinometry.laboratory.certificate.laboratory_toml import Laboratory
+from inclinometry.laboratory.certificate.laboratory import Laboratory, Standard
 from inclinometry.laboratory.ledger.ledger import Record
 from inclinometry.laboratory.web.api.access import (
     REFUSALS,
     Administrator,
+    Body,
     Key,
     Limit,
     Metrologist,
     Operator,
     Reader,
     TheLedger,
+    attributes,
 )
 from inclinometry.laboratory.web.api.certificates import LaboratoryBody, Text
 
@@ -49,14 +51,12 @@ def body_of(of: type[Any], *without: str) -> Callable[[type[B]], type[B]]:
 
 
 @body_of(registry.RegisteredTool, "convention")
-class ToolBody(BaseModel):
+class ToolBody(Body):
     """A tool; `inclination_range_deg` is where it will work."""
-
-    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
 
 
 @body_of(registry.RegisteredRig, "driver")
-class RigBody(BaseModel):
+class RigBody(Body):
     """A rig: standard deviations of azimuth, inclination and toolface settings, and how its dials count.
 
     What it can be set to, `azimuth_deg` and so on, is in the conventions of the program however the dials count:
@@ -64,23 +64,17 @@ class RigBody(BaseModel):
     dials say.
     """
 
-    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
-
 
 @body_of(registry.RegisteredSite)
-class SiteBody(BaseModel):
+class SiteBody(Body):
     """A site: fields and latitude (north positive, for gyros) where they are known, and the laboratory's name and
     address.
     """
 
-    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
 
-
-@body_of(registry.RegisteredStandard)
-class StandardBody(BaseModel):
+@body_of(Standard)
+class StandardBody(Body):
     """A reference standard: number of its certificate, day on which it is due."""
-
-    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
 
 
 class SettingsBody(LaboratoryBody):
@@ -152,7 +146,7 @@ def list_standards(ledger: TheLedger, _: Reader) -> list[dict[str, Any]]:
 @router.put("/standards/{name:path}")
 def change_standard(ledger: TheLedger, user: Metrologist, name: Key, body: StandardBody) -> dict[str, Any]:
     """Register a reference standard, or record what changed."""
-    standard = registry.registered(registry.RegisteredStandard, name, body.model_dump(exclude_unset=True))
+    standard = registry.registered(Standard, name, body.model_dump(exclude_unset=True))
     return shown(registry.put_standard(ledger, standard, author=user.name))
 
 
@@ -182,12 +176,5 @@ def change_laboratory(ledger: TheLedger, user: Administrator, body: SettingsBody
 
 def shown(record: Record) -> dict[str, Any]:
     """A record as the interface gives it."""
-    return {
-        "id": record.id,
-        "seq": record.seq,
-        "created": record.created,
-        "author": record.author,
-        **record.keys,
-        "body": dict(record.body),
-        "digest": record.digest,
-    }
+    own = attributes(record, "id", "seq", "created", "author", "digest")
+    return own | dict(record.keys) | {"body": dict(record.body)}

@@ -6,13 +6,24 @@ import math
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
+from inclinometry.calibration.decision import Limits
 from inclinometry.errors import InputError
 from inclinometry.files.limits import limit_names, read_limits
 from inclinometry.laboratory.results import history
-from inclinometry.laboratory.verification import finish_verification, protocols
-from inclinometry.laboratory.web.api.access import REFUSALS, After, Key, Limit, Operator, Reader, RecordId, TheLedger
+from inclinometry.laboratory.verification import about_protocols, begin_verification, finish_verification, protocols
+from inclinometry.laboratory.web.api.access import (
+    REFUSALS,
+    After,
+    Body,
+    Key,
+    Limit,
+    Operator,
+    Reader,
+    RecordId,
+    TheLedger,
+)
 from inclinometry.laboratory.web.api.registry import shown
 
 router = APIRouter(tags=["results"], responses=REFUSALS)
@@ -20,12 +31,17 @@ router = APIRouter(tags=["results"], responses=REFUSALS)
 Serial = Annotated[str | None, Query(max_length=200)]
 
 
-class VerdictBody(BaseModel):
+class VerdictBody(Body):
     """What to judge with: the id of a calibration, and the name of limits (see GET /limits) or none."""
 
-    model_config = ConfigDict(extra="forbid")
     calibration: str = Field(pattern="^[0-9a-f]{32}$")
     limits: str | None = Field(default=None, max_length=100)
+
+
+class VerificationBody(VerdictBody):
+    """A verification to be opened: its calibration, a protocol (see GET /protocols), the limits that were agreed."""
+
+    protocol: str = Field(min_length=1, max_length=100)
 
 
 @router.get("/calibrations")
@@ -52,11 +68,18 @@ def verifications(
     return [shown(r) for r in ledger.find("verification", newest=True, after=before, limit=limit, **keys)]
 
 
+@router.post("/verifications", status_code=201)
+def begin(ledger: TheLedger, user: Operator, body: VerificationBody) -> dict[str, Any]:
+    """Open a session at the positions of a protocol; limits that the stand cannot verify are refused here."""
+    limits = _limits(body)
+    session = begin_verification(ledger, body.calibration, body.protocol, author=user.name, limits=limits)
+    return shown(ledger.get("session", session.id))
+
+
 @router.post("/sessions/{session}/verdict", status_code=201)
 def verdict(ledger: TheLedger, user: Operator, session: RecordId, body: VerdictBody) -> dict[str, Any]:
     """Judge a session's positions, record the verdict, close the session."""
-    limits = None if body.limits is None else read_limits(_preset(body.limits))
-    return shown(finish_verification(ledger, session, body.calibration, author=user.name, limits=limits))
+    return shown(finish_verification(ledger, session, body.calibration, author=user.name, limits=_limits(body)))
 
 
 @router.get("/limits")
@@ -68,7 +91,11 @@ def limits(_: Reader) -> list[str]:
 @router.get("/protocols")
 def list_protocols(_: Reader) -> dict[str, dict[str, Any]]:
     """Verification protocols by name."""
-    return {name: {"title": p.title, "source": p.source, "positions": len(p.plan)} for name, p in protocols().items()}
+    about = about_protocols()
+    return {
+        name: {"title": about[name]["title"], "source": about[name]["source"], "positions": len(plan)}
+        for name, plan in protocols().items()
+    }
 
 
 @router.get("/tools/{serial:path}/history")
@@ -93,8 +120,10 @@ def _plain(values: list[float]) -> list[float | None]:
     return [value if math.isfinite(value) else None for value in values]
 
 
-def _preset(name: str) -> str:
-    """The name of shipped limits: a request must not name files of the server."""
-    if name not in limit_names():
-        raise InputError(f"limits {name!r:.80} are unknown; allowed: {', '.join(limit_names())}")
-    return name
+def _limits(body: VerdictBody) -> Limits | None:
+    """Shipped limits by name: a request must not name files of the server."""
+    if body.limits is None:
+        return None
+    if body.limits not in limit_names():
+        raise InputError(f"limits {body.limits!r:.80} are unknown; allowed: {', '.join(limit_names())}")
+    return read_limits(body.limits)

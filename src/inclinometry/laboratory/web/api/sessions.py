@@ -7,13 +7,15 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 from fastapi import APIRouter, HTTPException, Path, Query
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from inclinometry.laboratory import drift
+from inclinometry.laboratory.attitude import at_target
 from inclinometry.laboratory.guided import plan_for
 from inclinometry.laboratory.ledger.ledger import Ledger
-from inclinometry.laboratory.progress import Progress, goal_of, proposal, session_progress
-from inclinometry.laboratory.registry import RegisteredRig, find_rig, find_site, rig_of
+from inclinometry.laboratory.progress import Goal, Progress, goal_of, judge_of, proposal, session_progress
+from inclinometry.laboratory.registry import RegisteredRig, find_rig, given, rig_of
+from inclinometry.laboratory.results import earlier_judge, evaluate_again
 from inclinometry.laboratory.session import (
     Capture,
     RecordedReading,
@@ -26,7 +28,17 @@ from inclinometry.laboratory.session import (
     reject,
     sessions,
 )
-from inclinometry.laboratory.web.api.access import REFUSALS, After, Limit, Operator, Reader, RecordId, TheLedger
+from inclinometry.laboratory.web.api.access import (
+    REFUSALS,
+    After,
+    Body,
+    Limit,
+    Operator,
+    Reader,
+    RecordId,
+    TheLedger,
+    attributes,
+)
 from inclinometry.laboratory.web.api.registry import shown
 from inclinometry.laboratory.web.frame import current
 
@@ -38,10 +50,9 @@ Signals = Annotated[list[float], Field(min_length=1, max_length=100)]
 Kind = Literal["accelerometer", "magnetometer", "gyro"]
 
 
-class SessionBody(BaseModel):
+class SessionBody(Body):
     """A session to be opened."""
 
-    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
     serial: str = Field(min_length=1, max_length=200)
     rig: str = Field(min_length=1, max_length=200)
     plan: str = Field(min_length=1, max_length=50)
@@ -56,12 +67,12 @@ class SessionBody(BaseModel):
     left_handed: bool = False
 
 
-class ReadingBody(BaseModel):
+class ReadingBody(Body):
     """What the sensors said; `dial_deg` is what the rig's dials say, however they count. `attempt`, 1 for the first
-    reading of a position, makes a repeated request fail.
+    reading of a position, makes a repeated request fail. `reason` is needed where a calibration shows that the tool is
+    far from these dials (409, code far-from-target); it is recorded in the note.
     """
 
-    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
     attempt: int = Field(ge=1, le=1000)
     dial_deg: tuple[float, float, float]
     channels: dict[Kind, Signals] = Field(min_length=1)
@@ -71,21 +82,28 @@ class ReadingBody(BaseModel):
     duration_s: float = Field(default=0.0, ge=0.0)
     temperature_degC: float | None = None  # noqa: N815
     note: Text = ""
+    reason: Text = ""
 
 
-class LiveBody(BaseModel):
-    """A reading to be taken from the attached instrument."""
+class LiveBody(Body):
+    """A reading to be taken from the attached instrument; `reason` as of a reading that is given."""
 
-    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
     attempt: int = Field(ge=1, le=1000)
     dial_deg: tuple[float, float, float] | None = None
     seconds: float = Field(default=5.0, gt=0.0, le=600.0)
+    reason: Text = ""
 
 
-class Reason(BaseModel):
+class EvaluationBody(Body):
+    """The name of a registered site, and why the readings are evaluated again with its fields."""
+
+    site: str = Field(min_length=1, max_length=200)
+    reason: Text = ""
+
+
+class Reason(Body):
     """Why."""
 
-    model_config = ConfigDict(extra="forbid")
     reason: str = Field(min_length=1, max_length=2000)
 
 
@@ -130,17 +148,8 @@ def add_reading(
     ledger: TheLedger, user: Operator, session: RecordId, number: Number, body: ReadingBody
 ) -> dict[str, Any]:
     """Record the reading of a position; answered when it is on the disk."""
-    reading = Capture(
-        channels={kind: np.array(values) for kind, values in body.channels.items()},
-        dial=_dial(body.dial_deg),
-        count=body.count,
-        sd={kind: np.array(values) for kind, values in body.sd.items()},
-        units={str(kind): unit for kind, unit in body.units.items()},
-        duration=body.duration_s,
-        temperature=body.temperature_degC,
-        how="api",
-        note=body.note,
-    )
+    reading = Capture(**given(Capture, {**body.model_dump(), "captured": "api"}, 0))
+    reading = _at_target(ledger, session, reading, body.reason)
     return _reading(capture(ledger, session, number, reading, author=user.name, attempt=body.attempt))
 
 
@@ -158,7 +167,7 @@ def capture_live(
         if number not in known:
             raise HTTPException(422, f"position {number} is not of the plan; give dial_deg")
         dial = known[number]
-    reading = feed.capture(dial, body.seconds, how="api")
+    reading = _at_target(ledger, session, feed.capture(dial, body.seconds, how="api"), body.reason)
     taken = capture(ledger, session, number, reading, author=user.name, attempt=body.attempt)
     feed.moved()  # the samples of one reading are never those of another
     return _reading(taken)
@@ -181,14 +190,19 @@ def how_it_stands(ledger: TheLedger, _: Reader, session: RecordId) -> dict[str, 
     """What the readings would certify now, what is an outlier, where to go next."""
     seen = load_session(ledger, session)
     rig, goal = rig_of(ledger, session) or _rig(ledger, seen.rig), goal_of(ledger, seen)
-    if seen.plan == drift.CHECK:
-        return _progress(drift.check_progress(ledger, seen, goal)) | {"next_deg": None}
-    now = session_progress(seen, goal, rig, find_site(ledger, str(seen.settings.get("site", ""))))
-    place = proposal(seen, goal, rig, now)
-    return _progress(now) | {
-        "next_deg": None
-        if place is None
-        else _degrees(dial_at(seen.dials, place.azimuth, place.inclination, place.toolface))
+    now = _fit(ledger, seen, rig, goal)
+    place = None if seen.plan == drift.CHECK else proposal(seen, goal, rig, now)
+    at = None if place is None else dial_at(seen.dials, place.azimuth, place.inclination, place.toolface)
+    return {
+        "captured": now.captured,
+        "fitted": now.calibration is not None,
+        "waiting_for": current().without_path(str(now.waiting)),
+        "U_azimuth_deg": _finite(now.u_azimuth),
+        "U_inclination_deg": _finite(now.u_inclination),
+        "outliers": {str(number): str(what) for number, what in now.outliers.items()},
+        "reached": now.reached,
+        "warnings": [] if now.calibration is None else [current().without_path(w) for w in now.calibration.remarks],
+        "next_deg": None if at is None else _degrees(at),
     }
 
 
@@ -197,6 +211,12 @@ def finish(ledger: TheLedger, user: Operator, session: RecordId) -> dict[str, An
     """Fit the readings, record the calibration, close the session."""
     goal = goal_of(ledger, load_session(ledger, session))
     return shown(drift.finish(ledger, session, author=user.name, goal=goal))
+
+
+@router.post("/sessions/{session}/evaluate", status_code=201)
+def evaluate(ledger: TheLedger, user: Operator, session: RecordId, body: EvaluationBody) -> dict[str, Any]:
+    """Fit the readings of a finished session with the fields of a site; recorded as another calibration."""
+    return shown(evaluate_again(ledger, session, body.site, author=user.name, reason=body.reason))
 
 
 @router.post("/sessions/{session}/abandon", status_code=204)
@@ -215,14 +235,37 @@ def live(_: Reader) -> dict[str, Any]:
     found = feed.stability()
     return {
         "connected": feed.connected,
-        "word": found.word,
-        "reason": found.reason,
-        "still": found.still,
+        **attributes(found, "word", "reason", "still", "count"),
         "mean": {kind: values.tolist() for kind, values in found.mean.items()},
         "sd": {kind: values.tolist() for kind, values in found.sd.items()},
         "temperature_degC": found.temperature,
-        "count": found.count,
     }
+
+
+_LAST: list[tuple[tuple[object, ...], Progress]] = []
+"""The newest fit and what it was made from: a program asks for it before and after each reading."""
+
+
+def _fit(ledger: Ledger, seen: Session, rig: RegisteredRig, goal: Goal) -> Progress:
+    """The running fit of a session."""
+    if seen.plan == drift.CHECK:
+        return drift.check_progress(ledger, seen, goal)
+    earlier = earlier_judge(ledger, seen)
+    made = "" if earlier is None else earlier.made
+    about = (seen.id, tuple(row.record for row in seen.valid), seen.dials, rig, seen.site, goal, made)
+    if not _LAST or _LAST[0][0] != about:
+        _LAST[:] = [(about, session_progress(seen, goal, rig, earlier=earlier))]
+    return _LAST[0][1]
+
+
+def _at_target(ledger: Ledger, session: str, reading: Capture, reason: str) -> Capture:
+    """The reading as it is to be recorded; refused far from its target without a reason."""
+    seen = load_session(ledger, session)
+    if seen.closed:
+        return reading  # what records it says so
+    rig = rig_of(ledger, session) or _rig(ledger, seen.rig)
+    now = None if seen.purpose == "verify" else _fit(ledger, seen, rig, goal_of(ledger, seen))
+    return at_target(reading, judge_of(earlier_judge(ledger, seen), now), seen, rig.sd, reason)
 
 
 def _rig(ledger: Ledger, name: str) -> RegisteredRig:
@@ -234,15 +277,8 @@ def _rig(ledger: Ledger, name: str) -> RegisteredRig:
 
 def _session(session: Session) -> dict[str, Any]:
     return {
-        "id": session.id,
-        "serial": session.serial,
-        "purpose": session.purpose,
-        "plan": session.plan,
-        "rig": session.rig,
+        **attributes(session, "id", "serial", "purpose", "plan", "rig", "created", "author", "closed"),
         "dials": asdict(session.dials),
-        "created": session.created,
-        "author": session.author,
-        "closed": session.closed,
         "positions": [
             {"number": p.number, "dial_deg": _degrees(p.dial), "done": session.has(p.number)} for p in session.positions
         ],
@@ -254,28 +290,11 @@ def _session(session: Session) -> dict[str, Any]:
 def _reading(taken: RecordedReading) -> dict[str, Any]:
     return {
         "id": taken.record,
-        "number": taken.number,
-        "attempt": taken.attempt,
-        "created": taken.created,
-        "author": taken.author,
+        **attributes(taken, "number", "attempt", "created", "author", "rejected"),
+        **attributes(taken.capture, "count", "note"),
         "dial_deg": _degrees(taken.capture.dial),
         "channels": {kind: values.tolist() for kind, values in taken.capture.channels.items()},
-        "count": taken.capture.count,
         "temperature_degC": taken.capture.temperature,
-        "rejected": taken.rejected,
-    }
-
-
-def _progress(now: Progress) -> dict[str, Any]:
-    return {
-        "captured": now.captured,
-        "fitted": now.calibration is not None,
-        "waiting_for": current().without_path(now.waiting),
-        "U_azimuth_deg": _finite(now.u_azimuth),
-        "U_inclination_deg": _finite(now.u_inclination),
-        "outliers": {str(number): sentence for number, sentence in now.outliers.items()},
-        "reached": now.reached,
-        "warnings": [] if now.calibration is None else [current().without_path(w) for w in now.calibration.warnings],
     }
 
 

@@ -2,49 +2,27 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import replace
 from datetime import UTC, date, datetime
 from typing import Any, Final
 
-from fastapi import HTTPException, Request
+from fastapi import Request
 from nicegui import ui
 
-from inclinometry.errors import InclinometryError, InputError
-from inclinometry.laboratory.certificate.laboratory_toml import (
-    LONGEST,
-    Laboratory,
-    Order,
-    Standard,
-    begun,
-    laboratory_from,
-)
+from inclinometry.errors import InputError
+from inclinometry.laboratory import certificates, registry
+from inclinometry.laboratory.certificate.laboratory import LONGEST, Laboratory, Order, Standard, begun, laboratory_from
 from inclinometry.laboratory.certificate.record import words
-from inclinometry.laboratory.certificate.requirements import missing
-from inclinometry.laboratory.certificates import (
-    CertificateStatus,
-    certificates,
-    digest_of,
-    issue,
-    status,
-    supersede,
-    void,
-)
+from inclinometry.laboratory.certificate.requirements import missing, nonconforming, open_warnings
 from inclinometry.laboratory.ledger.engine import MEDIA
 from inclinometry.laboratory.ledger.ledger import Ledger, LedgerError, Record
 from inclinometry.laboratory.ledger.users import LOCAL, User
-from inclinometry.laboratory.registry import (
-    extract,
-    find_laboratory,
-    find_rig,
-    find_site,
-    find_tool,
-    listed,
-    standards,
-)
-from inclinometry.laboratory.web.frame import Visitor, aside, frame
+from inclinometry.laboratory.results import calibration_of, can_be_evaluated_again
+from inclinometry.laboratory.session import site_of
+from inclinometry.laboratory.verification import recorded
+from inclinometry.laboratory.web.frame import Visitor, frame
 from inclinometry.laboratory.web.pages.lists import Cell, day, table, to, visible
-from inclinometry.laboratory.web.pages.verify import verdict_of
+from inclinometry.laboratory.web.pages.verify import limits_words, verdict_of
 from inclinometry.laboratory.web.words import LANGUAGES
 
 # Issuing a certificate: what no measurement says, then the three documents.
@@ -65,7 +43,7 @@ def new_page(request: Request, calibration: str = "", verification: str = "", su
             ui.label(visitor.problem(error)).classes("warn")
             record = None
         if record is None:
-            found = listed(visitor.bench.ledger, "calibration", limit=OFFERED)
+            found = registry.listed(visitor.bench.ledger, "calibration", limit=OFFERED)
             ui.label(visitor.say("certificates.choose" if found else "verify.no_calibration")).classes("subtitle")
             for one in found:
                 ui.link(f"{one.keys['serial']} · {day(one.created)}", to("/certificates/new", calibration=one.id))
@@ -90,26 +68,17 @@ class IssueForm:
         chosen = verification if verification and verification in choices else next((key for key in choices if key), "")
         self.verification = ui.select(choices, value=chosen, label=say("verify.one")).classes("wide")
         self.nonconforming = ui.switch(say("certificates.nonconforming"))
+        self._open = ui.column().classes("w-full").props('aria-live="polite" data-testid="open-warnings"')
+        self.accept = ui.input(say("certificates.accept_warnings")).props("maxlength=2000").classes("w-full")
+        self.verification.on_value_change(self._warnings)
+        self._warnings()
         session = ledger.get("session", calibration.keys["session"])
         ui.label(say("certificates.laboratory")).classes("subtitle")
-        # what the site of the session says of the laboratory, what the rig says of traceability
-        site, rig = find_site(ledger, str(session.body.get("site", ""))), find_rig(ledger, session.body["rig"])
-        found: dict[str, str] = {}
-        self._settings = settings = find_laboratory(ledger)
-        if site is not None and site.laboratory.get("name"):
-            try:
-                known = laboratory_from(dict(site.laboratory))
-                found = {name: getattr(known, name) for name in LABORATORY}
-            except InputError:
-                found = {name: str(site.laboratory.get(name, "")) for name in LABORATORY}
-        elif settings is not None:
-            found = {name: getattr(settings, name) for name in LABORATORY}
-        if rig is not None:
-            found["traceability"] = found.get("traceability") or rig.traceability
-            found["place"] = found.get("place") or rig.place
-        self.laboratory = _fields({name: say(f"field.{name}") for name in LABORATORY}, found)
+        self._settings = registry.find_laboratory(ledger)
+        known = self._laboratory_of(ledger, session)
+        self.laboratory = _fields({name: say(f"field.{name}") for name in LABORATORY}, known)
         today = datetime.now(UTC).date()
-        self._known = {one.cited: one for one in standards(ledger) if not one.retired}
+        self._known = {one.cited: one for one in registry.standards(ledger) if not one.retired}
         usable = [cited for cited, one in self._known.items() if not one.overdue(today)]
         self.standards = ui.select(usable, value=usable, multiple=True, label=say("standards.used")).classes("wide")
         self.standards.props("use-chips").set_visibility(bool(usable))
@@ -118,7 +87,7 @@ class IssueForm:
             ui.label(say("standards.late", names=", ".join(late))).classes("warn")
         ui.label(say("certificates.order")).classes("subtitle")
         stated: dict[str, Any] = {name: session.body.get(name, "") for name in ORDER}
-        tool = find_tool(ledger, session.keys["serial"])
+        tool = registry.find_tool(ledger, session.keys["serial"])
         stated["customer"] = stated["customer"] or (tool.customer if tool else "")
         stated["received"] = str(stated["received"])[:10]
         stated["environment"] = str((stated["environment"] or {}).get("text", ""))
@@ -146,6 +115,24 @@ class IssueForm:
         self._look()
         self._problem = ui.label("").classes("bad").props('role="alert" data-testid="form-problem"')
         self.button = ui.button(say("certificates.issue"), on_click=self._issue).props("unelevated no-caps")
+
+    def _laboratory_of(self, ledger: Ledger, session: Record) -> dict[str, str]:
+        """What the site of a session, else the settings, say of the laboratory; what the rig says of traceability."""
+        site = registry.find_site(ledger, site_of(ledger, session))
+        rig = registry.find_rig(ledger, session.body["rig"])
+        found: dict[str, str] = {}
+        if site is not None and site.laboratory.get("name"):
+            try:
+                known = laboratory_from(dict(site.laboratory))
+                found = {name: getattr(known, name) for name in LABORATORY}
+            except InputError:
+                found = {name: str(site.laboratory.get(name, "")) for name in LABORATORY}
+        elif self._settings is not None:
+            found = {name: getattr(self._settings, name) for name in LABORATORY}
+        if rig is not None:
+            found["traceability"] = found.get("traceability") or rig.traceability
+            found["place"] = found.get("place") or rig.place
+        return found
 
     def _authoriser(self, user: User) -> tuple[str, str]:
         """Name and role of who answers for the certificate."""
@@ -176,14 +163,30 @@ class IssueForm:
             ui.label(visitor.say(key)).classes("warn" if lacking else "good")
             said = words(visitor.language)
             for one in lacking:
-                # where a file states it is of no use here: the fields are above
                 late = ", ".join(each.name for each in self._standards() if each.overdue(day))
-                about = re.split(" ?[(（]", said(f"missing_{one}", names=late))[0]
-                ui.label(f"· {about}").classes("dim")
+                ui.label(f"· {said(f'missing_{one}', names=late)}").classes("dim")
+
+    def _warnings(self) -> None:
+        """The warnings that block the issue until they are resolved or accepted."""
+        ledger, visitor = self._visitor.bench.ledger, self._visitor
+        chosen = str(self.verification.value or "")
+        judged = recorded(ledger.get("verification", chosen)) if chosen else None
+        calibration = calibration_of(self._calibration)
+        found = open_warnings(calibration, judged)
+        self._open.clear()
+        with self._open:
+            if found:
+                ui.label(visitor.say("results.doubted")).classes("subtitle")
+            for sentence in found:
+                ui.label(visitor.sentence(sentence)).classes("warn")
+                if sentence in calibration.remarks[-1:] and can_be_evaluated_again(self._calibration):
+                    ui.link(visitor.say("results.again"), to("/results", self._calibration.id) + "#site")
+        self.accept.set_visibility(bool(found))
+        self.nonconforming.set_visibility(nonconforming(judged))
+        self.nonconforming.set_value(False)
 
     def _standards(self) -> list[Standard]:
-        chosen = [self._known[cited] for cited in self.standards.value]
-        return [Standard(one.name, one.certificate, one.due) for one in chosen]
+        return [self._known[cited] for cited in self.standards.value]
 
     def _laboratory(self, user: User) -> Laboratory:
         """The laboratory as the form says it, with who answers for the certificate."""
@@ -199,43 +202,35 @@ class IssueForm:
     def _verifications(self, ledger: Ledger) -> dict[str, str]:
         say = self._visitor.say
         found = {}
-        for one in listed(ledger, "verification", calibration=self._calibration.id, limit=OFFERED):
-            verdict, limits = extract(ledger, one, "verdict", verdict_of)
-            found[one.id] = f"{day(one.created)} · {say(f'verdict.{verdict}')} · {self._visitor.sentence(limits)}"
+        for one in registry.listed(ledger, "verification", calibration=self._calibration.id, limit=OFFERED):
+            verdict, limits = registry.extract(ledger, one, "verdict", verdict_of)
+            said = limits_words(self._visitor, limits)
+            found[one.id] = f"{day(one.created)} · {say(f'verdict.{verdict}')} · {said}"
         return {**found, "": say("certificates.no_verification")}
 
     async def _issue(self) -> None:
-        self.button.disable()
-        try:
-            user = self._visitor.require("issue")
-            about: dict[str, Any] = {name: str(field.value or "").strip() for name, field in self.order.items()}
-            about["received"] = _day(about["received"])
-            if about["environment"]:
-                about["environment"] = {"text": about["environment"]}
-            named = self._laboratory(user)
-            wish = {
-                "laboratory": named,
-                "standards": self._standards(),
-                "language": str(self.language.value),
-                "nonconforming": bool(self.nonconforming.value),
-                "about": about,
-            }
-            made = await aside(lambda: self._issued(user, wish))
-        except InclinometryError as error:
-            self._problem.set_text(self._visitor.problem(error))
-            self.button.enable()
-            return
-        ui.navigate.to(to("/certificates", made.keys["number"]))
+        made = await self._visitor.attempt("issue", self._issued, self._problem.set_text, self.button)
+        if made is not None:
+            ui.navigate.to(to("/certificates", made.keys["number"]))
 
-    def _issued(self, user: User, wish: dict[str, Any]) -> Record:
+    def _issued(self, user: User) -> Record:
+        about: dict[str, Any] = {name: str(field.value or "").strip() for name, field in self.order.items()}
+        about["received"] = _day(about["received"])
+        if about["environment"]:
+            about["environment"] = {"text": about["environment"]}
+        wish: dict[str, Any] = {
+            "laboratory": self._laboratory(user),
+            "standards": self._standards(),
+            "language": str(self.language.value),
+            "nonconforming": bool(self.nonconforming.value),
+            "accept_warnings": str(self.accept.value or ""),
+            "about": about,
+        }
         ledger, calibration = self._visitor.bench.ledger, self._calibration.id
         verification = str(self.verification.value or "") or None
         if self._supersedes:
-            reason = str(self.reason.value or "")
-            return supersede(
-                ledger, self._supersedes, calibration, verification, reason=reason, author=user.name, **wish
-            )
-        return issue(ledger, calibration, verification, author=user.name, **wish)
+            wish |= {"supersedes": self._supersedes, "reason": str(self.reason.value or "")}
+        return certificates.issue(ledger, calibration, verification, author=user.name, **wish)
 
 
 def _fields(labels: dict[str, str], values: dict[str, str]) -> dict[str, ui.input]:
@@ -273,7 +268,9 @@ def certificates_page(request: Request, serial: str = "", before: int = 0) -> No
             ).props("outline no-caps")
             if visitor.user.may("issue"):
                 ui.link(say("certificates.new"), "/certificates/new")
-        found = certificates(visitor.bench.ledger, serial=serial or None, limit=shown, before=max(before, 0))
+        found = certificates.certificates(
+            visitor.bench.ledger, serial=serial or None, limit=shown, before=max(before, 0)
+        )
         heads = [say(f"certificates.{key}") for key in ("number", "tool", "issued_on", "state", "customer", "by")]
         table(heads, [_line(visitor, one) for one in found])
         if not found:
@@ -282,7 +279,7 @@ def certificates_page(request: Request, serial: str = "", before: int = 0) -> No
             ui.link(say("ledger.older"), to("/certificates", serial=serial, before=found[-1].record.seq))
 
 
-def _line(visitor: Visitor, one: CertificateStatus) -> tuple[Cell | str, ...]:
+def _line(visitor: Visitor, one: certificates.CertificateStatus) -> tuple[Cell | str, ...]:
     record = one.record
     order = record.body["record"].get("order", {})
     return (
@@ -300,25 +297,21 @@ def certificate_page(request: Request, number: str) -> None:
     """One certificate; it is never edited."""
     with frame(request, "certificates.one") as visitor:
         ledger, say = visitor.bench.ledger, visitor.say
-        try:
-            found = status(ledger, number)
-        except LedgerError as error:
-            raise HTTPException(404, str(error)) from None
+        found = certificates.status(ledger, number)
         _status(visitor, found)
         record = found.record
-        with ui.card().classes("panel"):
-            ui.label(say("certificates.documents")).classes("subtitle")
+        with visitor.panel("certificates.documents"):
             with ui.row():
                 for name in MEDIA:
                     address = to("/api/v1/certificates", number) + f"/{name}"
                     ui.link(say(f"document.{name}"), address).props("download")
-            ui.label(say("certificates.digest", digest=digest_of(record))).classes("dim number pre")
+            ui.label(say("certificates.digest", digest=certificates.digest_of(record))).classes("dim number pre")
             ui.label(say("ledger.head", head=str(record.body["head"]))).classes("dim number pre")
         if found.state == "issued" and visitor.user.may("issue"):
             _change(visitor, found)
 
 
-def _status(visitor: Visitor, found: CertificateStatus) -> None:
+def _status(visitor: Visitor, found: certificates.CertificateStatus) -> None:
     say, record = visitor.say, found.record
     with ui.card().classes("panel"):
         ui.label(found.number).classes("subtitle number")
@@ -338,23 +331,20 @@ def _status(visitor: Visitor, found: CertificateStatus) -> None:
                 ui.link(say("verify.one"), f"/verifications/{record.body['verification']}")
 
 
-def _change(visitor: Visitor, found: CertificateStatus) -> None:
+def _change(visitor: Visitor, found: certificates.CertificateStatus) -> None:
     say, number = visitor.say, found.number
     with ui.dialog() as dialog, ui.card().classes("panel"):
         ui.label(say("certificates.void_ask", number=number))
         reason = ui.input(say("bench.reason")).props("autofocus maxlength=2000").classes("w-full")
 
         def declare(user: User) -> None:
-            void(visitor.bench.ledger, number, str(reason.value or ""), author=user.name)
+            certificates.void(visitor.bench.ledger, number, str(reason.value or ""), author=user.name)
             ui.navigate.to(to("/certificates", number))
 
         with ui.row():
-            ui.button(say("certificates.void"), on_click=visitor.action("issue", declare)).props(
-                "no-caps color=negative"
-            )
+            visitor.button("certificates.void", "no-caps color=negative", "issue", declare)
             ui.button(say("bench.cancel"), on_click=dialog.close).props("flat no-caps")
-    with ui.card().classes("panel"):
-        ui.label(say("certificates.change")).classes("subtitle")
+    with visitor.panel("certificates.change"):
         ui.label(say("certificates.never_edited")).classes("dim")
         with ui.row().classes("items-center"):
             ui.button(say("certificates.void"), on_click=dialog.open).props("outline no-caps color=negative")

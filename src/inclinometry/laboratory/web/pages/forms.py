@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import MISSING, dataclass, fields, is_dataclass, replace
+from dataclasses import MISSING, fields, is_dataclass, replace
 from datetime import date
 from typing import Any, Final, get_args, get_type_hints
 
@@ -14,7 +14,7 @@ from nicegui import ui
 from inclinometry.calibration.conventions import USUAL, Dials
 from inclinometry.constants import DIALS
 from inclinometry.errors import InclinometryError
-from inclinometry.laboratory.certificate.laboratory_toml import LONGEST
+from inclinometry.laboratory.certificate.laboratory import LONGEST
 from inclinometry.laboratory.ledger.engine import plain
 from inclinometry.laboratory.ledger.users import User
 from inclinometry.laboratory.registry import declared
@@ -97,14 +97,6 @@ class DialsChoice:
         return Dials(*(part.value for part in self.parts))
 
 
-@dataclass
-class _Part:
-    """A field of the form: `read` gives its value or raises FieldError, which is shown at `widget`."""
-
-    widget: Any
-    read: Callable[[], Any]
-
-
 def tell(widget: Any, sentence: str) -> None:
     """Show what is wrong at its field; nothing where the sentence is empty."""
     if isinstance(widget, ui.input | ui.select):
@@ -114,18 +106,9 @@ def tell(widget: Any, sentence: str) -> None:
 class RecordForm:
     """Fields of something registered; saved as a new record.
 
-    Parameters
-    ----------
-    of : type
-        Its declaration.
-    old : as declared, optional
-        What is changed; a new one where there is none.
-    save : callable
-        (user, what the form says): records it; an InclinometryError is shown below the form.
-    find : callable, optional
-        The one of a key: a new one must not have the key of another.
-    leave_out : names of fields that are not asked for.
-    may : "capture", "issue" or "administer"
+    of : its declaration. old : what is changed, None for a new one. may : "capture", "issue" or "administer".
+    find : the record of a key; a new one must not have the key of another.
+    save : (user, what the form says) records it; an InclinometryError is shown below the form.
     """
 
     def __init__(
@@ -141,7 +124,8 @@ class RecordForm:
     ) -> None:
         self._visitor, self._of, self._old, self._save, self._find = visitor, of, old, save, find
         self._key = fields(of)[0].name
-        self._parts: dict[str, _Part] = {}
+        # a field: where what is wrong is said, and what gives its value or raises FieldError
+        self._parts: dict[str, tuple[Any, Callable[[], Any]]] = {}
         with ui.element("div").classes("record-form"):
             self._key_field()
             for one, hint, place in declared(of):
@@ -151,8 +135,7 @@ class RecordForm:
                 value = default if old is None else getattr(old, one.name)
                 self._field(one.name, hint, place.name, place.limits, value)
         self._problem = ui.label("").classes("bad").props('role="alert" data-testid="form-problem"')
-        save_button = ui.button(visitor.say("tools.save"), on_click=visitor.action(may, self._go))
-        save_button.props('unelevated no-caps data-testid="save"')
+        visitor.button("tools.save", 'unelevated no-caps data-testid="save"', may, self._go)
 
     def _key_field(self) -> None:
         old, label = self._old, self._label(self._key)
@@ -169,7 +152,7 @@ class RecordForm:
                 raise FieldError(self._visitor.say("form.there", field=label))
             return text
 
-        self._parts[self._key] = _Part(widget, read)
+        self._parts[self._key] = (widget, read)
 
     def _label(self, name: str) -> str:
         return self._visitor.say(f"field.{name}")
@@ -177,38 +160,38 @@ class RecordForm:
     def _field(self, name: str, hint: Any, outside: str, limits: tuple[float, float] | None, value: Any) -> None:
         marks = getattr(hint, "__metadata__", ())
         plain_hint = getattr(hint, "__origin__", hint) if marks else hint
-        inside = (lambda x: float(np.radians(x))) if outside.endswith("_deg") else (lambda x: x)
-        shown = (lambda x: float(np.degrees(x))) if outside.endswith("_deg") else (lambda x: x)
+        # one of the unit that people write in, as the record holds it
+        unit = float(np.radians(1.0)) if outside.endswith("_deg") else 1.0
         kinds = {*get_args(plain_hint), plain_hint}
         if plain_hint is Dials:
             ui.label(self._visitor.say("form.dials")).classes("dim wide-row")
             choice = DialsChoice(self._visitor, value or USUAL)
-            self._parts[name] = _Part(None, lambda: choice.dials)
+            self._parts[name] = (None, lambda: choice.dials)
         elif plain_hint is bool:
             switch = ui.switch(self._label(name), value=bool(value))
-            self._parts[name] = _Part(None, lambda: bool(switch.value))
+            self._parts[name] = (None, lambda: bool(switch.value))
         elif plain_hint is str:
             self._text(name, next((m.max_length for m in marks if isinstance(m, MaxLen)), LONGEST), value or "")
         elif date in kinds:
             self._date(name, value)
         elif getattr(plain_hint, "__origin__", None) is tuple:
-            self._tuple(name, len(get_args(plain_hint)), limits or (-np.inf, np.inf), value, inside, shown)
+            self._tuple(name, len(get_args(plain_hint)), limits or (-np.inf, np.inf), value, unit)
         elif float in kinds or int in kinds:
             span = next(((m.ge, m.le) for m in marks if isinstance(m, Interval)), None)
             whole = int in kinds
             number = NumberField(
                 self._visitor,
                 self._label(name),
-                None if value is None else shown(value),
+                None if value is None else value / unit,
                 limits or span or (-np.inf, np.inf),  # type: ignore[arg-type]
                 whole=whole,
             )
 
             def read() -> Any:
                 found = number.read()
-                return None if found is None else int(found) if whole else inside(found)
+                return None if found is None else int(found) if whole else found * unit
 
-            self._parts[name] = _Part(number.input, read)
+            self._parts[name] = (number.input, read)
 
     def _text(self, name: str, most: int, value: str) -> None:
         widget = ui.input(self._label(name), value=value).props(f"maxlength={most}")
@@ -221,7 +204,7 @@ class RecordForm:
                 raise FieldError(self._visitor.say("form.country", field=self._label(name)))
             return text
 
-        self._parts[name] = _Part(widget, read)
+        self._parts[name] = (widget, read)
 
     def _date(self, name: str, value: date | None) -> None:
         widget = ui.input(self._label(name), value="" if value is None else value.isoformat()).props("type=date")
@@ -234,50 +217,39 @@ class RecordForm:
             except ValueError:
                 raise FieldError(self._visitor.say("form.date", field=self._label(name))) from None
 
-        self._parts[name] = _Part(widget, read)
+        self._parts[name] = (widget, read)
 
-    def _tuple(
-        self,
-        name: str,
-        count: int,
-        limits: tuple[float, float],
-        value: Any,
-        inside: Callable[[Any], float],
-        shown: Callable[[Any], float],
-    ) -> None:
+    def _tuple(self, name: str, count: int, limits: tuple[float, float], value: Any, unit: float) -> None:
         """A range from and to, or one number for each dial."""
         say = self._visitor.say
         words = [say("form.from"), say("form.to")] if count == 2 else [f"{say(f'bench.{dial}')}, °" for dial in DIALS]
-        known = [None] * count if value is None else [shown(x) for x in value]
+        known = [None] * count if value is None else [x / unit for x in value]
         numbers = []
         with ui.element("fieldset").classes("group" if count == 2 else "group three"):
-            legend = ui.element("legend").classes("dim")
-            with legend:
+            with ui.element("legend").classes("dim"):
                 ui.label(self._label(name))
             for word, number in zip(words, known, strict=True):
                 numbers.append(NumberField(self._visitor, word, number, limits, needed=True))
 
         def read_one(place: int) -> float:
-            found = numbers[place].read()
-            if count == 2 and place == 1 and found is not None:
-                low = numbers[0].read()
-                if low is not None and low > found:
-                    raise FieldError(say("form.order"))
-            return inside(found)
+            found = numbers[place].read() or 0.0
+            if count == 2 and (numbers[0].read() or 0.0) > found:
+                raise FieldError(say("form.order"))
+            return found * unit
 
         for place, one in enumerate(numbers):
-            self._parts[f"{name}.{place}"] = _Part(one.input, lambda place=place: read_one(place))  # type: ignore[misc]
+            self._parts[f"{name}.{place}"] = (one.input, lambda place=place: read_one(place))  # type: ignore[misc]
 
     def said(self) -> Mapping[str, Any] | None:
         """What the form says; None when something in it cannot be used, which is then said at its field."""
         found: dict[str, Any] = {}
         wrong = False
-        for name, part in self._parts.items():
+        for name, (widget, read) in self._parts.items():
             try:
-                value, sentence = part.read(), ""
+                value, sentence = read(), ""
             except FieldError as error:
                 value, sentence, wrong = None, str(error), True
-            tell(part.widget, sentence)
+            tell(widget, sentence)
             group, dot, _ = name.partition(".")
             found[group] = (*found.get(group, ()), value) if dot else value
         return None if wrong else found

@@ -14,12 +14,12 @@ from nicegui.elements.mixins.text_element import TextElement
 from inclinometry.laboratory.drift import kept_drift
 from inclinometry.laboratory.registry import due_days, listed, tools
 from inclinometry.laboratory.session import closing, load_session
-from inclinometry.laboratory.web.frame import LANGUAGE_COOKIE, Visitor, current, frame
+from inclinometry.laboratory.web.frame import Visitor, current, frame, language_of
 from inclinometry.laboratory.web.logins import CodeError, Login, TooManyError
 from inclinometry.laboratory.web.pages.lists import day as when
 from inclinometry.laboratory.web.pages.lists import plan_words, to
 from inclinometry.laboratory.web.refusals import known_token, login_cookies
-from inclinometry.laboratory.web.words import LANGUAGES, preferred, say
+from inclinometry.laboratory.web.words import say
 from inclinometry.report.glossary import glossary
 
 router = APIRouter(include_in_schema=False)
@@ -37,11 +37,6 @@ _PAGE = """<!doctype html><html lang="{language}"><head><meta charset="utf-8"><t
 <button type="submit">{go}</button></form></body></html>"""
 
 
-def _language(request: Request) -> str:
-    chosen = request.cookies.get(LANGUAGE_COOKIE, "")
-    return chosen if chosen in LANGUAGES else preferred(request.headers.get("accept-language", ""))
-
-
 def _form(language: str, problem: str = "", status: int = 200) -> HTMLResponse:
     words = {key: escape(say(language, f"login.{key}")) for key in ("title", "name", "password", "see", "code", "go")}
     return HTMLResponse(_PAGE.format(language=language, problem=escape(problem), **words), status)
@@ -50,7 +45,7 @@ def _form(language: str, problem: str = "", status: int = 200) -> HTMLResponse:
 @router.get("/login")
 def show(request: Request) -> Response:
     """The form; nothing to do on a bench without passwords."""
-    return RedirectResponse("/", 303) if current().single_user else _form(_language(request))
+    return RedirectResponse("/", 303) if current().single_user else _form(language_of(request))
 
 
 @router.post("/login")
@@ -61,7 +56,7 @@ def log_in(
     code: str = Form(default="", max_length=60),
 ) -> Response:
     """Check name, password and, where there is one, the code of the second factor."""
-    language, secure = _language(request), request.url.scheme == "https"
+    language, secure = language_of(request), request.url.scheme == "https"
     known, address = known_token(request.headers, name, secure=secure), request.client.host if request.client else ""
     try:
         login = current().logins.log_in(name, password, address, code=code, known=known)
@@ -125,8 +120,7 @@ def help_page(request: Request) -> None:
                 with ui.row().classes("items-center"):
                     ui.label(str(number)).classes("step")
                     ui.label(visitor.say(f"help.{number}"))
-        with ui.card().classes("panel"):
-            ui.label(visitor.say("help.words")).classes("subtitle")
+        with visitor.panel("help.words"):
             own = visitor.language
             with ui.element("dl").classes("glossary"):
                 for key in sorted(glossary(), key=lambda key: glossary()[key][own].lower()):
@@ -145,8 +139,7 @@ def home(request: Request) -> None:
         begun = [bool(ledger.current(kind, limit=1)) for kind in ("tool", "rig")]
         if visitor.user.may("capture") and not listed(ledger, "session", limit=1):
             _guide(visitor, request, begun)
-        with ui.card().classes("panel"):
-            ui.label(visitor.say("home.open_sessions")).classes("subtitle")
+        with visitor.panel("home.open_sessions"):
             still_open = [one for one in listed(ledger, "session", limit=5 * shown) if not closing(ledger, one.id)][
                 :shown
             ]
@@ -162,8 +155,7 @@ def home(request: Request) -> None:
                 ui.label(visitor.say("home.none_open")).classes("dim")
             if visitor.user.may("capture"):
                 ui.link(visitor.say("home.start"), "/calibrate")
-        with ui.card().classes("panel"):
-            ui.label(visitor.say("home.instrument")).classes("subtitle")
+        with visitor.panel("home.instrument"):
             feed = visitor.bench.feed
             if feed is None:
                 ui.label(visitor.say("home.no_instrument")).classes("dim")
@@ -173,8 +165,7 @@ def home(request: Request) -> None:
                 word = visitor.say("home.connected" if connected else "home.not_connected")
                 ui.label(word).classes("good" if connected else "bad")
         today = datetime.now(UTC).date()
-        with ui.card().classes("panel"):
-            ui.label(visitor.say("home.due")).classes("subtitle")
+        with visitor.panel("home.due"):
             # tools asked for their next calibration
             registered = tools(visitor.bench.ledger, limit=500)
             days = due_days(visitor.bench.ledger, registered)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Mapping
+from contextlib import suppress
 from typing import Any, Final
 
 from fastapi import Request
@@ -13,10 +14,10 @@ from nicegui import ui
 from inclinometry.errors import InclinometryError
 from inclinometry.laboratory.ledger.chain import parse_head
 from inclinometry.laboratory.ledger.engine import KINDS
-from inclinometry.laboratory.ledger.ledger import LedgerError
+from inclinometry.laboratory.ledger.ledger import LedgerError, Record
 from inclinometry.laboratory.ledger.signatures import Fault
 from inclinometry.laboratory.ledger.verify import Verdict, verify
-from inclinometry.laboratory.registry import Listed, listed
+from inclinometry.laboratory.registry import listed
 from inclinometry.laboratory.web.api.ledger import HIDDEN
 from inclinometry.laboratory.web.frame import Visitor, aside, frame
 from inclinometry.laboratory.web.pages.lists import table, to, visible
@@ -43,7 +44,7 @@ def ledger_page(request: Request, kind: str = "event", before: int = 0, key: str
                 ui.link(visitor.say("ledger.older"), to("/ledger", kind=chosen, before=found[-1].seq, key=key))
 
 
-def search(visitor: Visitor, kind: str, text: str, before: int) -> list[Listed]:
+def search(visitor: Visitor, kind: str, text: str, before: int) -> list[Record]:
     """Records of a kind of which any key is the text, or whose id or place in the chain it is; all without a text.
 
     Where there is none, those in whose title the text stands as the visitor reads it.
@@ -51,19 +52,14 @@ def search(visitor: Visitor, kind: str, text: str, before: int) -> list[Listed]:
     ledger = visitor.bench.ledger
     if not text:
         return listed(ledger, kind, limit=PAGE, before=before)
-    found: dict[int, Listed] = {}
+    found: dict[int, Record] = {}
     for name, type_ in KINDS[kind].keys.items():
         if type_ is str:
             found |= {one.seq: one for one in listed(ledger, kind, limit=PAGE, before=before, **{name: text})}
     if re.fullmatch("[0-9a-f]{32}", text) and not before:
-        try:
+        with suppress(LedgerError):
             record = ledger.get(kind, text)
-        except LedgerError:
-            pass
-        else:
-            found[record.seq] = Listed(
-                record.kind, record.id, record.seq, record.created, record.author, dict(record.keys)
-            )
+            found[record.seq] = record
     if text.isascii() and text.isdigit() and len(text) < 15 and not before:
         found |= {one.seq: one for one in listed(ledger, kind, limit=1, before=int(text) + 1) if one.seq == int(text)}
     if not found:  # a word as the page shows it, in whatever language; so far back as is read in a moment
@@ -89,11 +85,11 @@ def _check(visitor: Visitor) -> None:
             with box:
                 done = [0.0]
                 bar = ui.linear_progress(0.0, show_value=False).props("instant-feedback").classes("wide")
-                timer = ui.timer(0.2, lambda: bar.set_value(done[0]))
+                timer = ui.timer(0.2, lambda: bar.set_value(done[-1]))
             found: Verdict | str
             try:
                 wanted = parse_head(noted.value.strip()) if noted.value.strip() else None
-                found = await aside(lambda: verify(ledger, head=wanted, progress=lambda x: _set(done, x)))
+                found = await aside(lambda: verify(ledger, head=wanted, progress=done.append))
             except InclinometryError as error:
                 found = visitor.problem(error)
             timer.cancel()
@@ -140,6 +136,8 @@ def fields(visitor: Visitor, body: Mapping[str, Any], above: str = "") -> list[t
     Matrices, lists of more than a dozen and the whole files a record carries are counted: they are in the raw record.
     """
     most, deepest = 12, 3
+    # ends of keys
+    units = {"_degC": "°C", "_deg": "°", "_rad": "rad", "_mps2": "m/s²", "_nT": "nT", "_m": "m", "_s": "s"}
     whole_files = ("tool_json", "record")
     # what people called something stays as they wrote it
     given = ("name", "rig", "site", "customer", "description", "manufacturer", "order", "condition", "reason", "note")
@@ -147,7 +145,7 @@ def fields(visitor: Visitor, body: Mapping[str, Any], above: str = "") -> list[t
     for key, value in body.items():
         if value in (None, "", [], {}):
             continue
-        ends = ((key.removesuffix(end), unit) for end, unit in _UNITS.items() if key.endswith(end))
+        ends = ((key.removesuffix(end), unit) for end, unit in units.items() if key.endswith(end))
         name, unit = next(ends, (key, ""))
         field = f"{above}{visitor.sentence(name.replace('_', ' '))}"
         several = value if isinstance(value, list) else [value]
@@ -162,10 +160,6 @@ def fields(visitor: Visitor, body: Mapping[str, Any], above: str = "") -> list[t
     return found
 
 
-_UNITS: Final = {"_degC": "°C", "_deg": "°", "_rad": "rad", "_mps2": "m/s²", "_nT": "nT", "_m": "m", "_s": "s"}
-"""Ends of keys -> units."""
-
-
 def _value(visitor: Visitor, value: object) -> str:
     """One value; a sentence of the program, a name or a digest as it stands."""
     if isinstance(value, bool):
@@ -173,10 +167,6 @@ def _value(visitor: Visitor, value: object) -> str:
     if isinstance(value, float):
         return f"{value:.7g}"
     return visitor.sentence(str(value))
-
-
-def _set(done: list[float], share: float) -> None:
-    done[0] = share
 
 
 def _search(visitor: Visitor, kind: str, key: str) -> None:
@@ -193,7 +183,7 @@ def _search(visitor: Visitor, kind: str, key: str) -> None:
         ui.button(say("ledger.search"), on_click=go).props("outline no-caps")
 
 
-def _keys(visitor: Visitor, one: Listed) -> str:
+def _keys(visitor: Visitor, one: Record) -> str:
     """What a record is found by, as it is shown: words of the program in the visitor's language, names as they are."""
     ours = {"subject_kind", "subject", "action"} if one.kind == "event" else {"purpose"}
     known = catalogue(visitor.language)
@@ -206,7 +196,7 @@ def _keys(visitor: Visitor, one: Listed) -> str:
     return ", ".join(word(name, str(value)) for name, value in one.keys.items())
 
 
-def _row(visitor: Visitor, one: Listed) -> None:
+def _row(visitor: Visitor, one: Record) -> None:
     """One record; its body is read when it is opened."""
     longest_shown = 20_000
     keys = _keys(visitor, one)

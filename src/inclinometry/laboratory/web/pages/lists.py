@@ -22,63 +22,66 @@ from inclinometry.laboratory.registry import rigs, sites, tools
 from inclinometry.laboratory.session import PURPOSES
 from inclinometry.laboratory.verification import protocols
 from inclinometry.laboratory.web.frame import Visitor, aside, frame
+from inclinometry.workflow.calibrate import Options
 
 
 @ui.page("/import")
-def import_page(request: Request, serial: str = "") -> None:
+def import_page(request: Request, serial: str = "", rig: str = "") -> None:
     """Readings or tool.json, for a tool and a rig that are registered."""
     with frame(request, "import.title", needs="capture") as visitor, ui.card().classes("panel"):
         ui.label(visitor.say("import.about", size=LARGEST // 1_000_000)).classes("dim")
-        ImportForm(visitor, serial)
+        _import_form(visitor, serial, rig)
 
 
-class ImportForm:
+def _import_form(visitor: Visitor, serial: str, rig: str) -> None:
     """Tool, rig, site, and the file; it is recorded as soon as it has arrived."""
+    ledger, say = visitor.bench.ledger, visitor.say
+    serials = [tool.serial for tool in tools(ledger) if not tool.retired or tool.serial == serial]
+    names = [rig.name for rig in rigs(ledger)]
+    places = [site.name for site in sites(ledger)]
+    purposes = {name: say(f"purpose.{name}") for name in PURPOSES if name != "verify"}
+    chosen = serial if serial in serials else None if serial else only(serials)
+    with ui.row().classes("form"):
+        tool = ui.select(serials, value=chosen, label=say("tools.serial"), with_input=True)
+        stand = ui.select(names, value=rig if rig in names else only(names), label=say("start.rig"))
+        site = ui.select(["", *places], value=only(places) or "", label=say("start.site"))
+        purpose = ui.select(purposes, value="calibrate", label=say("tools.purpose"))
+        left_handed = ui.switch(say("start.left_handed"))
+    if not serials or not names:
+        ui.label(say("import.register")).classes("warn")
+    problem = ui.label("").classes("bad").props('role="alert" data-testid="form-problem"')
+    if serial and chosen is None:
+        problem.set_text(visitor.sentence(f"tool {serial!r:.80} is not registered; register it first"))
 
-    def __init__(self, visitor: Visitor, serial: str) -> None:
-        self._visitor, ledger, say = visitor, visitor.bench.ledger, visitor.say
-        serials = [tool.serial for tool in tools(ledger) if not tool.retired or tool.serial == serial]
-        names = [rig.name for rig in rigs(ledger)]
-        places = ["", *(site.name for site in sites(ledger))]
-        chosen = serial if serial in serials else next(iter(serials), None)
-        with ui.row().classes("form"):
-            self.serial = ui.select(serials, value=chosen, label=say("tools.serial"), with_input=True)
-            self.rig = ui.select(names, value=next(iter(names), None), label=say("start.rig"))
-            self.site = ui.select(places, value=places[-1], label=say("start.site"))
-            purposes = {name: say(f"purpose.{name}") for name in PURPOSES if name != "verify"}
-            self.purpose = ui.select(purposes, value="calibrate", label=say("tools.purpose"))
-        if not serials or not names:
-            ui.label(say("import.register")).classes("warn")
-        self._problem = ui.label("").classes("bad").props('role="alert" data-testid="form-problem"')
-        self.upload = ui.upload(
-            label=say("import.file"), auto_upload=True, max_files=1, max_file_size=LARGEST, on_upload=self._arrived
-        ).classes("wide")
-        self.upload.on("rejected", lambda: self._problem.set_text(say("import.too_large")))
+    def recorded(content: bytes, author: str) -> Record:
+        options = Options(left_handed=bool(left_handed.value))
+        about: dict[str, Any] = {"author": author, "site": str(site.value or ""), "purpose": str(purpose.value)}
+        return import_file(ledger, content, str(tool.value), str(stand.value), options=options, **about)
 
-    async def _arrived(self, event: events.UploadEventArguments) -> None:
+    async def arrived(event: events.UploadEventArguments) -> None:
         try:
-            user = self._visitor.require("capture")
+            user = visitor.require("capture")
             if event.file.size() > LARGEST:
-                raise InputError(self._visitor.say("import.too_large"))
+                raise InputError(say("import.too_large"))
+            if not tool.value or not stand.value:
+                raise InputError(say("import.choose"))
             content = await event.file.read()
-            made = await aside(lambda: self._recorded(content, user.name))
+            made = await aside(lambda: recorded(content, user.name))
         except InclinometryError as error:
-            self.upload.reset()
-            self._problem.set_text(self._visitor.problem(error))
+            upload.reset()
+            problem.set_text(visitor.problem(error))
             return
-        place = "/results" if made.kind == "calibration" else "/calibrate"
-        ui.navigate.to(f"{place}/{made.id}")
+        ui.navigate.to(f"{'/results' if made.kind == 'calibration' else '/calibrate'}/{made.id}")
 
-    def _recorded(self, content: bytes, author: str) -> Record:
-        return import_file(
-            self._visitor.bench.ledger,
-            content,
-            str(self.serial.value or ""),
-            str(self.rig.value or ""),
-            author=author,
-            site=str(self.site.value or ""),
-            purpose=str(self.purpose.value),
-        )
+    upload = ui.upload(
+        label=say("import.file"), auto_upload=True, max_files=1, max_file_size=LARGEST, on_upload=arrived
+    ).classes("wide")
+    upload.on("rejected", lambda: problem.set_text(say("import.too_large")))
+
+
+def only(choices: Sequence[str]) -> str | None:
+    """The one there is; None where there is a choice."""
+    return choices[0] if len(choices) == 1 else None
 
 
 # Charts that follow the theme: lines, points with error bars.
@@ -101,35 +104,32 @@ def legend(names: Sequence[str] | None = None) -> dict[str, Any]:
     return found if names is None else found | {"data": list(names)}
 
 
-def chart(options: dict[str, Any], label: str, *, height: str = "260px") -> None:
-    """A chart with a name for those who cannot see it."""
+def chart(
+    label: str,
+    series: Sequence[dict[str, Any]],
+    x: dict[str, Any],
+    y: dict[str, Any],
+    *,
+    height: str = "260px",
+    **options: Any,
+) -> None:
+    """Series over two axes, with a name for those who cannot see them."""
     # colours of series that can be told apart on either paper
     palette = [BLUE, "#c77d14", "#2c9a56", "#b0529c", "#1ba3b5", GREY]
-    common: dict[str, Any] = {
-        "animation": False,
-        "backgroundColor": "transparent",
-        "color": palette,
-        "grid": {"left": 60, "right": 20, "top": 30, "bottom": 45},
-        "tooltip": {"trigger": "axis"},
-    }
+    common: dict[str, Any] = {"animation": False, "backgroundColor": "transparent", "color": palette}
+    common |= {"grid": {"left": 60, "right": 20, "top": 30, "bottom": 45}, "tooltip": {"trigger": "axis"}}
+    common |= {"xAxis": x, "yAxis": y, "series": list(series)}
     ui.echart(common | options).style(f"height:{height};width:100%").props(f'role="img" aria-label="{label}"')
 
 
-def axis(name: str, *, kind: str = "value", data: Sequence[str] | None = None) -> dict[str, Any]:
-    """An axis with its name and unit."""
-    found: dict[str, Any] = {
-        "type": kind,
-        "name": name,
-        "nameLocation": "middle",
-        "nameGap": 30 if kind != "value" or data is not None else 45,
-        "axisLabel": {"color": GREY},
-        "nameTextStyle": {"color": GREY, "lineHeight": 15},
-        "splitLine": {"lineStyle": {"opacity": 0.2}},
-        "scale": True,
-    }
-    if data is not None:
-        found["data"] = list(data)
-    return found
+def axis(name: str, data: Sequence[str] | None = None, *, kind: str = "value") -> dict[str, Any]:
+    """An axis with its name and unit; of these places where they are given."""
+    kind = kind if data is None else "category"
+    gap = 30 if kind != "value" else 45
+    found: dict[str, Any] = {"type": kind, "name": name, "nameLocation": "middle", "nameGap": gap, "scale": True}
+    found |= {"axisLabel": {"color": GREY}, "nameTextStyle": {"color": GREY, "lineHeight": 15}}
+    found |= {"splitLine": {"lineStyle": {"opacity": 0.2}}}
+    return found if data is None else found | {"data": list(data)}
 
 
 def band(
@@ -139,23 +139,12 @@ def band(
     low = [None if m is None or h is None else m - h for m, h in zip(middle, half, strict=True)]
     width = [None if h is None else 2.0 * h for h in half]
     hidden = {"type": "line", "symbol": "none", "lineStyle": {"opacity": 0}, "tooltip": {"show": False}, "silent": True}
+    hidden |= {"stack": name, "stackStrategy": "all"}
+    own = {"color": colour}
     return [
-        {**hidden, "name": f"{name} -", "data": low, "stack": name, "stackStrategy": "all"},
-        {
-            **hidden,
-            "name": f"{name} +",
-            "data": width,
-            "stack": name,
-            "stackStrategy": "all",
-            "areaStyle": {"color": colour, "opacity": 0.2},
-        },
-        {
-            "type": "line",
-            "name": name,
-            "data": list(middle),
-            "lineStyle": {"color": colour},
-            "itemStyle": {"color": colour},
-        },
+        {**hidden, "name": f"{name} -", "data": low},
+        {**hidden, "name": f"{name} +", "data": width, "areaStyle": {**own, "opacity": 0.2}},
+        {"type": "line", "name": name, "data": list(middle), "lineStyle": own, "itemStyle": own},
     ]
 
 
@@ -212,9 +201,6 @@ def interface(request: Request) -> HTMLResponse:
     return HTMLResponse("".join([*parts, "</main></body></html>"]))
 
 
-BIDI: Final = dict.fromkeys([0x061C, 0x200E, 0x200F, *range(0x202A, 0x202F), *range(0x2066, 0x206A)], "\ufffd")
-
-
 class Cell(NamedTuple):
     """A text, where it leads to, its style."""
 
@@ -231,6 +217,14 @@ def plan_words(visitor: Visitor, name: str) -> str:
         return f"{first}, {visitor.say('home.progress', done=reach[2], all=reach[3])}"
     known = {*CALIBRATING, *protocols()}
     return visitor.say(f"plan.{name}") if name in known else visible(name)
+
+
+def scale_unknown(visitor: Visitor, kinds: Sequence[str], day: str = "") -> None:
+    """What a change, of a day where there are several, does not show where the strength of a field is not stated."""
+    if kinds:
+        named = ", ".join(visitor.say(f"live.{kind}") for kind in kinds)
+        key = "tools.scale_unknown" if day else "results.scale_unknown"
+        ui.label(visitor.say(key, kinds=named, day=day)).classes("dim")
 
 
 def parameter_words(visitor: Visitor, name: str) -> str:
@@ -254,7 +248,13 @@ def visible(text: str) -> str:
     >>> visible("A\u202e1")
     'A�1'
     """
-    return text.translate(BIDI)
+    turning = [0x061C, 0x200E, 0x200F, *range(0x202A, 0x202F), *range(0x2066, 0x206A)]
+    return text.translate(dict.fromkeys(turning, "\ufffd"))
+
+
+def column(name: str, label: str, *, left: bool = False) -> dict[str, Any]:
+    """A column of `paged`."""
+    return {"name": name, "label": label, "field": name, "align": "left" if left else "right"}
 
 
 def paged(columns: Sequence[dict[str, Any]], rows: Sequence[dict[str, Any]], key: str, size: int) -> None:
@@ -275,15 +275,12 @@ def table(heads: Sequence[str], lines: Iterable[Sequence[Cell | str]]) -> None:
             for line in lines:
                 with ui.element("tr"):
                     for cell in line:
-                        _cell(cell if isinstance(cell, Cell) else Cell(cell))
-
-
-def _cell(cell: Cell) -> None:
-    if cell.link:
-        with ui.element("td"):
-            ui.link(visible(cell.text), cell.link).classes(f"number {cell.style}")
-    else:
-        TextElement(tag="td", text=visible(cell.text)).classes(f"number {cell.style}")
+                        text, link, style = cell if isinstance(cell, Cell) else Cell(cell)
+                        if link:
+                            with ui.element("td"):
+                                ui.link(visible(text), link).classes(f"number {style}")
+                        else:
+                            TextElement(tag="td", text=visible(text)).classes(f"number {style}")
 
 
 def to(place: str, name: str = "", **query: str | int) -> str:

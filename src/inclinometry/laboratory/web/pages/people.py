@@ -3,28 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Final
+from typing import Any, Final
 
 import segno
 from fastapi import HTTPException, Request
 from nicegui import ui
 
 from inclinometry.errors import InputError
+from inclinometry.laboratory.ledger import users
 from inclinometry.laboratory.ledger.passwords import LONGEST, SHORTEST, strength
 from inclinometry.laboratory.ledger.second_factor import address, new_secret
-from inclinometry.laboratory.ledger.users import (
-    ROLES,
-    User,
-    change_password,
-    find_user,
-    guard_last_administrator,
-    known_words,
-    put_second_factor,
-    put_user,
-    recovery_left,
-    remove_second_factor,
-    users,
-)
 from inclinometry.laboratory.web.frame import Visitor, frame
 from inclinometry.laboratory.web.logins import Login
 from inclinometry.laboratory.web.pages.lists import visible
@@ -38,21 +26,20 @@ def users_page(request: Request) -> None:
     """All users, a form, and who is logged in."""
     with frame(request, "people.title", needs="administer") as visitor:
         with ui.card().classes("panel"):
-            known = users(visitor.bench.ledger)
+            known = users.users(visitor.bench.ledger)
             if not known:
                 ui.label(visitor.say("people.none")).classes("dim")
             for user in known:
                 _user(visitor, user)
-        with ui.card().classes("panel"):
-            ui.label(visitor.say("people.put")).classes("subtitle")
-            UserForm(visitor)
+        with visitor.panel("people.put"):
+            _user_form(visitor)
         if not visitor.bench.single_user:
             _logins(visitor, None)
 
 
-def _user(visitor: Visitor, user: User) -> None:
-    def remove(author: User) -> None:
-        remove_second_factor(visitor.bench.ledger, user.name, author=author.name)
+def _user(visitor: Visitor, user: users.User) -> None:
+    def remove(author: users.User) -> None:
+        users.remove_second_factor(visitor.bench.ledger, user.name, author=author.name)
         ui.navigate.to("/users")
 
     with ui.row().classes("items-center"):
@@ -63,42 +50,32 @@ def _user(visitor: Visitor, user: User) -> None:
             ui.label(visitor.say("people.inactive")).classes("warn")
         if user.second_factor:
             ui.label(visitor.say("account.factor")).classes("good")
-            button = ui.button(visitor.say("account.factor_remove"), on_click=visitor.action("administer", remove))
-            button.props("flat dense no-caps")
+            visitor.button("account.factor_remove", "flat dense no-caps", "administer", remove)
 
 
-class UserForm:
+def _user_form(visitor: Visitor) -> None:
     """Name, role, password; saved as a new record."""
+    say, ledger = visitor.say, visitor.bench.ledger
+    roles = {role: say(f"role.{role}") for role in users.ROLES}
+    with ui.row().classes("form"):
+        name = ui.input(say("login.name")).props("maxlength=200 autocomplete=off")
+        full_name = ui.input(say("people.full_name")).props("maxlength=200")
+        role = ui.select(roles, value="operator", label=say("people.role"))
+        language = ui.select(LANGUAGES, value=visitor.language, label=say("frame.language"))
+        password = _new_password(visitor, lambda: [str(name.value), str(full_name.value)])
+        active = ui.switch(say("people.active"), value=True)
 
-    def __init__(self, visitor: Visitor) -> None:
-        self._visitor, say = visitor, visitor.say
-        with ui.row().classes("form"):
-            self.name = ui.input(say("login.name")).props("maxlength=200 autocomplete=off")
-            self.full_name = ui.input(say("people.full_name")).props("maxlength=200")
-            self.role = ui.select(
-                {role: say(f"role.{role}") for role in ROLES}, value="operator", label=say("people.role")
-            )
-            self.language = ui.select(LANGUAGES, value=visitor.language, label=say("frame.language"))
-            self.password = _new_password(visitor, lambda: [str(self.name.value), str(self.full_name.value)])
-            self.active = ui.switch(say("people.active"), value=True)
-        ui.button(say("tools.save"), on_click=visitor.action("administer", self._save)).props("unelevated no-caps")
-
-    def _save(self, user: User) -> None:
-        ledger, name, role = self._visitor.bench.ledger, str(self.name.value).strip(), str(self.role.value)
-        old = find_user(ledger, name)
+    def save(author: users.User) -> None:
+        known, wanted = str(name.value).strip(), str(role.value)
+        old = users.find_user(ledger, known)
         if old is not None and old.may("administer"):
-            guard_last_administrator(ledger, name, role, bool(self.active.value))
-        put_user(
-            ledger,
-            name,
-            role=role,
-            author=user.name,
-            password=str(self.password.value) or None,
-            full_name=str(self.full_name.value).strip(),
-            active=bool(self.active.value),
-            language=str(self.language.value),
-        )
+            users.guard_last_administrator(ledger, known, wanted, bool(active.value))
+        said: dict[str, Any] = {"full_name": str(full_name.value).strip(), "language": str(language.value)}
+        said |= {"role": wanted, "active": bool(active.value), "password": str(password.value) or None}
+        users.put_user(ledger, known, author=author.name, **said)
         ui.navigate.to("/users")
+
+    visitor.button("tools.save", "unelevated no-caps", "administer", save)
 
 
 def _new_password(visitor: Visitor, words: Callable[[], list[str]]) -> ui.input:
@@ -130,92 +107,90 @@ def account_page(request: Request) -> None:
     with frame(request, "account.title") as visitor:
         if visitor.bench.single_user or visitor.login is None:
             raise HTTPException(303, headers={"location": "/"})
-        with ui.card().classes("panel"):
-            ui.label(visitor.say("login.password")).classes("subtitle")
-            _Password(visitor, visitor.login)
-        with ui.card().classes("panel"):
-            ui.label(visitor.say("account.factor")).classes("subtitle")
-            _SecondFactor(visitor, visitor.login)
+        with visitor.panel("login.password"):
+            _password(visitor, visitor.login)
+        with visitor.panel("account.factor"):
+            _second_factor(visitor, visitor.login)
         _logins(visitor, visitor.user.name)
 
 
-class _Password:
+def _password(visitor: Visitor, login: Login) -> None:
     """The current password and the new one, twice."""
+    say, bench = visitor.say, visitor.bench
+    words = users.known_words(bench.ledger, visitor.user.name, visitor.user.full_name)
+    ui.label(say("account.password_about", shortest=SHORTEST, longest=LONGEST)).classes("dim")
+    with ui.row().classes("form"):
+        current = _current_password(visitor)
+        new = _new_password(visitor, lambda: words)
+        again = ui.input(say("account.again"), password=True).props(f"{_MAX} autocomplete=new-password")
 
-    def __init__(self, visitor: Visitor, login: Login) -> None:
-        self._visitor, self._login, say = visitor, login, visitor.say
-        words = known_words(visitor.bench.ledger, visitor.user.name, visitor.user.full_name)
-        ui.label(say("account.password_about", shortest=SHORTEST, longest=LONGEST)).classes("dim")
-        with ui.row().classes("form"):
-            self.current = _current_password(visitor)
-            self.new = _new_password(visitor, lambda: words)
-            self.again = ui.input(say("account.again"), password=True).props(f"{_MAX} autocomplete=new-password")
-        button = ui.button(say("account.change"), on_click=visitor.action("read", self._change))
-        button.props('unelevated no-caps data-testid="change"')
-
-    def _change(self, user: User) -> None:
-        if self.new.value != self.again.value:
+    def change(user: users.User) -> None:
+        if new.value != again.value:
             raise InputError("the two passwords differ; nothing was changed")
-        logins, current = self._visitor.bench.logins, str(self.current.value)
-        logins.confirm(self._login, current)
-        logins.keep(self._login, change_password(self._visitor.bench.ledger, user.name, current, str(self.new.value)))
-        for field in (self.current, self.new, self.again):
+        old = str(current.value)
+        bench.logins.confirm(login, old)
+        bench.logins.keep(login, users.change_password(bench.ledger, user.name, old, str(new.value)))
+        for field in (current, new, again):
             field.set_value("")
-        ui.notify(self._visitor.say("account.changed"), type="positive")
+        ui.notify(say("account.changed"), type="positive")
+
+    visitor.button("account.change", 'unelevated no-caps data-testid="change"', "read", change)
 
 
-class _SecondFactor:
-    """Set up with the square code and a first code; removed with the password and a code."""
+def _second_factor(visitor: Visitor, login: Login) -> None:
+    """Removed with the password and a code, or set up with the square code and a first code."""
+    ui.label(visitor.say("account.factor_about")).classes("dim")
+    with ui.column() as box:
+        # as the ledger has it now: the visitor's own record may be two seconds old, as old as the removal
+        now = users.find_user(visitor.bench.ledger, visitor.user.name)
+        if now is not None and now.second_factor:
+            _factor_to_remove(visitor, login)
+        else:
+            _factor_to_set_up(visitor, login, box)
 
-    def __init__(self, visitor: Visitor, login: Login) -> None:
-        self._visitor, self._login, self._secret, say = visitor, login, new_secret(), visitor.say
-        ui.label(say("account.factor_about")).classes("dim")
-        with ui.column() as self._box:
-            # as the ledger has it now: the visitor's own record may be two seconds old, as old as the removal
-            now = find_user(visitor.bench.ledger, visitor.user.name)
-            if now is not None and now.second_factor:
-                left = recovery_left(visitor.bench.ledger, visitor.user.name)
-                ui.label(say("account.factor_on", number=left)).classes("good")
-                with ui.row().classes("form"):
-                    self.code = ui.input(say("account.factor_now")).props("maxlength=60 autocomplete=one-time-code")
-                    self.password = _current_password(visitor)
-                button = ui.button(say("account.factor_remove"), on_click=visitor.action("read", self._remove))
-                button.props('outline no-caps data-testid="remove-factor"')
-                return
-            uri = segno.make(address(self._secret, visitor.user.name), error="m").svg_data_uri(scale=4, light="white")
-            ui.html(f'<img alt="{say("account.factor_code")}" src="{uri}">', sanitize=False)
-            ui.label(" ".join(self._secret[i : i + 4] for i in range(0, 32, 4))).classes("number").props(
-                'data-testid="secret"'
-            )
-            with ui.row().classes("form"):
-                self.code = ui.input(say("account.factor_first")).props(
-                    "maxlength=10 autocomplete=one-time-code inputmode=numeric"
-                )
-                self.password = _current_password(visitor)
-            button = ui.button(say("account.factor_set_up"), on_click=visitor.action("read", self._set_up))
-            button.props('unelevated no-caps data-testid="set-up-factor"')
 
-    def _set_up(self, user: User) -> None:
-        password, ledger, say = str(self.password.value), self._visitor.bench.ledger, self._visitor.say
-        self._visitor.bench.logins.confirm(self._login, password)
-        codes = put_second_factor(ledger, user.name, password, self._secret, str(self.code.value))
-        self._box.clear()
-        with self._box:
-            ui.label(say("account.recovery")).classes("warn")
-            for code in codes:
-                ui.label(code).classes("number").props('data-testid="recovery"')
+def _factor_to_remove(visitor: Visitor, login: Login) -> None:
+    say, bench = visitor.say, visitor.bench
+    ui.label(say("account.factor_on", number=users.recovery_left(bench.ledger, visitor.user.name))).classes("good")
+    with ui.row().classes("form"):
+        code = ui.input(say("account.factor_now")).props("maxlength=60 autocomplete=one-time-code")
+        password = _current_password(visitor)
 
-    def _remove(self, user: User) -> None:
-        self._visitor.bench.logins.confirm(self._login, str(self.password.value), str(self.code.value))
-        remove_second_factor(self._visitor.bench.ledger, user.name, author=user.name)
+    def remove(user: users.User) -> None:
+        bench.logins.confirm(login, str(password.value), str(code.value))
+        users.remove_second_factor(bench.ledger, user.name, author=user.name)
         ui.navigate.to("/account")
+
+    visitor.button("account.factor_remove", 'outline no-caps data-testid="remove-factor"', "read", remove)
+
+
+def _factor_to_set_up(visitor: Visitor, login: Login, box: ui.column) -> None:
+    say, bench, secret = visitor.say, visitor.bench, new_secret()
+    uri = segno.make(address(secret, visitor.user.name), error="m").svg_data_uri(scale=4, light="white")
+    ui.html(f'<img alt="{say("account.factor_code")}" src="{uri}">', sanitize=False)
+    grouped = " ".join(secret[i : i + 4] for i in range(0, 32, 4))
+    ui.label(grouped).classes("number").props('data-testid="secret"')
+    with ui.row().classes("form"):
+        code = ui.input(say("account.factor_first"))
+        code.props("maxlength=10 autocomplete=one-time-code inputmode=numeric")
+        password = _current_password(visitor)
+
+    def set_up(user: users.User) -> None:
+        bench.logins.confirm(login, str(password.value))
+        codes = users.put_second_factor(bench.ledger, user.name, str(password.value), secret, str(code.value))
+        box.clear()
+        with box:
+            ui.label(say("account.recovery")).classes("warn")
+            for one in codes:
+                ui.label(one).classes("number").props('data-testid="recovery"')
+
+    visitor.button("account.factor_set_up", 'unelevated no-caps data-testid="set-up-factor"', "read", set_up)
 
 
 def _logins(visitor: Visitor, name: str | None) -> None:
     """Where this user, or without a name anybody, is logged in."""
     say, logins = visitor.say, visitor.bench.logins
-    with ui.card().classes("panel"):
-        ui.label(say("account.logins")).classes("subtitle")
+    with visitor.panel("account.logins"):
         for login in logins.open(name):
             with ui.row().classes("items-center"):
                 if name is None:
@@ -229,11 +204,9 @@ def _logins(visitor: Visitor, name: str | None) -> None:
 
 
 def _end_button(visitor: Visitor, login: str, name: str | None) -> None:
-    def end(_: User) -> None:
+    def end(_: users.User) -> None:
         visitor.bench.logins.end(login, name)
         ui.navigate.reload()
 
-    button = ui.button(
-        visitor.say("account.end"), on_click=visitor.action("administer" if name is None else "read", end)
-    )
-    button.props('flat dense no-caps data-testid="end"')
+    may = "administer" if name is None else "read"
+    visitor.button("account.end", 'flat dense no-caps data-testid="end"', may, end)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,27 +13,10 @@ from fastapi import HTTPException, Request
 from nicegui import events, ui
 
 from inclinometry.errors import InclinometryError
-from inclinometry.laboratory.certificate.laboratory_toml import Laboratory
+from inclinometry.laboratory import registry
+from inclinometry.laboratory.certificate.laboratory import Laboratory, Standard
 from inclinometry.laboratory.ledger.ledger import Ledger
 from inclinometry.laboratory.ledger.users import User
-from inclinometry.laboratory.registry import (
-    LARGEST_LOGO,
-    RegisteredRig,
-    RegisteredSite,
-    RegisteredStandard,
-    find_laboratory,
-    find_logo,
-    find_rig,
-    find_site,
-    find_standard,
-    put_laboratory,
-    put_rig,
-    put_site,
-    put_standard,
-    rigs,
-    sites,
-    standards,
-)
 from inclinometry.laboratory.web.frame import Visitor, frame
 from inclinometry.laboratory.web.pages.forms import RecordForm
 from inclinometry.laboratory.web.pages.lists import Cell, table, to
@@ -56,60 +40,29 @@ class _Kind(NamedTuple):
 
 _KINDS = {
     "rigs": _Kind(
-        RegisteredRig,
-        rigs,
-        find_rig,
-        put_rig,
-        "capture",
-        ("driver",),
-        ("sd", "place", "traceability"),
-        "rigs.title",
-        "rigs.about",
-        "rigs.none",
+        registry.RegisteredRig, registry.rigs, registry.find_rig, registry.put_rig, "capture", ("driver",),
+        ("sd", "place", "traceability"), "rigs.title", "rigs.about", "rigs.none",
     ),
     "sites": _Kind(
-        RegisteredSite,
-        sites,
-        find_site,
-        put_site,
-        "capture",
-        ("laboratory",),
-        ("g", "b", "dip", "latitude"),
-        "sites.title",
-        "sites.about",
-        "sites.none",
+        registry.RegisteredSite, registry.sites, registry.find_site, registry.put_site, "capture", ("laboratory",),
+        ("g", "b", "dip", "latitude"), "sites.title", "sites.about", "sites.none",
     ),
     "standards": _Kind(
-        RegisteredStandard,
-        standards,
-        find_standard,
-        put_standard,
-        "issue",
-        (),
-        ("certificate", "due", "description"),
-        "standards.title",
-        "standards.about",
-        "standards.none",
+        Standard, registry.standards, registry.find_standard, registry.put_standard, "issue", (),
+        ("certificate", "due", "description"), "standards.title", "standards.about", "standards.none",
     ),
-}
+}  # fmt: skip
 
 
-@ui.page("/rigs")
-def rigs_page(request: Request, name: str = "") -> None:
-    """All rigs; a form for one of them or a new one."""
-    _page(request, "rigs", name)
+def _registered(kind: str) -> None:
+    @ui.page(f"/{kind}")
+    def page(request: Request, name: str = "") -> None:
+        """All of a kind; a form for one of them or a new one."""
+        _page(request, kind, name)
 
 
-@ui.page("/sites")
-def sites_page(request: Request, name: str = "") -> None:
-    """All sites; a form for one of them or a new one."""
-    _page(request, "sites", name)
-
-
-@ui.page("/standards")
-def standards_page(request: Request, name: str = "") -> None:
-    """All reference standards; a form for one of them or a new one."""
-    _page(request, "standards", name)
+for _kind in _KINDS:
+    _registered(_kind)
 
 
 def _page(request: Request, kind: str, name: str) -> None:
@@ -138,15 +91,8 @@ def _page(request: Request, kind: str, name: str) -> None:
                 ui.label(say("form.new") if old is None else name).classes("subtitle")
                 if old is not None:
                     ui.link(say("form.new"), f"/{kind}")
-            RecordForm(
-                visitor,
-                about.of,
-                old,
-                save,
-                find=lambda key: about.find(ledger, key),
-                leave_out=about.leave_out,
-                may=about.may,
-            )
+            find = partial(about.find, ledger)
+            RecordForm(visitor, about.of, old, save, find=find, leave_out=about.leave_out, may=about.may)
 
 
 def _line(visitor: Visitor, kind: str, one: Any) -> tuple[Cell | str, ...]:
@@ -173,52 +119,48 @@ def laboratory_page(request: Request) -> None:
     """Name, address, accreditation and logo, as certificates show them."""
     with frame(request, "settings.title", needs="administer") as visitor:
         ledger, say = visitor.bench.ledger, visitor.say
-        known = find_laboratory(ledger)
+        known = registry.find_laboratory(ledger)
         with ui.card().classes("panel"):
             ui.label(say("settings.about")).classes("dim")
 
             def save(user: User, made: Laboratory) -> None:
-                put_laboratory(ledger, made, author=user.name)
+                registry.put_laboratory(ledger, made, author=user.name)
                 ui.navigate.to("/laboratory")
 
             RecordForm(visitor, Laboratory, known, save, may="administer")
         with ui.card().classes("panel"):
-            ui.label(say("settings.logo", size=LARGEST_LOGO // 1000)).classes("subtitle")
+            ui.label(say("settings.logo", size=registry.LARGEST_LOGO // 1000)).classes("subtitle")
             if known is None:
                 ui.label(say("settings.name_first")).classes("dim")
                 return
-            LogoForm(visitor, known)
+            _logo_form(visitor, known)
 
 
-class LogoForm:
+def _logo_form(visitor: Visitor, laboratory: Laboratory) -> None:
     """The logo as it is, one to take its place, and a button that removes it."""
+    say, ledger, most = visitor.say, visitor.bench.ledger, registry.LARGEST_LOGO
+    logo = registry.find_logo(ledger)
+    if logo is not None:
+        # as a picture: whatever an SVG holds, nothing in it is run
+        address = f"data:{logo[0]};base64,{base64.b64encode(logo[1]).decode()}"
+        ui.image(address).classes("logo").props('fit=contain position="0 50%" no-spinner no-transition')
+    problem = ui.label("").classes("bad").props('role="alert"')
 
-    def __init__(self, visitor: Visitor, laboratory: Laboratory) -> None:
-        self._visitor, self._laboratory, say = visitor, laboratory, visitor.say
-        logo = find_logo(visitor.bench.ledger)
-        if logo is not None:
-            # as a picture: whatever an SVG holds, nothing in it is run
-            address = f"data:{logo[0]};base64,{base64.b64encode(logo[1]).decode()}"
-            ui.image(address).classes("logo").props('fit=contain position="0 50%" no-spinner no-transition')
-        self._problem = ui.label("").classes("bad").props('role="alert"')
-        upload = ui.upload(
-            label=say("import.file"), auto_upload=True, max_files=1, max_file_size=LARGEST_LOGO, on_upload=self._arrived
-        )
-        upload.classes("wide").props('accept=".png,.svg"')
-        upload.on("rejected", lambda: self._problem.set_text(say("import.too_large")))
-        if logo is not None:
-            remove = ui.button(say("settings.no_logo"), on_click=visitor.action("administer", self._remove))
-            remove.props("outline no-caps")
-
-    async def _arrived(self, event: events.UploadEventArguments) -> None:
+    async def arrived(event: events.UploadEventArguments) -> None:
         try:
-            user, content = self._visitor.require("administer"), await event.file.read()
-            put_laboratory(self._visitor.bench.ledger, self._laboratory, author=user.name, logo=content or b"-")
+            user, content = visitor.require("administer"), await event.file.read()
+            registry.put_laboratory(ledger, laboratory, author=user.name, logo=content or b"-")
         except InclinometryError as error:
-            self._problem.set_text(self._visitor.problem(error))
+            problem.set_text(visitor.problem(error))
             return
         ui.navigate.to("/laboratory")
 
-    def _remove(self, user: User) -> None:
-        put_laboratory(self._visitor.bench.ledger, self._laboratory, author=user.name, logo=b"")
+    def remove(user: User) -> None:
+        registry.put_laboratory(ledger, laboratory, author=user.name, logo=b"")
         ui.navigate.to("/laboratory")
+
+    upload = ui.upload(label=say("import.file"), auto_upload=True, max_files=1, max_file_size=most, on_upload=arrived)
+    upload.classes("wide").props('accept=".png,.svg"')
+    upload.on("rejected", lambda: problem.set_text(say("import.too_large")))
+    if logo is not None:
+        visitor.button("settings.no_logo", "outline no-caps", "administer", remove)

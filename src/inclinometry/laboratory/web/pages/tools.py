@@ -12,20 +12,13 @@ from nicegui import ui
 
 from inclinometry.arrays import Array
 from inclinometry.errors import InputError
+from inclinometry.laboratory import registry
 from inclinometry.laboratory.drift import kept_drift
 from inclinometry.laboratory.ledger.users import User
-from inclinometry.laboratory.registry import (
-    RegisteredTool,
-    due_days,
-    find_tool,
-    listed,
-    put_tool,
-    tools,
-)
 from inclinometry.laboratory.results import history
 from inclinometry.laboratory.web.frame import Visitor, frame
+from inclinometry.laboratory.web.pages import lists
 from inclinometry.laboratory.web.pages.forms import RecordForm
-from inclinometry.laboratory.web.pages.lists import Cell, axis, band, chart, day, parameter_words, table, to, visible
 
 SHOWN: Final = 20
 
@@ -35,17 +28,16 @@ def tools_page(request: Request, after: str = "") -> None:
     """All tools, a page at a time."""
     page = 50
     with frame(request, "tools.title") as visitor:
-        found = tools(visitor.bench.ledger, limit=page, after=after)
+        found = registry.tools(visitor.bench.ledger, limit=page, after=after)
         with ui.card().classes("panel"):
             _find(visitor)
             _table(visitor, found)
             with ui.row():
                 if len(found) == page:
-                    ui.link(visitor.say("tools.more"), to("/tools", after=found[-1].serial))
+                    ui.link(visitor.say("tools.more"), lists.to("/tools", after=found[-1].serial))
                 ui.link("CSV", "/api/v1/tables/tools.csv")
         if visitor.user.may("capture"):
-            with ui.card().classes("panel"):
-                ui.label(visitor.say("tools.register")).classes("subtitle")
+            with visitor.panel("tools.register"):
                 _form(visitor, None)
 
 
@@ -56,24 +48,29 @@ def _find(visitor: Visitor) -> None:
 
         def go() -> None:
             serial = str(text.value or "").strip()
-            known = serial and find_tool(visitor.bench.ledger, serial) is not None
-            ui.navigate.to(to("/tools", serial) if known else to("/tools", after=serial))
+            known = serial and registry.find_tool(visitor.bench.ledger, serial) is not None
+            ui.navigate.to(lists.to("/tools", serial) if known else lists.to("/tools", after=serial))
 
         text.on("keydown.enter", go)
         ui.button(visitor.say("ledger.search"), on_click=go).props("outline no-caps")
 
 
-def _table(visitor: Visitor, found: list[RegisteredTool]) -> None:
+def _table(visitor: Visitor, found: list[registry.RegisteredTool]) -> None:
     say, today = visitor.say, datetime.now(UTC).date()
-    due = due_days(visitor.bench.ledger, found)
+    due = registry.due_days(visitor.bench.ledger, found)
 
-    def line(tool: RegisteredTool) -> tuple[Cell | str, ...]:
+    def line(tool: registry.RegisteredTool) -> tuple[lists.Cell | str, ...]:
         when = due.get(tool.serial)
         text = say("tools.retired") if tool.retired else "" if when is None else f"{when:%Y-%m-%d}"
         late = "bad" if when is not None and when <= today else ""
-        return Cell(tool.serial, to("/tools", tool.serial)), tool.name, tool.customer, Cell(text, style=late)
+        return (
+            lists.Cell(tool.serial, lists.to("/tools", tool.serial)),
+            tool.name,
+            tool.customer,
+            lists.Cell(text, style=late),
+        )
 
-    table([say(key) for key in ("tools.serial", "field.name", "tools.customer", "tools.due")], map(line, found))
+    lists.table([say(key) for key in ("tools.serial", "field.name", "tools.customer", "tools.due")], map(line, found))
     if not found:
         ui.label(say("tools.none")).classes("dim")
 
@@ -82,39 +79,37 @@ def _table(visitor: Visitor, found: list[RegisteredTool]) -> None:
 def tool_page(request: Request, serial: str) -> None:
     """One tool."""
     with frame(request, "tools.one") as visitor:
-        tool = find_tool(visitor.bench.ledger, serial)
+        tool = registry.find_tool(visitor.bench.ledger, serial)
         if tool is None:
             raise HTTPException(404, f"there is no tool {serial!r:.80}")
         with ui.card().classes("panel"):
-            ui.label(visible(f"{tool.serial} · {tool.name}")).classes("subtitle number")
+            ui.label(lists.visible(f"{tool.serial} · {tool.name}")).classes("subtitle number")
             about = " · ".join(x for x in (tool.manufacturer, tool.customer, tool.description) if x)
             if about:
-                ui.label(visible(about)).classes("dim")
+                ui.label(lists.visible(about)).classes("dim")
             if tool.retired:
                 ui.label(visitor.say("tools.retired")).classes("warn")
             else:
-                due = due_days(visitor.bench.ledger, [tool]).get(tool.serial)
+                due = registry.due_days(visitor.bench.ledger, [tool]).get(tool.serial)
                 if due is None:
                     ui.label(visitor.say("tools.no_interval")).classes("dim")
                 else:
                     late = due <= datetime.now(UTC).date()
-                    ui.label(f"{visitor.say('tools.due')}: {due:%Y-%m-%d}").classes(
-                        "number " + ("bad" if late else "good")
-                    )
+                    when = ui.label(f"{visitor.say('tools.due')}: {due:%Y-%m-%d}")
+                    when.classes("number " + ("bad" if late else "good"))
                 _drift(visitor, tool)
             if visitor.user.may("capture"):
                 with ui.row():
-                    ui.link(visitor.say("home.start"), to("/calibrate", serial=tool.serial))
-                    ui.link(visitor.say("import.title"), to("/import", serial=tool.serial))
+                    ui.link(visitor.say("home.start"), lists.to("/calibrate", serial=tool.serial))
+                    ui.link(visitor.say("import.title"), lists.to("/import", serial=tool.serial))
         _history(visitor, serial)
         _sessions(visitor, serial)
         if visitor.user.may("capture"):
-            with ui.card().classes("panel"):
-                ui.label(visitor.say("tools.change")).classes("subtitle")
+            with visitor.panel("tools.change"):
                 _form(visitor, tool)
 
 
-def _drift(visitor: Visitor, tool: RegisteredTool) -> None:
+def _drift(visitor: Visitor, tool: registry.RegisteredTool) -> None:
     """Due date by the tool's own drift, alarm, what a check of six positions would reach, as `fleet fit` kept them."""
     found = kept_drift(visitor.bench.ledger, [tool]).get(tool.serial)
     if found is None:
@@ -133,8 +128,7 @@ def _drift(visitor: Visitor, tool: RegisteredTool) -> None:
 
 def _history(visitor: Visitor, serial: str) -> None:
     drawn = 100  # calibrations in a drift plot, the newest
-    with ui.card().classes("panel"):
-        ui.label(visitor.say("tools.drift")).classes("subtitle")
+    with visitor.panel("tools.drift"):
         try:
             found = history(visitor.bench.ledger, serial, limit=drawn)
         except InputError:
@@ -143,10 +137,15 @@ def _history(visitor: Visitor, serial: str) -> None:
         with ui.row().classes("list-of-links"):
             for record, when in list(zip(found.records, found.measured, strict=True))[: -SHOWN - 1 : -1]:
                 ui.link(when.isoformat(), f"/results/{record}").classes("number")
-            ui.link("CSV", to("/api/v1/tables/history.csv", serial=serial))
+            ui.link("CSV", lists.to("/api/v1/tables/history.csv", serial=serial))
         if len(found) == drawn:
             ui.label(visitor.say("tools.newest", number=drawn)).classes("dim")
-        names = {name: parameter_words(visitor, name) for name in found.values}
+        for kinds in dict.fromkeys(found.scale_unknown):
+            days = [
+                day.isoformat() for day, one in zip(found.measured, found.scale_unknown, strict=True) if one == kinds
+            ]
+            lists.scale_unknown(visitor, kinds, ", ".join(days) if len(days) < len(found) else "")
+        names = {name: lists.parameter_words(visitor, name) for name in found.values}
         box = ui.column().classes("w-full")
 
         def show(name: str) -> None:
@@ -155,19 +154,14 @@ def _history(visitor: Visitor, serial: str) -> None:
                 # change of one parameter since the first calibration, with a band of two standard uncertainties
                 change, spread = found.change(name)
                 days = [when.isoformat() for when in found.measured]
-                options = {
-                    "xAxis": axis(visitor.say("tools.day"), kind="category", data=days),
-                    "yAxis": axis(visitor.say("tools.axis")),
-                    "series": band(names[name], _plain(change), _plain(2.0 * spread)),
-                }
+                x, y = lists.axis(visitor.say("tools.day"), days), lists.axis(visitor.say("tools.axis"))
                 ui.label(visitor.say("tools.change_of", name=names[name]))
-                chart(options, visitor.say("tools.drift"))
-                worst = (
-                    float(np.nanmax(np.abs(change) / np.where(spread > 0.0, spread, np.inf))) if len(found) > 1 else 0.0
-                )
-                ui.label(visitor.say("tools.largest", ratio=f"{worst:.1f}")).classes(
-                    "number " + ("bad" if worst > 3.0 else "dim")
-                )
+                series = lists.band(names[name], _plain(change), _plain(2.0 * spread))
+                lists.chart(visitor.say("tools.drift"), series, x, y)
+                sizes = np.abs(change) / np.where(spread > 0.0, spread, np.inf)
+                worst = float(np.nanmax(sizes)) if len(found) > 1 else 0.0
+                largest = ui.label(visitor.say("tools.largest", ratio=f"{worst:.1f}"))
+                largest.classes("number " + ("bad" if worst > 3.0 else "dim"))
 
         ui.select(
             names, value=next(iter(names)), label=visitor.say("tools.parameter"), on_change=lambda e: show(str(e.value))
@@ -181,26 +175,36 @@ def _plain(values: Array) -> list[float | None]:
 
 
 def _sessions(visitor: Visitor, serial: str) -> None:
-    with ui.card().classes("panel"):
-        ui.label(visitor.say("tools.sessions")).classes("subtitle")
-        found = listed(visitor.bench.ledger, "session", serial=serial, limit=SHOWN)
+    with visitor.panel("tools.sessions"):
+        found = registry.listed(visitor.bench.ledger, "session", serial=serial, limit=SHOWN)
         if not found:
             ui.label(visitor.say("tools.no_session")).classes("dim")
             return
         lines = [
-            (Cell(day(one.created), f"/calibrate/{one.id}"), visitor.say(f"purpose.{one.keys['purpose']}"), one.author)
+            (
+                lists.Cell(lists.day(one.created), f"/calibrate/{one.id}"),
+                visitor.say(f"purpose.{one.keys['purpose']}"),
+                one.author,
+            )
             for one in found
         ]
-        table([visitor.say("verify.when"), visitor.say("tools.purpose"), visitor.say("verify.by")], lines)
+        lists.table([visitor.say("verify.when"), visitor.say("tools.purpose"), visitor.say("verify.by")], lines)
 
 
-def _form(visitor: Visitor, tool: RegisteredTool | None) -> None:
+def _form(visitor: Visitor, tool: registry.RegisteredTool | None) -> None:
     """Fields of a tool; saved as a new record."""
     ledger = visitor.bench.ledger
 
-    def save(user: User, made: RegisteredTool) -> None:
-        put_tool(ledger, replace(made, name=made.name or made.serial), author=user.name)
-        ui.navigate.to(to("/tools", made.serial))
+    def save(user: User, made: registry.RegisteredTool) -> None:
+        registry.put_tool(ledger, replace(made, name=made.name or made.serial), author=user.name)
+        ui.navigate.to(lists.to("/tools", made.serial))
 
     hidden = ("triads", "convention")
-    RecordForm(visitor, RegisteredTool, tool, save, find=lambda serial: find_tool(ledger, serial), leave_out=hidden)
+    RecordForm(
+        visitor,
+        registry.RegisteredTool,
+        tool,
+        save,
+        find=lambda serial: registry.find_tool(ledger, serial),
+        leave_out=hidden,
+    )

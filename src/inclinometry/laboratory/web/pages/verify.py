@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from textwrap import wrap
 from typing import Any, Final
 
 import numpy as np
-from fastapi import HTTPException, Request
+from fastapi import Request
 from nicegui import ui
 
-from inclinometry.calibration.acceptance import GUARDS, Limits
+from inclinometry.calibration.decision import AGREES, GUARDS, Limits
 from inclinometry.constants import ANGLES, COVERAGE_FACTOR, DIALS
 from inclinometry.errors import InclinometryError, InputError
 from inclinometry.files.limits import limit_names, read_limits
 from inclinometry.files.verification_json import stated_limits
-from inclinometry.laboratory.ledger.ledger import Ledger, LedgerError, Record
+from inclinometry.laboratory.ledger.ledger import LedgerError, Record
 from inclinometry.laboratory.ledger.users import User
-from inclinometry.laboratory.registry import Listed, extract, listed
+from inclinometry.laboratory.registry import extract, listed
 from inclinometry.laboratory.session import closing, load_session
 from inclinometry.laboratory.verification import (
     OWN,
@@ -30,24 +31,11 @@ from inclinometry.laboratory.verification import (
     limits_of,
     missing_positions,
     protocols,
+    recorded,
     report,
 )
 from inclinometry.laboratory.web.frame import Visitor, aside, frame
-from inclinometry.laboratory.web.pages.lists import (
-    GREY,
-    RED,
-    Cell,
-    axis,
-    bars,
-    chart,
-    day,
-    legend,
-    paged,
-    plan_words,
-    table,
-    to,
-    visible,
-)
+from inclinometry.laboratory.web.pages import lists
 
 # Errors of a verified tool against its limits: curves, decisions, the verdict; before it is recorded and after.
 
@@ -59,10 +47,7 @@ def finish_page(request: Request, session: str) -> None:
     """How the positions captured so far are judged; recording the verdict."""
     with frame(request, "verify.judged") as visitor:
         ledger = visitor.bench.ledger
-        try:
-            seen = load_session(ledger, session)
-        except LedgerError as error:
-            raise HTTPException(404, str(error)) from None
+        seen = load_session(ledger, session)
         calibration = str(seen.settings.get("calibration", ""))
         if seen.closed or not calibration:
             ui.label(visitor.say("verify.closed")).classes("warn")
@@ -70,7 +55,7 @@ def finish_page(request: Request, session: str) -> None:
             return
         limits = limits_of(seen)
         done = visitor.say("home.progress", done=len(seen.valid), all=len(seen.positions))
-        ui.label(f"{seen.serial} · {plan_words(visitor, seen.plan)} · {done}").classes("subtitle number")
+        ui.label(f"{seen.serial} · {lists.plan_words(visitor, seen.plan)} · {done}").classes("subtitle number")
         ui.link(visitor.say("verify.capture"), f"/calibrate/{session}")
         try:
             found = judged(ledger, session, calibration, limits)
@@ -81,60 +66,53 @@ def finish_page(request: Request, session: str) -> None:
         if lost:
             ui.label(visitor.sentence(lost)).classes("warn")
         verdict = "incomplete" if lost else found.verdict
-        show_report(visitor, verdict, stated_limits(found, limits), report(found, seen))
-        if visitor.user.may("capture") and not lost:
-            _record_button(visitor, ledger, session, calibration)
-
-
-def _record_button(visitor: Visitor, ledger: Ledger, session: str, calibration: str) -> None:
-    async def record() -> None:
-        button.disable()
-        try:
-            user = visitor.require("capture")
-            limits = limits_of(load_session(ledger, session))
-            made = await aside(
-                lambda: finish_verification(ledger, session, calibration, author=user.name, limits=limits)
-            )
-        except InclinometryError as error:
-            ui.notify(visitor.problem(error), type="negative", multi_line=True, timeout=0, close_button="OK")
-            button.enable()
+        show_report(visitor, verdict, stated_limits(limits), report(found, seen))
+        if not visitor.user.may("capture") or lost:
             return
-        ui.navigate.to(f"/verifications/{made.id}")
 
-    button = ui.button(visitor.say("verify.record"), on_click=record).props("unelevated no-caps")
+        def judge(user: User) -> Record:
+            agreed = limits_of(load_session(ledger, session))
+            return finish_verification(ledger, session, calibration, author=user.name, limits=agreed)
+
+        async def record() -> None:
+            made = await visitor.attempt("capture", judge, visitor.complain, button)
+            if made is not None:
+                ui.navigate.to(f"/verifications/{made.id}")
+
+        button = ui.button(visitor.say("verify.record"), on_click=record).props("unelevated no-caps")
 
 
 @ui.page("/verifications/{verification}")
 def verification_page(request: Request, verification: str) -> None:
     """A recorded verification."""
     with frame(request, "verify.one") as visitor:
-        try:
-            record = visitor.bench.ledger.get("verification", verification)
-        except LedgerError as error:
-            raise HTTPException(404, str(error)) from None
+        record = visitor.bench.ledger.get("verification", verification)
         say, serial = visitor.say, record.keys["serial"]
         calibration = record.keys["calibration"]
         with ui.row().classes("items-center"):
-            ui.link(serial, to("/tools", serial)).classes("number")
-            ui.label(f"{day(record.created)} UTC · {record.author}").classes("number")
+            ui.link(serial, lists.to("/tools", serial)).classes("number")
+            ui.label(f"{lists.day(record.created)} UTC · {record.author}").classes("number")
             ui.link(say("verify.calibration"), f"/results/{calibration}")
             if visitor.user.may("issue"):
-                address = to("/certificates/new", calibration=calibration, verification=record.id)
+                address = lists.to("/certificates/new", calibration=calibration, verification=record.id)
                 ui.link(say("results.certificate"), address)
             ui.link("CSV", f"/api/v1/tables/verification/{record.id}.csv")
-        show_report(visitor, record.body["verdict"], record.body["limits"], record.body["report"])
+        held = recorded(record)
+        show_report(visitor, held["verdict"], held["limits"], held["report"])
 
 
-def show_report(visitor: Visitor, verdict: str, limits: Content, content: Content) -> None:
+def show_report(visitor: Visitor, verdict: str, limits: Content | None, content: Content) -> None:
     """Verdict, curves and table of a report in degrees, as `workflow.laboratory.verification.report` makes it."""
     say = visitor.say
     with ui.card().classes("panel"):
         # green only when nothing below speaks against relying on it
         doubted = "warn" if content.get("warnings") else "good"
-        word = "reserved" if verdict == "pass" and doubted == "warn" else verdict
-        ui.label(say(f"verdict.{word}")).classes("judgement " + (doubted if verdict == "pass" else "bad"))
+        word = f"{verdict} reserved" if verdict in ACCEPTED and doubted == "warn" else verdict
+        ui.label(say(f"verdict.{word}")).classes("judgement " + (doubted if verdict in ACCEPTED else "bad"))
         if protocol := content.get("protocol"):
-            ui.label(say("verify.of_protocol", **{**protocol, "name": plan_words(visitor, str(protocol["name"]))}))
+            ui.label(
+                say("verify.of_protocol", **{**protocol, "name": lists.plan_words(visitor, str(protocol["name"]))})
+            )
         reasons = [str(sentence) for sentence in content.get("reasons", ())]
         for sentence in dict.fromkeys(reasons):
             # a record of before has what came out as foreseen twice
@@ -142,77 +120,62 @@ def show_report(visitor: Visitor, verdict: str, limits: Content, content: Conten
                 ui.label(visitor.sentence(sentence))
         for sentence in dict.fromkeys(map(str, content.get("warnings", ()))):
             ui.label(visitor.sentence(sentence)).classes("warn")
-        source = visible(visitor.sentence(str(limits.get("source", ""))))
-        against = str(limits.get("name", ""))
-        name = say("verify.own_uncertainty") if against == UNCERTAINTY else visitor.sentence(against)
-        ui.label(say("verify.against", name=name, source=source))
-        guard = str(limits.get("guard", "none"))
-        k = float(content.get("coverage_factor", 2.0))
-        rule = guard if "guard" in limits else "derived"
-        ui.label(say(f"verify.rule.{rule}", k=f"{k:.3g}")).classes("dim")
+        k = float(content.get("coverage_factor", COVERAGE_FACTOR))
+        guard = "none" if limits is None else str(limits["guard"])
+        if limits is None:
+            ui.label(say("verify.rule.agreement", k=f"{k:.3g}")).classes("dim")
+        else:
+            source, name = (lists.visible(visitor.sentence(str(limits[key]))) for key in ("source", "name"))
+            ui.label(say("verify.against", name=name, source=source))
+            ui.label(say(f"verify.rule.{guard}", k=f"{k:.3g}")).classes("dim")
     for name in ANGLES:
-        with ui.card().classes("panel"):
-            ui.label(say("verify.errors_of", name=say(f"bench.{name}"))).classes("subtitle")
-            _curves(visitor, name, content["positions"], guard, COVERAGE_FACTOR / k)
-    # every position, with the U of the bars
-    share = COVERAGE_FACTOR / k
-    say = visitor.say
+        with visitor.panel("verify.errors_of", name=say(f"bench.{name}")) as title:
+            _curves(visitor, title, name, content["positions"], guard)
     shown = []
     for row in content["positions"]:
         line = {"position": str(row["position"])}
         line |= {key: f"{row[f'{key}_deg']:g}" for key in DIALS}
         for name in ANGLES:
             error, u = _cell(row, name, "error_deg"), _cell(row, name, "U_deg")
-            line[f"e_{name}"] = "" if error is None or u is None else f"{error:+.3f} ± {share * u:.3f}"
+            line[f"e_{name}"] = "" if error is None or u is None else f"{error:+.3f} ± {u:.3f}"
             line[f"d_{name}"] = say(f"decision.{row[name]['decision']}")
         shown.append(line)
-    columns = [_column("position", say("verify.position"))]
-    columns += [_column(key, f"{say(f'bench.{key}')} °") for key in DIALS]
+    columns = [lists.column("position", say("verify.position"))]
+    columns += [lists.column(key, f"{say(f'bench.{key}')} °") for key in DIALS]
+    decision = say("verify.decision" if limits is not None else "verify.agreement")
     for name in ANGLES:
-        columns.append(_column(f"e_{name}", say("verify.error_of", name=say(f"bench.{name}"))))
-        columns.append(_column(f"d_{name}", say("verify.decision")))
-    with ui.card().classes("panel"):
-        ui.label(say("verify.positions")).classes("subtitle")
-        paged(columns, shown, "position", 24)
+        columns.append(lists.column(f"e_{name}", say("verify.error_of", name=say(f"bench.{name}"))))
+        columns.append(lists.column(f"d_{name}", decision, left=True))
+    with visitor.panel("verify.positions"):
+        lists.paged(columns, shown, "position", 24)
 
 
-def _curves(visitor: Visitor, name: str, rows: list[Content], guard: str, share: float) -> None:
-    """Errors with bars of U for the usual k (a share of the recorded), limits, and where a guarded decision accepts."""
+def _curves(visitor: Visitor, title: str, name: str, rows: list[Content], guard: str) -> None:
+    """Errors with bars of U, limits where there are any, and where a guarded decision accepts."""
     say = visitor.say
     errors, expanded, limit = ([_cell(row, name, key) for row in rows] for key in ("error_deg", "U_deg", "limit_deg"))
-    shown = [None if u is None else share * u for u in expanded]
-    series = bars(say("verify.error"), errors, shown, [row[name]["decision"] for row in rows])
-    series += _lines(say("verify.limit"), limit, RED, "solid")
+    series = lists.bars(say("verify.error"), errors, expanded, [row[name]["decision"] for row in rows])
+    series += _lines(say("verify.limit"), limit, lists.RED, "solid")
     if guard != "none":
         inside = [None if x is None or u is None else max(x - u, 0.0) for x, u in zip(limit, expanded, strict=True)]
-        series += _lines(say("verify.acceptance"), inside, GREY, "dashed")
+        series += _lines(say("verify.acceptance"), inside, lists.GREY, "dashed")
     places = [
         f"{row['position']}: {row['azimuth_deg']:g}° {row['inclination_deg']:g}° {row['toolface_deg']:g}°"
         for row in rows
     ]
-    options = {
-        "legend": legend([s["name"] for s in series if not s.get("silent")]),
-        # the name may take two lines of a telephone
-        "xAxis": axis("\n".join(wrap(say("verify.place"), 45)), kind="category", data=places),
-        "grid": {"left": 60, "right": 20, "top": 30, "bottom": 62},
-        "yAxis": axis(say("results.degrees")),
-        "series": series,
-    }
-    chart(options, say("verify.errors_of", name=say(f"bench.{name}")), height="277px")
+    # the name may take two lines of a telephone
+    x, y = lists.axis("\n".join(wrap(say("verify.place"), 45)), places), lists.axis(say("results.degrees"))
+    legend = lists.legend([s["name"] for s in series if not s.get("silent")])
+    grid = {"left": 60, "right": 20, "top": 30, "bottom": 62}
+    lists.chart(title, series, x, y, height="277px", legend=legend, grid=grid)
 
 
 def _lines(name: str, values: list[float | None], colour: str, kind: str) -> list[dict[str, Any]]:
     """Upper and lower line of a symmetric limit; nothing where nothing is judged."""
     if all(value is None for value in values):
         return []
-    line = {
-        "type": "line",
-        "step": "middle",
-        "symbol": "none",
-        "name": name,
-        "lineStyle": {"color": colour, "type": kind, "width": 1.5},
-        "itemStyle": {"color": colour},
-    }
+    line: dict[str, Any] = {"type": "line", "step": "middle", "symbol": "none", "name": name}
+    line |= {"lineStyle": {"color": colour, "type": kind, "width": 1.5}, "itemStyle": {"color": colour}}
     return [{**line, "data": values}, {**line, "data": [None if x is None else -x for x in values], "silent": True}]
 
 
@@ -221,12 +184,9 @@ def _cell(row: Content, name: str, key: str) -> float | None:
     return None if value is None else round(float(value), 5)
 
 
-def _column(name: str, label: str) -> dict[str, Any]:
-    return {"name": name, "label": label, "field": name, "align": "left" if name.startswith("d_") else "right"}
-
-
 UNCERTAINTY: Final = "certificate"
-"""Choice of holding each error against its own uncertainty."""
+"""Choice of no limits: errors are compared with their uncertainty."""
+ACCEPTED: Final = ("pass", AGREES)
 
 
 @ui.page("/verify")
@@ -235,57 +195,54 @@ def verify_page(request: Request, calibration: str = "", before: int = 0) -> Non
     shown = 20
     with frame(request, "verify.title") as visitor:
         if visitor.user.may("capture"):
-            with ui.card().classes("panel"):
-                ui.label(visitor.say("verify.begin")).classes("subtitle")
+            with visitor.panel("verify.begin"):
                 VerifyForm(visitor, calibration)
         ledger, say = visitor.bench.ledger, visitor.say
         found = listed(ledger, "session", purpose="verify", limit=shown)
         still_open = [one for one in found if not closing(ledger, one.id)]
         if still_open:
-            with ui.card().classes("panel"):
-                ui.label(say("verify.under_way")).classes("subtitle")
+            with visitor.panel("verify.under_way"):
                 lines = [
                     (
-                        Cell(one.keys["serial"], to("/tools", one.keys["serial"])),
-                        day(one.created),
+                        lists.Cell(one.keys["serial"], lists.to("/tools", one.keys["serial"])),
+                        lists.day(one.created),
                         one.author,
-                        Cell(say("verify.capture"), f"/calibrate/{one.id}"),
-                        Cell(say("verify.judge"), f"/verify/{one.id}/finish"),
+                        lists.Cell(say("verify.capture"), f"/calibrate/{one.id}"),
+                        lists.Cell(say("verify.judge"), f"/verify/{one.id}/finish"),
                     )
                     for one in still_open
                 ]
-                table([say("tools.serial"), say("verify.begun"), say("verify.by"), "", ""], lines)
-        ledger, say = visitor.bench.ledger, visitor.say
+                lists.table([say("tools.serial"), say("verify.begun"), say("verify.by"), "", ""], lines)
         found = listed(ledger, "verification", limit=shown, before=max(before, 0))
-        with ui.card().classes("panel"):
-            ui.label(say("verify.recorded")).classes("subtitle")
-            table(
-                [say(f"verify.{key}") for key in ("when", "tool", "verdict", "limits", "by")],
-                map(_line(visitor), found),
-            )
+        with visitor.panel("verify.recorded"):
+            heads = [say(f"verify.{key}") for key in ("when", "tool", "verdict", "limits", "by")]
+            lists.table(heads, [_line(visitor, one) for one in found])
             if not found:
                 ui.label(say("verify.none")).classes("dim")
             if len(found) == shown:
-                ui.link(say("ledger.older"), to("/verify", before=found[-1].seq))
+                ui.link(say("ledger.older"), lists.to("/verify", before=found[-1].seq))
 
 
-def _line(visitor: Visitor) -> Any:
-    def line(one: Listed) -> tuple[Cell | str, ...]:
-        verdict, limits = extract(visitor.bench.ledger, one, "verdict", verdict_of)
-        return (
-            Cell(day(one.created), f"/verifications/{one.id}"),
-            Cell(one.keys["serial"], to("/tools", one.keys["serial"])),
-            Cell(visitor.say(f"verdict.{verdict}"), style="good" if verdict == "pass" else "bad"),
-            visitor.sentence(limits),
-            one.author,
-        )
+def _line(visitor: Visitor, one: Record) -> tuple[lists.Cell | str, ...]:
+    verdict, limits = extract(visitor.bench.ledger, one, "verdict", verdict_of)
+    return (
+        lists.Cell(lists.day(one.created), f"/verifications/{one.id}"),
+        lists.Cell(one.keys["serial"], lists.to("/tools", one.keys["serial"])),
+        lists.Cell(visitor.say(f"verdict.{verdict}"), style="good" if verdict in ACCEPTED else "bad"),
+        limits_words(visitor, limits),
+        one.author,
+    )
 
-    return line
+
+def limits_words(visitor: Visitor, limits: str) -> str:
+    """The name of agreed limits, or that none were agreed."""
+    return visitor.sentence(limits) if limits else visitor.say("verify.own_uncertainty")
 
 
 def verdict_of(record: Record) -> tuple[str, str]:
-    """Verdict of a verification and the name of its limits."""
-    return str(record.body["verdict"]), str(record.body["limits"].get("name", ""))
+    """Verdict of a verification and the name of its limits, "" where none were agreed."""
+    held = recorded(record)
+    return str(held["verdict"]), "" if held["limits"] is None else str(held["limits"]["name"])
 
 
 class VerifyForm:
@@ -293,11 +250,11 @@ class VerifyForm:
 
     def __init__(self, visitor: Visitor, calibration: str) -> None:
         self._visitor, say = visitor, visitor.say
-        choices = {one.id: f"{one.keys['serial']} · {day(one.created)}" for one in self._offered(calibration)}
+        choices = {one.id: f"{one.keys['serial']} · {lists.day(one.created)}" for one in self._offered(calibration)}
         chosen = calibration if calibration in choices else next(iter(choices), None)
         self.calibration = ui.select(choices, value=chosen, label=say("verify.calibration"), with_input=True)
         self.calibration.classes("wide")
-        plans = {name: f"{plan_words(visitor, name)} ({len(p.plan)})" for name, p in protocols().items()}
+        plans = {name: f"{lists.plan_words(visitor, name)} ({len(plan)})" for name, plan in protocols().items()}
         self.protocol = ui.select(plans, value=next(iter(plans)), label=say("verify.protocol")).classes("wide")
         presets = {UNCERTAINTY: say("verify.own_uncertainty"), **{name: name for name in limit_names()}}
         presets[OWN] = say("verify.own_values")
@@ -324,15 +281,12 @@ class VerifyForm:
         if chosen is None:
             ui.label(say("verify.no_calibration")).classes("dim")
 
-    def _offered(self, calibration: str) -> list[Listed]:
+    def _offered(self, calibration: str) -> list[Record]:
         ledger = self._visitor.bench.ledger
         found = listed(ledger, "calibration", limit=200)
         if calibration and all(one.id != calibration for one in found):
-            try:
-                record = ledger.get("calibration", calibration)
-            except LedgerError:
-                return found
-            found.insert(0, Listed(record.kind, record.id, record.seq, record.created, record.author, record.keys))
+            with suppress(LedgerError):
+                found.insert(0, ledger.get("calibration", calibration))
         return found
 
     async def _look(self) -> None:
@@ -340,41 +294,46 @@ class VerifyForm:
         calibration, protocol_ = self.calibration.value, str(self.protocol.value)
         lines: list[tuple[str, str]] = []
         try:
-            limits = self.limits()
+            # half a form is no mistake yet: figures are looked at before their source is written
+            own = self.preset.value == OWN and all(field.value is None for field in self.values.values())
+            limits = None if own else self.limits(source="-")
+            if own:
+                calibration = None
             if calibration is not None:
                 ledger = self._visitor.bench.ledger
                 found = await aside(lambda: foreseen(ledger, str(calibration), protocol_, limits))
-                lines += [(sentence, "warn") for sentence in found.warnings]
-                lines += [(sentence, "dim") for sentence in found.notes]
+                lines += [(self._visitor.sentence(sentence), "warn") for sentence in found.warnings]
+                lines += [(self._visitor.sentence(sentence), "dim") for sentence in found.notes]
         except InclinometryError as error:
-            lines = [] if self.preset.value == OWN else [(str(error), "dim")]  # half a form is no mistake yet
+            lines = [(self._visitor.problem(error), "warn")]
         self._foreseen.clear()
         with self._foreseen:
             for sentence, style in lines:
-                ui.label(self._visitor.sentence(sentence)).classes(style)
+                ui.label(sentence).classes(style)
 
     def _fill(self) -> None:
         """Show what a preset says."""
         name = str(self.preset.value)
         if name in limit_names():
-            self._show(read_limits(name))
+            limits = read_limits(name)
+            for angle, field in self.values.items():
+                value = getattr(limits, angle)
+                field.value = None if value is None else round(float(np.degrees(value)), 6)
+            self.low.value = round(float(np.degrees(limits.min_inclination_for_azimuth)), 6)
+            self.guard.value = limits.guard
+            self.source.value = limits.source
         elif name == OWN:
             self.source.value = ""
 
-    def _show(self, limits: Limits) -> None:
-        for name, field in self.values.items():
-            value = getattr(limits, name)
-            field.value = None if value is None else round(float(np.degrees(value)), 6)
-        self.low.value = round(float(np.degrees(limits.min_inclination_for_azimuth)), 6)
-        self.guard.value = limits.guard
-        self.source.value = limits.source
+    def limits(self, source: str = "") -> Limits | None:
+        """What was chosen; a preset that was changed becomes the laboratory's own statement.
 
-    def limits(self) -> Limits | None:
-        """What was chosen; a preset that was changed becomes the laboratory's own statement."""
+        source : of figures of which none is written.
+        """
         preset = str(self.preset.value)
         if preset == UNCERTAINTY:
             return None
-        content: dict[str, Any] = {"name": OWN, "source": self.source.value, "guard": self.guard.value}
+        content: dict[str, Any] = {"name": OWN, "source": self.source.value or source, "guard": self.guard.value}
         content |= {f"{name}_deg": field.value for name, field in self.values.items()}
         content["min_inclination_deg_for_azimuth"] = self.low.value
         if preset not in limit_names():

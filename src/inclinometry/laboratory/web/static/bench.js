@@ -25,13 +25,14 @@
     cells.forEach((text, i) => put(`live-${i}`, text));
   };
 
-  // three angles as they are now, then their differences to the target; empty without a calibration
-  window.benchNow = (angles) => {
+  // three angles as they are now, then their differences to the target; empty without a calibration; which are far off
+  window.benchNow = (angles, far) => {
     ["azimuth", "inclination", "toolface"].forEach((name, i) => {
       const place = document.getElementById(`now-${name}`)?.parentElement;
       if (place) place.style.visibility = angles.length ? "visible" : "hidden";
       put(`now-${name}`, angles[i] || "");
       put(`off-${name}`, angles[i + 3] || "");
+      document.getElementById(`off-${name}`)?.classList.toggle("far", far.includes(name));
     });
   };
 

@@ -12,6 +12,8 @@ from functools import cache
 from importlib.resources import files
 from typing import Any, Final
 
+from inclinometry import findings
+from inclinometry.errors import FileError, InclinometryError
 from inclinometry.report.glossary import terms
 from inclinometry.report.language import speaking, translated
 
@@ -49,19 +51,19 @@ _QUOTED: Final = re.compile(r'`[^`]*`|"[^"]*"')
 """Commands, and what the system or the database said, in its own words."""
 
 
+def problem(language: str, error: InclinometryError) -> str:
+    """What went wrong: by its code, or a sentence of a room that is not yet converted."""
+    if error.finding is None:
+        return sentence(language, str(error))
+    where = f"{error.path.name}: " if isinstance(error, FileError) else ""
+    return where + findings.say(error.finding, language)
+
+
 def sentence(language: str, text: str) -> str:
     """A sentence of the program in a language, by the table of the reports; as it is where the table lacks a part.
 
-    Warnings and records keep their English sentences, so that those of years ago are understood as well: a sentence
-    is recognised by its words, and what stands in its places - numbers, names - is put into the translation. A place
-    may hold a sentence or a word of its own.
-
-    Examples
-    --------
-    >>> sentence("ru", "COM3 is open")
-    'порт COM3 открыт'
-    >>> sentence("en", "COM3 is open")
-    'COM3 is open'
+    Warnings and records keep their English sentences, so that old ones are understood as well: a sentence is recognised
+    by its words, and what stands in its places (numbers, names, a sentence of its own) is put into the translation.
     """
     if language not in LANGUAGES or language == "en":
         return text

@@ -12,17 +12,16 @@ import numpy as np
 
 from inclinometry.arrays import Array
 from inclinometry.calibration.design import NextPosition
-from inclinometry.calibration.result import Calibration
 from inclinometry.constants import COVERAGE_FACTOR
 from inclinometry.errors import InclinometryError, InputError
 from inclinometry.laboratory import drift
-from inclinometry.laboratory.attitude import attitude_in_stand, earlier_calibration
+from inclinometry.laboratory.attitude import Judge, OffTarget, at_target, off_target
 from inclinometry.laboratory.instruments.rig import ManualRig, rig_driver
 from inclinometry.laboratory.ledger.ledger import Record
 from inclinometry.laboratory.live import LiveFeed, Stability
-from inclinometry.laboratory.progress import Progress, goal_of, proposal, session_progress
-from inclinometry.laboratory.registry import RegisteredRig, find_rig, find_site, rig_of
-from inclinometry.laboratory.results import calibration_of
+from inclinometry.laboratory.progress import Progress, goal_of, judge_of, proposal, session_progress
+from inclinometry.laboratory.registry import RegisteredRig, find_rig, rig_of
+from inclinometry.laboratory.results import earlier_judge
 from inclinometry.laboratory.session import (
     Capture,
     Position,
@@ -33,10 +32,9 @@ from inclinometry.laboratory.session import (
     dial_at,
     load_session,
     reject,
-    setting_of,
 )
 from inclinometry.laboratory.web.frame import Visitor
-from inclinometry.rotations import dcm, wrap_signed
+from inclinometry.rotations import dcm
 
 if TYPE_CHECKING:
     from inclinometry.laboratory.instruments.rig import RigDriver
@@ -60,50 +58,16 @@ _EYE: Final = _eye()
 
 
 def project(points: Array) -> Array:
-    """Points (n, 3) north, east, down -> (n, 3) x right, y downward in the picture's units, depth to the eye.
-
-    Examples
-    --------
-    Down is down in the picture, east is to the right of west:
-
-    >>> project(np.array([[0.0, 0.0, 1.0]]))[0, :2].round(1) + 0.0
-    array([ 0. , 91.4])
-    >>> bool(project(np.array([[0.0, 1.0, 0.0]]))[0, 0] > 0.0)
-    True
-    """
+    """Points (n, 3) north, east, down -> (n, 3) x right, y downward in the picture's units, depth to the eye."""
     scale = 100.0
     seen = np.asarray(points, dtype=float).reshape(-1, 3) @ _EYE.T
     return np.stack([scale * seen[:, 0], -scale * seen[:, 1], seen[:, 2]], axis=1)
 
 
-def tool_axes(dial: tuple[float, float, float]) -> Array:
-    """Axes of the tool in north, east, down: rows x (index mark), y, z (along the tool, toward the bit).
-
-    Examples
-    --------
-    Lying toward the east with the index up:
-
-    >>> tool_axes((np.pi / 2, np.pi / 2, 0.0)).round(6)[[0, 2]] + 0.0
-    array([[ 0.,  0., -1.],
-           [ 0.,  1.,  0.]])
-    """
-    return dcm(*dial)
-
-
 def drawing(dial: tuple[float, float, float], label: str, words: tuple[str, str]) -> str:
-    """The picture of a setting, as SVG.
-
-    Parameters
-    ----------
-    dial : (azimuth, inclination, toolface)
-        rad.
-    label : str
-        What the picture is, for those who do not see it; escaped by the caller.
-    words : (str, str)
-        "N" and "down" in the reader's language; escaped by the caller.
-    """
+    """The picture of a setting, rad, as SVG; label and words ("N" and "down" in the reader's language) come escaped."""
     azimuth, inclination, toolface = dial
-    x, _, z = axes = tool_axes(dial)
+    x, _, z = axes = dcm(*dial)  # x: the index mark, z: toward the bit; in north, east, down
     high = dcm(azimuth, inclination, 0.0)
     heading = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
     north, down = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])
@@ -185,15 +149,14 @@ def _hull(points: Array) -> Array:
     for order in (flat, flat[::-1]):
         chain: list[tuple[float, float]] = []
         for p in order:
-            while len(chain) > 1 and _turns(chain[-2], chain[-1], p) <= 0.0:
+            while len(chain) > 1:
+                (ax, ay), (bx, by) = chain[-2:]
+                if (bx - ax) * (p[1] - ay) > (by - ay) * (p[0] - ax):
+                    break
                 chain.pop()
             chain.append(p)
         chains.append(chain[:-1])
     return np.array(chains[0] + chains[1])
-
-
-def _turns(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]) -> float:
-    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 
 
 # What the rig is doing, asked for all browsers at once and never by the page's own thread: a rig may answer late.
@@ -319,11 +282,10 @@ def heat_of(feed: LiveFeed | None, target: float) -> Heat | None:
 
 
 class Guided:
-    """A session as one browser works on it.
+    """A session as one browser works on it, as the ledger has it when `reload` was called last.
 
-    session : as the ledger has it, newest first call of `reload`.
-    chosen : the position on the large card.
-    now, place : the running fit and the position it proposes; None before the first, and in a verification.
+    chosen : the position on the large card. now, place : the running fit and the position it proposes; None before the
+        first, and in a verification.
     automatic : capture by itself when the tool has moved and stands still.
     turner : the watch of a motorised rig; None for one turned by hand.
     """
@@ -336,18 +298,17 @@ class Guided:
         found = rig_of(self.ledger, self.session.id)
         # a session cannot be opened without its rig, and records are never removed
         self.about_rig: RegisteredRig = found if found is not None else RegisteredRig(self.session.rig, (0.0, 0.0, 0.0))
-        self.site = find_site(self.ledger, str(self.session.settings.get("site", "")))
         today = find_rig(self.ledger, self.session.rig) or self.about_rig
         self.rig = visitor.bench.rig if visitor.bench.rig is not None else driver_of(today)
-        self.turner: RigWatch | None = watch_of(self.rig, _nothing if self.feed is None else self.feed.moved)
+        self.turner: RigWatch | None = watch_of(self.rig, (lambda: None) if self.feed is None else self.feed.moved)
         self.now: Progress | None = None
         self.place: NextPosition | None = None
         self.automatic = False
         self._moved = True
+        self._asked = 0  # the position of which a capture was asked since the tool moved last
         self.retakes = False  # a position that was captured has been chosen again
         self._known = self._mark()
-        earlier = earlier_calibration(self.ledger, self.session)
-        self._earlier = None if earlier is None else (calibration_of(earlier), earlier.created)
+        self._earlier = earlier_judge(self.ledger, self.session)
         self.chosen: Position = self.session.next or self.positions[-1]
 
     @property
@@ -391,29 +352,18 @@ class Guided:
         return tuple(p for p in missing if p.number != self.proposed or goes_on)
 
     @property
-    def judged_by(self) -> tuple[Calibration, str] | None:
-        """The calibration that turns channels into angles, and when it was made; "" for the running one.
+    def judged_by(self) -> Judge | None:
+        """The calibration that turns channels into angles."""
+        return judge_of(self._earlier, self.now)
 
-        The earlier one of this tool on this rig until the running one knows the azimuth to a degree.
-        """
-        running = None if self.now is None else self.now.calibration
-        good = self.now is not None and self.now.from_calibration[1] < float(np.radians(1.0))
-        if running is not None and (good or self._earlier is None):
-            return running, ""
-        return self._earlier
-
-    def angles_now(self, seen: Stability) -> tuple[Array, Array] | None:
-        """What the dials would say of the tool as it stands now, and its difference to the target, (3,), rad."""
+    def off_now(self, seen: Stability) -> OffTarget | None:
+        """The tool as it stands now, against the target; None where no calibration tells."""
         by = self.judged_by
-        if by is None or not seen.mean:
+        if by is None or self.feed is None or not seen.mean:
             return None
-        session = self.session
-        target = setting_of(session.dials, self.chosen.dial)
-        found = attitude_in_stand(by[0], seen.mean, seen.temperature, target)
-        if found is None:
-            return None
-        shown = np.array(dial_at(session.dials, *found))
-        return shown, wrap_signed(shown - np.array(self.chosen.dial))
+        units = self.feed.protocol.units
+        here = Capture(seen.mean, self.chosen.dial, seen.count, units=units, temperature=seen.temperature)
+        return off_target(by, self.session, self.about_rig.sd, here)
 
     def gain(self) -> tuple[float, float] | None:
         """Expanded uncertainty of the goal's angle now and after the proposed position, rad; None when not known."""
@@ -469,7 +419,7 @@ class Guided:
         if self.session.plan == drift.CHECK:
             self.now = drift.check_progress(self.ledger, self.session, self.goal)
             return
-        self.now = session_progress(self.session, self.goal, self.about_rig, self.site)
+        self.now = session_progress(self.session, self.goal, self.about_rig, earlier=self._earlier)
         if self.session.next is None and not self.now.reached and (self.adaptive or self.now.calibration is not None):
             self.place = proposal(self.session, self.goal, self.about_rig, self.now)
 
@@ -482,7 +432,7 @@ class Guided:
     def choose(self, number: int) -> None:
         """Put a position on the card; the rig stays where it is."""
         self.chosen = next((p for p in self.positions if p.number == number), self.chosen)
-        self._moved = self.turner is not None
+        self._moved, self._asked = self.turner is not None, 0
         self.retakes = self.session.has(number)
 
     def choose_next(self) -> bool:
@@ -517,20 +467,18 @@ class Guided:
         """What a motorised rig last said; None for one turned by hand."""
         return None if self.turner is None else self.turner.state
 
+    @property
+    def arrived(self) -> bool:
+        """Whether the tool is taken to be at its target: a motorised rig stands there, or a capture was asked for."""
+        return self._asked == self.chosen.number if self.turner is None else self.turner.state.at(self.chosen.dial)
+
     def _cut(self) -> None:
         """Samples up to now belong to another position."""
         if self.feed is not None:
             self.feed.moved()
 
-    def take(self, how: str = "key") -> RecordedReading:
-        """Capture the position on the card; it is on the disk when this returns.
-
-        Raises
-        ------
-        InclinometryError
-            Not allowed, no instrument, nothing fresh from it, a motorised rig that stands elsewhere, somebody else was
-            first.
-        """
+    def take(self, how: str = "key", reason: str = "") -> RecordedReading:
+        """Capture the position on the card; on the disk when this returns. Far from the target it needs a reason."""
         user, chosen = self.visitor.require("capture"), self.chosen
         if self.feed is None:
             raise NoInstrumentError(self.visitor.say("home.no_instrument"))
@@ -540,7 +488,9 @@ class Guided:
             # turned by hand: to capture is to say that it is set
             self.rig.move(*chosen.dial)
             self.rig.confirm()
-        reading: Capture = self.feed.capture(chosen.dial, how=how)
+        reading = self.feed.capture(chosen.dial, how=how)
+        self._asked = chosen.number
+        reading = at_target(reading, self.judged_by, self.session, self.about_rig.sd, reason)
         attempt = self.session.attempts.get(chosen.number, 0) + 1
         taken = capture(self.ledger, self.session.id, chosen.number, reading, author=user.name, attempt=attempt)
         self._moved = self.retakes = False
@@ -567,13 +517,16 @@ class Guided:
         close_session(self.ledger, self.session.id, "abandoned", author=user.name, reason=reason)
 
     def ready_by_itself(self, seen: Stability) -> bool:
-        """Whether an automatic capture is due: the tool was turned since the last one, and stands still now."""
+        """Whether an automatic capture is due: the tool was turned since the last one, and is still at the target."""
         moved_words = ("moving", "knocked")
         if seen.word in moved_words:
-            self._moved = True
+            self._moved, self._asked = True, 0
         if not self.automatic or self.session.has(self.chosen.number) or self.session.closed:
             return False
         if not self._moved or not seen.still:
+            return False
+        off = self.off_now(seen)
+        if off is not None and off.far:
             return False
         if self.turner is not None and not self.turner.state.at(self.chosen.dial):
             return False
@@ -586,10 +539,6 @@ class Guided:
 def _state(session: Session) -> tuple[object, ...]:
     """What a page shows of a session."""
     return session.closed, tuple((t.record, bool(t.rejected)) for t in session.taken.values())
-
-
-def _nothing() -> None:
-    """Without an instrument there is nothing to tell."""
 
 
 class NoInstrumentError(InputError):

@@ -4,7 +4,8 @@ For tests and assistive programs, `data-testid` names what does not depend on th
 
 - `capture` the main button; its `data-state` is "capture", "turn" (a motorised rig stands elsewhere: a press turns it),
   "moving" or "closed"; `automatic` the switch; `next` the next open position; `reject` leaves the shown reading out;
-- `verdict` the word on the stillness, its `data-state` is the word of `Stability` or "lost";
+- `verdict` the word on the stillness, its `data-state` is the word of `Stability`, "turn" of a tool that is still and
+  not turned to its target yet, "far" of one captured far from it, or "lost";
 - `target-azimuth`, `target-inclination`, `target-toolface` the large angles; `position-name`, `position-state`, `heat`;
 - `position-N` the button of a position, its `data-state` open, done, outlier or proposed; `progress`;
 - `u_azimuth`, `u_inclination` what would be certified now; `goal` the large sentence when the end is reached;
@@ -24,12 +25,13 @@ import time
 from collections.abc import Awaitable, Callable
 from typing import Any
 
-from fastapi import HTTPException, Request
+from fastapi import Request
 from nicegui import ui
 from nicegui.events import GenericEventArguments
 
 from inclinometry.errors import InclinometryError
-from inclinometry.laboratory.ledger.ledger import ConflictError, LedgerError
+from inclinometry.laboratory.attitude import FarError
+from inclinometry.laboratory.ledger.ledger import ConflictError
 from inclinometry.laboratory.live import CaptureError
 from inclinometry.laboratory.web.frame import aside, frame
 from inclinometry.laboratory.web.pages.calibrate.guided import Guided, RigState
@@ -41,6 +43,7 @@ from inclinometry.laboratory.web.pages.calibrate.show_progress import (
     PositionList,
     Strip,
     Target,
+    far_words,
 )
 from inclinometry.laboratory.web.pages.calibrate.start import ask_reason, ask_sure, say_problem
 from inclinometry.laboratory.web.pages.lists import plan_words
@@ -51,10 +54,7 @@ async def bench_page(request: Request, session: str) -> None:
     """One session."""
     with frame(request, "bench.title", needs="capture") as visitor:
         ui.add_head_html('<script src="/static/bench.js" defer></script>')
-        try:
-            guided = Guided(visitor, session)
-        except LedgerError as error:
-            raise HTTPException(404, str(error)) from None
+        guided = Guided(visitor, session)
         view = BenchView(guided)
     await view.begin()
 
@@ -221,15 +221,16 @@ class BenchView:
         elif rig is None or rig.word != "moving":
             await self._capture("key")
 
-    async def _capture(self, how: str) -> None:
+    async def _capture(self, how: str, reason: str = "") -> None:
         guided, say = self.guided, self.guided.visitor.say
         # a second press this soon after a capture is a slip of the finger
-        if self._busy or guided.session.closed or time.monotonic() - self._ended < 0.7:
+        slip = not reason and time.monotonic() - self._ended < 0.7
+        if self._busy or guided.session.closed or slip:
             return
         self._busy = True
         try:
             number = guided.chosen.number
-            if await self._tried(lambda: guided.take(how), by_itself=how == "automatic"):
+            if await self._tried(lambda: guided.take(how, reason), by_itself=how == "automatic"):
                 ui.notify(say("bench.taken", number=number), type="positive", timeout=1500, position="bottom")
                 ui.run_javascript("benchBeep()")
                 self._progress.show()
@@ -298,6 +299,18 @@ class BenchView:
 
         ask_reason(self.guided.visitor, "bench.leave_out_ask", "bench.leave_out", go, number=number)
 
+    def _ask_far(self) -> None:
+        """Why the tool is captured far from the target."""
+        guided, seen = self.guided, self._live.show()
+        off = None if seen is None else guided.off_now(seen)
+        where = "" if off is None else far_words(guided.visitor, off)
+
+        async def go(reason: str) -> None:
+            await self._capture("key", reason)
+
+        question = "bench.far_ask_verify" if guided.verifies else "bench.far_ask"
+        ask_reason(guided.visitor, question, "bench.far_take", go, where=where)
+
     def _complain(self, error: InclinometryError) -> None:
         """Say what went wrong, instead of what was said before."""
         self._settle()
@@ -313,6 +326,11 @@ class BenchView:
         """Do something that may take its time; what goes wrong is said, and ends automatic work."""
         try:
             await aside(do)
+        except FarError:
+            if not by_itself:
+                self._settle()
+                self._ask_far()
+            return False
         except CaptureError as error:
             if not by_itself:  # the tool has just begun to move: it will be still again
                 self._complain(error)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Awaitable, Callable
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from html import escape
@@ -13,12 +13,12 @@ from typing import Final
 import numpy as np
 from nicegui import ui
 
-from inclinometry.arrays import Array
-from inclinometry.constants import COVERAGE_FACTOR, DIALS
+from inclinometry.constants import DIALS
+from inclinometry.laboratory.attitude import OffTarget
 from inclinometry.laboratory.instruments.protocol import InstrumentEvent
 from inclinometry.laboratory.live import WINDOW, LiveFeed, Stability
 from inclinometry.laboratory.session import Position, setting_of
-from inclinometry.laboratory.web.frame import Bench
+from inclinometry.laboratory.web.frame import Bench, Visitor
 from inclinometry.laboratory.web.pages.calibrate.guided import Guided, drawing
 from inclinometry.laboratory.web.pages.lists import day
 from inclinometry.report.words import significant
@@ -87,21 +87,12 @@ class Live:
     def __init__(self, guided: Guided) -> None:
         self._guided = guided
         say, bench = guided.visitor.say, guided.visitor.bench
-        self._words: Mapping[str, tuple[str, str]] = {
-            word: (say(f"live.{word}"), say(f"live.do_{word}"))
-            for word in (
-                "still",
-                "learning",
-                "few",
-                "moving",
-                "drifting",
-                "knocked",
-                "faulty",
-                "stale",
-                "disconnected",
-                "done",
-            )
-        }
+        # of `Stability`, and done, far, and turn: still, and not turned to its target yet
+        known = ("still", "learning", "few", "moving", "drifting", "knocked", "faulty", "stale", "disconnected")
+        self._words = {word: (say(f"live.{word}"), say(f"live.do_{word}")) for word in (*known, "done", "far")}
+        self._words["turn"] = (say("live.do_far"), "")
+        if guided.verifies:
+            self._words["far"] = (say("live.far"), say("live.do_far_verify"))
         self._shared = _shared(bench)
 
     def verdict(self) -> None:
@@ -150,37 +141,36 @@ class Live:
         reason = guided.visitor.sentence(seen.reason)
         if ended and state in ("few", "learning", "still"):
             state, word, advice, reason = "done", *self._words["done"], ""
+        off = guided.off_now(seen)
+        far = off if off is not None and off.far and not guided.session.closed else None
+        arrived = guided.arrived
+        if far is not None and state == "still":
+            state = "far" if arrived else "turn"
+            word, advice = self._words[state]
+            advice = f"{far_words(guided.visitor, far)}. {advice}"
         heat = "" if seen.temperature is None else f"{seen.temperature:.1f} °C"
-        colour = {
-            "still": "good",
-            "done": "good",
-            "learning": "warn",
-            "few": "warn",
-        }  # of a verdict; bad for the others
+        colour = {"still": "good", "done": "good", "learning": "warn", "few": "warn", "turn": ""}  # bad for the others
         said = [state, colour.get(state, "bad"), word, advice, heat, reason, *found.cells]
-        now = guided.angles_now(seen)
-        angles = (
-            []
-            if now is None
-            else [*(f"{x:.2f}°" for x in np.degrees(now[0])), *(f"{x:+.2f}" for x in np.degrees(now[1]))]
-        )
-        both = [json.dumps(part, ensure_ascii=False, separators=(",", ":")) for part in (said, angles)]
-        ui.run_javascript(f"benchLive({both[0]});benchNow({both[1]})")
+        angles: list[str] = []
+        if off is not None:
+            angles = [*(f"{x:.2f}°" for x in np.degrees(off.shown)), *(f"{x:+.2f}" for x in np.degrees(off.off))]
+        red = [one.values["dial"] for one in far.dials] if far is not None and arrived else []
+        parts = [json.dumps(part, ensure_ascii=False, separators=(",", ":")) for part in (said, angles, red)]
+        ui.run_javascript(f"benchLive({parts[0]});benchNow({parts[1]},{parts[2]})")
         return seen
+
+
+def far_words(visitor: Visitor, off: OffTarget) -> str:
+    """Which dials are off, in the visitor's language: what they would say, and the target."""
+    said = "; ".join(map(visitor.sentence, off.dials))
+    return said[:1].upper() + said[1:]
 
 
 # What happened to the instrument lately: lost lines, gaps, reconnections, in a list that keeps its height.
 
 
 def folded(events: tuple[InstrumentEvent, ...], most: int = 5) -> list[tuple[InstrumentEvent, int]]:
-    """The newest events, newest first, with how often each kind came in a row.
-
-    Examples
-    --------
-    >>> bad = InstrumentEvent(1.0, "garbage", "no")
-    >>> [(e.kind, n) for e, n in folded((bad, bad, InstrumentEvent(2.0, "connected", "yes")))]
-    [('connected', 1), ('garbage', 2)]
-    """
+    """The newest events, newest first, with how often each kind came in a row."""
     found: list[tuple[InstrumentEvent, int]] = []
     for event in reversed(events):
         if found and found[-1][0].kind == event.kind:
@@ -228,10 +218,10 @@ class Strip:
             half = 10.0 * float(np.max(noise)) if noise is not None else float(np.abs(apart).max())
             half = half or 1.0
             y = self.HEIGHT / 2.0 * (1.0 - np.clip(apart / half, -1.0, 1.0))
-            lines = "".join(
-                f"<polyline class='channel-{axis % 3}' points='{_polyline(x, y[:, axis])}'/>"
-                for axis in range(y.shape[1])
-            )
+            lines = ""
+            for axis, column in enumerate(y.T):
+                points = " ".join(f"{a:.0f},{b:.1f}" for a, b in zip(x, column, strict=True))
+                lines += f"<polyline class='channel-{axis % 3}' points='{points}'/>"
             unit = self._guided.visitor.sentence(feed.protocol.units.get(kind, ""))
             name = f"{say(f'live.{kind}')} ±{significant(half)} {unit}"
             parts.append(
@@ -247,10 +237,6 @@ class Strip:
             f"<p class='key dim small'><span>{start}</span><span class='axes'>{key}</span><span>{end}</span></p>"
         )
         ui.run_javascript(f"benchStrip({json.dumps(''.join(parts), ensure_ascii=False)})")
-
-
-def _polyline(x: Array, y: Array) -> str:
-    return " ".join(f"{a:.0f},{b:.1f}" for a, b in zip(x, y, strict=True))
 
 
 class Events:
@@ -272,9 +258,8 @@ class Events:
             often = f" ×{times}" if times > 1 else ""
             sentence = escape(self._guided.visitor.sentence(event.sentence))
             lines.append(f"<li data-kind='{escape(event.kind)}'>{clock} {sentence}{often}</li>")
-        text = (
-            f"<ul class='number'>{''.join(lines)}</ul>" if lines else f"<p class='dim'>{escape(say('bench.quiet'))}</p>"
-        )
+        quiet = f"<p class='dim'>{escape(say('bench.quiet'))}</p>"
+        text = f"<ul class='number'>{''.join(lines)}</ul>" if lines else quiet
         if text != self._shown:
             self._shown = text
             self._html.set_content(text)
@@ -284,15 +269,7 @@ class Events:
 
 
 def big(angle: float) -> str:
-    """An angle for the card, in degrees: the whole number large, what follows it smaller.
-
-    Examples
-    --------
-    >>> big(np.pi / 2)
-    "90<span class='rest'>.00°</span>"
-    >>> big(-1e-9)
-    "0<span class='rest'>.00°</span>"
-    """
+    """An angle for the card, in degrees: the whole number large, what follows it smaller."""
     whole, _, rest = f"{round(float(np.degrees(angle)), 2) + 0.0:.2f}".partition(".")
     return f"{whole.replace('-', '−')}<span class='rest'>.{rest}°</span>"
 
@@ -345,7 +322,9 @@ class Target:
             self._shown = "".join(cells)
             self._dials.set_content(self._shown)
         by = guided.judged_by
-        by_words = "" if by is None else say("bench.by_earlier", when=day(by[1])) if by[1] else say("bench.by_running")
+        by_words = ""
+        if by is not None:
+            by_words = say("bench.by_earlier", when=day(by.made)) if by.made else say("bench.by_running")
         self._by.set_text(by_words if guided.feed is not None else "")
         self.show_heat()
 
@@ -459,17 +438,23 @@ class Certifies:
 
     def show(self) -> None:
         """The running fit as it is now."""
-        guided = self._guided
+        guided, say = self._guided, self._guided.visitor.say
         self._box.clear()
         with self._box:
             self._goal()
             if guided.now is not None:
-                self._outliers()
+                for number, sentence in guided.now.outliers.items():
+                    with ui.element("div").classes("outlier-row").props('role="alert"'):
+                        said = ui.label(guided.visitor.sentence(sentence)).classes("bad")
+                        said.props(f'data-testid="outlier-{number}"')
+                        retake = ui.button(
+                            say("bench.retake", number=number), on_click=lambda n=number: self._choose(n)
+                        )
+                        retake.props(f'outline dense no-caps data-testid="retake-{number}"')
                 self._uncertainty()
                 self._next_best()
-        ready = (
-            bool(guided.session.valid) if guided.verifies else guided.now is not None and bool(guided.now.calibration)
-        )
+        fitted = guided.now is not None and bool(guided.now.calibration)
+        ready = bool(guided.session.valid) if guided.verifies else fitted
         self._end.set_enabled(ready and not guided.session.closed)
         self._end.set_visibility(not guided.session.closed)
         ended = not guided.open_positions
@@ -484,7 +469,8 @@ class Certifies:
         elif now is not None and now.reached:
             text, colour = say("bench.reached"), "good"
         elif not guided.open_positions and not (now is not None and now.outliers):
-            text, colour = say("bench.complete"), "good"
+            fitted = guided.verifies or (now is not None and now.calibration is not None)
+            text, colour = say("bench.complete"), "good" if fitted else "warn"
         else:
             return
         ui.label(text).classes(f"word {colour}").props('data-testid="goal" role="status"')
@@ -492,32 +478,21 @@ class Certifies:
         if record is not None:
             ui.link(say("results.title"), f"/results/{record.id}")
 
-    def _outliers(self) -> None:
-        guided, say = self._guided, self._guided.visitor.say
-        for number, sentence in ({} if guided.now is None else guided.now.outliers).items():
-            with ui.element("div").classes("outlier-row").props('role="alert"'):
-                ui.label(guided.visitor.sentence(sentence)).classes("bad").props(f'data-testid="outlier-{number}"')
-                retake = ui.button(say("bench.retake", number=number), on_click=lambda n=number: self._choose(n))
-                retake.props(f'outline dense no-caps data-testid="retake-{number}"')
-
     def _uncertainty(self) -> None:
         guided, say = self._guided, self._guided.visitor.say
         now = guided.now
         if now is None or now.calibration is None:
-            ui.label(say("bench.no_fit") if now is None else guided.visitor.sentence(now.waiting)).classes(
-                "dim waiting"
-            )
+            text = say("bench.no_fit") if now is None else guided.visitor.sentence(now.waiting)
+            ui.label(text).classes("dim waiting")
             return
         low, high = np.degrees(now.covered)
         with ui.element("div").classes("pair"):
-            self._line("azimuth", now.u_azimuth, now.from_calibration[1], now.noise[1], guided.goal.u_azimuth)
-            self._line(
-                "inclination", now.u_inclination, now.from_calibration[0], now.noise[0], guided.goal.u_inclination
-            )
-        ui.label(say("bench.range", low=f"{low:.0f}", high=f"{high:.0f}", k=f"{COVERAGE_FACTOR:g}")).classes(
-            "dim small number"
-        )
-        others = [w for w in now.calibration.warnings if w not in now.outliers.values()]
+            goal, alone, noise = guided.goal, now.from_calibration, now.noise
+            self._line("azimuth", now.u_azimuth, alone[1], noise[1], goal.u_azimuth)
+            self._line("inclination", now.u_inclination, alone[0], noise[0], goal.u_inclination)
+        ui.label(say("bench.range", low=f"{low:.0f}", high=f"{high:.0f}", k=f"{now.k:g}")).classes("dim small number")
+        said = {str(one) for one in now.outliers.values()}
+        others = [w for w in now.calibration.remarks if w not in said]
         for sentence in others[:3]:
             ui.label(guided.visitor.sentence(sentence)).classes("warn small")
 

@@ -3,36 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 from fastapi import Request
 from nicegui import ui
 
 from inclinometry.errors import InclinometryError, InputError
+from inclinometry.laboratory import registry
 from inclinometry.laboratory.guided import ADAPTIVE, CALIBRATING, plan_for
 from inclinometry.laboratory.ledger.engine import plain as is_plain
 from inclinometry.laboratory.ledger.ledger import Ledger
 from inclinometry.laboratory.ledger.users import User
-from inclinometry.laboratory.registry import (
-    RegisteredRig,
-    RegisteredSite,
-    RegisteredTool,
-    find_rig,
-    find_site,
-    limits_of,
-    listed,
-    put_rig,
-    put_site,
-    put_tool,
-    rigs,
-    sites,
-    tools,
-)
+from inclinometry.laboratory.placeholders import stated
 from inclinometry.laboratory.session import Session, closing, load_session, open_session
 from inclinometry.laboratory.web.frame import Visitor, frame
 from inclinometry.laboratory.web.pages.forms import LONGEST_KEY, DialsChoice, FieldError, NumberField, tell
-from inclinometry.laboratory.web.pages.lists import day, visible
+from inclinometry.laboratory.web.pages.lists import day, only, visible
 from inclinometry.workflow.plan import make_plan
 
 
@@ -51,7 +38,7 @@ def ask_reason(
         reason = ui.input(say("bench.reason")).props('autofocus maxlength=2000 data-testid="reason"').classes("wide")
 
         async def sure() -> None:
-            if str(reason.value).strip():
+            if stated(str(reason.value)):
                 dialog.close()
                 await go(str(reason.value).strip())
 
@@ -87,31 +74,37 @@ def start_page(request: Request, serial: str = "") -> None:
         StartForm(visitor, serial)
 
 
-ADAPTIVE_LEAST: Final = 9
-"""Positions an adaptive plan takes at least."""
-
-
 class StartForm:
     """Tool, rig, plan, wanted uncertainty; of these only what the chosen plan takes."""
 
     def __init__(self, visitor: Visitor, serial: str) -> None:
         self._visitor, ledger, say = visitor, visitor.bench.ledger, visitor.say
-        serials = [tool.serial for tool in tools(ledger) if not tool.retired]
-        names = [rig.name for rig in rigs(ledger)]
-        places = [""] + [site.name for site in sites(ledger)]
+        serials = [tool.serial for tool in registry.tools(ledger) if not tool.retired]
+        names = [rig.name for rig in registry.rigs(ledger)]
+        places = [site.name for site in registry.sites(ledger)]
         self.serial = _known(say("start.tool"), "serials", serials, serial or (serials[0] if serials else ""))
         self.rig = _known(say("start.rig"), "rigs", names, names[0] if names else "")
-        self.rig_sd = NumberField(visitor, say("start.rig_sd"), 0.1, limits_of(RegisteredRig, "sd"), needed=True)
+        self.rig_sd = NumberField(
+            visitor, say("start.rig_sd"), 0.1, registry.limits_of(registry.RegisteredRig, "sd"), needed=True
+        )
         self.dials = DialsChoice(visitor)
         for part in (self.rig_sd.input, *self.dials.parts):
             part.bind_visibility_from(self.rig, "value", lambda name: bool(name) and str(name).strip() not in names)
         with ui.row().classes("with-link"):
-            self.site = ui.select(places, label=say("start.site"), value=places[-1])
+            self.site = ui.select(["", *places], label=say("start.site"), value=only(places) or "")
             ui.link(say("start.new_site"), "/sites")
-        self.dip = NumberField(visitor, say("start.dip"), None, limits_of(RegisteredSite, "dip"))
-        self.latitude = NumberField(visitor, say("start.latitude"), None, limits_of(RegisteredSite, "latitude"))
+        self.dip = NumberField(visitor, say("start.dip"), None, registry.limits_of(registry.RegisteredSite, "dip"))
+        self.latitude = NumberField(
+            visitor, say("start.latitude"), None, registry.limits_of(registry.RegisteredSite, "latitude")
+        )
         for field in (self.dip, self.latitude):
             field.input.bind_visibility_from(self.site, "value", lambda name: not name)
+        self._no_dip = (
+            ui.label(say("start.no_dip")).classes("warn wide-row").props('role="status" data-testid="no-dip"')
+        )
+        for part in (self.site, self.dip.input):
+            part.on_value_change(self._look_at_dip)
+        self._look_at_dip()
         plans = {name: say(f"plan.{name}") for name in CALIBRATING}
         self.plan = ui.select(plans, label=say("start.plan"), value="orthogonal", on_change=self._count)
         self.plan.props('data-testid="plan"')
@@ -132,6 +125,12 @@ class StartForm:
         go.props('unelevated no-caps size=lg data-testid="begin"')
         self._count()
 
+    def _look_at_dip(self) -> None:
+        """Say what is lost without the dip of the stand."""
+        site = registry.find_site(self._visitor.bench.ledger, str(self.site.value or ""))
+        stated = str(self.dip.input.value or "").strip() if site is None else site.dip is not None
+        self._no_dip.set_visibility(not stated)
+
     def _count(self) -> None:
         """Which fields the plan takes, how many positions it has, how long they take."""
         say, name = self._visitor.say, str(self.plan.value)
@@ -144,7 +143,8 @@ class StartForm:
         except (FieldError, InputError):
             self.size.set_text("")
             return
-        count = times * (ADAPTIVE_LEAST if name == ADAPTIVE else number or len(make_plan(name)))
+        # an adaptive plan takes nine positions at least
+        count = times * (9 if name == ADAPTIVE else number or len(make_plan(name)))
         # min a position takes: turned by hand; by a motor, turning, settling and five seconds of samples
         minutes = count * (1.0 if self._visitor.bench.rig is None else 0.15)
         text = "start.size_least" if name == ADAPTIVE else "start.size"
@@ -154,7 +154,7 @@ class StartForm:
         """What the form says; None when something in it cannot be used, which is then said at its field."""
         say, ledger, optimal = self._visitor.say, self._visitor.bench.ledger, self.plan.value == "optimal"
         aimed = optimal or self.plan.value == ADAPTIVE
-        new_rig = find_rig(ledger, str(self.rig.value or "").strip()) is None
+        new_rig = registry.find_rig(ledger, str(self.rig.value or "").strip()) is None
         numbers = {
             "sd": (self.rig_sd, new_rig),
             "dip": (self.dip, not self.site.value),
@@ -206,7 +206,9 @@ class StartForm:
         """Tell once, with the way there, of a session of this tool that is not finished; a second one is meant then."""
         ledger, newest = self._visitor.bench.ledger, 20
         unfinished = [
-            one for one in listed(ledger, "session", limit=newest, serial=serial) if not closing(ledger, one.id)
+            one
+            for one in registry.listed(ledger, "session", limit=newest, serial=serial)
+            if not closing(ledger, one.id)
         ]
         self._resume.set_visibility(bool(unfinished))
         if not unfinished or self._told == unfinished[0].id:
@@ -224,12 +226,12 @@ class StartForm:
         ledger, serial, name, heat = self._visitor.bench.ledger, said["serial"], said["rig"], said["heat"]
         wanted = {key: said[key] for key in ("u_azimuth_deg", "u_inclination_deg") if said[key] is not None}
         if ledger.latest("tool", serial=serial) is None:
-            put_tool(ledger, RegisteredTool(serial, serial), author=author)
-        rig = find_rig(ledger, name)
+            registry.put_tool(ledger, registry.RegisteredTool(serial, serial), author=author)
+        rig = registry.find_rig(ledger, name)
         if rig is None:
             sd = float(np.radians(said["sd"]))
-            rig = RegisteredRig(name, (sd, sd, sd), dials=self.dials.dials)
-            put_rig(ledger, rig, author=author)
+            rig = registry.RegisteredRig(name, (sd, sd, sd), dials=self.dials.dials)
+            registry.put_rig(ledger, rig, author=author)
         number = None if said["number"] is None else int(said["number"])
         plan, settings = plan_for(str(self.plan.value), ledger, serial, rig, number=number, temperatures=heat)
         if self.site.value:
@@ -250,9 +252,9 @@ def _site_of(ledger: Ledger, rig: str, dip_deg: float | None, latitude_deg: floa
     stated = {"dip": dip_deg, "latitude": latitude_deg}
     known = {angle: float(degrees) for angle, degrees in stated.items() if degrees is not None}
     name = ", ".join([rig, *(f"{angle} {degrees:g}°" for angle, degrees in known.items())])
-    if find_site(ledger, name) is None:
+    if registry.find_site(ledger, name) is None:
         radians = {angle: float(np.radians(degrees)) for angle, degrees in known.items()}
-        put_site(ledger, RegisteredSite(name, **radians), author=author)  # type: ignore[arg-type]
+        registry.put_site(ledger, registry.RegisteredSite(name, **radians), author=author)  # type: ignore[arg-type]
     return name
 
 

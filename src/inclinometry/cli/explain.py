@@ -1,0 +1,29 @@
+"""The command that says what a code of a finding means."""
+
+from __future__ import annotations
+
+from inclinometry.cli import output
+from inclinometry.cli.options import Json
+from inclinometry.errors import InputError
+from inclinometry.findings import Finding, codes, example
+
+
+def explain(code: str, /, *, json: Json = False) -> None:
+    """Meaning of a code, the size from which it is found, and an example.
+
+    Parameters
+    ----------
+    code
+        As it stands in brackets behind a finding; `inclinometry list findings` has all.
+    """
+    if code not in codes():
+        raise InputError(Finding("input-code-unknown", {"name": code}, severity="refused"))
+    rule, shown = codes()[code], example(code).plain()
+    if json:
+        entry = {"group": rule.group or None, "means": rule.means or None, "found": rule.found or None}
+        output.print_json({"code": code, "sentence": shown["sentence"], **entry, "example": shown["values"]})
+        return
+    output.say(f"{code}: {shown['sentence']}")
+    if rule.means:
+        ignore = f"Accept a file with --ignore {code} or its group {rule.group}" if rule.group else "Cannot be ignored"
+        output.say(f"\n{rule.means}\nFound: {rule.found}\n{ignore}.\nValues: {', '.join(rule.example)}.")

@@ -1,0 +1,363 @@
+"""Texts as they come: strict numbers, and the bytes of a file as blocks of lines."""
+
+from __future__ import annotations
+
+import codecs
+import hashlib
+import re
+import zlib
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import chain
+from pathlib import Path
+from typing import Any, Final, NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from inclinometry.arrays import Array
+from inclinometry.errors import FileError
+from inclinometry.files.frame import row_error
+from inclinometry.opening import opened
+
+# Numbers as people write them: one strict rule for points, commas, blanks and text.
+
+NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
+_WITH_COMMA = re.compile(r"[+-]?(\d+,\d*|,\d+)([eE][+-]?\d+)?", re.ASCII)
+# 12,345 may be twelve thousand or twelve and a bit; 0,345 or 1,5 can only be a decimal comma
+_PERHAPS_THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}", re.ASCII)
+_DEGREES_MINUTES = re.compile(
+    r"([+-]?)(\d+)\s*[°º]\s*(?:([0-5]?\d(?:[.,]\d+)?)\s*['′’])?\s*(?:([0-5]?\d(?:[.,]\d+)?)\s*(?:\"|''|″|”))?", re.ASCII
+)
+_PERHAPS_MINUTES = re.compile(r"([+-]?\d+)[ :]+([0-5]?\d)(?:[ :]+([0-5]?\d(?:\.\d+)?))?", re.ASCII)
+# 1,234.5 is one thousand and a bit: nothing else has a point behind
+_THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+\.\d*", re.ASCII)
+
+
+Cells: TypeAlias = Array | Sequence[str]
+"""Of one column: numbers, texts, or (dtype object) both."""
+Lines: TypeAlias = NDArray[np.int64] | Sequence[int]
+
+
+def texts_of(cells: Cells) -> Sequence[str]:
+    """As text, every digit of a number; empty where there is none."""
+    if not isinstance(cells, np.ndarray):
+        return cells
+    return [_plain(cell) for cell in cells.tolist()]
+
+
+def _plain(cell: str | float) -> str:
+    if isinstance(cell, str):
+        return cell
+    if isinstance(cell, bool):
+        return "1" if cell else "0"
+    return "" if cell != cell else repr(cell).removesuffix(".0")
+
+
+class NumberReader:
+    """Converts columns of text, block by block, and remembers which decimal mark the file uses."""
+
+    def __init__(self, path: Path, word: str = "line") -> None:
+        self._path, self._word = path, word
+        self._comma: tuple[int, str, str] | None = None  # line, column, text of the first number with a comma
+        self._point: tuple[int, str, str] | None = None
+        self._proved = False
+
+    def convert(self, cells: Cells, name: str, lines: Lines, *, gaps: bool, degrees: bool = False) -> Array:
+        """Float64 of one column's cells; an empty cell is NaN where `gaps` are allowed, else FileError.
+
+        A column of `degrees` may be written in degrees, minutes and seconds, 10°30'15". Numbers stay what they are.
+        """
+        if isinstance(cells, np.ndarray):
+            return self._typed(cells, name, lines, gaps, degrees)
+        text = "".join(cells)
+        # ASCII without an underscore: float() is strict
+        values = self._fast(cells) if text.isascii() and "_" not in text else None
+        if values is None:
+            values = self._careful(cells, name, lines, gaps, degrees)
+        elif self._point is None and "." in text:
+            row = next(i for i, cell in enumerate(cells) if "." in cell)
+            self._point = (int(lines[row]), name, cells[row].strip())
+        good = np.isfinite(values)
+        if not good.all():
+            for row in np.flatnonzero(~good).tolist():
+                if not (gaps and not cells[row].strip()):
+                    raise self._refuse(cells[row].strip(), name, int(lines[row]))
+        return values
+
+    def _typed(self, cells: Array, name: str, lines: Lines, gaps: bool, degrees: bool) -> Array:
+        """Numbers of a file that has types; texts among them are read as such."""
+        texts = [k for k, c in enumerate(cells) if isinstance(c, str | bool)] if cells.dtype == np.object_ else []
+        if texts:
+            numbers = np.array(cells)
+            written = list(map(str, cells[texts]))  # a flag is no number
+            numbers[texts] = self.convert(written, name, np.asarray(lines)[texts], gaps=gaps, degrees=degrees)
+            values = numbers.astype(np.float64)
+        else:
+            values = cells.astype(np.float64)
+        bad = ~np.isfinite(values) if not gaps else np.isinf(values)
+        if bad.any():
+            row = int(np.argmax(bad))
+            raise self._refuse("" if np.isnan(values[row]) else repr(float(values[row])), name, int(lines[row]))
+        return values
+
+    @property
+    def pointed(self) -> bool:
+        """Whether a number with a decimal point has been met."""
+        return self._point is not None
+
+    def finish(self) -> None:
+        """The verdict on the decimal mark, once the whole file is known; never a guess."""
+        if self._comma is None:
+            return
+        line, name, text = self._comma
+        if self._point is not None:
+            where = f"{self._point[2]!r} in {self._word} {self._point[0]} has a decimal point"
+            problem = f"{text!r} in column {name!r} has a decimal comma, but {where}; use one of them throughout"
+            raise self._error(problem, line)
+        if not self._proved:
+            problem = f"{text!r} in column {name!r} may mean {text.replace(',', '')} or {text.replace(',', '.')}"
+            raise self._error(f"{problem}; write numbers with a decimal point", line)
+
+    def _fast(self, cells: Sequence[str]) -> Array | None:
+        try:
+            return np.fromiter(map(float, cells), np.float64, len(cells))
+        except ValueError:
+            pass
+        if self._comma is None or not self._proved:
+            return None
+        joined = "\n".join(cells)
+        if "." in joined:
+            return None
+        try:
+            return np.fromiter(map(float, joined.replace(",", ".").split("\n")), np.float64, len(cells))
+        except ValueError:
+            return None
+
+    def _careful(self, cells: Sequence[str], name: str, lines: Lines, gaps: bool, degrees: bool) -> Array:
+        values = np.full(len(cells), np.nan)
+        for row, cell in enumerate(cells):
+            text = cell.strip()
+            if NUMBER.fullmatch(text):
+                values[row] = float(text)
+                if self._point is None and "." in text:
+                    self._point = (int(lines[row]), name, text)
+            elif _THOUSANDS.fullmatch(text):
+                # a comma before a point marks thousands, and nothing else
+                values[row] = float(text.replace(",", ""))
+                self._point = self._point or (int(lines[row]), name, text)
+            elif _WITH_COMMA.fullmatch(text):
+                values[row] = float(text.replace(",", "."))
+                self._comma = self._comma or (int(lines[row]), name, text)
+                self._proved = self._proved or not _PERHAPS_THOUSANDS.fullmatch(text)
+            elif degrees and (parts := _DEGREES_MINUTES.fullmatch(text)):
+                values[row] = _in_degrees(*parts.groups())
+            elif text or not gaps:
+                raise self._refuse(text, name, int(lines[row]), degrees)
+        return values
+
+    def _refuse(self, text: str, name: str, line: int, degrees: bool = False) -> FileError:
+        shown = text if len(text) <= 40 else text[:37] + "..."
+        if not text:
+            problem = f"column {name!r} is empty; fill it in or remove the row"
+        elif text.lower().lstrip("+-") in ("nan", "inf", "infinity") or NUMBER.fullmatch(text):
+            problem = f"column {name!r} is {shown}; every value must be finite: correct it or remove the row"
+        elif degrees and (parts := _PERHAPS_MINUTES.fullmatch(text)):
+            whole, minutes, seconds = parts.groups()
+            value = _in_degrees(whole[: whole[0] in "+-"], whole.lstrip("+-"), minutes, seconds)
+            marked = f"{whole}°{minutes}'" + (f'{seconds}"' if seconds else "")
+            problem = f"{shown!r} in column {name!r} may be degrees and minutes; write {value:.8g} or {marked}"
+        elif "," in text and not set(text) - set("+-0123456789.,"):
+            problem = f"{shown!r} in column {name!r} has a thousands separator; write digits and one decimal point"
+        else:
+            problem = f"{shown!r} in column {name!r} is not a number; correct it or remove the row"
+        return self._error(problem, line)
+
+    def _error(self, problem: str, line: int) -> FileError:
+        return row_error(self._path, problem, line, self._word)
+
+
+def _in_degrees(sign: str, degrees: str, minutes: str | None, seconds: str | None) -> float:
+    """Degrees from whole degrees, minutes and seconds, the latter perhaps with a decimal comma."""
+    parts = (float((part or "0").replace(",", ".")) for part in (degrees, minutes, seconds))
+    value = sum(part / per for part, per in zip(parts, (1.0, 60.0, 3600.0), strict=True))
+    return -value if sign == "-" else value
+
+
+NULLS: Final = (-999.25, -9999.25, -99999.25, -999999.25)
+"""What many programs write where there is nothing."""
+
+
+# From the bytes of a text file to blocks of lines: encoding, line ends, digest, progress; bounded memory.
+
+CHUNK = 1 << 20
+LONGEST_LINE = 1 << 20
+Progress = Callable[[int], None]
+
+_MAGIC = {
+    b"%PDF": "a PDF document, which is no table; export its table as CSV or Excel where it was made",
+    b"\xd0\xcf\x11\xe0": "a workbook of Excel before 2007 (.xls); save it as .xlsx or CSV",
+}
+
+
+class Block(NamedTuple):
+    """Consecutive lines without their ends, or the rows of a sheet: cells that are texts, numbers or flags.
+
+    header : texts of the head of the workbook.
+    """
+
+    first: int
+    lines: list[Any]
+    header: Mapping[str, str] = {}
+
+
+@dataclass
+class LineReader:
+    """Reads a text file once; `digest` is complete behind its `blocks`."""
+
+    path: Path
+    progress: Progress | None = None
+    hash: hashlib._Hash = field(default_factory=hashlib.sha256)
+
+    @property
+    def digest(self) -> str:
+        """Digest of the bytes read so far, as `digest.digest_file` gives for the whole file."""
+        return "sha256:" + self.hash.hexdigest()
+
+    def blocks(self) -> Iterator[Block]:
+        """Blocks of about one megabyte; FileError for what is no text."""
+        carry, line = "", 1
+        for text in self._texts():
+            *lines, carry = (carry + text).replace("\r\n", "\n").replace("\r", "\n").split("\n")
+            if len(carry) > LONGEST_LINE:
+                raise FileError(
+                    f"this line is longer than {LONGEST_LINE} characters; no table", path=self.path, line=line
+                )
+            if lines:
+                yield Block(line, lines)
+                line += len(lines)
+        if carry:
+            yield Block(line, [carry])
+
+    def _texts(self) -> Iterator[str]:
+        """Decoded pieces that never end between a carriage return and its line feed."""
+        decoder: codecs.IncrementalDecoder | None = None
+        held, done, lines = "", 0, 1
+        for chunk in self._chunks():
+            decoder = decoder or codecs.getincrementaldecoder(_encoding(chunk, self.path))("strict")
+            done += len(chunk)
+            try:
+                text = held + decoder.decode(chunk, final=not chunk)
+            except UnicodeDecodeError as error:
+                raise _not_text(error, chunk, lines, self.path) from None
+            if "\0" in text:
+                raise FileError("not a text file (it holds zero bytes); save it as CSV, UTF-8", path=self.path)
+            held = "\r" if chunk and text.endswith("\r") else ""
+            lines += text.count("\n")
+            yield text[: len(text) - len(held)]
+            if self.progress is not None and chunk:
+                self.progress(done)
+
+    def _chunks(self) -> Iterator[bytes]:
+        """Raw pieces, an empty one last so that the decoder can finish."""
+        try:
+            with opened(self.path) as stream:
+                start = stream.read(CHUNK)
+                packed = zlib.decompressobj(31) if start.startswith(b"\x1f\x8b") else None
+                for chunk in chain([start], iter(lambda: stream.read(CHUNK), b"")):
+                    self.hash.update(chunk)
+                    if packed is None:
+                        yield chunk
+                        continue
+                    rest = chunk
+                    while rest.strip(b"\0") if packed.eof else rest:
+                        # what follows the end of one part is another part
+                        packed = zlib.decompressobj(31) if packed.eof else packed
+                        # a megabyte at a time, however far it unpacks
+                        if piece := packed.decompress(rest, CHUNK):
+                            yield piece
+                        rest = packed.unconsumed_tail or packed.unused_data
+                if packed is not None and not packed.eof:
+                    raise FileError("the compressed file ends early; copy it again", path=self.path)
+        except zlib.error as error:
+            raise FileError(f"damaged where it is compressed ({error}); copy it again", path=self.path) from None
+        except OSError as error:
+            raise FileError(f"cannot be read ({error.strerror or error})", path=self.path) from None
+        yield b""
+
+
+def _encoding(start: bytes, path: Path) -> str:
+    """UTF-8 unless a byte-order mark says otherwise."""
+    if start.startswith((codecs.BOM_UTF32_LE, codecs.BOM_UTF32_BE)):
+        raise FileError("UTF-32 text is not read; save it as UTF-8", path=path)
+    if start.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return "utf-16"
+    for magic, what in _MAGIC.items():
+        if start.startswith(magic):
+            raise FileError(f"this is {what}", path=path)
+    if set(start) - _ASCII and set(start) - _ASCII <= set("°²µ".encode("latin-1")):
+        return "latin-1"  # signs of units alone, by a program that knows no UTF-8
+    return "cp1252" if _western(start) else "utf-8-sig"
+
+
+def _western(start: bytes) -> bool:
+    """Whether it is no UTF-8, and its letters stand between ASCII as those of western languages do.
+
+    Other alphabets make runs of such bytes, in one of several encodings: they are refused, not guessed.
+    """
+    try:
+        codecs.getincrementaldecoder("utf-8")("strict").decode(start)
+    except UnicodeDecodeError:
+        return b"\0" not in start and not re.search(rb"[\x80-\xff]{3}|[\xc2-\xf4][\x80-\xbf]|[\x80-\x9f]", start)
+    return False
+
+
+_ASCII: Final = frozenset(range(128))
+
+
+def _not_text(error: UnicodeDecodeError, chunk: bytes, line: int, path: Path) -> FileError:
+    """The error's position refers to the decoder's buffer, which may begin with bytes kept from the chunk before."""
+    piece = bytes(error.object)
+    line += piece[: error.start].count(b"\n")
+    value = f"byte 0x{piece[error.start]:02x}" if piece else "its end"
+    return FileError(f"not {error.encoding} text ({value}, {error.reason}); save it as UTF-8", path=path, line=line)
+
+
+class ArrowNumbers:
+    """Converts lines of regular rows by Arrow, the same to the bit and many times faster.
+
+    numeric : of each column, whether it is numbers; None for one that is not wanted.
+    """
+
+    def __init__(self, numeric: Sequence[bool | None], mark: str) -> None:
+        import pyarrow as pa
+        import pyarrow.csv as pc
+
+        self._names = [str(k) for k in range(len(numeric))]
+        self._parse = pc.ParseOptions(delimiter=mark)
+        kinds = {
+            str(k): pa.float64() if number else pa.string() for k, number in enumerate(numeric) if number is not None
+        }
+        empty = ["", "nan", "NaN", "NAN", "Nan"]
+        self._convert = pc.ConvertOptions(column_types=kinds, include_columns=list(kinds), null_values=empty)
+        self._numeric = numeric
+
+    def convert(self, text: str) -> list[Cells] | None:
+        """Numbers, NaN where empty, and texts; None where a row is not as the header says or a cell no number."""
+        import pyarrow as pa
+        import pyarrow.csv as pc
+
+        data = text.encode()
+        reading = pc.ReadOptions(column_names=self._names, use_threads=False, block_size=len(data) + 1)
+        try:
+            table: Any = pc.read_csv(pa.BufferReader(data), reading, self._parse, self._convert)
+        except pa.ArrowInvalid:
+            return None
+        found: list[Cells] = []
+        for name, number in zip(self._names, self._numeric, strict=True):
+            # a copy: Arrow keeps the memory of what is read for itself
+            if number:
+                found.append(np.array(table.column(name).to_numpy(), dtype=np.float64))
+            else:
+                found.append([] if number is None else table.column(name).to_pylist())
+        return found

@@ -1,0 +1,229 @@
+"""What the package says about data: a code with values. The sentence is made where somebody reads it.
+
+A finding is an edge record: names of values carry their unit (`off_deg`, `md_m`), as columns and options do. One
+catalogue, a file per room (catalogue/run.toml), turns a code into a sentence with named fields; translations are
+gettext catalogues (catalogue/ru.po), whose context is the code. Nothing tests, splits or translates a sentence.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import cache
+from pathlib import Path
+from string import Formatter
+from typing import Any, Final, Literal, NamedTuple, TypeAlias
+
+Severity = Literal["refused", "warning", "note", "ignored"]
+Value: TypeAlias = "float | int | str | Finding | tuple[Value, ...]"
+LANGUAGES: Final = ("en", "ru", "zh")
+CATALOGUE: Final = Path(__file__).with_name("catalogue")
+UNITS: Final = {"_m_s2": " m/s2", "_percent": " %", "_deg": " deg", "_deg_h": " deg/h", "_nT": " nT", "_m": " m",
+                "_ms": " ms", "_s": " s", "_rpm": " rpm", "_Hz": " Hz", "_degC": " degC"}  # fmt: skip
+"""Ending of a value's name -> unit, as English writes it; the first that fits counts."""
+
+
+class Finding(NamedTuple):
+    """One thing to say about data: a code of the catalogue, by room, thing and fault, and the values of its sentence.
+
+    values : by field of the sentence, and more for programs; a value may be a finding, or several, as part of it.
+    rows : of the data, from 0.
+    severity : refused (going on gives a wrong number), warning (the user should act), note, ignored (by --ignore).
+    """
+
+    code: str
+    values: Mapping[str, Value] = {}
+    rows: tuple[int, ...] = ()
+    severity: Severity = "warning"
+
+    def __str__(self) -> str:
+        return say(self)
+
+    @property
+    def group(self) -> str:
+        """Name under which --ignore takes several codes; empty where a finding cannot be ignored."""
+        return rule(self.code).group
+
+    def plain(self) -> dict[str, Any]:
+        """As --json has it: rows from 1, values as they are."""
+        values = {name: _plain(value) for name, value in self.values.items()}
+        rows = [row + 1 for row in self.rows]
+        return {"code": self.code, "severity": self.severity, "rows": rows, "values": values, "sentence": str(self)}
+
+
+def refused_if(when: object) -> Severity:
+    """Severity of what is refused where it is large and else a warning."""
+    return "refused" if when else "warning"
+
+
+class Rule(NamedTuple):
+    """What the catalogue has of a code.
+
+    says : the sentence; with a second one for more than one, by the value `count`. do : remedy, part of the sentence.
+    means, found : for the page of codes: why it matters, from what size on it is found and refused.
+    example : values of a whole example, which the page shows and tests render.
+    """
+
+    says: tuple[str, ...]
+    do: str = ""
+    group: str = ""
+    means: str = ""
+    found: str = ""
+    example: Mapping[str, Any] = {}
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """What is translated."""
+        return tuple(f"{one} {self.do}".rstrip() for one in self.says)
+
+
+# What only a finding needs is imported where one is said: right data pay nothing.
+
+
+def _read(name: str) -> str:
+    return (CATALOGUE / name).read_text("utf-8")
+
+
+def _toml(name: str) -> dict[str, Any]:
+    import tomllib
+
+    return tomllib.loads(_read(name))
+
+
+@cache
+def room(name: str) -> dict[str, Rule]:
+    """The rules of a room, by code."""
+    found = {}
+    for code, entry in _toml(f"{name}.toml").items():
+        says = entry.pop("says")
+        found[code] = Rule((says,) if isinstance(says, str) else tuple(says), **entry)
+    return found
+
+
+def rule(code: str) -> Rule:
+    """What the catalogue has of a code; KeyError of one that is not there."""
+    return room(code.partition("-")[0])[code]
+
+
+@cache
+def rooms() -> tuple[str, ...]:
+    """Names of all rooms, for the page of codes and for --ignore."""
+    return tuple(sorted(path.stem for path in CATALOGUE.glob("*.toml") if path.stem != "words"))
+
+
+def codes() -> dict[str, Rule]:
+    """All rules, by code."""
+    return {code: one for name in rooms() for code, one in room(name).items()}
+
+
+def example(code: str, values: Mapping[str, Any] | None = None) -> Finding:
+    """The finding that the catalogue gives as an example of a code, or one with values as TOML has them."""
+    given = rule(code).example if values is None else values
+    return Finding(code, {name: _given(one) for name, one in given.items()})
+
+
+def _given(one: Any) -> Value:
+    if isinstance(one, dict):
+        return example(one["code"], one["values"])
+    return tuple(map(_given, one)) if isinstance(one, list) else one
+
+
+@cache
+def words() -> frozenset[str]:
+    """Values that are words, and what joins values: all that is translated besides sentences."""
+    return frozenset((*_toml("words.toml")["words"], *UNITS.values()))
+
+
+def say(found: Finding, language: str = "en") -> str:
+    """The sentence of a finding.
+
+    A field is {name}, or {name:spec}: a format of numbers (.3g where there is none; lengths as given), `word` for
+    one that is translated, `or` and `and` for several values.
+    """
+    of, count = rule(found.code), found.values.get("count", 1)
+    text = _translated(language, found.code, of.sentences, count if isinstance(count, int) else 1)
+    parts = []
+    for literal, name, spec, _ in Formatter().parse(text):
+        parts += [literal, "" if name is None else _shown(name, found.values[name], spec or "", language)]
+    said = "".join(parts)
+    return said[:1].upper() + said[1:] if of.means else said
+
+
+def _shown(name: str, value: Value, spec: str, language: str) -> str:
+    """A value in a sentence."""
+    if isinstance(value, Finding):
+        return say(value, language)
+    if isinstance(value, tuple):
+        shown = [_shown(name, one, "word" if spec.endswith("word") else "", language) for one in value]
+        join = _word(f" {spec.removesuffix('word').strip() or 'and'} ", language)
+        return join.join([_word(", ", language).join(shown[:-1]), shown[-1]] if shown[1:] else shown)
+    if isinstance(value, str):
+        return _word(value, language) if spec == "word" else value
+    unit = next((end for end in UNITS if name.endswith(end)), "")
+    text = format(value, spec or ("d" if isinstance(value, int) else ".12g" if unit == "_m" else ".3g"))
+    text = f"{float(text):.12g}" if "e" in text else text
+    if language == "ru":
+        text = text.replace(".", ",")
+    return text + (_word(UNITS[unit], language) if unit else "")
+
+
+def _word(text: str, language: str) -> str:
+    if text not in words():
+        raise KeyError(f"{text!r} is not in words.toml")
+    return _translated(language, "word", (text,))
+
+
+def _plain(value: Value) -> Any:
+    if isinstance(value, Finding):
+        return value.plain()
+    return [_plain(one) for one in value] if isinstance(value, tuple) else value
+
+
+# Translations: .po files as translators write them, read without a build step.
+
+
+def translations(language: str, context: str) -> dict[str, str]:
+    """The messages of a context, a code or "word", in a language; of plural forms the first."""
+    start, found = f"{context}\x04", _messages(language)
+    return {key.removeprefix(start).split("\0")[0]: said[0] for key, said in found.items() if key.startswith(start)}
+
+
+@cache
+def _messages(language: str) -> dict[str, tuple[str, ...]]:
+    return {} if language == "en" else entries(_read(f"{language}.po"))
+
+
+@cache
+def _plural(language: str) -> Callable[[int], int]:
+    """Number -> place of its plural form, as the head of a .po says it."""
+    from gettext import c2py
+
+    return c2py("n != 1" if language == "en" else _messages(language)[""][0].partition("plural=")[2].partition(";")[0])
+
+
+def _translated(language: str, context: str, sentences: tuple[str, ...], count: int = 1) -> str:
+    """One of a sentence and its plural form in a language; as they are where nobody has translated them."""
+    forms = _messages(language).get(f"{context}\x04{chr(0).join(sentences)}", ())
+    found, rules = (forms, language) if forms and all(forms) else (sentences, "en")
+    return found[_plural(rules)(count)] if len(sentences) > 1 else found[0]
+
+
+def entries(text: str) -> dict[str, tuple[str, ...]]:
+    """The messages of a .po: context and message as gettext joins them -> translations, one a plural form."""
+    import json
+
+    found: dict[str, tuple[str, ...]] = {}
+    for block in text.split("\n\n"):
+        parts: dict[str, str] = {}
+        key = ""
+        for line in block.splitlines():
+            if line.startswith("#"):
+                continue
+            keyword, _, quoted = line.partition('"')
+            key = keyword.strip() or key
+            parts[key] = parts.get(key, "") + json.loads(f'"{quoted}')
+        if not parts:
+            continue
+        message = "\0".join(parts[key] for key in ("msgid", "msgid_plural") if key in parts)
+        context = f"{parts['msgctxt']}\x04" if "msgctxt" in parts else ""
+        found[context + message] = tuple(value for key, value in parts.items() if key.startswith("msgstr"))
+    return found

@@ -1,1 +1,0 @@
-"""The filter of recorded samples: forward, backward, and every sample from both."""

@@ -1,0 +1,118 @@
+"""The catalogue: every code whole, in three languages, used, and on the page."""
+
+from __future__ import annotations
+
+import ast
+import re
+from pathlib import Path
+from string import Formatter
+
+import pytest
+from docs.support.finding_page import page
+
+import inclinometry
+from inclinometry.findings import LANGUAGES, Finding, _read, codes, entries, example, rooms, rule, say, words
+
+SOURCES = Path(inclinometry.__file__).parent
+CODES = list(codes())
+
+
+def fields(text):
+    return {(name, spec) for _, name, spec, _ in Formatter().parse(text) if name is not None}
+
+
+def texts():
+    """Modules that make findings -> their texts; codes and names of values are written out, never put together."""
+    for path in SOURCES.rglob("*.py"):
+        source = path.read_text("utf-8")
+        if re.search(r"inclinometry\.findings import|errors import .*\brefused\b", source):
+            constants = (node for node in ast.walk(ast.parse(source)) if isinstance(node, ast.Constant))
+            yield str(path), {node.value for node in constants if isinstance(node.value, str)}
+
+
+TEXTS = dict(texts())
+
+
+@pytest.mark.parametrize("code", CODES)
+def test_a_code_is_whole(code):
+    assert re.fullmatch(r"[a-z]+(-[a-z]+)+", code)
+    one = rule(code)
+    phrase = not one.means  # a part of other sentences
+    assert phrase or (one.do and one.found), code
+    for sentence in one.sentences:
+        assert phrase or sentence.endswith((".", "{finding}")), sentence
+        # plain English: sentences of 25 words, a value and its unit one word
+        assert all(len(part.split()) <= 27 for part in re.split(r"(?<=[.:])\s", sentence)), sentence
+        assert {name for name, _ in fields(sentence)} <= set(one.example), sentence
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+@pytest.mark.parametrize("code", CODES)
+def test_a_code_is_said_in_every_language(code, language):
+    said = say(example(code), language)
+    assert "{" not in said
+    assert not re.search(r"( (?:deg/h|deg|degC|%|nT|m/s2|ms|m|s|rpm|Hz))\1\b", said), said  # a unit said twice
+    if language == "en":
+        return
+    messages = entries(_read(f"{language}.po"))
+    translations = messages[f"{code}\x04" + "\0".join(rule(code).sentences)]
+    assert len(translations) == (1 if len(rule(code).says) == 1 else {"ru": 3, "zh": 1}[language])
+    for text in translations:
+        assert fields(text) == fields(rule(code).sentences[-1]), text
+
+
+@pytest.mark.parametrize("language", LANGUAGES[1:])
+def test_translations_are_of_today(language):
+    """A sentence that was changed or taken out leaves a translation that nobody reads."""
+    known = {f"{code}\x04" + "\0".join(rule(code).sentences) for code in CODES} | {f"word\x04{one}" for one in words()}
+    assert set(entries(_read(f"{language}.po"))) - {""} == known
+
+
+@pytest.mark.parametrize("code", CODES)
+def test_a_code_is_used(code):
+    """Its module names every field of its sentence."""
+    users = [found for found in TEXTS.values() if code in found]
+    assert users, code
+    counted = {"windows", "total"}  # of `inclinometry.motion.result.Fault`
+    assert {name for name, _ in fields(rule(code).sentences[-1])} <= counted.union(*users)
+
+
+def test_every_code_of_the_source_is_in_the_catalogue():
+    shape = re.compile(rf"({'|'.join(rooms())})(-[a-z]+)+")
+    assert {text for found in TEXTS.values() for text in found if shape.fullmatch(text)} <= set(CODES)
+
+
+@pytest.mark.parametrize(
+    ("count", "said"), [(1, "1 точка имеет"), (3, "3 точки имеют"), (8, "8 точек имеют"), (21, "21 точка имеет")]
+)
+def test_plurals(count, said):
+    found = Finding("run-level-grads", {"count": count, "inclination_deg": 100.1, "log_ratio": 5.0})
+    assert say(found, "ru").startswith(said)
+
+
+def test_numbers_keep_their_size():
+    found = Finding("run-field-calibrated", {"field_nT": 5.012e7, "count": 3, "total": 4})
+    assert "50120000 nT" in say(found)
+    assert "50120000 нТл" in say(found, "ru")
+
+
+def test_a_finding_as_plain_data():
+    found = Finding("run-depth-digit", {"course_m": 28.5, "md_m": 610.0, "expected_m": 601.5}, (21,))
+    plain = found.plain()
+    assert (plain["code"], plain["severity"], plain["rows"]) == ("run-depth-digit", "warning", [22])
+    assert plain["values"] == {"course_m": 28.5, "md_m": 610.0, "expected_m": 601.5}
+
+
+def test_the_page_has_every_code():
+    text = page()
+    assert [code for code in CODES if rule(code).means and f"### {code}\n" not in text] == []
+
+
+def test_a_terminal_shows_three(capsys):
+    from inclinometry.cli import output
+
+    found = [example("run-total"), example("run-depth-digit"), *(example("run-station-off") for _ in range(3))]
+    output.findings([found[0]._replace(severity="ignored"), *found[1:]])
+    lines = capsys.readouterr().err.splitlines()
+    assert [line.partition(":")[0] for line in lines] == ["warning"] * 3 + ["2 more"]
+    assert lines[0].endswith("[run-depth-digit]")
