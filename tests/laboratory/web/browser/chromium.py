@@ -32,13 +32,11 @@ FLAGS = (
 INSIDE = ("data", "blob", "about", "chrome", "chrome-error", "chrome-untrusted", "devtools")
 """Schemes of addresses that are no request."""
 SHIFTS = """
-window.shifts = []; window.painted = {};
+window.shifts = [];
 new PerformanceObserver(list => { for (const e of list.getEntries())
     if (!e.hadRecentInput) window.shifts.push([e.startTime, e.value,
         (e.sources || []).map(s => s.node ? (s.node.className || s.node.nodeName) : '').join(' | ')]);
 }).observe({type: 'layout-shift', buffered: true});
-new PerformanceObserver(list => { for (const e of list.getEntries()) window.painted[e.name] = e.startTime;
-}).observe({type: 'paint', buffered: true});
 """
 
 
