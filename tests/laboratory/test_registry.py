@@ -170,3 +170,12 @@ def test_a_list_of_what_is_not_a_kind_is_refused(laboratory: Ledger) -> None:
     """Columns are those of the kind."""
     with pytest.raises(KeyError):
         listed(laboratory, "event", serial="x")
+
+
+def test_a_rig_may_turn_either_way(laboratory: Ledger) -> None:
+    """Its dials reach a full turn to both sides, that of the inclination too."""
+    rig = registry.RegisteredRig("stand 2", (0.001,) * 3, inclination=(-float(np.pi) / 2, float(np.pi) / 2))
+    registry.put_rig(laboratory, rig, author="a")
+    found = registry.find_rig(laboratory, "stand 2")
+    assert found is not None
+    assert found.inclination == pytest.approx(rig.inclination)

@@ -147,6 +147,14 @@ def test_readings_that_can_never_be_right_are_refused(
     assert not load_session(ledger, session.id).taken
 
 
+def test_numbers_of_numpy_are_recorded(opened: tuple[Ledger, Session]) -> None:
+    """Of whatever type: a mean, a count and a flag as numpy gives them."""
+    ledger, session = opened
+    numbers = {"count": np.int64(9), "duration": np.float32(0.5), "temperature": np.float64(20.0), "still": np.bool_(1)}
+    found = capture(ledger, session.id, 1, replace(one(session, 1), **numbers), author="a").capture
+    assert (found.count, found.duration, found.temperature, found.still) == (9, 0.5, 20.0, True)
+
+
 # Rigs whose dials count otherwise: sessions keep what the dials say, fits take what it means.
 
 

@@ -153,7 +153,7 @@ def outside(name: str, value: Any) -> Any:
         return value.isoformat()
     if isinstance(value, Mapping):
         return {key: outside("", inner) for key, inner in value.items()}
-    if isinstance(value, np.ndarray):
+    if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
     return value
 
@@ -194,12 +194,12 @@ def given(of: type[Any], said: Mapping[str, Any], first: int = 1) -> dict[str, A
     return found
 
 
-def _within_limits(one: T) -> T:
-    """What is to be registered, its numbers as floats; InputError for one outside the limits that are declared."""
+def _within_limits(one: T, *names: str) -> T:
+    """What is to be registered, its numbers (or those named) as floats; InputError outside the limits declared."""
     found: dict[str, Any] = {}
     for field_, _, (name, _, limits) in declared(type(one)):
         value = getattr(one, field_.name)
-        if limits is not None and value is not None:
+        if limits is not None and value is not None and (not names or field_.name in names):
             span = np.radians(limits) if name.endswith("_deg") else limits
             unit = {"g_mps2": "m/s^2", "b_nT": "nT"}.get(name, "rad")
             number = within(value, field_.name, float(span[0]), float(span[1]), unit).tolist()
@@ -237,7 +237,7 @@ def tools(ledger: Ledger, *, limit: int = 1000, after: str = "") -> list[Registe
 def put_rig(ledger: Ledger, rig: RegisteredRig, *, author: str) -> Record:
     """Register a rig, or record what changed."""
     stand_within(rig.azimuth, rig.inclination, rig.toolface, candidates=1)  # refuses limits that are none
-    body = stored(_within_limits(rig))
+    body = stored(_within_limits(rig, "sd"))
     if rig.dials == USUAL:
         del body["dials"]
     return ledger.append("rig", {"name": rig.name}, body, author=author)

@@ -114,6 +114,13 @@ def test_what_is_no_bytes_is_no_document(path: Path, tmp_path: Path, statement: 
     assert not (tmp_path / "all.zip").exists()
 
 
+def test_an_export_counts_by_the_chain(path: Path, tmp_path: Path) -> None:
+    """A row whose number alone was changed is exported at its place, and the export is read again."""
+    edit(path, "UPDATE certificate SET seq = 99")
+    with Ledger(path) as ledger, create(tmp_path / "copy.sqlite", sign=False) as copy:
+        assert export(ledger, tmp_path / "all.zip") == ledger.head() == restore(copy, tmp_path / "all.zip")
+
+
 def test_a_changed_record_is_not_used(path: Path) -> None:
     """Reading it is refused, so that nothing is computed or certified from it; the others are read."""
     edit(path, "UPDATE tool SET body = replace(body, 'steering', 'other') WHERE serial = 'T3'")

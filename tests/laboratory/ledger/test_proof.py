@@ -390,7 +390,15 @@ def test_junk_in_the_place_of_the_public_key_is_named(opened: Opened, keys: Keys
 
 @pytest.mark.parametrize(
     ("junk", "line"),
-    [(b"junk\n", 2), (b"{}\n", 2), (b"\xff\n", 2), (b"[" * 100_000 + b"\n", 2), (b"\n7", 3), (b'"a"', 2)],
+    [
+        (b"junk\n", 2),
+        (b"{}\n", 2),
+        (b"\xff\n", 2),
+        (b"[" * 100_000 + b"\n", 2),
+        (b"\n7", 3),
+        (b'"a"', 2),
+        (b"null\n", 2),
+    ],
 )
 def test_junk_among_the_changes_of_keys_is_named(opened: Opened, keys: Keys, junk: bytes, line: int) -> None:
     """With its line, of what was signed and changed since, too; recording with the same key needs none of it."""

@@ -19,7 +19,7 @@ class Standard:
     """A reference standard: what the angles and fields of a laboratory are traced to the SI by.
 
     certificate : number of its own calibration certificate.
-    due : day from which it must not be used before it has been calibrated again; None where none is stated.
+    due : day up to which its calibration holds; None where none is stated.
     """
 
     name: str

@@ -72,9 +72,9 @@ def _rows(connection: Connection, progress: Progress | None) -> Iterator[dict[st
                 f"{link.kind} {link.seq} is missing or was changed; run `inclinometry ledger verify`, "
                 "nothing was exported"
             )
-        about = {name: getattr(row, name) for name in ("seq", "id", "created", "author", "version", "body")}
+        about = {name: getattr(row, name) for name in ("id", "created", "author", "version", "body")}
         keys = {name: getattr(row, name) for name in engine.KINDS[kind].keys}
-        yield {**about, "kind": kind, "keys": keys, "digest": link.digest, "link": link.link}
+        yield {**about, "seq": link.seq, "kind": kind, "keys": keys, "digest": link.digest, "link": link.link}
         if progress is not None and link.seq % BLOCK == 0:
             progress(min(1.0, link.seq / last))
 
