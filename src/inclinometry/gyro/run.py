@@ -72,6 +72,16 @@ class Stations:
     failed: Mask = field(default_factory=lambda: np.zeros(0, dtype=np.bool_))
     jumped: Mask = field(default_factory=lambda: np.zeros(0, dtype=np.bool_))
 
+    @property
+    def measured(self) -> tuple[Array, Array, float]:
+        """Gravity, rate and latitude, which every method begins with."""
+        return self.gravity, self.rate, self.latitude
+
+    @property
+    def spread(self) -> dict[str, Any]:
+        """The covariances of both and the strength of gravity, by the names that every method has for them."""
+        return {"gravity_covariance": self.gravity_covariance, "rate_covariance": self.rate_covariance, "g": self.g}
+
 
 def stations_of(averages: Averages, site: Site, hole: str | None, gravity_sd: float = 0.0) -> Stations:
     """What the average and the site say; the site must have a latitude; `gravity_sd` as of `GyroOptions`."""
@@ -160,25 +170,15 @@ def solve(method: str, stations: Stations, known: ScalePrior) -> North:
     """Azimuths of the stations of a run by a method: joint, fixed (scale known) or patent."""
     if method == "patent":
         found = solve_patent(
-            stations.gravity,
-            stations.rate,
-            stations.latitude,
-            gravity_covariance=stations.gravity_covariance,
-            rate_covariance=stations.rate_covariance,
-            g=stations.g,
+            *stations.measured,
+            **stations.spread,
             history=float(known.stated[0]),
             history_sd=float(known.stated_sd[0]),
             change_sd=CHANGE,
         )
         return found if stations.hole is None else _declared(found, stations.hole)
-    given = stations.gravity, stations.rate, stations.latitude
-    shared: dict[str, Any] = {
-        "gravity_covariance": stations.gravity_covariance,
-        "rate_covariance": stations.rate_covariance,
-        "g": stations.g,
-        "hole": stations.hole,
-        "latitude_sd": stations.latitude_sd,
-    }
+    given = stations.measured
+    shared = {**stations.spread, "hole": stations.hole, "latitude_sd": stations.latitude_sd}
     if method == "fixed":
         # a scale that is not corrected errs by what is expected of it and by what is not known of that
         return estimate_north_fixed(*given, scale_sd=np.hypot(known.before_sd, known.before - 1.0), **shared)

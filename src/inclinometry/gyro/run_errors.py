@@ -50,15 +50,11 @@ def run_errors(
     track = known.track
     if north.method == "joint" and track is not None and track.shared.size:
         given = estimate_north(
-            stations.gravity,
-            stations.rate,
-            stations.latitude,
-            gravity_covariance=stations.gravity_covariance,
-            rate_covariance=stations.rate_covariance,
+            *stations.measured,
+            **stations.spread,
             # where no reading bounds it, at stations of a failed channel, it may be any
             scale=np.clip(track.scale, *SCALES),
             scale_sd=0.0,
-            g=stations.g,
             hole=stations.hole,
         ).response
         found["gyro"] = _own(given["rate"], w_noise)
