@@ -162,7 +162,8 @@ def gaussian_maxima(information: Array, draws: int = 50_000, seed: int = 1) -> A
     seen = sd > 1e-5 * sd.max()
     values, vectors = np.linalg.eigh((covariance / np.outer(sd, sd))[np.ix_(seen, seen)])
     keep = values > 1e-9 * values[-1]
-    root = vectors[:, keep] * np.sqrt(values[keep])
+    # symmetric, so that no processor's signs of eigenvectors choose the draws
+    root = vectors[:, keep] * np.sqrt(values[keep]) @ vectors[:, keep].T
     white = np.random.default_rng(seed).standard_normal((draws, root.shape[1]))
     return np.asarray(np.square(white @ root.T).max(axis=1))
 

@@ -113,7 +113,7 @@ def power(
 
     def parameters(covariance: Array) -> Array:
         values, vectors = np.linalg.eigh(covariance)
-        root = vectors * np.sqrt(np.maximum(values, 0.0))
+        root = vectors * np.sqrt(np.maximum(values, 0.0)) @ vectors.T  # symmetric: draws the same on every processor
         return np.asarray(rng.standard_normal((DRAWS, len(root))) @ root.T)
 
     def moved(by: Array, change: Array) -> Array:

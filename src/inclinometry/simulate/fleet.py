@@ -202,6 +202,6 @@ def simulate_calibrations(
 
 
 def _root(covariance: ArrayLike) -> Array:
-    """Factor R with R R' = C, of a covariance that may be singular."""
+    """Symmetric root of a covariance that may be singular: unlike a bare factor, the same on every processor."""
     values, vectors = np.linalg.eigh(np.asarray(covariance, dtype=np.float64))
-    return np.asarray(vectors * np.sqrt(np.clip(values, 0.0, None)))
+    return np.asarray(vectors * np.sqrt(np.clip(values, 0.0, None)) @ vectors.T)
