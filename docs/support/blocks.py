@@ -26,7 +26,7 @@ BLOCK = re.compile(
 PICTURE = re.compile(r"!\[[^\]]*\]\((?:\.\./)?_static/shown/([\w.-]+)\)")
 COLUMNS = 80
 NUMBER = re.compile(r"[-+−]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
-_DIGEST = re.compile(r"\b[0-9a-f]{8}(?:[0-9a-f]{56})?\b")
+_DIGEST = re.compile(r"(?<=sha256:)[0-9a-f]{64}\b|(?<=certificate \d{4}-)[0-9a-f]{8}\b")
 """Of what was computed: its last bits are the processor's."""
 _TEXT = re.compile(rb"<text[^>]*>([^<]*)")
 _STATUS = re.compile(r"#.*\bexit status (\d+)")
