@@ -1,12 +1,34 @@
-"""What tests say of errors that carry a finding."""
+"""What tests say of errors that carry a finding, and of results that carry several."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from typing import Any
+
 import pytest
 
-from inclinometry.errors import InputError
+from inclinometry.errors import InclinometryError
+from inclinometry.findings import Finding
 
 
-def refused(*codes: str) -> pytest.RaisesExc[InputError]:
-    """An error whose finding has one of these codes."""
-    return pytest.raises(InputError, check=lambda error: error.finding is not None and error.finding.code in codes)
+def refused(
+    *codes: str, error: type[InclinometryError] = InclinometryError, **values: Any
+) -> pytest.RaisesExc[InclinometryError]:
+    """An error, of a class, whose finding has one of these codes and, where given, these values."""
+    return pytest.raises(error, check=lambda raised: raised.finding is not None and fits(raised.finding, codes, values))
+
+
+def fits(found: Finding, codes: Iterable[str], values: dict[str, Any]) -> bool:
+    """Whether a finding has one of the codes and all of the values; of a text a part is enough."""
+    return found.code in codes and all(_alike(found.values.get(name), value) for name, value in values.items())
+
+
+def _alike(have: Any, wanted: Any) -> bool:
+    if isinstance(have, str) and isinstance(wanted, str):
+        return wanted in have
+    return bool(have == wanted) if isinstance(have, tuple | str) else bool(have == pytest.approx(wanted))
+
+
+def coded(found: Iterable[Finding]) -> list[str]:
+    """Codes of findings, in their order."""
+    return [one.code for one in found]

@@ -11,7 +11,7 @@ import pytest
 from docs.support.finding_page import page
 
 import inclinometry
-from inclinometry.findings import LANGUAGES, Finding, _read, codes, entries, example, rooms, rule, say, words
+from inclinometry.findings import LANGUAGES, Finding, _read, codes, entries, example, room, rooms, rule, say, words
 
 SOURCES = Path(inclinometry.__file__).parent
 CODES = list(codes())
@@ -54,7 +54,7 @@ def test_a_code_is_said_in_every_language(code, language):
     assert not re.search(r"( (?:deg/h|deg|degC|%|nT|m/s2|ms|m|s|rpm|Hz))\1\b", said), said  # a unit said twice
     if language == "en":
         return
-    messages = entries(_read(f"{language}.po"))
+    messages = entries(_read(f"{code.partition('-')[0]}.{language}.po"))
     translations = messages[f"{code}\x04" + "\0".join(rule(code).sentences)]
     assert len(translations) == (1 if len(rule(code).says) == 1 else {"ru": 3, "zh": 1}[language])
     for text in translations:
@@ -62,10 +62,13 @@ def test_a_code_is_said_in_every_language(code, language):
 
 
 @pytest.mark.parametrize("language", LANGUAGES[1:])
-def test_translations_are_of_today(language):
+@pytest.mark.parametrize("name", ["words", *rooms()])
+def test_translations_are_of_today(name, language):
     """A sentence that was changed or taken out leaves a translation that nobody reads."""
-    known = {f"{code}\x04" + "\0".join(rule(code).sentences) for code in CODES} | {f"word\x04{one}" for one in words()}
-    assert set(entries(_read(f"{language}.po"))) - {""} == known
+    rules = {} if name == "words" else room(name)
+    known = {f"{code}\x04" + "\0".join(one.sentences) for code, one in rules.items()}
+    known |= {f"word\x04{one}" for one in words(name) - (set() if name == "words" else words())}
+    assert set(entries(_read(f"{name}.{language}.po"))) - {""} == known
 
 
 @pytest.mark.parametrize("code", CODES)

@@ -19,8 +19,9 @@ class InclinometryError(Exception):
     finding: Finding | None = None
 
     def __init__(self, said: Finding | str = "") -> None:
+        if isinstance(said, Finding):
+            self.finding = said = said._replace(severity="refused")
         super().__init__(str(said))
-        self.finding = said if isinstance(said, Finding) else None
 
 
 class InputError(InclinometryError, ValueError):
@@ -33,7 +34,33 @@ class SiteError(InputError):
 
 def refused(code: str, values: Mapping[str, Value] | None = None) -> InputError:
     """The error of a finding."""
-    return InputError(Finding(code, values or {}, severity="refused"))
+    return InputError(Finding(code, values or {}))
+
+
+def out_of_range(name: str, value: Value, allowed: str) -> InputError:
+    """A value outside its range, which is written in signs: "> 0", "0 .. 90", ">= 2"."""
+    return InputError(Finding("input-value", {"name": name, "value": value, "allowed": allowed}))
+
+
+def wrong_kind(name: str, value: Value, expected: str) -> InputError:
+    """A value that is not of its kind; `expected` is a word of the catalogue: "number", "text", "date"."""
+    return InputError(Finding("input-kind", {"name": name, "value": value, "expected": expected}))
+
+
+def not_among(name: str, value: Value, allowed: Iterable[str]) -> InputError:
+    """A value that is none of a few."""
+    return InputError(Finding("input-choice", {"name": name, "value": value, "allowed": tuple(allowed)}))
+
+
+def wrong_shape(name: str, shape: Sequence[int] | str, expected: str) -> InputError:
+    """An array that does not fit the others; expected as in "(K, 3)"."""
+    shape = shape if isinstance(shape, str) else str(tuple(shape))
+    return InputError(Finding("input-shape", {"name": name, "shape": shape, "expected": expected}))
+
+
+def in_file(error: InclinometryError, path: str | Path, line: int | None = None) -> FileError:
+    """The same refusal, of a file that its value was read from."""
+    return FileError(error.finding or str(error), path=path, line=line)
 
 
 class FileError(InputError):
@@ -47,7 +74,7 @@ class FileError(InputError):
         text = re.sub(r"((?<!\w)'[^'\n]{60})[^'\n]{60,}'(?!\w)", r"\1…'", str(problem))
         super().__init__(f"{where}: {text}")
         self.path, self.line, self.problem = Path(path), line, text
-        self.finding = problem if isinstance(problem, Finding) else None
+        self.finding = problem._replace(severity="refused") if isinstance(problem, Finding) else None
 
 
 class IdentifiabilityError(InclinometryError, ValueError):

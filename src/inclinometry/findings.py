@@ -2,7 +2,7 @@
 
 A finding is an edge record: names of values carry their unit (`off_deg`, `md_m`), as columns and options do. One
 catalogue, a file per room (catalogue/run.toml), turns a code into a sentence with named fields; translations are
-gettext catalogues (catalogue/ru.po), whose context is the code. Nothing tests, splits or translates a sentence.
+gettext catalogues (catalogue/run.ru.po), whose context is the code. Nothing tests, splits or translates a sentence.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ Value: TypeAlias = "float | int | str | Finding | tuple[Value, ...]"
 LANGUAGES: Final = ("en", "ru", "zh")
 CATALOGUE: Final = Path(__file__).with_name("catalogue")
 UNITS: Final = {"_m_s2": " m/s2", "_percent": " %", "_deg": " deg", "_deg_h": " deg/h", "_nT": " nT", "_m": " m",
-                "_ms": " ms", "_s": " s", "_rpm": " rpm", "_Hz": " Hz", "_degC": " degC"}  # fmt: skip
+                "_mm": " mm", "_ms": " ms", "_s": " s", "_rpm": " rpm", "_Hz": " Hz", "_degC": " degC"}  # fmt: skip
 """Ending of a value's name -> unit, as English writes it; the first that fits counts."""
 
 
@@ -94,6 +94,8 @@ def room(name: str) -> dict[str, Rule]:
     """The rules of a room, by code."""
     found = {}
     for code, entry in _toml(f"{name}.toml").items():
+        if code == "words":
+            continue
         says = entry.pop("says")
         found[code] = Rule((says,) if isinstance(says, str) else tuple(says), **entry)
     return found
@@ -128,9 +130,10 @@ def _given(one: Any) -> Value:
 
 
 @cache
-def words() -> frozenset[str]:
-    """Values that are words, and what joins values: all that is translated besides sentences."""
-    return frozenset((*_toml("words.toml")["words"], *UNITS.values()))
+def words(name: str = "words") -> frozenset[str]:
+    """Values of a room that are words, with those of every room and what joins values: translated besides sentences."""
+    own = _toml(f"{name}.toml").get("words", ())
+    return frozenset((*own, *UNITS.values())) if name == "words" else words() | frozenset(own)
 
 
 def say(found: Finding, language: str = "en") -> str:
@@ -139,37 +142,37 @@ def say(found: Finding, language: str = "en") -> str:
     A field is {name}, or {name:spec}: a format of numbers (.3g where there is none; lengths as given), `word` for
     one that is translated, `or` and `and` for several values.
     """
-    of, count = rule(found.code), found.values.get("count", 1)
-    text = _translated(language, found.code, of.sentences, count if isinstance(count, int) else 1)
+    of, count, own = rule(found.code), found.values.get("count", 1), found.code.partition("-")[0]
+    text = _translated(language, own, found.code, of.sentences, count if isinstance(count, int) else 1)
     parts = []
     for literal, name, spec, _ in Formatter().parse(text):
-        parts += [literal, "" if name is None else _shown(name, found.values[name], spec or "", language)]
+        parts += [literal, "" if name is None else _shown(name, found.values[name], spec or "", language, own)]
     said = "".join(parts)
     return said[:1].upper() + said[1:] if of.means else said
 
 
-def _shown(name: str, value: Value, spec: str, language: str) -> str:
-    """A value in a sentence."""
+def _shown(name: str, value: Value, spec: str, language: str, own: str) -> str:
+    """A value in a sentence of a room."""
     if isinstance(value, Finding):
         return say(value, language)
     if isinstance(value, tuple):
-        shown = [_shown(name, one, "word" if spec.endswith("word") else "", language) for one in value]
-        join = _word(f" {spec.removesuffix('word').strip() or 'and'} ", language)
-        return join.join([_word(", ", language).join(shown[:-1]), shown[-1]] if shown[1:] else shown)
+        shown = [_shown(name, one, "word" if spec.endswith("word") else "", language, own) for one in value]
+        join = _word(f" {spec.removesuffix('word').strip() or 'and'} ", language, own)
+        return join.join([_word(", ", language, own).join(shown[:-1]), shown[-1]] if shown[1:] else shown)
     if isinstance(value, str):
-        return _word(value, language) if spec == "word" else value
+        return _word(value, language, own) if spec == "word" else value
     unit = next((end for end in UNITS if name.endswith(end)), "")
     text = format(value, spec or ("d" if isinstance(value, int) else ".12g" if unit == "_m" else ".3g"))
     text = f"{float(text):.12g}" if "e" in text else text
     if language == "ru":
         text = text.replace(".", ",")
-    return text + (_word(UNITS[unit], language) if unit else "")
+    return text + (_word(UNITS[unit], language, own) if unit else "")
 
 
-def _word(text: str, language: str) -> str:
-    if text not in words():
-        raise KeyError(f"{text!r} is not in words.toml")
-    return _translated(language, "word", (text,))
+def _word(text: str, language: str, own: str) -> str:
+    if text not in words(own):
+        raise KeyError(f"{text!r} is neither in words.toml nor among the words of {own}.toml")
+    return _translated(language, "words" if text in words() else own, "word", (text,))
 
 
 def _plain(value: Value) -> Any:
@@ -183,13 +186,18 @@ def _plain(value: Value) -> Any:
 
 def translations(language: str, context: str) -> dict[str, str]:
     """The messages of a context, a code or "word", in a language; of plural forms the first."""
-    start, found = f"{context}\x04", _messages(language)
-    return {key.removeprefix(start).split("\0")[0]: said[0] for key, said in found.items() if key.startswith(start)}
+    start, places = f"{context}\x04", ("words", *rooms()) if context == "word" else (context.partition("-")[0],)
+    return {
+        key.removeprefix(start).split("\0")[0]: said[0]
+        for place in places
+        for key, said in _messages(language, place).items()
+        if key.startswith(start)
+    }
 
 
 @cache
-def _messages(language: str) -> dict[str, tuple[str, ...]]:
-    return {} if language == "en" else entries(_read(f"{language}.po"))
+def _messages(language: str, own: str) -> dict[str, tuple[str, ...]]:
+    return {} if language == "en" else entries(_read(f"{own}.{language}.po"))
 
 
 @cache
@@ -197,12 +205,13 @@ def _plural(language: str) -> Callable[[int], int]:
     """Number -> place of its plural form, as the head of a .po says it."""
     from gettext import c2py
 
-    return c2py("n != 1" if language == "en" else _messages(language)[""][0].partition("plural=")[2].partition(";")[0])
+    head = "plural=n != 1;" if language == "en" else _messages(language, "words")[""][0]
+    return c2py(head.partition("plural=")[2].partition(";")[0])
 
 
-def _translated(language: str, context: str, sentences: tuple[str, ...], count: int = 1) -> str:
+def _translated(language: str, own: str, context: str, sentences: tuple[str, ...], count: int = 1) -> str:
     """One of a sentence and its plural form in a language; as they are where nobody has translated them."""
-    forms = _messages(language).get(f"{context}\x04{chr(0).join(sentences)}", ())
+    forms = _messages(language, own).get(f"{context}\x04{chr(0).join(sentences)}", ())
     found, rules = (forms, language) if forms and all(forms) else (sentences, "en")
     return found[_plural(rules)(count)] if len(sentences) > 1 else found[0]
 
