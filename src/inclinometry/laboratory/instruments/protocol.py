@@ -19,7 +19,7 @@ from inclinometry.constants import KINDS
 from inclinometry.conventions import axes_matrix
 from inclinometry.errors import not_among, out_of_range, refused, wrong_shape
 from inclinometry.files.wits0 import BEGIN, END, WitsFrame, take_item
-from inclinometry.findings import Finding
+from inclinometry.findings import Finding, Value
 
 
 @dataclass(frozen=True, eq=False)
@@ -253,7 +253,7 @@ class Protocol:
         if not self.pattern:
             return None
         if len(self.pattern) > longest_pattern:
-            about = {"name": "pattern", "count": len(self.pattern), "most": longest_pattern}
+            about: dict[str, Value] = {"name": "pattern", "count": len(self.pattern), "most": longest_pattern}
             raise refused("input-long", about)
         try:
             return re.compile(self.pattern, re.ASCII)
@@ -377,7 +377,7 @@ class FieldReader:
         cells = body.split(None if self._protocol.delimiter == " " else self._protocol.delimiter)
         columns = self._protocol.columns
         if len(cells) != len(columns):
-            about = {"line": shown(line), "cells": len(cells), "expected": len(columns)}
+            about: dict[str, Value] = {"line": shown(line), "cells": len(cells), "expected": len(columns)}
             raise Refused("garbage", Finding("capture-line-cells", about))
         return dict(zip(columns, cells, strict=True))
 
@@ -528,7 +528,7 @@ class Decoder:
         """Whether all values are allowed; the first that is not is reported."""
         outside = values[(values < low) | (values > high)]
         if len(outside):
-            about = {"name": name, "value": float(outside[0]), "unit": unit, "low": low, "high": high}
+            about: dict[str, Value] = {"name": name, "value": float(outside[0]), "unit": unit, "low": low, "high": high}
             self.event("range", Finding("capture-range", about))
         return not len(outside)
 
@@ -600,7 +600,7 @@ class Decoder:
 
 
 def _bad_value(line: bytes, name: str, text: str, expected: str) -> Refused:
-    about = {"line": shown(line), "name": name, "value": f"{text[:20]!r}", "expected": expected}
+    about: dict[str, Value] = {"line": shown(line), "name": name, "value": f"{text[:20]!r}", "expected": expected}
     return Refused("garbage", Finding("capture-line-value", about))
 
 

@@ -22,6 +22,7 @@ import numpy as np
 from inclinometry.arrays import Array
 from inclinometry.calibration.plans import Plan
 from inclinometry.errors import InputError, out_of_range, refused
+from inclinometry.findings import Value
 from inclinometry.laboratory.instruments.protocol import FieldReader, Lines, Protocol, Refused, Sample, encode, shown
 from inclinometry.laboratory.instruments.protocol_toml import read_protocol
 from inclinometry.laboratory.instruments.rig import Angles, angles_of
@@ -472,7 +473,12 @@ def fits(tool: Tool, protocol: Protocol) -> None:
         triad = tool.triads.get(kind)
         count = 0 if triad is None else triad.count
         if triad is None or count != len(channel.fields):
-            about = {"protocol": protocol.name, "kind": kind, "count": count, "expected": len(channel.fields)}
+            about: dict[str, Value] = {
+                "protocol": protocol.name,
+                "kind": kind,
+                "count": count,
+                "expected": len(channel.fields),
+            }
             raise refused("capture-protocol-channels", about)
         if triad.unit != channel.unit:
             named = {"protocol": protocol.name, "kind": kind, "unit": triad.unit, "expected": channel.unit}
