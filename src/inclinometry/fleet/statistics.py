@@ -358,7 +358,7 @@ def _histories(ledger: Ledger, type_: str | None) -> list[ToolHistory]:
 
     with output.busy("reading the ledger"):
         found, passed_over = ledger_histories(ledger, type_)
-    output.warnings(passed_over)
+    output.findings(passed_over)
     if not found:
         of = "" if type_ is None else f" of type {type_!r}"
         raise InputError(

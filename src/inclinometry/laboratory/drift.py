@@ -15,8 +15,9 @@ from inclinometry.calibration.drift_alarm import Alarm, judged_run
 from inclinometry.calibration.drift_check import DriftCheck, check_with_prior
 from inclinometry.calibration.drift_status import FleetStatus
 from inclinometry.calibration.readings import BenchReadings
-from inclinometry.errors import InclinometryError, InputError
+from inclinometry.errors import InclinometryError, out_of_range, refused
 from inclinometry.files.tool_json import tool_of
+from inclinometry.findings import Finding
 from inclinometry.history import (
     DAYS_PER_YEAR,
     CalibrationRecord,
@@ -28,8 +29,16 @@ from inclinometry.history import (
 from inclinometry.laboratory.certified import Certificates, every
 from inclinometry.laboratory.ledger.ledger import Ledger, LedgerError, Record
 from inclinometry.laboratory.placeholders import stated
-from inclinometry.laboratory.progress import Goal, Progress, progress_of, waiting_for
-from inclinometry.laboratory.registry import RegisteredRig, RegisteredTool, find_tool, listed, outside, rig_of
+from inclinometry.laboratory.progress import Goal, Progress, progress_of, unfitted, waiting_for
+from inclinometry.laboratory.registry import (
+    RegisteredRig,
+    RegisteredTool,
+    find_tool,
+    listed,
+    not_registered,
+    outside,
+    rig_of,
+)
 from inclinometry.laboratory.results import finish_calibration, record_fit
 from inclinometry.laboratory.session import Session, bench_readings, load_session
 from inclinometry.sensors import Tool
@@ -45,7 +54,7 @@ class LedgerHistory(NamedTuple):
 
     history: ToolHistory
     reference: str
-    passed_over: Sequence[str]
+    passed_over: Sequence[Finding]
 
 
 class RunEvidence(NamedTuple):
@@ -80,10 +89,9 @@ def judge_run(history: ToolHistory, reference: Tool, run: RunEvidence, model: Dr
     before = [k for k, (day, name) in enumerate(zip(history.date, history.run, strict=True))
               if day <= run.date and name != run.run]  # fmt: skip
     if not before or history.reference is None:
-        raise InputError(
-            f"run {run.run!r} is of {run.date}, the first calibration of {history.serial} of {history.date[0]}: "
-            "nothing was known of the tool before"
-        )
+        first = str(history.date[0])
+        about = {"run": run.run, "day": str(run.date), "serial": history.serial, "first": first}
+        raise refused("session-run-early", about)
     doses = (run.hours, run.shock, run.heat)
     state = _predicted(history.until(before[-1] + 1), model, run.date, doses)
     seen = tool_from_relative(reference, run.values, run.covariance)
@@ -104,9 +112,9 @@ def ledger_history(ledger: Ledger, certificates: Certificates, serial: str) -> L
     """
     tool = find_tool(ledger, serial)
     if tool is None:
-        raise InputError(f"tool {serial!r} is not registered in {ledger.shown}; `inclinometry ledger enter` does it")
+        raise not_registered("tool", serial)
     found: list[CalibrationRecord] = []
-    passed_over: list[str] = []
+    passed_over: list[Finding] = []
     runs: list[CalibrationRecord] = []
     reference = ""
     carried = np.zeros(len(DOSES))
@@ -120,20 +128,19 @@ def ledger_history(ledger: Ledger, certificates: Certificates, serial: str) -> L
             continue
         seen = _seen(ledger, record)
         if not np.diagonal(seen.covariance).all():
-            passed_over.append(
-                f"{serial}: the calibration of {one.performed} ({one.number}, method {record.body['method']}) states "
-                "no covariance"
-            )
+            about = {"day": str(one.performed), "number": one.number, "method": str(record.body["method"])}
+            passed_over.append(Finding("session-no-covariance", {"serial": serial, **about}))
             continue
         reference = reference or record.id
         hours, shock, heat = (float(x) for x in carried)
         found.append(CalibrationRecord(one.performed, seen, str(session["rig"]), hours, shock, heat))
         carried[:] = 0.0
     if not found:
-        raise InputError(f"tool {serial!r} has no certified calibration in {ledger.shown} that a history can use")
+        raise refused("session-no-history", {"serial": serial})
     for run in _runs(ledger, serial):
         if run.date < found[0].date:
-            passed_over.append(f"{serial}: run {run.run!r} of {run.date} came before the first certified calibration")
+            about = {"serial": serial, "run": run.run, "day": str(run.date)}
+            passed_over.append(Finding("session-run-before", about))
             continue
         after = next((k for k, one in enumerate(found) if one.date > run.date), None)
         if after is not None:  # what the tool did until the run is no part of what it did after
@@ -171,12 +178,9 @@ def withdraw_run(ledger: Ledger, serial: str, run: str, reason: str, *, author: 
     """
     there = sorted(one.run for one in _runs(ledger, serial))
     if run not in there:
-        raise InputError(
-            f"tool {serial!r} has no evidence of a run {run!r} in {ledger.shown}; there is: "
-            f"{', '.join(there) or 'none'}"
-        )
+        raise refused("input-unknown", {"names": (run,), "known": tuple(there)})
     if not stated(reason):
-        raise InputError(f"run {run!r} is not withdrawn without a reason")
+        raise refused("input-missing", {"names": ("reason",)})
     keys = {"subject_kind": "run", "subject": serial, "action": "withdrawn"}
     ledger.append("event", keys, {"details": {"run": run}, "reason": reason}, author=author)
 
@@ -196,14 +200,14 @@ def _from_evidence(ledger: Ledger, said: Mapping[str, Any], name: str | None = N
     return tool_from_relative(tool, values, covariance, tool.name if name is None else name)
 
 
-def ledger_histories(ledger: Ledger, type: str | None = None) -> tuple[dict[str, list[ToolHistory]], list[str]]:
+def ledger_histories(ledger: Ledger, type: str | None = None) -> tuple[dict[str, list[ToolHistory]], list[Finding]]:
     """Histories of the tools in service by type, of one type where it is given, and what was passed over and why.
 
     Tools of one type are registered under one name.
     """
     certificates = Certificates(ledger)
     found: dict[str, list[ToolHistory]] = {}
-    passed_over: list[str] = []
+    passed_over: list[Finding] = []
     for serial in certificates.serials:
         tool = find_tool(ledger, serial)
         if tool is None or tool.retired or (type is not None and tool.name != type):
@@ -211,7 +215,7 @@ def ledger_histories(ledger: Ledger, type: str | None = None) -> tuple[dict[str,
         try:
             history, _, lost = ledger_history(ledger, certificates, serial)
         except InclinometryError as error:
-            passed_over.append(str(error))
+            passed_over.append(unfitted(error)._replace(severity="warning"))
             continue
         found.setdefault(tool.name, []).append(history)
         passed_over += lost
@@ -302,11 +306,9 @@ def check_tool(
     history = known.history
     last = history.date[-1]
     if day < last:
-        raise InputError(
-            f"the check is of {day}, the last calibration or run of {history.serial} of {last}: give a later day"
-        )
+        raise out_of_range("date", str(day), f">= {last}")
     if history.reference is None:
-        raise InputError(f"history of {history.serial}: relative to no tool")
+        raise refused("session-no-history", {"serial": history.serial})
     state = _predicted(history, model, day, doses)
     return check_with_prior(
         readings, history.reference, state, model, rig_sd=np.array(rig.sd), past=past, name=history.serial
@@ -336,22 +338,16 @@ def refuse_check(ledger: Ledger, serial: str) -> StoredFit:
     fit = None if tool is None else find_fit(ledger, tool.name)
     about = None if fit is None else fit.tools.get(serial)
     if tool is None or fit is None or about is None:
-        raise InputError(
-            f"a check of six positions rests on the history of tool {serial!r}, and no drift of its type is kept that "
-            "knows it: make a full calibration, or run `inclinometry fleet fit --record`"
-        )
+        raise refused("session-no-fit", {"serial": serial})
     if about["alarm"]:
-        raise InputError(
-            f"tool {serial!r} does not fit its history ({about['alarm']}): make a full calibration, not a check of six "
-            "positions"
-        )
+        raise refused("session-off-history", {"serial": serial, "alarm": str(about["alarm"])})
     return fit
 
 
 def _session_check(ledger: Ledger, seen: Session) -> tuple[LedgerHistory, DriftCheck]:
     fit, rig = refuse_check(ledger, seen.serial), rig_of(ledger, seen.id)
     if rig is None:
-        raise InputError(f"rig {seen.rig!r} is not registered; register it first")
+        raise not_registered("rig", seen.rig)
     known = ledger_history(ledger, Certificates(ledger), seen.serial)
     day = date.fromisoformat(seen.settings.get("settings", {}).get("performed", seen.created[:10]))
     return known, check_tool(known, bench_readings(seen), fit.model, fit.past, rig, day)
@@ -361,11 +357,11 @@ def check_progress(ledger: Ledger, seen: Session, goal: Goal) -> Progress:
     """How a session of the plan `six` stands: judged when all its positions are taken."""
     captured = len(seen.valid)
     if seen.next is not None:
-        return waiting_for(captured, "a check is judged when all its positions are taken")
+        return waiting_for(captured, Finding("session-check-open"))
     try:
         found = _session_check(ledger, seen)[1]
     except InclinometryError as error:
-        return waiting_for(captured, error.finding or str(error))
+        return waiting_for(captured, unfitted(error))
     if found.calibration is None:
         return waiting_for(captured, found.refusal)
     return progress_of(seen, found.calibration, goal)
@@ -380,7 +376,7 @@ def finish(ledger: Ledger, session: str, *, author: str, goal: Goal | None = Non
     if seen.plan != CHECK or seen.closed:
         return finish_calibration(ledger, session, author=author, goal=goal)
     if seen.next is not None:
-        raise LedgerError("a check is judged when all its positions are taken")
+        raise LedgerError(Finding("session-check-open"))
     known, found = _session_check(ledger, seen)
     if found.calibration is None:
         raise LedgerError(found.refusal)

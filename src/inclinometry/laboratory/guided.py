@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 
 from inclinometry.calibration.plans import Plan
-from inclinometry.errors import InputError
+from inclinometry.errors import not_among, refused
 from inclinometry.laboratory.drift import CHECK, refuse_check
 from inclinometry.laboratory.ledger.ledger import Ledger
 from inclinometry.laboratory.progress import Goal
@@ -37,12 +37,12 @@ def plan_for(
     position that tells most and is continued by `progress.proposal`.
     """
     if number is not None and name != "optimal":
-        raise InputError(f"plan {name} has its own number of positions; leave the number out")
+        raise refused("input-not-with", {"name": "number", "other": name})
     settings: dict[str, Any] = {}
     if name == CHECK:
         refuse_check(ledger, serial)
         if temperatures:
-            raise InputError(f"plan {CHECK} rests on the tool's history, which is of one temperature; leave them out")
+            raise refused("input-not-with", {"name": "temperatures", "other": CHECK})
     if name in protocols():
         plan = protocols()[name]
     elif name == ADAPTIVE:
@@ -58,7 +58,7 @@ def plan_for(
             sd = float(np.sqrt(np.mean(np.square(rig.sd))))
             plan = make_plan("optimal", number=number, inclination_range=aimed_range(span, "azimuth"), rig_sd=sd)
     else:
-        raise InputError(f"plan {name!r} is unknown; allowed: {', '.join((*CALIBRATING, *protocols()))}")
+        raise not_among("plan", name, (*CALIBRATING, *protocols()))
     if temperatures:
         plan, targets = campaign(plan, temperatures)
         settings["settings"] = {**settings.get("settings", {}), "target_degC": list(targets)}

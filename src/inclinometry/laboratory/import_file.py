@@ -15,12 +15,20 @@ from inclinometry.calibration.plans import Plan
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
 from inclinometry.digest import digest_bytes
-from inclinometry.errors import FileError, InputError
+from inclinometry.errors import FileError, InputError, in_file, out_of_range, refused
 from inclinometry.files.tool_json import read_calibration
+from inclinometry.findings import Finding
 from inclinometry.laboratory.certificate.laboratory import begun
-from inclinometry.laboratory.ledger.ledger import Draft, Ledger, LedgerError, Record
+from inclinometry.laboratory.ledger.ledger import Draft, Ledger, Record
 from inclinometry.laboratory.progress import on_rig
-from inclinometry.laboratory.registry import RegisteredRig, RegisteredSite, find_rig, find_tool, registered_site
+from inclinometry.laboratory.registry import (
+    RegisteredRig,
+    RegisteredSite,
+    find_rig,
+    find_tool,
+    not_registered,
+    registered_site,
+)
 from inclinometry.laboratory.results import calibration_body, plain_content
 from inclinometry.laboratory.session import (
     MOST_POSITIONS,
@@ -60,7 +68,7 @@ def import_file(
     """
     for kind, name, known in (("tool", serial, find_tool(ledger, serial)), ("rig", rig, find_rig(ledger, rig))):
         if known is None:
-            raise LedgerError(f"{kind} {name!r} is not registered; register it first")
+            raise not_registered(kind, name)
     known_site = registered_site(ledger, site) if site else None
     found = file_content(content, fields)
     if not isinstance(found, Calibration):
@@ -87,9 +95,9 @@ def import_file(
     drafts = [reading_draft(session.id, number, taken) for number, taken in enumerate(captures, 1)]
     try:
         ledger.append_all(drafts, author=author)
-    except InputError as error:
+    except InputError:
         close_session(ledger, session.id, "abandoned", author=author, reason="the file could not be recorded")
-        raise LedgerError(error.finding or f"the readings cannot be recorded: {error}") from None
+        raise
     return ledger.get("session", session.id)
 
 
@@ -104,7 +112,7 @@ def try_file(content: bytes, rig: RegisteredRig, site: Fields | None, options: O
 
 def _refuse_stated(fields: Fields | None, options: Options | None) -> None:
     if fields is not None or (options is not None and given(options)):
-        raise InputError("what is stated of the stand or the fit is of use to bench readings only; leave it out")
+        raise refused("input-not-with", {"name": "site, options", "other": "tool.json"})
 
 
 def file_content(content: bytes, fields: Fields | None = None) -> BenchReadings | Calibration:
@@ -113,9 +121,9 @@ def file_content(content: bytes, fields: Fields | None = None) -> BenchReadings 
     Raises FileError: too large, empty, neither of the two; with line, value and remedy.
     """
     if not content:
-        raise FileError("nothing is in it (0 bytes); choose another file", path=SHOWN)
+        raise FileError(Finding("file-empty", {"what": "readings"}), path=SHOWN)
     if len(content) > LARGEST:
-        raise FileError(f"{len(content)} bytes are too many; allowed {LARGEST}", path=SHOWN)
+        raise FileError(Finding("file-large", {"bytes": len(content), "most": LARGEST}), path=SHOWN)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, "file")
         path.write_bytes(content)
@@ -126,11 +134,11 @@ def file_content(content: bytes, fields: Fields | None = None) -> BenchReadings 
             found = readings_at(path, fields)
         except FileError as error:
             if b"\0" in content[:1000]:  # a picture, a document
-                other = "it holds neither bench readings nor a calibration; choose a CSV file or tool.json"
+                other = Finding("file-format", {"format": "CSV, tool.json", "reason": "binary content"})
                 raise FileError(other, path=SHOWN) from None
-            raise FileError(error.finding or error.problem, path=SHOWN, line=error.line) from None
+            raise in_file(error, SHOWN, error.line) from None
     if len(found) > MOST_POSITIONS:
-        raise FileError(f"{len(found)} stations; allowed {MOST_POSITIONS}", path=SHOWN)
+        raise in_file(out_of_range("stations", len(found), f"1 .. {MOST_POSITIONS}"), SHOWN)
     return found
 
 
@@ -143,7 +151,7 @@ def _made_before_now(content: bytes) -> None:
     try:
         begun(day, "created")
     except InputError as error:
-        raise FileError(str(error), path=SHOWN) from None
+        raise in_file(error, SHOWN) from None
 
 
 def _capture(readings: BenchReadings, row: int) -> Capture:

@@ -23,7 +23,14 @@ from inclinometry.calibration.plausibility import misfit, odd_station
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
 from inclinometry.constants import COVERAGE_FACTOR, DIP, INCLINATION_RANGE, INCLINATIONS
-from inclinometry.errors import ConvergenceError, IdentifiabilityError, InclinometryError, InputError
+from inclinometry.errors import (
+    ConvergenceError,
+    IdentifiabilityError,
+    InclinometryError,
+    InputError,
+    not_among,
+    out_of_range,
+)
 from inclinometry.findings import Finding
 from inclinometry.laboratory.attitude import FAR, Judge, off_target
 from inclinometry.laboratory.ledger.ledger import Ledger
@@ -55,11 +62,11 @@ class Goal:
 
     def __post_init__(self) -> None:
         if self.criterion not in CRITERIA:
-            raise InputError(f"criterion {self.criterion!r} is unknown; allowed: {', '.join(CRITERIA)}")
+            raise not_among("criterion", self.criterion, CRITERIA)
         for name in ("u_azimuth", "u_inclination"):
             value = getattr(self, name)
             if value is not None and not 0.0 < value < np.pi:
-                raise InputError(f"{name} is {value:g} rad; the wanted uncertainty must be positive")
+                raise out_of_range(name, value, "0 < U < pi")
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +81,7 @@ class Progress:
 
     captured: int
     calibration: Calibration | None
-    waiting: Finding | str
+    waiting: Finding | None
     u_azimuth: float
     u_inclination: float
     outliers: Mapping[int, Finding]
@@ -97,12 +104,17 @@ def session_progress(session: Session, goal: Goal, rig: RegisteredRig, *, earlie
         names = named if isinstance(named, tuple) else ()
         odd = {n: odd_station(name) for n, name in session.stations.items() if name in names}
         odd |= far_positions(session, rig, earlier)
-        why = misfit([session.stations[number] for number in sorted(odd)]) if odd else error.finding or str(error)
+        why = misfit([session.stations[number] for number in sorted(odd)]) if odd else unfitted(error)
         return waiting_for(len(session.valid), why, odd)
     except (IdentifiabilityError, ConvergenceError, np.linalg.LinAlgError) as error:
-        waiting = (error.finding if isinstance(error, InclinometryError) else None) or str(error)
-        return waiting_for(len(session.valid), waiting)
+        return waiting_for(len(session.valid), unfitted(error))
     return progress_of(session, found, goal, far_positions(session, rig, earlier, found))
+
+
+def unfitted(error: Exception) -> Finding:
+    """Why readings give no calibration."""
+    found = error.finding if isinstance(error, InclinometryError) else None
+    return found or Finding("session-unfitted", {"reason": str(error)}, severity="refused")
 
 
 def options_of(session: Session, rig: RegisteredRig | None) -> Options:
@@ -148,7 +160,7 @@ def judge_of(earlier: Judge | None, now: Progress | None) -> Judge | None:
     return Judge(running, "") if running is not None and (good or earlier is None) else earlier
 
 
-def waiting_for(captured: int, why: Finding | str, outliers: Mapping[int, Finding] | None = None) -> Progress:
+def waiting_for(captured: int, why: Finding, outliers: Mapping[int, Finding] | None = None) -> Progress:
     """How a session stands whose readings make no calibration yet."""
     return Progress(captured, None, why, np.nan, np.nan, outliers or {}, False)
 
@@ -167,7 +179,7 @@ def progress_of(session: Session, found: Calibration, goal: Goal, far: Mapping[i
     noise = _worst(np.sqrt(table.components["sensor noise"].max(axis=(1, 2)))[rows], k)
     alone = _worst(table.from_calibration[rows], k)
     span = (float(table.inclination[rows][0]), float(table.inclination[rows][-1]))
-    return Progress(len(session.valid), found, "", azimuth, inclination, outliers, reached, alone, noise, span, k)
+    return Progress(len(session.valid), found, None, azimuth, inclination, outliers, reached, alone, noise, span, k)
 
 
 def covering(inclination_range: tuple[float, float]) -> slice:

@@ -20,7 +20,8 @@ from inclinometry.calibration.conventions import USUAL, Dials
 from inclinometry.calibration.start import Stand, stand_within
 from inclinometry.conventions import current_name
 from inclinometry.digest import digest_bytes
-from inclinometry.errors import InputError
+from inclinometry.errors import out_of_range, refused
+from inclinometry.findings import Finding
 from inclinometry.laboratory.certificate.laboratory import Laboratory, Standard, laboratory_from
 from inclinometry.laboratory.ledger.engine import KINDS, TABLES
 from inclinometry.laboratory.ledger.ledger import Draft, Ledger, LedgerError, Record
@@ -214,9 +215,9 @@ def put_tool(ledger: Ledger, tool: RegisteredTool, *, author: str) -> Record:
     """
     low, high = _within_limits(tool).inclination_range
     if low > high:
-        raise InputError(f"inclination_range is {low:g} to {high:g} rad; the first must not exceed the second")
+        raise out_of_range("inclination_range", (low, high), "low <= high")
     if tool.interval_months is not None and not MONTHS[0] <= tool.interval_months <= MONTHS[-1]:
-        raise InputError(f"interval_months is {tool.interval_months}; allowed {MONTHS[0]} to {MONTHS[-1]}, or none")
+        raise out_of_range("interval_months", tool.interval_months, f"{MONTHS[0]} .. {MONTHS[-1]}")
     return ledger.append("tool", {"serial": tool.serial}, stored(tool), author=author)
 
 
@@ -279,11 +280,16 @@ def find_site(ledger: Ledger, name: str) -> RegisteredSite | None:
     return None if record is None else registered(RegisteredSite, name, record.body)
 
 
+def not_registered(kind: str, name: str) -> LedgerError:
+    """The error of a tool, rig or site that is not in the ledger."""
+    return LedgerError(Finding("session-not-registered", {"kind": kind, "name": f"{name:.80}"}))
+
+
 def registered_site(ledger: Ledger, name: str) -> RegisteredSite:
     """The site of a name; LedgerError when it was never registered."""
     found = find_site(ledger, name)
     if found is None:
-        raise LedgerError(f"site {name!r} is not registered; register it first")
+        raise not_registered("site", name)
     return found
 
 
@@ -320,12 +326,12 @@ def standards(ledger: Ledger) -> list[Standard]:
 def logo_kind(data: bytes) -> str:
     """ "png" or "svg"; an SVG that refers to anything outside itself is refused."""
     if len(data) > LARGEST_LOGO:
-        raise InputError(f"the logo has {len(data)} bytes; allowed {LARGEST_LOGO}")
+        raise refused("file-large", {"bytes": len(data), "most": LARGEST_LOGO})
     kind = "png" if data.startswith(b"\x89PNG\r\n\x1a\n") else "svg" if b"<svg" in data[:2000] else ""
     lowered = data.lower()
     foreign = (b"<!doctype", b"<!entity", b"<script", b"<foreignobject", b'href="http', b"href='http", b"url(http")
     if not kind or (kind == "svg" and any(mark in lowered for mark in foreign)):
-        raise InputError("the logo is no PNG or SVG picture that stands by itself; save it as one of these")
+        raise refused("session-logo")
     import typst
 
     try:
@@ -335,7 +341,7 @@ def logo_kind(data: bytes) -> str:
             sys_inputs={"data": str(list(data))},
         )
     except typst.TypstError as error:
-        raise InputError(f"the logo cannot be drawn ({error.message[:120]}); save it as PNG") from None
+        raise refused("file-format", {"format": kind.upper(), "reason": error.message[:120]}) from None
     return kind
 
 

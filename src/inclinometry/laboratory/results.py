@@ -14,7 +14,7 @@ from inclinometry.arrays import Array
 from inclinometry.calibration.expected import certified, expected_uncertainty
 from inclinometry.calibration.result import Calibration
 from inclinometry.constants import INCLINATIONS
-from inclinometry.errors import InclinometryError, InputError
+from inclinometry.errors import refused
 from inclinometry.files.json_codec import canonical
 from inclinometry.files.tool_json import calibration_content, calibration_from, tool_of
 from inclinometry.files.writing import program
@@ -23,8 +23,8 @@ from inclinometry.laboratory.attitude import Judge, earlier_calibration
 from inclinometry.laboratory.certificate.budget import expanded_columns
 from inclinometry.laboratory.ledger.ledger import Draft, Ledger, LedgerError, Record
 from inclinometry.laboratory.progress import Goal, session_progress
-from inclinometry.laboratory.registry import evaluations, extract, registered_site, rig_of
-from inclinometry.laboratory.session import EVALUATED, Session, close_session_draft, load_session, unless_closed
+from inclinometry.laboratory.registry import evaluations, extract, not_registered, registered_site, rig_of
+from inclinometry.laboratory.session import CLOSED, EVALUATED, Session, close_session_draft, load_session, unless_closed
 from inclinometry.sensors import Tool, in_field_of, parameter_vector
 
 
@@ -35,7 +35,7 @@ def finish_calibration(ledger: Ledger, session: str, *, author: str, goal: Goal 
     """
     seen = load_session(ledger, session)
     if seen.closed:
-        raise LedgerError("this session is closed already")
+        raise LedgerError(CLOSED)
     found, outliers = _fit(ledger, seen, goal or Goal())
     return record_fit(ledger, seen, found, author=author, outliers=outliers)
 
@@ -48,12 +48,9 @@ def evaluate_again(ledger: Ledger, session: str, site: str, *, author: str, reas
     seen = load_session(ledger, session)
     before = ledger.latest("calibration", session=session)
     if before is None:
-        raise LedgerError("this session has no calibration; finish it first")
+        raise LedgerError(Finding("session-unfinished"))
     if not can_be_evaluated_again(before):
-        raise LedgerError(
-            "this calibration comes from tool.json or the tool's history, not from readings alone: calibrate the tool "
-            "again"
-        )
+        raise LedgerError(Finding("session-not-readings"))
     found, outliers = _fit(ledger, replace(seen, site=registered_site(ledger, site)), Goal())
     details = {"site": site, "before": before.id}
     keys = {"subject_kind": "session", "subject": session, "action": EVALUATED}
@@ -72,15 +69,15 @@ def _fit(ledger: Ledger, seen: Session, goal: Goal) -> tuple[Calibration, dict[s
     undetermined = Finding("ledger-not-turned", severity="refused")
     rig = rig_of(ledger, seen.id)
     if rig is None:
-        raise LedgerError(f"rig {seen.rig!r} is not registered; register it first")
+        raise not_registered("rig", seen.rig)
     distinct = {tuple((k, v.tobytes()) for k, v in sorted(row.capture.channels.items())) for row in seen.valid}
     if len(seen.valid) > 1 and len(distinct) == 1:
         raise LedgerError(undetermined)
     earlier = earlier_judge(ledger, seen)
     now = session_progress(seen, goal, rig, earlier=earlier)
-    if now.calibration is None:
-        raise LedgerError(now.waiting)
     found = now.calibration
+    if found is None or now.waiting is not None:
+        raise LedgerError(now.waiting or undetermined)
     if not np.isfinite(found.covariance).all() or (np.diagonal(found.covariance) < 0.0).any():
         raise LedgerError(undetermined)
     return found, {str(number): str(what) for number, what in now.outliers.items()}
@@ -101,13 +98,10 @@ def record_fit(
 
 
 def _draft(seen: Session, found: Calibration, outliers: Mapping[str, str], settings: Mapping[str, Any]) -> Draft:
-    """The record of what was fitted; LedgerError where it could not be read again."""
+    """The record of what was fitted; an error where it could not be read again."""
     content = plain_content(found)
     # nothing is recorded that could not be read again, for what is recorded stays
-    try:
-        calibration_from(json.loads(canonical(dict(content))), "the fit")
-    except InclinometryError as error:
-        raise LedgerError(error.finding or str(error)) from None
+    calibration_from(json.loads(canonical(dict(content))), "the fit")
     readings = [row.record for row in seen.valid]
     body = calibration_body(found, content, readings, seen.rig, seen.plan, len(readings), outliers=dict(outliers))
     body |= {"settings": dict(settings)} if settings else {}
@@ -199,7 +193,7 @@ def history(ledger: Ledger, serial: str, *, limit: int = 200) -> History:
     """
     records = evaluations(ledger, serial, limit=limit)
     if not records:
-        raise InputError(f"tool {serial!r} has no calibration in this ledger")
+        raise refused("session-no-calibration", {"serial": serial})
 
     def read(one: Record) -> tuple[date, date]:
         return measured(ledger, one, ledger.get("session", one.keys["session"]))

@@ -13,7 +13,8 @@ from inclinometry.calibration.conventions import USUAL, Dials
 from inclinometry.calibration.plans import Plan
 from inclinometry.calibration.readings import LARGEST, BenchReadings
 from inclinometry.constants import KINDS
-from inclinometry.errors import InputError
+from inclinometry.errors import not_among, out_of_range, refused, wrong_shape
+from inclinometry.findings import Finding
 from inclinometry.laboratory.ledger.ledger import ConflictError, Draft, Ledger, LedgerError, Record
 from inclinometry.laboratory.placeholders import stated
 from inclinometry.laboratory.registry import (
@@ -23,6 +24,7 @@ from inclinometry.laboratory.registry import (
     dials_of,
     find_site,
     given,
+    not_registered,
     registered_site,
     stored,
 )
@@ -43,9 +45,8 @@ def campaign(plan: Plan, temperatures: Sequence[float]) -> tuple[Plan, tuple[flo
     targets = within(list(temperatures), "temperatures", LOW, HIGH, "degC")
     apart = np.diff(np.sort(targets))
     if targets.size < 2 or (apart.size and apart.min() < closest):
-        raise InputError(
-            f"the temperatures are {', '.join(f'{t:g}' for t in targets)} degC; give two or more, {closest:g} apart"
-        )
+        given_degrees = tuple(float(t) for t in targets)
+        raise refused("session-temperatures", {"temperatures_degC": given_degrees, "apart_degC": closest})
     times = len(targets)
     sets = tuple(f"{t:g}:{name}" if name else "" for t in targets for name in (plan.roll_set or [""] * len(plan)))
     azimuth, inclination, toolface = (np.tile(x, times) for x in (plan.azimuth, plan.inclination, plan.toolface))
@@ -57,6 +58,7 @@ def campaign(plan: Plan, temperatures: Sequence[float]) -> tuple[Plan, tuple[flo
 PURPOSES: Final = ("calibrate", "verify", "temperature")
 MOST_POSITIONS: Final = 5000
 CLOSING: Final = ("finished", "abandoned")
+CLOSED: Final = Finding("session-closed", severity="refused")
 EVALUATED: Final = "evaluated again"
 """What happened to a session whose site was stated after it was finished."""
 
@@ -176,12 +178,12 @@ def open_session(
     readings that were taken.
     """
     if purpose not in PURPOSES:
-        raise InputError(f"purpose is {purpose!r}; allowed: {', '.join(PURPOSES)}")
+        raise not_among("purpose", purpose, PURPOSES)
     if not 1 <= len(plan) <= MOST_POSITIONS:
-        raise InputError(f"the plan has {len(plan)} positions; allowed 1 to {MOST_POSITIONS}")
+        raise out_of_range("positions", len(plan), f"1 .. {MOST_POSITIONS}")
     for kind, keys in (("tool", {"serial": serial}), ("rig", {"name": rig})):
         if ledger.latest(kind, **keys) is None:
-            raise LedgerError(f"{kind} {next(iter(keys.values()))!r} is not registered; register it first")
+            raise not_registered(kind, next(iter(keys.values())))
     if site := (settings or {}).get("site"):
         registered_site(ledger, site)
     rows = plan.azimuth, plan.inclination, plan.toolface
@@ -293,21 +295,20 @@ def capture(
     ConflictError.
     """
     if closing(ledger, session):
-        raise LedgerError("this session is closed; open a new one")
+        raise LedgerError(CLOSED)
     before = ledger.count("reading", session=session, position=number)
     planned = len(ledger.get("session", session).body["plan"]["positions_deg"])
     follows = number <= planned + 1 or ledger.count("reading", session=session, position=number - 1) > 0
     if not 1 <= number <= MOST_POSITIONS or not follows:
-        raise InputError(f"position is {number}; allowed 1 to {planned + 1}, and the one after the last captured")
+        raise out_of_range("position", number, f"1 .. {planned + 1}")
     if attempt is not None and attempt <= before:
-        raise ConflictError(f"position {number} has {before} readings already; somebody else captured it meanwhile")
+        raise ConflictError(Finding("session-position-captured", {"position": number, "count": before}))
     if attempt is not None and attempt > before + 1:
-        raise InputError(f"attempt is {attempt}, but position {number} has {before} readings; the next is {before + 1}")
+        raise out_of_range("attempt", attempt, f"<= {before + 1}")
     keys = {"session": session, "position": number, "attempt": before + 1}
     # whoever closes the session at this moment is noticed
-    still_open = unless_closed(session, "this session is closed; open a new one")
     draft = Draft("reading", keys, _capture_body(taken))
-    return _taken(ledger.append_all([draft], author=author, unless=[still_open])[0])
+    return _taken(ledger.append_all([draft], author=author, unless=[unless_closed(session)])[0])
 
 
 def reading_draft(session: str, number: int, taken: Capture) -> Draft:
@@ -318,7 +319,7 @@ def reading_draft(session: str, number: int, taken: Capture) -> Draft:
 def reject(ledger: Ledger, taken: RecordedReading, reason: str, *, author: str) -> None:
     """Leave a reading out from now on; it stays in the ledger with the reason."""
     if not stated(reason):
-        raise InputError("say why: a reading is not left out without a reason")
+        raise refused("input-missing", {"names": ("reason",)})
     keys = {"subject_kind": "reading", "subject": taken.record, "action": "rejected"}
     ledger.append("event", keys, {"reason": reason}, author=author)
 
@@ -326,22 +327,22 @@ def reject(ledger: Ledger, taken: RecordedReading, reason: str, *, author: str) 
 def close_session(ledger: Ledger, session: str, how: str, *, author: str, reason: str = "") -> None:
     """Close a session: "finished" or "abandoned"; nothing more is captured in it."""
     if how == "abandoned" and not stated(reason):
-        raise InputError("say why: a session is not abandoned without a reason")
+        raise refused("input-missing", {"names": ("reason",)})
     if closing(ledger, session):
-        raise LedgerError("this session is closed already")
+        raise LedgerError(CLOSED)
     ledger.append_all([close_session_draft(session, how, reason)], author=author, unless=[unless_closed(session)])
 
 
 def close_session_draft(session: str, how: str, reason: str = "") -> Draft:
     """The record that closes a session, for recording it together with what the session gave."""
     if how not in CLOSING:
-        raise InputError(f"a session is closed as finished or abandoned, not {how!r}")
+        raise not_among("how", how, CLOSING)
     return Draft("event", {"subject_kind": "session", "subject": session, "action": how}, {"reason": reason})
 
 
-def unless_closed(session: str, message: str = "this session is closed already") -> tuple[str, Mapping[str, Any], str]:
+def unless_closed(session: str) -> tuple[str, Mapping[str, Any], Finding]:
     """For what may be recorded only while a session is open: two who finish at once record one result."""
-    return "event", {"subject_kind": "session", "subject": session, "action": list(CLOSING)}, message
+    return "event", {"subject_kind": "session", "subject": session, "action": list(CLOSING)}, CLOSED
 
 
 def file_statements(readings: BenchReadings) -> dict[str, Any]:
@@ -365,12 +366,12 @@ def bench_readings(session: Session) -> BenchReadings:
     """
     rows = session.valid
     if not rows:
-        raise InputError("the session has no reading yet; capture the first position")
+        raise refused("session-empty")
     kinds = [kind for kind in KINDS if kind in rows[0].capture.channels]
     shapes = [{kind: len(signals) for kind, signals in row.capture.channels.items()} for row in rows]
     for row, shape in zip(rows, shapes, strict=True):
         if shape != shapes[0]:
-            raise InputError(f"position {row.number} has the channels {shape}, the first {shapes[0]}; take it again")
+            raise refused("session-channels", {"position": row.number})
     azimuth, inclination, toolface = np.array([row.capture.dial for row in rows]).T
     heat = [row.capture.temperature for row in rows]
     names = {p.number: p.roll_set for p in session.positions}
@@ -416,7 +417,7 @@ def _capture_body(taken: Capture) -> dict[str, Any]:
     dial = finite(taken.dial, "dial", (3,))
     for name, angle in zip(("azimuth", "inclination", "toolface"), dial, strict=True):
         if abs(angle) > 2.0 * np.pi:
-            raise InputError(f"the {name} dial is at {np.degrees(angle):g} degrees; allowed -360 to 360 degrees")
+            raise out_of_range(f"{name}_deg", float(np.degrees(angle)), "-360 .. 360")
     if taken.temperature is not None:
         # degC that a tool in a laboratory may have
         within(taken.temperature, "temperature", -100.0, 400.0, "degC")
@@ -425,10 +426,10 @@ def _capture_body(taken: Capture) -> dict[str, Any]:
         for name in ("sd", "drift"):
             given = getattr(taken, name).get(kind)
             if given is not None and np.shape(given) != np.shape(signals):
-                raise InputError(f"{name} of the {kind} has {np.size(given)} values, the reading {np.size(signals)}")
+                raise wrong_shape(f"{name}.{kind}", np.shape(given), str(np.shape(signals)))
         within(taken.sd.get(kind, 0.0), f"sd of the {kind}", 0.0, LARGEST)
     if taken.count < 1:
-        raise InputError(f"count is {taken.count}; a reading is the mean of at least 1 sample")
+        raise out_of_range("count", taken.count, ">= 1")
     vectors: dict[str, Any] = {
         name: {kind: finite(v, f"{name} of the {kind}", (None,)) for kind, v in getattr(taken, name).items()}
         for name in ("channels", "sd", "drift")

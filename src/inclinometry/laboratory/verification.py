@@ -15,13 +15,15 @@ from inclinometry.calibration.acceptance import Verification, planned, verify
 from inclinometry.calibration.decision import Limits
 from inclinometry.calibration.plans import Plan, spread
 from inclinometry.constants import ANGLES
-from inclinometry.errors import InclinometryError, InputError
+from inclinometry.errors import not_among, refused
 from inclinometry.files.verification_json import judged_positions, stated_limits, without_conformity
 from inclinometry.files.writing import program
+from inclinometry.findings import Finding
 from inclinometry.laboratory.ledger.ledger import Draft, Ledger, LedgerError, Record
-from inclinometry.laboratory.registry import RegisteredRig, find_rig
+from inclinometry.laboratory.registry import RegisteredRig, find_rig, not_registered
 from inclinometry.laboratory.results import calibration_of
 from inclinometry.laboratory.session import (
+    CLOSED,
     Session,
     bench_readings,
     close_session_draft,
@@ -57,10 +59,10 @@ def limits_from(content: dict[str, Any]) -> Limits:
     """
     source = str(content.get("source") or "").strip()
     if not source:
-        raise InputError("the limits have no source; name the document the figures come from")
+        raise refused("input-empty", {"name": "limits.source"})
     angles = {name: content.get(f"{name}_deg") for name in ANGLES}
     if all(value is None for value in angles.values()):
-        raise InputError("there is no limit; give at least one of inclination, azimuth, toolface")
+        raise refused("session-no-limit")
     low = float(np.radians(content.get("min_inclination_deg_for_azimuth") or 0.0))
     limits = {name: None if value is None else float(np.radians(value)) for name, value in angles.items()}
     name, guard = str(content.get("name") or OWN), str(content.get("guard") or "none")
@@ -76,13 +78,11 @@ def applicable_limits(session: Session, calibration: str, limits: Limits | None)
     if not agreed_with:
         return limits
     if agreed_with != calibration:
-        raise LedgerError(f"this verification was opened for calibration {agreed_with}, not for {calibration}")
+        about = {"opened": str(agreed_with), "calibration": calibration}
+        raise LedgerError(Finding("session-other-calibration", about))
     agreed = limits_of(session)
     if limits is not None and (agreed is None or limits_content(limits) != limits_content(agreed)):
-        name = "no limits" if agreed is None else f"limits {agreed.name!r}"
-        raise LedgerError(
-            f"this verification was opened with {name}; it is not judged by {limits.name!r}: open another one for that"
-        )
+        raise LedgerError(Finding("session-other-limits", {"limits": limits.name}))
     return agreed
 
 
@@ -123,17 +123,15 @@ def finish_verification(
     """
     seen, record = load_session(ledger, session), ledger.get("calibration", calibration)
     if seen.closed:
-        raise LedgerError("this session is closed already")
+        raise LedgerError(CLOSED)
     if record.keys["serial"] != seen.serial:
-        raise LedgerError(f"the calibration is of tool {record.keys['serial']}, the session of {seen.serial}")
+        raise LedgerError(Finding("session-other-tool", {"serial": record.keys["serial"], "other": seen.serial}))
     if record.keys["session"] == session:
-        raise LedgerError(
-            "these are the readings the tool was calibrated with; verify it at positions of another session"
-        )
+        raise LedgerError(Finding("session-own-readings"))
     limits = applicable_limits(seen, calibration, limits)
     found = judged(ledger, session, calibration, limits)
     lost = missing_positions(seen, found, limits)
-    if lost:
+    if lost is not None:
         raise LedgerError(lost)
     body = {
         "verdict": found.verdict,
@@ -150,23 +148,18 @@ def finish_verification(
     return ledger.append_all(drafts, author=author, unless=[unless_closed(session)])[0]
 
 
-def missing_positions(seen: Session, found: Verification, limits: Limits | None) -> str:
-    """What a verdict lacks, in one sentence; "" when it may be recorded: every position read, every limit judged."""
+def missing_positions(seen: Session, found: Verification, limits: Limits | None) -> Finding | None:
+    """What a verdict lacks; None when it may be recorded: every position read, every limit judged."""
     open_ = [str(place.number) for place in seen.positions if not seen.has(place.number)]
     if open_:
         named = ", ".join(open_[:5]) + (", ..." if len(open_) > 5 else "")
-        return (
-            f"{len(open_)} of the {len(seen.positions)} positions of {seen.plan!r} have no valid reading ({named}): "
-            "there is no verdict yet; capture them, or abandon the session"
-        )
+        about = {"count": len(open_), "total": len(seen.positions), "positions": named}
+        return Finding("session-positions-open", about)
     for column, name in enumerate(ANGLES):
         wanted = limits is not None and getattr(limits, name) is not None
         if wanted and all(row[column] == "not judged" for row in found.decision):
-            return (
-                f"there is a limit of {name}, and none of these positions is inclined enough to judge it: there is no "
-                "verdict; verify at inclined positions, or with limits that leave it out"
-            )
-    return ""
+            return Finding("session-not-inclined", {"angle": name})
+    return None
 
 
 def recorded(record: Record) -> dict[str, Any]:
@@ -176,15 +169,9 @@ def recorded(record: Record) -> dict[str, Any]:
 
 def judged(ledger: Ledger, session: str, calibration: str, limits: Limits | None = None) -> Verification:
     """The verdict on the positions captured so far; nothing is recorded."""
-    seen = load_session(ledger, session)
-    try:
-        made = calibration_of(ledger.get("calibration", calibration))
-        # limits agreed at the opening were found verifiable then, or warned of
-        return verify(bench_readings(seen), made, limits, agreed=limits_of(seen) is not None)
-    except LedgerError:
-        raise
-    except InclinometryError as error:
-        raise LedgerError(error.finding or f"these readings cannot be judged: {error}") from None
+    seen, made = load_session(ledger, session), calibration_of(ledger.get("calibration", calibration))
+    # limits agreed at the opening were found verifiable then, or warned of
+    return verify(bench_readings(seen), made, limits, agreed=limits_of(seen) is not None)
 
 
 def report(found: Verification, seen: Session) -> dict[str, Any]:
@@ -244,9 +231,9 @@ def _planned(ledger: Ledger, calibration: str, protocol_name: str) -> tuple[Reco
     made = ledger.get("session", record.keys["session"])
     rig, plan = find_rig(ledger, made.body["rig"]), protocols().get(protocol_name)
     if rig is None:
-        raise InputError(f"rig {made.body['rig']!r} of the calibration is not registered; register it first")
+        raise not_registered("rig", made.body["rig"])
     if plan is None:
-        raise InputError(f"protocol {protocol_name!r} is unknown; allowed: {', '.join(protocols())}")
+        raise not_among("protocol", protocol_name, protocols())
     return record, made, rig, reachable(plan, rig)
 
 
@@ -260,7 +247,7 @@ def reachable(plan: Plan, rig: RegisteredRig) -> Plan:
         turned = np.atleast_2d(turned)
         inside &= np.any((turned >= low - slack) & (turned <= high + slack), axis=1)
     if not inside.any():
-        raise InputError(f"rig {rig.name!r} can be set to none of the positions of {plan.name}; choose another one")
+        raise refused("session-unreachable", {"rig": rig.name, "plan": plan.name})
     if inside.all():
         return plan
     sets = tuple(itertools.compress(plan.roll_set, inside)) if plan.roll_set else ()

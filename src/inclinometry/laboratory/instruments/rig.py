@@ -217,9 +217,8 @@ def rig_driver(driver: Mapping[str, Any], name: str = "rig") -> ManualRig | Scpi
     _known_only(words, tuple(field.name for field in fields(RigCommands)))
     for key, word in words.items():
         if isinstance(word, int) != (key == "decimals"):
-            raise wrong_kind(
-                f"driver.commands.{name}", str(word)[:60], "text" if name != "decimals" else "whole number"
-            )
+            expected = "whole number" if key == "decimals" else "text"
+            raise wrong_kind(f"driver.commands.{key}", str(word)[:60], expected)
     if isinstance(port, bool) or not isinstance(port, int):
         raise wrong_kind("driver.port", str(port)[:60], "whole number")
     timeout = float(finite(driver.get("timeout_s", 3.0), "timeout_s of the rig", ()))

@@ -15,6 +15,7 @@ from sqlalchemy.engine import Connection
 
 from inclinometry.digest import digest_bytes
 from inclinometry.errors import FileError, InputError
+from inclinometry.findings import Finding
 from inclinometry.laboratory.ledger import chain, heads
 from inclinometry.laboratory.ledger.chain import LedgerError, missing
 from inclinometry.laboratory.ledger.engine import (
@@ -203,7 +204,7 @@ class Ledger:
         *,
         author: str,
         slack: timedelta = timedelta(minutes=2),
-        unless: Sequence[tuple[str, Mapping[str, Any], str]] = (),
+        unless: Sequence[tuple[str, Mapping[str, Any], Finding | str]] = (),
     ) -> list[Record]:
         """Record several things in one step: all of them or none.
 
