@@ -318,10 +318,10 @@ def check_tool(
 def record_check(ledger: Ledger, seen: Session, known: LedgerHistory, found: DriftCheck, *, author: str) -> Record:
     """Record a check that was not refused as the calibration of its session, with what its readings alone say.
 
-    Raises InputError: it was refused.
+    Raises LedgerError: it was refused.
     """
     if found.calibration is None:
-        raise InputError(found.refusal)
+        raise LedgerError(found.refusal)
     evidence = {"reference": known.reference, "values": found.values.tolist(), "covariance": found.covariance.tolist()}
     return record_fit(ledger, seen, found.calibration, author=author, settings={"evidence": evidence})
 

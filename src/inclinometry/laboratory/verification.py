@@ -153,8 +153,8 @@ def missing_positions(seen: Session, found: Verification, limits: Limits | None)
     open_ = [str(place.number) for place in seen.positions if not seen.has(place.number)]
     if open_:
         named = ", ".join(open_[:5]) + (", ..." if len(open_) > 5 else "")
-        about = {"count": len(open_), "total": len(seen.positions), "positions": named}
-        return Finding("session-positions-open", about)
+        counts = {"count": len(open_), "total": len(seen.positions)}
+        return Finding("session-positions-open", {**counts, "positions": named})
     for column, name in enumerate(ANGLES):
         wanted = limits is not None and getattr(limits, name) is not None
         if wanted and all(row[column] == "not judged" for row in found.decision):

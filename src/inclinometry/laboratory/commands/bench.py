@@ -16,7 +16,8 @@ from cyclopts import Parameter
 
 from inclinometry.cli import output
 from inclinometry.cli.options import Flag
-from inclinometry.errors import InputError
+from inclinometry.errors import out_of_range, refused
+from inclinometry.findings import Finding
 from inclinometry.laboratory.commands import LedgerAddress, ProtocolName
 from inclinometry.laboratory.commands.ledger import _where
 from inclinometry.laboratory.ledger.admin import create
@@ -58,16 +59,17 @@ def bench(
         Its private key, PEM.
     """
     if demo and instrument not in (None, SIMULATED):
-        raise InputError("--demo brings its own simulated instrument; leave --instrument out")
+        raise refused("input-not-with", {"name": "--instrument", "other": "--demo"})
     # the files for TLS, before anything is started
     if (certificate is None) != (key is None):
-        raise InputError("--certificate and --key are needed together, or neither of them")
+        name_, needed = ("--certificate", "--key") if key is None else ("--key", "--certificate")
+        raise refused("input-needs", {"name": name_, "needed": (needed,)})
     if certificate is not None and key is not None:
         try:
             ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER).load_cert_chain(certificate, key)
         except OSError as error:
-            reason = error.strerror or error
-            raise InputError(f"--certificate {certificate} with --key {key} cannot be used ({reason})") from None
+            about = {"certificate": str(certificate), "key": str(key), "reason": error.strerror or str(error)}
+            raise refused("web-tls", about) from None
     where = _where(ledger)
     with ExitStack() as stack:
         stack.enter_context(ending_well())
@@ -83,7 +85,7 @@ def bench(
         app = create_app(opened, host=host, names=(*name, host), feed=feed, rig=rig, instrument=attached)
         scheme = "http" if certificate is None else "https"
         if not is_loopback(host) and certificate is None:
-            output.warnings(["passwords cross the network unencrypted; give --certificate and --key"])
+            output.findings([Finding("web-unencrypted")])
         if not is_loopback(host):
             _log_access()
         shown = f"[{host}]" if ":" in host else host
@@ -120,7 +122,7 @@ def ending_well() -> Iterator[None]:
 def _listening(host: str, port: int) -> Iterator[socket.socket]:
     """The socket, opened before anything else is started."""
     if not 0 <= port <= 65535:
-        raise InputError(f"--port is {port}; allowed 0 to 65535")
+        raise out_of_range("--port", port, "0 .. 65535")
     with ExitStack() as stack:
         try:
             family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
@@ -128,8 +130,8 @@ def _listening(host: str, port: int) -> Iterator[socket.socket]:
             made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             made.bind((host, port))
         except (OSError, UnicodeError) as error:
-            why = f"cannot listen at {host} port {port} ({getattr(error, 'strerror', None) or error})"
-            raise InputError(f"{why}; choose another --port or --host") from None
+            reason = str(getattr(error, "strerror", None) or error)
+            raise refused("capture-listen", {"host": host, "port": port, "reason": reason}) from None
         yield made
 
 

@@ -8,12 +8,13 @@ from typing import Any, Literal
 
 from inclinometry.cli import output
 from inclinometry.cli.options import AlsoWritten, Flag, Input, InputOrNone, Json, Output
-from inclinometry.errors import FileError, InputError
+from inclinometry.errors import FileError, refused
 from inclinometry.files.json_codec import parse
 from inclinometry.files.writing import write_bytes
+from inclinometry.findings import Finding
 from inclinometry.laboratory.certificate.issue import record_from_files
 from inclinometry.laboratory.certificate.record import record_bytes, record_digest, words
-from inclinometry.laboratory.certificate.requirements import NonconformingError, OpenWarningsError, missing_said
+from inclinometry.laboratory.certificate.requirements import missing_said
 from inclinometry.laboratory.certificate.signing import Looked, look, parse_seal, seal, sign_files
 from inclinometry.laboratory.ledger.keys import Keys, Public, read_public
 from inclinometry.opening import whole
@@ -78,15 +79,10 @@ def certificate(
     if fonts is not None and not any(
         path.suffix.lower() in (".ttf", ".otf", ".ttc", ".otc") for path in (fonts.rglob("*") if fonts.is_dir() else ())
     ):
-        what = "there is no such folder" if not fonts.is_dir() else "no font is in this folder"
-        raise FileError(f"--fonts: {what}; name one with files .ttf, .otf, .ttc or .otc", path=fonts)
-    try:
-        how: dict[str, Any] = {**read, "nonconforming": nonconforming, "accept_warnings": accept_warnings}
-        made = record_from_files(tool, number=number, language=language, **how)
-    except NonconformingError as error:
-        raise InputError(f"{error}; to accept, give --nonconforming") from None
-    except OpenWarningsError as error:
-        raise InputError(f"{error}; to accept, give --accept-warnings REASON") from None
+        lacking = Finding("file-empty", {"what": "fonts"}) if fonts.is_dir() else Finding("file-absent")
+        raise FileError(lacking, path=fonts)
+    how: dict[str, Any] = {**read, "nonconforming": nonconforming, "accept_warnings": accept_warnings}
+    made = record_from_files(tool, number=number, language=language, **how)
     keys = Keys()
     sealed = seal(made, keys) if keys.there and not unsigned else None
     from inclinometry.laboratory.certificate.dcc import dcc_bytes
@@ -157,7 +153,7 @@ def verify(*files: str, key: Input, json: Json = False) -> int:
     from inclinometry.laboratory.certificate.status import break_said, holding, is_status, read_status, two_histories
 
     if not files:
-        raise InputError("name the files of a certificate: PDF, XML or JSON, or the text of its square code")
+        raise refused("input-missing", {"names": ("FILE",)})
     public = read_public(key)
     given = [(name, _given(name)) for name in files]
     statements = [name for name, data in given if _json(data) is not None and is_status(_json(data) or {})]
@@ -169,11 +165,9 @@ def verify(*files: str, key: Input, json: Json = False) -> int:
         public = Public(tuple(dict.fromkeys((*public.keys, *said))), public.certificates)
     looked = [(name, data, look(data, name, public)) for name, data in given if name not in statements]
     if newest is not None and not looked:
-        about = output.counted(len(newest.rows), "certificate")
-        raise InputError(
-            f"{', '.join(statements)}: a genuine statement about {about} as of "
-            f"record {newest.head.size} of {newest.head.time[:19]} UTC; name the file of a certificate, too"
-        )
+        about = {"statements": ", ".join(statements), "time": newest.head.time[:19]}
+        counts = {"count": len(newest.rows), "record": newest.head.size}
+        raise refused("web-statement-alone", {**about, **counts})
     held = {one.number: holding(found.values(), one.number) or newest for _, _, one in looked}
     rows = _judged(looked, held, published, () if newest is None else newest.changes)
     numbers = sorted(number for number in held if number)

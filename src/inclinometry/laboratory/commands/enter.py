@@ -14,8 +14,9 @@ from inclinometry.cli import options, output
 from inclinometry.cli.options import Flag, InputOrNone, Json
 from inclinometry.cli.stand import UNKNOWN, USUAL_DIALS, USUAL_FIT, DialOptions, FitOptions, LeftHanded, StandOptions
 from inclinometry.earth.site import Site
-from inclinometry.errors import FileError, InputError
+from inclinometry.errors import FileError, InputError, in_file, out_of_range, refused
 from inclinometry.files.site_toml import read_site
+from inclinometry.findings import Finding
 from inclinometry.laboratory import certificates, registry
 from inclinometry.laboratory.certificate.laboratory import Laboratory, begun
 from inclinometry.laboratory.certificate.laboratory_toml import read_laboratory, read_logo
@@ -96,17 +97,15 @@ def enter(
     """
     day, doses = performed_on(performed), doses_of(hours, shock, heat)
     if supersedes is not None and not stated(reason or ""):
-        raise InputError("--supersedes needs --reason: a certificate is not superseded without one")
+        raise refused("input-needs", {"name": "--supersedes", "needed": ("--reason",)})
     if (certify or supersedes) and laboratory is None:
-        raise InputError("a certificate names its laboratory: give --laboratory lab.toml")
+        raise refused("input-needs", {"name": "--certify", "needed": ("--laboratory",)})
     known = read_laboratory(laboratory)[0] if laboratory is not None else None
     readings, wishes = _content(file), Options(left_handed=left_handed, name=serial, **vars(fit), **vars(stand))
     with create(_where(ledger)) as opened:
         about_rig, tool = _rig(opened, rig, wishes, dials), registry.find_tool(opened, serial)
         if type_ is not None and tool is not None and tool.name != type_:
-            raise InputError(
-                f"tool {serial} is registered as of type {tool.name!r}, --type is {type_!r}; change it at the bench"
-            )
+            raise refused("session-other-type", {"serial": serial, "registered": tool.name, "type": type_})
         known_site = None if site is None else registry.find_site(opened, site)
         where = known_site if site is None or known_site is not None else _site_file(site)
         wishes = replace(wishes, rig_sd=None, azimuth_sd=None, inclination_sd=None, toolface_sd=None)
@@ -114,10 +113,7 @@ def enter(
             with output.busy("calibrating"):
                 tried = try_file(readings, about_rig, where, wishes)
             if (certify or supersedes) and not stated(accept_warnings) and (doubts := open_warnings(tried, None)):
-                raise InputError(
-                    "nothing is recorded, since a certificate is not issued with open warnings. Resolve them, or give "
-                    f"--accept-warnings REASON: {'; '.join(doubts)}"
-                )
+                raise refused("session-open-warnings", {"warnings": tuple(doubts)})
             if registry.find_rig(opened, rig) is None:
                 registry.put_rig(opened, about_rig, author=_who())
             if tool is None:
@@ -126,7 +122,7 @@ def enter(
             said: dict[str, Any] = {"options": wishes, "performed": day, "doses": doses, **at}
             found = import_file(opened, readings, serial, rig, author=_who(), **said)
         except FileError as error:
-            raise FileError(error.finding or error.problem, path=file, line=error.line) from None
+            raise in_file(error, file, error.line) from None
         if found.kind == "session":
             with output.busy("calibrating"):
                 found = finish_calibration(opened, found.id, author=_who())
@@ -151,30 +147,27 @@ def _rig(ledger: Ledger, name: str, stated: Options, dials: DialOptions) -> regi
     if known is None:
         azimuth, inclination, toolface = (stated.rig_sd if one is None else one for one in each)
         if azimuth is None or inclination is None or toolface is None:
-            raise InputError(f"rig {name!r} is not registered; give --rig-sd-deg to register it")
+            raise refused("input-needs", {"name": f"--rig {name}", "needed": ("--rig-sd-deg",)})
         return registry.RegisteredRig(name, (azimuth, inclination, toolface), dials=dials.dials())
     rounded = 1e-10  # of a standard deviation in the record, rad
     stated_sd = [stated.rig_sd if one is None else one for one in each]
     other = any(one is not None and abs(one - sd) > rounded for one, sd in zip(stated_sd, known.sd, strict=True))
     if other or replace(known.dials, **dials.given()) != known.dials:
-        settings = ", ".join(f"{one:.4g}" for one in np.degrees(known.sd))
-        raise InputError(
-            f"rig {name!r} is registered with settings good to {settings} deg and dials ({known.dials.way}); "
-            "leave these options out, or change the rig at the bench"
-        )
+        degrees = tuple(float(one) for one in np.degrees(known.sd))
+        raise refused("session-other-rig", {"rig": name, "sd_deg": degrees, "dials": str(known.dials.way)})
     return known
 
 
 def _site_file(path: str) -> Site:
     if not Path(path).exists():
-        raise InputError(f"site {path!r} is neither registered nor a file; name a registered site or site.toml")
+        raise registry.not_registered("site", path)
     return read_site(path)
 
 
 def _content(file: Path) -> bytes:
     content = whole(file, LARGEST)
     if not content:
-        raise FileError("it is empty; give the file of the measurement", path=file)
+        raise FileError(Finding("file-empty", {"what": "readings"}), path=file)
     return content
 
 
@@ -188,7 +181,7 @@ def doses_of(hours: float, shock: float, heat: float) -> dict[str, float]:
     found = dict(zip(DOSES, (hours, shock, heat), strict=True))
     for name, value in found.items():
         if not 0.0 <= value < 1e9:
-            raise InputError(f"--{name} is {value:g}; allowed 0 and more")
+            raise out_of_range(f"--{name}", value, ">= 0")
     return found
 
 
@@ -211,9 +204,8 @@ def certified(
         with output.busy("setting the certificate"):
             made = certificates.issue(ledger, calibration.id, None, known, **said)
     except InputError as error:
-        raise InputError(
-            f"calibration {calibration.id} is recorded, no certificate was issued: {error}. Issue it at the bench"
-        ) from None
+        why = error.finding or str(error)
+        raise refused("session-not-issued", {"calibration": calibration.id, "finding": why}) from None
     return str(made.keys["number"])
 
 
@@ -247,7 +239,7 @@ def laboratory(
         PNG or SVG, up to 200 kB; the one recorded before is kept when not given.
     """
     if file is None and logo is not None:
-        raise InputError("--logo goes with lab.toml, which says whose it is: give both")
+        raise refused("input-needs", {"name": "--logo", "needed": ("lab.toml",)})
     if file is not None:
         known, _, used = read_laboratory(file)
         picture = whole(logo, registry.LARGEST_LOGO) if logo is not None else read_logo(file)
@@ -264,8 +256,7 @@ def laboratory(
     settings = {} if found is None else {name: text for name, text in vars(found).items() if text}
     today = datetime.now(UTC).date()
     late = [one.name for one in registered if one.overdue(today) and not one.retired]
-    overdue = "is past its due date: calibrate it before it is used"
-    output.warnings([f"the reference standard {name} {overdue}" for name in late])
+    output.findings([Finding("web-standard-due", {"name": name}) for name in late])
     if json:
         rows = [{"name": s.name, "certificate": s.certificate, "due": s.due and s.due.isoformat()} for s in registered]
         output.print_json({**settings, "logo": there is not None, "standards": rows})

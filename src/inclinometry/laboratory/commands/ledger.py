@@ -11,7 +11,7 @@ from typing import Any, Literal
 
 from inclinometry.cli import output
 from inclinometry.cli.options import Flag, InputOrNone, Json
-from inclinometry.errors import InputError
+from inclinometry.errors import refused
 from inclinometry.laboratory.commands import LedgerAddress
 from inclinometry.laboratory.ledger import exchange
 from inclinometry.laboratory.ledger.admin import create
@@ -90,7 +90,7 @@ def verify(
     """
     if certificate is not None:
         if head is not None or copy:
-            raise InputError("--head and --copy are of the whole ledger; leave them out or --certificate")
+            raise refused("input-not-with", {"name": "--certificate", "other": "--head, --copy"})
         return _certificate(_where(ledger), certificate, json)
     noted = None if head is None else parse_head(head)
     with Ledger(_where(ledger), read_only=True) as opened, output.working("verifying") as progress:
@@ -268,12 +268,12 @@ def users(
         Ask the user for the password alone, where telephone and recovery codes are lost.
     """
     if disable and enable:
-        raise InputError("--disable and --enable exclude each other; give one of them")
+        raise refused("input-not-with", {"name": "--disable", "other": "--enable"})
     with Ledger(_where(ledger), read_only=name is None) as opened:
         if name is not None:
             old = find_user(opened, name)
             if old is None and role is None:
-                raise InputError(f"{name!r} is a new user; give --role operator, metrologist, auditor or administrator")
+                raise refused("input-missing", {"names": ("--role",)})
             known = old or User(name, "", str(role), True, "en")
             new = replace(
                 known,
@@ -321,10 +321,10 @@ def _ask(what: str, variable: str = "INCLINOMETRY_PASSWORD", *, once: bool = Fal
     if given is not None:
         return given
     if not sys.stdin.isatty():
-        raise InputError(f"no terminal to ask for a {word} on; put it into the environment as {variable}")
+        raise refused("web-no-terminal", {"what": word, "variable": variable})
     first = getpass.getpass(f"{what}: ")
     if not once and getpass.getpass("again: ") != first:
-        raise InputError(f"the two {word}s differ; nothing was changed")
+        raise refused("web-differ")
     return first
 
 

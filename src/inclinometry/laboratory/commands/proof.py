@@ -10,7 +10,7 @@ from cryptography.hazmat.primitives.hashes import SHA256
 
 from inclinometry.cli import output
 from inclinometry.cli.options import AlsoWritten, Flag, InputOrNone, Json, Output, OutputOrNone
-from inclinometry.errors import InputError
+from inclinometry.errors import InputError, not_among, refused
 from inclinometry.files.json_codec import canonical
 from inclinometry.files.writing import write_bytes
 from inclinometry.laboratory.commands import LedgerAddress
@@ -49,7 +49,7 @@ def key(
         environment as INCLINOMETRY_NEW_PASSPHRASE, and the present one as INCLINOMETRY_KEY_PASSPHRASE.
     """
     if rotate is not None and lost is not None:
-        raise InputError("--rotate and --lost exclude each other; a key that is there is rotated")
+        raise refused("input-not-with", {"name": "--lost", "other": "--rotate"})
     keys = Keys()
     if make:
         keys.make()
@@ -131,7 +131,8 @@ def head(
         if since is not None:
             old, _ = read_head(since)
             if old.ledger != newest.ledger or old.size > newest.size:
-                raise InputError(f"{since} is head {old.size} of ledger {old.ledger}, this one has {newest}")
+                apart = {"file": str(since), "size": old.size, "ledger": old.ledger, "own": str(newest)}
+                raise refused("web-heads-apart", apart)
             with opened.snapshot() as connection:
                 proof = proof_since(connection, old.size, newest.size)
             content["consistency"] = {"from": old.size, "proof": proof}
@@ -252,5 +253,5 @@ def _remove(keys: Keys, place: str, ledger: str | None) -> None:
             opened.record_witness(found or _absolute(place), "removed", author=_who())
             after = opened.head().seq
     if found is None and before == after:
-        raise InputError(f"{place!r} is not on the list: {', '.join(named) or 'there are none'}")
+        raise not_among("PLACE", place, named)
     name_others(keys.folder, [one for one in named if one != found])

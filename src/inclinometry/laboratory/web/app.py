@@ -18,7 +18,7 @@ from fastapi.staticfiles import StaticFiles
 from nicegui import core, ui
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
-from inclinometry.errors import InputError
+from inclinometry.errors import refused
 from inclinometry.laboratory.ledger.ledger import Ledger
 from inclinometry.laboratory.ledger.users import users
 from inclinometry.laboratory.web import refusals
@@ -162,15 +162,12 @@ def create_app(
     """
     single_user = is_loopback(host)
     if not single_user and not any(user.may("administer") for user in users(ledger)):
-        raise InputError(
-            f"the bench would be open to the network at {host}, and this ledger has no administrator yet: make one "
-            f"with `inclinometry ledger users NAME --role administrator --ledger {ledger.shown}`"
-        )
+        raise refused("web-no-administrator", {"host": host, "ledger": ledger.shown})
     logins = Logins(ledger)
     serve(Bench(ledger, logins, feed, rig, single_user, instrument))
     app = FastAPI(
         title="inclinometry bench",
-        description='Angles in degrees, each with its unit in its name. Every refusal is {"detail": "a sentence"}.',
+        description='Angles in degrees, each with its unit in its name. Every refusal has "detail", "code", "values".',
         version="1",
         docs_url=None,
         redoc_url=None,

@@ -53,15 +53,16 @@ class Bench:
         """The user of a login as the ledger has it now; RefusedError when the login has ended."""
         found = None if login is None else self.logins.find(login.token)
         if found is None:
-            raise RefusedError("you are no longer logged in; log in again, nothing was lost")
+            raise RefusedError(Finding("web-login-ended"))
         return found[1]
 
     def require(self, login: Login | None, what: str) -> User:
         """The user, when allowed to "read", "capture", "issue" or "administer"; else RefusedError."""
         user = self.user(login)
         if not user.may(what):
-            needed = {"capture": "an operator", "issue": "a metrologist", "administer": "an administrator"}
-            raise RefusedError(f"{user.name} is {user.role}; this takes {needed.get(what, 'a user')}")
+            needed = {"capture": "operator", "issue": "metrologist", "administer": "administrator"}
+            about = {"user": user.name, "role": user.role, "needed": needed.get(what, "auditor")}
+            raise RefusedError(Finding("web-role", about))
         return user
 
 
@@ -76,8 +77,13 @@ def serve(bench: Bench) -> None:
 def current() -> Bench:
     """The bench of the process."""
     if not _CURRENT:
-        raise RefusedError("no bench is open in this process; make one with create_app")
+        raise RefusedError(Finding("web-no-bench"))
     return _CURRENT[0]
+
+
+def without_path(text: str) -> str:
+    """`Bench.without_path` of the bench of the process, if there is one."""
+    return _CURRENT[0].without_path(text) if _CURRENT else text
 
 
 T = TypeVar("T")
@@ -213,8 +219,7 @@ def frame(request: Request, title: str, *, needs: str = "read") -> Iterator[Visi
     Who may not `needs` ("read", "capture", "issue", "administer") gets 303 to the login or 403.
     """
     visitor = visitor_of(request)
-    if not visitor.user.may(needs):
-        raise HTTPException(403, visitor.say("error.not_allowed"))
+    visitor.require(needs)
     set_theme(visitor.language, request)
     ui.page_title(f"{visitor.say(title)} - inclinometry")
     with ui.row().classes("bar").props('role="navigation"'):

@@ -12,8 +12,16 @@ from typing import Any, Final
 
 from nicegui import Client, core
 
+from inclinometry.findings import Finding
 from inclinometry.laboratory.web.logins import Login, Logins, same_secret
-from inclinometry.laboratory.web.refusals import BodyLimit, browser_headers, cookie_token, problem_of
+from inclinometry.laboratory.web.refusals import (
+    STATUS,
+    BodyLimit,
+    answer,
+    browser_headers,
+    cookie_token,
+    problem_of,
+)
 
 _LOG: Final = logging.getLogger("inclinometry.laboratory.access")
 
@@ -64,8 +72,6 @@ Scope = MutableMapping[str, Any]
 Receive = Callable[[], Awaitable[Message]]
 Send = Callable[[Message], Awaitable[None]]
 App = Callable[[Scope, Receive, Send], Awaitable[None]]
-Problem = tuple[int, str]
-
 SAFE: Final = ("GET", "HEAD", "OPTIONS")
 ENDED: Final = 4401
 """Code with which a websocket is closed when its login has ended."""
@@ -91,7 +97,7 @@ class Guard:
         headers: dict[str, str] = {}
         problem = _read(scope, headers) or self._foreign(scope, headers)
         if problem is not None:
-            await _refuse(scope, send, *problem)
+            await _refuse(scope, send, problem)
             return
         login: Login | None  # None for a stranger
         given = bearer(headers)
@@ -104,7 +110,7 @@ class Guard:
         scope.setdefault("state", {})["login"] = login
         problem = self._stranger(scope, headers, login) or problem_of(scope, headers)
         if problem is not None:
-            await _refuse(scope, send, *problem)
+            await _refuse(scope, send, problem)
             return
         if scope["type"] == "websocket":
             await self._app(scope, self._watched(receive, send, login), send)
@@ -112,23 +118,23 @@ class Guard:
         body = BodyLimit(scope, receive, headers)
         await self._app(scope, body.receive, _answered(scope, headers, body, send))
 
-    def _foreign(self, scope: Scope, headers: dict[str, str]) -> Problem | None:
+    def _foreign(self, scope: Scope, headers: dict[str, str]) -> Finding | None:
         """Requests meant for another host, or sent by a page of another site."""
         host = headers.get("host", "").lower()
         if _name(host) not in self._hosts and not (not self._single_user and _own_address(scope, host)):
-            return 421, f"this server does not answer to the name {host[:80]!r}; use the address it printed"
+            return Finding("web-host", {"host": f"{host[:80]!r}"})
         origin = headers.get("origin")
         # whoever only follows a link here sends no origin
         if origin is not None and origin.lower().partition("://")[2] != host:
-            return 403, "this request comes from a page of another site"
+            return Finding("web-foreign")
         # a browser's own word on where a request comes from: another site may link here, but embed or call nothing
         linked = scope["type"] == "http" and scope["method"] in SAFE and headers.get("sec-fetch-mode") == "navigate"
         linked = linked and headers.get("sec-fetch-dest") == "document"
         if headers.get("sec-fetch-site", "same-origin") not in ("same-origin", "none") and not linked:
-            return 403, "this request comes from a page of another site"
+            return Finding("web-foreign")
         return None
 
-    def _stranger(self, scope: Scope, headers: dict[str, str], login: Login | None) -> Problem | None:
+    def _stranger(self, scope: Scope, headers: dict[str, str], login: Login | None) -> Finding | None:
         path, http = scope["path"], scope["type"] == "http"
         safe = http and scope["method"] in SAFE
         # what can be seen without a login: the login itself, scripts and styles, whether the server lives
@@ -136,10 +142,10 @@ class Guard:
         if (http and path in at_all_times) or (safe and path.startswith(("/_nicegui/", "/static/"))):
             return None
         if login is None:
-            return (303, "/login") if http and not path.startswith("/api/") else (401, "log in first")
+            return Finding("web-login-needed")
         api = http and path.startswith("/api/") and not safe
         if api and not bearer(headers) and not same_secret(headers.get("x-csrf-token", ""), login.csrf):
-            return 403, "the header X-CSRF-Token is missing or wrong; GET /api/v1/me gives it"
+            return Finding("web-token")
         return None
 
     def _watched(self, receive: Receive, send: Send, login: Login | None) -> Receive:
@@ -165,14 +171,14 @@ def bearer(headers: dict[str, str]) -> str:
     return token.strip() if kind.lower() == "bearer" else ""
 
 
-def _read(scope: Scope, headers: dict[str, str]) -> Problem | None:
+def _read(scope: Scope, headers: dict[str, str]) -> Finding | None:
     """Fill in the headers by name; refused when one that decides something comes twice."""
     # headers of which two could be read in two ways
     once = ("host", "origin", "authorization", "content-length", "content-type", "x-csrf-token")
     for raw_name, raw_value in scope["headers"]:
         name, value = raw_name.decode("latin-1").lower(), raw_value.decode("latin-1")
         if name in headers and name in once:
-            return 400, f"the header {name} was sent twice"
+            return Finding("web-header-twice", {"name": name})
         headers[name] = f"{headers[name]}; {value}" if name in headers and name == "cookie" else value
     return None
 
@@ -205,7 +211,7 @@ def _answered(scope: Scope, headers: dict[str, str], body: BodyLimit, send: Send
         if message["type"] == "http.response.start":
             if body.problem is not None:
                 over = True
-                await _refuse(scope, send, *body.problem)
+                await _refuse(scope, send, body.problem)
                 return
             _note(scope, int(message["status"]))
             ours = browser_headers(scope, headers)
@@ -232,16 +238,19 @@ def _note(scope: Scope, status: int) -> None:
         _LOG.warning("%d %s %s for %s from %s", status, method, path, who, client[0])
 
 
-async def _refuse(scope: Scope, send: Send, status: int, what: str) -> None:
+async def _refuse(scope: Scope, send: Send, problem: Finding) -> None:
     """An answer without the application: JSON to programs, a redirect to browsers, a closed websocket."""
+    status = STATUS[problem.code]
+    if status == 401 and scope["type"] == "http" and not scope["path"].startswith("/api/"):
+        status = 303
     _note(scope, status)
     if scope["type"] == "websocket":
         await send({"type": "websocket.close", "code": ENDED if status == 401 else 4403})
         return
     headers = {b"content-type": b"application/json", **browser_headers(scope, {})}
-    body = json.dumps({"detail": what}).encode()
+    body = json.dumps(answer(problem)).encode()
     if status == 303:
-        headers[b"location"], body = what.encode(), b""
+        headers[b"location"], body = b"/login", b""
     elif status == 401:
         headers[b"www-authenticate"] = b"Bearer"
     headers[b"content-length"] = str(len(body)).encode()

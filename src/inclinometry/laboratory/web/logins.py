@@ -23,6 +23,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from inclinometry.errors import InputError
+from inclinometry.findings import Finding
 from inclinometry.laboratory.ledger.ledger import Ledger
 from inclinometry.laboratory.ledger.users import LOCAL, User, check_code, check_password, find_user, refuse_control
 
@@ -40,7 +41,7 @@ class TooManyError(InputError):
     """Too many wrong passwords: `wait_s` says for how long nothing is tried."""
 
     def __init__(self, wait_s: float) -> None:
-        super().__init__(f"too many wrong passwords; wait {wait_s:.0f} s")
+        super().__init__(Finding("web-wait", {"wait_s": float(wait_s)}))
         self.wait_s = wait_s
 
 
@@ -48,7 +49,7 @@ class CodeError(InputError):
     """The password is right, the code of the second factor is missing or wrong."""
 
     def __init__(self) -> None:
-        super().__init__("the code of the second factor is missing, wrong or was used before")
+        super().__init__(Finding("web-code"))
 
 
 @dataclass

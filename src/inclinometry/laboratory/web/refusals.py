@@ -18,15 +18,14 @@ from fastapi.exceptions import RequestValidationError
 from fastapi.responses import HTMLResponse, JSONResponse, RedirectResponse, Response
 from starlette.exceptions import HTTPException
 
+from inclinometry import findings
 from inclinometry.digest import digest_bytes
 from inclinometry.errors import InclinometryError, InputError
 from inclinometry.findings import Finding
-from inclinometry.laboratory.attitude import FarError
 from inclinometry.laboratory.ledger.ledger import ConflictError
-from inclinometry.laboratory.web.frame import RefusedError, current, language_of
-from inclinometry.laboratory.web.logins import Login
+from inclinometry.laboratory.web.frame import language_of, without_path
+from inclinometry.laboratory.web.logins import Login, TooManyError
 from inclinometry.laboratory.web.words import problem, say
-from inclinometry.laboratory.web.words import sentence as sentence_in
 
 # What every answer tells the browser to refuse; the cookie of a login.
 
@@ -140,25 +139,25 @@ def largest(path: str) -> int:
     return next(size for start, size in LARGEST if path.startswith(start))
 
 
-def problem_of(scope: MutableMapping[str, Any], headers: dict[str, str]) -> tuple[int, str] | None:
+def problem_of(scope: MutableMapping[str, Any], headers: dict[str, str]) -> Finding | None:
     """What the headers alone say against a body."""
     length, most = headers.get("content-length", "0"), largest(scope["path"])
     if not (length.isascii() and length.isdigit() and len(length) < 20):
-        return 400, "the header Content-Length is not a number"
+        return Finding("web-length")
     if "content-length" in headers and "transfer-encoding" in headers:
         # a proxy in front may believe the other one, and then a second request hides in the first
-        return 400, "Content-Length and Transfer-Encoding exclude each other; send one of them"
+        return Finding("web-length-twice")
     if int(length) > most:
-        return 413, f"{int(length)} bytes are too many; allowed {most}"
+        return Finding("web-body-large", {"bytes": int(length), "most": most})
     if headers.get("content-encoding", "identity").strip().lower() != "identity":
-        return 415, "compressed requests are not read; send the body as it is"
+        return Finding("web-body-compressed")
     return None
 
 
 class BodyLimit:
     """Hands on the body of a request until it is too large or takes too long.
 
-    problem : status and sentence once that has happened, for the answer.
+    problem : once that has happened, for the answer.
     """
 
     # how long a body may take to arrive
@@ -174,7 +173,7 @@ class BodyLimit:
         self._size, self._more = 0, True
         # bytes that are read after the answer was given, for the next request on the same connection
         self._long = "transfer-encoding" in headers or int(headers.get("content-length", "0")) > 65_536
-        self.problem: tuple[int, str] | None = None
+        self.problem: Finding | None = None
 
     @property
     def unread(self) -> bool:
@@ -184,25 +183,55 @@ class BodyLimit:
     async def receive(self) -> Message:
         """The next message; BodyError when the body ends here."""
         if self.problem is not None:
-            raise BodyError(self.problem[1])
+            raise BodyError(self.problem)
         if not self._more:
             return await self._receive()
         try:
             message = await asyncio.wait_for(self._receive(), self._until - time.monotonic())
         except TimeoutError:
-            self.problem = 408, f"the body did not arrive within {self._longest:g} s; send it again"
-            raise BodyError(self.problem[1]) from None
+            self.problem = Finding("web-body-slow", {"most_s": float(self._longest)})
+            raise BodyError(self.problem) from None
         if message["type"] == "http.request":
             self._size += len(message.get("body", b""))
             self._more = bool(message.get("more_body"))
             if self._size > self._most:
-                self.problem = 413, f"the body has more bytes than the {self._most} allowed"
-                raise BodyError(self.problem[1])
+                self.problem = Finding("web-body-large", {"bytes": self._size, "most": self._most})
+                raise BodyError(self.problem)
         return message
 
 
 METHODS: Final = ["GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS", "TRACE"]
-OURS: Final = "an error of this program, not yours; nothing half-done was recorded. Its log says more"
+OURS: Final = Finding("web-broken", severity="refused")
+"""An error of the program, not of its user."""
+STATUS: Final = {
+    "web-header-twice": 400,
+    "web-length": 400,
+    "web-length-twice": 400,
+    "web-login-needed": 401,
+    "web-login-wrong": 401,
+    "web-code": 401,
+    "web-foreign": 403,
+    "web-token": 403,
+    "web-login-ended": 403,
+    "web-role": 403,
+    "web-no-bench": 403,
+    "ledger-not-there": 404,
+    "session-no-reading": 404,
+    "web-login-none": 404,
+    "web-route": 404,
+    "web-method": 405,
+    "web-body-slow": 408,
+    "ledger-far-from-target": 409,
+    "ledger-far-verifying": 409,
+    "web-no-instrument": 409,
+    "web-body-large": 413,
+    "web-body-compressed": 415,
+    "web-host": 421,
+    "web-wait": 429,
+    "web-broken": 500,
+    "ledger-disk-full": 507,
+}
+"""Code of a finding -> status of an answer; 422 for the others."""
 _LOG: Final = logging.getLogger("inclinometry.laboratory.web")
 
 _PAGE: Final = """<!doctype html><html lang="{language}"><head><meta charset="utf-8">
@@ -213,20 +242,16 @@ _PAGE: Final = """<!doctype html><html lang="{language}"><head><meta charset="ut
 
 
 def status_of(error: Exception) -> int:
-    """409 somebody was first or the tool is far off, 403 not allowed, by the code of its finding, 422 the rest.
+    """By the code of its finding; 409 where another user was first.
 
-    >>> from inclinometry.findings import Finding
     >>> full = Finding("ledger-disk-full", {"ledger": "lab", "cause": "disk is full"})
-    >>> status_of(InputError(full)), status_of(InputError("there is no limit; give one"))
+    >>> status_of(InputError(full)), status_of(InputError(Finding("session-no-limit")))
     (507, 422)
     """
-    if isinstance(error, ConflictError | FarError):
+    if isinstance(error, ConflictError):
         return 409
-    if isinstance(error, RefusedError):
-        return 403
     finding = error.finding if isinstance(error, InclinometryError) else None
-    known = {"ledger-not-there": 404, "ledger-disk-full": 507}
-    return 422 if finding is None else known.get(finding.code, 422)
+    return 422 if finding is None else STATUS.get(finding.code, 422)
 
 
 def explain(app: FastAPI) -> None:
@@ -252,11 +277,10 @@ def no_such_route(request: Request) -> JSONResponse:
         for method in methods
     }
     if allowed and request.method not in allowed:
-        words = ", ".join(sorted(allowed))
-        return JSONResponse(
-            {"detail": f"{request.method} is not for {path[:200]}; allowed: {words}"}, 405, {"allow": words}
-        )
-    return JSONResponse({"detail": f"there is no {path[:200]}; GET /api describes what there is"}, 404)
+        methods = tuple(sorted(allowed))
+        about = {"method": request.method, "path": path[:200], "allowed": methods}
+        return refusal(Finding("web-method", about), {"allow": ", ".join(methods)})
+    return refusal(Finding("web-route", {"path": path[:200]}))
 
 
 @cache
@@ -264,38 +288,36 @@ def _pattern(template: str) -> re.Pattern[str]:
     return re.compile(re.sub(r"\\{\w+\\}", ".+", re.escape(template)))
 
 
-def in_words(errors: list[Mapping[str, Any]]) -> str:
-    """What is wrong with a request, in one sentence.
+def of_request(error: Mapping[str, Any]) -> Finding:
+    """What is wrong with a field of a request.
 
     Examples
     --------
-    >>> in_words([{"loc": ("body", "count"), "msg": "Input should be greater than 0", "input": -1}])
-    'body.count is -1: input should be greater than 0'
+    >>> str(of_request({"loc": ("body", "count"), "msg": "Input should be greater than 0", "input": -1}))
+    'Body.count is -1: Input should be greater than 0. Correct it.'
     """
-    parts = []
-    for error in errors[:3]:
-        place = ".".join(str(part) for part in error.get("loc", ())) or "the request"
-        message = str(error.get("msg", "cannot be used"))
-        message = message[:1].lower() + message[1:300]
-        reason = (error.get("ctx") or {}).get("error")
-        if error.get("type") == "json_invalid":
-            parts.append(f"the body is not JSON: {reason or message}")
-        elif error.get("type") == "missing":
-            parts.append(f"{place[:200]} is missing; add it")
-        else:
-            hidden = "password" in place or place.rpartition(".")[2] in ("code", "known", "secret")
-            value = "not shown" if hidden else _short(error.get("input"))
-            parts.append(f"{place[:200]} is {value}: {message}")
-    more = f"; and {len(errors) - 3} more" if len(errors) > 3 else ""
-    return "; ".join(parts).encode("utf-8", "replace").decode() + more
+    place = _utf8(".".join(str(part) for part in error.get("loc", ()))[:200]) or "body"
+    message = _utf8(str(error.get("msg", ""))[:300])
+    if error.get("type") == "json_invalid":
+        return Finding("web-json", {"reason": _utf8(str((error.get("ctx") or {}).get("error") or message))})
+    if error.get("type") == "missing":
+        return Finding("input-missing", {"names": (place,)})
+    hidden = "password" in place or place.rpartition(".")[2] in ("code", "known", "secret")
+    value = "***" if hidden else _utf8(_short(error.get("input")))
+    return Finding("web-field", {"name": place, "value": value, "reason": message})
+
+
+def _utf8(text: str) -> str:
+    """Without halves of characters."""
+    return text.encode("utf-8", "replace").decode()
 
 
 def _short(value: Any) -> str:
     longest_value = 80
     if isinstance(value, list | tuple | dict):
-        return f"{'an object' if isinstance(value, dict) else 'a list'} of {len(value)} entries"
+        return "{...}" if isinstance(value, dict) else "[...]"
     if isinstance(value, int) and abs(value) > 10**longest_value:
-        return "a huge number"
+        return "1e80"
     text = repr(value[: longest_value + 1] if isinstance(value, str | bytes) else value)
     return text if len(text) <= longest_value else f"{text[:longest_value]}..."
 
@@ -303,7 +325,12 @@ def _short(value: Any) -> str:
 def answer(finding: Finding) -> dict[str, Any]:
     """What an answer of the interface says of a finding; on a network without the place of the ledger."""
     said = finding.plain()
-    return {"detail": current().without_path(said["sentence"]), "code": said["code"], "values": _json(said["values"])}
+    return {"detail": without_path(said["sentence"]), "code": said["code"], "values": _json(said["values"])}
+
+
+def refusal(finding: Finding, headers: dict[str, str] | None = None) -> JSONResponse:
+    """The answer of the interface to what is refused."""
+    return JSONResponse(answer(finding), STATUS.get(finding.code, 422), headers)
 
 
 def _json(value: Any) -> Any:
@@ -313,43 +340,45 @@ def _json(value: Any) -> Any:
     if isinstance(value, list):
         return [_json(one) for one in value]
     if isinstance(value, str):
-        return current().without_path(value)
+        return without_path(value)
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _mendable(_: Request, error: Exception) -> JSONResponse:
     finding = error.finding if isinstance(error, InclinometryError) else None
-    content = {"detail": current().without_path(str(error))} | ({} if finding is None else answer(finding))
-    return JSONResponse(content, status_of(error))
+    content = {"detail": without_path(str(error))} | ({} if finding is None else answer(finding))
+    headers = {"retry-after": str(round(error.wait_s) + 1)} if isinstance(error, TooManyError) else None
+    return JSONResponse(content, status_of(error), headers)
 
 
 def _invalid(_: Request, error: Exception) -> JSONResponse:
-    errors = error.errors() if isinstance(error, RequestValidationError) else []
-    return JSONResponse({"detail": in_words(list(errors))}, 422)
+    """All that is wrong with a request as its sentence; code and values are those of the first."""
+    errors = list(error.errors()) if isinstance(error, RequestValidationError) else []
+    found = [of_request(one) for one in errors[:3]] or [of_request({})]
+    return JSONResponse(answer(found[0]) | {"detail": " ".join(map(str, found))}, 422)
 
 
 def _broken(_: Request, error: Exception) -> JSONResponse:
-    return JSONResponse({"detail": OURS}, 500)
+    return refusal(OURS)
 
 
 def _page(request: Request, error: Exception) -> Response:
     """A page of its own with the sentence and a way back."""
-    language, status, sentence = language_of(request), 500, OURS
-    if isinstance(error, HTTPException):
-        status, text = error.status_code, str(error.detail)
-        # the server's own two words for an address that leads nowhere
-        sentence = say(language, "error.no_page") if text == "Not Found" else current().without_path(text)
+    language, status = language_of(request), 500
+    sentence = findings.say(OURS, language)
+    if isinstance(error, HTTPException):  # of the server itself: an address that leads nowhere, or to another one
+        status, sentence = error.status_code, say(language, "error.no_page")
         place = (error.headers or {}).get("location")
         if place is not None:
             return RedirectResponse(place, status)
     elif isinstance(error, RequestValidationError):
         status, sentence = 422, say(language, "error.address")
     elif isinstance(error, InclinometryError):
-        status, sentence = status_of(error), current().without_path(problem(language, error))
+        status, sentence = status_of(error), without_path(problem(language, error))
     else:
         _LOG.error("page %s failed", ascii(request.url.path), exc_info=error)
     title = say(language, "error.not_there" if status == 404 else "error.not_done")
-    said = escape(sentence_in(language, sentence))
+    said = escape(sentence)
     return HTMLResponse(
         _PAGE.format(language=language, title=title, sentence=said, back=say(language, "nav.home")), status
     )

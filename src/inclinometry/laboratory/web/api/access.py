@@ -7,7 +7,7 @@ from typing import Annotated, Any
 from fastapi import Depends, Path, Query, Request
 from pydantic import BaseModel, ConfigDict
 
-from inclinometry.errors import InputError
+from inclinometry.errors import InputError, refused
 from inclinometry.files.json_codec import parse
 from inclinometry.laboratory.ledger.chain import compact
 from inclinometry.laboratory.ledger.ledger import Ledger
@@ -45,9 +45,11 @@ class Body(BaseModel):
 
 
 class Refusal(BaseModel):
-    """Why not: the value given, what is allowed, what to do."""
+    """Why not: a sentence, its code and values."""
 
     detail: str
+    code: str = ""
+    values: dict[str, Any] = {}
 
 
 def attributes(of: object, *names: str) -> dict[str, Any]:
@@ -81,4 +83,4 @@ async def strict_body(request: Request) -> None:
     except InputError:
         raise
     except (ValueError, RecursionError) as error:
-        raise InputError(f"the body is not usable JSON: {error!s:.200}") from None
+        raise refused("web-json", {"reason": f"{error!s:.200}"}) from None

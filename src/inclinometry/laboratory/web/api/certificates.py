@@ -8,9 +8,9 @@ from urllib.parse import quote
 from fastapi import APIRouter, Path, Query, Response
 from pydantic import Field
 
+from inclinometry.errors import not_among
 from inclinometry.laboratory import certificates as workflow
 from inclinometry.laboratory.certificate.laboratory import LONGEST, Laboratory
-from inclinometry.laboratory.ledger.ledger import LedgerError
 from inclinometry.laboratory.ledger.users import User
 from inclinometry.laboratory.web.api.access import (
     REFUSALS,
@@ -106,7 +106,7 @@ def download(ledger: TheLedger, _: Reader, number: Number, document: Literal["pd
     """One document of a certificate, checked against its digest."""
     kept = workflow.documents(ledger, workflow.status(ledger, number).record)
     if document not in kept:
-        raise LedgerError(f"certificate {number} was issued without {document}; it has {', '.join(kept)}")
+        raise not_among("document", document, kept)
     name, media, data = kept[document]
     disposition = f"attachment; filename*=UTF-8''{quote(name, safe='')}"
     return Response(data, media_type=media, headers={"content-disposition": disposition})

@@ -11,7 +11,7 @@ from typing import IO, Annotated, Any
 from fastapi import APIRouter, Query
 from fastapi.responses import StreamingResponse
 
-from inclinometry.errors import InputError
+from inclinometry.errors import not_among
 from inclinometry.laboratory.ledger.chain import parse_head
 from inclinometry.laboratory.ledger.engine import KINDS
 from inclinometry.laboratory.ledger.exchange import backup, export
@@ -46,8 +46,7 @@ def check(ledger: TheLedger, _: Reader, head: Annotated[str | None, Query(max_le
 def records(ledger: TheLedger, _: Reader, kind: str, after: After = 0, limit: Limit = 100) -> list[dict[str, Any]]:
     """Records of one kind in the order in which they were made, beyond the place `after`."""
     if kind not in KINDS or kind in HIDDEN:
-        allowed = ", ".join(name for name in KINDS if name not in HIDDEN)
-        raise InputError(f"records of kind {kind!r:.80} cannot be read here; allowed: {allowed}")
+        raise not_among("kind", kind[:80], (name for name in KINDS if name not in HIDDEN))
     return [shown(record) for record in ledger.find(kind, after=after, limit=limit)]
 
 

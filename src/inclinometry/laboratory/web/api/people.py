@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from fastapi import APIRouter, HTTPException, Path, Request
+from fastapi import APIRouter, Path, Request
 from pydantic import BaseModel, Field
 
-from inclinometry.errors import InputError
+from inclinometry.errors import refused
 from inclinometry.laboratory.ledger import users
 from inclinometry.laboratory.ledger.passwords import LONGEST, SHORTEST
 from inclinometry.laboratory.web.api.access import (
@@ -21,7 +21,7 @@ from inclinometry.laboratory.web.api.access import (
     attributes,
 )
 from inclinometry.laboratory.web.frame import current
-from inclinometry.laboratory.web.logins import CodeError, Login, TooManyError
+from inclinometry.laboratory.web.logins import Login
 
 router = APIRouter(tags=["people"], responses=REFUSALS)
 
@@ -106,15 +106,10 @@ class UserBody(Body):
 @router.post("/login", responses={429: {"description": "too many wrong passwords", "model": Refusal}})
 def log_in(request: Request, body: Credentials) -> Token:
     """A token for a program; it ends after half an hour without use, at the latest after twelve hours."""
-    try:
-        address = request.client.host if request.client else ""
-        login = current().logins.log_in(body.name, body.password, address, code=body.code, known=body.known)
-    except TooManyError as error:
-        raise HTTPException(429, str(error), {"retry-after": str(round(error.wait_s) + 1)}) from None
-    except CodeError as error:
-        raise HTTPException(401, str(error)) from None
+    address = request.client.host if request.client else ""
+    login = current().logins.log_in(body.name, body.password, address, code=body.code, known=body.known)
     if login is None:
-        raise HTTPException(401, "name or password is wrong")
+        raise refused("web-login-wrong")
     return Token(token=login.token, known=login.known)
 
 
@@ -201,7 +196,7 @@ def remove_users_second_factor(ledger: TheLedger, author: Administrator, name: K
 def _own(request: Request) -> Login:
     login: Login = request.state.login
     if login.name == users.LOCAL.name:
-        raise InputError("this bench is open to this computer only, and nobody logs in; there is no password to change")
+        raise refused("web-no-password")
     return login
 
 
@@ -220,7 +215,7 @@ def _open(request: Request, name: str | None) -> list[Open]:
 
 def _end(login: str, name: str | None) -> None:
     if not current().logins.end(login, name):
-        raise HTTPException(404, f"there is no open login {login}")
+        raise refused("web-login-none", {"login": login})
 
 
 def _shown(user: users.User) -> dict[str, Any]:

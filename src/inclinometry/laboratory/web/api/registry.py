@@ -7,12 +7,13 @@ from collections.abc import Callable
 from dataclasses import MISSING, asdict, fields, is_dataclass
 from typing import Annotated, Any, TypeVar, get_type_hints
 
-from fastapi import APIRouter, HTTPException, Query
+from fastapi import APIRouter, Query
 from pydantic import BaseModel, Field, create_model
 
-from inclinometry.errors import InputError
+from inclinometry.errors import refused
 from inclinometry.laboratory import registry
 from inclinometry.laboratory.certificate.laboratory import Laboratory, Standard
+from inclinometry.laboratory.ledger.chain import LedgerError, missing
 from inclinometry.laboratory.ledger.ledger import Record
 from inclinometry.laboratory.web.api.access import (
     REFUSALS,
@@ -100,7 +101,7 @@ def one_tool(ledger: TheLedger, _: Reader, serial: Key) -> dict[str, Any]:
     """One tool as it is now."""
     record = ledger.latest("tool", serial=serial)
     if record is None:
-        raise HTTPException(404, f"there is no tool {serial!r:.80}")
+        raise LedgerError(missing("tool", serial, ledger.shown))
     return shown(record)
 
 
@@ -165,8 +166,8 @@ def change_laboratory(ledger: TheLedger, user: Administrator, body: SettingsBody
     if body.logo_base64 is not None:
         try:
             logo = base64.b64decode(body.logo_base64, validate=True)
-        except ValueError:
-            raise InputError("logo_base64 is no Base64; encode the bytes of a PNG or SVG file") from None
+        except ValueError as error:
+            raise refused("file-format", {"format": "Base64", "reason": str(error)}) from None
     return shown(
         registry.put_laboratory(
             ledger, Laboratory(**body.model_dump(exclude={"logo_base64"})), author=user.name, logo=logo

@@ -9,7 +9,7 @@ from fastapi import APIRouter, Query
 from pydantic import Field
 
 from inclinometry.calibration.decision import Limits
-from inclinometry.errors import InputError
+from inclinometry.errors import not_among
 from inclinometry.files.limits import limit_names, read_limits
 from inclinometry.laboratory.results import history
 from inclinometry.laboratory.verification import about_protocols, begin_verification, finish_verification, protocols
@@ -125,5 +125,5 @@ def _limits(body: VerdictBody) -> Limits | None:
     if body.limits is None:
         return None
     if body.limits not in limit_names():
-        raise InputError(f"limits {body.limits!r:.80} are unknown; allowed: {', '.join(limit_names())}")
+        raise not_among("limits", body.limits[:80], limit_names())
     return read_limits(body.limits)

@@ -6,16 +6,17 @@ from dataclasses import asdict
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from fastapi import APIRouter, HTTPException, Path, Query
+from fastapi import APIRouter, Path, Query
 from pydantic import Field
 
+from inclinometry.errors import refused
 from inclinometry.findings import Finding
 from inclinometry.laboratory import drift
 from inclinometry.laboratory.attitude import at_target
 from inclinometry.laboratory.guided import plan_for
 from inclinometry.laboratory.ledger.ledger import Ledger
 from inclinometry.laboratory.progress import Goal, Progress, goal_of, judge_of, proposal, session_progress
-from inclinometry.laboratory.registry import RegisteredRig, find_rig, given, rig_of
+from inclinometry.laboratory.registry import RegisteredRig, find_rig, given, not_registered, rig_of
 from inclinometry.laboratory.results import earlier_judge, evaluate_again
 from inclinometry.laboratory.session import (
     Capture,
@@ -162,12 +163,12 @@ def capture_live(
     """Take the reading of a position from the attached instrument."""
     feed = current().feed
     if feed is None:
-        raise HTTPException(409, "no instrument is attached; start the bench with --instrument")
+        raise refused("web-no-instrument")
     dial = None if body.dial_deg is None else _dial(body.dial_deg)
     if dial is None:
         known = {p.number: p.dial for p in load_session(ledger, session).positions}
         if number not in known:
-            raise HTTPException(422, f"position {number} is not of the plan; give dial_deg")
+            raise refused("input-needs", {"name": f"position {number}", "needed": ("dial_deg",)})
         dial = known[number]
     reading = _at_target(ledger, session, feed.capture(dial, body.seconds, how="api"), body.reason)
     taken = capture(ledger, session, number, reading, author=user.name, attempt=body.attempt)
@@ -182,7 +183,7 @@ def reject_reading(
     """Leave the newest reading of a position out."""
     seen = load_session(ledger, session)
     if not seen.has(number):
-        raise HTTPException(404, f"position {number} has no valid reading")
+        raise refused("session-no-reading", {"position": number})
     reject(ledger, seen.taken[number], body.reason, author=user.name)
     return _session(load_session(ledger, session))
 
@@ -198,7 +199,7 @@ def how_it_stands(ledger: TheLedger, _: Reader, session: RecordId) -> dict[str, 
     return {
         "captured": now.captured,
         "fitted": now.calibration is not None,
-        "waiting_for": current().without_path(str(now.waiting)),
+        "waiting_for": None if now.waiting is None else answer(now.waiting),
         "U_azimuth_deg": _finite(now.u_azimuth),
         "U_inclination_deg": _finite(now.u_inclination),
         "outliers": {str(number): str(what) for number, what in now.outliers.items()},
@@ -274,7 +275,7 @@ def _at_target(ledger: Ledger, session: str, reading: Capture, reason: str) -> C
 def _rig(ledger: Ledger, name: str) -> RegisteredRig:
     rig = find_rig(ledger, name)
     if rig is None:
-        raise HTTPException(422, f"rig {name!r:.80} is not registered; register it first")
+        raise not_registered("rig", name)
     return rig
 
 

@@ -9,7 +9,7 @@ from typing import Any, Final
 from fastapi import Request
 from nicegui import ui
 
-from inclinometry.errors import InputError
+from inclinometry.errors import InputError, wrong_kind
 from inclinometry.laboratory import certificates, registry
 from inclinometry.laboratory.certificate.laboratory import LONGEST, Laboratory, Order, Standard, begun, laboratory_from
 from inclinometry.laboratory.certificate.record import words
@@ -248,7 +248,7 @@ def _day(text: str) -> str:
     try:
         day = date.fromisoformat(text)
     except ValueError:
-        raise InputError(f"received is {text[:40]!r}; write the date as 2026-01-31") from None
+        raise wrong_kind("received", text[:40], "date") from None
     return begun(day, "received").isoformat()
 
 

@@ -14,11 +14,11 @@ from fastapi.responses import HTMLResponse
 from nicegui import events, ui
 from nicegui.elements.mixins.text_element import TextElement
 
-from inclinometry.errors import InclinometryError, InputError
+from inclinometry.errors import InclinometryError, refused
 from inclinometry.laboratory.guided import CALIBRATING
 from inclinometry.laboratory.import_file import LARGEST, import_file
 from inclinometry.laboratory.ledger.ledger import Record
-from inclinometry.laboratory.registry import rigs, sites, tools
+from inclinometry.laboratory.registry import not_registered, rigs, sites, tools
 from inclinometry.laboratory.session import PURPOSES
 from inclinometry.laboratory.verification import protocols
 from inclinometry.laboratory.web.frame import Visitor, aside, frame
@@ -51,7 +51,7 @@ def _import_form(visitor: Visitor, serial: str, rig: str) -> None:
         ui.label(say("import.register")).classes("warn")
     problem = ui.label("").classes("bad").props('role="alert" data-testid="form-problem"')
     if serial and chosen is None:
-        problem.set_text(visitor.sentence(f"tool {serial!r:.80} is not registered; register it first"))
+        problem.set_text(visitor.problem(not_registered("tool", serial)))
 
     def recorded(content: bytes, author: str) -> Record:
         options = Options(left_handed=bool(left_handed.value))
@@ -62,9 +62,9 @@ def _import_form(visitor: Visitor, serial: str, rig: str) -> None:
         try:
             user = visitor.require("capture")
             if event.file.size() > LARGEST:
-                raise InputError(say("import.too_large"))
+                raise refused("file-large", {"bytes": event.file.size(), "most": LARGEST})
             if not tool.value or not stand.value:
-                raise InputError(say("import.choose"))
+                raise refused("web-choose", {"what": ("tool", "rig")})
             content = await event.file.read()
             made = await aside(lambda: recorded(content, user.name))
         except InclinometryError as error:

@@ -9,7 +9,7 @@ import segno
 from fastapi import HTTPException, Request
 from nicegui import ui
 
-from inclinometry.errors import InputError
+from inclinometry.errors import refused
 from inclinometry.laboratory.ledger import users
 from inclinometry.laboratory.ledger.passwords import LONGEST, SHORTEST, strength
 from inclinometry.laboratory.ledger.second_factor import address, new_secret
@@ -126,7 +126,7 @@ def _password(visitor: Visitor, login: Login) -> None:
 
     def change(user: users.User) -> None:
         if new.value != again.value:
-            raise InputError("the two passwords differ; nothing was changed")
+            raise refused("web-differ")
         old = str(current.value)
         bench.logins.confirm(login, old)
         bench.logins.keep(login, users.change_password(bench.ledger, user.name, old, str(new.value)))

@@ -9,12 +9,13 @@ from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
-from fastapi import HTTPException, Request
+from fastapi import Request
 from nicegui import events, ui
 
 from inclinometry.errors import InclinometryError
 from inclinometry.laboratory import registry
 from inclinometry.laboratory.certificate.laboratory import Laboratory, Standard
+from inclinometry.laboratory.ledger.chain import LedgerError, missing
 from inclinometry.laboratory.ledger.ledger import Ledger
 from inclinometry.laboratory.ledger.users import User
 from inclinometry.laboratory.web.frame import Visitor, frame
@@ -71,7 +72,7 @@ def _page(request: Request, kind: str, name: str) -> None:
         ledger, say = visitor.bench.ledger, visitor.say
         old = about.find(ledger, name) if name else None
         if name and old is None:
-            raise HTTPException(404, f"there is no {kind.removesuffix('s')} {name!r:.80}")
+            raise LedgerError(missing(kind.removesuffix("s"), name, ledger.shown))
         with ui.card().classes("panel"):
             ui.label(say(about.about)).classes("dim")
             found = about.all(ledger)

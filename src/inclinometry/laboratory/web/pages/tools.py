@@ -7,13 +7,14 @@ from datetime import UTC, datetime
 from typing import Final
 
 import numpy as np
-from fastapi import HTTPException, Request
+from fastapi import Request
 from nicegui import ui
 
 from inclinometry.arrays import Array
 from inclinometry.errors import InputError
 from inclinometry.laboratory import registry
 from inclinometry.laboratory.drift import kept_drift
+from inclinometry.laboratory.ledger.chain import LedgerError, missing
 from inclinometry.laboratory.ledger.users import User
 from inclinometry.laboratory.results import history
 from inclinometry.laboratory.web.frame import Visitor, frame
@@ -81,7 +82,7 @@ def tool_page(request: Request, serial: str) -> None:
     with frame(request, "tools.one") as visitor:
         tool = registry.find_tool(visitor.bench.ledger, serial)
         if tool is None:
-            raise HTTPException(404, f"there is no tool {serial!r:.80}")
+            raise LedgerError(missing("tool", serial, visitor.bench.ledger.shown))
         with ui.card().classes("panel"):
             ui.label(lists.visible(f"{tool.serial} · {tool.name}")).classes("subtitle number")
             about = " · ".join(x for x in (tool.manufacturer, tool.customer, tool.description) if x)

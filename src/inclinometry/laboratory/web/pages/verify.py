@@ -13,7 +13,7 @@ from nicegui import ui
 
 from inclinometry.calibration.decision import AGREES, GUARDS, Limits
 from inclinometry.constants import ANGLES, COVERAGE_FACTOR, DIALS
-from inclinometry.errors import InclinometryError, InputError
+from inclinometry.errors import InclinometryError, refused
 from inclinometry.files.limits import limit_names, read_limits
 from inclinometry.files.verification_json import stated_limits
 from inclinometry.laboratory.ledger.ledger import LedgerError, Record
@@ -348,7 +348,7 @@ class VerifyForm:
 
     def _open(self, user: User) -> None:
         if self.calibration.value is None:
-            raise InputError(self._visitor.say("verify.no_calibration"))
+            raise refused("web-choose", {"what": ("calibration",)})
         session = begin_verification(
             self._visitor.bench.ledger,
             str(self.calibration.value),

@@ -13,7 +13,8 @@ import numpy as np
 from inclinometry.arrays import Array
 from inclinometry.calibration.design import NextPosition
 from inclinometry.constants import COVERAGE_FACTOR
-from inclinometry.errors import InclinometryError, InputError
+from inclinometry.errors import InclinometryError, InputError, refused
+from inclinometry.findings import Finding
 from inclinometry.laboratory import drift
 from inclinometry.laboratory.attitude import Judge, OffTarget, at_target, off_target
 from inclinometry.laboratory.instruments.rig import ManualRig, rig_driver
@@ -481,9 +482,9 @@ class Guided:
         """Capture the position on the card; on the disk when this returns. Far from the target it needs a reason."""
         user, chosen = self.visitor.require("capture"), self.chosen
         if self.feed is None:
-            raise NoInstrumentError(self.visitor.say("home.no_instrument"))
+            raise NoInstrumentError(Finding("web-no-instrument"))
         if self.turner is not None and not self.turner.poll().at(chosen.dial):
-            raise ElsewhereError(self.visitor.say("bench.rig_elsewhere", number=chosen.number))
+            raise ElsewhereError(Finding("web-rig-elsewhere", {"position": chosen.number}))
         if isinstance(self.rig, ManualRig):
             # turned by hand: to capture is to say that it is set
             self.rig.move(*chosen.dial)
@@ -502,7 +503,7 @@ class Guided:
         """Leave a reading out; its position is open again."""
         user = self.visitor.require("capture")
         if not self.session.has(number):
-            raise InputError(f"position {number} has no reading to leave out; capture it first")
+            raise refused("session-no-reading", {"position": number})
         reject(self.ledger, self.session.taken[number], reason, author=user.name)
         self.reload()
 

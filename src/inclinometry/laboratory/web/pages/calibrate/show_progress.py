@@ -482,7 +482,8 @@ class Certifies:
         guided, say = self._guided, self._guided.visitor.say
         now = guided.now
         if now is None or now.calibration is None:
-            text = say("bench.no_fit") if now is None else guided.visitor.sentence(now.waiting)
+            waiting = None if now is None else now.waiting
+            text = say("bench.no_fit") if waiting is None else guided.visitor.sentence(waiting)
             ui.label(text).classes("dim waiting")
             return
         low, high = np.degrees(now.covered)

@@ -9,7 +9,7 @@ import numpy as np
 from fastapi import Request
 from nicegui import ui
 
-from inclinometry.errors import InclinometryError, InputError
+from inclinometry.errors import InclinometryError, InputError, wrong_kind
 from inclinometry.laboratory import registry
 from inclinometry.laboratory.guided import ADAPTIVE, CALIBRATING, plan_for
 from inclinometry.laboratory.ledger.engine import plain as is_plain
@@ -277,4 +277,4 @@ def _temperatures(text: str) -> tuple[float, ...]:
     try:
         return tuple(float(part) for part in text.replace(",", " ").split())
     except ValueError:
-        raise InputError(f"{text[:60]!r} are not temperatures; write numbers, e.g. 20, 60, 100") from None
+        raise wrong_kind("temperatures", text[:60], "number") from None
