@@ -95,7 +95,8 @@ def certificate(
     files = {path: data for path, data in ((output_, pdf), (dcc, xml), (record, text)) if path is not None and data}
     for path, data in files.items():
         write_bytes(data, path)
-    output.warnings([*_lacking(made), *made["warnings"]])
+    output.findings(_lacking(made))
+    output.warnings(made["warnings"])
     digest, statement = record_digest(made), made["conformity"]["statement"]
     if json:
         about = {name: made[name] for name in ("number", "title", "missing")}
@@ -108,7 +109,7 @@ def certificate(
     output.say(f"written to {', '.join(map(str, files))}")
 
 
-def _lacking(record: dict[str, Any]) -> list[str]:
+def _lacking(record: dict[str, Any]) -> list[Finding]:
     """What the document lacks to be titled a certificate, and where it is stated."""
     where = {
         "laboratory": "name, address, country in lab.toml",
@@ -123,8 +124,8 @@ def _lacking(record: dict[str, Any]) -> list[str]:
         "standards_due": "due of [[standards]] in lab.toml",
         "signatory": "authoriser in lab.toml",
     }
-    said = [f"{missing_said(key, record, words('en'))} ({where[key]})" for key in record["missing"]]
-    return [f"titled calibration report, not certificate; missing: {'; '.join(said)}"] if said else []
+    said = tuple(f"{missing_said(key, record, words('en'))} ({where[key]})" for key in record["missing"])
+    return [Finding("session-report-titled", {"items": said})] if said else []
 
 
 def _pdf(record: dict[str, Any], fonts: Path | None, laboratory: Path | None, sealed: str) -> bytes:

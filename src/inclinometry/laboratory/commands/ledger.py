@@ -12,6 +12,7 @@ from typing import Any, Literal
 from inclinometry.cli import output
 from inclinometry.cli.options import Flag, InputOrNone, Json
 from inclinometry.errors import refused
+from inclinometry.findings import Finding
 from inclinometry.laboratory.commands import LedgerAddress
 from inclinometry.laboratory.ledger import exchange
 from inclinometry.laboratory.ledger.admin import create
@@ -226,9 +227,8 @@ def history(serial: str, /, *, ledger: LedgerAddress = None, json: Json = False)
         rows,
         caption="change since the first calibration; ! beyond three standard uncertainties",
     )
-    if kinds := ", ".join(found.scale_unknown[-1]):
-        said = f"{kinds}: the strength of the field is not stated in the first or the last calibration. "
-        output.notes([said + "The common scale of the sensors is left out of the change."])
+    if kinds := found.scale_unknown[-1]:
+        output.findings([Finding("session-scale-unknown", {"kinds": tuple(kinds)})])
 
 
 def users(

@@ -13,6 +13,7 @@ from inclinometry.cli.options import AlsoWritten, Flag, InputOrNone, Json, Outpu
 from inclinometry.errors import InputError, not_among, refused
 from inclinometry.files.json_codec import canonical
 from inclinometry.files.writing import write_bytes
+from inclinometry.findings import Finding
 from inclinometry.laboratory.commands import LedgerAddress
 from inclinometry.laboratory.commands.ledger import _ask, _where, _who, path_of
 from inclinometry.laboratory.ledger.chain import LedgerError
@@ -66,14 +67,11 @@ def key(
         from inclinometry.laboratory.certificate.signing import of_authority, public_bundle
 
         write_bytes(public_bundle(keys), public)
-        output.warnings(
-            [
-                "document.pem holds a certificate that the laboratory's key did not make "
-                f"({one.subject.rfc4514_string()}, SHA-256 {one.fingerprint(SHA256()).hex()}): "
-                f"publish this file only if the certificate is yours"
-                for one in of_authority(keys)
-            ]
-        )
+        abouts = [
+            {"subject": one.subject.rfc4514_string(), "digest": one.fingerprint(SHA256()).hex()}
+            for one in of_authority(keys)
+        ]
+        output.findings([Finding("session-document-foreign", about) for about in abouts])
     uncompared = keys.uncompared()
     if json:
         about = {"folder": str(keys.folder), "public": found, "fingerprint": fingerprint(found)}
