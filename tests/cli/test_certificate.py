@@ -227,7 +227,7 @@ due = 2020-01-31
         '<svg xmlns="http://www.w3.org/2000/svg" width="9" height="9"><path d="M0 0h9v9z"/></svg>'
     )
     done = files("ledger laboratory settings.toml --ledger lab.sqlite").ok()
-    assert "reference standard T2 is past its due date" in done.err
+    assert "[web-standard-due]" in done.err
     shown = files("ledger laboratory --ledger lab.sqlite --json").json
     assert (shown["procedure"], shown["logo"], shown["standards"][0]["due"]) == ("QP-12", True, "2020-01-31")
     order = LAB.partition("[order]")[2] + 'condition = "good"\n'
@@ -238,7 +238,7 @@ due = 2020-01-31
     content = json.loads(Path("c.json").read_bytes())
     assert (content["title"], content["missing"]) == ("report", ["standards_due"])
     Path("settings.toml").write_text(about.replace("2020", "2030"), encoding="utf-8")
-    assert "past its due date" not in files("ledger laboratory settings.toml --ledger lab.sqlite").err
+    assert "[web-standard-due]" not in files("ledger laboratory settings.toml --ledger lab.sqlite").err
     assert files(*given).out.startswith("certificate ")
     Path("settings.toml").write_text(about.replace("logo.svg", "none.svg"), encoding="utf-8")
     files("ledger laboratory settings.toml --ledger lab.sqlite").refused("none.svg")

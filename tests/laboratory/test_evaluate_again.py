@@ -8,9 +8,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from tests.refusals import refused
 
 from inclinometry.calibration import plans
-from inclinometry.errors import InputError
 from inclinometry.findings import rule
 from inclinometry.laboratory.certificate.laboratory import Laboratory
 from inclinometry.laboratory.certificates import issue, status
@@ -110,11 +110,11 @@ def test_nothing_is_recorded_of_what_is_refused(hall: Ledger, bench: SimpleNames
     brought = record_calibration(hall, made, "IN-7", "stand 1", {}, author="anna").keys["session"]
     head = hall.head()
     for which, site, said in (
-        (session, "nowhere", "site 'nowhere' is not registered"),
-        (session, "elsewhere", "(?i)dip"),
-        (opened, "hall", "this session has no calibration; finish it first"),
-        (brought, "hall", "comes from tool.json or the tool's history"),
+        (session, "nowhere", "session-not-registered"),
+        (session, "elsewhere", "bench-dip-contradicted"),
+        (opened, "hall", "session-unfinished"),
+        (brought, "hall", "session-not-readings"),
     ):
-        with pytest.raises(InputError, match=said):
+        with refused(said):
             evaluate_again(hall, which, site, author="anna")
     assert hall.head() == head

@@ -8,12 +8,12 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from tests.refusals import refused
 
 from inclinometry.calibration import plans
 from inclinometry.calibration.conventions import USUAL, WAYS, Dials
 from inclinometry.calibration.joint import calibrate_joint
 from inclinometry.errors import InputError
-from inclinometry.findings import rule
 from inclinometry.laboratory import registry
 from inclinometry.laboratory.import_file import import_file
 from inclinometry.laboratory.ledger.admin import create
@@ -71,9 +71,9 @@ def test_a_position_can_be_taken_again_and_rejected(opened: tuple[Ledger, Sessio
     assert seen.attempts[1] == 2
     assert seen.valid[0].capture.channels["accelerometer"][0] == 5.0
     for nothing in ("", "-", "n/a", "tbd", "..."):
-        with pytest.raises(InputError, match="say why"):
+        with refused("input-missing", names=("reason",)):
             reject(ledger, seen.taken[1], nothing, author="a")
-        with pytest.raises(InputError, match="say why"):
+        with refused("input-missing", names=("reason",)):
             close_session(ledger, session.id, "abandoned", author="a", reason=nothing)
     reject(ledger, seen.taken[1], "bumped", author="a")
     seen = load_session(ledger, session.id)
@@ -85,7 +85,7 @@ def test_two_browsers_do_not_overwrite_each_other(opened: tuple[Ledger, Session]
     """Both believe to take the first attempt."""
     ledger, session = opened
     capture(ledger, session.id, 1, one(session, 1), author="a", attempt=1)
-    with pytest.raises(ConflictError, match="somebody else"):
+    with refused("session-position-captured", error=ConflictError):
         capture(ledger, session.id, 1, one(session, 1, 9.0), author="b", attempt=1)
     assert load_session(ledger, session.id).valid[0].author == "a"
 
@@ -94,20 +94,20 @@ def test_a_closed_session_takes_nothing_more(opened: tuple[Ledger, Session]) -> 
     """And is closed only once."""
     ledger, session = opened
     close_session(ledger, session.id, "abandoned", author="a", reason="power cut")
-    with pytest.raises(LedgerError, match="closed"):
+    with refused("session-closed", error=LedgerError):
         capture(ledger, session.id, 1, one(session, 1), author="a")
-    with pytest.raises(LedgerError, match="closed already"):
+    with refused("session-closed", error=LedgerError):
         close_session(ledger, session.id, "finished", author="a")
 
 
 def test_what_cannot_be_is_refused(opened: tuple[Ledger, Session]) -> None:
     """Positions outside the plan, degrees for radians, unknown tools."""
     ledger, session = opened
-    with pytest.raises(InputError, match="allowed 1 to 13"):
+    with refused("input-value", name="position"):
         capture(ledger, session.id, 14, one(session, 1), author="a")
-    with pytest.raises(InputError, match="allowed -360 to 360 degrees"):
+    with refused("input-value", name="inclination_deg"):
         capture(ledger, session.id, 1, Capture({"gyro": np.ones(3)}, (0.0, 90.0, 0.0)), author="a")
-    with pytest.raises(LedgerError, match="not registered"):
+    with refused("session-not-registered", error=LedgerError):
         open_session(ledger, "nobody", plans.twelve(), rig="stand 1", author="a")
 
 
@@ -131,10 +131,10 @@ def test_a_session_calibrates_the_tool(opened: tuple[Ledger, Session]) -> None:
     [
         ({"temperature": 1e300}, "allowed -100 to 400 degC"),
         ({"sd": {"accelerometer": np.array([1.0, -1.0, 1.0])}}, "sd of the accelerometer"),
-        ({"sd": {"accelerometer": np.ones(2)}}, "2 values, the reading 3"),
+        ({"sd": {"accelerometer": np.ones(2)}}, "input-shape"),
         ({"channels": {"accelerometer": np.array([1e308, 0.0, 0.0])}}, "allowed -1e"),
-        ({"dial": (0.0, 6.9, 0.0)}, "inclination dial is at 395"),
-        ({"count": 0}, "at least 1 sample"),
+        ({"dial": (0.0, 6.9, 0.0)}, "input-value"),
+        ({"count": 0}, "input-value"),
     ],
 )
 def test_readings_that_can_never_be_right_are_refused(
@@ -142,7 +142,7 @@ def test_readings_that_can_never_be_right_are_refused(
 ) -> None:
     """Before they are in the ledger for ever."""
     ledger, session = opened
-    with pytest.raises(InputError, match=message):
+    with refused(message):
         capture(ledger, session.id, 1, replace(one(session, 1), **change), author="a")  # type: ignore[arg-type]
     assert not load_session(ledger, session.id).taken
 
@@ -220,10 +220,9 @@ def test_dials_stated_wrongly_are_put_right_on_the_rig_and_the_readings_stay(
     plan = plans.orthogonal()
     session = open_session(laboratory, "IN-7", plan, rig="stand 1", author="a", settings={"site": "yard"})
     bench.take(laboratory, session, on_stand(bench, dials))
-    with pytest.raises(LedgerError) as error:
+    with refused("bench-dials-otherwise", error=LedgerError) as error:
         finish_calibration(laboratory, session.id, author="a")
     assert str(dials.way) in str(error.value)
-    assert rule("bench-dials-otherwise").do in str(error.value)
     stated(laboratory, dials, bench.sd)
     record = finish_calibration(laboratory, session.id, author="a")
     stated(laboratory, USUAL, bench.sd)
@@ -231,7 +230,7 @@ def test_dials_stated_wrongly_are_put_right_on_the_rig_and_the_readings_stay(
     # and a verification on the rig as it is said to be now has no verdict
     judged = begin_verification(laboratory, record.id, "spread-12", author="a")
     bench.take(laboratory, judged, on_stand(bench, dials, 2))
-    with pytest.raises(LedgerError, match=str(dials.way)):
+    with refused("bench-dials-otherwise"):
         finish_verification(laboratory, judged.id, record.id, author="a")
     assert laboratory.count("verification") == 0
     stated(laboratory, dials, bench.sd)

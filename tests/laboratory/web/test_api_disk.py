@@ -82,5 +82,5 @@ def test_an_error_of_our_own_says_nothing_of_the_inside(where, monkeypatch):
         monkeypatch.setattr(ledger, "current", broken)
         answer = asked(ledger, "GET", "/api/v1/sites")
     assert answer.status_code == 500
-    assert answer.json()["detail"] == refusals.OURS
+    assert answer.json()["code"] == refusals.OURS.code
     assert "secret" not in answer.text

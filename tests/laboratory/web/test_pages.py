@@ -167,7 +167,7 @@ def test_verdict_before_and_after_it_is_recorded(open_bench: SimpleNamespace) ->
     # five of eight positions: no verdict, none to record
     assert say("en", "verdict.incomplete") in text
     assert say("en", "verify.record") not in text
-    assert "3 of the 8 positions" in text
+    assert "3 of 8 positions" in text
     assert "customer-7" in text
     assert say("en", "verify.closed") in browser.get(f"/verify/{open_bench.done}/finish").text
     text = browser.get(f"/verifications/{open_bench.verification}").text

@@ -55,8 +55,13 @@ def problem(language: str, error: InclinometryError) -> str:
     """What went wrong: by its code, or a sentence of a room that is not yet converted."""
     if error.finding is None:
         return sentence(language, str(error))
-    where = f"{error.path.name}: " if isinstance(error, FileError) else ""
-    return where + findings.say(error.finding, language)
+    said = findings.say(error.finding, language)
+    if not isinstance(error, FileError):
+        return said
+    file = sentence(language, error.path.name)  # "the file" of an upload
+    if error.line is None:
+        return f"{file}: {said}"
+    return say(language, "problem.line", file=file, line=error.line, problem=said)
 
 
 def sentence(language: str, text: str) -> str:

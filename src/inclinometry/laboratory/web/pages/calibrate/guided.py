@@ -169,7 +169,7 @@ class RigState:
 
     word: str
     setting: tuple[float, float, float] | None = None
-    reason: str = ""
+    reason: Finding | None = None
 
     def at(self, dial: tuple[float, float, float]) -> bool:
         """Whether it stands at this setting.
@@ -206,7 +206,7 @@ class RigWatch:
         try:
             self.state = RigState("ready", self._rig.position()) if self._rig.ready() else RigState("moving")
         except (InclinometryError, OSError) as error:
-            self.state = RigState("lost", reason=str(error))
+            self.state = RigState("lost", reason=getattr(error, "finding", None))
         if self.state.word == "ready" and before != "ready":
             self._settled()
         return self.state

@@ -170,9 +170,8 @@ class BenchView:
         if rig is not None and not closed:
             there = rig.word == "ready" and not rig.at(guided.chosen.dial)
             word = "elsewhere" if there else rig.word
-            self._rig.set_text(
-                guided.visitor.sentence(rig.reason) or say(f"bench.rig_{word}", number=guided.chosen.number)
-            )
+            shown = say(f"bench.rig_{word}", number=guided.chosen.number)
+            self._rig.set_text(shown if rig.reason is None else guided.visitor.sentence(rig.reason))
             self._rig.classes(
                 replace=f"rig number {'good' if word == 'ready' else 'warn' if word != 'lost' else 'bad'}"
             )
