@@ -414,9 +414,10 @@ class Tool(Tabular):
     stability: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
     def __post_init__(self) -> None:
-        unknown = set(self.triads) - set(KINDS)
-        if unknown or not self.triads:
-            raise not_among("triads", ", ".join(sorted(self.triads)), KINDS)
+        if not self.triads:
+            raise refused("input-empty", {"name": "triads"})
+        if unknown := set(self.triads) - set(KINDS):
+            raise not_among("triads", ", ".join(sorted(unknown)), KINDS)
         ordered = {kind: self.triads[kind] for kind in KINDS if kind in self.triads}
         object.__setattr__(self, "triads", MappingProxyType(ordered))
         size = len(self.parameter_names)
