@@ -28,7 +28,7 @@ def test_the_level_law(latitude, azimuth):
 
 
 @pytest.mark.parametrize("axes", [2, 3])
-@pytest.mark.parametrize("input-finite", [0.003, 0.1])
+@pytest.mark.parametrize("scale_sd", [0.003, 0.1])
 def test_agrees_with_the_joint_estimate(axes, scale_sd):
     """The estimator's own covariance at noiseless rates."""
     latitude, inclination, time = 0.8, 1.2, 600.0
@@ -194,9 +194,9 @@ def test_bad_places_are_refused(change, words):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"input-value": 0.0}, "input-value"),
-        ({"input-value": -1e-6}, "input-value"),
-        ({"input-finite": np.nan}, "input-finite"),
+        ({"arw": 0.0}, "input-value"),
+        ({"arw": -1e-6}, "input-value"),
+        ({"scale_sd": np.nan}, "input-finite"),
         ({"gyros": 3}, "input-choice"),
         ({"axes": 1}, "input-choice"),
         ({"positions": (0.0, np.pi)}, "gyro-positions-alike"),

@@ -207,8 +207,8 @@ def bench(rig=None, plan=CUBE, **options):
 @pytest.mark.parametrize(
     ("build", "message"),
     [
-        (lambda: bench({"input-not-with": [Bump(24, 0.1)]}), "input-value"),
-        (lambda: bench({"input-not-with": [Misread(-1, "azimuth", 0.1)]}), "input-value"),
+        (lambda: bench({"faults": [Bump(24, 0.1)]}), "input-value"),
+        (lambda: bench({"faults": [Misread(-1, "azimuth", 0.1)]}), "input-value"),
         (lambda: bench(repeats=0), "input-value"),
         (lambda: bench(bits=40), "input-value"),
         (lambda: bench(noise={"accelerometer": -1.0}), "input-value"),
