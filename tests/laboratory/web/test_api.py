@@ -106,8 +106,8 @@ def test_a_reading_far_from_its_dials_needs_a_reason(api):
     for reason in ({}, {"reason": "  "}, {"reason": "-"}, {"reason": "n/a"}):
         refused = api.post(f"{where}/readings/5", json=said | reason)
         assert (refused.status_code, refused.json()["code"]) == (409, "ledger-far-from-target")
-        (dial,) = refused.json()["values"]["dials"]
-        assert (dial["values"]["dial"], dial["values"]["target_deg"]) == ("toolface", 120.0)
+        (off,) = refused.json()["values"]["dials"]
+        assert (off["values"]["dial"], off["values"]["target_deg"]) == ("toolface", 120.0)
     assert api.get(where).json()["readings"] == []
     taken = api.post(f"{where}/readings/5", json=said | {"reason": "a new collet"})
     assert taken.status_code == 201
@@ -206,7 +206,7 @@ def test_wrong_methods_are_405_with_the_right_ones(api, method, path, allowed):
 def test_bodies_that_cannot_be_used(api, body, words):
     answer = api.put("/api/v1/rigs/bad", content=body, headers=JSON)
     assert answer.status_code in (400, 422), answer.text
-    assert words in answer.json()["detail"]
+    assert words.lower() in answer.json()["detail"].lower()
     assert len(answer.text) < 2000
     assert "bad" not in [rig["name"] for rig in api.get("/api/v1/rigs").json()]
 
