@@ -446,7 +446,7 @@ def test_logins_are_listed_and_ended(logins, ledger, clock):
 def test_the_password_is_asked_for_again_and_after_five_wrong_ones_the_login_ends(logins):
     one, two = (logins.by() for _ in range(2))
     for _ in range(module.FREE_FAILURES - 1):
-        with pytest.raises(InputError, match="current password is wrong"):
+        with refused("web-confirm", what="current password"):
             logins.confirm(one, "guess")
     logins.confirm(one, PASSWORD)
     for number in range(5):

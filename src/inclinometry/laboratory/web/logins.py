@@ -48,8 +48,8 @@ class TooManyError(InputError):
 class CodeError(InputError):
     """The password is right, the code of the second factor is missing or wrong."""
 
-    def __init__(self) -> None:
-        super().__init__(Finding("web-code"))
+    def __init__(self, finding: Finding = Finding("web-code")) -> None:
+        super().__init__(finding)
 
 
 @dataclass
@@ -173,15 +173,14 @@ class Logins:
         with self._turn(True):
             wrong = "current password" if check_password(self._ledger, login.name, password) is None else ""
             if not wrong and code is not None and not check_code(self._ledger, login.name, password, code):
-                wrong = "code"
+                wrong = "code of the second factor"
         login.wrong = login.wrong + 1 if wrong else 0
         if wrong:
             _LOG.warning("%s from %s: the %s was asked for and is wrong", ascii(login.name), login.address, wrong)
             if login.wrong >= FREE_FAILURES:
                 self.log_out(login.token)
-            if wrong == "code":
-                raise CodeError
-            raise InputError("the current password is wrong; nothing was changed")
+            said = Finding("web-confirm", {"what": wrong})
+            raise InputError(said) if wrong == "current password" else CodeError(said)
 
     def keep(self, login: Login, user: User) -> None:
         """Let this one login go on after its user has changed the password; the others end."""
