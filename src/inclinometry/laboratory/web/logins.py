@@ -48,9 +48,6 @@ class TooManyError(InputError):
 class CodeError(InputError):
     """The password is right, the code of the second factor is missing or wrong."""
 
-    def __init__(self, finding: Finding = Finding("web-code")) -> None:
-        super().__init__(finding)
-
 
 @dataclass
 class Login:
@@ -124,7 +121,7 @@ class Logins:
                 return None
             if not check_code(self._ledger, name, password, code):
                 _LOG.warning("login of %s from %s refused: code", ascii(name), address)
-                raise CodeError
+                raise CodeError(Finding("web-code"))
         _LOG.info("login of %s from %s", ascii(name), address)
         with self._lock:
             self._failures.pop(keys[0], None)
