@@ -9,7 +9,7 @@ from cyclopts import Parameter
 
 from inclinometry.cli import options, output
 from inclinometry.cli.options import Convention, Flag, Ignore, InputOrNone, Json
-from inclinometry.errors import InputError
+from inclinometry.errors import refused
 from inclinometry.workflow.convert import Conversion
 from inclinometry.workflow.convert import convert as convert_file
 
@@ -63,7 +63,7 @@ def convert(
         Judge the run as a whole: units, axes, depths, single stations; one that cannot be true is refused.
     """
     if ignore and not check:
-        raise InputError("--ignore needs --check")
+        raise refused("input-needs", {"name": "--ignore", "needed": ("--check",)})
     output.claim({"the target": target}, {"the source": source, "--map": map_})
     with output.busy(f"converting {source.name}"):
         done = convert_file(

@@ -13,7 +13,7 @@ from inclinometry.constants import RPM, STRING_INTERFERENCE
 from inclinometry.conventions import Axes, axes_matrix
 from inclinometry.digest import digest_file
 from inclinometry.earth.site import REFERENCES
-from inclinometry.errors import InputError
+from inclinometry.errors import InputError, out_of_range
 from inclinometry.files.allan_json import read_allan
 from inclinometry.files.run_file import checked_ending, open_run
 from inclinometry.files.site_toml import read_site
@@ -137,7 +137,7 @@ def _axes(text: str | None, option: str) -> Axes | None:
     try:
         axes_matrix(found)  # type: ignore[arg-type]
     except InputError:
-        raise InputError(f"{option} is {text!r}; give x, y and z once each, a sign before each, as -y,x,z") from None
+        raise out_of_range(option, text, "±x,±y,±z") from None
     return found  # type: ignore[return-value]
 
 

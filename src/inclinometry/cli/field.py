@@ -10,7 +10,7 @@ from cyclopts import Parameter
 
 from inclinometry.cli import options, output
 from inclinometry.cli.options import Json
-from inclinometry.errors import InputError
+from inclinometry.errors import wrong_kind
 
 if TYPE_CHECKING:
     from inclinometry.earth.magnetic import MagneticField
@@ -116,5 +116,5 @@ def _date(text: str) -> datetime.date | float:
     except ValueError:
         year = np.nan
     if not np.isfinite(year):
-        raise InputError(f"--date is {text!r}; write year, month and day, as in 2026-05-01, or a decimal year")
+        raise wrong_kind("--date", text, "date")
     return year

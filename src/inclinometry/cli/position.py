@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 from cyclopts import Parameter
 
 from inclinometry.cli import options, output
-from inclinometry.errors import InputError
+from inclinometry.errors import out_of_range, refused
 
 
 def _metres(low: float) -> Parameter:
@@ -17,7 +17,7 @@ def _metres(low: float) -> Parameter:
     def check(type_: object, values: tuple[float, float, float] | None) -> None:
         for value in values or ():
             if not low <= value <= 1e8:
-                raise ValueError(f"{value:g} is not allowed: {low:g} to 1e+08 m")
+                raise out_of_range("m", value, f"{low:g} .. 1e8")
 
     return Parameter(negative="", validator=check)
 
@@ -103,15 +103,15 @@ def position(
     read |= {"--corrections": corrections, "--errors": errors, "--stability": stability, **code}
     output.claim({"--output": output_, "--report": report, "--sources": sources}, read)
     if corrections is not None and raw is None:
-        raise InputError("--corrections needs --raw, the raw channels of the run it was made from, and --calibration")
+        raise refused("input-needs", {"name": "--corrections", "needed": ("--raw", "--calibration")})
     if raw is not None and calibration is None:
-        raise InputError("--raw serves --calibration alone; give the tool's calibration too")
+        raise refused("input-needs", {"name": "--raw", "needed": ("--calibration",)})
     if calibration is None and (age_days is not None or stability is not None):
-        raise InputError("--age-days and --stability are of a calibration; give --calibration, or leave them out")
+        raise refused("input-needs", {"name": "--age-days, --stability", "needed": ("--calibration",)})
     if errors is not None and calibration is not None:
-        raise InputError("--errors holds all that a gyro run says of its tool; leave --calibration out")
+        raise refused("input-not-with", {"name": "--calibration", "other": "--errors"})
     if sources is not None and tool_code is None and calibration is None and errors is None:
-        raise InputError("--sources needs an error model: give --tool-code, --calibration or --errors")
+        raise refused("input-needs", {"name": "--sources", "needed": ("--tool-code | --calibration | --errors",)})
     with (
         reading_with(None if azimuth_reference is None else with_constants(azimuth_reference=azimuth_reference)),
         output.reading(survey) as progress,

@@ -10,7 +10,7 @@ from cyclopts import Parameter
 
 from inclinometry.cli import options, output
 from inclinometry.cli.quality import show_checks
-from inclinometry.errors import InputError
+from inclinometry.errors import refused
 from inclinometry.files.corrections_json import write_corrections
 from inclinometry.files.limits import read_quality_limits
 from inclinometry.survey.quality import QUANTITIES, FieldQuality
@@ -153,7 +153,7 @@ def msa(
         {"the raw channels": raw, "--calibration": calibration, "--site": site},
     )
     if priors is not None and calibration is not None:
-        raise InputError("--priors is given with --calibration, whose covariance is the prior; leave one of them out")
+        raise refused("input-not-with", {"name": "--priors", "other": "--calibration"})
     with output.reading(raw) as progress:
         run = read_six_axis(
             raw, site, calibration, form=from_, convention=convention, ignored=ignore, progress=progress

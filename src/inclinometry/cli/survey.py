@@ -10,7 +10,7 @@ from cyclopts import Parameter
 
 from inclinometry.cli import options, output
 from inclinometry.constants import ANGLES
-from inclinometry.errors import InputError
+from inclinometry.errors import refused
 from inclinometry.orientation import SWITCH
 from inclinometry.survey.reduce import Survey
 from inclinometry.workflow.age import Age
@@ -67,7 +67,7 @@ def survey(
     inputs = {**_inputs(raw, calibration, site, bha, correct), "--stability": stability}
     output.claim({"--output": output_, "--report": report}, inputs)
     if calibration is None and (age_days is not None or stability is not None):
-        raise InputError("--age-days and --stability are of a calibration; give --calibration, or leave them out")
+        raise refused("input-needs", {"name": "--age-days, --stability", "needed": ("--calibration",)})
     with output.reading(raw) as progress:
         done = survey_file(
             raw,

@@ -21,7 +21,7 @@ from importlib.resources import files
 from itertools import pairwise
 from typing import Final, NamedTuple
 
-from inclinometry.errors import InputError
+from inclinometry.errors import not_among
 from inclinometry.findings import Finding, codes, say, translations
 from inclinometry.report.glossary import glossary
 
@@ -38,7 +38,7 @@ def spoken() -> str:
 def speaking(language: str) -> Iterator[None]:
     """Reports composed while the block runs are in this language, "en", "ru" or "zh"."""
     if language not in LANGUAGES:
-        raise InputError(f"no reports in language {language!r}; allowed {', '.join(LANGUAGES)}")
+        raise not_among("language", language, LANGUAGES)
     token = _SPOKEN.set(language)
     try:
         yield

@@ -12,6 +12,7 @@ from inclinometry.earth.site import Site
 from inclinometry.errors import FileError
 from inclinometry.files import json_codec
 from inclinometry.files.stability_toml import read_stability
+from inclinometry.findings import Finding
 from inclinometry.history import DAYS_PER_YEAR
 from inclinometry.stability import ASSUMED, aged, years_between
 
@@ -45,7 +46,7 @@ def at_the_run(
             day = datetime.date.fromisoformat(created[:10])
         except ValueError:
             raise FileError(
-                f"$.created is {created!r}; a date is needed, YYYY-MM-DD: calibrate again", path=path
+                Finding("file-value", {"column": "$.created", "value": created, "allowed": "YYYY-MM-DD"}), path=path
             ) from None
         years, how = years_between(day, site.date), f"of {day}, run of {site.date}"
     if years is None:

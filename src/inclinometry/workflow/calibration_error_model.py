@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from inclinometry.calibration.result import Calibration, same_units
-from inclinometry.errors import InputError
+from inclinometry.errors import refused
 from inclinometry.files.position_csv import WellStations
 from inclinometry.files.survey_csv import RawSurvey
 from inclinometry.position.certificate import (
@@ -66,7 +66,7 @@ def calibration_error_model(
         beside = with_terms(code, [name for name in names if name not in left])
     if raw is None:
         if correction is not None:
-            raise InputError("--corrections needs --raw, the raw channels of the run it was made from")
+            raise refused("input-needs", {"name": "--corrections", "needed": ("--raw",)})
         sources, notes = _computed(calibration.tool, well, stations)
     else:
         same_units(raw.units, calibration.tool)

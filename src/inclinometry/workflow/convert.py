@@ -14,7 +14,7 @@ from typing import Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
 
-from inclinometry.errors import FileError, InclinometryError, InputError, settled
+from inclinometry.errors import FileError, InclinometryError, in_file, not_among, refused, settled
 from inclinometry.files._quantities import quantities_by_column
 from inclinometry.files.cave import HELD
 from inclinometry.files.exchange import SurveyFile, columns_of
@@ -82,15 +82,14 @@ def format_of(path: str | Path, name: str | None = None, option: str = "--from")
     known = {name: form for name, form in FORMATS.items() if option == "--to" or (form.read and form.endings)}
     if name is not None:
         if name not in known:
-            raise InputError(f"format {name!r} is not known; allowed: {', '.join(known)}")
+            raise not_among(option, name, known)
         return name
     ending = Path(path).suffix.lower()
     found = next((name for name, form in known.items() if ending in form.endings), None)
     if found is None and option == "--from" and ending in TABLES:
         return "csv"
     if found is None:
-        what = f"the ending {ending!r} does not tell the format" if ending else "the name has no ending"
-        raise FileError(f"{what}; give {option}: {', '.join(known)}", path=path)
+        raise FileError(Finding("work-format", {"option": option, "known": tuple(known)}), path=path)
     return found
 
 
@@ -151,10 +150,10 @@ def convert(
     """
     start, end = format_of(source, from_format), format_of(target, to_format, "--to")
     if end == "xlsx" and Path(target).suffix.lower() == ".xlsm":
-        raise FileError("a workbook with macros is not written; call it .xlsx", path=target)
+        raise FileError(Finding("option-ending", {"ending": ".xlsm", "needed": (".xlsx",)}), path=target)
     items: Options = {} if channels is None else {"channels": channels}
     if items and not (_known(FORMATS[start].read, items) or _known(FORMATS[end].write, items)):
-        raise InputError(f"--map is of no use from {start} to {end}; leave it out")
+        raise refused("input-not-with", {"name": "--map", "other": f"{start}, {end}"})
     reader: Options = {"convention": convention, "azimuth_reference": azimuth_reference, "sheet": sheet}
     survey = read_survey_file(source, start, {**reader, "depth_unit": depth_unit, **_known(FORMATS[start].read, items)})
     found = settled(check_survey(survey), ignored, source) if check else ()
@@ -192,7 +191,7 @@ def _write(survey: SurveyFile, target: Path, name: str, items: Options) -> tuple
         except FileError as error:
             if error.path != scratch:
                 raise  # of another file, the map
-            raise FileError(error.problem, path=target, line=error.line) from None
+            raise in_file(error, target, error.line) from None
         with scratch.open("rb") as source, replacing(target) as stream:
             copyfileobj(source, stream)
     return sentences
@@ -211,7 +210,7 @@ def read_survey_file(path: str | Path, name: str, options: Options = MappingProx
     for option in given:
         if not _known(FORMATS[name].read, {option: None}):
             flag = flags.get(option, f"--{option.replace('_', '-')}")
-            raise InputError(f"{flag} is of no use for {name} files; leave it out")
+            raise refused("input-not-with", {"name": flag, "other": f"--from {name}"})
     found: SurveyFile = _function(FORMATS[name].read)(path, **given)
     return found
 
@@ -233,8 +232,9 @@ def lost(survey: SurveyFile, path: str | Path, name: str, options: Options = Map
     try:
         found = _read_back(survey, path, name, options)
     except InclinometryError as error:
-        reason = getattr(error, "problem", error)
-        raise FileError(f"what {name} holds of this survey cannot be read back ({reason})", path=path) from None
+        raise FileError(
+            Finding("work-unread", {"format": name, "finding": error.finding or str(error)}), path=path
+        ) from None
     if len(found) != len(survey):
         return (f"stations: {len(survey)} were read, {len(found)} are in the file",)
     there = columns_of(found)

@@ -14,7 +14,7 @@ from inclinometry.calibration.result import Calibration
 from inclinometry.constants import DIP
 from inclinometry.conventions import AXES, axes_matrix, named
 from inclinometry.earth.site import REFERENCES, Site, convert_azimuth
-from inclinometry.errors import FileError, InputError
+from inclinometry.errors import FileError, InputError, in_file, refused
 from inclinometry.files.attitude_file import write_attitude
 from inclinometry.files.columns import KIND_PREFIX
 from inclinometry.files.run_file import RunFile
@@ -276,7 +276,7 @@ def _turned(run: RunFile, calibration: Calibration | None, options: DynamicOptio
     if options.convention is None and options.axes is None and options.mag_axes is None:
         return {}
     if calibration is not None:
-        raise InputError("a convention or axes are of no use with a calibration, which knows them; leave them out")
+        raise refused("input-not-with", {"name": "--convention, --axes", "other": "--calibration"})
     convention = named(options.convention or "native")
     found = {}
     for kind in run.names:
@@ -353,7 +353,7 @@ class _Pipeline:
         except FileError:
             raise
         except InputError as error:
-            raise FileError(error.finding or str(error), path=run.path) from None
+            raise in_file(error, run.path) from None
         if not len(self.rows):
             window = {"window_s": options.window}
             raise FileError(Finding("motion-no-window", window, severity="refused"), path=run.path)

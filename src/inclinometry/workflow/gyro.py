@@ -14,7 +14,7 @@ from inclinometry.calibration.result import Calibration
 from inclinometry.constants import EARTH_RATE, STANDARD_GRAVITY, STATED_GRAVITY_SD
 from inclinometry.earth.gravity import relative_gravity, stated_gravity_sd
 from inclinometry.earth.site import Site
-from inclinometry.errors import FileError, InputError
+from inclinometry.errors import FileError, not_among
 from inclinometry.files.gyro_csv import CORRECTED, GyroReadings, write_gyro_stations
 from inclinometry.files.scale_json import ScaleRecord
 from inclinometry.findings import Finding
@@ -73,11 +73,9 @@ class GyroOptions:
     def __post_init__(self) -> None:
         for name, value, allowed in (("scale", self.method, METHODS), ("prior", self.prior, (None, *PRIORS))):
             if value not in allowed:
-                raise InputError(f"{name} is {value!r}; allowed: {', '.join(str(a) for a in allowed if a)}")
+                raise not_among(name, value, filter(None, allowed))
         if self.prior is not None and self.method != "joint":
-            raise InputError(
-                f"the prior {self.prior!r} is for the joint estimate; method {self.method!r} does without: leave it out"
-            )
+            raise refused("input-not-with", {"name": f"prior {self.prior}", "other": f"scale {self.method}"})
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -108,10 +106,7 @@ class GyroRun(Tabular):
     def record(self) -> ScaleRecord:
         """The scale factor of the run as a record; InputError where it was not followed."""
         if self.track is None or self.temperature is None:
-            raise InputError(
-                "a record of the scale factor gives it by temperature, for the joint estimate that follows it: add the "
-                "column temperature_degC"
-            )
+            raise refused("input-missing", {"names": ("temperature_degC",)})
         track = self.track
         return ScaleRecord(
             self.tool, track.belief, self.md, track.temperature, track.expected, track.expected_sd, track.scale,
@@ -222,7 +217,7 @@ def _averaged(
 ) -> tuple[Averages, Stations]:
     """Gravity and rate of every station; refused where their units cannot be right."""
     if site.latitude is None or site.gravity is None:
-        raise InputError("the site has no latitude; north by gyro needs it: give latitude_deg")
+        raise refused("input-missing", {"names": ("latitude_deg",)})
     averages = average_run(
         readings,
         calibration,
@@ -268,12 +263,9 @@ def _check_history(history: ScaleRecord | None, readings: GyroReadings, calibrat
         return
     name = "" if calibration is None else calibration.tool.name
     if history.tool != name:
-        raise InputError(
-            f"the history is of tool {history.tool or 'without calibration'!r}, this run of "
-            f"{name or 'a tool without calibration'!r}: a scale factor is relative to one tool's own calibration"
-        )
+        raise refused("work-history-tool", {"history": history.tool, "tool": name})
     if readings.digest in _earlier(history).values():
-        raise InputError("the history was learnt from these very readings; they would count twice: leave it out")
+        raise refused("work-history-same")
 
 
 def _gravity_sd(chosen: GyroOptions, site: Site, calibration: Calibration | None) -> float:
@@ -295,7 +287,7 @@ def _expected(stations: Stations, averages: Averages, heat: Array | None, option
     own = float(np.max(averages.scale_calibration, initial=0.0))
     prior = options.prior or ("run" if size <= MOST else "both")
     if heat is None and options.history is not None:
-        raise InputError("the history gives the scale by temperature; add the column temperature_degC")
+        raise refused("input-needs", {"name": "--history", "needed": ("temperature_degC",)})
     # the calibration errs in other directions of the tool in each run
     if options.history is not None:
         stated = options.history.belief

@@ -12,7 +12,7 @@ from inclinometry.calibration import plans
 from inclinometry.calibration.design import CRITERIA, RIG_SD, least_drift, optimal_plan
 from inclinometry.calibration.plans import FIRST_INCLINATION, Plan
 from inclinometry.constants import DIP, INCLINATION_RANGE
-from inclinometry.errors import InputError
+from inclinometry.errors import not_among, refused
 from inclinometry.workflow.simulate import PLANS, plan_named
 
 
@@ -90,8 +90,7 @@ def make_plan(name: str, *, progress: Callable[[float], None] | None = None, **g
     for option in (one for one in said if one not in known):
         of_angles = option in ("inclination_range", "rig_sd", "dip", "first_inclination", "azimuth")
         flag = option.replace("_", "-") + ("-deg" if of_angles else "")
-        users = ", ".join(plan for plan, used in USUAL.items() if option in used)
-        raise InputError(f"plan {name} has no use for --{flag}; leave it out (it is for {users})")
+        raise refused("input-not-with", {"name": f"--{flag}", "other": f"plan {name}"})
     chosen = {**known, **said}
     if name == "twelve":
         return plans.twelve(**chosen)
@@ -101,6 +100,6 @@ def make_plan(name: str, *, progress: Callable[[float], None] | None = None, **g
         return plan_named(name)
     aim = chosen["criterion"]
     if aim not in CRITERIA:
-        raise InputError(f"criterion {aim!r} is unknown; allowed: {', '.join(CRITERIA)}")
+        raise not_among("--criterion", aim, CRITERIA)
     aimed = {"inclination_range": aimed_range(chosen["inclination_range"], aim), "criterion": CRITERIA[aim]}
     return optimal_plan(chosen.pop("number"), **{**chosen, **aimed}, progress=progress)

@@ -14,7 +14,7 @@ from inclinometry.arrays import Array
 from inclinometry.calibration.result import Calibration
 from inclinometry.digest import digest_file
 from inclinometry.earth.site import Site, convert_azimuth
-from inclinometry.errors import FileError, InputError, SiteError, settled
+from inclinometry.errors import FileError, InputError, SiteError, in_file, refused, settled
 from inclinometry.files.errors_json import read_errors
 from inclinometry.files.position_csv import Listed, WellStations, read_well
 from inclinometry.files.site_toml import read_site
@@ -151,7 +151,7 @@ def read_position(
         raise _of_site(error, site_path) from None
     except InputError as error:
         # a mistake in the whole run explains what a formula says of one station
-        raise FileError(" ".join(map(str, [*findings, error])), path=stations.path) from None
+        raise in_file(refused(findings[0].code, findings[0].values) if findings else error, stations.path) from None
     agreed, doubt = _against_listed(stations, site)
     said = [*said, *_of_start(stations, tie_on), *agreed]
     if uncertainty is None:
@@ -220,15 +220,15 @@ def _of_run(run: AngleRun, well: WellSurvey, code: ToolCode | None) -> _Model:
     # depth, misalignment of tool and hole, sag, course between stations
     kept = [term.name for term in code.terms if re.match(r"DR|DS|MIS|V?SAG|XYM|XCL", term.name, re.IGNORECASE)]
     if not kept:
-        raise InputError(f"tool code {code.name} has no terms of depth, misalignment or sag: leave it out")
+        raise refused("input-not-with", {"name": f"--tool-code {code.name}", "other": "--errors"})
     return sources, with_terms(code, kept), [f"beside the run's own errors: {', '.join(kept)} of {code.name}"], []
 
 
 def _of_site(error: InputError, path: str | Path | None) -> InputError:
     """The error with the file in which the remedy belongs."""
     if path is None:
-        return InputError(f"{error} (there is no site file: name one with --site)")
-    return FileError(str(error), path=path)
+        return refused("work-no-site", {"finding": error.finding or str(error)})
+    return in_file(error, path)
 
 
 _AXES: Final = {"north": "north", "east": "east", "tvd": "true vertical depth"}

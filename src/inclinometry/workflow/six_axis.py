@@ -14,7 +14,7 @@ from inclinometry.calibration.result import Calibration, same_units
 from inclinometry.constants import STANDARD_GRAVITY, VECTORS
 from inclinometry.digest import digest_file
 from inclinometry.earth.site import Site, convert_azimuth
-from inclinometry.errors import FileError, InputError, settled
+from inclinometry.errors import FileError, refused, settled
 from inclinometry.files.columns import channel
 from inclinometry.files.exchange import SurveyFile
 from inclinometry.files.site_toml import read_site
@@ -58,7 +58,7 @@ from inclinometry.workflow.field import completed, declination_doubts, model_of
 
 # Stations out of files: raw channels of a calibrated tool, fields in any format, or a survey's totals and angles.
 
-_AXES = {"g": "gx, gy, gz", "b": "bx, by, bz"}
+_AXES = {"g": ("gx", "gy", "gz"), "b": ("bx", "by", "bz")}
 
 REBUILT: Final = "fields rebuilt from the survey's totals, dip and angles"
 """First line of the history of stations that come from a survey file without sensors."""
@@ -72,11 +72,7 @@ def plain_stations(
         found = _survey_file(path, form, convention)
     except FileError:
         if format_of(path, form) == "csv" and _has_channels(TableFile(path), "counts"):
-            raise FileError(
-                "raw channels whose names state no unit need --calibration tool.json; fields need their units in the "
-                "names, as in gx_m_s2 and bx_nT",
-                path=path,
-            ) from None
+            raise FileError(Finding("work-raw-channels"), path=path) from None
         raise
     if found.g is None and found.b is None:
         g, b, temperature = fields_of_survey(found, site, path)
@@ -97,8 +93,7 @@ def tool_stations(
         # stations of a survey by the signals the tool must have given there
         found = _survey_file(path, form, None)
         if found.g is not None or found.b is not None:
-            problem = "holds fields in m/s^2 and nT; with --calibration raw channels (accel_x, ...) as CSV are needed"
-            raise FileError(f"{problem}, or leave --calibration out", path=path)
+            raise FileError(Finding("work-fields"), path=path)
         g, b, temperature = fields_of_survey(found, site, path)
         strengths = [
             record.tool.triads[kind].field_strength if kind in record.tool.triads else None for kind in VECTORS
@@ -165,14 +160,13 @@ def _survey_file(path: str | Path, form: str | None, convention: str | None) -> 
     """The stations a file calls used."""
     name = format_of(path, form)
     if name == "wits":
-        problem = "WITS names neither quantities nor units; turn it into CSV first: inclinometry convert with --map"
-        raise FileError(problem, path=path)
+        raise FileError(Finding("work-wits"), path=path)
     found = read_survey_file(path, name, {"convention": convention})
     if found.used is None or found.used.all():
         return found
     rows = np.asarray(found.used)
     if not rows.any():
-        raise FileError("no station is marked as used; mark those of the survey", path=path)
+        raise FileError(Finding("work-none-used"), path=path)
     kept = _rows(found, rows)
     left = int((~rows).sum())
     return replace(kept, notes=(*kept.notes, f"{left} of {len(rows)} stations are marked as not used and left out"))
@@ -201,11 +195,11 @@ def _has_channels(table: TableFile, unit: str | None = None) -> bool:
 def _vectors(found: SurveyFile, name: str, path: str | Path) -> Array:
     values: Array | None = getattr(found, name)
     if values is None:
-        raise FileError(f"no {_AXES[name]}; all six axes with their units are needed", path=path)
+        raise FileError(Finding("input-missing", {"names": _AXES[name]}), path=path)
     empty = np.isnan(values).any(axis=1)
     if empty.any():
         depth = found.md[int(np.argmax(empty))]
-        raise FileError(f"one of {_AXES[name]} is empty at {depth:.12g} m; fill it in or remove the row", path=path)
+        raise FileError(Finding("work-cell", {"names": _AXES[name], "md_m": float(depth)}), path=path)
     return values
 
 
@@ -229,13 +223,12 @@ def fields_of_survey(found: SurveyFile, site: Site, path: str | Path) -> tuple[A
     }
     lacking = [name for name, values in columns.items() if values is None]
     if lacking:
-        problem = f"no six axes, and no {', '.join(lacking)} to take their place"
-        raise FileError(f"{problem}; give gx .. bz with units, or a survey with totals, dip and angles", path=path)
+        raise FileError(Finding("work-six-axes", {"names": tuple(lacking)}), path=path)
     values = {name: np.asarray(column) for name, column in columns.items()}
     for name, column in values.items():
         if np.isnan(column).any():
             depth = found.md[int(np.argmax(np.isnan(column)))]
-            raise FileError(f"{name} is empty at {depth:.12g} m; fill it in or remove the row", path=path)
+            raise FileError(Finding("work-cell", {"names": (name,), "md_m": float(depth)}), path=path)
     inclination, azimuth, g_total, b_total, dip = values.values()
     azimuth = convert_azimuth(azimuth, found.azimuth_reference or "", "magnetic", site)
     toolface = np.zeros(len(found)) if found.toolface is None else np.nan_to_num(found.toolface)
@@ -313,10 +306,7 @@ def read_six_axis(
         site or a site without gravity, b or dip; with one, the same where the tool lacks its field strengths.
     """
     if site is None and calibration is None:
-        raise InputError(
-            "without a calibration nothing but the site can tell whether the readings are right; give --site site.toml "
-            "with g, b_nT, dip_deg, or latitude_deg, longitude_deg and date"
-        )
+        raise refused("input-missing", {"names": ("--site",)})
     place, said = completed(Site() if site is None else read_site(site))
     inputs = {} if site is None else {"site": digest_file(site)}
     warned = declination_doubts(place)
@@ -333,7 +323,7 @@ def read_six_axis(
         inputs = {"raw": read.digest, **inputs}
         return SixAxis(stations, place, None, None, (*said, *read.notes), warned, inputs, findings=findings)
     if convention is not None:
-        raise InputError("--convention is of no use with --calibration, which knows the axes; leave it out")
+        raise refused("input-not-with", {"name": "--convention", "other": "--calibration"})
     record, old = at_the_run(read_calibration(calibration), calibration, place, age)
     said = [*said, *old]
     stations, source = tool_stations(raw, record, place, form, progress)
@@ -436,11 +426,8 @@ def _refuse_unknown(site: Site) -> None:
     if has_reference(site):
         return
     known = {"g": site.gravity, "b_nT": site.b, "dip_deg": site.dip}
-    lacking = ", ".join(name for name, value in known.items() if value is None)
-    raise InputError(
-        f"the site has no {lacking}; stations are judged against them: give them, or latitude_deg, longitude_deg "
-        "and date, from which models fill them"
-    )
+    lacking = tuple(name for name, value in known.items() if value is None)
+    raise refused("work-site-lacks", {"names": lacking})
 
 
 @dataclass(frozen=True, eq=False)
@@ -500,17 +487,14 @@ def _corrected(
 ) -> tuple[Stations, dict[str, Any], list[str]]:
     names = [name for name, _ in steps]
     if bha is not None and "sag" not in names:
-        raise InputError("--bha is given without the correction that needs it; add sag to --correct")
+        raise refused("input-needs", {"name": "--bha", "needed": ("--correct sag",)})
     assembly = None
     if bha is not None:
         from inclinometry.files.sag_toml import read_bha
 
         assembly = read_bha(bha)
     if names and REBUILT in run.stations.history:
-        raise InputError(
-            "--correct needs the sensors' readings: these fields are rebuilt from a survey, which does not say what "
-            "has been corrected already; give the raw channels or six axes it was made from"
-        )
+        raise refused("work-rebuilt")
     if run.reference is not None and not {"axial", "msa"}.isdisjoint(names):
         refuse_uncorrectable(run.stations, run.reference)
     stations, warned = run.stations, list[str]()

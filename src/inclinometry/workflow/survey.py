@@ -12,7 +12,7 @@ from inclinometry.calibration.result import Calibration, same_units
 from inclinometry.constants import VECTORS
 from inclinometry.digest import digest_file
 from inclinometry.earth.site import Site
-from inclinometry.errors import InputError, settled
+from inclinometry.errors import refused, settled
 from inclinometry.files.site_toml import read_site
 from inclinometry.files.survey_csv import RawSurvey, read_raw_survey, survey_cells
 from inclinometry.files.text import Progress
@@ -109,18 +109,18 @@ def survey_file(
     if calibration is None or correct is not None or bha is not None:
         if second is not None:
             option = f"--azimuth-from {second}"
-            raise InputError(f"{option} is for raw channels of a calibrated tool without corrections; leave it out")
+            raise refused("option-raw-only", {"name": f"--azimuth-from {second}"})
         if hole != "down":
-            raise InputError("--hole is for raw channels of two calibrated accelerometers; leave it out")
+            raise refused("option-raw-only", {"name": "--hole"})
         if gravity_sd is not None:
-            raise InputError("--gravity-sd-percent is for raw channels of two calibrated accelerometers; leave it out")
+            raise refused("option-raw-only", {"name": "--gravity-sd-percent"})
         run = read_six_axis(
             raw, site, calibration, age, form=form, convention=convention, ignored=ignored, progress=progress
         )
         done = survey_six_axis(run, correct, bha)
         return replace(done, survey=_marked(done.survey, run.findings))
     if convention is not None or form not in (None, "csv"):
-        raise InputError("with --calibration the readings are a CSV of raw channels; leave --from and --convention out")
+        raise refused("input-not-with", {"name": "--from, --convention", "other": "--calibration"})
     place, notes = (None, []) if site is None else completed(read_site(site))
     data = read_raw_survey(raw, progress=progress)
     record, old = at_the_run(read_calibration(calibration), calibration, place or Site(), age)
