@@ -48,8 +48,8 @@ def field(
     from inclinometry.workflow.field import field_at
 
     chosen = None if model is None else MODELS[model]
-    site, field, scale, notes = field_at(latitude, longitude, height, _date(date), chosen, crs)
-    output.warnings(notes)
+    site, field, scale, found = field_at(latitude, longitude, height, _date(date), chosen, crs)
+    output.findings(found)
     if json:
         shown = {n: {"value": v, "u": u, "unit": unit} for n, v, u, unit, _, _ in _quantities(site, field, scale)}
         output.print_json(
@@ -62,7 +62,7 @@ def field(
                 "date": date,
                 "crs": site.crs,
                 "field": shown,
-                "notes": notes,
+                "findings": [one.plain() for one in found],
             }
         )
         return

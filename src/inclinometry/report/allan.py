@@ -56,7 +56,7 @@ def allan_figure(channel: ChannelNoise) -> Figure:
 
 def allan_report(record: NoiseRecord) -> str:
     """The noise of an instrument as one self-contained HTML page: coefficients, curves, what was analysed."""
-    troubles = len(record.warnings)
+    troubles = len(record.findings)
     tables = []
     for kind in record.kinds:
         units, body = units_of(record.of(kind)[0]), []
@@ -93,7 +93,7 @@ def allan_report(record: NoiseRecord) -> str:
             "Coefficients as in IEEE Std 952-1997: the Allan variance over a time t is N²/t + 0.441 B² + K² t/3. "
             "Where a record is too short to see one, its upper limit (95 %) stands instead."
         ],
-        warnings=record.warnings,
+        warnings=said(record.findings),
         inputs=record.inputs,
     )
 

@@ -10,6 +10,8 @@ import numpy as np
 from inclinometry.arrays import Array, Mask
 from inclinometry.constants import ANGLES, COVERAGE_FACTOR, RPM, STANDARD_GRAVITY
 from inclinometry.earth.site import REFERENCES
+from inclinometry.errors import InputError
+from inclinometry.findings import Finding
 from inclinometry.motion import result
 from inclinometry.motion.average import average_windows
 from inclinometry.report.calibration import log_scale
@@ -341,7 +343,7 @@ CHANNEL_WORDS: Final = {"accel": "apparent gravity", "mag": "magnetic field", "g
 def dynamic_report(run: result.DynamicRun) -> str:
     """Attitude of a moving tool as one self-contained HTML page."""
     if not len(run.rows):
-        raise refused("input-empty", {"name": "run.rows"})
+        raise InputError(Finding("input-empty", {"name": "run.rows"}))
     rows = run.rows
     refused, size = int(rows.refused.sum()), len(rows)
     flagged = int((rows.flags != 0).sum())

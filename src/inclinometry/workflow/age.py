@@ -31,8 +31,8 @@ class Age:
 
 def at_the_run(
     calibration: Calibration, path: str | Path, site: Site, age: Age, otherwise: float | None = None
-) -> tuple[Calibration, list[str]]:
-    """The calibration with its tool aged to the date of the site, and in words what was assumed.
+) -> tuple[Calibration, list[Finding]]:
+    """The calibration with its tool aged to the date of the site, and what was assumed.
 
     `otherwise`: years where the age is unknown; without it the tool is as on the day of its calibration.
     """
@@ -50,16 +50,11 @@ def at_the_run(
             ) from None
         years, how = years_between(day, site.date), f"of {day}, run of {site.date}"
     if years is None:
-        return calibration, [
-            "how old the calibration is was not stated: what the sensors have moved by since is not in the "
-            "uncertainties; give --age-days, or dates (calibrate --created, date in site.toml)"
-        ]  # fmt: skip
+        return calibration, [Finding("work-age-unknown", severity="note")]
     known = ASSUMED if age.stability is None else read_stability(age.stability)
     tool = aged(calibration.tool, years, known)
-    what = f"the calibration was taken as {years * DAYS_PER_YEAR:.0f} days old ({how})"
+    days = years * DAYS_PER_YEAR
     if not tool.stability.any():
-        return calibration, [f"{what}: the uncertainties are those of that day"]
-    return replace(calibration, tool=tool), [
-        f"{what}; what the sensors may have moved by since is in the uncertainties as stability: {known.source}, "
-        "growing with the root of time"
-    ]  # fmt: skip
+        return calibration, [Finding("work-age-none", {"days": days}, severity="note")]
+    values = {"days": days, "source": known.source}
+    return replace(calibration, tool=tool), [Finding("work-age", values, severity="note")]

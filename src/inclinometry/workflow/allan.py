@@ -13,7 +13,7 @@ from inclinometry.arrays import Array
 from inclinometry.calibration.stillness import still_intervals
 from inclinometry.errors import FileError, InputError, out_of_range
 from inclinometry.files.log_csv import Log, read_even_log
-from inclinometry.findings import Finding
+from inclinometry.findings import Finding, Value
 
 
 def noise_of_log(
@@ -41,7 +41,7 @@ def noise_of_log(
     """
     log = _stretch(read_even_log(path, progress=progress), start, stop)
     rest = _longest_rest(log, path)
-    channels, warnings = [], list(log.notes)
+    channels, findings = [], [Finding("work-recorded", {"text": note}) for note in log.notes]
     for kind, values in log.channels.items():
         whole = allan_deviation(values, log.dt)
         for place, name in enumerate(log.names[kind]):
@@ -53,8 +53,8 @@ def noise_of_log(
                     Finding("work-column", {"name": name, "finding": error.finding or str(error)}), path=path
                 ) from None
             channels.append(ChannelNoise(name, kind, log.units[kind], curve, model))
-            warnings += _doubts(log, name, values[:, place], model, rest)
-    return NoiseRecord(tuple(channels), log.dt, len(log), {"log": log.digest}, tuple(warnings))
+            findings += _doubts(log, name, values[:, place], model, rest)
+    return NoiseRecord(tuple(channels), log.dt, len(log), {"log": log.digest}, tuple(findings))
 
 
 def _stretch(log: Log, start: float | None, stop: float | None) -> Log:
@@ -68,8 +68,7 @@ def _stretch(log: Log, start: float | None, stop: float | None) -> Log:
         raise out_of_range("start_s, stop_s", f"{low:.6g} .. {high:.6g}", f"{log.time[0]:.6g} .. {end:.6g}")
     first, last = round((low - log.time[0]) / log.dt), round((high - log.time[0]) / log.dt) + 1
     channels = {kind: values[first:last] for kind, values in log.channels.items()}
-    said = f"of the log {low:.6g} to {high:.6g} s are used, as stated"
-    return replace(log, time=log.time[first:last], channels=channels, notes=(*log.notes, said))
+    return replace(log, time=log.time[first:last], channels=channels)
 
 
 def _longest_rest(log: Log, path: str | Path) -> tuple[float, float] | None:
@@ -103,19 +102,18 @@ def _longest_rest(log: Log, path: str | Path) -> tuple[float, float] | None:
     raise FileError(Finding("work-moved-rest", {**moved, "start_s": times[0], "stop_s": times[1]}), path=path)
 
 
-def _doubts(log: Log, name: str, values: Array, model: NoiseModel, rest: str) -> list[str]:
+def _doubts(log: Log, name: str, values: Array, model: NoiseModel, rest: tuple[float, float] | None) -> list[Finding]:
     """Signs that the instrument was not at rest, or that its noise is of another kind."""
     at = _moved(values)
     if at is not None:
-        when = f"{log.time[0] + at * log.dt:.6g} s"
-        return [f"{name} jumps at {when}: was the tool moved or knocked? the noise is that of the log as it is{rest}"]
+        jump: dict[str, Value] = {"name": name, "time_s": float(log.time[0] + at * log.dt)}
+        if rest is None:
+            return [Finding("work-jump", jump)]
+        return [Finding("work-jump-rest", {**jump, "start_s": rest[0], "stop_s": rest[1]})]
     misfit = 3.0
     if model.chi_square > misfit * model.dof + 10.0:
-        return [
-            f"{name}: the curve does not follow these kinds of noise (chi-square {model.chi_square:.0f} for "
-            f"{model.dof} degrees of freedom): vibration, a change of temperature, filtering or a tool not at rest; "
-            "the uncertainties do not hold"
-        ]
+        fit: dict[str, Value] = {"name": name, "chi_square": model.chi_square, "freedom": model.dof}
+        return [Finding("work-noise-kinds", fit)]
     return []
 
 

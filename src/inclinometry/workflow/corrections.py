@@ -10,7 +10,7 @@ import numpy as np
 
 from inclinometry.errors import FileError, InputError, in_file, not_among, refused
 from inclinometry.files.corrections_json import read_corrections
-from inclinometry.findings import Finding
+from inclinometry.findings import Finding, Value
 from inclinometry.sensors import Tool
 from inclinometry.survey.flags import Check
 from inclinometry.survey.multistation import Parameter
@@ -52,13 +52,9 @@ def explained(wiring: Check) -> bool:
     return "they fit with" in wiring.reason
 
 
-def unsettled(wiring: Check) -> list[str]:
-    """A warning where axes and signs are not known to be right before a correction that takes them for right."""
-    if wiring.verdict == "pass":
-        return []
-    if wiring.verdict == "fail":
-        return [f"{wiring.name} before the correction: {wiring.reason}; {wiring.action}"]
-    return [f"{wiring.name} before the correction not judged: {wiring.reason}"]
+def unsettled(wiring: Check) -> list[Finding]:
+    """Found where axes and signs are not known to be right before a correction that assumes them."""
+    return [] if wiring.verdict == "pass" else [Finding("work-unsettled", {"finding": wiring.reason})]
 
 
 def refuse_beyond(parameters: Mapping[str, Parameter]) -> None:
@@ -78,8 +74,8 @@ def refuse_beyond(parameters: Mapping[str, Parameter]) -> None:
 
 def matching_correction(
     path: str | Path, tool: str, inputs: Mapping[str, str], stations: Stations
-) -> tuple[SensorCorrection, list[str]]:
-    """A stored correction that may be used for these stations, and warnings against it; `inputs` are digests.
+) -> tuple[SensorCorrection, list[Finding]]:
+    """A stored correction that may be used for these stations, and findings against it; `inputs` are digests.
 
     Refused: another tool or calibration; other depths, unless the tool is calibrated and the same; an estimate beyond
     ten times its prior.
@@ -92,7 +88,7 @@ def matching_correction(
         refuse_beyond(correction.parameters)
     except InputError as error:
         raise in_file(error, path) from None
-    said = [f"{Path(path).name}: {sentence}" for sentence in correction.warnings]
+    said = [Finding("work-inherited", {"source": Path(path).name, "finding": one}) for one in correction.warnings]
     raw = inputs.get("raw")
     if raw is not None and correction.inputs.get("raw") == raw:
         return correction, said
@@ -100,7 +96,7 @@ def matching_correction(
     made: dict[str, Value] = {"count": correction.stations, "first_m": first, "last_m": last}
     if (bottom < first or top > last) and not tool:
         raise FileError(Finding("work-other-run", {**made, "top_m": top, "bottom_m": bottom}), path=path)
-    return correction, [f"{Path(path).name} {run}: it holds for the same tool in the same run only", *said]
+    return correction, [Finding("work-correction-reused", made), *said]
 
 
 CORRECTIONS: Final = ("axial", "msa", "sag")

@@ -14,7 +14,7 @@ from inclinometry.calibration.result import Calibration
 from inclinometry.constants import EARTH_RATE, STANDARD_GRAVITY, STATED_GRAVITY_SD
 from inclinometry.earth.gravity import relative_gravity, stated_gravity_sd
 from inclinometry.earth.site import Site
-from inclinometry.errors import FileError, not_among
+from inclinometry.errors import FileError, not_among, refused
 from inclinometry.files.gyro_csv import CORRECTED, GyroReadings, write_gyro_stations
 from inclinometry.files.scale_json import ScaleRecord
 from inclinometry.findings import Finding
@@ -73,7 +73,7 @@ class GyroOptions:
     def __post_init__(self) -> None:
         for name, value, allowed in (("scale", self.method, METHODS), ("prior", self.prior, (None, *PRIORS))):
             if value not in allowed:
-                raise not_among(name, value, filter(None, allowed))
+                raise not_among(name, str(value), filter(None, allowed))
         if self.prior is not None and self.method != "joint":
             raise refused("input-not-with", {"name": f"prior {self.prior}", "other": f"scale {self.method}"})
 
@@ -161,8 +161,8 @@ def north_run(
     checks = check_rates(stations, known, found["joint"], averages.rate_calibration, readings.labels)
     disturbed = fit_no_azimuth(found["joint"], averages.failed)
     found = {method: without_failed(one, averages, disturbed) for method, one in found.items()}
-    if refused := refusal(checks, stations.latitude):
-        raise FileError(refused, path=readings.path)
+    if wrong := refusal(checks, stations.latitude):
+        raise FileError(wrong, path=readings.path)
     north = found.pop(chosen.method)
     # what the calibration leaves open is common to all stations: following the run does not average it away
     north = replace(north, u_scale=np.hypot(north.u_scale, averages.scale_calibration * north.scale))

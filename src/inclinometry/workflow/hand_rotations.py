@@ -36,10 +36,11 @@ def calibrate_log(
     `gyro_log`: the gyro's own log, with the same times. `specific_force`: the accelerometer reads +1 g upwards at rest.
     """
     log, triads, units, digest, notes = read_both(path, gyro_log, gyro_profile, progress)
+    told = [Finding("work-recorded", {"text": note}, severity="note") for note in notes]
     gravity = None if site is None else site.gravity
     if gravity is None:
         gravity = STANDARD_GRAVITY
-        notes.append(f"gravity is taken as {gravity:g} m/s2: --site says what it is; the gyro does not depend on it")
+        told.append(Finding("work-gravity-assumed", {"gravity_m_s2": gravity}, severity="note"))
     try:
         found = calibrate_hand_rotations(
             log.time, triads["accelerometer"], triads["gyro"], gravity=gravity, gyro_unit=units["gyro"]
@@ -48,7 +49,7 @@ def calibrate_log(
         raise in_file(error, path) from None
     record = hand_rotations_calibration(found, digest, units=units, specific_force=specific_force, name=name)
     if "magnetometer" in log.channels:
-        notes.append("the magnetometer was not used: --method norm on the readings of the log calibrates it")
+        told.append(Finding("work-magnetometer-unused", severity="note"))
     pairs = found.rests.pairs()
     readings = BenchReadings(
         {kind: np.array([values[a:b].mean(axis=0) for a, b in pairs]) for kind, values in triads.items()},
@@ -57,7 +58,7 @@ def calibrate_log(
         reference={"g": gravity},
         digest=digest,
     )
-    return found, replace(record, notes=(*notes, *record.notes)), readings
+    return found, replace(record, findings=(*told, *record.findings)), readings
 
 
 def read_both(

@@ -18,7 +18,7 @@ from inclinometry.earth.site import Site
 from inclinometry.errors import FileError, IdentifiabilityError, refused
 from inclinometry.files.gyro_csv import RateSteps
 from inclinometry.files.tool_json import read_calibration
-from inclinometry.findings import Finding
+from inclinometry.findings import Finding, Value
 from inclinometry.rotations import dcm
 from inclinometry.sensors import Tool, Triad
 
