@@ -84,7 +84,7 @@ def convert(
 
 def _show(done: Conversion, target: Path, json: bool) -> None:
     """What was written, what the reader found and what the target does not hold."""
-    output.findings(done.findings)
+    output.findings((*done.findings, *done.lost))
     output.warnings(done.survey.notes)
     if json:
         output.print_json(
@@ -92,12 +92,11 @@ def _show(done: Conversion, target: Path, json: bool) -> None:
                 "stations": len(done.survey),
                 "from": done.source,
                 "to": done.target,
-                "lost": done.lost,
+                "lost": [one.plain() for one in done.lost],
                 "notes": done.survey.notes,
                 "findings": [one.plain() for one in done.findings],
                 "output": target,
             }
         )
         return
-    output.warnings([f"not carried by {done.target}: {sentence}" for sentence in done.lost])
     output.say(f"{output.counted(len(done.survey), 'station')} written to {target}")

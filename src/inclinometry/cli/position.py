@@ -134,12 +134,9 @@ def position(
         )
     _write(found, output_, report, sources)
     output.findings(found.findings)
-    output.warnings(found.warnings)
     if json:
         output.print_json(_content(found, output_))
         return
-    for sentence in found.notes:
-        output.say(sentence)
     show_position(found)
     output.written(output_, report, what=output.counted(len(found.path), "station"), sources=sources)
 
@@ -147,10 +144,8 @@ def position(
 def _write(found: WellPosition, target: Path | None, report: Path | None, sources: Path | None) -> None:
     """All files, the report composed before the first is written."""
     from inclinometry.files.position_csv import write_position_csv, write_sources_csv
-    from inclinometry.report.language import said
 
-    told = found.told | {"warnings": [*said(found.findings), *found.warnings]}
-    with output.reported(report, "position:position_report", found.path, found.survey, found.uncertainty, **told):
+    with output.reported(report, "position:position_report", found.path, found.survey, found.uncertainty, **found.told):
         if target is not None:
             ignored = [f"ignored {one.code}: {one}" for one in found.findings if one.severity == "ignored"]
             write_position_csv(target, found.path, found.uncertainty, found.survey.north, ignored)
@@ -196,8 +191,6 @@ def _content(found: WellPosition, target: Path | None) -> dict[str, Any]:
         "error_model": model or ({"run": "errors"} if found.uncertainty else None),
         "last_station": last,
         "sources": _sources(found),
-        "notes": found.notes,
-        "warnings": found.warnings,
         "findings": [one.plain() for one in found.findings],
         "inputs": dict(found.inputs),
         "output": target,

@@ -11,6 +11,7 @@ from inclinometry.constants import COVERAGE_FACTOR
 from inclinometry.files.allan_json import COEFFICIENTS, PlottedCurve, coefficients_of, units_of
 from inclinometry.report.calibration import log_scale
 from inclinometry.report.figure import DASHES, INK, SERIES, legend_above, new_figure, styled
+from inclinometry.report.language import said
 from inclinometry.report.page import Section, Table, TableRow, picture, report
 from inclinometry.report.words import listed, significant, with_uncertainty
 
