@@ -161,4 +161,4 @@ def _table(found: Displacement) -> Table:
     head = ["depth, m"]
     for axis in found.axes:
         head += [f"{axis.upper()}, mm", "U, mm"]
-    return Table(f"Displacement; U: k = {COVERAGE_FACTOR:g}", [*head, "check-sum"], rows)
+    return Table(f"Displacement; U: k = {COVERAGE_FACTOR:g}", [*head, "Check-sum"], rows)
