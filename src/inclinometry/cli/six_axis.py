@@ -51,7 +51,7 @@ def quality(
             raw, site, calibration, form=from_, convention=convention, ignored=ignore, progress=progress
         )
     judged = six_axis.quality(run.stations, run.site, fixed)
-    output.findings(run.findings)
+    output.findings((*run.findings, *judged.quality.findings))
     output.warnings(run.warnings)
     if json:
         output.print_json(
@@ -60,15 +60,15 @@ def quality(
                 "limits": None if fixed is None else {"name": fixed.name, "source": fixed.source},
                 "checks": list(map(check_json, judged.checks)),
                 "stations": [station_json(judged.quality, row) for row in range(len(run.stations))],
-                "notes": [*run.notes, *judged.quality.notes],
+                "notes": run.notes,
                 "warnings": run.warnings,
-                "findings": [one.plain() for one in run.findings],
+                "findings": [one.plain() for one in (*run.findings, *judged.quality.findings)],
             }
         )
     else:
         show_checks(f"{judged.verdict.upper()}: {raw.name}", judged.checks)
         show_failures(judged.quality)
-        for sentence in (*run.notes, *judged.quality.notes):
+        for sentence in run.notes:
             output.say(sentence)
         failed = [check.name for check in judged.checks if check.verdict == "fail"]
         left = [check.name for check in judged.checks if check.verdict not in ("pass", "fail")]
@@ -92,8 +92,7 @@ def station_json(found: FieldQuality, row: int) -> dict[str, object]:
         "distance_sigma": found.distance[row],
         "distance_limit_sigma": found.distance_limit[row],
         "undetected_azimuth_deg": np.degrees(found.undetected_azimuth[row]),
-        "reason": found.reasons[row],
-        "action": found.actions[row],
+        "off": found.off(row),
     }
 
 
@@ -166,8 +165,8 @@ def msa(
         report, "msa:msa_report", done.found, run.stations, done.judged.quality, **beside, warnings=said
     ):
         write_corrections(done.correction, output_)
-    output.findings(run.findings)
-    output.warnings((*run.warnings, *done.warnings))
+    output.findings((*run.findings, *done.findings))
+    output.warnings(run.warnings)
     if json:
         output.print_json(_summary(run, done, output_))
         return
@@ -186,8 +185,8 @@ def _summary(run: SixAxis, done: Analysis, path: Path) -> dict[str, object]:
         "priors": found.priors,
         "influence_deg": np.degrees(found.influence),
         "notes": run.notes,
-        "warnings": [*run.warnings, *done.warnings],
-        "findings": [one.plain() for one in run.findings],
+        "warnings": run.warnings,
+        "findings": [one.plain() for one in (*run.findings, *done.findings)],
         "output": path,
     }
 

@@ -93,7 +93,6 @@ def survey(
             with output.busy(f"writing {output.counted(len(found), 'station')}"):
                 write_survey(found, output_, switch=switch)
     output.findings(found.findings)
-    output.warnings(found.warnings)
     if json:
         output.print_json(_summary(done, output_))
     else:
@@ -134,7 +133,6 @@ def _summary(done: SixAxisSurvey, path: Path | None) -> dict[str, object]:
         "quality": None if done.judged is None else done.judged.verdict,
         "history": found.history,
         "notes": done.notes,
-        "warnings": found.warnings,
         "findings": [one.plain() for one in found.findings],
         "output": path,
     }

@@ -10,9 +10,10 @@ import numpy as np
 
 from inclinometry.errors import FileError, InputError
 from inclinometry.files.corrections_json import read_corrections
+from inclinometry.findings import Finding
 from inclinometry.sensors import Tool
-from inclinometry.survey.flags import Check
-from inclinometry.survey.multistation import Parameter
+from inclinometry.survey.flags import Check, remarks
+from inclinometry.survey.multistation import Parameter, beyond_errors
 from inclinometry.survey.multistation_priors import FieldReference
 from inclinometry.survey.quality_wiring import wiring_check
 from inclinometry.survey.reduce import SensorCorrection
@@ -32,32 +33,25 @@ def refuse_uncorrectable(stations: Stations, reference: FieldReference) -> None:
     of axes explains are left to the corrections: interference does that.
     """
     for name, unit, fields, wanted in (
-        ("|g|", "m/s^2", stations.g, reference.g),
+        ("gravity", "m/s2", stations.g, reference.g),
         ("|b|", "nT", stations.b, reference.b),
     ):
         found = float(np.median(np.linalg.norm(fields, axis=1)))
         if abs(found / wanted - 1.0) > LARGEST:
-            raise InputError(
-                f"median {name} of the stations is {found:.6g} {unit}, the reference {wanted:.6g}: more than "
-                f"{100.0 * LARGEST:g} % off is no error a correction may take off; check the unit and the reference"
-            )
+            raise beyond_errors(name, unit, found, wanted)
     wiring = wiring_check(stations, reference.dip)
     if wiring.verdict == "fail" and explained(wiring):
-        raise InputError(f"{wiring.name}: {wiring.reason}; {wiring.action} before any correction")
+        raise InputError(wiring.reason)
 
 
 def explained(wiring: Check) -> bool:
     """Whether a mistake of axes or signs explains a failed check of the wiring."""
-    return "they fit with" in wiring.reason
+    return wiring.reason.code in ("survey-wiring-axes", "survey-wiring-dip")
 
 
-def unsettled(wiring: Check) -> list[str]:
+def unsettled(wiring: Check) -> list[Finding]:
     """A warning where axes and signs are not known to be right before a correction that takes them for right."""
-    if wiring.verdict == "pass":
-        return []
-    if wiring.verdict == "fail":
-        return [f"{wiring.name} before the correction: {wiring.reason}; {wiring.action}"]
-    return [f"{wiring.name} before the correction not judged: {wiring.reason}"]
+    return [] if wiring.verdict == "pass" else [wiring.reason]
 
 
 def refuse_beyond(parameters: Mapping[str, Parameter]) -> None:
@@ -80,7 +74,7 @@ def refuse_beyond(parameters: Mapping[str, Parameter]) -> None:
 
 def matching_correction(
     path: str | Path, tool: str, inputs: Mapping[str, str], stations: Stations
-) -> tuple[SensorCorrection, list[str]]:
+) -> tuple[SensorCorrection, list[Finding]]:
     """A stored correction that may be used for these stations, and warnings against it; `inputs` are digests.
 
     Refused: another tool or calibration; other depths, unless the tool is calibrated and the same; an estimate beyond
@@ -96,7 +90,7 @@ def matching_correction(
         refuse_beyond(correction.parameters)
     except InputError as error:
         raise FileError(str(error), path=path) from None
-    said = [f"{Path(path).name}: {sentence}" for sentence in correction.warnings]
+    said = remarks(correction.warnings)
     raw = inputs.get("raw")
     if raw is not None and correction.inputs.get("raw") == raw:
         return correction, said
@@ -108,7 +102,8 @@ def matching_correction(
             "this run itself: inclinometry msa",
             path=path,
         )
-    return correction, [f"{Path(path).name} {run}: it holds for the same tool in the same run only", *said]
+    of = {"stations": correction.stations, "from_m": float(first), "to_m": float(last)}
+    return correction, [Finding("survey-correction-other", of), *said]
 
 
 CORRECTIONS: Final = ("axial", "msa", "sag")

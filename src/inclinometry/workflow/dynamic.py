@@ -84,7 +84,7 @@ class Rows:
                 common[good] += self._by_scale(seen, turning, found.north)
         azimuth, north, quaternion = np.full(len(found), np.nan), found.north, found.quaternion.copy()
         if good.any():
-            turned, variances, north, said = turned_to_north(
+            turned, variances, north, told = turned_to_north(
                 at.azimuth[good], {"own": common[good]}, self._site, found.north
             )
             azimuth[good] = turned
@@ -92,7 +92,7 @@ class Rows:
             # C(A + d, I, T) = C(A, I, T) R_z(d)
             by = rotation_z(turned - at.azimuth[good])
             quaternion[good] = quaternion_from_dcm(dcm_from_quaternion(quaternion[good]) @ by)
-            self.notes += [note for note in said if note not in self.notes]
+            self.notes += [note for note in map(str, told) if note not in self.notes]
         spread, shared = (np.minimum(np.sqrt(part), UNKNOWN) for part in (common + random, common))
         # share of the uncertainty of an angle nothing is known of from which it is left blank
         nothing = 0.999

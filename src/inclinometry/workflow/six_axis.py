@@ -27,7 +27,7 @@ from inclinometry.findings import Finding
 from inclinometry.orientation import fields
 from inclinometry.sensors import Tool
 from inclinometry.survey.consistency import check_angles, check_place
-from inclinometry.survey.flags import Check, worst
+from inclinometry.survey.flags import Check, remarks, worst
 from inclinometry.survey.from_stations import ESTIMATED, survey_from_stations
 from inclinometry.survey.from_tool import stations_from_tool, stations_plain
 from inclinometry.survey.multistation import MultiStation, multistation
@@ -462,7 +462,7 @@ def survey_six_axis(run: SixAxis, correct: str | None = None, bha: str | Path | 
     """Correct the stations of a run (names with commas; corrections.json for "msa", bha.toml for sag); reduce them."""
     steps = correction_steps(correct)
     names = [name for name, _ in steps]
-    stations, results, warned = _corrected(run, steps, bha)
+    stations, results, told = _corrected(run, steps, bha)
     digests = {f"correction {Path(file).name}": digest_file(file) for _, file in steps if file is not None}
     inputs = {**run.inputs, **digests, **({} if bha is None else {"bha": digest_file(bha)})}
     survey = survey_from_stations(stations, site=run.site, tool=run.tool, calibration_dip=run.dip, inputs=inputs)
@@ -474,30 +474,24 @@ def survey_six_axis(run: SixAxis, correct: str | None = None, bha: str | Path | 
             # a correction has bent the dips: what they say of the axes they said before it
             judged = replace(judged, wiring=before.wiring)
         if before is not None and not {"axial", "msa"}.isdisjoint(names) and judged.wiring.verdict != "fail":
-            warned = [*unsettled(before.wiring), *warned]
+            told = [*unsettled(before.wiring), *told]
     if {"axial", "msa"} <= set(names):  # in this order: the other is refused
-        warned = [
-            "axial before msa: the axial field is then made from the reference, so that the analysis cannot find its "
-            "error and leans on the reference twice; on simulated runs azimuths come out up to four times worse than "
-            "by msa alone",
-            *warned,
-        ]
-    # warnings of the corrections
-    said = []
-    for name, result in results.items():
+        told = [Finding("survey-axial-first"), *told]
+    told = [*run.findings, *remarks(run.warnings), *told]
+    for result in results.values():
         if isinstance(result, MultiStation):
-            said += [f"multi-station analysis: {sentence}" for sentence in result.warnings]
+            told += result.findings
         check = getattr(result, "check", None)
         if isinstance(check, Check) and check.verdict != "pass":
-            said.append(f"{name}: {check.reason}; {check.action}")
-    told = [*run.warnings, *warned, *said, *_of_checks(judged, survey)]
-    survey = replace(survey, findings=run.findings, warnings=(*told, *survey.warnings), freedom=run.freedom)
+            told.append(check.reason)
+    told += _of_checks(judged, survey)
+    survey = replace(survey, findings=(*told, *survey.findings), freedom=run.freedom)
     return SixAxisSurvey(survey, run.site, judged, before, results, run.notes)
 
 
 def _corrected(
     run: SixAxis, steps: Sequence[tuple[str, str | None]], bha: str | Path | None
-) -> tuple[Stations, dict[str, Any], list[str]]:
+) -> tuple[Stations, dict[str, Any], list[Finding]]:
     names = [name for name, _ in steps]
     if bha is not None and "sag" not in names:
         raise InputError("--bha is given without the correction that needs it; add sag to --correct")
@@ -513,28 +507,28 @@ def _corrected(
         )
     if run.reference is not None and not {"axial", "msa"}.isdisjoint(names):
         refuse_uncorrectable(run.stations, run.reference)
-    stations, warned = run.stations, list[str]()
+    stations, told = run.stations, list[Finding]()
     results: dict[str, Any] = {}
     for name, file in steps:
         if file is not None:
             tool = "" if run.tool is None else run.tool.name
-            correction, warned = matching_correction(file, tool, run.inputs, run.stations)
+            correction, told = matching_correction(file, tool, run.inputs, run.stations)
             stations = apply_correction(stations, correction)
             continue
         stations, results[name] = corrected(stations, name, run.reference, run.tool, assembly)
         if name == "msa":
             refuse_beyond(results[name].parameters)
-    return stations, results, warned
+    return stations, results, told
 
 
-def _of_checks(judged: JudgedStations | None, survey: Survey) -> list[str]:
+def _of_checks(judged: JudgedStations | None, survey: Survey) -> list[Finding]:
     """Failures that the flags of the stations do not tell already."""
     if judged is None:
         return []
     said = [judged.wiring] if judged.wiring.verdict == "fail" else []
     if not any(survey.flags):
         said += [check for check in judged.quality.checks if check.verdict == "fail"]
-    return [f"{check.name}: {check.reason}; {check.action}" for check in said]
+    return [check.reason for check in said]
 
 
 @dataclass(frozen=True, eq=False)
@@ -546,9 +540,9 @@ class Analysis:
     judged: JudgedStations
 
     @property
-    def warnings(self) -> list[str]:
+    def findings(self) -> tuple[Finding, ...]:
         """Of the analysis, and what axes and signs were like before it."""
-        return [*self.found.warnings, *unsettled(self.judged.wiring)]
+        return (*self.found.findings, *unsettled(self.judged.wiring))
 
 
 def msa(run: SixAxis, priors: str = "iscwsa", axial_sigma: float | None = None) -> Analysis:
