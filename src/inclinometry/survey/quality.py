@@ -140,7 +140,7 @@ def rotation_shots(shots: Stations, *, k: float = 3.0) -> list[Check]:
         moved = moved - moved.mean(axis=0)
         variance += np.einsum("nqp,pr,nqr->nq", moved, source.covariance, moved)
     gap = toolface_gap(np.concatenate([shots.g, shots.b], axis=1))
-    why: list[Finding | None] = [Finding("survey-unjudged-across") if one else None for one in faint.all(axis=0).tolist()]
+    why: list[Finding | None] = [Finding("survey-unjudged-across") if faint[:, c].all() else None for c in range(5)]
     if steep.any():
         why[1] = Finding("survey-unjudged-azimuth")
     if size < least:

@@ -191,7 +191,9 @@ def _stored(
     seen = stations_from_tool(
         raw.md, raw.channels, calibration.tool, temperature=raw.temperature, g=site.gravity, b=site.b
     )
-    return matching_correction(path, calibration.tool.name, {"tool": digest_file(tool), "raw": raw.digest}, seen)
+    inputs = {"tool": digest_file(tool), "raw": raw.digest}
+    correction, told = matching_correction(path, calibration.tool.name, inputs, seen)
+    return correction, [str(one) for one in told]
 
 
 def _of_start(stations: WellStations, tie_on: tuple[float, float, float] | None) -> list[str]:
