@@ -173,7 +173,6 @@ def summary(found: DynamicRun, path: Path) -> dict[str, object]:
             for row in zip(*(np.asarray(column).tolist() for column in means.values()), strict=True)
         ],
         "inputs": dict(found.inputs),
-        "notes": list(found.notes),
         "findings": [one.plain() for one in found.findings],
         "output": path,
     }
@@ -200,8 +199,6 @@ def show_dynamic(found: DynamicRun, most: int = 12) -> None:
         counts = {name: int((rows.flags[rows.refused] >> k & 1).sum()) for k, name in enumerate(FLAGS)}
         reasons = [f"{name} {n}" for name, n in sorted(counts.items(), key=lambda pair: -pair[1]) if n]
         output.say(f"{output.counted(refused, 'window')} refused: {', '.join(reasons)}")
-    for note in found.notes:
-        output.say(f"note: {note}")
     output.findings(found.findings)
 
 

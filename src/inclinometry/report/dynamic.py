@@ -534,7 +534,7 @@ def _methods(run: result.DynamicRun) -> Section:
     asked = f"Asked for: {run.method}."
     return Section(
         "Methods, and why",
-        [asked, *run.notes, *said(run.findings)],
+        [asked, *said(run.findings)],
         [Table("Methods taken", head, body, text_columns=2)],
     )
 

@@ -13,7 +13,6 @@ from inclinometry.arrays import Array, Index, Mask, finite
 from inclinometry.constants import ANGLES, COVERAGE_FACTOR, DEG_PER_HOUR
 from inclinometry.earth.site import Site
 from inclinometry.errors import out_of_range, refused, wrong_shape
-from inclinometry.findings import Finding
 from inclinometry.gyro.result import FLAGS, North
 from inclinometry.gyro.tracking import SPAN, ScaleTrack
 from inclinometry.report.calibration import MANY
@@ -361,12 +360,12 @@ def gyro_report(
         about="What was reduced",
         heading=subject if survey.tool else "Gyro survey",
         conventions=GYRO_CONVENTIONS,
-        states=_states(flagged, size, checks, bool(told or survey.warnings)),
+        states=_states(flagged, size, checks, bool(told)),
         notes=[
             f"Azimuth counts from {survey.azimuth_reference} north. Included in the uncertainty: {named}. "
             f"Not included: {missing}."
         ],
-        warnings=[*said(told), *survey.warnings],
+        warnings=said(told),
         inputs=survey.inputs,
     )
 
@@ -474,19 +473,15 @@ def _methods(survey: Survey, north: North, others: Mapping[str, North], heat: Ar
 
 
 def _check_table(checks: Sequence[Check]) -> Table:
-    head = ["check", "verdict", "reason", "next", "value", "limit"]
+    head = ["check", "verdict", "reason", "value", "limit"]
     body = [
         TableRow(
-            [c.name, c.verdict, _reason(c), c.action, _measure(c.value, c.unit), _measure(c.limit, c.unit)],
+            [c.name, c.verdict, said([c.reason])[0], _measure(c.value, c.unit), _measure(c.limit, c.unit)],
             {"pass": "", "not judged": "warn", "fail": "bad"}.get(c.verdict, ""),
         )
         for c in checks
     ]
-    return Table("Checks of the run", head, body, text_columns=4)
-
-
-def _reason(check: Check) -> str:
-    return said([check.reason])[0] if isinstance(check.reason, Finding) else check.reason
+    return Table("Checks of the run", head, body, text_columns=3)
 
 
 def _measure(value: float, unit: str) -> str:
@@ -537,4 +532,4 @@ def _facts(
         facts.append(("Temperature", f"{heat.min():.1f} to {heat.max():.1f} °C"))
     if track is not None:
         facts.append(("Scale learnt from", f"{int(track.learnt.sum())} of {len(track)} stations"))
-    return facts + [("Note", sentence) for sentence in survey.notes]
+    return facts

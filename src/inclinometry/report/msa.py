@@ -10,9 +10,10 @@ import numpy as np
 
 from inclinometry.arrays import Array
 from inclinometry.constants import COVERAGE_FACTOR
+from inclinometry.findings import Finding
 from inclinometry.orientation import angles, angles_jacobian
 from inclinometry.report.figure import BAD, INK, SERIES, legend_above, matrix_axes, new_figure, panel, styled
-from inclinometry.report.language import parameter_name
+from inclinometry.report.language import parameter_name, said
 from inclinometry.report.page import Section, Table, TableRow, cut, picture, report
 from inclinometry.report.quality import quality_pictures
 from inclinometry.report.survey_figures import thinned
@@ -219,15 +220,16 @@ def msa_report(
     quality: FieldQuality,
     *,
     tool: str = "",
-    notes: Sequence[str] = (),
-    warnings: Sequence[str] = (),
+    findings: Sequence[Finding] = (),
     inputs: Mapping[str, str] | None = None,
 ) -> str:
     """A multi-station analysis as one self-contained HTML page; `before`, `quality`: of its input stations."""
     after = judge_fields(found.corrected, quality.reference, k=quality.k, limits=quality.limits)
     u_before, u_after = (azimuth_u(stations) for stations in (before, found.corrected))
     names = labels(found)
-    said = [*warnings, *found.warnings]
+    noted, told = (
+        said(f for f in (*findings, *found.findings) if (f.severity == "note") is note) for note in (True, False)
+    )
     shift = np.array([found.parameters[f"reference {name}"].value for name in ("g", "b", "dip")])
     signs = "Correlation after the analysis: blue positive, orange negative; area by size, blank below 0.05"
     reference, md = quality.reference, found.corrected.md
@@ -274,13 +276,13 @@ def msa_report(
         heading=f"Sensor errors of {tool} in one run" if tool else "Sensor errors of one run",
         states=[
             (after.verdict == "fail", "bad", "The corrected stations fail the tests of the field"),
-            (said, "warn", "Read the warnings"),
+            (told, "warn", "Read the warnings"),
             (after.verdict != "pass", "warn", "The tests of the field are not decided"),
             (left, "good", f"{count} stations, {left} of {len(after.checks)} tests not judged"),
             (True, "good", f"{count} stations, every test passed"),
         ],
-        notes=notes,
-        warnings=said,
+        notes=noted,
+        warnings=told,
         inputs=inputs,
     )
 

@@ -621,7 +621,9 @@ def _sources_picture(uncertainty: PositionUncertainty | None, code: ToolCode | N
     described = {one.name: one.description for one in (() if code is None else code.terms) if one.description}
     # its name with the code behind, as long as the figure is wide
     names = [
-        f"{shorten(translated(described[name]), 46 - len(name), placeholder=' …')} ({name})" if name in described else name
+        f"{shorten(translated(described[name]), 46 - len(name), placeholder=' …')} ({name})"
+        if name in described
+        else name
         for name in (part.name for part in parts)
     ]
     figure = source_figure(names, [p.major for p in parts], [p.propagation for p in parts])

@@ -46,6 +46,7 @@ def survey_report(
     missing += [] if SAG in seen else ["sag"]
     missing += [] if seen & {AXIAL, ANALYSIS, SENSORS} else ["magnetic interference"]
     subject = f"Survey with {survey.tool or 'a tool'}"
+    told = [one for one in survey.findings if one.severity != "note"]
     return report(
         "Survey report",
         subject,
@@ -72,15 +73,16 @@ def survey_report(
         states=[
             (flagged, "warn", f"{flagged} of {len(survey)} stations flagged"),
             (failed, "warn", f"{failed} of {0 if quality is None else len(quality.checks)} checks failed"),
-            (survey.findings or survey.warnings, "warn", "Read the warnings"),
+            (told, "warn", "Read the warnings"),
             (True, "good", "No flags"),
         ],
         notes=[
             f"Components included: {names}. Not included: {', '.join(missing)}."
             f" Azimuth counts from {survey.azimuth_reference} north.",
             *notes,
+            *said(one for one in survey.findings if one.severity == "note"),
         ],
-        warnings=[*said(survey.findings), *survey.warnings],
+        warnings=said(told),
         inputs=survey.inputs,
     )
 

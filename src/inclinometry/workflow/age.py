@@ -12,7 +12,7 @@ from inclinometry.earth.site import Site
 from inclinometry.errors import FileError
 from inclinometry.files import json_codec
 from inclinometry.files.stability_toml import read_stability
-from inclinometry.findings import Finding
+from inclinometry.findings import Finding, Value
 from inclinometry.history import DAYS_PER_YEAR
 from inclinometry.stability import ASSUMED, aged, years_between
 
@@ -56,5 +56,5 @@ def at_the_run(
     days = years * DAYS_PER_YEAR
     if not tool.stability.any():
         return calibration, [Finding("work-age-none", {"days": days}, severity="note")]
-    values = {"days": days, "source": known.source}
+    values: dict[str, Value] = {"days": days, "source": known.source}
     return replace(calibration, tool=tool), [Finding("work-age", values, severity="note")]

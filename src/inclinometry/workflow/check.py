@@ -36,7 +36,7 @@ from inclinometry.files.survey_csv import read_raw_survey
 from inclinometry.files.table import TableFile, read_table
 from inclinometry.files.text import LONGEST_LINE, texts_of
 from inclinometry.files.tool_json import read_calibration
-from inclinometry.findings import Finding
+from inclinometry.findings import Finding, Value
 from inclinometry.opening import opened
 from inclinometry.survey.plausibility import check_run
 from inclinometry.survey.run import Run
@@ -134,7 +134,7 @@ def _look(path: Path, given: Profile, record: Calibration | None, site: Site) ->
     if not uses[_BY_HAND] and seen.rests is not None and seen.rests <= LEAST_ROTATIONS:
         few: dict[str, Value] = {"name": "rests", "count": seen.rests, "least": LEAST_ROTATIONS + 1}
         uses[_BY_HAND] = Finding("input-few", few)
-    found = (*findings, *dict.fromkeys((*notes, *seen.findings)))
+    found = (*findings, *notes, *(one for one in seen.findings if one not in notes))
     return Look(layout, rows, columns, seen.candidates, uses, _draft(profile, columns), found)
 
 

@@ -14,7 +14,7 @@ from inclinometry.calibration.conventions import check_dials
 from inclinometry.calibration.stillness import StillIntervals, still_intervals
 from inclinometry.conventions import CONVENTIONS, axes_names, find_mapping
 from inclinometry.errors import InclinometryError, InputError
-from inclinometry.findings import Finding
+from inclinometry.findings import Finding, Value
 from inclinometry.orientation import dip_angle
 
 _LEAST_ATTITUDES: Final = 6

@@ -12,8 +12,8 @@ from inclinometry.errors import FileError, InputError, in_file, not_among, refus
 from inclinometry.files.corrections_json import read_corrections
 from inclinometry.findings import Finding, Value
 from inclinometry.sensors import Tool
-from inclinometry.survey.flags import Check
-from inclinometry.survey.multistation import Parameter
+from inclinometry.survey.flags import Check, remarks
+from inclinometry.survey.multistation import Parameter, beyond_errors
 from inclinometry.survey.multistation_priors import FieldReference
 from inclinometry.survey.quality_wiring import wiring_check
 from inclinometry.survey.reduce import SensorCorrection
@@ -33,28 +33,25 @@ def refuse_uncorrectable(stations: Stations, reference: FieldReference) -> None:
     of axes explains are left to the corrections: interference does that.
     """
     for name, unit, fields, wanted in (
-        ("|g|", "m/s^2", stations.g, reference.g),
+        ("gravity", "m/s2", stations.g, reference.g),
         ("|b|", "nT", stations.b, reference.b),
     ):
         found = float(np.median(np.linalg.norm(fields, axis=1)))
         if abs(found / wanted - 1.0) > LARGEST:
-            raise refused(
-                "work-field-off",
-                {"name": name, "off_percent": 100.0 * (found / wanted - 1.0), "most_percent": 100.0 * LARGEST},
-            )
+            raise beyond_errors(name, unit, found, wanted)
     wiring = wiring_check(stations, reference.dip)
     if wiring.verdict == "fail" and explained(wiring):
-        raise refused("work-wiring", {"finding": wiring.reason})
+        raise InputError(wiring.reason)
 
 
 def explained(wiring: Check) -> bool:
     """Whether a mistake of axes or signs explains a failed check of the wiring."""
-    return "they fit with" in wiring.reason
+    return wiring.reason.code in ("survey-wiring-axes", "survey-wiring-dip")
 
 
 def unsettled(wiring: Check) -> list[Finding]:
-    """Found where axes and signs are not known to be right before a correction that assumes them."""
-    return [] if wiring.verdict == "pass" else [Finding("work-unsettled", {"finding": wiring.reason})]
+    """A warning where axes and signs are not known to be right before a correction that takes them for right."""
+    return [] if wiring.verdict == "pass" else [wiring.reason]
 
 
 def refuse_beyond(parameters: Mapping[str, Parameter]) -> None:
@@ -88,15 +85,15 @@ def matching_correction(
         refuse_beyond(correction.parameters)
     except InputError as error:
         raise in_file(error, path) from None
-    said = [Finding("work-inherited", {"source": Path(path).name, "finding": one}) for one in correction.warnings]
+    said = remarks(correction.warnings)
     raw = inputs.get("raw")
     if raw is not None and correction.inputs.get("raw") == raw:
         return correction, said
     (first, last), (top, bottom) = correction.md, (float(stations.md[0]), float(stations.md[-1]))
-    made: dict[str, Value] = {"count": correction.stations, "first_m": first, "last_m": last}
+    made: dict[str, Value] = {"stations": correction.stations, "from_m": float(first), "to_m": float(last)}
     if (bottom < first or top > last) and not tool:
         raise FileError(Finding("work-other-run", {**made, "top_m": top, "bottom_m": bottom}), path=path)
-    return correction, [Finding("work-correction-reused", made), *said]
+    return correction, [Finding("survey-correction-other", made), *said]
 
 
 CORRECTIONS: Final = ("axial", "msa", "sag")

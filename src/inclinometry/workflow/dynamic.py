@@ -27,6 +27,7 @@ from inclinometry.motion.window_filter import Stream
 from inclinometry.orientation import Angles, angles_jacobian, fields
 from inclinometry.rotations import TAU, dcm_from_quaternion, quaternion_from_dcm, rotation_z
 from inclinometry.sensors import angle_sensitivity
+from inclinometry.survey.flags import remarks
 from inclinometry.survey.reduce import turned_to_north
 from inclinometry.tabular import check_record
 from inclinometry.uncertainty import UNKNOWN
@@ -52,7 +53,7 @@ class Rows:
         self._scale = scale
         self._site, self._calibration, self._window = site, calibration, window
         self._parts: list[AttitudeRows] = []
-        self.notes: list[str] = []
+        self.told: list[Finding] = []
         self.findings: tuple[Finding, ...] = ()
         self.heat: float | None = None
         """degC of the rows to come, for a calibration that depends on it."""
@@ -84,7 +85,7 @@ class Rows:
                 common[good] += self._by_scale(seen, turning, found.north)
         azimuth, north, quaternion = np.full(len(found), np.nan), found.north, found.quaternion.copy()
         if good.any():
-            turned, variances, north, said = turned_to_north(
+            turned, variances, north, told = turned_to_north(
                 at.azimuth[good], {"own": common[good]}, self._site, found.north
             )
             azimuth[good] = turned
@@ -92,7 +93,7 @@ class Rows:
             # C(A + d, I, T) = C(A, I, T) R_z(d)
             by = rotation_z(turned - at.azimuth[good])
             quaternion[good] = quaternion_from_dcm(dcm_from_quaternion(quaternion[good]) @ by)
-            self.notes += [note for note in said if note not in self.notes]
+            self.told += [one for one in told if one not in self.told]
         spread, shared = (np.minimum(np.sqrt(part), UNKNOWN) for part in (common + random, common))
         # share of the uncertainty of an angle nothing is known of from which it is left blank
         nothing = 0.999
@@ -232,6 +233,9 @@ def dynamic_run(
         report.stretches,
     )
     findings = (
+        *remarks(run.notes),
+        *said,
+        *work.rows.told,
         *work.known,
         *work.signals.out_of_range.findings(),
         *report.findings(),
@@ -245,7 +249,6 @@ def dynamic_run(
         chosen.method,
         chosen.window,
         place.north_reference,
-        tuple(dict.fromkeys((*run.notes, *said, *work.rows.notes))),
         {"run": run.digest(), **(inputs or {})},
         "" if calibration is None else calibration.tool.name,
         chosen.switch,

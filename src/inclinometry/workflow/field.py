@@ -11,7 +11,7 @@ from inclinometry.earth.magnetic import MagneticField, Model, complete_site, dec
 from inclinometry.earth.site import Site
 from inclinometry.errors import InputError
 from inclinometry.files.site_toml import grid_convergence, out_of_area
-from inclinometry.findings import Finding
+from inclinometry.findings import Finding, Value
 from inclinometry.rotations import wrap_signed
 
 
@@ -99,7 +99,8 @@ def _with_field(site: Site) -> tuple[Site, list[Finding]]:
         said = Finding("work-not-known", {"names": tuple(lacking), "needed": tuple(unknown)}, severity="note")
         return site, [said] if len(unknown) == 1 else []
     done = complete_site(site, model_of(site.date))
-    filled = {"names": tuple(lacking), "source": done.origin(lacking[0]), "date": str(site.date)}
+    filled: dict[str, Value] = {"names": tuple(lacking), "source": done.origin(lacking[0]) or ""}
+    filled["date"] = str(site.date)
     found = [Finding("work-filled", filled, severity="note")]
     found += [] if site.height_m is not None else [Finding("work-height", severity="note")]
     if "declination" in lacking and done.b is not None and done.dip is not None:
@@ -129,13 +130,13 @@ def _with_convergence(site: Site) -> tuple[Site, list[Finding]]:
         stated["grid_deg"] = float(np.degrees(grid))
         return site, [Finding("work-convergence-sign" if flipped else "work-convergence", stated)]
     if site.latitude is None or site.longitude is None:
-        lacking = {"names": ("convergence",), "needed": ("latitude", "longitude")}
+        lacking: dict[str, Value] = {"names": ("convergence",), "needed": ("latitude", "longitude")}
         return site, [Finding("work-not-known", lacking, severity="note")]
     convergence = float(grid_convergence(site.crs, site.latitude, site.longitude).convergence)
     # geometry: its uncertainty is that of the position, far below any azimuth's
     origins = (*site.origins, ("convergence", site.crs))
     done = replace(site, convergence=convergence, convergence_sigma=0.0, origins=origins)
-    filled = {"names": ("convergence",), "source": site.crs, "date": str(site.date or "-")}
+    filled: dict[str, Value] = {"names": ("convergence",), "source": site.crs, "date": str(site.date or "-")}
     return done, [Finding("work-filled", filled, severity="note"), *_outside(done)]
 
 
@@ -154,7 +155,7 @@ def declination_doubts(site: Site) -> list[Finding]:
     if away <= max(3.0 * sigma, np.radians(1.0)):
         return []
     turned = abs(float(wrap_signed(-site.declination - expected))) < 0.5 * away
-    values = {"stated_deg": float(np.degrees(site.declination)), "model": found.model}
+    values: dict[str, Value] = {"stated_deg": float(np.degrees(site.declination)), "model": found.model}
     values |= {"model_deg": float(np.degrees(expected)), "u_deg": float(np.degrees(sigma))}
     return [Finding("work-declination-sign" if turned else "work-declination", values)]
 

@@ -26,7 +26,7 @@ from inclinometry.gyro.result import North
 from inclinometry.gyro.run import Averages, ScalePrior, Stations, fit_no_azimuth, solve, stations_of, without_failed
 from inclinometry.gyro.run_errors import run_errors
 from inclinometry.gyro.tracking import MOST, ScaleTrack, quadratic_belief, smooth_scale, track_scale
-from inclinometry.survey.flags import HEAT_MARGIN, Check
+from inclinometry.survey.flags import HEAT_MARGIN, Check, remarks
 from inclinometry.survey.gyro import gyro_survey
 from inclinometry.survey.gyro_quality import rate_unit_suspect, refusal
 from inclinometry.survey.reduce import Survey, parts_of
@@ -172,9 +172,9 @@ def north_run(
     if track is not None:
         track = replace(track, scale_sd=np.hypot(track.scale_sd, averages.scale_calibration * track.scale))
     flags = _flags(averages, heat, calibration, chosen.history)
-    inherited = [f"calibration: {sentence}" for sentence in (calibration.remarks if calibration else ())]
-    notes = [*readings.notes, *known.notes, *inherited]
     findings = [
+        Finding("survey-index-turns", {"turns": readings.index_turns}, severity="note"),
+        *remarks((*readings.notes, *known.notes, *north.notes, *(calibration.remarks if calibration else ()))),
         *_remarks(readings, heat, chosen),
         *averages.gravity.findings,
         *averages.rate.findings,
@@ -184,7 +184,7 @@ def north_run(
             for n in np.flatnonzero(disturbed)
         ),
         *misfit_hint(found.get("joint", north), stations.rate),
-        *(c.reason for c in checks if c.verdict == "fail" and isinstance(c.reason, Finding)),
+        *(c.reason for c in checks if c.verdict == "fail"),
     ]
     total = np.linalg.norm(averages.gravity.field, axis=1)
     digests = {"raw": readings.digest, **(inputs or {}), **_earlier(chosen.history)}
@@ -192,7 +192,7 @@ def north_run(
     name = "" if tool is None else tool.name
     errors = run_errors(north, stations, averages, known, tool, site) if north.response else None
     survey = gyro_survey(
-        readings.md, north, site=site, g_total=total, flags=flags, tool=name, inputs=digests, notes=notes,
+        readings.md, north, site=site, g_total=total, flags=flags, tool=name, inputs=digests,
         errors=errors,
     )  # fmt: skip
     # the calibration's errors go with the noise of the sensors they are of
@@ -201,11 +201,7 @@ def north_run(
         "accelerometer": min(averages.gravity.noise_freedom, own),
         "gyro": min(averages.rate.noise_freedom, own),
     }
-    counted = {
-        "clockwise": "index angles count clockwise looking down hole",
-        "counterclockwise": "index angles count counterclockwise looking down hole",
-    }[readings.index_turns]
-    survey = replace(survey, findings=tuple(findings), notes=(counted,), freedom=freedom)
+    survey = replace(survey, findings=(*findings, *survey.findings), freedom=freedom)
     joined = tuple((*a, *b) for a, b in zip(north.flags, flags, strict=True))
     north = replace(north, flags=joined)
     rates = north.scale[:, None] * averages.rate.field

@@ -22,7 +22,7 @@ from inclinometry.files.survey_csv import RawSurvey, read_raw_survey
 from inclinometry.files.text import Progress
 from inclinometry.files.tool_code_json import load_tool_code
 from inclinometry.files.tool_json import read_calibration
-from inclinometry.findings import Finding
+from inclinometry.findings import Finding, Value
 from inclinometry.position.certificate import with_terms
 from inclinometry.position.propagation import AngleRun, MatrixSource, PositionUncertainty, gyro_sources, propagate
 from inclinometry.position.tool_code import ToolCode
@@ -186,7 +186,9 @@ def _stored(
     seen = stations_from_tool(
         raw.md, raw.channels, calibration.tool, temperature=raw.temperature, g=site.gravity, b=site.b
     )
-    return matching_correction(path, calibration.tool.name, {"tool": digest_file(tool), "raw": raw.digest}, seen)
+    inputs = {"tool": digest_file(tool), "raw": raw.digest}
+    correction, told = matching_correction(path, calibration.tool.name, inputs, seen)
+    return correction, [str(one) for one in told]
 
 
 def _of_start(stations: WellStations, tie_on: tuple[float, float, float] | None) -> list[Finding]:

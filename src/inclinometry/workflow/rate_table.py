@@ -235,7 +235,7 @@ def _suspected(steps: RateSteps, found: RateCalibration, fate: str) -> list[Find
     said = []
     for suspect in found.suspects:
         where: dict[str, Value] = {"line": int(steps.lines[suspect.row]), "step": str(steps.station[suspect.row])}
-        off = {
+        off: dict[str, Value] = {
             "gyros": tuple(steps.names[gyro] for gyro in suspect.off),
             "off": tuple(map(float, suspect.off.values())),
         }

@@ -27,7 +27,7 @@ from inclinometry.findings import Finding
 from inclinometry.orientation import fields
 from inclinometry.sensors import Tool
 from inclinometry.survey.consistency import check_angles, check_place
-from inclinometry.survey.flags import Check, worst
+from inclinometry.survey.flags import Check, remarks, worst
 from inclinometry.survey.from_stations import ESTIMATED, survey_from_stations
 from inclinometry.survey.from_tool import stations_from_tool, stations_plain
 from inclinometry.survey.multistation import MultiStation, multistation
@@ -169,7 +169,7 @@ def _survey_file(path: str | Path, form: str | None, convention: str | None) -> 
         raise FileError(Finding("work-none-used"), path=path)
     kept = _rows(found, rows)
     left = int((~rows).sum())
-    return replace(kept, notes=(*kept.notes, f"{left} of {len(rows)} stations are marked as not used and left out"))
+    return replace(kept, notes=(*kept.notes, str(Finding("work-not-used", {"count": left, "total": len(rows)}))))
 
 
 def _rows(found: SurveyFile, rows: Mask) -> SurveyFile:
@@ -248,8 +248,6 @@ class SixAxis:
     site: Site
     tool: Tool | None = None
     dip: float | None = None
-    notes: Sequence[str] = ()
-    warnings: Sequence[str] = ()
     inputs: Mapping[str, str] = field(default_factory=dict)
     freedom: Mapping[str, float] = field(default_factory=dict)
     findings: tuple[Finding, ...] = ()
@@ -308,8 +306,8 @@ def read_six_axis(
     if site is None and calibration is None:
         raise refused("input-missing", {"names": ("--site",)})
     place, said = completed(Site() if site is None else read_site(site))
+    said += declination_doubts(place)
     inputs = {} if site is None else {"site": digest_file(site)}
-    warned = declination_doubts(place)
     if calibration is None:
         _refuse_unknown(place)
         stations, read = plain_stations(raw, place, form, convention)
@@ -317,24 +315,26 @@ def read_six_axis(
         sensors = "iscwsa-mwd-rev5.1"
         code = load_tool_code(sensors)
         stations = with_sensors(stations, {term.name: term.sigma for term in code.terms})
-        said = [*said, f"no calibration: the sensors' errors are taken from the tool code {sensors}"]
+        said = [*said, Finding("work-tool-code", {"code": sensors}, severity="note")]
         beside = None if REBUILT in stations.history else read
-        findings = run_findings(stations, place, ignored, raw, beside)
-        inputs = {"raw": read.digest, **inputs}
-        return SixAxis(stations, place, None, None, (*said, *read.notes), warned, inputs, findings=findings)
+        findings = (*run_findings(stations, place, ignored, raw, beside), *said, *remarks(read.notes))
+        return SixAxis(stations, place, None, None, {"raw": read.digest, **inputs}, findings=findings)
     if convention is not None:
         raise refused("input-not-with", {"name": "--convention", "other": "--calibration"})
     record, old = at_the_run(read_calibration(calibration), calibration, place, age)
-    said = [*said, *old]
+    said += [*old, *of_calibration(record)]
     stations, source = tool_stations(raw, record, place, form, progress)
     channels = calibrated_run(source, record.tool) if isinstance(source, RawSurvey) else None
-    findings = run_findings(stations, place, ignored, raw, run=channels)
+    findings = (*run_findings(stations, place, ignored, raw, run=channels), *said, *remarks(source.notes))
     inputs |= {f"calibration {name}": value for name, value in record.inputs.items()}
     inputs |= {"raw": source.digest, "tool": digest_file(calibration)}
-    inherited = [f"calibration: {sentence}" for sentence in record.remarks]
     freedom = dict.fromkeys(ESTIMATED, record.degrees_of_freedom)
-    warned = [*inherited, *warned]
-    return SixAxis(stations, place, record.tool, record.dip, (*said, *source.notes), warned, inputs, freedom, findings)
+    return SixAxis(stations, place, record.tool, record.dip, inputs, freedom, findings)
+
+
+def of_calibration(record: Calibration) -> list[Finding]:
+    """What a calibration says of itself, for those who use it."""
+    return [Finding("work-calibration", {"finding": one}) for one in record.remarks]
 
 
 def run_findings(
@@ -442,14 +442,13 @@ class SixAxisSurvey:
     judged: JudgedStations | None = None
     before: JudgedStations | None = None
     results: Mapping[str, Any] = field(default_factory=dict)
-    notes: Sequence[str] = ()
 
 
 def survey_six_axis(run: SixAxis, correct: str | None = None, bha: str | Path | None = None) -> SixAxisSurvey:
     """Correct the stations of a run (names with commas; corrections.json for "msa", bha.toml for sag); reduce them."""
     steps = correction_steps(correct)
     names = [name for name, _ in steps]
-    stations, results, warned = _corrected(run, steps, bha)
+    stations, results, told = _corrected(run, steps, bha)
     digests = {f"correction {Path(file).name}": digest_file(file) for _, file in steps if file is not None}
     inputs = {**run.inputs, **digests, **({} if bha is None else {"bha": digest_file(bha)})}
     survey = survey_from_stations(stations, site=run.site, tool=run.tool, calibration_dip=run.dip, inputs=inputs)
@@ -461,30 +460,24 @@ def survey_six_axis(run: SixAxis, correct: str | None = None, bha: str | Path | 
             # a correction has bent the dips: what they say of the axes they said before it
             judged = replace(judged, wiring=before.wiring)
         if before is not None and not {"axial", "msa"}.isdisjoint(names) and judged.wiring.verdict != "fail":
-            warned = [*unsettled(before.wiring), *warned]
+            told = [*unsettled(before.wiring), *told]
     if {"axial", "msa"} <= set(names):  # in this order: the other is refused
-        warned = [
-            "axial before msa: the axial field is then made from the reference, so that the analysis cannot find its "
-            "error and leans on the reference twice; on simulated runs azimuths come out up to four times worse than "
-            "by msa alone",
-            *warned,
-        ]
-    # warnings of the corrections
-    said = []
-    for name, result in results.items():
+        told = [Finding("survey-axial-first"), *told]
+    told = [*run.findings, *told]
+    for result in results.values():
         if isinstance(result, MultiStation):
-            said += [f"multi-station analysis: {sentence}" for sentence in result.warnings]
+            told += result.findings
         check = getattr(result, "check", None)
         if isinstance(check, Check) and check.verdict != "pass":
-            said.append(f"{name}: {check.reason}; {check.action}")
-    told = [*run.warnings, *warned, *said, *_of_checks(judged, survey)]
-    survey = replace(survey, findings=run.findings, warnings=(*told, *survey.warnings), freedom=run.freedom)
-    return SixAxisSurvey(survey, run.site, judged, before, results, run.notes)
+            told.append(check.reason)
+    told += _of_checks(judged, survey)
+    survey = replace(survey, findings=(*told, *survey.findings), freedom=run.freedom)
+    return SixAxisSurvey(survey, run.site, judged, before, results)
 
 
 def _corrected(
     run: SixAxis, steps: Sequence[tuple[str, str | None]], bha: str | Path | None
-) -> tuple[Stations, dict[str, Any], list[str]]:
+) -> tuple[Stations, dict[str, Any], list[Finding]]:
     names = [name for name, _ in steps]
     if bha is not None and "sag" not in names:
         raise refused("input-needs", {"name": "--bha", "needed": ("--correct sag",)})
@@ -497,28 +490,28 @@ def _corrected(
         raise refused("work-rebuilt")
     if run.reference is not None and not {"axial", "msa"}.isdisjoint(names):
         refuse_uncorrectable(run.stations, run.reference)
-    stations, warned = run.stations, list[str]()
+    stations, told = run.stations, list[Finding]()
     results: dict[str, Any] = {}
     for name, file in steps:
         if file is not None:
             tool = "" if run.tool is None else run.tool.name
-            correction, warned = matching_correction(file, tool, run.inputs, run.stations)
+            correction, told = matching_correction(file, tool, run.inputs, run.stations)
             stations = apply_correction(stations, correction)
             continue
         stations, results[name] = corrected(stations, name, run.reference, run.tool, assembly)
         if name == "msa":
             refuse_beyond(results[name].parameters)
-    return stations, results, warned
+    return stations, results, told
 
 
-def _of_checks(judged: JudgedStations | None, survey: Survey) -> list[str]:
+def _of_checks(judged: JudgedStations | None, survey: Survey) -> list[Finding]:
     """Failures that the flags of the stations do not tell already."""
     if judged is None:
         return []
     said = [judged.wiring] if judged.wiring.verdict == "fail" else []
     if not any(survey.flags):
         said += [check for check in judged.quality.checks if check.verdict == "fail"]
-    return [f"{check.name}: {check.reason}; {check.action}" for check in said]
+    return [check.reason for check in said]
 
 
 @dataclass(frozen=True, eq=False)
@@ -530,9 +523,9 @@ class Analysis:
     judged: JudgedStations
 
     @property
-    def warnings(self) -> list[str]:
+    def findings(self) -> tuple[Finding, ...]:
         """Of the analysis, and what axes and signs were like before it."""
-        return [*self.found.warnings, *unsettled(self.judged.wiring)]
+        return (*self.found.findings, *unsettled(self.judged.wiring))
 
 
 def msa(run: SixAxis, priors: str = "iscwsa", axial_sigma: float | None = None) -> Analysis:

@@ -20,6 +20,7 @@ from inclinometry.files.tool_json import read_calibration
 from inclinometry.files.writing import write_columns
 from inclinometry.findings import Finding
 from inclinometry.orientation import SWITCH
+from inclinometry.survey.flags import remarks
 from inclinometry.survey.from_stations import ESTIMATED
 from inclinometry.survey.from_tool import stations_from_tool
 from inclinometry.survey.plausibility import check_run
@@ -33,6 +34,7 @@ from inclinometry.workflow.six_axis import (
     SixAxisSurvey,
     calibrated_run,
     has_reference,
+    of_calibration,
     quality,
     read_six_axis,
     survey_six_axis,
@@ -79,9 +81,9 @@ def survey_raw(
         hole=hole,
         gravity_sd=gravity_sd,
     )
-    inherited = [f"calibration: {sentence}" for sentence in calibration.remarks]
     freedom = dict.fromkeys(ESTIMATED, calibration.degrees_of_freedom)
-    return replace(found, warnings=(*raw.notes, *inherited, *found.warnings), freedom=freedom)
+    told = (*remarks(raw.notes), *of_calibration(calibration))
+    return replace(found, findings=(*told, *found.findings), freedom=freedom)
 
 
 def survey_file(
@@ -118,20 +120,20 @@ def survey_file(
             raw, site, calibration, age, form=form, convention=convention, ignored=ignored, progress=progress
         )
         done = survey_six_axis(run, correct, bha)
-        return replace(done, survey=_marked(done.survey, run.findings))
+        return replace(done, survey=_marked(done.survey))
     if convention is not None or form not in (None, "csv"):
         raise refused("input-not-with", {"name": "--from, --convention", "other": "--calibration"})
-    place, notes = (None, []) if site is None else completed(read_site(site))
+    place, said = (None, list[Finding]()) if site is None else completed(read_site(site))
     data = read_raw_survey(raw, progress=progress)
     record, old = at_the_run(read_calibration(calibration), calibration, place or Site(), age)
-    notes = [*notes, *old]
+    said += old
     found = survey_raw(data, record, place, second=second, hole=hole, gravity_sd=gravity_sd)
-    warned = [] if place is None or found.azimuth_reference == "magnetic" else declination_doubts(place)
+    said += [] if place is None or found.azimuth_reference == "magnetic" else declination_doubts(place)
     inputs = {**found.inputs, "tool": digest_file(calibration)}
     findings = settled(check_run(_run(data, found, record, second)), ignored, raw)
-    found = _marked(replace(found, inputs=inputs, warnings=(*warned, *found.warnings)), findings)
+    found = _marked(replace(found, inputs=inputs, findings=(*findings, *said, *found.findings)))
     judged = _judged(data, record, place) if charts and second != "gyro" and place is not None else None
-    return SixAxisSurvey(found, place or Site(), judged, notes=notes)
+    return SixAxisSurvey(found, place or Site(), judged)
 
 
 def _run(raw: RawSurvey, found: Survey, record: Calibration, second: str | None) -> Run:
@@ -142,11 +144,11 @@ def _run(raw: RawSurvey, found: Survey, record: Calibration, second: str | None)
     return calibrated_run(raw, record.tool)
 
 
-def _marked(found: Survey, findings: tuple[Finding, ...]) -> Survey:
-    """The survey with its findings, and a flag at every station where one was ignored."""
-    if any(one.severity == "ignored" for one in findings):
-        found = replace(found, flags=[[*row, "overruled"] for row in found.flags])
-    return replace(found, findings=findings)
+def _marked(found: Survey) -> Survey:
+    """The survey with a flag at every station where a finding was ignored."""
+    if any(one.severity == "ignored" for one in found.findings):
+        return replace(found, flags=[[*row, "overruled"] for row in found.flags])
+    return found
 
 
 def _judged(raw: RawSurvey, record: Calibration, site: Site) -> JudgedStations | None:
