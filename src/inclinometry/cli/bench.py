@@ -96,7 +96,7 @@ def show_two(
         )
     with output.reported(report, "comparison:two_report", found):
         said = content(found)
-    output.warnings(said["warnings"])
+    output.findings([one for c in found.calibrations for one in c.findings])
     if json:
         output.print_json(said)
         return
@@ -654,7 +654,6 @@ def _other_stand(
         useless |= {"--rig-sd-deg": rig_sd is not None, "--gravity-sd-percent": gravity_sd is not None}
     name = next((option for option, there in useless.items() if there and stand != "level"), None)
     if name is not None:
-        known = "is known from the calibration" if stand == "same" else "is found from the readings"
         raise refused("input-not-with", {"name": name, "other": f"--stand {stand}"})
     if north_sd and north is None:
         raise refused("input-needs", {"name": "--north-sd-deg", "needed": ("--north-deg",)})

@@ -107,8 +107,9 @@ def _tables(profile: str, units: str, null: float) -> Iterator[None]:
     with reading_with(profile or None, units or None, None if isnan(null) else null) as used:
         yield
     if not used:
-        names = " and ".join(name for name, given in stated.items() if given)
-        print(f"warning: {names} had no table to be used for", file=sys.stderr)  # noqa: T201
+        from inclinometry.cli.output import findings
+
+        findings([Finding("option-unused", {"names": tuple(name for name, given in stated.items() if given)})])
 
 
 @contextmanager

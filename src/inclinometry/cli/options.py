@@ -39,11 +39,8 @@ def quantity(unit: str, low: float = -inf, high: float = inf, *, above: bool = F
     def si(type_: Any, tokens: Sequence[Token]) -> float:
         value = float(tokens[0].value)
         if (high < inf and not (low < value if above else low <= value)) or not value <= high:
-            allowed = f"more than {low:g}, up to {high:g}" if above else f"{low:g} to {high:g}"
-            said = " degrees" if unit == "deg" else ""
-            raise out_of_range(
-                tokens[0].keyword or "", value, f"> {low:g}, <= {high:g}" if above else f"{low:g} .. {high:g}"
-            )
+            allowed = f"> {low:g}, <= {high:g}" if above else f"{low:g} .. {high:g}"
+            raise out_of_range(tokens[0].keyword or "", value, allowed)
         return value * factor
 
     return Parameter(
@@ -185,7 +182,6 @@ def _day_or_time(type_: Any, tokens: Sequence[Token]) -> str:
     try:
         datetime.fromisoformat(tokens[0].value)
     except ValueError:
-        problem = f"{tokens[0].keyword} is {tokens[0].value!r}; give a date as YYYY-MM-DD or as ISO 8601 with the time"
         raise wrong_kind(tokens[0].keyword or "", tokens[0].value, "date and time") from None
     return tokens[0].value
 

@@ -21,7 +21,7 @@ from rich.table import Table
 from rich.text import Text
 
 from inclinometry.cli.extras import need_for
-from inclinometry.errors import FileError, InclinometryError
+from inclinometry.errors import FileError, in_file
 from inclinometry.findings import Finding
 
 # no markup: names of files, tools and stations are printed as they are, brackets and colons included
@@ -45,9 +45,10 @@ def called(path: Path, name: str) -> Iterator[None]:
     _aliases[str(path)] = name
     try:
         yield
-    except InclinometryError as error:
-        error.args = tuple(named(str(part)) for part in error.args)
-        raise
+    except FileError as error:
+        if error.path != path:
+            raise
+        raise in_file(error, name, error.line) from error
     finally:
         del _aliases[str(path)]
 

@@ -97,9 +97,10 @@ def plan(
     whole = found.repeated(repeats)
     gain = gain_of_repeats(found, repeats) if repeats and name != "six" else ""
     write_plan(whole, output_)
-    output.warnings(advice(name))
+    output.findings(advice(name))
     if json:
-        told = {"plan": found.name, "stations": len(whole), "output": output_, "warnings": advice(name)}
+        findings = [one.plain() for one in advice(name)]
+        told = {"plan": found.name, "stations": len(whole), "output": output_, "findings": findings}
         output.print_json(told | ({"repeats": gain} if gain else {}))
         return
     output.say(f"{found.name}: {output.counted(len(whole), 'station')} written to {output_}")

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from inclinometry.arrays import Array, Mask, finite
 from inclinometry.constants import ANGLES, FIELD_UNITS, KIND_PREFIX, RPM
 from inclinometry.earth.site import REFERENCES
+from inclinometry.errors import refused
 from inclinometry.findings import Finding, Severity, Value
 from inclinometry.orientation import SWITCH, Angles, angles
 from inclinometry.rotations import dcm_from_quaternion

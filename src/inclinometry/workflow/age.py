@@ -48,7 +48,7 @@ def at_the_run(
             raise FileError(
                 Finding("file-value", {"column": "$.created", "value": created, "allowed": "YYYY-MM-DD"}), path=path
             ) from None
-        years, how = years_between(day, site.date), f"of {day}, run of {site.date}"
+        years = years_between(day, site.date)
     if years is None:
         return calibration, [Finding("work-age-unknown", severity="note")]
     known = ASSUMED if age.stability is None else read_stability(age.stability)

@@ -75,7 +75,7 @@ def content(found: TwoCalibrations) -> dict[str, Any]:
             name: {angle: np.degrees(values[:, column]) for column, angle in enumerate(ALL_ANGLES[:3])}
             for name, values in curves.items()
         },
-        "warnings": [
-            f"{name}: {w}" for name, c in zip(found.names, found.calibrations, strict=True) for w in c.remarks
-        ],
+        "findings": {
+            name: [one.plain() for one in c.findings] for name, c in zip(found.names, found.calibrations, strict=True)
+        },
     }

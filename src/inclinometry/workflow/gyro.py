@@ -33,6 +33,7 @@ from inclinometry.survey.reduce import Survey, parts_of
 from inclinometry.tabular import Column, Tabular, check_record
 from inclinometry.workflow.gyro_average import average_run, gravity_suspect
 from inclinometry.workflow.gyro_checks import check_rates, gravity_in_g, gravity_scale, misfit_hint
+from inclinometry.workflow.six_axis import of_calibration
 
 METHODS: Final = ("joint", "patent", "fixed")
 PRIORS: Final = ("calibration", "previous", "both", "run")
@@ -174,7 +175,9 @@ def north_run(
     flags = _flags(averages, heat, calibration, chosen.history)
     findings = [
         Finding("survey-index-turns", {"turns": readings.index_turns}, severity="note"),
-        *remarks((*readings.notes, *known.notes, *north.notes, *(calibration.remarks if calibration else ()))),
+        *remarks((*readings.notes, *north.notes)),
+        *known.findings,
+        *(of_calibration(calibration) if calibration else ()),
         *_remarks(readings, heat, chosen),
         *averages.gravity.findings,
         *averages.rate.findings,
@@ -307,7 +310,7 @@ def _expected(stations: Stations, averages: Averages, heat: Array | None, option
         return ScalePrior(stated_law(*before), *before, *before, None)
     track = (smooth_scale if prior == "run" else track_scale)(*given, None if prior == "previous" else heat, stated)
     known = (track.expected, track.expected_sd) if track.contradicted else before
-    return ScalePrior(track.law, *known, *before, track, track.notes)
+    return ScalePrior(track.law, *known, *before, track, track.findings)
 
 
 def _flags(

@@ -13,6 +13,7 @@ from inclinometry.calibration.design import CRITERIA, RIG_SD, least_drift, optim
 from inclinometry.calibration.plans import FIRST_INCLINATION, Plan
 from inclinometry.constants import DIP, INCLINATION_RANGE
 from inclinometry.errors import not_among, refused
+from inclinometry.findings import Finding
 from inclinometry.workflow.simulate import PLANS, plan_named
 
 
@@ -35,7 +36,7 @@ def gain_of_repeats(plan: Plan, count: int) -> str:
     )
 
 
-def advice(name: str) -> tuple[str, ...]:
+def advice(name: str) -> tuple[Finding, ...]:
     """What a person should know before using a plan.
 
     Examples
@@ -44,17 +45,8 @@ def advice(name: str) -> tuple[str, ...]:
     ()
     """
     if name == "six":
-        return (
-            "six positions determine no tool by themselves: they complete the history of one that has been calibrated "
-            "before, and its full calibrations take twelve or more",
-        )
-    if name != "rotations":
-        return ()
-    return (
-        "two turns at one azimuth hardly tell the zero of the toolface dial from a tilt of the rig across the plane of "
-        "the turns: state what is known of the stand when calibrating (--level-sd-deg, --north-deg and --north-sd-deg, "
-        "--dip-sd-deg), or add turns at a second azimuth",
-    )
+        return (Finding("work-plan-six"),)
+    return (Finding("work-plan-rotations"),) if name == "rotations" else ()
 
 
 def plan_file(name: str) -> Path | None:

@@ -187,8 +187,7 @@ def _stored(
         raw.md, raw.channels, calibration.tool, temperature=raw.temperature, g=site.gravity, b=site.b
     )
     inputs = {"tool": digest_file(tool), "raw": raw.digest}
-    correction, told = matching_correction(path, calibration.tool.name, inputs, seen)
-    return correction, [str(one) for one in told]
+    return matching_correction(path, calibration.tool.name, inputs, seen)
 
 
 def _of_start(stations: WellStations, tie_on: tuple[float, float, float] | None) -> list[Finding]:

@@ -110,7 +110,6 @@ def survey_file(
     """
     if calibration is None or correct is not None or bha is not None:
         if second is not None:
-            option = f"--azimuth-from {second}"
             raise refused("option-raw-only", {"name": f"--azimuth-from {second}"})
         if hole != "down":
             raise refused("option-raw-only", {"name": "--hole"})
