@@ -19,12 +19,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from inclinometry.arrays import Array, Index, finite, frozen
-<<<<<<< HEAD
-from inclinometry.errors import InputError
-from inclinometry.findings import Finding
-=======
 from inclinometry.errors import not_among, out_of_range, refused, wrong_shape
->>>>>>> main
+from inclinometry.findings import Finding
 from inclinometry.tabular import Column, Tabular, draw
 
 # How the points of an overlapping Allan curve vary together.

@@ -160,11 +160,7 @@ def _conventions(channels: Mapping[str, Array], units: Mapping[str, str]) -> Sen
         # the identity, or all channels reversed, is what the conventions above have
         same = mappings[0].axes in (axes_names(np.eye(3)), axes_names(-np.eye(3)))
         if not same and not ambiguous:
-<<<<<<< HEAD
-            notes.append(Finding("check-axes", {"finding": explanation}, severity="note"))
-=======
-            notes.append(str(explanation))
->>>>>>> main
+            notes.append(explanation._replace(severity="note"))
     spread = max(candidates, key=lambda c: c.scatter_deg).scatter_deg
     if spread > 5.0 and not notes:
         notes.append(Finding("check-dip-scatter", {"scatter_deg": spread}, severity="note"))
