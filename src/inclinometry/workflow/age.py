@@ -40,7 +40,6 @@ def at_the_run(
     created = json_codec.load(path).get("created")
     if age.days is not None:
         years = float(within(age.days, "--age-days", 0.0, 50.0 * DAYS_PER_YEAR, "days")) / DAYS_PER_YEAR
-        how = "as stated"
     elif created is not None and site.date is not None:
         try:
             day = datetime.date.fromisoformat(created[:10])

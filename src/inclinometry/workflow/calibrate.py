@@ -283,7 +283,7 @@ SAME_PLACE: Final = {
     "dip": (0.0, np.radians(2.0), 180.0 / np.pi, "dip_deg"),
     "latitude": (0.0, np.radians(1.0), 180.0 / np.pi, "latitude_deg"),
 }
-"""Field -> by how much (of its size, and in itself) two statements of one place may differ; its factor and name as shown."""
+"""Field -> by how much (of its size, and in itself) two statements of one place may differ; factor and name shown."""
 
 
 def at_site(readings: BenchReadings, site: Fields | None) -> BenchReadings:
