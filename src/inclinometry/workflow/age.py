@@ -36,7 +36,7 @@ def at_the_run(
 
     `otherwise`: years where the age is unknown; without it the tool is as on the day of its calibration.
     """
-    years, how = otherwise, "assumed: nothing tells its age"
+    years = otherwise
     created = json_codec.load(path).get("created")
     if age.days is not None:
         years = float(within(age.days, "--age-days", 0.0, 50.0 * DAYS_PER_YEAR, "days")) / DAYS_PER_YEAR

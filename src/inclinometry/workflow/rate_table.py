@@ -181,7 +181,7 @@ def calibrate_on_table(
     g_sensitive: bool = False,
     name: str = "unnamed",
 ) -> tuple[RateCalibration, Calibration, tuple[Finding, ...], int]:
-    """Replace or add the gyro triad of a tool: regression, calibration, what the run gives rise to say, steps fitted."""
+    """Replace or add the gyro triad of a tool: regression, calibration, findings, number of steps fitted."""
     if site.latitude is None:
         raise refused("input-missing", {"names": ("latitude_deg",)})
     if temperature_degree and steps.temperature is None:
