@@ -15,6 +15,7 @@ from inclinometry.errors import FileError, InputError
 from inclinometry.files.columns import SURVEY
 from inclinometry.files.gyro_csv import STATION, read_gyro_run, write_gyro_run, write_gyro_stations
 from inclinometry.files.survey_csv import read_survey_csv
+from tests.refusals import refused
 
 HEADER = "station,md_m,index_deg,temperature_degC,accel_x,accel_y,gyro_x_deg_h,gyro_y_deg_h,time_s"
 ROWS = (
@@ -139,7 +140,7 @@ def renamed(old, new):
     ],
 )
 def test_what_is_no_run(tmp_path, header, rows, wanted):
-    with pytest.raises(FileError, match=rf"raw\.csv.*{re.escape(wanted)}"):
+    with refused("file-value", "file-column", "table-unit-other", "table-unit-missing", error=FileError):
         read_gyro_run(text_file(tmp_path, rows, header))
 
 

@@ -465,7 +465,7 @@ def read_bench(path: str | Path, *, progress: Progress | None = None) -> BenchRe
            [3., 1.]])
     """
     table = read_table(path, progress, numeric=numbers_among(BENCH))
-    unused = table.unknown(BENCH)
+    unused = list(map(str, table.unknown(BENCH)))
     signals, settings = read_signals(table), read_settings(table)
     temperature, count = read_temperature(table), _count(table)
     station = _stations(table)
@@ -496,7 +496,7 @@ def read_bench(path: str | Path, *, progress: Progress | None = None) -> BenchRe
                         raise table.error(stuck[0])
                     notes.append(stuck[0])
                 notes += saturation_notes(kind, values, names, settings, repeats.group)
-            warned = [*signals.notes, *unused, *notes]
+            warned = [*map(str, signals.findings), *unused, *notes]
             return _merged(table, signals, settings, temperature, count, station, roll_set, repeats, warned)
     except (InputError, FloatingPointError) as error:
         if isinstance(error, FileError):
@@ -568,7 +568,7 @@ def _count(table: Frame) -> Array | None:
 def _reference(table: Frame) -> dict[str, float]:
     """The fields at the stand, SI (nT for b) and radians."""
     reference: dict[str, float] = {}
-    limits = ((9.5, 10.0, " m/s^2"), (1e3, 1e6, " nT"), (-90.0, 90.0, " deg"))
+    limits = ((9.5, 10.0), (1e3, 1e6), (-90.0, 90.0))
     for name, key, limit in zip(REFERENCES, ("g", "b", "dip"), limits, strict=True):
         if name not in table:
             continue

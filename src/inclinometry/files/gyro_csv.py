@@ -115,7 +115,7 @@ def read_gyro_run(
     if index_turns not in get_args(IndexTurns):
         raise InputError(f"index_turns is {index_turns!r}; allowed: {', '.join(get_args(IndexTurns))}")
     table = read_table(path, progress, numeric=numbers_among(GYRO_RUN), timed=True)
-    unused = table.unknown(GYRO_RUN)
+    unused = list(map(str, table.unknown(GYRO_RUN)))
     station, labels = _stations(table)
     md = _depths(table, station)
     unused += [f"column {n!r} is not used in a gyro run" for n in table.names if n.startswith("mag_") and channel(n)]
@@ -199,7 +199,7 @@ def _depths(table: Frame, station: Index) -> Array:
 
 
 def _index(table: Frame) -> Array:
-    values = table.within("index_deg", -36000.0, 36000.0, " deg")
+    values = table.within("index_deg", -36000.0, 36000.0)
     spread = float(np.ptp(values))
     if 0.0 < spread <= 2.0 * np.pi + 1e-6 and not np.allclose(values, np.round(values), atol=1e-6):
         raise table.error(f"index_deg spans {spread:.4g} only, as radians would; give degrees")
@@ -307,7 +307,8 @@ def read_rate_steps(path: str | Path, *, progress: Progress | None = None) -> Ra
     if "gyro" not in signals.values:
         raise table.error("no gyro columns; add gyro_x, gyro_y, gyro_z, with a unit where there is one (gyro_x_deg_h)")
     others = [kind for kind in KINDS if kind in signals.values and kind != "gyro"]
-    notes = [*signals.notes, *unused, *(f"{kind} columns are not used on a rate table" for kind in others)]
+    notes = list(map(str, (*signals.findings, *unused)))
+    notes += [f"{kind} columns are not used on a rate table" for kind in others]
     station = table.text("station") if "station" in table else tuple(str(i + 1) for i in range(len(table)))
     found = signals.sd.get("gyro")
     return RateSteps(

@@ -68,7 +68,7 @@ def _log(path: str | Path, progress: Progress | None) -> tuple[Log, Frame]:
     found = {kind: [channel(name) for name in names] for kind, names in signals.names.items()}
     names = {kind: tuple(f"{KIND_PREFIX[kind]}_{c.axis}" for c in of if c is not None) for kind, of in found.items()}
     channels = MappingProxyType({kind: frozen(values) for kind, values in signals.values.items()})
-    notes = (*signals.notes, *unused)
+    notes = tuple(map(str, (*signals.findings, *unused)))
     units = MappingProxyType(signals.units)
     return Log(time, channels, read_temperature(table), units, notes, table.digest, MappingProxyType(names)), table
 
@@ -81,7 +81,7 @@ def read_even_log(path: str | Path, *, progress: Progress | None = None) -> Log:
         log,
         channels=MappingProxyType({kind: frozen(v * turned[kind][1]) for kind, v in log.channels.items()}),
         units=MappingProxyType({kind: unit for kind, (unit, _) in turned.items()}),
-        notes=tuple(table.unknown(LOG)),
+        notes=tuple(map(str, table.unknown(LOG))),
         dt=_interval(table, log.time),
     )
 

@@ -80,7 +80,7 @@ def read_raw_survey(path: str | Path | TableFile, *, progress: Progress | None =
         temperature,
         MappingProxyType(signals.units),
         MappingProxyType({name: cells for name, cells in table.columns.items() if isinstance(cells, tuple)}),
-        signals.notes,
+        tuple(map(str, signals.findings)),
         table.lines,
         table.digest,
     )
