@@ -6,10 +6,10 @@ import os
 from pathlib import Path
 
 import pytest
+from tests.refusals import refused
 
 from inclinometry.errors import FileError
 from inclinometry.files.writing import replacing, write_bytes, write_text
-from tests.refusals import refused
 
 
 def names(folder):

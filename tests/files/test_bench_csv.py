@@ -12,6 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from tests.refusals import refused
 
 from inclinometry.calibration import plans
 from inclinometry.calibration.readings import BenchReadings
@@ -34,7 +35,6 @@ from inclinometry.simulate.bench import Rig, simulate_bench
 from inclinometry.simulate.tool import realistic_tool
 
 from .surveys import saved
-from tests.refusals import refused
 
 HEADER = "station,azimuth_deg,inclination_deg,toolface_deg,accel_x,accel_y,accel_z"
 ROWS = ["1,0,0,0,1,2,3", "2,0,90,0,4,5,6", "3,0,90,90,7,9,8", "4,120,90,240,3,1,2"]

@@ -7,12 +7,12 @@ import re
 
 import numpy as np
 import pytest
+from tests.refusals import refused
 
 from inclinometry.constants import FOOT
 from inclinometry.errors import FileError
 from inclinometry.files.casing_csv import read_casing, write_displacements
 from inclinometry.survey.displacement import displacement
-from tests.refusals import refused
 
 DEPTH = 0.5 * np.arange(1, 13)
 TILT = 0.02 + 0.001 * DEPTH

@@ -7,16 +7,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.refusals import refused
 
 from inclinometry.constants import FOOT
-from inclinometry.errors import InputError
 from inclinometry.files.cave import write_compass, write_survex, write_therion
 from inclinometry.files.exchange import SurveyFile
 from inclinometry.files.six_axis import read_survey, write_excel_csv
 from inclinometry.survey.path import minimum_curvature
 
 from .surveys import same
-from tests.refusals import refused
 
 MD = np.array([0.0, 30.0, 60.0, 95.0, 130.0])
 INCLINATION = np.radians([0.0, 0.0, 20.0, 75.0, 100.0])
@@ -155,7 +154,7 @@ def test_a_survey_from_true_north_gets_no_declination(tmp_path):
 
 def test_what_cannot_be_legs(tmp_path):
     lacking = SurveyFile(md=MD, inclination=INCLINATION)
-    with refused("input-missing", names=('inclination_deg', 'azimuth_deg')):
+    with refused("input-missing", names=("inclination_deg", "azimuth_deg")):
         write_survex(lacking, tmp_path / "a.svx")
     empty = SurveyFile(md=MD, inclination=INCLINATION, azimuth=[0, np.nan, 0, 0, 0], azimuth_reference="true")
     with refused("table-empty"):

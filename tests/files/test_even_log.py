@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from tests.refusals import refused
 
 from inclinometry.calibration.readings import LARGEST
 from inclinometry.errors import FileError
 from inclinometry.files.log_csv import read_even_log
-from tests.refusals import refused
 
 
 def write(folder, time, header="time_s,gyro_x_deg_h,gyro_y_deg_h", values="1,2"):

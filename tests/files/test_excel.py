@@ -8,8 +8,9 @@ import numpy as np
 import openpyxl
 import pytest
 from openpyxl.chart import BarChart
+from tests.refusals import refused
 
-from inclinometry.errors import FileError, InputError
+from inclinometry.errors import FileError
 from inclinometry.files import excel
 from inclinometry.files.excel import sheet_blocks, write_excel
 from inclinometry.files.exchange import SurveyFile
@@ -17,7 +18,6 @@ from inclinometry.files.profile import Profile, reading_with
 from inclinometry.files.six_axis import read_excel, read_survey
 
 from .surveys import same, survey
-from tests.refusals import refused
 
 NAMES = ["md_m", "inclination_deg", "crew"]
 

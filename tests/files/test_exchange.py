@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.refusals import refused
 
-from inclinometry.errors import FileError, InputError
+from inclinometry.errors import FileError
 from inclinometry.files.exchange import SurveyFile, survey_of
 from inclinometry.files.frame import Frame
-from tests.refusals import refused
 
 MD = [0.0, 30.0, 60.0]
 

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import openpyxl
 import pytest
+from tests.refusals import refused
 
 from inclinometry.constants import STANDARD_GRAVITY
 from inclinometry.errors import FileError, InputError
@@ -32,7 +33,6 @@ from inclinometry.files.witsml import write_witsml
 from inclinometry.orientation import fields
 
 from .surveys import saved
-from tests.refusals import refused
 
 TIME = np.arange(6) * 0.01
 G = np.array([[0.1, 0.2, 0.97]] * 6) + 1e-3 * np.arange(18).reshape(6, 3)
@@ -247,7 +247,7 @@ def test_the_names_of_euroc_stand_in_a_comment(tmp_path):
     assert run.channels["gyro"] == pytest.approx(np.radians(W), abs=1e-9)
     assert run.units["accelerometer"] == "m/s^2"
     # a comment of as many words above numbers with their own names stays a comment
-    with refused("file-column", error=FileError, columns=('azimuth_deg',)):
+    with refused("file-column", error=FileError, columns=("azimuth_deg",)):
         read_well(saved(path, "# one,two\nmd_m,inclination_deg\n0,1\n10,2\n"))
 
 

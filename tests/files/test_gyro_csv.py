@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-import re
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from tests.refusals import refused
 
 from inclinometry.constants import FOOT
 from inclinometry.errors import FileError, InputError
 from inclinometry.files.columns import SURVEY
 from inclinometry.files.gyro_csv import STATION, read_gyro_run, write_gyro_run, write_gyro_stations
 from inclinometry.files.survey_csv import read_survey_csv
-from tests.refusals import refused
 
 HEADER = "station,md_m,index_deg,temperature_degC,accel_x,accel_y,gyro_x_deg_h,gyro_y_deg_h,time_s"
 ROWS = (

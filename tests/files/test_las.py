@@ -3,6 +3,7 @@
 import lasio
 import numpy as np
 import pytest
+from tests.refusals import refused
 
 from inclinometry.errors import FileError
 from inclinometry.files import las
@@ -11,7 +12,6 @@ from inclinometry.files.las import write_las
 from inclinometry.files.six_axis import read_las
 
 from .surveys import same, saved
-from tests.refusals import refused
 
 
 def survey(**more):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from contextlib import suppress
 from importlib.resources import files
 from pathlib import Path
@@ -11,10 +10,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tests.refusals import refused
 
 from inclinometry.errors import FileError, InputError
 from inclinometry.files.limits import limit_names, read_limits, read_quality_limits, read_repeat_limits
-from tests.refusals import refused
 
 GOOD = 'source = "works standard 7"\ninclination_deg = 0.1\nazimuth_deg = 1\n'
 
@@ -152,5 +151,5 @@ def test_limits_of_fields(tmp_path):
         ('source = "x"\nb_nT = 0.3\n', "b_nT is 0.3; a number from 1 to"),
         ('source = "x"\nb_nt = 300', "did you mean b_nT"),
     ):
-        with refused("file-limits", error=FileError, names=('g_m_s2', 'b_nT', 'dip_deg')):
+        with refused("file-limits", error=FileError, names=("g_m_s2", "b_nT", "dip_deg")):
             read_quality_limits(limits_file(tmp_path, text))
