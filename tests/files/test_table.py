@@ -119,7 +119,7 @@ def test_files_that_are_none(tmp_path):
     ("header", "name", "words"),
     [
         ("inclination", "inclination_deg", "table-unit-missing"),
-        ("table-near", "azimuth_deg", "table-near"),
+        ("azimuth_mrad", "azimuth_deg", "table-near"),
         ("toolface_dg", "toolface_deg", "table-near"),
         ("inclination,azimuth_mrad", "temperature_degC", "file-column"),
         ("rollset", "roll_set", "table-near"),

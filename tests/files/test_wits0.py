@@ -142,10 +142,10 @@ def test_one_error(tmp_path, text, words):
     ("channels", "words"),
     [
         ({"708": "md_m"}, "input-value"),
-        ({"wits-none": "md"}, "table-unit-missing"),
-        ({"wits-none": "md_m", "0722": "gx_bananas"}, "table-unit"),
-        ({"wits-none": "md_m", "0722": "operator"}, "table-unit-missing"),
-        ({"wits-none": "md_m", "0709": "md_ft"}, "table-same"),
+        ({"0708": "md"}, "table-unit-missing"),
+        ({"0708": "md_m", "0722": "gx_bananas"}, "table-unit"),
+        ({"0708": "md_m", "0722": "operator"}, "table-unit-missing"),
+        ({"0708": "md_m", "0709": "md_ft"}, "table-same"),
         ({"0713": "inclination_deg"}, "input-missing"),
     ],
 )
@@ -162,7 +162,7 @@ def test_map_from_toml(tmp_path):
     path = tmp_path / "m.toml"
     path.write_text('convention = "iscwsa"\nazimuth_reference = "grid"\n[channels]\n0708 = "md_ft"\n0722 = "gx_mg"\n')
     found = read_wits0_map(path)
-    assert found == Wits0Map({"wits-none": "md_ft", "0722": "gx_mg"}, "iscwsa", "grid")
+    assert found == Wits0Map({"0708": "md_ft", "0722": "gx_mg"}, "iscwsa", "grid")
     for text, words in (
         ("", "input-kind"), ("channels = 3", "input-kind"), ("[channels]\n0708 = 3", "input-kind"), ("[channels]\n0708=", "TOML"),
         ('[channels]\n0708 = "md"', "table-unit-missing"), ("chanels = 3", "chanels"),
@@ -177,7 +177,7 @@ def test_writer_refuses(tmp_path):
     for survey, words in (
         (replace(stations(), azimuth_reference="grid"), "input-north"),
         (SurveyFile(md=[1.0], temperature=[20.0]), "table-depth-only"),
-        (replace(stations(), times=("input-kind",) * 3), "input-kind"),
+        (replace(stations(), times=("noon",) * 3), "input-kind"),
     ):
         with refused(words):
             write_wits0(survey, tmp_path / "a.wits", ANGLES)
@@ -199,9 +199,7 @@ def test_any_text_is_frames_or_one_error(text):
 
 def test_a_unit_of_the_map_with_an_offset(tmp_path):
     """Fahrenheit there, degC here; azimuths of a survey that has none need no north."""
-    channels = Wits0Map(
-        {"wits-none": "md_ft", "0730": "temperature_degF", "0715": "azimuth_deg"}, azimuth_reference="true"
-    )
+    channels = Wits0Map({"0708": "md_ft", "0730": "temperature_degF", "0715": "azimuth_deg"}, azimuth_reference="true")
     write_wits0(SurveyFile(md=[30.48, 60.96], temperature=[20.0, np.nan]), tmp_path / "a.wits", channels)
     items = (tmp_path / "a.wits").read_text().split()
     assert items == ["&&", "0708100", "073068", "!!", "&&", "0708200", "!!"]
