@@ -146,8 +146,8 @@ def validate(content: Json, name: str, path: str | Path) -> None:
         twice = next(v for i, v in enumerate(error.instance) if v in error.instance[:i])
         found = Finding("input-repeated", {"name": where, "value": shown(twice)})
     else:
-        reason = str(error.schema.get("description", error.message))
-        found = Finding("record-value", {"place": where, "value": shown(error.instance), "reason": reason})
+        wanted = str(error.schema.get("description", error.message)).removeprefix("must be ")
+        found = Finding("file-value", {"column": where, "value": shown(error.instance), "allowed": wanted})
     raise FileError(found, path=path)
 
 
@@ -177,14 +177,16 @@ def of_kind(content: Json, where: str | Path, *kinds: str, version: int = 1) -> 
     version : the newest that is read; older ones keep their own schemas for ever.
     """
     kind, found = content.get("schema"), content.get("version")
+    values: dict[str, Value]
     if kind not in kinds:
         what = _KINDS.get(str(kind), ("JSON of an unknown schema", ""))[0]
         wanted, commands = zip(*(_KINDS[one] for one in kinds), strict=True)
-        values: dict[str, Value] = {"what": what, "schema": shown(kind), "wanted": wanted, "commands": commands}
+        values = {"what": what, "schema": shown(kind), "wanted": wanted, "commands": commands}
         raise FileError(Finding("record-kind", values), path=where)
     if isinstance(found, int) and found > version:
         known = tuple(str(one) for one in range(1, version + 1))
-        raise FileError(Finding("file-version", {"format": kind, "version": str(found), "known": known}), path=where)
+        values = {"format": f"{kind.rpartition('/')[2]}.json", "version": str(found), "known": known}
+        raise FileError(Finding("file-version", values), path=where)
     own = found if type(found) is int and 1 <= found < version else version
     validate(content, f"{kind.rpartition('/')[2]}-{own}", where)
     return content
