@@ -17,6 +17,7 @@ from inclinometry.files.signals import read_signals, read_temperature
 from inclinometry.files.survey_csv import check_increasing
 from inclinometry.files.table import read_table
 from inclinometry.files.text import Progress
+from inclinometry.findings import Finding
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +90,7 @@ def read_even_log(path: str | Path, *, progress: Progress | None = None) -> Log:
 def _interval(table: Frame, time: Array) -> float:
     """The sampling interval, s; FileError where there is none."""
     if len(time) < 3:
-        raise table.error(f"{len(time)} rows; an even sampling interval needs 3 or more", len(time) - 1)
+        raise table.error(Finding("input-few", {"name": "rows", "count": len(time), "least": 3}), len(time) - 1)
     steps = np.diff(time)
     usual = float(np.median(steps))
     # departure of one interval from the usual one, as a share of it: stamps rounded to a digit of the interval pass
@@ -98,14 +99,15 @@ def _interval(table: Frame, time: Array) -> float:
     odd = np.flatnonzero(np.abs(steps - usual) > most_jitter * usual * (1.0 + 1e-6))
     if odd.size:
         row = int(odd[0]) + 1
-        what = f"{steps[row - 1]:.6g} s after the row before it; the samples are {usual:.6g} s apart"
-        remedy = "cut the log at the gap and use the longer part, or resample it"
-        raise table.error(f"time_s {time[row]:.12g} is {what}: {remedy}", row)
+        raise table.error(_uneven(row, time, (steps[row - 1] - usual) / usual), row)
     dt = float((time[-1] - time[0]) / (len(time) - 1))
     off = (time - time[0]) / dt - np.arange(len(time))
     most_drift = 1.0  # departure of a sample from the even grid, in intervals
     if np.abs(off).max() > most_drift:
         row = int(np.argmax(np.abs(off)))
-        what = f"{abs(off[row]):.3g} samples off an even spacing of {dt:.6g} s"
-        raise table.error(f"time_s {time[row]:.12g} is {what}; use a log whose sampling rate does not change", row)
+        raise table.error(_uneven(row, time, off[row]), row)
     return dt
+
+
+def _uneven(row: int, time: Array, off: float) -> Finding:
+    return Finding("input-uneven", {"row": row + 1, "time_s": float(time[row]), "off": abs(float(off))})
