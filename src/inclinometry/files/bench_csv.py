@@ -559,7 +559,7 @@ def _count(table: Frame) -> Array | None:
 def _reference(table: Frame) -> dict[str, float]:
     """The fields at the stand, SI (nT for b) and radians."""
     reference: dict[str, float] = {}
-    limits = ((9.5, 10.0, " m/s^2"), (1e3, 1e6, " nT"), (-90.0, 90.0, " deg"))
+    limits = ((9.5, 10.0), (1e3, 1e6), (-90.0, 90.0))
     for name, key, limit in zip(REFERENCES, ("g", "b", "dip"), limits, strict=True):
         if name not in table:
             continue

@@ -12,11 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inclinometry.arrays import Array, Index, frozen
-from inclinometry.constants import KINDS
 from inclinometry.errors import not_among
 from inclinometry.files import writing
 from inclinometry.files.columns import GYRO_RUN, KIND_PREFIX, PARTS, UNIT_LABELS, channel, numbers_among
-from inclinometry.files.frame import Frame
+from inclinometry.files.frame import Frame, unused
 from inclinometry.files.signals import Signals, read_signals, read_temperature
 from inclinometry.files.survey_csv import differs, out_of_order, survey_cells
 from inclinometry.files.table import read_table
@@ -52,7 +51,7 @@ class GyroReadings(Tabular):
     units: Mapping[str, str]
     temperature: Array | None
     time: Array | None
-    notes: tuple[str, ...]
+    findings: tuple[Finding, ...]
     lines: NDArray[np.int64]
     path: Path
     digest: str
@@ -60,6 +59,11 @@ class GyroReadings(Tabular):
 
     def __len__(self) -> int:
         return len(self.labels)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """The findings as sentences, for what still takes them so."""
+        return tuple(map(str, self.findings))
 
     @property
     def clockwise(self) -> Array:
@@ -116,10 +120,10 @@ def read_gyro_run(
     if index_turns not in get_args(IndexTurns):
         raise not_among("index_turns", str(index_turns), get_args(IndexTurns))
     table = read_table(path, progress, numeric=numbers_among(GYRO_RUN), timed=True)
-    unused = table.unknown(GYRO_RUN)
+    findings = table.unknown(GYRO_RUN)
     station, labels = _stations(table)
     md = _depths(table, station)
-    unused += [f"column {n!r} is not used in a gyro run" for n in table.names if n.startswith("mag_") and channel(n)]
+    findings += unused(n for n in table.names if n.startswith("mag_") and channel(n))
     wanted = {"accelerometer": "accel", "gyro": "gyro"}
     found = read_signals(table, tuple(wanted))
     letters: dict[str, str] = {}
@@ -139,7 +143,7 @@ def read_gyro_run(
         MappingProxyType(found.units),
         read_temperature(table),
         table.number("time_s") if "time_s" in table else None,
-        tuple(unused),
+        findings,
         table.lines,
         table.path,
         table.digest,
@@ -197,7 +201,7 @@ def _depths(table: Frame, station: Index) -> Array:
 
 
 def _index(table: Frame) -> Array:
-    values = table.within("index_deg", -36000.0, 36000.0, " deg")
+    values = table.within("index_deg", -36000.0, 36000.0)
     spread = float(np.ptp(values))
     if 0.0 < spread <= 2.0 * np.pi + 1e-6 and not np.allclose(values, np.round(values), atol=1e-6):
         raise table.error(Finding("table-radians", {"columns": ("index_deg",), "most": float(np.abs(values).max())}))
@@ -260,12 +264,17 @@ class RateSteps:
     unit: str
     names: tuple[str, ...]
     lines: tuple[int, ...]
-    notes: tuple[str, ...]
+    findings: tuple[Finding, ...]
     path: Path
     digest: str
 
     def __len__(self) -> int:
         return len(self.rate)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """The findings as sentences, for what still takes them so."""
+        return tuple(map(str, self.findings))
 
     @property
     def axes(self) -> str | None:
@@ -287,7 +296,7 @@ def read_rate_steps(path: str | Path, *, progress: Progress | None = None) -> Ra
     # columns of the steps of a rate table, besides the gyros'
     rate_steps = ("station", "inclination_deg", "toolface_deg", "azimuth_deg", "rate_deg_s", "temperature_degC")
     table = read_table(path, progress, numeric=numbers_among(rate_steps), gaps=("azimuth_deg",))
-    unused = table.unknown(rate_steps)
+    findings = table.unknown(rate_steps)
     fastest = 3600.0  # deg/s; no table turns a tool faster
     limits = {"inclination_deg": 180.0, "toolface_deg": 360.0, "azimuth_deg": 360.0, "rate_deg_s": fastest}
     degrees = {
@@ -304,8 +313,7 @@ def read_rate_steps(path: str | Path, *, progress: Progress | None = None) -> Ra
     signals = read_signals(table)
     if "gyro" not in signals.values:
         raise table.error(table.lacking("gyro_x", "gyro_y", "gyro_z"))
-    others = [kind for kind in KINDS if kind in signals.values and kind != "gyro"]
-    notes = [*signals.notes, *unused, *(f"{kind} columns are not used on a rate table" for kind in others)]
+    findings += unused(name for kind, names in signals.names.items() if kind != "gyro" for name in names)
     station = table.text("station") if "station" in table else tuple(str(i + 1) for i in range(len(table)))
     found = signals.sd.get("gyro")
     return RateSteps(
@@ -320,7 +328,7 @@ def read_rate_steps(path: str | Path, *, progress: Progress | None = None) -> Ra
         signals.units["gyro"],
         signals.names["gyro"],
         tuple(table.lines.tolist()),
-        tuple(notes),
+        (*signals.findings, *findings),
         table.path,
         table.digest,
     )

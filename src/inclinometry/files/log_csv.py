@@ -25,7 +25,7 @@ class Log:
     """Samples in the order of time.
 
     time : (n,) s, strictly increasing. channels : kind -> (n, m) in `units`. temperature : (n,) degC, or None.
-    notes : findings of the reader. digest : SHA-256 of the file. names : kind -> the m channels, e.g. "gyro_x".
+    findings : of the reader. digest : SHA-256 of the file. names : kind -> the m channels, e.g. "gyro_x".
     dt : s, of an evenly sampled log.
     """
 
@@ -33,13 +33,18 @@ class Log:
     channels: Mapping[str, Array]
     temperature: Array | None
     units: Mapping[str, str]
-    notes: tuple[str, ...]
+    findings: tuple[Finding, ...]
     digest: str
     names: Mapping[str, tuple[str, ...]]
     dt: float = np.nan
 
     def __len__(self) -> int:
         return len(self.time)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """The findings as sentences, for what still takes them so."""
+        return tuple(map(str, self.findings))
 
 
 def read_log(path: str | Path, *, progress: Progress | None = None) -> Log:
@@ -63,15 +68,14 @@ def read_log(path: str | Path, *, progress: Progress | None = None) -> Log:
 
 def _log(path: str | Path, progress: Progress | None) -> tuple[Log, Frame]:
     table = read_table(path, progress, numeric=numbers_among(LOG), timed=True)
-    unused = table.unknown(LOG)
     time, signals = table.number("time_s"), read_signals(table)
     check_increasing(table, "time_s", time)
     found = {kind: [channel(name) for name in names] for kind, names in signals.names.items()}
     names = {kind: tuple(f"{KIND_PREFIX[kind]}_{c.axis}" for c in of if c is not None) for kind, of in found.items()}
     channels = MappingProxyType({kind: frozen(values) for kind, values in signals.values.items()})
-    notes = (*signals.notes, *unused)
+    findings = (*signals.findings, *table.unknown(LOG))
     units = MappingProxyType(signals.units)
-    return Log(time, channels, read_temperature(table), units, notes, table.digest, MappingProxyType(names)), table
+    return Log(time, channels, read_temperature(table), units, findings, table.digest, MappingProxyType(names)), table
 
 
 def read_even_log(path: str | Path, *, progress: Progress | None = None) -> Log:
@@ -82,7 +86,7 @@ def read_even_log(path: str | Path, *, progress: Progress | None = None) -> Log:
         log,
         channels=MappingProxyType({kind: frozen(v * turned[kind][1]) for kind, v in log.channels.items()}),
         units=MappingProxyType({kind: unit for kind, (unit, _) in turned.items()}),
-        notes=tuple(table.unknown(LOG)),
+        findings=table.unknown(LOG),
         dt=_interval(table, log.time),
     )
 

@@ -27,7 +27,7 @@ class RawSurvey(Tabular):
     """Raw stations of one run, in the order of depth.
 
     md : (n,) m, strictly increasing. channels : kind -> (n, m) in `units`. temperature : (n,) degC, or None.
-    extra : other columns of the file, as text. notes : findings of the reader.
+    extra : other columns of the file, as text. findings : of the reader.
     lines : (n,) line of the file of each station. digest : SHA-256 of the file.
     """
 
@@ -36,12 +36,17 @@ class RawSurvey(Tabular):
     temperature: Array | None
     units: Mapping[str, str]
     extra: Mapping[str, tuple[str, ...]]
-    notes: tuple[str, ...]
+    findings: tuple[Finding, ...]
     lines: NDArray[np.int64]
     digest: str
 
     def __len__(self) -> int:
         return len(self.md)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """The findings as sentences, for what still takes them so."""
+        return tuple(map(str, self.findings))
 
     def to_dict(self) -> dict[str, Column]:
         """One row a station: depth, channels and temperature, under the names they have in a file."""
@@ -81,7 +86,7 @@ def read_raw_survey(path: str | Path | TableFile, *, progress: Progress | None =
         temperature,
         MappingProxyType(signals.units),
         MappingProxyType({name: cells for name, cells in table.columns.items() if isinstance(cells, tuple)}),
-        signals.notes,
+        signals.findings,
         table.lines,
         table.digest,
     )

@@ -20,7 +20,7 @@ from inclinometry.calibration.hand_rotations import LEAST_ROTATIONS
 from inclinometry.calibration.result import Calibration
 from inclinometry.constants import STANDARD_GRAVITY
 from inclinometry.earth.site import Site
-from inclinometry.errors import FileError, IdentifiabilityError, InclinometryError, InputError
+from inclinometry.errors import FileError, IdentifiabilityError, InclinometryError, InputError, in_file
 from inclinometry.files import _quantities
 from inclinometry.files.casing_csv import face
 from inclinometry.files.columns import TEXT, channel, is_number
@@ -99,7 +99,7 @@ def look(path: str | Path, calibration: str | Path | None = None, site: str | Pa
         if error.path == path:
             raise
         # what was looked at is a copy of its beginning
-        raise FileError(error.problem, path=path, line=error.line) from None
+        raise in_file(error, path, error.line) from None
 
 
 def _look(path: Path, given: Profile, record: Calibration | None, site: Site) -> Look:
@@ -264,7 +264,7 @@ def _column(table: Frame, name: str, profile: Profile, uses: dict[str, str]) -> 
             elif what is not None:
                 here = _quantities.quantities()[what.key].column if what.unit is not None else what.key
         except InputError as error:
-            remark = error.lack if isinstance(error, _quantities.ColumnError) else str(error)
+            remark = str(error)
     if isinstance(values, tuple):
         kinds = len(set(values))
         return ColumnLook(name, here, np.nan, np.nan, remark or f"text, {kinds} different")

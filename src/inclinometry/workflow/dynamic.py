@@ -232,6 +232,7 @@ def dynamic_run(
         report.stretches,
     )
     findings = (
+        *run.findings,
         *work.known,
         *work.signals.out_of_range.findings(),
         *report.findings(),
@@ -245,7 +246,7 @@ def dynamic_run(
         chosen.method,
         chosen.window,
         place.north_reference,
-        tuple(dict.fromkeys((*run.notes, *said, *work.rows.notes))),
+        tuple(dict.fromkeys((*said, *work.rows.notes))),
         {"run": run.digest(), **(inputs or {})},
         "" if calibration is None else calibration.tool.name,
         chosen.switch,

@@ -174,8 +174,8 @@ def _survey_file(path: str | Path, form: str | None, convention: str | None) -> 
     if not rows.any():
         raise FileError("no station is marked as used; mark those of the survey", path=path)
     kept = _rows(found, rows)
-    left = int((~rows).sum())
-    return replace(kept, notes=(*kept.notes, f"{left} of {len(rows)} stations are marked as not used and left out"))
+    left = Finding("table-left", {"count": int((~rows).sum()), "total": len(rows)}, severity="note")
+    return replace(kept, findings=(*kept.findings, left))
 
 
 def _rows(found: SurveyFile, rows: Mask) -> SurveyFile:
@@ -188,7 +188,7 @@ def _rows(found: SurveyFile, rows: Mask) -> SurveyFile:
         name: some(getattr(found, name)) for name in ("inclination", "azimuth", "toolface", "g", "b", "temperature")
     }
     measured = {name: values[rows] for name, values in found.measured.items()}
-    same = {name: getattr(found, name) for name in ("azimuth_reference", "header", "notes", "digest")}
+    same = {name: getattr(found, name) for name in ("azimuth_reference", "header", "findings", "digest")}
     return SurveyFile(md=found.md[rows], measured=measured, **chosen, **same)
 
 
@@ -331,7 +331,8 @@ def read_six_axis(
         beside = None if REBUILT in stations.history else read
         findings = run_findings(stations, place, ignored, raw, beside)
         inputs = {"raw": read.digest, **inputs}
-        return SixAxis(stations, place, None, None, (*said, *read.notes), warned, inputs, findings=findings)
+        findings = (*read.findings, *findings)
+        return SixAxis(stations, place, None, None, said, warned, inputs, findings=findings)
     if convention is not None:
         raise InputError("--convention is of no use with --calibration, which knows the axes; leave it out")
     record, old = at_the_run(read_calibration(calibration), calibration, place, age)
@@ -344,7 +345,11 @@ def read_six_axis(
     inherited = [f"calibration: {sentence}" for sentence in record.remarks]
     freedom = dict.fromkeys(ESTIMATED, record.degrees_of_freedom)
     warned = [*inherited, *warned]
-    return SixAxis(stations, place, record.tool, record.dip, (*said, *source.notes), warned, inputs, freedom, findings)
+    if isinstance(source, RawSurvey):
+        said = [*said, *source.notes]
+    else:
+        findings = (*source.findings, *findings)
+    return SixAxis(stations, place, record.tool, record.dip, said, warned, inputs, freedom, findings)
 
 
 def run_findings(

@@ -386,7 +386,7 @@ class FieldReader:
             wrong = take_item(frame, 0, text)
             if wrong is not None:
                 self._frame = None
-                raise Refused("garbage", wrong)
+                raise Refused("garbage", str(wrong))
             return None
         self._frame = None
         mine = [name for name in self._protocol.used if name in frame.items]
