@@ -65,8 +65,7 @@ def _stretch(log: Log, start: float | None, stop: float | None) -> Log:
         raise InputError(f"the stretch is {low:.6g} to {high:.6g} s; the log is from {log.time[0]:.6g} to {end:.6g} s")
     first, last = round((low - log.time[0]) / log.dt), round((high - log.time[0]) / log.dt) + 1
     channels = {kind: values[first:last] for kind, values in log.channels.items()}
-    said = f"of the log {low:.6g} to {high:.6g} s are used, as stated"
-    return replace(log, time=log.time[first:last], channels=channels, notes=(*log.notes, said))
+    return replace(log, time=log.time[first:last], channels=channels)
 
 
 def _longest_rest(log: Log, path: str | Path) -> str:

@@ -184,4 +184,4 @@ def _outside(site: Site) -> list[str]:
     if site.crs is None or site.latitude is None or site.longitude is None:
         return []
     said = out_of_area(site.crs, site.latitude, site.longitude)
-    return [] if said is None else [said]
+    return [] if said is None else [str(said)]
