@@ -182,7 +182,7 @@ def test_every_shipped_profile_can_be_read_and_says_what_it_is_for(name):
 @pytest.mark.parametrize(
     ("text", "wanted"),
     [
-        ('seperator = "tab"', "did you mean separator"),
+        ('seperator = "tab"', "record-key-unknown"),
         ('separator = "pipe"', "input-choice"),
         ("skip = -1", "input-value"),
         ("skip = true", "input-kind"),

@@ -96,7 +96,7 @@ def test_the_dialects_of_csv(tmp_path):
     assert block.time.tolist() == [0.5, 1.0, 1.5]
     wanted = [[1.0, 2.25], [np.nan, np.nan], [np.nan, 3.0]]
     assert np.array_equal(block.channels["magnetometer"], wanted, equal_nan=True)
-    assert run.notes == ("column 'note' is not known and was not used",)
+    assert [(one.code, one.values["names"]) for one in run.findings] == [("table-unused", ("note",))]
 
 
 def long_csv(path, spoil, line=60_000, count=80_000):

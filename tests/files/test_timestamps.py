@@ -162,11 +162,11 @@ def test_comments_blanks_and_other_columns_stand_among_the_rows(tmp_path):
     text += "2026-05-01,b,12:00:01.5,0,0.5,1\n# end\n"
     log = read_log(saved(tmp_path / "log.csv", text))
     assert (log.time.tolist(), log.channels["accelerometer"][1].tolist()) == ([0.0, 1.5], [0.0, 0.5, 1.0])
-    assert log.notes == ("column 'note' is not known and was not used",)
-    with pytest.raises(FileError, match="this row has 2 cells and the header 6") as caught:
+    assert [(one.code, one.values["names"]) for one in log.findings] == [("table-unused", ("note",))]
+    with refused("table-row-width", error=FileError, cells=2, columns=6) as caught:
         read_log(saved(tmp_path / "log.csv", text + "2026-05-01,c\n"))
     assert caught.value.line == 11
-    with pytest.raises(FileError, match="this row has 4 cells and the header 6") as caught:
+    with refused("table-row-width", error=FileError, cells=4, columns=6):
         read_log(saved(tmp_path / "log.csv", text + "2026-05-01,c,12:00:02,1\n"))
     for own in ("time_s", "Time (s)"):
         (tmp_path / "log.csv").write_text(f"{own},Clock,{CHANNELS}\n5,12:00,0,0,1\n7,12:01,0,0,1\n")

@@ -73,34 +73,34 @@ def test_round_trip_with_raw_sensors(tmp_path, convention):
 
 
 @pytest.mark.parametrize(
-    ("broken", "line", "words"),
+    ("broken", "line", "code"),
     [
-        ("&&\n070840\n07131\n", 5, "does not end"),
-        ("&&\n070840\nhello\n!!\n", 7, "no item"),
-        ("&&\n070840\n071\n!!\n", 7, "no item"),
-        ("&&\n070840\n07131.2.3\n!!\n", 7, "not a number"),
-        ("&&\n070840\n0713NaN\n!!\n", 7, "not a number"),
-        ("&&\n070840\n07131\n07132\n!!\n", 8, "twice"),
-        ("&&\n!!\n", 5, "empty"),
-        ("!!\n", 5, "without its beginning"),
+        ("&&\n070840\n07131\n", 5, "wits-frame"),
+        ("&&\n070840\nhello\n!!\n", 7, "wits-item"),
+        ("&&\n070840\n071\n!!\n", 7, "wits-item"),
+        ("&&\n070840\n07131.2.3\n!!\n", 7, "file-number"),
+        ("&&\n070840\n0713NaN\n!!\n", 7, "file-number"),
+        ("&&\n070840\n07131\n07132\n!!\n", 8, "table-twice"),
+        ("&&\n!!\n", 5, "wits-frame"),
+        ("!!\n", 5, "wits-frame"),
     ],
 )
-def test_a_broken_frame_costs_itself_only(tmp_path, broken, line, words):
+def test_a_broken_frame_costs_itself_only(tmp_path, broken, line, code):
     good = frame("070830", "07131.5")
     path = stream(tmp_path, good + broken + frame("070860", "07132.5"))
     found = read_wits0(path, ANGLES)
     np.testing.assert_array_equal(found.md, [30.0, 60.0])
     assert found.header["frames_broken"] == "1"
-    assert len(found.notes) == 1
-    assert found.notes[0].startswith(f"line {line}:")
-    assert words in found.notes[0]
+    (left,) = found.findings
+    assert (left.code, left.values["broken"], left.values["line"]) == ("wits-broken", 1, line)
+    assert left.values["finding"].code == code
 
 
 def test_truncated_in_the_last_frame(tmp_path):
     path = stream(tmp_path, frame("070830", "07131.5") + "&&\n070860\n071")
     found = read_wits0(path, ANGLES)
     assert len(found) == 1
-    assert "line 7" in found.notes[0]
+    assert found.findings[0].values["line"] == 7
 
 
 def test_a_station_sent_again_is_one_station(tmp_path):
@@ -164,9 +164,10 @@ def test_map_from_toml(tmp_path):
     found = read_wits0_map(path)
     assert found == Wits0Map({"0708": "md_ft", "0722": "gx_mg"}, "iscwsa", "grid")
     for text, words in (
-        ("", "input-kind"), ("channels = 3", "input-kind"), ("[channels]\n0708 = 3", "input-kind"), ("[channels]\n0708=", "TOML"),
-        ('[channels]\n0708 = "md"', "table-unit-missing"), ("chanels = 3", "chanels"),
-        ('azimuth_reference = "x"\n[channels]\n0708 = "md_m"', "azimuth_reference"),
+        ("", "input-kind"), ("channels = 3", "input-kind"), ("[channels]\n0708 = 3", "input-kind"),
+        ("[channels]\n0708=", "file-format"),
+        ('[channels]\n0708 = "md"', "table-unit-missing"), ("chanels = 3", "record-key-unknown"),
+        ('azimuth_reference = "x"\n[channels]\n0708 = "md_m"', "input-choice"),
     ):  # fmt: skip
         path.write_text(text)
         with refused(words, error=FileError):
@@ -225,12 +226,10 @@ def test_stations_sent_again_later_and_times_that_are_half_there(tmp_path):
         read_wits0(stream(tmp_path, again), ANGLES)
 
 
-def test_how_many_broken_frames_are_named(tmp_path):
-    for count in (20, 21, 50):
-        found = read_wits0(stream(tmp_path, frame("070830", "07131.5") + frame("x") * count), ANGLES)
-        assert found.header["frames_broken"] == str(count)
-        assert len(found.notes) == min(count, 21)
-        assert (found.notes[-1] == f"{count - 20} more broken frames were left out") == (count > 20)
+def test_how_many_broken_frames_there_are(tmp_path):
+    found = read_wits0(stream(tmp_path, frame("070830", "07131.5") + frame("x") * 50), ANGLES)
+    assert found.header["frames_broken"] == "50"
+    assert [one.values["broken"] for one in found.findings] == [50]
 
 
 def test_more_items_than_a_frame_has(tmp_path):
