@@ -19,7 +19,7 @@ MD = [0.0, 30.0, 60.0]
     ("parts", "words"),
     [
         ({"md": []}, "input-few"),
-        ({"md": [0.0, np.nan, 1.0]}, "md"),
+        ({"md": [0.0, np.nan, 1.0]}, "input-finite"),
         ({"md": [0.0, 30.0, 30.0]}, "input-order"),
         ({"inclination": [0.0, 1.0]}, "input-shape"),
         ({"inclination": [0.0, 1.0, np.inf]}, "input-finite"),

@@ -318,7 +318,7 @@ def test_a_number_that_stands_for_nothing(tmp_path):
         well = read_well(path)
     assert (well.md.tolist(), well.left_out, well.lines.tolist()) == ([0.0, 60.0], (3,), [2, 4])
     # half a station is none, and no gap either
-    with reading_with(None, null=-999.25), pytest.raises(FileError, match="inclination_deg is empty"):
+    with reading_with(None, null=-999.25), refused("input-empty", error=FileError):
         read_well(saved(path, "MD (m),INC (deg),AZI_TRUE (deg)\n0,0,0\n30,-999.25,20\n60,3,20\n"))
     # one channel may pass through that value, two at once do not; what may not be empty is not
     path.write_text("time_s,mag_x_nT,mag_y_nT,mag_z_nT\n0,-999.25,1,2\n1,3,4,5\n")

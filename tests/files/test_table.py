@@ -104,7 +104,7 @@ def test_dialects_read_alike(tmp_path, content):
         (b"\xff\xfe\x00\x00m\x00\x00\x00", "file-text", None),
         (b"\xff\xfem\x00a", "file-text", 1),
         (b"mag_x\n" + b"1" * 3_000_000, "file-large", 2),
-        ("mag_x\n" + "x" * 200_000 + "\n", "file-format", 1),
+        ("mag_x\n" + "x" * 200_000 + "\n", "file-format", 2),
     ],
 )
 def test_errors_name_the_place_and_the_remedy(tmp_path, content, code, line):
