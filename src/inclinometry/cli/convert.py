@@ -84,8 +84,8 @@ def convert(
 
 def _show(done: Conversion, target: Path, json: bool) -> None:
     """What was written, what the reader found and what the target does not hold."""
-    output.findings((*done.findings, *done.lost))
-    output.warnings(done.survey.notes)
+    found = (*done.survey.findings, *done.findings)
+    output.findings((*found, *done.lost))
     if json:
         output.print_json(
             {
@@ -93,8 +93,7 @@ def _show(done: Conversion, target: Path, json: bool) -> None:
                 "from": done.source,
                 "to": done.target,
                 "lost": [one.plain() for one in done.lost],
-                "notes": done.survey.notes,
-                "findings": [one.plain() for one in done.findings],
+                "findings": [one.plain() for one in found],
                 "output": target,
             }
         )

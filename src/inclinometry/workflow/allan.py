@@ -41,7 +41,7 @@ def noise_of_log(
     """
     log = _stretch(read_even_log(path, progress=progress), start, stop)
     rest = _longest_rest(log, path)
-    channels, findings = [], [Finding("work-recorded", {"text": note}) for note in log.notes]
+    channels, findings = [], list(log.findings)
     for kind, values in log.channels.items():
         whole = allan_deviation(values, log.dt)
         for place, name in enumerate(log.names[kind]):

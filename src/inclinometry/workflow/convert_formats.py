@@ -8,6 +8,7 @@ from pathlib import Path
 from inclinometry.errors import FileError
 from inclinometry.files import p7, wits0
 from inclinometry.files.exchange import SurveyFile
+from inclinometry.files.frame import unused
 from inclinometry.findings import Finding
 
 
@@ -40,8 +41,7 @@ def read_p7(
     others = [f"{kind} ({count})" for kind, count in found.counts.items() if kind not in raw]
     if not others:
         return survey
-    note = f"records other than M7 and G7 are not converted: {', '.join(others)}"
-    return replace(survey, notes=(*survey.notes, note))
+    return replace(survey, findings=(*survey.findings, *unused(others)))
 
 
 def write_p7(file: SurveyFile, path: str | Path) -> None:

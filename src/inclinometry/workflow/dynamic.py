@@ -27,7 +27,6 @@ from inclinometry.motion.window_filter import Stream
 from inclinometry.orientation import Angles, angles_jacobian, fields
 from inclinometry.rotations import TAU, dcm_from_quaternion, quaternion_from_dcm, rotation_z
 from inclinometry.sensors import angle_sensitivity
-from inclinometry.survey.flags import remarks
 from inclinometry.survey.reduce import turned_to_north
 from inclinometry.tabular import check_record
 from inclinometry.uncertainty import UNKNOWN
@@ -233,7 +232,7 @@ def dynamic_run(
         report.stretches,
     )
     findings = (
-        *remarks(run.notes),
+        *run.findings,
         *said,
         *work.rows.told,
         *work.known,

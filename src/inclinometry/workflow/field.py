@@ -171,4 +171,4 @@ def _outside(site: Site) -> list[Finding]:
     if site.crs is None or site.latitude is None or site.longitude is None:
         return []
     said = out_of_area(site.crs, site.latitude, site.longitude)
-    return [] if said is None else [Finding("work-recorded", {"text": said})]
+    return [] if said is None else [said]

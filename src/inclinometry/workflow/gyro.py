@@ -175,7 +175,8 @@ def north_run(
     flags = _flags(averages, heat, calibration, chosen.history)
     findings = [
         Finding("survey-index-turns", {"turns": readings.index_turns}, severity="note"),
-        *remarks((*readings.notes, *north.notes)),
+        *readings.findings,
+        *remarks(north.notes),
         *known.findings,
         *(of_calibration(calibration) if calibration else ()),
         *_remarks(readings, heat, chosen),

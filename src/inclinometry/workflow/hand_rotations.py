@@ -35,8 +35,7 @@ def calibrate_log(
 
     `gyro_log`: the gyro's own log, with the same times. `specific_force`: the accelerometer reads +1 g upwards at rest.
     """
-    log, triads, units, digest, notes = read_both(path, gyro_log, gyro_profile, progress)
-    told = [Finding("work-recorded", {"text": note}, severity="note") for note in notes]
+    log, triads, units, digest, told = read_both(path, gyro_log, gyro_profile, progress)
     gravity = None if site is None else site.gravity
     if gravity is None:
         gravity = STANDARD_GRAVITY
@@ -66,8 +65,8 @@ def read_both(
     gyro_log: str | Path | None = None,
     gyro_profile: str | None = None,
     progress: Progress | None = None,
-) -> tuple[Log, dict[str, np.ndarray], dict[str, str], str, list[str]]:
-    """The log, its accelerometer and gyro with their units, digest and notes; arguments as `calibrate_log`.
+) -> tuple[Log, dict[str, np.ndarray], dict[str, str], str, list[Finding]]:
+    """The log, its accelerometer and gyro with their units, digest and findings; arguments as `calibrate_log`.
 
     Raises
     ------
@@ -75,7 +74,7 @@ def read_both(
         As `read_log`; no accelerometer or gyro of three channels; a gyro with other times.
     """
     log = read_log(path, progress=progress)
-    channels, units, digest, notes = dict(log.channels), dict(log.units), log.digest, list(log.notes)
+    channels, units, digest, told = dict(log.channels), dict(log.units), log.digest, list(log.findings)
     if gyro_log is not None:
         if "gyro" in channels:
             raise refused("input-not-with", {"name": "--gyro-log", "other": f"{Path(path).name}: gyro"})
@@ -84,7 +83,7 @@ def read_both(
         _same_times(log, other, gyro_log)
         channels["gyro"], units["gyro"] = _three(other, "gyro", gyro_log), other.units["gyro"]
         digest = digest_bytes(f"{log.digest} {other.digest}".encode())
-        notes += other.notes
+        told += other.findings
     elif gyro_profile is not None:
         raise refused("input-needs", {"name": "--gyro-profile", "needed": ("--gyro-log",)})
     if "gyro" not in channels:
@@ -93,7 +92,7 @@ def read_both(
         "accelerometer": _three(log, "accelerometer", path),
         "gyro": channels["gyro"] if gyro_log is not None else _three(log, "gyro", path),
     }
-    return log, triads, {kind: units[kind] for kind in triads}, digest, notes
+    return log, triads, {kind: units[kind] for kind in triads}, digest, told
 
 
 def _three(log: Log, kind: str, path: str | Path) -> np.ndarray:

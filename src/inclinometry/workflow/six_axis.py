@@ -27,7 +27,7 @@ from inclinometry.findings import Finding
 from inclinometry.orientation import fields
 from inclinometry.sensors import Tool
 from inclinometry.survey.consistency import check_angles, check_place
-from inclinometry.survey.flags import Check, remarks, worst
+from inclinometry.survey.flags import Check, worst
 from inclinometry.survey.from_stations import ESTIMATED, survey_from_stations
 from inclinometry.survey.from_tool import stations_from_tool, stations_plain
 from inclinometry.survey.multistation import MultiStation, multistation
@@ -168,8 +168,8 @@ def _survey_file(path: str | Path, form: str | None, convention: str | None) -> 
     if not rows.any():
         raise FileError(Finding("work-none-used"), path=path)
     kept = _rows(found, rows)
-    left = int((~rows).sum())
-    return replace(kept, notes=(*kept.notes, str(Finding("work-not-used", {"count": left, "total": len(rows)}))))
+    left = Finding("table-left", {"count": int((~rows).sum()), "total": len(rows)}, severity="note")
+    return replace(kept, findings=(*kept.findings, left))
 
 
 def _rows(found: SurveyFile, rows: Mask) -> SurveyFile:
@@ -182,7 +182,7 @@ def _rows(found: SurveyFile, rows: Mask) -> SurveyFile:
         name: some(getattr(found, name)) for name in ("inclination", "azimuth", "toolface", "g", "b", "temperature")
     }
     measured = {name: values[rows] for name, values in found.measured.items()}
-    same = {name: getattr(found, name) for name in ("azimuth_reference", "header", "notes", "digest")}
+    same = {name: getattr(found, name) for name in ("azimuth_reference", "header", "findings", "digest")}
     return SurveyFile(md=found.md[rows], measured=measured, **chosen, **same)
 
 
@@ -317,7 +317,7 @@ def read_six_axis(
         stations = with_sensors(stations, {term.name: term.sigma for term in code.terms})
         said = [*said, Finding("work-tool-code", {"code": sensors}, severity="note")]
         beside = None if REBUILT in stations.history else read
-        findings = (*run_findings(stations, place, ignored, raw, beside), *said, *remarks(read.notes))
+        findings = (*run_findings(stations, place, ignored, raw, beside), *said, *read.findings)
         return SixAxis(stations, place, None, None, {"raw": read.digest, **inputs}, findings=findings)
     if convention is not None:
         raise refused("input-not-with", {"name": "--convention", "other": "--calibration"})
@@ -325,7 +325,7 @@ def read_six_axis(
     said += [*old, *of_calibration(record)]
     stations, source = tool_stations(raw, record, place, form, progress)
     channels = calibrated_run(source, record.tool) if isinstance(source, RawSurvey) else None
-    findings = (*run_findings(stations, place, ignored, raw, run=channels), *said, *remarks(source.notes))
+    findings = (*run_findings(stations, place, ignored, raw, run=channels), *said, *source.findings)
     inputs |= {f"calibration {name}": value for name, value in record.inputs.items()}
     inputs |= {"raw": source.digest, "tool": digest_file(calibration)}
     freedom = dict.fromkeys(ESTIMATED, record.degrees_of_freedom)

@@ -20,7 +20,6 @@ from inclinometry.files.tool_json import read_calibration
 from inclinometry.files.writing import write_columns
 from inclinometry.findings import Finding
 from inclinometry.orientation import SWITCH
-from inclinometry.survey.flags import remarks
 from inclinometry.survey.from_stations import ESTIMATED
 from inclinometry.survey.from_tool import stations_from_tool
 from inclinometry.survey.plausibility import check_run
@@ -82,7 +81,7 @@ def survey_raw(
         gravity_sd=gravity_sd,
     )
     freedom = dict.fromkeys(ESTIMATED, calibration.degrees_of_freedom)
-    told = (*remarks(raw.notes), *of_calibration(calibration))
+    told = (*raw.findings, *of_calibration(calibration))
     return replace(found, findings=(*told, *found.findings), freedom=freedom)
 
 
