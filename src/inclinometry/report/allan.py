@@ -9,6 +9,7 @@ import numpy as np
 from inclinometry.allan import ChannelNoise, Coefficient, NoiseRecord
 from inclinometry.constants import COVERAGE_FACTOR
 from inclinometry.files.allan_json import COEFFICIENTS, PlottedCurve, coefficients_of, units_of
+from inclinometry.language import label
 from inclinometry.report.calibration import log_scale
 from inclinometry.report.figure import DASHES, INK, SERIES, legend_above, new_figure, styled
 from inclinometry.report.page import Section, Table, TableRow, picture, report
@@ -66,7 +67,10 @@ def allan_report(record: NoiseRecord) -> str:
         head = ["channel", *(f"{s.title}, {s.unit}" for s in units[:3]), "misfit", "degrees of freedom"]
         caption = f"{kind.capitalize()}: coefficient ± standard uncertainty, or upper limit (95 %)"
         tables.append(Table(caption, head, body))
-    what = f"Allan deviation with its band (k = {COVERAGE_FACTOR:g}), the fitted curve and its components"
+    what = label(
+        "Allan deviation with its band (k = {k:g}), the fitted curve and its components",
+        k=COVERAGE_FACTOR,
+    )
     pictures = [picture(allan_figure(c), f"allan{n}", f"{c.name}: {what}") for n, c in enumerate(record.channels)]
     parts = []
     for triad in record.kinds:
@@ -74,9 +78,13 @@ def allan_report(record: NoiseRecord) -> str:
         levels = [one.value * shown.factor for _, one in (coefficients_of(x)[0] for x in record.of(triad)) if one.seen]
         if levels:
             low, high = (significant(v) for v in (min(levels), max(levels)))
-            span = low if low == high else f"{low} to {high}"
+            span = low if low == high else label("{low} to {high}", low=low, high=high)
             parts.append(f"{triad} {span} {shown.unit} ({shown.title})")
-    length = f"{record.samples} samples over {significant(record.samples * record.dt, 3)} s"
+    length = label(
+        "{samples} samples over {time_s} s",
+        samples=record.samples,
+        time_s=significant(record.samples * record.dt, 3),
+    )
     return report(
         "Noise report",
         "Noise at rest",

@@ -12,6 +12,7 @@ from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
 from inclinometry.calibration.rollset import SecondHarmonics, second_harmonics
 from inclinometry.constants import DIALS
+from inclinometry.language import label
 from inclinometry.report import calibration_tables as tables
 from inclinometry.report import words
 from inclinometry.report.calibration_tables import sensor_names
@@ -219,19 +220,21 @@ def calibration_report(
     troubles = len(calibration.warnings) + len(told)
     rig_table = tables.rig_table(calibration, readings)
     second = None if readings is None else second_harmonics(readings)
-    captions = {kind: f"Standardised residuals of the {kind}" for kind in calibration.residuals.standardised}
+    captions = {
+        kind: label("Standardised residuals of the {kind}", kind=kind) for kind in calibration.residuals.standardised
+    }
     return render(
         "calibration.html",
-        title=f"Calibration of {name or 'a tool'}",
+        title=label("Calibration of {value}", value=name or "a tool"),
         kind="Calibration report",
         heading=name or "Tool without a name",
         conventions=CONVENTIONS,
         state="warn" if failed else "good",
         badge=f"{troubles} warning{'s' * (troubles > 1)}"
         if troubles
-        else f"{failed} of {len(tests)} tests failed"
+        else label("{failed} of {count} tests failed", failed=failed, count=len(tests))
         if failed
-        else f"No warnings, {open_} of {len(tests)} tests not judged"
+        else label("No warnings, {open_} of {count} tests not judged", open_=open_, count=len(tests))
         if open_
         else "No warnings, every test passed",
         verdict=words.verdict(calibration, at_once),
@@ -265,8 +268,11 @@ def _rolls(second: SecondHarmonics) -> list[str]:
         return said(second.findings)
     uneven, u = np.degrees(abs(second.unevenness)), np.degrees(second.u_unevenness)
     return [
-        "No second harmonic is larger than chance may make it: neither is a sensor seen to be non-linear nor the roll "
-        f"dial to turn unevenly ({uneven:.3f} ± {u:.3f} deg once a turn)."
+        label(
+            "No second harmonic is larger than chance may make it: neither is a sensor seen to be non-linear nor the roll dial to turn unevenly ({uneven:.3f} ± {u:.3f} deg once a turn).",
+            uneven=uneven,
+            u=u,
+        )
     ]
 
 
@@ -279,7 +285,7 @@ def _place(found: ExpectedUncertainty) -> str:
         "given": "given",
         "calibration": "that of the calibration stand",
         "stated": "stated with the readings",
-        "assumed": f"assumed, since none is known: give the {name} of the place of work",
+        "assumed": label("assumed, since none is known: give the {name} of the place of work", name=name),
     }[found.dip_from]
     warning = f" At a place with another {name} the azimuth is better or worse." * (found.dip_from == "calibration")
     return f"For a {name} of {np.degrees(value):.1f}° ({source}).{warning}"
@@ -288,11 +294,15 @@ def _place(found: ExpectedUncertainty) -> str:
 def _expected_figures(found: ExpectedUncertainty) -> list[Picture]:
     pictures = []
     for name in found.angles:
-        caption = f"Expected standard uncertainty of {name} of one reading over inclination, and its parts"
+        caption = label(
+            "Expected standard uncertainty of {name} of one reading over inclination, and its parts", name=name
+        )
         pictures.append(picture(expected_figure(found, name), f"line{name}", caption))
     if found.azimuth_from is not None:
         for name in found.angles:
-            caption = f"Expected standard uncertainty of {name} of one reading over attitude, worst toolface"
+            caption = label(
+                "Expected standard uncertainty of {name} of one reading over attitude, worst toolface", name=name
+            )
             pictures.append(picture(expected_map(found, name), f"map{name}", caption))
     return pictures
 

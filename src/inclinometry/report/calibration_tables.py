@@ -22,6 +22,7 @@ from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
 from inclinometry.calibration.rollset import SecondHarmonics
 from inclinometry.constants import ANGLES, COVERAGE_FACTOR, DEG_PER_HOUR, DIALS, STANDARD_GRAVITY
+from inclinometry.language import label
 from inclinometry.orientation import angles, fields, inclination_toolface
 from inclinometry.report.page import Table, TableRow
 from inclinometry.report.words import Test, plain, significant, strongest_correlations, with_uncertainty
@@ -82,15 +83,15 @@ def field_unit(triad: Triad) -> FieldUnit:
     absolute = triad.field_strength is not None
     if triad.kind == "accelerometer":
         if absolute:
-            return FieldUnit("mg", 1e3 / STANDARD_GRAVITY, f"{triad.unit} per g", STANDARD_GRAVITY)
-        return FieldUnit("% of gravity", 100.0, f"{triad.unit} per local gravity", 1.0)
+            return FieldUnit("mg", 1e3 / STANDARD_GRAVITY, label("{unit} per g", unit=triad.unit), STANDARD_GRAVITY)
+        return FieldUnit("% of gravity", 100.0, label("{unit} per local gravity", unit=triad.unit), 1.0)
     if triad.kind == "magnetometer":
         if absolute:
-            return FieldUnit("nT", 1.0, f"{triad.unit} per µT", 1e3)
-        return FieldUnit("% of the field", 100.0, f"{triad.unit} per field", 1.0)
+            return FieldUnit("nT", 1.0, label("{unit} per µT", unit=triad.unit), 1e3)
+        return FieldUnit("% of the field", 100.0, label("{unit} per field", unit=triad.unit), 1.0)
     if absolute:
-        return FieldUnit("deg/h", 1.0 / DEG_PER_HOUR, f"{triad.unit} per deg/h", DEG_PER_HOUR)
-    return FieldUnit("% of Earth rate", 100.0, f"{triad.unit} per Earth rate", 1.0)
+        return FieldUnit("deg/h", 1.0 / DEG_PER_HOUR, label("{unit} per deg/h", unit=triad.unit), DEG_PER_HOUR)
+    return FieldUnit("% of Earth rate", 100.0, label("{unit} per Earth rate", unit=triad.unit), 1.0)
 
 
 def signal_to_field(triad: Triad) -> Array:
@@ -125,7 +126,12 @@ def classical_rows(tool: Tool, kind: str) -> list[Row]:
     labels, units = [], []
     for name, place in zip(sensor_names(triad.count), np.argmax(np.abs(nominal), axis=1), strict=True):
         first, second = (axis for i, axis in enumerate("xyz") if i != place)
-        labels += [f"{name} scale", f"{name} bias", f"{name} toward {first}", f"{name} toward {second}"]
+        labels += [
+            label("{name} scale", name=name),
+            label("{name} bias", name=name),
+            f"{name} toward {first}",
+            f"{name} toward {second}",
+        ]
         units += [unit.scale_name, unit.name, "deg", "deg"]
     return _derived(tool, kind, view, labels, units)
 
@@ -164,7 +170,10 @@ def noise_rows(tool: Tool, kind: str) -> list[Row]:
     triad = tool.triads[kind]
     values = tool.noise[kind] * signal_to_field(triad)
     names = sensor_names(triad.count)
-    return [Row(f"{n} noise", float(v), np.nan, field_unit(triad).name) for n, v in zip(names, values, strict=True)]
+    return [
+        Row(label("{n} noise", n=n), float(v), np.nan, field_unit(triad).name)
+        for n, v in zip(names, values, strict=True)
+    ]
 
 
 def _derived(tool: Tool, kind: str, view: Callable[[Triad], Array], labels: list[str], units: list[str]) -> list[Row]:
@@ -288,7 +297,7 @@ def residual_tables(calibration: Calibration, readings: BenchReadings | None) ->
         head = ["station", *(f"{dial} set, deg" for dial in DIALS if settings), *(f"{n}, {unit}" for n in names)]
         head += [*(f"{n} / σ" for n in names), "leverage"]
         note = "Reading minus model at the settings as dialled; coloured beyond two, bold beyond three deviations."
-        found[kind] = Table(f"Residuals of the {kind}", head, rows, note)
+        found[kind] = Table(label("Residuals of the {kind}", kind=kind), head, rows, note)
     return found
 
 
@@ -313,7 +322,7 @@ def budget_table(calibration: Calibration, readings: BenchReadings, expected: Ex
         rows.append(TableRow([name, *cells]))
     total = np.degrees(np.sqrt(np.diagonal(sum(found.values()), axis1=1, axis2=2)))
     rows.append(TableRow(["all", *(significant(float(total[i, a])) for a in (0, 1) for i in range(len(at_deg)))]))
-    head = ["cause", *(f"{angle} at {at:g}°" for angle in ANGLES[:2] for at in at_deg)]
+    head = ["cause", *(label("{angle} at {at:g}°", angle=angle, at=at) for angle in ANGLES[:2] for at in at_deg)]
     note = (
         "Root mean square over azimuth and toolface, so that the squares add up; the figures above are of the worst. "
         "A non-linearity that the rolls show stands here but not in the uncertainties the calibration states."
@@ -349,8 +358,14 @@ def triad_block(tool: Tool, kind: str) -> dict[str, Any]:
         toward = [f"{axis}: {row.text}" for axis, row in zip(across[i], (first, second), strict=True)]
         body.append(TableRow([name, scale.text, bias.text, *toward, significant(noise[i].value)]))
     unit = field_unit(triad)
-    head = ["sensor", f"scale, {unit.scale_name}", f"bias, {unit.name}", "toward, deg", "toward, deg"]
-    head.append(f"noise, {unit.name}")
+    head = [
+        "sensor",
+        label("scale, {unit}", unit=unit.scale_name),
+        label("bias, {name}", name=unit.name),
+        "toward, deg",
+        "toward, deg",
+    ]
+    head.append(label("noise, {name}", name=unit.name))
     at = f" at {triad.reference_temperature:g} °C" if triad.degree else ""
     square = orthogonality_rows(tool, kind)
     # tensor and offset, a line a sensor and power of temperature
@@ -388,7 +403,7 @@ def comparison_table(
     """What each method says of itself, and how far its angles are from this calibration's."""
     if not others:
         return None
-    body = [_method(f"{calibration.method} (this report)", at_once, {})]
+    body = [_method(label("{method} (this report)", method=calibration.method), at_once, {})]
     for name, other in others.items():
         found = expected_uncertainty(other, at_once.inclination, dip)
         body.append(_method(name, found, differences(calibration.tool, other.tool, dip)))

@@ -13,6 +13,7 @@ from inclinometry.calibration.comparison import TwoCalibrations
 from inclinometry.calibration.expected import FROM_CALIBRATION
 from inclinometry.calibration.result import rounded
 from inclinometry.errors import InputError
+from inclinometry.language import label
 from inclinometry.report.calibration import log_scale
 from inclinometry.report.figure import INK, legend_above, look, new_figure, panel, styled
 from inclinometry.report.page import CONVENTIONS, Table, TableRow, picture, render
@@ -28,8 +29,13 @@ def two_report(found: TwoCalibrations) -> str:
     """Two calibrations of one tool as one self-contained HTML page."""
     much = 4.0  # standard uncertainties: from there one of some twenty differences contradicts
     far = [row for row in found.coefficients if abs(row.sigmas) > much]
-    agree = f"no coefficient differs by more than {much:g} of its standard uncertainties"
-    differ = f"{len(far)} of {len(found.coefficients)} coefficients differ by more than {much:g} standard uncertainties"
+    agree = label("no coefficient differs by more than {much:g} of its standard uncertainties", much=much)
+    differ = label(
+        "{count} of {total} coefficients differ by more than {much:g} standard uncertainties",
+        count=len(far),
+        total=len(found.coefficients),
+        much=much,
+    )
     tables = []
     for kind in dict.fromkeys(row.kind for row in found.coefficients):
         rows, body = [row for row in found.coefficients if row.kind == kind], []
@@ -38,7 +44,9 @@ def two_report(found: TwoCalibrations) -> str:
             cells += [rounded(row.difference, row.u_difference)]
             cells += [f"{row.sigmas:+.1f}" if np.isfinite(row.sigmas) else ""]
             body.append(TableRow(cells, "warn" if abs(row.sigmas) > much else ""))
-        units = ", ".join(dict.fromkeys(f"{row.name} in {row.unit}" for row in rows if row.unit))
+        units = ", ".join(
+            dict.fromkeys(label("{name} in {unit}", name=row.name, unit=row.unit) for row in rows if row.unit)
+        )
         head = ["sensor", *found.names, "difference", "in its u"]
         tables.append(Table(f"{kind.capitalize()}: {units}", head, body))
     return render(

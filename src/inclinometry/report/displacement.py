@@ -9,6 +9,7 @@ import numpy as np
 
 from inclinometry.constants import COVERAGE_FACTOR
 from inclinometry.findings import Finding
+from inclinometry.language import label
 from inclinometry.report.figure import BAD, DASHES, MARKERS, SERIES, legend_above, panel
 from inclinometry.report.language import said
 from inclinometry.report.page import Section, Table, TableRow, cut, picture, report
@@ -64,7 +65,7 @@ def displacement_report(
                 ],
             ),
             Section("Where the uncertainty comes from", tables=[_budget(found)]),
-            Section(f"Profile of {last}", tables=[cut(_table(found[last]))]),
+            Section(label("Profile of {last}", last=last), tables=[cut(_table(found[last]))]),
         ],
         [
             ("Base reading", base),
@@ -94,7 +95,12 @@ def _sentence(name: str, found: Displacement) -> str:
         return f"{axis.upper()} {rounded(1000.0 * float(one.displacement[row]), u)}{band} mm at {found.depth[row]:g} m"
 
     parts = " and ".join(words(axis, one) for axis, one in found.axes.items())
-    return f"{name}: the largest displacements are {parts} (expanded, k = {COVERAGE_FACTOR:g}, about 95 %)."
+    return label(
+        "{name}: the largest displacements are {parts} (expanded, k = {k:g}, about 95 %).",
+        name=name,
+        parts=parts,
+        k=COVERAGE_FACTOR,
+    )
 
 
 @panel(5.6, y="depth, m")
@@ -113,7 +119,7 @@ def profile_figure(axes: Axes, found: Mapping[str, Displacement], axis: str) -> 
         }
         axes.plot(moved, one.depth, color=colour, markersize=3.0, label=name, **look)
     axes.invert_yaxis()
-    axes.set_xlabel(f"displacement {axis.upper()}, mm")
+    axes.set_xlabel(label("displacement {axis}, mm", axis=axis.upper()))
     legend_above(axes, 2)
 
 
@@ -134,7 +140,7 @@ def sums_figure(
             values = 1000.0 * one.step * moved.sums.values[moved.spikes]
             axes.plot(values, one.depth[:-1][moved.spikes], linestyle="none", marker="X", color=BAD, markersize=6.5)
     axes.invert_yaxis()
-    axes.set_xlabel(f"check-sum {axis.upper()}, mm")
+    axes.set_xlabel(label("check-sum {axis}, mm", axis=axis.upper()))
     legend_above(axes, 2)
 
 
@@ -161,4 +167,6 @@ def _table(found: Displacement) -> Table:
     head = ["depth, m"]
     for axis in found.axes:
         head += [f"{axis.upper()}, mm", "U, mm"]
-    return Table(f"Displacement; U: k = {COVERAGE_FACTOR:g}", [*head, "check-sum"], rows)
+    return Table(
+        label("Displacement; U: k = {k:g}", k=COVERAGE_FACTOR), [*head, "check-sum"], rows
+    )

@@ -13,6 +13,7 @@ from inclinometry.calibration.drift import MULTIPLIERS, SHOWN, SIXTY, azimuth_sd
 from inclinometry.calibration.drift_alarm import amount, odds_of
 from inclinometry.calibration.drift_status import RIG_LEVEL, FleetStatus, ToolStatus
 from inclinometry.constants import COVERAGE_FACTOR, FIELD_UNITS, VECTORS
+from inclinometry.language import label
 from inclinometry.report.figure import BAD, DASHES, INK, MARKERS, SERIES, legend_above, new_figure, panel, styled
 from inclinometry.report.page import Section, Table, TableRow, cut, picture, report
 from inclinometry.report.words import significant
@@ -133,16 +134,22 @@ def fleet_report(status: FleetStatus) -> str:
     off = [rig.rig for rig in status.rigs if rig.p_value < RIG_LEVEL]
     required = status.requirement
     at = ", ".join(f"{np.degrees(i):g}" for i in required.inclinations)
-    requirement = (
-        f"azimuth within {np.degrees(required.limit):g} deg, rms over azimuth and toolface, at inclination {at} deg "
-        f"until the due date, with a probability of {100 * required.reliability:g} %"
+    requirement = label(
+        "azimuth within {limit:g} deg, rms over azimuth and toolface, at inclination {at} deg until the due date, with a probability of {reliability:g} %",
+        limit=np.degrees(required.limit),
+        at=at,
+        reliability=100 * required.reliability,
     )
-    said = [f"{len(overdue)} overdue", f"{len(soon)} due within {SOON} days", f"{len(alarmed)} with an alarm"]
-    said += [f"rigs off: {', '.join(off)}"] if off else []
+    said = [
+        label("{count} overdue", count=len(overdue)),
+        label("{count} due within {SOON} days", count=len(soon), SOON=SOON),
+        label("{count} with an alarm", count=len(alarmed)),
+    ]
+    said += [label("rigs off: {names}", names=", ".join(off))] if off else []
     return report(
         "Fleet report",
-        f"Fleet of type {model.type}",
-        f"{len(tools)} tools on {status.day}: {'; '.join(said)}.",
+        label("Fleet of type {type}", type=model.type),
+        label("{count} tools on {day}: {names}.", count=len(tools), day=status.day, names="; ".join(said)),
         [
             _due(status),
             Section("Alarms", _alarm_sentences(alarmed), tables=[cut(_alarm_table(alarmed))] if alarmed else []),
@@ -160,7 +167,7 @@ def fleet_report(status: FleetStatus) -> str:
         ],
         about="What was looked at",
         states=[(alarmed or off, "bad", "ALARM"), (overdue, "warn", "DUE"), (True, "good", "IN ORDER")],
-        notes=[f"Required: {requirement}."],
+        notes=[label("Required: {requirement}.", requirement=requirement)],
     )
 
 
@@ -182,10 +189,18 @@ def _type(status: FleetStatus) -> Section:
     model = status.model
     factor = significant(float(np.exp(model.multiplier_sd)))
     sentences = [
-        f"From {model.tools} tools and {model.calibrations} calibrations, {model.first} to {model.last}.",
-        *([f"Left out, because they jumped: {', '.join(model.left_out)}."] if model.left_out else []),
-        f"A tool's own drift variance differs from the type's by a factor of {factor} either way (one standard "
-        "deviation).",
+        label(
+            "From {tools} tools and {calibrations} calibrations, {first} to {last}.",
+            tools=model.tools,
+            calibrations=model.calibrations,
+            first=model.first,
+            last=model.last,
+        ),
+        *([label("Left out, because they jumped: {names}.", names=", ".join(model.left_out))] if model.left_out else []),
+        label(
+            "A tool's own drift variance differs from the type's by a factor of {factor} either way (one standard deviation).",
+            factor=factor,
+        ),
     ]
     caption = "Drift of azimuth (k = 1); band: slow to fast tools at inclination 60 deg"
     pictures = [picture(drift_figure(status), "drift", caption)]
@@ -195,8 +210,10 @@ def _type(status: FleetStatus) -> Section:
 def _parameters(tools: Sequence[ToolStatus]) -> Section:
     sentences = [
         "Tools with an alarm, then those due first: change since the first calibration.",
-        f"Points: calibrations; lines: what is known after each; bands: U, k = {COVERAGE_FACTOR:g}; "
-        "vertical red line: alarm.",
+        label(
+            "Points: calibrations; lines: what is known after each; bands: U, k = {k:g}; vertical red line: alarm.",
+            k=COVERAGE_FACTOR,
+        ),
     ]
     pictures = [
         picture(parameter_figure(t, kind), f"tool{k}{kind}", f"{t.history.serial}: {kind}s")
@@ -286,7 +303,7 @@ def _rig_table(status: FleetStatus) -> Table:
         for rig in status.rigs
     ]
     head = ["rig", "largest common change of its tools", "size", "calibrations", "p"]
-    return Table("Rigs in the last year", head, body, f"off: p below {RIG_LEVEL:g}", 3)
+    return Table("Rigs in the last year", head, body, label("off: p below {RIG_LEVEL:g}", RIG_LEVEL=RIG_LEVEL), 3)
 
 
 def _type_table(status: FleetStatus) -> Table:

@@ -16,6 +16,7 @@ from inclinometry.errors import InputError
 from inclinometry.findings import Finding
 from inclinometry.gyro.result import FLAGS, North
 from inclinometry.gyro.tracking import SPAN, ScaleTrack
+from inclinometry.language import label
 from inclinometry.report.calibration import MANY
 from inclinometry.report.figure import BAD, DASHES, INK, MARKERS, SERIES, legend_above, new_figure, panel, styled
 from inclinometry.report.language import said
@@ -64,13 +65,13 @@ def scale_figure(axes: Axes, track: ScaleTrack) -> None:
     """Each station's scale with bars of expanded uncertainty, and the curve that was learnt with its band."""
     _scale_panel(axes, track)
     used, size = track.learnt, 4.5 if len(track) <= 80 else 2.5
-    for rows, colour, marker, width, label in (
+    for rows, colour, marker, width, name in (
         (used, SERIES[1], "o", size, "station"),
         (~used, BAD, "X", 6.5, "nothing learnt"),
     ):
         if rows.any():
             look: dict[str, Any] = {"linestyle": "none", "elinewidth": 1.0, "markersize": width, "marker": marker}
-            look |= {"color": colour, "label": label, "rasterized": int(rows.sum()) > MANY}
+            look |= {"color": colour, "label": name, "rasterized": int(rows.sum()) > MANY}
             bars = COVERAGE_FACTOR * 100.0 * track.scale_sd[rows]
             axes.errorbar(scale_place(track)[rows], _per_cent(track.scale[rows]), bars, **look)
     axes.set_xlabel("temperature, °C" if track.thermometer else "station")
@@ -89,7 +90,7 @@ def _scale_panel(axes: Axes, track: ScaleTrack, label: str = "learnt", colour: s
         "color": colour,
         "alpha": 0.2,
         "linewidth": 0.0,
-        "label": f"its ±U (k = {COVERAGE_FACTOR:g})",
+        "label": label("its ±U (k = {k:g})", k=COVERAGE_FACTOR),
     }
     axes.plot(heat, middle, color=colour, label=label)
     axes.fill_between(heat, middle - spread, middle + spread, **band)
@@ -103,7 +104,9 @@ def difference_figure(axes: Axes, north: North, others: Mapping[str, North], pla
     differences = {
         method_label(name): np.degrees(wrap_signed(other.azimuth - north.azimuth)) for name, other in others.items()
     }
-    _differences(axes, place, differences, band, f"U of the azimuth reported ({method_label(north.method)})")
+    _differences(
+        axes, place, differences, band, label("U of the azimuth reported ({method})", method=method_label(north.method))
+    )
     axes.set_xlabel(label)
     legend_above(axes, 1)
 
@@ -184,7 +187,9 @@ def hot_run_figure(
         lost = f", no azimuth at {size - len(good)} of {size}" if len(good) < size else ""
         named[f"{name}: rms {rms}°{lost}"] = np.degrees(value)
     who, spread = list(u.items())[-1]
-    _differences(top, temperature, named, COVERAGE_FACTOR * np.degrees(spread), f"95 % band that “{who}” states")
+    _differences(
+        top, temperature, named, COVERAGE_FACTOR * np.degrees(spread), label("95 % band that “{who}” states", who=who)
+    )
     top.set_ylabel("azimuth error, deg")
     top.legend(loc="upper left", ncols=1)
     top.set_title("Error of azimuth as the hole gets hot (triangle: off the axis; red cross: no azimuth)")
@@ -219,8 +224,8 @@ def scale_report(track: ScaleTrack, *, md: ArrayLike | None = None, tool: str = 
     learnt = learnt_sentences(track)
     belief = track.belief
     sd = np.sqrt(np.maximum(np.diagonal(belief.covariance), 0.0))
-    at = f"scale factor at {belief.reference_temperature:g} °C"
-    names = [at, f"slope, per {SPAN:g} °C", f"bend, per ({SPAN:g} °C)²"]
+    at = label("scale factor at {at_degC:g} °C", at_degC=belief.reference_temperature)
+    names = [at, label("slope, per {SPAN:g} °C", SPAN=SPAN), label("bend, per ({SPAN:g} °C)²", SPAN=SPAN)]
     body = [
         TableRow([name, with_uncertainty(float(value), float(u))])
         for name, value, u in zip(names, belief.coefficients, sd, strict=False)
@@ -233,7 +238,7 @@ def scale_report(track: ScaleTrack, *, md: ArrayLike | None = None, tool: str = 
     coefficients = Table("Coefficients ± standard uncertainty", ["coefficient", "value"], body)
     return report(
         "Scale factor report",
-        f"Scale factor of {tool or 'a gyro'}",
+        label("Scale factor of {value}", value=tool or "a gyro"),
         learnt[0],
         [
             Section("Scale factor over temperature", pictures=[scale_picture(track)]),
@@ -243,10 +248,12 @@ def scale_report(track: ScaleTrack, *, md: ArrayLike | None = None, tool: str = 
         ],
         [("Tool", tool or "not named"), ("Stations", str(len(track)))],
         about="What was reduced",
-        heading=f"Scale factor of {tool} over temperature" if tool else "Scale factor over temperature",
+        heading=label("Scale factor of {tool} over temperature", tool=tool)
+        if tool
+        else "Scale factor over temperature",
         conventions=GYRO_CONVENTIONS,
         states=[
-            (left, "warn", f"Nothing learnt from {left} of {len(track)} stations"),
+            (left, "warn", label("Nothing learnt from {left} of {count} stations", left=left, count=len(track))),
             (notes, "warn", "Read the warnings"),
             (True, "good", "Learnt"),
         ],
@@ -286,7 +293,11 @@ def _forecast(track: ScaleTrack) -> Table:
         TableRow([f"{t:.1f}", rounded(float(value), float(u)), significant(COVERAGE_FACTOR * float(u))])
         for t, value, u in zip(heat, scale, sd, strict=True)
     ]
-    return Table(f"Expected scale factor, U (k = {COVERAGE_FACTOR:g})", ["temperature, °C", "scale", "U"], body)
+    return Table(
+        label("Expected scale factor, U (k = {k:g})", k=COVERAGE_FACTOR),
+        ["temperature, °C", "scale", "U"],
+        body,
+    )
 
 
 def _scale_stations(track: ScaleTrack, depth: Array | None) -> Table:
@@ -300,7 +311,9 @@ def _scale_stations(track: ScaleTrack, depth: Array | None) -> Table:
         body.append(TableRow([*cells, "yes" if used else "no"], "" if used else "warn"))
     place = "station" if depth is None else "md, m"
     head = [place, "T, °C", "without its own rates", "U", "with them", "U", "learnt from"]
-    return Table(f"Scale factor of each station, U (k = {COVERAGE_FACTOR:g})", head, body)
+    return Table(
+        label("Scale factor of each station, U (k = {k:g})", k=COVERAGE_FACTOR), head, body
+    )
 
 
 def gyro_report(
@@ -351,7 +364,7 @@ def gyro_report(
         ]
     )
     condition = ("" if stated else " Inclination: the errors of the accelerometers are not stated.") + condition
-    subject = f"Gyro survey with {survey.tool or 'a tool'}"
+    subject = label("Gyro survey with {value}", value=survey.tool or "a tool")
     return report(
         "Gyro survey report",
         subject,
@@ -410,22 +423,26 @@ def _taken(north: North, order: Index) -> North:
 def _states(flagged: int, size: int, checks: Sequence[Check], warned: bool) -> list[tuple[object, str, str]]:
     failed, left = (sum(check.verdict == verdict for check in checks) for verdict in ("fail", "not judged"))
     return [
-        (failed, "bad", f"{failed} of {len(checks)} checks failed"),
-        (flagged, "warn", f"{flagged} of {size} stations flagged"),
+        (failed, "bad", label("{failed} of {count} checks failed", failed=failed, count=len(checks))),
+        (flagged, "warn", label("{flagged} of {size} stations flagged", flagged=flagged, size=size)),
         (warned, "warn", "Read the warnings"),
         (checks and worst(checks) == "not judged", "warn", "No check could be judged"),
-        (left, "good", f"No flags, {left} of {len(checks)} checks not judged"),
+        (left, "good", label("No flags, {left} of {count} checks not judged", left=left, count=len(checks))),
         (True, "good", "No flags, all checks passed" if checks else "No flags"),
     ]
 
 
 def _angles(survey: Survey) -> Section:
     pictures = [
-        picture(angle_figure(survey, name), name, f"{name.capitalize()} with its band of U, and U by cause")
+        picture(
+            angle_figure(survey, name),
+            name,
+            label("{name} with its band of U, and U by cause", name=name.capitalize()),
+        )
         for name in ANGLES[:2]
         if np.isfinite(getattr(survey, name)).any()
     ]
-    reference = f"Azimuth counts from {survey.azimuth_reference} north."
+    reference = label("Azimuth counts from {north} north.", north=survey.azimuth_reference)
     return Section("Inclination and azimuth", [reference], [summary_table(survey, ANGLES[:2])], pictures)
 
 
@@ -461,7 +478,9 @@ def _methods(survey: Survey, north: North, others: Mapping[str, North], heat: Ar
         cells = [method_label(name), why, significant(rms), significant(most), str(lost)]
         body.append(TableRow(cells, "warn" if lost else ""))
     head = ["method", "why it fails", "rms difference, deg", "largest, deg", "no azimuth at"]
-    table = Table(f"Azimuth less that of the method reported ({north.method})", head, body, text_columns=2)
+    table = Table(
+        label("Azimuth less that of the method reported ({method})", method=north.method), head, body, text_columns=2
+    )
     places = [("bydepth", "depth", survey.md, "measured depth, m")]
     if heat is not None and np.ptp(heat) > 0.0:
         places.append(("byheat", "temperature", heat, "temperature, °C"))
@@ -494,7 +513,9 @@ def _measure(value: float, unit: str) -> str:
         return "none"
     units = {"rad": ("°", float(np.degrees(1.0))), "rad/s": (" deg/h", 1.0 / DEG_PER_HOUR), "sigma": (" σ", 1.0)}
     name, per = units.get(unit, ("", 1.0))
-    return f"{plain(value, 0)} stations" if unit == "stations" else f"{significant(value * per)}{name}"
+    return (
+        label("{plain} stations", plain=plain(value, 0)) if unit == "stations" else f"{significant(value * per)}{name}"
+    )
 
 
 def _stations(survey: Survey, north: North, heat: Array | None) -> Table:
@@ -513,9 +534,10 @@ def _stations(survey: Survey, north: North, heat: Array | None) -> Table:
     for name in ANGLES:
         head += [name, "U"]
     head += ["scale", "u", "root", "K", *([] if heat is None else ["T, °C"]), "flags"]
-    caption = (
-        f"Stations; angles and U (k = {k:g}) in deg, azimuth from {survey.azimuth_reference} north, "
-        "scale with its standard uncertainty u"
+    caption = label(
+        "Stations; angles and U (k = {k:g}) in deg, azimuth from {north} north, scale with its standard uncertainty u",
+        k=k,
+        north=survey.azimuth_reference,
     )
     return Table(caption, head, rows)
 
@@ -534,7 +556,9 @@ def _facts(
     if site is not None and site.convergence is not None and survey.azimuth_reference == "grid":
         facts.append(("Convergence", f"{np.degrees(site.convergence):+.3f}°"))
     if heat is not None:
-        facts.append(("Temperature", f"{heat.min():.1f} to {heat.max():.1f} °C"))
+        facts.append(("Temperature", label("{min:.1f} to {max:.1f} °C", min=heat.min(), max=heat.max())))
     if track is not None:
-        facts.append(("Scale learnt from", f"{int(track.learnt.sum())} of {len(track)} stations"))
+        facts.append(
+            ("Scale learnt from", label("{sum} of {count} stations", sum=int(track.learnt.sum()), count=len(track)))
+        )
     return facts + [("Note", sentence) for sentence in survey.notes]

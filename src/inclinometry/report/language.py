@@ -23,7 +23,7 @@ from typing import Final, NamedTuple
 
 from inclinometry.errors import InputError
 from inclinometry.findings import Finding, codes, say, translations
-from inclinometry.report.glossary import glossary
+from inclinometry.glossary import glossary
 
 LANGUAGES: Final = ("en", "ru", "zh")
 _SPOKEN: ContextVar[str] = ContextVar("language of reports", default="en")

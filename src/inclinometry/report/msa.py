@@ -10,6 +10,7 @@ import numpy as np
 
 from inclinometry.arrays import Array
 from inclinometry.constants import COVERAGE_FACTOR
+from inclinometry.language import label
 from inclinometry.orientation import angles, angles_jacobian
 from inclinometry.report.figure import BAD, INK, SERIES, legend_above, matrix_axes, new_figure, panel, styled
 from inclinometry.report.language import parameter_name
@@ -40,7 +41,7 @@ def estimate_figure(found: MultiStation, labels: dict[str, str]) -> Figure:
     names = drawn(found)
     figure = new_figure(0.9 + 0.24 * len(names))
     axes = figure.add_subplot()
-    before = f"known before (k = {COVERAGE_FACTOR:g})"
+    before = label("known before (k = {k:g})", k=COVERAGE_FACTOR)
     axes.axvspan(-COVERAGE_FACTOR, COVERAGE_FACTOR, color=SERIES[7], alpha=0.15, linewidth=0.0, label=before)
     ends = [2.6]
     axes.axvline(0.0, color=INK, alpha=0.5, linewidth=0.8)
@@ -134,9 +135,9 @@ def described(name: str) -> str:
         kind = {"A": "accelerometer", "M": "magnetometer"}[term[1]]
         return f"{kind} {term[3]} {'zero' if term[2] == 'B' else 'scale'}"
     if cross:
-        return f"magnetometer {cross[1]} cross-axis {cross[2]}"
+        return label("magnetometer {cross} cross-axis {cross_2}", cross=cross[1], cross_2=cross[2])
     if reference:
-        return f"{reference[1]} of the reference"
+        return label("{reference} of the reference", reference=reference[1])
     interference = re.fullmatch(r"(?:axial|transverse) interference ?([xy]?)", name)
     if interference:
         across = {"x": "magnetic interference along x", "y": "magnetic interference along y"}
@@ -177,7 +178,11 @@ def blind_spots(found: MultiStation, after: FieldQuality, u_azimuth: Array) -> l
     lines = []
     untold = [name for name, p in known.items() if p.learned < learned]
     if untold:
-        few = listed(untold) if len(untold) <= 6 else f"{len(untold)} of {len(known)} parameters (the table says which)"
+        few = (
+            listed(untold)
+            if len(untold) <= 6
+            else label("{count} of {total} parameters (the table says which)", count=len(untold), total=len(known))
+        )
         names = "all parameters" if len(untold) == len(known) else few
         lines.append(
             f"The run removed less than {100.0 * learned:.0f} % of the prior variance of {names}: their values and "
@@ -192,7 +197,7 @@ def blind_spots(found: MultiStation, after: FieldQuality, u_azimuth: Array) -> l
         if abs(matrix[i, j]) > 0.95 and keys[i] in known and keys[j] in known
     ]
     if pairs:
-        lines.append(f"The run sees but one combination of {listed(pairs[:6])}.")
+        lines.append(label("The run sees but one combination of {pairs}.", pairs=listed(pairs[:6])))
     hidden = after.undetected_azimuth
     if (np.nan_to_num(hidden) > BLIND).any():
         row = int(np.nanargmax(hidden))
@@ -206,8 +211,11 @@ def blind_spots(found: MultiStation, after: FieldQuality, u_azimuth: Array) -> l
         row = int(np.argmax(np.where(able, u_azimuth, -1.0)))
         u = significant(float(np.degrees(u_azimuth[row])))
         lines.append(
-            f"Azimuth remains least known at {after.md[row]:g} m: u = {u}° "
-            "(sensors and their correction; declination, misalignment in the hole and sag are not in it)."
+            label(
+                "Azimuth remains least known at {md:g} m: u = {u}° (sensors and their correction; declination, misalignment in the hole and sag are not in it).",
+                md=after.md[row],
+                u=u,
+            )
         )
     lines.append("The declination does not show in gravity, field strength or dip: no analysis of these can check it.")
     return lines
@@ -263,21 +271,30 @@ def msa_report(
         ],
         [
             ("Tool", tool or "not named"),
-            ("Stations", f"{count}, {md[0]:g} to {md[-1]:g} m"),
+            ("Stations", label("{count}, {md:g} to {end_m:g} m", count=count, md=md[0], end_m=md[-1])),
             ("Priors", found.priors),
             ("Chi-square", f"{found.chi_square:.1f}, expected about {found.freedom}"),
             ("Reference g", f"{with_uncertainty(reference.g, reference.g_sigma)} m/s²"),
-            ("Reference b", f"{with_uncertainty(reference.b, reference.b_sigma)} nT"),
+            ("Reference b", label("{b} nT", b=with_uncertainty(reference.b, reference.b_sigma))),
             ("Reference dip", f"{dip}°"),
         ],
         about="What was analysed",
-        heading=f"Sensor errors of {tool} in one run" if tool else "Sensor errors of one run",
+        heading=label("Sensor errors of {tool} in one run", tool=tool) if tool else "Sensor errors of one run",
         states=[
             (after.verdict == "fail", "bad", "The corrected stations fail the tests of the field"),
             (said, "warn", "Read the warnings"),
             (after.verdict != "pass", "warn", "The tests of the field are not decided"),
-            (left, "good", f"{count} stations, {left} of {len(after.checks)} tests not judged"),
-            (True, "good", f"{count} stations, every test passed"),
+            (
+                left,
+                "good",
+                label(
+                    "{count} stations, {left} of {total} tests not judged",
+                    count=count,
+                    left=left,
+                    total=len(after.checks),
+                ),
+            ),
+            (True, "good", label("{count} stations, every test passed", count=count)),
         ],
         notes=notes,
         warnings=said,
@@ -315,7 +332,11 @@ def _verdict(found: MultiStation, before: Stations, u_after: Array) -> str:
     old, new = (angles(s.g, s.b).azimuth[able] for s in (before, found.corrected))
     moved = np.abs(np.degrees(wrap_signed(new - old)))
     known = worst_and_median("azimuth", COVERAGE_FACTOR * np.degrees(u_after[able]))
-    which = f"the {len(before)} stations" if able.all() else f"the {int(able.sum())} stations that are not vertical"
+    which = (
+        label("the {count} stations", count=len(before))
+        if able.all()
+        else label("the {sum} stations that are not vertical", sum=int(able.sum()))
+    )
     half, most = significant(float(np.median(moved))), significant(float(moved.max()))
     return (
         f"{what[0].upper()}{what[1:]}. Azimuth changes by at most {most}° (median {half}°) over {which}. "

@@ -10,6 +10,7 @@ import numpy as np
 
 from inclinometry.arrays import Array, Index
 from inclinometry.earth.site import convert_azimuth
+from inclinometry.language import label
 from inclinometry.position.propagation import PositionUncertainty
 from inclinometry.position.tool_code import ToolCode
 from inclinometry.position.well import WellSurvey, ellipsoid, hole_sigmas, horizontal_ellipse
@@ -136,7 +137,7 @@ def plan_figure(axes: Axes, path: Path, covariance: Array | None, north: str, ma
     """The well from above, with horizontal ellipses."""
     _drawn(axes, path, covariance, EAST_NORTH, magnify * float(ellipsoid_factor(PROBABILITY, 2)))
     _scaled(axes)
-    axes.set_ylabel(f"north ({north}), m")
+    axes.set_ylabel(label("north ({north}), m", north=north))
 
 
 @panel(4.4, y="true vertical depth, m")
@@ -146,7 +147,7 @@ def section_figure(axes: Axes, path: Path, covariance: Array | None, direction: 
     _scaled(axes)
     axes.set_aspect(1.0 / stretched(path, covariance, direction, magnify), adjustable="datalim")
     axes.invert_yaxis()
-    axes.set_xlabel(f"along azimuth {plain(float(np.degrees(direction)), 1)}°, m")
+    axes.set_xlabel(label("along azimuth {direction}°, m", direction=plain(float(np.degrees(direction)), 1)))
 
 
 @panel(4.4, width=6.4)
@@ -182,8 +183,8 @@ def source_figure(names: Sequence[str], sizes: Sequence[float], kinds: Sequence[
     # inside, from the zero on: names beside the bars would leave them no room
     axes.set_yticks(places, list(names), ha="left", va="bottom")
     axes.tick_params(axis="y", length=0.0, pad=-3.0)
-    for label in axes.get_yticklabels():
-        label.set_in_layout(False)
+    for tick in axes.get_yticklabels():
+        tick.set_in_layout(False)
     axes.set_ylim(len(names) - 0.3, -0.7)
     axes.grid(axis="y", visible=False)
     axes.set_xlabel("one standard deviation along the major axis, m")
@@ -205,8 +206,8 @@ def sigma_figure(axes: Axes, md: Array, sigmas: Array, major: Array) -> None:
     """Standard deviations along the axes of the hole and the major axis of the ellipse, over measured depth."""
     rows = thinned(len(md))
     curves = zip(("high side", "lateral", "along hole", "major axis"), [*sigmas.T, major], strict=True)
-    for n, (label, values) in enumerate(curves):
-        axes.plot(md[rows], values[rows], color=SERIES[n], linestyle=DASHES[n % len(DASHES)], label=label)
+    for n, (name, values) in enumerate(curves):
+        axes.plot(md[rows], values[rows], color=SERIES[n], linestyle=DASHES[n % len(DASHES)], label=name)
     axes.set_ylim(bottom=0.0)
     legend_above(axes, 2)
 
@@ -321,18 +322,23 @@ def bottom_table(path: Path, survey: WellSurvey, uncertainty: PositionUncertaint
     flat, solid = horizontal_ellipse(covariance), ellipsoid(covariance)
     hole = hole_sigmas(covariance, path.inclination[-1], path.azimuth[-1])
     lengths = [("horizontal ellipse, semi-major", flat.major, two), ("horizontal ellipse, semi-minor", flat.minor, two)]
-    lengths += [(f"ellipsoid, semi-axis {n + 1}", axis, three) for n, axis in enumerate(solid.semi_axes)]
+    lengths += [(label("ellipsoid, semi-axis {n}", n=n + 1), axis, three) for n, axis in enumerate(solid.semi_axes)]
     lengths += [(name, u, one) for name, u in zip(("high side", "lateral", "along hole"), hole, strict=True)]
     bars = [TableRow([n, "", significant(float(u), 3), significant(k * float(u), 3), "m"]) for n, u, k in lengths]
     turn = TableRow(["azimuth of the ellipse's major axis", f"{np.degrees(flat.direction):.1f}", "", "", "deg"])
-    note = (
-        f"95 %: {one:.2f} σ for one coordinate, {two:.3f} σ for an ellipse, {three:.3f} σ for an ellipsoid, of a "
-        "normal distribution."
+    note = label(
+        "95 %: {one:.2f} σ for one coordinate, {two:.3f} σ for an ellipse, {three:.3f} σ for an ellipsoid, of a normal distribution.",
+        one=one,
+        two=two,
+        three=three,
     )
     if np.isfinite(freedom):
-        note = (
-            f"95 %: {one:.2f} σ for one coordinate, {two:.3f} σ for an ellipse, {three:.3f} σ for an ellipsoid, of "
-            f"Student's distribution of {freedom:.0f} effective degrees of freedom."
+        note = label(
+            "95 %: {one:.2f} σ for one coordinate, {two:.3f} σ for an ellipse, {three:.3f} σ for an ellipsoid, of Student's distribution of {freedom:.0f} effective degrees of freedom.",
+            one=one,
+            two=two,
+            three=three,
+            freedom=freedom,
         )
     return Table(caption, head, [*rows, *extra, *bars, turn], note)
 
@@ -387,7 +393,7 @@ def chain_table(survey: WellSurvey, reference: str) -> Table:
             spread = f" ± {np.degrees(sigma):.2f}" if sigma else ""
             step = f"{quantity} {np.degrees(correction):+.3f}{spread}° added ({site.origin(quantity)})"
         rows.append(TableRow([name, f"{value:.3f}", step, _role(name, reference, survey.north)]))
-    caption = f"Azimuth of the station at {survey.md[row]:.2f} m from each north"
+    caption = label("Azimuth of the station at {md:.2f} m from each north", md=survey.md[row])
     note = (
         "true = magnetic + declination (positive where magnetic north is east of true north); grid = true − "
         "convergence (positive where grid north is east of true north). No check of the survey shows a wrong sign: "
@@ -410,8 +416,10 @@ def missing(
     lines = ["Gross errors: a wrong depth, a swapped sensor, a station of another well. They have no ellipse."]
     if calibration is not None and code is None:
         lines.append(
-            f"Everything outside the certificate of {calibration}: measured depth, misalignment in the hole, sag, "
-            "magnetic interference of the string, references where they are not in the table of sources."
+            label(
+                "Everything outside the certificate of {calibration}: measured depth, misalignment in the hole, sag, magnetic interference of the string, references where they are not in the table of sources.",
+                calibration=calibration,
+            )
         )
     elif run:
         lines.append(
@@ -453,18 +461,26 @@ def fact_pairs(
     calibration: str | None,
     inputs: Mapping[str, str],
 ) -> list[tuple[str, str]]:
-    start = f"north {plain(path.north[0])} m, east {plain(path.east[0])} m, true vertical depth {plain(path.tvd[0])} m"
+    start = label(
+        "north {north} m, east {east} m, true vertical depth {tvd} m",
+        north=plain(path.north[0]),
+        east=plain(path.east[0]),
+        tvd=plain(path.tvd[0]),
+    )
     facts = [
-        ("Stations", f"{len(path)}, from {plain(path.md[0])} to {plain(path.md[-1])} m"),
+        (
+            "Stations",
+            label("{count}, from {md} to {end_m} m", count=len(path), md=plain(path.md[0]), end_m=plain(path.md[-1])),
+        ),
         ("First station at", start),
-        ("Azimuths of the survey from", f"{reference} north"),
-        ("Positions from", f"{survey.north} north"),
+        ("Azimuths of the survey from", label("{reference} north", reference=reference)),
+        ("Positions from", label("{north} north", north=survey.north)),
     ]
     if code is not None:
         facts += [("Tool code", code.name), ("Revision", code.revision or "not stated"), ("Source", code.source)]
         facts.append(("What it is", code.description or "not stated"))
     if calibration is not None:
-        facts.append(("Error model of the sensors", f"the calibration of {calibration}"))
+        facts.append(("Error model of the sensors", label("the calibration of {calibration}", calibration=calibration)))
     elif "errors" in inputs:
         facts.append(("Error model of the sensors", "the gyro run itself"))
     # values of the site that the error model used, with where they come from
@@ -476,7 +492,7 @@ def fact_pairs(
         "latitude": ("latitude", "{:.4f}°", np.degrees(1.0)),
     }
     places = []
-    for quantity, (label, form, unit) in shown.items():
+    for quantity, (name, form, unit) in shown.items():
         value = getattr(site, quantity)
         if value is not None:
             origin = (
@@ -484,8 +500,8 @@ def fact_pairs(
                 if quantity == "gravity"
                 else site.origin(quantity)
             )
-            places.append((f"Site: {label}", f"{form.format(value * unit)} ({origin})"))
-    return facts + places + [(f"Digest of {name}", digest) for name, digest in inputs.items()]
+            places.append((label("Site: {name}", name=name), f"{form.format(value * unit)} ({origin})"))
+    return facts + places + [(label("Digest of {name}", name=name), digest) for name, digest in inputs.items()]
 
 
 def position_report(
@@ -514,7 +530,7 @@ def position_report(
     section = shown[upright] + ("" if times == 1.0 else f"; horizontal scale {times:g} times the vertical")
     shadows = "" if covariance is None else f" with the shadows of 95 % ellipsoids{_drawn_at(magnify)}"
     turn, lift = np.degrees(first_view(path))
-    view = f"seen from azimuth {turn:.0f}°, {lift:.0f}° from above"
+    view = label("seen from azimuth {turn:.0f}°, {lift:.0f}° from above", turn=turn, lift=lift)
     severity = dogleg_severity_deg(path)
     found = []
     if uncertainty is not None:
@@ -532,7 +548,8 @@ def position_report(
         badge=(
             "Read the warnings"
             if warnings
-            else f"{len(path)} stations" + ("" if uncertainty is not None else ", uncertainty not known")
+            else label("{count} stations", count=len(path))
+            + ("" if uncertainty is not None else ", uncertainty not known")
         ),
         verdict=_verdict(path, survey, uncertainty),
         notes=list(notes),
@@ -560,10 +577,17 @@ def position_report(
 def _verdict(path: Path, survey: WellSurvey, uncertainty: PositionUncertainty | None) -> str:
     """One sentence: where the last station is, and how sure that is."""
     if uncertainty is None:
-        where = f"north {path.north[-1]:.2f} m, east {path.east[-1]:.2f} m, true vertical depth {path.tvd[-1]:.2f} m"
-        return (
-            f"At {path.md[-1]:.2f} m the well is at {where} ({survey.north} north); how sure that is is not known: no "
-            "error model was given."
+        where = label(
+            "north {north:.2f} m, east {east:.2f} m, true vertical depth {tvd:.2f} m",
+            north=path.north[-1],
+            east=path.east[-1],
+            tvd=path.tvd[-1],
+        )
+        return label(
+            "At {md:.2f} m the well is at {where} ({north} north); how sure that is is not known: no error model was given.",
+            md=path.md[-1],
+            where=where,
+            north=survey.north,
         )
     ellipse = horizontal_ellipse(uncertainty.widened(PROBABILITY)[-1], PROBABILITY)
     sigma = np.sqrt(np.diagonal(uncertainty.covariance[-1]))
@@ -571,11 +595,17 @@ def _verdict(path: Path, survey: WellSurvey, uncertainty: PositionUncertainty | 
         rounded(float(x[-1]), float(u)) for x, u in zip((path.north, path.east, path.tvd), sigma, strict=True)
     )
     vertical = float(ellipsoid_factor(PROBABILITY, 1, uncertainty.degrees_of_freedom[-1])) * float(sigma[2])
-    return (
-        f"At {path.md[-1]:.2f} m the well is at north {north} m, east {east} m, true vertical depth {down} m "
-        f"({survey.north} north); with 95 % probability within a horizontal ellipse of "
-        f"{significant(float(ellipse.major))} m by {significant(float(ellipse.minor))} m (semi-axes, the major one at "
-        f"azimuth {np.degrees(float(ellipse.direction)):.0f}°), and within ±{significant(vertical)} m vertically."
+    return label(
+        "At {md:.2f} m the well is at north {north} m, east {east} m, true vertical depth {down} m ({north_2} north); with 95 % probability within a horizontal ellipse of {major} m by {minor} m (semi-axes, the major one at azimuth {direction:.0f}°), and within ±{vertical} m vertically.",
+        md=path.md[-1],
+        north=north,
+        east=east,
+        down=down,
+        north_2=survey.north,
+        major=significant(float(ellipse.major)),
+        minor=significant(float(ellipse.minor)),
+        direction=np.degrees(float(ellipse.direction)),
+        vertical=significant(vertical),
     )
 
 
@@ -602,7 +632,7 @@ def _data(path: Path, uncertainty: PositionUncertainty | None, magnify: float, n
         "view": [round(angle, 6) for angle in first_view(path)],
         "words": {
             "grid": translated("grid lines every"),
-            "north": translated(f"{north} north"),
+            "north": translated(label("{north} north", north=north)),
             "north_m": translated("north, m"),
             "east_m": translated("east, m"),
             "tvd_m": translated("true vertical depth, m"),
@@ -624,4 +654,6 @@ def _sources_picture(uncertainty: PositionUncertainty | None, code: ToolCode | N
     ]
     figure = source_figure(names, [p.major for p in parts], [p.propagation for p in parts])
     more = len(uncertainty.sources) - len(parts)
-    return [picture(figure, "sources", f"The {len(parts)} largest sources" if more else "All sources")]
+    return [
+        picture(figure, "sources", label("The {count} largest sources", count=len(parts)) if more else "All sources")
+    ]

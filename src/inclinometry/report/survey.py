@@ -9,6 +9,7 @@ import numpy as np
 from inclinometry.arrays import Array
 from inclinometry.constants import ANGLES
 from inclinometry.earth.site import Site
+from inclinometry.language import label
 from inclinometry.position.well import WellSurvey, well_survey
 from inclinometry.report import survey_figures as draw
 from inclinometry.report.language import said
@@ -37,7 +38,11 @@ def survey_report(
     flagged = sum(bool(row) for row in survey.flags)
     failed = 0 if quality is None else sum(check.verdict == "fail" for check in quality.checks)
     angles = [
-        picture(draw.angle_figure(survey, name), name, f"{name.capitalize()} with its band of U, and U by component")
+        picture(
+            draw.angle_figure(survey, name),
+            name,
+            label("{name} with its band of U, and U by component", name=name.capitalize()),
+        )
         for name in _known(survey)
     ]
     names = listed([f"“{name}”" for name in survey.components])
@@ -45,7 +50,7 @@ def survey_report(
     missing = ["misalignment of the tool in the hole"]
     missing += [] if SAG in seen else ["sag"]
     missing += [] if seen & {AXIAL, ANALYSIS, SENSORS} else ["magnetic interference"]
-    subject = f"Survey with {survey.tool or 'a tool'}"
+    subject = label("Survey with {value}", value=survey.tool or "a tool")
     return report(
         "Survey report",
         subject,
@@ -70,8 +75,16 @@ def survey_report(
         about="What was reduced",
         heading=subject if survey.tool else "Survey",
         states=[
-            (flagged, "warn", f"{flagged} of {len(survey)} stations flagged"),
-            (failed, "warn", f"{failed} of {0 if quality is None else len(quality.checks)} checks failed"),
+            (flagged, "warn", label("{flagged} of {count} stations flagged", flagged=flagged, count=len(survey))),
+            (
+                failed,
+                "warn",
+                label(
+                    "{failed} of {value} checks failed",
+                    failed=failed,
+                    value=0 if quality is None else len(quality.checks),
+                ),
+            ),
             (survey.findings or survey.warnings, "warn", "Read the warnings"),
             (True, "good", "No flags"),
         ],
@@ -110,7 +123,9 @@ def summary_table(survey: Survey, names: Sequence[str]) -> Table:
         cells = [significant(float(v)) for v in (expanded.min(), np.median(expanded), expanded[worst])]
         body.append(TableRow([name, *cells, plain(survey.md[worst], 2)]))
     head = ["angle", "least U, deg", "median U, deg", "largest U, deg", "at md, m"]
-    return Table(f"Expanded uncertainty (k = {survey.coverage_factor:g})", head, body)
+    return Table(
+        label("Expanded uncertainty (k = {k:g})", k=survey.coverage_factor), head, body
+    )
 
 
 def _magnitude_figures(survey: Survey, site: Site | None) -> list[Picture]:
@@ -121,13 +136,13 @@ def _magnitude_figures(survey: Survey, site: Site | None) -> list[Picture]:
         ("dip", "Dip", "dip", "deg", np.degrees(survey.dip), _reference(site, "dip")),
     ]
     pictures = []
-    for flag, title, label, unit, value, reference in plans:
+    for flag, title, what, unit, value, reference in plans:
         if not np.isfinite(value).any():
             continue
         flagged = np.array([flag in row for row in survey.flags], dtype=bool)
         sigma = reference is not None and reference[1] is not None
         caption = f"{title}{'; shaded: twice the standard deviation of the reference' if sigma else ''}"
-        figure = draw.magnitude_figure(survey.md, value, label, unit, reference, flagged)
+        figure = draw.magnitude_figure(survey.md, value, what, unit, reference, flagged)
         pictures.append(picture(figure, f"total{flag}", caption))
     return pictures
 
@@ -170,7 +185,9 @@ def _table(survey: Survey) -> Table:
     for name in degrees:
         head += [name, "U"]
     return Table(
-        f"Stations; angles, U (k = {factor:g}) and dip in deg", [*head, *(t[0] for t in totals), "flags"], rows
+        label("Stations; angles, U (k = {factor:g}) and dip in deg", factor=factor),
+        [*head, *(t[0] for t in totals), "flags"],
+        rows,
     )
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from inclinometry.calibration.acceptance import Verification
 from inclinometry.calibration.decision import AGREES, DISAGREES
 from inclinometry.constants import COVERAGE_FACTOR
+from inclinometry.language import label
 from inclinometry.report.figure import BAD, INK, SERIES, panel, station_axis
 from inclinometry.report.page import Section, Table, TableRow, cut, picture, report
 from inclinometry.report.words import plain, rounded, significant
@@ -113,7 +114,7 @@ def verification_report(verification: Verification) -> str:
         errors.append(picture(station_figure(verification, column), f"station{slug}", caption))
         # errors over fewer than four settings of an angle are no curve; the stations show them
         if settings(verification, column) >= 4:
-            caption = f"Error curve: error of {angle} over its setting"
+            caption = label("Error curve: error of {angle} over its setting", angle=angle)
             curves.append(picture(curve_figure(verification, column), f"curve{slug}", caption))
     count, tool = len(verification.station), verification.tool or "the tool"
     where = f"{count} independent position{'s' * (count != 1)}"
@@ -131,7 +132,7 @@ def verification_report(verification: Verification) -> str:
     word = verification.verdict.upper()
     return report(
         "Verification report",
-        f"Verification of {verification.tool or 'a tool'}",
+        label("Verification of {value}", value=verification.tool or "a tool"),
         f"{tool[:1].upper()}{tool[1:]} {verdict}",
         [
             Section(
@@ -179,12 +180,19 @@ def _summary(verification: Verification) -> Table:
             _signed(float(error[worst]), float(u[worst])),
             significant(float(np.sqrt(np.mean(error**2)))),
             significant(verification.coverage_factor * float(np.median(u))),
-            *([low if low == high else f"{low} to {high}"] if agreed else []),
+            *([low if low == high else label("{low} to {high}", low=low, high=high)] if agreed else []),
             *(str(decisions.count(word)) for word in words),
         ]
         body.append(TableRow([name, *cells], _state(decisions)))
     head = ["angle", "largest error, deg", "rms, deg", "U (median), deg", *["limit ±, deg"] * agreed, *words]
-    return Table(f"Errors over all judged positions; U with k = {verification.coverage_factor:.3g}", head, body)
+    return Table(
+        label(
+            "Errors over all judged positions; U with k = {k:.3g}",
+            k=verification.coverage_factor,
+        ),
+        head,
+        body,
+    )
 
 
 def _state(decisions: Sequence[str]) -> str:
@@ -200,7 +208,10 @@ def _signed(value: float, u: float) -> str:
 
 def _rule(verification: Verification) -> str:
     """How an error is held against its limit, for the section that draws both."""
-    bars = f"Bars are U of the comparison, k = {COVERAGE_FACTOR:g}: tool, noise and stand together."
+    bars = label(
+        "Bars are U of the comparison, k = {k:g}: tool, noise and stand together.",
+        k=COVERAGE_FACTOR,
+    )
     if not verification.limits_name:
         return f"No limits were agreed and no conformity is stated. {bars}"
     if any("inconclusive" in row for row in verification.decision):
@@ -229,5 +240,9 @@ def _table(verification: Verification) -> Table:
         rows.append(TableRow([station, *cells], _state(verification.decision[k])))
     head = ["station", "azimuth set", "inclination set", "toolface set"]
     for name in verification.names:
-        head += [f"error of {name}", "U", *["limit ±"] * agreed, "decision" if agreed else "agreement"]
-    return Table(f"All positions, deg; U with k = {verification.coverage_factor:.3g}", head, rows)
+        head += [label("error of {name}", name=name), "U", *["limit ±"] * agreed, "decision" if agreed else "agreement"]
+    return Table(
+        label("All positions, deg; U with k = {k:.3g}", k=verification.coverage_factor),
+        head,
+        rows,
+    )

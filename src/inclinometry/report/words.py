@@ -15,6 +15,7 @@ from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
 from inclinometry.calibration.start import zero_from_north
 from inclinometry.constants import COVERAGE_FACTOR, DIALS
+from inclinometry.language import label
 from inclinometry.rotations import wrap_positive, wrap_signed
 
 MOST_DECIMALS = 9
@@ -139,15 +140,26 @@ def verdict(calibration: Calibration, found: ExpectedUncertainty) -> str:
     tool = tool_name(calibration) or "this tool"
     seen = calibration.tool.triads["accelerometer"].rank if "accelerometer" in calibration.tool.triads else 0
     if seen < 2:
-        return f"The accelerometers of {tool} see fewer than two components of gravity: no attitude can be given."
+        return label(
+            "The accelerometers of {tool} see fewer than two components of gravity: no attitude can be given.",
+            tool=tool,
+        )
     if not found.angles:
-        return f"The method gives no uncertainty for {tool}: what its readings are worth is not known from this run."
+        return label(
+            "The method gives no uncertainty for {tool}: what its readings are worth is not known from this run.",
+            tool=tool,
+        )
     at_deg = float(np.degrees(found.inclination[0]))
     values = {
         name: COVERAGE_FACTOR * float(np.degrees(found.of_one_reading[0, ALL_ANGLES.index(name)]))
         for name in found.angles
     }
-    parts = listed([f"{name} within ±{significant(value)}°" for name, value in values.items()])
+    parts = listed(
+        [
+            label("{name} within ±{significant}°", name=name, significant=significant(value))
+            for name, value in values.items()
+        ]
+    )
     where = (
         f"at {at_deg:g}° inclination, at the worst azimuth and toolface" if found.azimuth_from else f"at {at_deg:g}°"
     )
@@ -192,22 +204,39 @@ def run_facts(calibration: Calibration, readings: BenchReadings | None) -> list[
         ("Tool", tool_name(calibration) or "not named"),
         ("Sensors", listed(triads)),
         ("Method", f"{calibration.method}: {methods.get(calibration.method, 'see the record')}"),
-        ("Stations", f"{stations} ({left} more were left out of the fit)" if left > 0 else f"{stations}"),
-        ("Temperature", "not recorded" if span is None else f"{span[0]:.1f} to {span[1]:.1f} °C"),
+        (
+            "Stations",
+            label("{stations} ({left} more were left out of the fit)", stations=stations, left=left)
+            if left > 0
+            else f"{stations}",
+        ),
+        (
+            "Temperature",
+            "not recorded" if span is None else label("{span:.1f} to {end:.1f} °C", span=span[0], end=span[1]),
+        ),
     ]
     for kind, triad in tool.triads.items():
         if triad.degree:
-            degree = f"polynomial of degree {triad.degree} about {triad.reference_temperature:g} °C"
-            facts.append((f"Temperature model of the {kind}", degree))
+            degree = label(
+                "polynomial of degree {degree} about {at_degC:g} °C",
+                degree=triad.degree,
+                at_degC=triad.reference_temperature,
+            )
+            facts.append((label("Temperature model of the {kind}", kind=kind), degree))
     if readings is not None and readings.count is not None:
-        facts.append(("Readings averaged", f"{int(readings.count.min())} to {int(readings.count.max())} a station"))
+        facts.append(
+            (
+                "Readings averaged",
+                label("{min} to {max} a station", min=int(readings.count.min()), max=int(readings.count.max())),
+            )
+        )
     if readings is not None:
-        shown = {"g": lambda v: f"{v:.5f} m/s²", "b": lambda v: f"{v:.0f} nT"}
+        shown = {"g": lambda v: f"{v:.5f} m/s²", "b": lambda v: label("{v:.0f} nT", v=v)}
         shown |= dict.fromkeys(("dip", "latitude", "north"), lambda v: f"{np.degrees(v):.2f}°")
         stated = [(n, shown[n](v) if n in shown else f"{v:g}") for n, v in readings.reference.items()]
-        facts += [(f"Stated at the stand: {name}", text) for name, text in stated]
+        facts += [(label("Stated at the stand: {name}", name=name), text) for name, text in stated]
     facts += [("Note", sentence) for sentence in calibration.notes]
-    return facts + [(f"Digest of {name}", digest) for name, digest in calibration.inputs.items()]
+    return facts + [(label("Digest of {name}", name=name), digest) for name, digest in calibration.inputs.items()]
 
 
 def rig_sentences(calibration: Calibration) -> list[str]:
@@ -225,12 +254,14 @@ def rig_sentences(calibration: Calibration) -> list[str]:
     loose = [f"{name} {significant(value)}°" for name, value in zip(DIALS, sd, strict=True) if value > 0.0]
     trusted = [name for name, value in zip(DIALS, sd, strict=True) if value <= 0.0]
     if loose:
-        sentences.append(f"Standard deviation of one setting: {listed(loose)}.")
+        sentences.append(label("Standard deviation of one setting: {loose}.", loose=listed(loose)))
     if trusted:
-        sentences.append(f"The dials of {listed(trusted)} were taken as exact.")
+        sentences.append(label("The dials of {trusted} were taken as exact.", trusted=listed(trusted)))
     for name, (value, u) in calibration.rig.nuisance.items():
         text = with_uncertainty(float(np.degrees(value)), float(np.degrees(u)))
-        sentences.append(f"Constant error of the rig, {name.replace('_', ' ')}: {text}°.")
+        sentences.append(
+            label("Constant error of the rig, {replace}: {text}°.", replace=name.replace("_", " "), text=text)
+        )
     return sentences
 
 
@@ -244,9 +275,13 @@ def _base(calibration: Calibration) -> str:
     u = _spread(calibration, lean)
     text = with_uncertainty(tilt, u)
     if np.isfinite(u) and tilt < 2.0 * u:
-        return f"The base of the rig is level within what was measured: tilt {text}°."
+        return label("The base of the rig is level within what was measured: tilt {text}°.", text=text)
     toward = float(np.degrees(wrap_positive(np.arctan2(y, x))))
-    return f"The base of the rig is tilted by {text}°: true down leans toward the rig's azimuth {toward:.0f}°."
+    return label(
+        "The base of the rig is tilted by {text}°: true down leans toward the rig's azimuth {toward:.0f}°.",
+        text=text,
+        toward=toward,
+    )
 
 
 def _second_field(calibration: Calibration, kind: str) -> list[str]:
@@ -262,7 +297,13 @@ def _second_field(calibration: Calibration, kind: str) -> list[str]:
     dip = with_uncertainty(below(at), _spread(calibration, below))
     north = with_uncertainty(turn(at), _spread(calibration, turn))
     if kind == "magnetometer":
-        return [f"The magnetic field dips {dip}° and, seen from above, points to the rig's azimuth {north}°."]
+        return [
+            label(
+                "The magnetic field dips {dip}° and, seen from above, points to the rig's azimuth {north}°.",
+                dip=dip,
+                north=north,
+            )
+        ]
     latitude = with_uncertainty(-below(at), _spread(calibration, below))
     where = f"seen from above at the rig's azimuth {north}°"
     return [f"The Earth's axis stands {latitude}° above the horizon (the latitude), {where}."]
@@ -275,8 +316,8 @@ def _spread(calibration: Calibration, quantity: Callable[[Mapping[str, Array]], 
     step = 1e-6  # rad: central differences then err by 1e-12, and no direction is so exactly vertical in practice
     for kind, direction in at.items():
         basis = tangent_basis(np.asarray(direction))
-        for column, label in enumerate(("north", "east")):
-            name = f"{kind}.direction.{label}"
+        for column, side in enumerate(("north", "east")):
+            name = f"{kind}.direction.{side}"
             if name not in names:
                 return float("nan")
             sides = [quantity({**at, kind: direction + sign * step * basis[:, column]}) for sign in (1.0, -1.0)]
@@ -302,7 +343,10 @@ def residual_sentences(calibration: Calibration) -> list[str]:
     chance = len(values) * float(erfc(3.0 / np.sqrt(2.0)))
     spread = float(np.sqrt(np.mean(values**2)))
     return [
-        f"Root mean square of the standardised residuals: {spread:.2f} (1 when noise and rig are as stated).",
+        label(
+            "Root mean square of the standardised residuals: {spread:.2f} (1 when noise and rig are as stated).",
+            spread=spread,
+        ),
         f"{beyond} of {len(values)} residuals {lie} beyond three standard deviations; chance alone would put "
         f"{significant(chance, 1)} there.",
         *([f"{idle} more {'is' if idle == 1 else 'are'} not judged: there the fit follows the reading."] * bool(idle)),
@@ -350,7 +394,14 @@ def identifiability_sentences(calibration: Calibration) -> list[str]:
     """How many readings carry how many parameters, and whether one station decides alone."""
     sizes = sum(np.asarray(v).size for v in calibration.residuals.values.values())
     unknown = len(calibration.parameter_names)
-    sentences = [f"{sizes} readings determine {unknown} parameters: {sizes - unknown} are left to check them."]
+    sentences = [
+        label(
+            "{sizes} readings determine {unknown} parameters: {sizes_2} are left to check them.",
+            sizes=sizes,
+            unknown=unknown,
+            sizes_2=sizes - unknown,
+        )
+    ]
     leverage = np.asarray(calibration.residuals.leverage)
     if len(leverage):
         most = int(np.argmax(leverage))

@@ -14,7 +14,7 @@ from typing import Any, Final
 
 from inclinometry import findings
 from inclinometry.errors import FileError, InclinometryError
-from inclinometry.report.glossary import terms
+from inclinometry.glossary import terms
 from inclinometry.report.language import speaking, translated
 
 LANGUAGES: Final = {"en": "English", "ru": "Русский", "zh": "中文"}
