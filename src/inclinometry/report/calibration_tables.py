@@ -129,8 +129,8 @@ def classical_rows(tool: Tool, kind: str) -> list[Row]:
         labels += [
             label("{name} scale", name=name),
             label("{name} bias", name=name),
-            f"{name} toward {first}",
-            f"{name} toward {second}",
+            label("{name} toward {axis}", name=name, axis=first),
+            label("{name} toward {axis}", name=name, axis=second),
         ]
         units += [unit.scale_name, unit.name, "deg", "deg"]
     return _derived(tool, kind, view, labels, units)
@@ -145,8 +145,10 @@ def shape_rows(tool: Tool, kind: str) -> list[Row]:
     offsets = [row for row in parameter_rows(tool, kind)[: 4 * triad.count] if ".offset" in row.label]
     rows = []
     for name, scale, u, offset in zip(sensor_names(triad.count), *relative_scales(tool, kind), offsets, strict=True):
-        rows.append(Row(f"{name} scale to the mean", float(scale), float(u) if u > 0.0 else np.nan, "%"))
-        rows.append(offset._replace(label=f"{name} offset"))
+        rows.append(
+            Row(label("{name} scale to the mean", name=name), float(scale), float(u) if u > 0.0 else np.nan, "%")
+        )
+        rows.append(offset._replace(label=label("{name} offset", name=name)))
     return rows
 
 
@@ -235,7 +237,12 @@ def expected_tables(found: ExpectedUncertainty) -> list[Table]:
             )
             for i, x in enumerate(np.degrees(found.inclination).round(9))
         ]
-        caption = f"Uncertainty {term}: standard / expanded (k = {COVERAGE_FACTOR:g}), deg; {where}"
+        caption = label(
+            "Uncertainty {part}: standard / expanded (k = {k:g}), deg; {where}",
+            part=term,
+            k=COVERAGE_FACTOR,
+            where=where,
+        )
         tables.append(Table(caption, ["at", *found.angles], rows))
     return tables
 
@@ -260,7 +267,11 @@ def rig_table(calibration: Calibration, readings: BenchReadings | None) -> Table
         rows.append(
             TableRow([name, *settings.get(name, []), *(with_uncertainty(float(e), float(s)) for e, s in pairs)])
         )
-    head = ["station", *(f"{dial} set, deg" for dial in DIALS if settings), *(f"error of {d}, deg" for d in DIALS)]
+    head = [
+        "station",
+        *(label("{dial} set, deg", dial=dial) for dial in DIALS if settings),
+        *(label("error of {d}, deg", d=d) for d in DIALS),
+    ]
     note = "Each estimate is drawn toward zero by the standard deviation of a setting; their scatter understates it."
     return Table("Estimated error of each setting", head, rows, note)
 
@@ -294,7 +305,11 @@ def residual_tables(calibration: Calibration, readings: BenchReadings | None) ->
             rows.append(
                 TableRow([name, *settings.get(name, []), *cells, *scaled, f"{residuals.leverage[k]:.2f}"], state)
             )
-        head = ["station", *(f"{dial} set, deg" for dial in DIALS if settings), *(f"{n}, {unit}" for n in names)]
+        head = [
+            "station",
+            *(label("{dial} set, deg", dial=dial) for dial in DIALS if settings),
+            *(f"{n}, {unit}" for n in names),
+        ]
         head += [*(f"{n} / σ" for n in names), "leverage"]
         note = "Reading minus model at the settings as dialled; coloured beyond two, bold beyond three deviations."
         found[kind] = Table(label("Residuals of the {kind}", kind=kind), head, rows, note)
@@ -366,7 +381,7 @@ def triad_block(tool: Tool, kind: str) -> dict[str, Any]:
         "toward, deg",
     ]
     head.append(label("noise, {name}", name=unit.name))
-    at = f" at {triad.reference_temperature:g} °C" if triad.degree else ""
+    at = label(" at {at_degC:g} °C", at_degC=triad.reference_temperature) if triad.degree else ""
     square = orthogonality_rows(tool, kind)
     # tensor and offset, a line a sensor and power of temperature
     rows = parameter_rows(tool, kind)
@@ -374,16 +389,18 @@ def triad_block(tool: Tool, kind: str) -> dict[str, Any]:
     sensors, lines = sensor_names(triad.count), []
     for start in range(0, len(rows), 4):
         power, sensor = divmod(start // 4, triad.count)
-        label = sensors[sensor] + (f" · T{power}" if triad.degree else "")
+        name = sensors[sensor] + (f" · T{power}" if triad.degree else "")
         units = [rows[start].unit] if triad.degree else []
-        lines.append(TableRow([label, *units, *(row.text for row in rows[start : start + 4])]))
+        lines.append(TableRow([name, *units, *(row.text for row in rows[start : start + 4])]))
     columns = ["sensor", *(["unit"] if triad.degree else []), "N x", "N y", "N z", "U0"]
     given = "" if triad.degree else f", {triad.unit}"
-    powers = f"; Tn: factor of (T - {triad.reference_temperature:g} °C)^n" if triad.degree else ""
-    caption = f"Tensor N and offset U0{given}, ± standard uncertainty{powers}"
+    powers = (
+        label("; Tn: factor of (T - {at_degC:g} °C)^n", at_degC=triad.reference_temperature) if triad.degree else ""
+    )
+    caption = label("Tensor N and offset U0{unit}, ± standard uncertainty{powers}", unit=given, powers=powers)
     return {
         "kind": kind,
-        "classical": Table(f"Scale, bias and misalignment{at}, ± standard uncertainty", head, body),
+        "classical": Table(label("Scale, bias and misalignment{at}, ± standard uncertainty", at=at), head, body),
         "orthogonality": Table(
             "Angle between axes less 90°", ["axes", "deg"], [TableRow([row.label, row.text]) for row in square]
         ),
@@ -408,13 +425,19 @@ def comparison_table(
         found = expected_uncertainty(other, at_once.inclination, dip)
         body.append(_method(name, found, differences(calibration.tool, other.tool, dip)))
     angles = ALL_ANGLES[:3]
-    head = ["method", *(f"u({name}), deg" for name in angles), *(f"Δ {name}, deg" for name in angles)]
+    head = [
+        "method",
+        *(label("u({name}), deg", name=name) for name in angles),
+        *(label("Δ {name}, deg", name=name) for name in angles),
+    ]
     note = (
         "Δ: largest difference from this report's calibration between 10 and 90 deg inclination. u: what the method "
         "says of itself; one that knows nothing of the rig's errors states too little."
     )
     at_deg = float(np.degrees(at_once.inclination[0]))
-    caption = f"Standard uncertainty {FROM_CALIBRATION} at {at_deg:g}° inclination, worst attitude"
+    caption = label(
+        "Standard uncertainty {part} at {at_deg:g}° inclination, worst attitude", part=FROM_CALIBRATION, at_deg=at_deg
+    )
     return Table(caption, head, body, note)
 
 

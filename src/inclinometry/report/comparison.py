@@ -40,7 +40,10 @@ def two_report(found: TwoCalibrations) -> str:
     for kind in dict.fromkeys(row.kind for row in found.coefficients):
         rows, body = [row for row in found.coefficients if row.kind == kind], []
         for row in rows:
-            cells = [f"{row.sensor} {row.name}", *(rounded(v, u) for v, u in zip(row.values, row.u, strict=True))]
+            cells = [
+                f"{row.sensor} {label(row.name)}",
+                *(rounded(v, u) for v, u in zip(row.values, row.u, strict=True)),
+            ]
             cells += [rounded(row.difference, row.u_difference)]
             cells += [f"{row.sigmas:+.1f}" if np.isfinite(row.sigmas) else ""]
             body.append(TableRow(cells, "warn" if abs(row.sigmas) > much else ""))
@@ -48,12 +51,12 @@ def two_report(found: TwoCalibrations) -> str:
             dict.fromkeys(label("{name} in {unit}", name=row.name, unit=row.unit) for row in rows if row.unit)
         )
         head = ["sensor", *found.names, "difference", "in its u"]
-        tables.append(Table(f"{kind.capitalize()}: {units}", head, body))
+        tables.append(Table(f"{label(kind.capitalize())}: {units}", head, body))
     return render(
         "comparison.html",
         title="Two calibrations compared",
         kind="Comparison",
-        heading=" and ".join(found.names),
+        heading=listed(list(found.names)),
         conventions=CONVENTIONS,
         state="warn" if far else "good",
         badge="Differ" if far else "Agree",
@@ -65,7 +68,11 @@ def two_report(found: TwoCalibrations) -> str:
             picture(
                 _figure(found, column),
                 f"two{name}",
-                f"{name.capitalize()}: u {FROM_CALIBRATION} (k = 1) and difference, deg",
+                label(
+                    "{angle}: u {part} (k = 1) and difference, deg",
+                    angle=name.capitalize(),
+                    part=FROM_CALIBRATION,
+                ),
             )
             for column, name in enumerate(("inclination", "azimuth"))
             if np.isfinite(found.difference[:, column]).any()
@@ -85,7 +92,8 @@ def _figure(axes: Axes, found: TwoCalibrations, column: int) -> None:
     curves = [(f"u, {name}", u[:, column]) for name, u in zip(found.names, found.uncertainty, strict=True)]
     curves.append(("difference, rms", found.difference[:, column]))
     curves += [
-        (f"true error, {name}", error[:, column]) for name, error in zip(found.names, found.error or (), strict=False)
+        (label("true error, {name}", name=name), error[:, column])
+        for name, error in zip(found.names, found.error or (), strict=False)
     ]
     seen = []
     for n, (name, values) in enumerate(curves):
@@ -128,7 +136,7 @@ def comparison_figure(rows: Sequence[MethodCurve], *, title: str = "") -> Figure
         positive = np.concatenate(levels)
         if len(positive):
             log_scale(axes, float(positive.min()), float(positive.max()))
-        axes.set_title(f"standard deviation of {name}, deg")
+        axes.set_title(label("standard deviation of {name}, deg", name=name))
         axes.set_xlabel("inclination, deg")
     figure.legend(handles=handles, loc="outside lower center", ncols=len(rows) if len(rows) <= 4 else 3)
     if title:

@@ -9,9 +9,8 @@ import numpy as np
 
 from inclinometry.constants import COVERAGE_FACTOR
 from inclinometry.findings import Finding
-from inclinometry.language import label
+from inclinometry.language import label, said
 from inclinometry.report.figure import BAD, DASHES, MARKERS, SERIES, legend_above, panel
-from inclinometry.report.language import said
 from inclinometry.report.page import Section, Table, TableRow, cut, picture, report
 from inclinometry.report.words import rounded, significant
 from inclinometry.survey.displacement import AxisDisplacement, CheckSums, Displacement
@@ -39,7 +38,7 @@ def displacement_report(
     state = "warn" if warnings else "good"
     spikes = sum(int(one.spikes.sum()) for each in found.values() for one in each.axes.values())
     single = any(one.sums is None for each in found.values() for one in each.axes.values())
-    band = f"shaded: expanded uncertainty (k = {COVERAGE_FACTOR:g}) of {last}"
+    band = label("shaded: expanded uncertainty (k = {k:g}) of {last}", k=COVERAGE_FACTOR, last=last)
     return report(
         "Displacement report",
         "Displacement of a casing",
@@ -48,7 +47,11 @@ def displacement_report(
             Section(
                 "Displacement since the base reading",
                 pictures=[
-                    picture(profile_figure(found, axis), f"profile{axis}", f"Axis {axis.upper()}; {band}")
+                    picture(
+                        profile_figure(found, axis),
+                        f"profile{axis}",
+                        label("Axis {upper}; {band}", upper=axis.upper(), band=band),
+                    )
                     for axis in axes
                 ],
             ),
@@ -58,7 +61,7 @@ def displacement_report(
                     picture(
                         sums_figure(base, base_sums, found, axis),
                         f"sums{axis}",
-                        f"Axis {axis.upper()}: {axis.upper()}0 + {axis.upper()}180",
+                        label("Axis {upper}: {upper}0 + {upper}180", upper=axis.upper()),
                     )
                     for axis in axes
                     if base_sums[axis] is not None
@@ -76,7 +79,7 @@ def displacement_report(
         about="What was read",
         conventions=SIGN,
         states=[
-            (spikes, state, f"{spikes} spike{'s' * (spikes != 1)} in the check-sums"),
+            (spikes, state, label("Spikes in the check-sums: {count}", count=spikes)),
             (bool(warnings), state, "Read the warnings"),
             (single, state, "Single runs without check-sums"),
             (True, state, "No spikes in the check-sums"),
@@ -92,7 +95,13 @@ def _sentence(name: str, found: Displacement) -> str:
         row = int(np.argmax(np.abs(one.displacement)))
         u = 1000.0 * float(one.u[row])
         band = f" ± {significant(COVERAGE_FACTOR * u)}" if np.isfinite(u) else ", uncertainty not known"
-        return f"{axis.upper()} {rounded(1000.0 * float(one.displacement[row]), u)}{band} mm at {found.depth[row]:g} m"
+        return label(
+            "{upper} {displacement}{band} mm at {depth:g} m",
+            upper=axis.upper(),
+            displacement=rounded(1000.0 * float(one.displacement[row]), u),
+            band=band,
+            depth=found.depth[row],
+        )
 
     parts = " and ".join(words(axis, one) for axis, one in found.axes.items())
     return label(
@@ -166,7 +175,5 @@ def _table(found: Displacement) -> Table:
         rows.append(TableRow([*cells, "spike" if spike else ""], "warn" if spike else ""))
     head = ["depth, m"]
     for axis in found.axes:
-        head += [f"{axis.upper()}, mm", "U, mm"]
-    return Table(
-        label("Displacement; U: k = {k:g}", k=COVERAGE_FACTOR), [*head, "check-sum"], rows
-    )
+        head += [label("{upper}, mm", upper=axis.upper()), "U, mm"]
+    return Table(label("Displacement; U: k = {k:g}", k=COVERAGE_FACTOR), [*head, "check-sum"], rows)

@@ -99,7 +99,11 @@ def drift_figure(axes: Axes, status: FleetStatus) -> None:
         if k == SIXTY:
             axes.fill_between(years, u / wide, u * wide, color=SERIES[k], alpha=0.16, linewidth=0.0)
         axes.plot(
-            years, u, color=SERIES[k], linestyle=DASHES[k], label=f"inclination {np.degrees(inclination):.0f} deg"
+            years,
+            u,
+            color=SERIES[k],
+            linestyle=DASHES[k],
+            label=label("inclination {inclination:.0f} deg", inclination=np.degrees(inclination)),
         )
     legend_above(axes, 2)
 
@@ -135,7 +139,8 @@ def fleet_report(status: FleetStatus) -> str:
     required = status.requirement
     at = ", ".join(f"{np.degrees(i):g}" for i in required.inclinations)
     requirement = label(
-        "azimuth within {limit:g} deg, rms over azimuth and toolface, at inclination {at} deg until the due date, with a probability of {reliability:g} %",
+        "azimuth within {limit:g} deg, rms over azimuth and toolface, at inclination {at} deg until the due date, "
+        "with a probability of {reliability:g} %",
         limit=np.degrees(required.limit),
         at=at,
         reliability=100 * required.reliability,
@@ -173,13 +178,15 @@ def fleet_report(status: FleetStatus) -> str:
 
 def _due(status: FleetStatus) -> Section:
     beyond = f"{100 * (1.0 - status.requirement.reliability):.2g} %"
-    caption = (
-        "Azimuth of the tools due first, where it is required; red: limit of the error; marker: due, when the error is "
-        f"beyond it with a probability of {beyond}"
+    caption = label(
+        "Azimuth of the tools due first, where it is required; red: limit of the error; marker: due, when the "
+        "error is beyond it with a probability of {beyond}",
+        beyond=beyond,
     )
-    rule = (
+    rule = label(
         "A tool is due when its azimuth, by its own drift, may be out of the limit with a probability of "
-        f"{beyond}, and after five years at the latest."
+        "{beyond}, and after five years at the latest.",
+        beyond=beyond,
     )
     figure = azimuth_figure(list(status.tools)[:6], status)
     return Section("Due dates", [rule], [cut(_due_table(status))], [picture(figure, "azimuth", caption)])
@@ -196,9 +203,14 @@ def _type(status: FleetStatus) -> Section:
             first=model.first,
             last=model.last,
         ),
-        *([label("Left out, because they jumped: {names}.", names=", ".join(model.left_out))] if model.left_out else []),
+        *(
+            [label("Left out, because they jumped: {names}.", names=", ".join(model.left_out))]
+            if model.left_out
+            else []
+        ),
         label(
-            "A tool's own drift variance differs from the type's by a factor of {factor} either way (one standard deviation).",
+            "A tool's own drift variance differs from the type's by a factor of {factor} either way (one standard "
+            "deviation).",
             factor=factor,
         ),
     ]
@@ -246,9 +258,10 @@ def _due_table(status: FleetStatus) -> Table:
     head = [
         "tool", "state", "due", "last calibration", "days left", "own drift", "u now, deg", "u after six, deg",
     ]  # fmt: skip
-    note = (
-        f"due soon: within {SOON} days; own drift: variance as a multiple of the type's; u: standard uncertainty "
-        "of azimuth at inclination 60 deg, now and after a check of six positions"
+    note = label(
+        "due soon: within {SOON} days; own drift: variance as a multiple of the type's; u: standard uncertainty "
+        "of azimuth at inclination 60 deg, now and after a check of six positions",
+        SOON=SOON,
     )
     return Table("Tools by due date", head, body, note, 2)
 
@@ -262,7 +275,11 @@ def _alarm_sentences(alarmed: Sequence[ToolStatus]) -> list[str]:
     return [
         "The last calibration of these tools does not fit their history. A check of six positions is refused: make a "
         "full calibration.",
-        *([f"Follow these first, of which 5 % may be false alarms: {', '.join(follow)}."] if follow else []),
+        *(
+            [label("Follow these first, of which 5 % may be false alarms: {list}.", list=", ".join(follow))]
+            if follow
+            else []
+        ),
         unseen,
     ]
 
@@ -290,7 +307,12 @@ def _rig_sentences(status: FleetStatus, off: Sequence[str]) -> list[str]:
     if not status.rigs:
         return ["No rig made three calibrations or more of known tools in the last year."]
     if off:
-        return [f"Rigs off: {', '.join(off)}. Tools calibrated there have shifted alike since they were on other rigs."]
+        return [
+            label(
+                "Rigs off: {list}. Tools calibrated there have shifted alike since they were on other rigs.",
+                list=", ".join(off),
+            )
+        ]
     return ["No rig shifts its tools alike."]
 
 
@@ -320,7 +342,7 @@ def _type_table(status: FleetStatus) -> Table:
     head = ["parameter", "drift in a year", "between mountings"]
     head += ["a dose of shock (x / y / z)", "a dose of heat (x / y / z)"] if model.effects.any() else []
     b = FIELD_UNITS["magnetometer"]
-    note = f"1e-3 of the field is 50 {b} in 50000 {b}; the axis after x is y, after y z, after z x"
+    note = label("1e-3 of the field is 50 {unit} in 50000 {unit}; the axis after x is y, after y z, after z x", unit=b)
     return Table("Standard deviations, root mean square over the three axes", head, body, note)
 
 
@@ -337,5 +359,7 @@ def _azimuth_table(status: FleetStatus) -> Table:
     body = [row("drift in a year", status.model.drift), row("between mountings", status.model.reproducibility)]
     for name, values in (("tools now, median", now), ("after a check of six positions, median", checked)):
         body.append(TableRow([name, *(f"{value:.3f}" for value in np.median(values, axis=0))]))
-    head = ["azimuth, deg", *(f"inclination {np.degrees(i):.0f} deg" for i in SHOWN)]
-    return Table(f"Azimuth (k = 1), rms over azimuth and toolface, dip {np.degrees(dip):.0f} deg", head, body)
+    head = ["azimuth, deg", *(label("inclination {i:.0f} deg", i=np.degrees(i)) for i in SHOWN)]
+    return Table(
+        label("Azimuth (k = 1), rms over azimuth and toolface, dip {dip:.0f} deg", dip=np.degrees(dip)), head, body
+    )

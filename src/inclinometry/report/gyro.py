@@ -16,10 +16,9 @@ from inclinometry.errors import InputError
 from inclinometry.findings import Finding
 from inclinometry.gyro.result import FLAGS, North
 from inclinometry.gyro.tracking import SPAN, ScaleTrack
-from inclinometry.language import label
+from inclinometry.language import label, said
 from inclinometry.report.calibration import MANY
 from inclinometry.report.figure import BAD, DASHES, INK, MARKERS, SERIES, legend_above, new_figure, panel, styled
-from inclinometry.report.language import said
 from inclinometry.report.page import CONVENTIONS, Picture, Section, Table, TableRow, cut, picture, report
 from inclinometry.report.survey import flag_table, summary_table
 from inclinometry.report.survey_figures import angle_figure
@@ -83,7 +82,7 @@ def _per_cent(scale: Array) -> Array:
     return np.asarray(100.0 * (scale - 1.0))
 
 
-def _scale_panel(axes: Axes, track: ScaleTrack, label: str = "learnt", colour: str = SERIES[0]) -> None:
+def _scale_panel(axes: Axes, track: ScaleTrack, name: str = "learnt", colour: str = SERIES[0]) -> None:
     heat, scale, sd = scale_course(track)
     middle, spread = _per_cent(scale), COVERAGE_FACTOR * 100.0 * sd
     band: dict[str, Any] = {
@@ -92,13 +91,13 @@ def _scale_panel(axes: Axes, track: ScaleTrack, label: str = "learnt", colour: s
         "linewidth": 0.0,
         "label": label("its ±U (k = {k:g})", k=COVERAGE_FACTOR),
     }
-    axes.plot(heat, middle, color=colour, label=label)
+    axes.plot(heat, middle, color=colour, label=name)
     axes.fill_between(heat, middle - spread, middle + spread, **band)
     axes.set_ylabel("scale factor − 1, %")
 
 
 @panel(3.6, y="azimuth difference, deg")
-def difference_figure(axes: Axes, north: North, others: Mapping[str, North], place: Array, label: str) -> None:
+def difference_figure(axes: Axes, north: North, others: Mapping[str, North], place: Array, along: str) -> None:
     """Azimuth by other methods less the one reported, with its band of U; failures stand on the lower edge."""
     band = COVERAGE_FACTOR * np.degrees(north.u("azimuth"))
     differences = {
@@ -107,7 +106,7 @@ def difference_figure(axes: Axes, north: North, others: Mapping[str, North], pla
     _differences(
         axes, place, differences, band, label("U of the azimuth reported ({method})", method=method_label(north.method))
     )
-    axes.set_xlabel(label)
+    axes.set_xlabel(along)
     legend_above(axes, 1)
 
 
@@ -154,7 +153,7 @@ def condition_figure(axes: Axes, k: Array, place: Array, label: str, lost: Mask)
         look: dict[str, Any] = {"linestyle": "none", "marker": "x", "markersize": 6.5, "markeredgewidth": 1.8}
         axes.plot(place[lost], k[lost], color=BAD, label="closed form failed", **look)
     axes.set_ylim(min(-0.2, 1.08 * float(np.nanmin(k, initial=0.0))), max(0.3, 1.08 * float(np.nanmax(k, initial=0.0))))
-    axes.set_xlabel(label)
+    axes.set_xlabel(along)
     legend_above(axes, 2)
 
 
@@ -184,8 +183,10 @@ def hot_run_figure(
     for name, value in errors.items():
         good = value[np.isfinite(value)]
         rms = significant(float(np.degrees(np.sqrt(np.mean(good**2))))) if len(good) else "not known"
-        lost = f", no azimuth at {size - len(good)} of {size}" if len(good) < size else ""
-        named[f"{name}: rms {rms}°{lost}"] = np.degrees(value)
+        lost = (
+            label(", no azimuth at {count} of {total}", count=size - len(good), total=size) if len(good) < size else ""
+        )
+        named[label("{name}: rms {rms}°{lost}", name=name, rms=rms, lost=lost)] = np.degrees(value)
     who, spread = list(u.items())[-1]
     _differences(
         top, temperature, named, COVERAGE_FACTOR * np.degrees(spread), label("95 % band that “{who}” states", who=who)
@@ -209,9 +210,9 @@ def hot_run_figure(
 
 # The report of a scale factor followed over temperature.
 
-GYRO_CONVENTIONS = (
-    f"{CONVENTIONS} Scale factor: true rate = scale factor × reading. K = cos(latitude) cos(inclination) + "
-    "sin(latitude) sin(inclination) cos(azimuth from true north): what the scale factor is seen through."
+SCALE_CONVENTIONS = (
+    "Scale factor: true rate = scale factor × reading. K = cos(latitude) cos(inclination) + sin(latitude) "
+    "sin(inclination) cos(azimuth from true north): what the scale factor is seen through."
 )
 
 
@@ -232,8 +233,12 @@ def scale_report(track: ScaleTrack, *, md: ArrayLike | None = None, tool: str = 
     ]
     span = belief.temperature_range or (float(track.temperature.min()), float(track.temperature.max()))
     sentences = [
-        f"The next run can start from these coefficients with their covariance. They were learnt from {span[0]:.0f} to "
-        f"{span[1]:.0f} °C; beyond that they are extrapolated."
+        label(
+            "The next run can start from these coefficients with their covariance. They were learnt from "
+            "{span:.0f} to {span_2:.0f} °C; beyond that they are extrapolated.",
+            span=span[0],
+            span_2=span[1],
+        )
     ]
     coefficients = Table("Coefficients ± standard uncertainty", ["coefficient", "value"], body)
     return report(
@@ -251,7 +256,7 @@ def scale_report(track: ScaleTrack, *, md: ArrayLike | None = None, tool: str = 
         heading=label("Scale factor of {tool} over temperature", tool=tool)
         if tool
         else "Scale factor over temperature",
-        conventions=GYRO_CONVENTIONS,
+        conventions=f"{label(CONVENTIONS)} {label(SCALE_CONVENTIONS)}",
         states=[
             (left, "warn", label("Nothing learnt from {left} of {count} stations", left=left, count=len(track))),
             (notes, "warn", "Read the warnings"),
@@ -267,7 +272,11 @@ def scale_report(track: ScaleTrack, *, md: ArrayLike | None = None, tool: str = 
 def scale_picture(track: ScaleTrack) -> Picture:
     """The scale factor over temperature."""
     over = "temperature" if track.thermometer else "the stations"
-    caption = f"Scale factor over {over}; bars and band: U (k = {COVERAGE_FACTOR:g})"
+    caption = label(
+        "Scale factor over {over}; bars and band: U (k = {k:g})",
+        over=over,
+        k=COVERAGE_FACTOR,
+    )
     return picture(scale_figure(track), "scale", caption)
 
 
@@ -276,10 +285,17 @@ def learnt_sentences(track: ScaleTrack) -> list[str]:
     low, high = float(track.temperature.min()), float(track.temperature.max())
     worst, median = (COVERAGE_FACTOR * 100.0 * float(of(track.scale_sd)) for of in (np.max, np.median))
     change = 100.0 * float(np.ptp(track.scale))
-    over = f"From {low:.0f} to {high:.0f} °C" if track.thermometer else "Over the run"
+    over = label("From {low:.0f} to {high:.0f} °C", low=low, high=high) if track.thermometer else "Over the run"
     return [
-        f"{over} the scale factor changed by {significant(change)} %; it is known within "
-        f"±{significant(worst)} % at the worst station (median ±{significant(median)} %, k = {COVERAGE_FACTOR:g}).",
+        label(
+            "{over} the scale factor changed by {change} %; it is known within ±{worst} % at the worst station "
+            "(median ±{median} %, k = {k:g}).",
+            over=over,
+            change=significant(change),
+            worst=significant(worst),
+            median=significant(median),
+            k=COVERAGE_FACTOR,
+        ),
         *(f"{note[0].upper()}{note[1:]}." for note in track.notes),
     ]
 
@@ -311,9 +327,7 @@ def _scale_stations(track: ScaleTrack, depth: Array | None) -> Table:
         body.append(TableRow([*cells, "yes" if used else "no"], "" if used else "warn"))
     place = "station" if depth is None else "md, m"
     head = [place, "T, °C", "without its own rates", "U", "with them", "U", "learnt from"]
-    return Table(
-        label("Scale factor of each station, U (k = {k:g})", k=COVERAGE_FACTOR), head, body
-    )
+    return Table(label("Scale factor of each station, U (k = {k:g})", k=COVERAGE_FACTOR), head, body)
 
 
 def gyro_report(
@@ -340,13 +354,13 @@ def gyro_report(
         Section("Stations", tables=[cut(_stations(survey, north, heat))]),
     ]
     size, k = len(survey), survey.coverage_factor
-    span = f"{size} station{'s' * (size != 1)} from {survey.md[0]:g} to {survey.md[-1]:g} m"
+    span = label("{count} stations from {first:g} to {last:g} m", count=size, first=survey.md[0], last=survey.md[-1])
     expanded = {name: np.degrees(survey.expanded(name)) for name in ANGLES[:2]}
     # no accelerometer of a tool reaches 5e-4 deg: below it nobody stated their errors
     stated = bool(np.nanmax(expanded["inclination"], initial=0.0) > 5e-4)
     parts = listed([worst_and_median(name, u) for name, u in expanded.items() if stated or name != "inclination"])
     failed = listed([f"“{check.name}”" for check in checks if check.verdict == "fail"])
-    condition = f" Settle the failed check of {failed} before relying on it." if failed else ""
+    condition = label(" Settle the failed check of {failed} before relying on it.", failed=failed) if failed else ""
     included = [name for name, part in survey.components.items() if np.nansum(part) > 0.0]
     left = [] if "latitude" in included else ["error of the latitude"]
     left += ["error of the convergence"] if survey.azimuth_reference == "grid" and "convergence" not in included else []
@@ -368,16 +382,27 @@ def gyro_report(
     return report(
         "Gyro survey report",
         subject,
-        f"{span}: {parts} at the worst of them (expanded, k = {k:g}, about 95 %).{condition}",
+        label(
+            "{span}: {parts} at the worst of them (expanded, k = {k:g}, about 95 %).{condition}",
+            span=span,
+            parts=parts,
+            k=k,
+            condition=condition,
+        ),
         sections,
         _facts(survey, north, heat, track, site),
         about="What was reduced",
         heading=subject if survey.tool else "Gyro survey",
-        conventions=GYRO_CONVENTIONS,
+        conventions=f"{label(CONVENTIONS)} {label(SCALE_CONVENTIONS)}",
         states=_states(flagged, size, checks, bool(told or survey.warnings)),
         notes=[
-            f"Azimuth counts from {survey.azimuth_reference} north. Included in the uncertainty: {named}. "
-            f"Not included: {missing}."
+            label(
+                "Azimuth counts from {azimuth_reference} north. Included in the uncertainty: {named}. Not "
+                "included: {missing}.",
+                azimuth_reference=survey.azimuth_reference,
+                named=named,
+                missing=missing,
+            )
         ],
         warnings=[*said(told), *survey.warnings],
         inputs=survey.inputs,
@@ -453,8 +478,13 @@ def _scale(survey: Survey, north: North, others: Mapping[str, North], track: Sca
     pictures = [] if track is None else [scale_picture(track)]
     blind = int((np.abs(k) < SINGULAR).sum())
     sentences.append(
-        f"K is within ±{SINGULAR:g} at {blind} of {len(k)} stations: there the Earth’s rotation says next to "
-        "nothing of the scale factor, and its prior decides."
+        label(
+            "K is within ±{SINGULAR:g} at {blind} of {count} stations: there the Earth’s rotation says next to "
+            "nothing of the scale factor, and its prior decides.",
+            SINGULAR=SINGULAR,
+            blind=blind,
+            count=len(k),
+        )
     )
     lost = np.zeros(len(k), dtype=bool)
     for other in others.values():

@@ -13,11 +13,10 @@ from inclinometry.constants import COVERAGE_FACTOR
 from inclinometry.language import label
 from inclinometry.orientation import angles, angles_jacobian
 from inclinometry.report.figure import BAD, INK, SERIES, legend_above, matrix_axes, new_figure, panel, styled
-from inclinometry.report.language import parameter_name
 from inclinometry.report.page import Section, Table, TableRow, cut, picture, report
 from inclinometry.report.quality import quality_pictures
 from inclinometry.report.survey_figures import thinned
-from inclinometry.report.words import listed, plain, significant, with_uncertainty, worst_and_median
+from inclinometry.report.words import listed, parameter_name, plain, significant, with_uncertainty, worst_and_median
 from inclinometry.rotations import wrap_signed
 from inclinometry.survey.multistation import SOURCE, MultiStation
 from inclinometry.survey.quality import BLIND, QUANTITIES, FieldQuality, judge_fields
@@ -133,9 +132,9 @@ def described(name: str) -> str:
     term, cross, reference = (re.fullmatch(pattern, name) for pattern in patterns)
     if term:
         kind = {"A": "accelerometer", "M": "magnetometer"}[term[1]]
-        return f"{kind} {term[3]} {'zero' if term[2] == 'B' else 'scale'}"
+        return label("{kind} {axis} zero" if term[2] == "B" else "{kind} {axis} scale", kind=kind, axis=term[3])
     if cross:
-        return label("magnetometer {cross} cross-axis {cross_2}", cross=cross[1], cross_2=cross[2])
+        return label("{kind} {axis} cross-axis {other}", kind="magnetometer", axis=cross[1], other=cross[2])
     if reference:
         return label("{reference} of the reference", reference=reference[1])
     interference = re.fullmatch(r"(?:axial|transverse) interference ?([xy]?)", name)
@@ -160,15 +159,8 @@ def unit_of(unit: str) -> tuple[str, float]:
 
 def labels(found: MultiStation) -> dict[str, str]:
     """Short names of the parameters that have a prior variance, for drawings."""
-    short = {"accelerometer ": "acc ", "magnetometer ": "mag ", "reference ": "ref "}
-    names = {}
-    for name, p in found.parameters.items():
-        if p.prior > 0.0:
-            text = parameter_name(name)
-            for long, brief in short.items():
-                text = text.replace(long, brief)
-            names[name] = text
-    return names
+    drawn = [name for name, p in found.parameters.items() if p.prior > 0.0]
+    return {name: parameter_name(name, short=True) for name in drawn}
 
 
 def blind_spots(found: MultiStation, after: FieldQuality, u_azimuth: Array) -> list[str]:
@@ -179,19 +171,23 @@ def blind_spots(found: MultiStation, after: FieldQuality, u_azimuth: Array) -> l
     untold = [name for name, p in known.items() if p.learned < learned]
     if untold:
         few = (
-            listed(untold)
+            listed([described(name) for name in untold])
             if len(untold) <= 6
-            else label("{count} of {total} parameters (the table says which)", count=len(untold), total=len(known))
+            else label("{count} of {total} parameters (see the table)", count=len(untold), total=len(known))
         )
         names = "all parameters" if len(untold) == len(known) else few
         lines.append(
-            f"The run removed less than {100.0 * learned:.0f} % of the prior variance of {names}: their values and "
-            "uncertainties are those of the priors, not of the run."
+            label(
+                "The run removed less than {learned:.0f} % of the prior variance of {names}: their values and "
+                "uncertainties are those of the priors, not of the run.",
+                learned=100.0 * learned,
+                names=names,
+            )
         )
     keys, matrix = list(found.parameters), found.correlation
     # beyond a correlation of 0.95 two parameters are one to the run
     pairs = [
-        f"{keys[j]} and {keys[i]}"
+        label("{one} and {other}", one=described(keys[j]), other=described(keys[i]))
         for i in range(len(keys))
         for j in range(i)
         if abs(matrix[i, j]) > 0.95 and keys[i] in known and keys[j] in known
@@ -203,8 +199,13 @@ def blind_spots(found: MultiStation, after: FieldQuality, u_azimuth: Array) -> l
         row = int(np.nanargmax(hidden))
         size = f"{significant(float(np.degrees(hidden[row])))}°" if np.isfinite(hidden[row]) else "any size"
         lines.append(
-            f"At {after.md[row]:g} m, one station by itself, an axial interference that turns azimuth by {size} would "
-            "pass the checks of field and dip; the run as a whole sees more, as the uncertainty of azimuth says."
+            label(
+                "At {md:g} m, one station by itself, an axial interference that turns azimuth by {size} would "
+                "pass the checks of field and dip; the run as a whole sees more, as the uncertainty of azimuth "
+                "says.",
+                md=after.md[row],
+                size=size,
+            )
         )
     able = u_azimuth < VAGUE
     if able.any():
@@ -212,7 +213,8 @@ def blind_spots(found: MultiStation, after: FieldQuality, u_azimuth: Array) -> l
         u = significant(float(np.degrees(u_azimuth[row])))
         lines.append(
             label(
-                "Azimuth remains least known at {md:g} m: u = {u}° (sensors and their correction; declination, misalignment in the hole and sag are not in it).",
+                "Azimuth remains least known at {md:g} m: u = {u}° (sensors and their correction; declination, "
+                "misalignment in the hole and sag are not in it).",
                 md=after.md[row],
                 u=u,
             )
@@ -236,7 +238,7 @@ def msa_report(
     u_before, u_after = (azimuth_u(stations) for stations in (before, found.corrected))
     names = labels(found)
     said = [*warnings, *found.warnings]
-    shift = np.array([found.parameters[f"reference {name}"].value for name in ("g", "b", "dip")])
+    shift = np.array([found.parameters[label("reference {name}", name=name)].value for name in ("g", "b", "dip")])
     signs = "Correlation after the analysis: blue positive, orange negative; area by size, blank below 0.05"
     reference, md = quality.reference, found.corrected.md
     dip = with_uncertainty(float(np.degrees(reference.dip)), float(np.degrees(reference.dip_sigma)))
@@ -273,7 +275,10 @@ def msa_report(
             ("Tool", tool or "not named"),
             ("Stations", label("{count}, {md:g} to {end_m:g} m", count=count, md=md[0], end_m=md[-1])),
             ("Priors", found.priors),
-            ("Chi-square", f"{found.chi_square:.1f}, expected about {found.freedom}"),
+            (
+                "Chi-square",
+                label("{chi_square:.1f}, expected about {freedom}", chi_square=found.chi_square, freedom=found.freedom),
+            ),
             ("Reference g", f"{with_uncertainty(reference.g, reference.g_sigma)} m/s²"),
             ("Reference b", label("{b} nT", b=with_uncertainty(reference.b, reference.b_sigma))),
             ("Reference dip", f"{dip}°"),
@@ -328,7 +333,9 @@ def _verdict(found: MultiStation, before: Stations, u_after: Array) -> str:
     what = "; ".join(parts) if parts else "no sensor error stands out"
     able = u_after < VAGUE
     if not able.any():
-        return f"{what[0].upper()}{what[1:]}. No station is inclined enough for an azimuth."
+        return label(
+            "{upper}{what}. No station is inclined enough for an azimuth.", upper=what[0].upper(), what=what[1:]
+        )
     old, new = (angles(s.g, s.b).azimuth[able] for s in (before, found.corrected))
     moved = np.abs(np.degrees(wrap_signed(new - old)))
     known = worst_and_median("azimuth", COVERAGE_FACTOR * np.degrees(u_after[able]))
@@ -338,9 +345,16 @@ def _verdict(found: MultiStation, before: Stations, u_after: Array) -> str:
         else label("the {sum} stations that are not vertical", sum=int(able.sum()))
     )
     half, most = significant(float(np.median(moved))), significant(float(moved.max()))
-    return (
-        f"{what[0].upper()}{what[1:]}. Azimuth changes by at most {most}° (median {half}°) over {which}. "
-        f"Then {known} at the worst of them (expanded, k = {COVERAGE_FACTOR:g}, about 95 %)."
+    return label(
+        "{upper}{what}. Azimuth changes by at most {most}° (median {half}°) over {which}. Then {known} at the "
+        "worst of them (expanded, k = {COVERAGE_FACTOR:g}, about 95 %).",
+        upper=what[0].upper(),
+        what=what[1:],
+        most=most,
+        half=half,
+        which=which,
+        known=known,
+        COVERAGE_FACTOR=COVERAGE_FACTOR,
     )
 
 
@@ -396,7 +410,16 @@ def _pairs(found: MultiStation, names: Mapping[str, str]) -> Table | None:
     rows = []
     for size, i, j in sorted(strong, key=lambda pair: (-pair[0], pair[1:]))[:12]:
         only = "their sum" if matrix[i, j] < 0.0 else "their difference"
-        rows.append(TableRow([f"{keys[j]} and {keys[i]}", only, f"{matrix[i, j]:+.2f}"], "warn" if size > 0.95 else ""))
+        rows.append(
+            TableRow(
+                [
+                    label("{one} and {other}", one=described(keys[j]), other=described(keys[i])),
+                    only,
+                    f"{matrix[i, j]:+.2f}",
+                ],
+                "warn" if size > 0.95 else "",
+            )
+        )
     head = ["pair", "well known is rather", "correlation"]
     return Table("Parameters that go together", head, rows, text_columns=2) if rows else None
 
@@ -413,6 +436,9 @@ def _stations(found: MultiStation, before: Stations, was: FieldQuality, now: Fie
         rows.append(TableRow(cells, "warn" if now.verdicts[k] == "fail" else ""))
     head = ["md, m", "azimuth before", "after"]
     for quantity in QUANTITIES:
-        head += [f"{quantity.name} − reference, {quantity.shown.replace('m/s^2', 'm/s²')}", "after"]
+        head += [
+            label("{name} − reference, {replace}", name=quantity.name, replace=quantity.shown.replace("m/s^2", "m/s²")),
+            "after",
+        ]
     caption = "Stations; magnetic azimuth and influence in deg; surprise: squared error against the others, expected 3"
     return Table(caption, [*head, "influence", "surprise"], rows)

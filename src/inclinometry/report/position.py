@@ -15,7 +15,6 @@ from inclinometry.position.propagation import PositionUncertainty
 from inclinometry.position.tool_code import ToolCode
 from inclinometry.position.well import WellSurvey, ellipsoid, hole_sigmas, horizontal_ellipse
 from inclinometry.report.figure import DASHES, INK, SERIES, legend_above, new_figure, panel, styled
-from inclinometry.report.language import translated
 from inclinometry.report.page import CONVENTIONS, Picture, Table, TableRow, cut, picture, render
 from inclinometry.report.survey_figures import thinned
 from inclinometry.report.words import plain, rounded, significant
@@ -256,7 +255,9 @@ def compass_picture(survey: WellSurvey, row: int) -> list[Picture]:
     known = {"magnetic": survey.site.declination, "true": 0.0, "grid": survey.site.convergence}
     norths = [(name, angle) for name, angle in known.items() if angle is not None]
     times = spread_of_norths([angle for _, angle in norths])
-    caption = "Norths seen from above" + ("" if times == 1.0 else f"; angles between them drawn {times:g} times")
+    caption = "Norths seen from above" + (
+        "" if times == 1.0 else label("; angles between them drawn {times:g} times", times=times)
+    )
     return [picture(north_figure(norths, float(survey.azimuth[row]), times), "norths", caption)]
 
 
@@ -307,7 +308,9 @@ def bottom_table(path: Path, survey: WellSurvey, uncertainty: PositionUncertaint
         TableRow(["horizontal distance from the first station", f"{reach:.2f}", "", "", "m"]),
         TableRow(["its azimuth", f"{np.degrees(wrap_positive(np.arctan2(east, north))):.2f}", "", "", "deg"]),
     ]
-    caption = f"Last station, {path.md[-1]:.2f} m; positions and azimuths from {survey.north} north"
+    caption = label(
+        "Last station, {md:.2f} m; positions and azimuths from {north} north", md=path.md[-1], north=survey.north
+    )
     if uncertainty is None:
         rows = [TableRow([name, f"{value:.2f}", "", "", "m"]) for name, value in places]
         return Table(caption, head, rows + extra)
@@ -327,14 +330,16 @@ def bottom_table(path: Path, survey: WellSurvey, uncertainty: PositionUncertaint
     bars = [TableRow([n, "", significant(float(u), 3), significant(k * float(u), 3), "m"]) for n, u, k in lengths]
     turn = TableRow(["azimuth of the ellipse's major axis", f"{np.degrees(flat.direction):.1f}", "", "", "deg"])
     note = label(
-        "95 %: {one:.2f} σ for one coordinate, {two:.3f} σ for an ellipse, {three:.3f} σ for an ellipsoid, of a normal distribution.",
+        "95 %: {one:.2f} σ for one coordinate, {two:.3f} σ for an ellipse, {three:.3f} σ for an ellipsoid, of a "
+        "normal distribution.",
         one=one,
         two=two,
         three=three,
     )
     if np.isfinite(freedom):
         note = label(
-            "95 %: {one:.2f} σ for one coordinate, {two:.3f} σ for an ellipse, {three:.3f} σ for an ellipsoid, of Student's distribution of {freedom:.0f} effective degrees of freedom.",
+            "95 %: {one:.2f} σ for one coordinate, {two:.3f} σ for an ellipse, {three:.3f} σ for an ellipsoid, of "
+            "Student's distribution of {freedom:.0f} effective degrees of freedom.",
             one=one,
             two=two,
             three=three,
@@ -391,7 +396,13 @@ def chain_table(survey: WellSurvey, reference: str) -> Table:
             quantity = {"magnetic": "declination", "grid": "convergence"}[name]
             sigma = getattr(site, f"{quantity}_sigma")
             spread = f" ± {np.degrees(sigma):.2f}" if sigma else ""
-            step = f"{quantity} {np.degrees(correction):+.3f}{spread}° added ({site.origin(quantity)})"
+            step = label(
+                "{quantity} {correction:+.3f}{spread}° added ({origin})",
+                quantity=quantity,
+                correction=np.degrees(correction),
+                spread=spread,
+                origin=site.origin(quantity),
+            )
         rows.append(TableRow([name, f"{value:.3f}", step, _role(name, reference, survey.north)]))
     caption = label("Azimuth of the station at {md:.2f} m from each north", md=survey.md[row])
     note = (
@@ -417,7 +428,8 @@ def missing(
     if calibration is not None and code is None:
         lines.append(
             label(
-                "Everything outside the certificate of {calibration}: measured depth, misalignment in the hole, sag, magnetic interference of the string, references where they are not in the table of sources.",
+                "Everything outside the certificate of {calibration}: measured depth, misalignment in the hole, "
+                "sag, magnetic interference of the string, references where they are not in the table of sources.",
                 calibration=calibration,
             )
         )
@@ -427,10 +439,13 @@ def missing(
             "they are not in the table of sources."
         )
     elif code is not None:
-        beside = "" if calibration is None else f"in the certificate of {calibration} or "
+        both = "the certificate of {calibration} or of {name}"
+        terms = code.name if calibration is None else label(both, calibration=calibration, name=code.name)
         lines.append(
-            f"Anything that is not {beside}a term of {code.name}: a tool, a hole or a correction that model was not "
-            "made for."
+            label(
+                "Anything that is not a term of {terms}: a tool, a hole or a correction that model was not made for.",
+                terms=terms,
+            )
         )
     if not uncertainty.survey.tie.any():
         lines.append("Uncertainty of the first station's position: it was taken as exact.")
@@ -525,10 +540,15 @@ def position_report(
     direction = section_azimuth(path)
     flat = magnification(path, covariance, EAST_NORTH)
     upright = magnification(path, covariance, section_axes(direction))
-    shown = {size: "" if covariance is None else f"; 95 % ellipses{_drawn_at(size)}" for size in (flat, upright)}
+    shown = {
+        size: "" if covariance is None else label("; 95 % ellipses{size}", size=_drawn_at(size))
+        for size in (flat, upright)
+    }
     times = stretched(path, covariance, direction, upright)
-    section = shown[upright] + ("" if times == 1.0 else f"; horizontal scale {times:g} times the vertical")
-    shadows = "" if covariance is None else f" with the shadows of 95 % ellipsoids{_drawn_at(magnify)}"
+    section = shown[upright] + (
+        "" if times == 1.0 else label("; horizontal scale {times:g} times the vertical", times=times)
+    )
+    shadows = "" if covariance is None else label(" with the shadows of 95 % ellipsoids{size}", size=_drawn_at(magnify))
     turn, lift = np.degrees(first_view(path))
     view = label("seen from azimuth {turn:.0f}°, {lift:.0f}° from above", turn=turn, lift=lift)
     severity = dogleg_severity_deg(path)
@@ -556,10 +576,20 @@ def position_report(
         warnings=list(warnings),
         bottom=bottom_table(path, survey, uncertainty),
         plans=[
-            picture(plan_figure(path, covariance, survey.north, flat), "plan", f"Plan{shown[flat]}"),
-            picture(section_figure(path, covariance, direction, upright), "section", f"Vertical section{section}"),
+            picture(
+                plan_figure(path, covariance, survey.north, flat), "plan", label("Plan{ellipses}", ellipses=shown[flat])
+            ),
+            picture(
+                section_figure(path, covariance, direction, upright),
+                "section",
+                label("Vertical section{ellipses}", ellipses=section),
+            ),
         ],
-        still=picture(space_figure(path, covariance, magnify), "space", f"The well{shadows}, {view}"),
+        still=picture(
+            space_figure(path, covariance, magnify),
+            "space",
+            label("The well{shadows}, {view}", shadows=shadows, view=view),
+        ),
         data=_data(path, uncertainty, magnify, survey.north),
         magnify=f"{magnify:g}",
         sources=_sources_picture(uncertainty, tool_code),
@@ -584,7 +614,8 @@ def _verdict(path: Path, survey: WellSurvey, uncertainty: PositionUncertainty | 
             tvd=path.tvd[-1],
         )
         return label(
-            "At {md:.2f} m the well is at {where} ({north} north); how sure that is is not known: no error model was given.",
+            "At {md:.2f} m the well is at {where} ({north} north); how sure that is is not known: no error model "
+            "was given.",
             md=path.md[-1],
             where=where,
             north=survey.north,
@@ -596,7 +627,9 @@ def _verdict(path: Path, survey: WellSurvey, uncertainty: PositionUncertainty | 
     )
     vertical = float(ellipsoid_factor(PROBABILITY, 1, uncertainty.degrees_of_freedom[-1])) * float(sigma[2])
     return label(
-        "At {md:.2f} m the well is at north {north} m, east {east} m, true vertical depth {down} m ({north_2} north); with 95 % probability within a horizontal ellipse of {major} m by {minor} m (semi-axes, the major one at azimuth {direction:.0f}°), and within ±{vertical} m vertically.",
+        "At {md:.2f} m the well is at north {north} m, east {east} m, true vertical depth {down} m ({north_2} "
+        "north); with 95 % probability within a horizontal ellipse of {major} m by {minor} m (semi-axes, the "
+        "major one at azimuth {direction:.0f}°), and within ±{vertical} m vertically.",
         md=path.md[-1],
         north=north,
         east=east,
@@ -610,7 +643,7 @@ def _verdict(path: Path, survey: WellSurvey, uncertainty: PositionUncertainty | 
 
 
 def _drawn_at(magnify: float) -> str:
-    return "" if magnify == 1.0 else f", drawn {magnify:g} times as large"
+    return "" if magnify == 1.0 else label(", drawn {times:g} times as large", times=magnify)
 
 
 def _data(path: Path, uncertainty: PositionUncertainty | None, magnify: float, north: str) -> dict[str, Any]:
@@ -631,13 +664,13 @@ def _data(path: Path, uncertainty: PositionUncertainty | None, magnify: float, n
         "magnify": magnify,
         "view": [round(angle, 6) for angle in first_view(path)],
         "words": {
-            "grid": translated("grid lines every"),
-            "north": translated(label("{north} north", north=north)),
-            "north_m": translated("north, m"),
-            "east_m": translated("east, m"),
-            "tvd_m": translated("true vertical depth, m"),
-            "m": translated("m"),
-            **{side[0].upper(): translated(side)[0].upper() for side in ("north", "east", "south", "west")},
+            "grid": label("grid lines every"),
+            "north": label("{north} north", north=north),
+            "north_m": label("north, m"),
+            "east_m": label("east, m"),
+            "tvd_m": label("true vertical depth, m"),
+            "m": label("m"),
+            **{side[0].upper(): label(side)[0].upper() for side in ("north", "east", "south", "west")},
         },
     }
 
@@ -649,7 +682,7 @@ def _sources_picture(uncertainty: PositionUncertainty | None, code: ToolCode | N
     said = {one.name: one.description for one in (() if code is None else code.terms) if one.description}
     # its name with the code behind, as long as the figure is wide
     names = [
-        f"{shorten(translated(said[name]), 46 - len(name), placeholder=' …')} ({name})" if name in said else name
+        f"{shorten(label(said[name]), 46 - len(name), placeholder=' …')} ({name})" if name in said else name
         for name in (part.name for part in parts)
     ]
     figure = source_figure(names, [p.major for p in parts], [p.propagation for p in parts])

@@ -9,10 +9,9 @@ import numpy as np
 from inclinometry.arrays import Array
 from inclinometry.constants import ANGLES
 from inclinometry.earth.site import Site
-from inclinometry.language import label
+from inclinometry.language import label, said
 from inclinometry.position.well import WellSurvey, well_survey
 from inclinometry.report import survey_figures as draw
-from inclinometry.report.language import said
 from inclinometry.report.page import Picture, Section, Table, TableRow, cut, picture, report
 from inclinometry.report.position import chain_table, compass_picture
 from inclinometry.report.quality import check_table, quality_pictures
@@ -89,8 +88,12 @@ def survey_report(
             (True, "good", "No flags"),
         ],
         notes=[
-            f"Components included: {names}. Not included: {', '.join(missing)}."
-            f" Azimuth counts from {survey.azimuth_reference} north.",
+            label(
+                "Components included: {names}. Not included: {missing}.",
+                names=names,
+                missing=", ".join(map(label, missing)),
+            ),
+            label("Azimuth counts from {north} north.", north=survey.azimuth_reference),
             *notes,
         ],
         warnings=[*said(survey.findings), *survey.warnings],
@@ -106,12 +109,17 @@ def _sentence(survey: Survey) -> str:
     size = len(survey)
     if not size:
         return "No station was surveyed."
-    span = f"{size} station{'s' * (size != 1)} from {survey.md[0]:g} to {survey.md[-1]:g} m"
+    span = label("{count} stations from {first:g} to {last:g} m", count=size, first=survey.md[0], last=survey.md[-1])
     expanded = {name: np.degrees(survey.expanded(name)) for name in _known(survey)}
     if not any(u.any() for u in expanded.values()):
-        return f"{span}; the calibration states no uncertainty."
+        return label("{span}; the calibration states no uncertainty.", span=span)
     parts = listed([worst_and_median(name, u) for name, u in expanded.items()])
-    return f"{span}: {parts} at the worst of them (expanded, k = {survey.coverage_factor:g}, about 95 %)."
+    return label(
+        "{span}: {parts} at the worst of them (expanded, k = {k:g}, about 95 %).",
+        span=span,
+        parts=parts,
+        k=survey.coverage_factor,
+    )
 
 
 def summary_table(survey: Survey, names: Sequence[str]) -> Table:
@@ -123,9 +131,7 @@ def summary_table(survey: Survey, names: Sequence[str]) -> Table:
         cells = [significant(float(v)) for v in (expanded.min(), np.median(expanded), expanded[worst])]
         body.append(TableRow([name, *cells, plain(survey.md[worst], 2)]))
     head = ["angle", "least U, deg", "median U, deg", "largest U, deg", "at md, m"]
-    return Table(
-        label("Expanded uncertainty (k = {k:g})", k=survey.coverage_factor), head, body
-    )
+    return Table(label("Expanded uncertainty (k = {k:g})", k=survey.coverage_factor), head, body)
 
 
 def _magnitude_figures(survey: Survey, site: Site | None) -> list[Picture]:

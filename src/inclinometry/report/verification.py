@@ -49,7 +49,7 @@ def curve_figure(axes: Axes, verification: Verification, column: int) -> None:
     _errors(axes, x, verification, column)
     axes.axhline(0.0, color=INK, linewidth=0.8)
     axes.set_ylim(*_reach(verification, column))
-    axes.set_xlabel(f"{('inclination', 'azimuth', 'toolface')[column]} set, deg")
+    axes.set_xlabel(label("{value} set, deg", value=("inclination", "azimuth", "toolface")[column]))
 
 
 def settings(verification: Verification, column: int) -> int:
@@ -109,19 +109,31 @@ def verification_report(verification: Verification) -> str:
             continue
         slug = angle.replace(" ", "")
         caption = (
-            f"Error of {angle} at each station, bars U (k = {COVERAGE_FACTOR:g})" + f"; red: limits{band}" * agreed
+            label(
+                "Error of {angle} at each station, bars U (k = {k:g})",
+                angle=angle,
+                k=COVERAGE_FACTOR,
+            )
+            + label("; red: limits{band}", band=band) * agreed
         )
         errors.append(picture(station_figure(verification, column), f"station{slug}", caption))
         # errors over fewer than four settings of an angle are no curve; the stations show them
         if settings(verification, column) >= 4:
             caption = label("Error curve: error of {angle} over its setting", angle=angle)
             curves.append(picture(curve_figure(verification, column), f"curve{slug}", caption))
-    count, tool = len(verification.station), verification.tool or "the tool"
-    where = f"{count} independent position{'s' * (count != 1)}"
+    count, tool = len(verification.station), verification.tool or "The tool"
+    where = label("{count} independent positions", count=count)
     if agreed:
-        verdict = f"{'keeps' if passed else 'does not keep'} the limits “{verification.limits_name}” at {where}."
+        keeps = "{tool} keeps the limits “{limits}” at {where}."
+        fails = "{tool} does not keep the limits “{limits}” at {where}."
+        verdict = label(keeps if passed else fails, tool=tool, limits=verification.limits_name, where=where)
     else:
-        verdict = f"{verification.verdict} with its calibration at {where}. No limits were agreed."
+        verdict = label(
+            "{tool} {verdict} with its calibration at {where}. No limits were agreed.",
+            tool=tool,
+            verdict=verification.verdict,
+            where=where,
+        )
     facts = [
         ("Tool", verification.tool or "not named"),
         ("Positions", str(len(verification.station))),
@@ -133,7 +145,7 @@ def verification_report(verification: Verification) -> str:
     return report(
         "Verification report",
         label("Verification of {value}", value=verification.tool or "a tool"),
-        f"{tool[:1].upper()}{tool[1:]} {verdict}",
+        verdict,
         [
             Section(
                 "Errors against limits" if agreed else "Agreement with the certificate",
@@ -150,7 +162,7 @@ def verification_report(verification: Verification) -> str:
         # green only when nothing below speaks against relying on it
         states=[
             (not passed, "bad", word),
-            (verification.warnings, "warn", f"{word}, with reservations"),
+            (verification.warnings, "warn", label("{word}, with reservations", word=word)),
             (True, "good", word),
         ],
         notes=[f"{said[:1].upper()}{said[1:]}." for said in (*verification.reasons, *verification.notes)],
@@ -213,13 +225,12 @@ def _rule(verification: Verification) -> str:
         k=COVERAGE_FACTOR,
     )
     if not verification.limits_name:
-        return f"No limits were agreed and no conformity is stated. {bars}"
+        return f"{label('No limits were agreed and no conformity is stated.')} {bars}"
     if any("inconclusive" in row for row in verification.decision):
-        return f"An error passes within the limit less its own U, the guard band (JCGM 106:2012, 8.3). {bars}"
-    return (
-        "An error passes within the limit, whatever its bar (JCGM 106:2012, 8.2), or, where a guard band was asked "
-        f"for, within the limit less its own U. {bars}"
-    )
+        guarded = "An error passes within the limit less its own U, the guard band (JCGM 106:2012, 8.3)."
+        return f"{label(guarded)} {bars}"
+    simple = "An error passes within the limit, whatever its bar (JCGM 106:2012, 8.2)."
+    return f"{label(simple)} {bars}"
 
 
 def _table(verification: Verification) -> Table:

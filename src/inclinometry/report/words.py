@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Mapping
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -110,8 +111,9 @@ def worst_and_median(name: str, expanded: Array) -> str:
     ('azimuth within ±1.4° (median ±0.31°)', 'azimuth not known at the worst (median ±0.30°)')
     """
     worst, median = float(np.max(expanded)), float(np.median(expanded))
-    size = f"within ±{significant(worst)}°" if worst < 90.0 else "not known at the worst"
-    return f"{name} {size} (median ±{significant(median)}°)"
+    within, unknown = "{name} within ±{worst}° (median ±{median}°)", "{name} not known at the worst (median ±{median}°)"
+    text = within if worst < 90.0 else unknown
+    return label(text, name=name, worst=significant(worst), median=significant(median))
 
 
 DECISIVE = 0.9
@@ -126,7 +128,13 @@ def listed(words: list[str]) -> str:
     >>> listed(["a"]), listed(["a", "b"]), listed(["a", "b", "c"])
     ('a', 'a and b', 'a, b and c')
     """
-    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}" if words else ""
+    return (
+        words[0]
+        if len(words) == 1
+        else label("{names} and {last}", names=", ".join(map(label, words[:-1])), last=words[-1])
+        if words
+        else ""
+    )
 
 
 def tool_name(calibration: Calibration) -> str:
@@ -161,15 +169,24 @@ def verdict(calibration: Calibration, found: ExpectedUncertainty) -> str:
         ]
     )
     where = (
-        f"at {at_deg:g}° inclination, at the worst azimuth and toolface" if found.azimuth_from else f"at {at_deg:g}°"
+        label("at {at_deg:g}° inclination, at the worst azimuth and toolface", at_deg=at_deg)
+        if found.azimuth_from
+        else label("at {at_deg:g}°", at_deg=at_deg)
     )
     if seen == 2:
-        where += (
-            f", |g| known to {100.0 * found.gravity_sd:.2g} % of that at the calibration and the way of the hole stated"
+        where += label(
+            ", |g| known to {gravity_percent:.2g} % of that at the calibration and the way of the hole stated",
+            gravity_percent=100.0 * found.gravity_sd,
         )
-    count = len(calibration.remarks)
-    condition = f"; settle the warning{'s' * (count > 1)} below before relying on it" if count else ""
-    return f"One reading of {tool} gives {parts} (expanded, k = {COVERAGE_FACTOR:g}, about 95 %) {where}{condition}."
+    condition = label("; settle the warnings below before relying on it") if calibration.remarks else ""
+    return label(
+        "One reading of {tool} gives {parts} (expanded, k = {k:g}, about 95 %) {where}{condition}.",
+        tool=tool,
+        parts=parts,
+        k=COVERAGE_FACTOR,
+        where=where,
+        condition=condition,
+    )
 
 
 def covers(calibration: Calibration) -> str:
@@ -305,8 +322,14 @@ def _second_field(calibration: Calibration, kind: str) -> list[str]:
             )
         ]
     latitude = with_uncertainty(-below(at), _spread(calibration, below))
-    where = f"seen from above at the rig's azimuth {north}°"
-    return [f"The Earth's axis stands {latitude}° above the horizon (the latitude), {where}."]
+    where = label("seen from above at the rig's azimuth {north}°", north=north)
+    return [
+        label(
+            "The Earth's axis stands {latitude}° above the horizon (the latitude), {where}.",
+            latitude=latitude,
+            where=where,
+        )
+    ]
 
 
 def _spread(calibration: Calibration, quantity: Callable[[Mapping[str, Array]], float]) -> float:
@@ -339,7 +362,6 @@ def residual_sentences(calibration: Calibration) -> list[str]:
     if not len(values):
         return ["No residual is judged: the fit follows every reading." if idle else "The method leaves no residuals."]
     beyond = int((np.abs(values) > 3.0).sum())
-    lie = "lies" if beyond == 1 else "lie"
     chance = len(values) * float(erfc(3.0 / np.sqrt(2.0)))
     spread = float(np.sqrt(np.mean(values**2)))
     return [
@@ -347,9 +369,14 @@ def residual_sentences(calibration: Calibration) -> list[str]:
             "Root mean square of the standardised residuals: {spread:.2f} (1 when noise and rig are as stated).",
             spread=spread,
         ),
-        f"{beyond} of {len(values)} residuals {lie} beyond three standard deviations; chance alone would put "
-        f"{significant(chance, 1)} there.",
-        *([f"{idle} more {'is' if idle == 1 else 'are'} not judged: there the fit follows the reading."] * bool(idle)),
+        label(
+            "{beyond} of {count} residuals lie beyond three standard deviations; chance alone would put {chance} "
+            "there.",
+            beyond=beyond,
+            count=len(values),
+            chance=significant(chance, 1),
+        ),
+        *([label("{count} more are not judged: there the fit follows the reading.", count=idle)] * bool(idle)),
     ]
 
 
@@ -407,7 +434,14 @@ def identifiability_sentences(calibration: Calibration) -> list[str]:
         most = int(np.argmax(leverage))
         name, share = calibration.residuals.station[most], float(leverage[most])
         decisive = "an error there would go unseen" if share > DECISIVE else "no station decides alone"
-        sentences.append(f"The station with most leverage is {name}, {share:.2f} of 1: {decisive}.")
+        sentences.append(
+            label(
+                "The station with most leverage is {name}, {share:.2f} of 1: {decisive}.",
+                name=name,
+                share=share,
+                decisive=decisive,
+            )
+        )
     if any(one.code == "bench-stand-assumed" for one in calibration.findings):
         sentences.append("The plan is blind in a direction named in the warnings; there the assumption decides.")
     return sentences
@@ -424,4 +458,37 @@ def strongest_correlations(calibration: Calibration, most: int = 5) -> list[tupl
     order = np.argsort(-np.abs(matrix), axis=None, kind="stable")[:most]
     names = calibration.parameter_names
     pairs = [divmod(int(place), len(matrix)) for place in order]
-    return [(names[i], names[j], f"{matrix[i, j]:+.3f}") for i, j in pairs if matrix[i, j] != 0.0]
+    return [
+        (parameter_name(names[i]), parameter_name(names[j]), f"{matrix[i, j]:+.3f}")
+        for i, j in pairs
+        if matrix[i, j] != 0.0
+    ]
+
+
+_PARAMETER: Final = re.compile(
+    r"(accelerometer|magnetometer|gyro)\.(?:(?:(tensor|offset)\[(\d+)(?:,([012]))?\](?:\.T(\d+))?)|direction\.(\w+))"
+)
+
+
+def parameter_name(name: str, *, short: bool = False) -> str:
+    """A parameter of a sensor as people call it; any other text as it is.
+
+    Examples
+    --------
+    >>> parameter_name("accelerometer.tensor[2,1]"), parameter_name("magnetometer.offset[0]", short=True)
+    ('accelerometer Z cross-axis Y', 'mag X zero')
+    """
+    found = _PARAMETER.fullmatch(name)
+    if found is None:
+        return label(name)
+    kind, what, sensor, axis, power, side = found.groups()
+    kind = {"accelerometer": "acc", "magnetometer": "mag"}.get(kind, kind) if short else kind
+    if what is None:
+        return label(f"direction of the {kind} field toward {side}")
+    own = "XYZ"[int(sensor)] if int(sensor) < 3 else str(int(sensor) + 1)
+    across = "" if axis is None else "XYZ"[int(axis)]
+    form = "{kind} {axis} cross-axis {other}"
+    if what == "offset" or own == across:
+        form = "{kind} {axis} zero" if what == "offset" else "{kind} {axis} scale"
+    heat = "" if power is None else label(", per °C^{power}", power=power) if power != "1" else label(", per °C")
+    return label(form, kind=kind, axis=own, other=across) + heat
