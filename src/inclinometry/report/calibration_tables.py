@@ -83,15 +83,15 @@ def field_unit(triad: Triad) -> FieldUnit:
     absolute = triad.field_strength is not None
     if triad.kind == "accelerometer":
         if absolute:
-            return FieldUnit("mg", 1e3 / STANDARD_GRAVITY, label("{unit} per g", unit=triad.unit), STANDARD_GRAVITY)
-        return FieldUnit("% of gravity", 100.0, label("{unit} per local gravity", unit=triad.unit), 1.0)
+            return FieldUnit("mg", 1e3 / STANDARD_GRAVITY, f"{triad.unit} per g", STANDARD_GRAVITY)
+        return FieldUnit("% of gravity", 100.0, f"{triad.unit} per local gravity", 1.0)
     if triad.kind == "magnetometer":
         if absolute:
-            return FieldUnit("nT", 1.0, label("{unit} per µT", unit=triad.unit), 1e3)
-        return FieldUnit("% of the field", 100.0, label("{unit} per field", unit=triad.unit), 1.0)
+            return FieldUnit("nT", 1.0, f"{triad.unit} per µT", 1e3)
+        return FieldUnit("% of the field", 100.0, f"{triad.unit} per field", 1.0)
     if absolute:
-        return FieldUnit("deg/h", 1.0 / DEG_PER_HOUR, label("{unit} per deg/h", unit=triad.unit), DEG_PER_HOUR)
-    return FieldUnit("% of Earth rate", 100.0, label("{unit} per Earth rate", unit=triad.unit), 1.0)
+        return FieldUnit("deg/h", 1.0 / DEG_PER_HOUR, f"{triad.unit} per deg/h", DEG_PER_HOUR)
+    return FieldUnit("% of Earth rate", 100.0, f"{triad.unit} per Earth rate", 1.0)
 
 
 def signal_to_field(triad: Triad) -> Array:
@@ -127,10 +127,10 @@ def classical_rows(tool: Tool, kind: str) -> list[Row]:
     for name, place in zip(sensor_names(triad.count), np.argmax(np.abs(nominal), axis=1), strict=True):
         first, second = (axis for i, axis in enumerate("xyz") if i != place)
         labels += [
-            label("{name} scale", name=name),
-            label("{name} bias", name=name),
-            label("{name} toward {axis}", name=name, axis=first),
-            label("{name} toward {axis}", name=name, axis=second),
+            f"{name} scale",
+            f"{name} bias",
+            f"{name} toward {first}",
+            f"{name} toward {second}",
         ]
         units += [unit.scale_name, unit.name, "deg", "deg"]
     return _derived(tool, kind, view, labels, units)
@@ -145,10 +145,8 @@ def shape_rows(tool: Tool, kind: str) -> list[Row]:
     offsets = [row for row in parameter_rows(tool, kind)[: 4 * triad.count] if ".offset" in row.label]
     rows = []
     for name, scale, u, offset in zip(sensor_names(triad.count), *relative_scales(tool, kind), offsets, strict=True):
-        rows.append(
-            Row(label("{name} scale to the mean", name=name), float(scale), float(u) if u > 0.0 else np.nan, "%")
-        )
-        rows.append(offset._replace(label=label("{name} offset", name=name)))
+        rows.append(Row(f"{name} scale to the mean", float(scale), float(u) if u > 0.0 else np.nan, "%"))
+        rows.append(offset._replace(label=f"{name} offset"))
     return rows
 
 
@@ -172,10 +170,7 @@ def noise_rows(tool: Tool, kind: str) -> list[Row]:
     triad = tool.triads[kind]
     values = tool.noise[kind] * signal_to_field(triad)
     names = sensor_names(triad.count)
-    return [
-        Row(label("{n} noise", n=n), float(v), np.nan, field_unit(triad).name)
-        for n, v in zip(names, values, strict=True)
-    ]
+    return [Row(f"{n} noise", float(v), np.nan, field_unit(triad).name) for n, v in zip(names, values, strict=True)]
 
 
 def _derived(tool: Tool, kind: str, view: Callable[[Triad], Array], labels: list[str], units: list[str]) -> list[Row]:
@@ -364,9 +359,8 @@ def triad_block(tool: Tool, kind: str) -> dict[str, Any]:
     """Classical view, orthogonality and the parameters of one triad."""
     triad, names = tool.triads[kind], sensor_names(tool.triads[kind].count)
     classic, noise = classical_rows(tool, kind), noise_rows(tool, kind)
-    across = [
-        sorted({row.label.split(" toward ")[1] for row in classic[4 * i + 2 : 4 * i + 4]}) for i in range(len(names))
-    ]
+    largest = np.argmax(np.abs(classical_view(triad).nominal), axis=1)
+    across = [[axis for i, axis in enumerate("xyz") if i != place] for place in largest]
     body = []
     for i, name in enumerate(names):
         scale, bias, first, second = classic[4 * i : 4 * i + 4]

@@ -17,6 +17,7 @@ from inclinometry.language import label
 from inclinometry.report.calibration import log_scale
 from inclinometry.report.figure import INK, legend_above, look, new_figure, panel, styled
 from inclinometry.report.page import CONVENTIONS, Table, TableRow, picture, render
+from inclinometry.report.words import listed
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

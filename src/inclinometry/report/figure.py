@@ -173,7 +173,7 @@ def inline_svg(figure: Figure, name: str, description: str) -> tuple[Markup, int
     body = re.sub(r"<[^>]*>", tag, _svg(figure))
     body = re.sub(r'^<svg ([^>]*?)width="[^"]*"', r"<svg \1", body)
     body = re.sub(r'^<svg ([^>]*?)height="[^"]*"', r"<svg \1", body)
-    svg = Markup(body.replace("<svg ", f'<svg role="img" aria-label="{escape(description)}" ', 1))
+    svg = Markup(body.replace("<svg ", f'<svg role="img" aria-label="{escape(label(description))}" ', 1))
     # 13 / 10.5 pixels for a point: every figure is shown at its own size, its text 13 pixels high
     return svg, round(72.0 * 13.0 / 10.5 * figure.get_figwidth())
 

@@ -143,7 +143,7 @@ def _differences(axes: Axes, place: Array, values: Mapping[str, Array], band: Ar
 
 
 @panel(3.0, y="K")
-def condition_figure(axes: Axes, k: Array, place: Array, label: str, lost: Mask) -> None:
+def condition_figure(axes: Axes, k: Array, place: Array, along: str, lost: Mask) -> None:
     """K over the stations with the band in which the scale factor cannot be seen; `lost` are closed-form failures."""
     order = np.argsort(place, kind="stable")
     axes.axhspan(-SINGULAR, SINGULAR, color=BAD, alpha=0.15, linewidth=0.0, label="scale not seen")
@@ -359,12 +359,12 @@ def gyro_report(
     # no accelerometer of a tool reaches 5e-4 deg: below it nobody stated their errors
     stated = bool(np.nanmax(expanded["inclination"], initial=0.0) > 5e-4)
     parts = listed([worst_and_median(name, u) for name, u in expanded.items() if stated or name != "inclination"])
-    failed = listed([f"“{check.name}”" for check in checks if check.verdict == "fail"])
+    failed = listed([f"“{label(check.name)}”" for check in checks if check.verdict == "fail"])
     condition = label(" Settle the failed check of {failed} before relying on it.", failed=failed) if failed else ""
     included = [name for name, part in survey.components.items() if np.nansum(part) > 0.0]
     left = [] if "latitude" in included else ["error of the latitude"]
     left += ["error of the convergence"] if survey.azimuth_reference == "grid" and "convergence" not in included else []
-    named = listed([f"“{name}”" for name in included]) or "nothing"
+    named = listed([f"“{label(name)}”" for name in included]) or "nothing"
     left += [] if stated else ["errors of the accelerometers"]
     missing = listed(
         [
@@ -504,7 +504,7 @@ def _methods(survey: Survey, north: North, others: Mapping[str, North], heat: Ar
         lost = len(size) - len(good)
         missed = [set(row) for row, azimuth in zip(other.flags, other.azimuth, strict=True) if not np.isfinite(azimuth)]
         counts = {flag: sum(flag in row for row in missed) for flag in FLAGS}
-        why = listed([f"{flag} ({count})" for flag, count in counts.items() if count])
+        why = listed([f"{label(flag)} ({count})" for flag, count in counts.items() if count])
         cells = [method_label(name), why, significant(rms), significant(most), str(lost)]
         body.append(TableRow(cells, "warn" if lost else ""))
     head = ["method", "why it fails", "rms difference, deg", "largest, deg", "no azimuth at"]
@@ -514,10 +514,10 @@ def _methods(survey: Survey, north: North, others: Mapping[str, North], heat: Ar
     places = [("bydepth", "depth", survey.md, "measured depth, m")]
     if heat is not None and np.ptp(heat) > 0.0:
         places.append(("byheat", "temperature", heat, "temperature, °C"))
-    caption = "Azimuth by other methods over {}; triangles: off the axis, red crosses: no azimuth"
+    caption = "Azimuth by other methods over {what}; triangles: off the axis, red crosses: no azimuth"
     pictures = [
-        picture(difference_figure(north, others, place, label), name, caption.format(over))
-        for name, over, place, label in places
+        picture(difference_figure(north, others, place, along), name, label(caption, what=over))
+        for name, over, place, along in places
     ]
     return Section("Methods compared", [], [table], pictures)
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from inclinometry.arrays import Array
 from inclinometry.constants import COVERAGE_FACTOR
-from inclinometry.language import label
+from inclinometry.language import label, number
 from inclinometry.orientation import angles, angles_jacobian
 from inclinometry.report.figure import BAD, INK, SERIES, legend_above, matrix_axes, new_figure, panel, styled
 from inclinometry.report.page import Section, Table, TableRow, cut, picture, report
@@ -127,7 +127,7 @@ VAGUE: Final = float(np.radians(30.0))
 def described(name: str) -> str:
     """A parameter in words: a term of a tool code (MBZ), one of `parameter_names`, or of the reference."""
     if name == "MBZ":
-        return "axial magnetometer zero (interference included)"
+        return label("axial magnetometer zero (interference included)")
     patterns = (r"([AM])([BS])([XYZ])", r"M([XYZ])([XYZ])", r"reference (g|b|dip)")
     term, cross, reference = (re.fullmatch(pattern, name) for pattern in patterns)
     if term:
@@ -140,7 +140,7 @@ def described(name: str) -> str:
     interference = re.fullmatch(r"(?:axial|transverse) interference ?([xy]?)", name)
     if interference:
         across = {"x": "magnetic interference along x", "y": "magnetic interference along y"}
-        return across.get(interference[1], "axial magnetic interference of the assembly")
+        return label(across.get(interference[1], "axial magnetic interference of the assembly"))
     return parameter_name(name)
 
 
@@ -238,7 +238,7 @@ def msa_report(
     u_before, u_after = (azimuth_u(stations) for stations in (before, found.corrected))
     names = labels(found)
     said = [*warnings, *found.warnings]
-    shift = np.array([found.parameters[label("reference {name}", name=name)].value for name in ("g", "b", "dip")])
+    shift = np.array([found.parameters[f"reference {name}"].value for name in ("g", "b", "dip")])
     signs = "Correlation after the analysis: blue positive, orange negative; area by size, blank below 0.05"
     reference, md = quality.reference, found.corrected.md
     dip = with_uncertainty(float(np.degrees(reference.dip)), float(np.degrees(reference.dip_sigma)))
@@ -329,13 +329,13 @@ def _verdict(found: MultiStation, before: Stations, u_after: Array) -> str:
     for name in sure:
         p = found.parameters[name]
         unit, factor = unit_of(p.unit)
-        parts.append(f"{described(name)} {with_uncertainty(factor * p.value, factor * p.u)} {unit}".rstrip())
-    what = "; ".join(parts) if parts else "no sensor error stands out"
+        parts.append(
+            f"{described(name)} {number(with_uncertainty(factor * p.value, factor * p.u))} {label(unit)}".rstrip()
+        )
+    what = "; ".join(parts) if parts else label("no sensor error stands out")
     able = u_after < VAGUE
     if not able.any():
-        return label(
-            "{upper}{what}. No station is inclined enough for an azimuth.", upper=what[0].upper(), what=what[1:]
-        )
+        return label("{what}. No station is inclined enough for an azimuth.", what=what[0].upper() + what[1:])
     old, new = (angles(s.g, s.b).azimuth[able] for s in (before, found.corrected))
     moved = np.abs(np.degrees(wrap_signed(new - old)))
     known = worst_and_median("azimuth", COVERAGE_FACTOR * np.degrees(u_after[able]))
@@ -346,15 +346,14 @@ def _verdict(found: MultiStation, before: Stations, u_after: Array) -> str:
     )
     half, most = significant(float(np.median(moved))), significant(float(moved.max()))
     return label(
-        "{upper}{what}. Azimuth changes by at most {most}° (median {half}°) over {which}. Then {known} at the "
-        "worst of them (expanded, k = {COVERAGE_FACTOR:g}, about 95 %).",
-        upper=what[0].upper(),
-        what=what[1:],
+        "{what}. Azimuth changes by at most {most}° (median {half}°) over {which}. Then {known} at the "
+        "worst of them (expanded, k = {k:g}, about 95 %).",
+        what=what[0].upper() + what[1:],
         most=most,
         half=half,
         which=which,
         known=known,
-        COVERAGE_FACTOR=COVERAGE_FACTOR,
+        k=COVERAGE_FACTOR,
     )
 
 
@@ -371,7 +370,9 @@ def _fields(before: FieldQuality, after: FieldQuality, found: MultiStation) -> T
         verdicts = [quality.checks[column].verdict for quality in (before, after)]
         state = "warn" if verdicts[1] != "pass" else ""
         unit = quantity.shown.replace("m/s^2", "m/s²")
-        rows.append(TableRow([f"{quantity.name}, {unit}", *sizes, " → ".join(verdicts)], state))
+        rows.append(
+            TableRow([f"{label(quantity.name)}, {label(unit)}", *sizes, " → ".join(map(label, verdicts))], state)
+        )
     head = ["quantity", "before", "after", "after, from the corrected reference", "verdict"]
     note = "Passing after the analysis is no independent proof: it was fitted to this reference."
     return Table("Root mean square of the differences from the reference", head, rows, note)

@@ -10,7 +10,7 @@ import numpy as np
 
 from inclinometry.arrays import Array, Index
 from inclinometry.earth.site import convert_azimuth
-from inclinometry.language import label
+from inclinometry.language import label, number
 from inclinometry.position.propagation import PositionUncertainty
 from inclinometry.position.tool_code import ToolCode
 from inclinometry.position.well import WellSurvey, ellipsoid, hole_sigmas, horizontal_ellipse
@@ -255,7 +255,7 @@ def compass_picture(survey: WellSurvey, row: int) -> list[Picture]:
     known = {"magnetic": survey.site.declination, "true": 0.0, "grid": survey.site.convergence}
     norths = [(name, angle) for name, angle in known.items() if angle is not None]
     times = spread_of_norths([angle for _, angle in norths])
-    caption = "Norths seen from above" + (
+    caption = label("Norths seen from above") + (
         "" if times == 1.0 else label("; angles between them drawn {times:g} times", times=times)
     )
     return [picture(north_figure(norths, float(survey.azimuth[row]), times), "norths", caption)]
@@ -355,13 +355,13 @@ def source_table(
         return None
     terms = () if code is None else code.terms
     certified = {
-        "calibration": "What the certificate of {} leaves unknown of its sensors, with all correlations",
-        "sensor noise": "Noise of one reading of {}",
-        "stability": "What the sensors of {} may have moved by since its calibration",
+        "calibration": "What the certificate of {tool} leaves unknown of its sensors, with all correlations",
+        "sensor noise": "Noise of one reading of {tool}",
+        "stability": "What the sensors of {tool} may have moved by since its calibration",
         "declination": "The site's declination",
     }
-    words = {} if calibration is None else {name: text.format(calibration) for name, text in certified.items()}
-    words |= {one.name: f"{one.description} ({one.magnitude:g} {one.unit})" for one in terms}
+    words = {} if calibration is None else {name: label(text, tool=calibration) for name, text in certified.items()}
+    words |= {one.name: f"{label(one.description)} ({number(f'{one.magnitude:g}')} {label(one.unit)})" for one in terms}
     shared = {
         "random": "nothing: each station its own",
         "systematic": "the stations of the run",
@@ -372,9 +372,9 @@ def source_table(
     for part in contributions(uncertainty):
         sizes = [significant(part.major, 3), f"{100.0 * part.share:.1f}"]
         sizes += [significant(float(s), 3) for s in part.sigma]
-        how = f"{part.propagation}: {shared[part.propagation]}"
+        how = f"{label(part.propagation)}: {label(shared[part.propagation])}"
         rows.append(TableRow([part.name, words.get(part.name, ""), how, *sizes]))
-    sigmas = [f"σ {axis}, m" for axis in ("north", "east", "vertical")]
+    sigmas = [f"σ {label(axis)}, {label('m')}" for axis in ("north", "east", "vertical")]
     head = ["source", "what it is", "shared by", "σ major axis, m", "share, %", *sigmas]
     caption = "Every source at the last station; share: of the variance along the ellipse's major axis"
     return Table(caption, head, rows, text_columns=3)
@@ -501,13 +501,13 @@ def fact_pairs(
     # values of the site that the error model used, with where they come from
     site = survey.site
     shown = {
-        "gravity": ("g", "{:.5f} m/s²", 1.0),
-        "b": ("b", "{:.0f} nT", 1.0),
-        "dip": ("dip", "{:.3f}°", np.degrees(1.0)),
-        "latitude": ("latitude", "{:.4f}°", np.degrees(1.0)),
+        "gravity": ("g", "{:.5f}", "m/s²", 1.0),
+        "b": ("b", "{:.0f}", "nT", 1.0),
+        "dip": ("dip", "{:.3f}", "°", np.degrees(1.0)),
+        "latitude": ("latitude", "{:.4f}", "°", np.degrees(1.0)),
     }
     places = []
-    for quantity, (name, form, unit) in shown.items():
+    for quantity, (name, form, sign, unit) in shown.items():
         value = getattr(site, quantity)
         if value is not None:
             origin = (
@@ -515,7 +515,12 @@ def fact_pairs(
                 if quantity == "gravity"
                 else site.origin(quantity)
             )
-            places.append((label("Site: {name}", name=name), f"{form.format(value * unit)} ({origin})"))
+            places.append(
+                (
+                    label("Site: {name}", name=name),
+                    f"{number(form.format(value * unit))} {label(sign)} ({label(origin)})",
+                )
+            )
     return facts + places + [(label("Digest of {name}", name=name), digest) for name, digest in inputs.items()]
 
 
@@ -569,7 +574,7 @@ def position_report(
             "Read the warnings"
             if warnings
             else label("{count} stations", count=len(path))
-            + ("" if uncertainty is not None else ", uncertainty not known")
+            + ("" if uncertainty is not None else label(", uncertainty not known"))
         ),
         verdict=_verdict(path, survey, uncertainty),
         notes=list(notes),

@@ -31,9 +31,8 @@ def quality_pictures(
     found = []
     for column, name in enumerate(("gravity", "b", "dip")):
         what = QUANTITIES[column].name
-        caption = label(
-            "{upper}{what} against the reference; shaded: what is allowed", upper=what[0].upper(), what=what[1:]
-        )
+        quantity = what[0].upper() + what[1:]
+        caption = label("{quantity} against the reference; shaded: what is allowed", quantity=quantity)
         figure = fields_figure(quality, column, before, moved[column])
         found.append(picture(figure, f"quality{name}", caption))
     if np.isfinite(quality.distance).any():

@@ -44,7 +44,7 @@ def survey_report(
         )
         for name in _known(survey)
     ]
-    names = listed([f"“{name}”" for name in survey.components])
+    names = listed([f"“{label(name)}”" for name in survey.components])
     seen = set(survey.components)
     missing = ["misalignment of the tool in the hole"]
     missing += [] if SAG in seen else ["sag"]
@@ -147,7 +147,7 @@ def _magnitude_figures(survey: Survey, site: Site | None) -> list[Picture]:
             continue
         flagged = np.array([flag in row for row in survey.flags], dtype=bool)
         sigma = reference is not None and reference[1] is not None
-        caption = f"{title}{'; shaded: twice the standard deviation of the reference' if sigma else ''}"
+        caption = label(title) + (label("; shaded: twice the standard deviation of the reference") if sigma else "")
         figure = draw.magnitude_figure(survey.md, value, what, unit, reference, flagged)
         pictures.append(picture(figure, f"total{flag}", caption))
     return pictures

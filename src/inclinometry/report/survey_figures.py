@@ -110,7 +110,7 @@ def magnitude_figure(
     axes: Axes,
     md: Array,
     value: Array,
-    label: str,
+    what: str,
     unit: str,
     reference: tuple[float, float | None] | None,
     flagged: Array,
@@ -129,6 +129,6 @@ def magnitude_figure(
                 at - COVERAGE_FACTOR * sigma, at + COVERAGE_FACTOR * sigma, color=SERIES[2], alpha=0.15, linewidth=0.0
             )
     axes.ticklabel_format(axis="y", useOffset=False)
-    axes.set_ylabel(f"{label}, {unit}" if unit else label)
+    axes.set_ylabel(f"{label(what)}, {label(unit)}" if unit else what)
     if reference is not None or flagged.any():
         legend_above(axes, 2)

@@ -81,7 +81,7 @@ def _errors(axes: Axes, x: np.ndarray, verification: Verification, column: int) 
             bars = None if name == "not judged" else spread[rows]
             axes.errorbar(x[rows], errors[rows], bars, linestyle="none", marker=marker, color=colour, elinewidth=1.1)
             handles.append(
-                Line2D([], [], linestyle="none", marker=marker, color=colour, label=f"{name} ({rows.sum()})")
+                Line2D([], [], linestyle="none", marker=marker, color=colour, label=f"{label(name)} ({rows.sum()})")
             )
     return handles
 
