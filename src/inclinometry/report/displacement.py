@@ -9,7 +9,7 @@ import numpy as np
 
 from inclinometry.constants import COVERAGE_FACTOR
 from inclinometry.findings import Finding
-from inclinometry.language import label, said
+from inclinometry.language import label, number, said
 from inclinometry.report.figure import BAD, DASHES, MARKERS, SERIES, legend_above, panel
 from inclinometry.report.page import Section, Table, TableRow, cut, picture, report
 from inclinometry.report.words import rounded, significant
@@ -94,10 +94,10 @@ def _sentence(name: str, found: Displacement) -> str:
     def words(axis: str, one: AxisDisplacement) -> str:
         row = int(np.argmax(np.abs(one.displacement)))
         u = 1000.0 * float(one.u[row])
-        band = f" ± {significant(COVERAGE_FACTOR * u)}" if np.isfinite(u) else ", uncertainty not known"
+        band = f" ± {number(significant(COVERAGE_FACTOR * u))}" if np.isfinite(u) else label(", uncertainty not known")
         return label(
-            "{upper} {displacement}{band} mm at {depth:g} m",
-            upper=axis.upper(),
+            "{axis} {displacement}{band} mm at {depth:g} m",
+            axis=axis.upper(),
             displacement=rounded(1000.0 * float(one.displacement[row]), u),
             band=band,
             depth=found.depth[row],
@@ -159,7 +159,7 @@ def _budget(found: Mapping[str, Displacement]) -> Table:
         for axis, one in each.axes.items():
             for what, part in {**one.components, "together": one.u}.items():
                 u = significant(1000.0 * float(part[0 if each.fixed == "bottom" else -1]))
-                body.append(TableRow([f"{name}, {axis.upper()}, {what}", u]))
+                body.append(TableRow([f"{name}, {axis.upper()}, {label(what)}", u]))
     return Table("Standard uncertainty at the end that is free to move", ["reading, axis, source", "u, mm"], body)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from inclinometry.arrays import Array
 from inclinometry.calibration.drift import MULTIPLIERS, SHOWN, SIXTY, azimuth_sd, azimuth_weight
-from inclinometry.calibration.drift_alarm import amount, odds_of
+from inclinometry.calibration.drift_alarm import amount_unit, odds_of
 from inclinometry.calibration.drift_status import RIG_LEVEL, FleetStatus, ToolStatus
 from inclinometry.constants import COVERAGE_FACTOR, FIELD_UNITS, VECTORS
 from inclinometry.language import label
@@ -246,7 +246,7 @@ def _due_table(status: FleetStatus) -> Table:
         )
         cells = [
             tool.history.serial,
-            " + ".join(word for word in ("alarm" if raised else "", when) if word),
+            " + ".join(label(word) for word in ("alarm" if raised else "", when) if word),
             tool.due.date.isoformat(),
             tool.last.isoformat(),
             str(days),
@@ -293,7 +293,7 @@ def _alarm_table(alarmed: Sequence[ToolStatus]) -> Table:
                 tool.history.serial,
                 tool.last.isoformat(),
                 alarm.cause,
-                amount(alarm.cause, alarm.size, alarm.u),
+                _amount(alarm.cause, alarm.size, alarm.u),
                 f"{alarm.statistic:.1f}",
                 f"{alarm.threshold:.1f}",
                 odds_of(alarm.p_value),
@@ -301,6 +301,12 @@ def _alarm_table(alarmed: Sequence[ToolStatus]) -> Table:
             body.append(TableRow(cells, "bad"))
     note = "T: how far the cause explains what does not fit; p: probability of so large a T in a sound calibration"
     return Table("Alarms", ["tool", "calibration", "cause", "size", "T", "threshold", "p"], body, note, 4)
+
+
+def _amount(cause: str, size: float, u: float) -> str:
+    """How much of a cause, and its standard uncertainty, in the unit of its kind."""
+    factor, unit = amount_unit(cause)
+    return label("{size:+.3g} {unit} (u {u:.2g})", size=factor * size, unit=unit, u=factor * u)
 
 
 def _rig_sentences(status: FleetStatus, off: Sequence[str]) -> list[str]:
@@ -319,7 +325,7 @@ def _rig_sentences(status: FleetStatus, off: Sequence[str]) -> list[str]:
 def _rig_table(status: FleetStatus) -> Table:
     body = [
         TableRow(
-            [rig.rig, rig.cause, amount(rig.cause, rig.size, rig.u), str(rig.calibrations), odds_of(rig.p_value)],
+            [rig.rig, rig.cause, _amount(rig.cause, rig.size, rig.u), str(rig.calibrations), odds_of(rig.p_value)],
             "bad" if rig.p_value < RIG_LEVEL else "",
         )
         for rig in status.rigs
@@ -337,7 +343,11 @@ def _type_table(status: FleetStatus) -> Table:
             for covariance in (model.drift, model.reproducibility)
         )
         effects = [" / ".join(significant(float(factor * model.effects[row, k])) for row in rows) for k in range(2)]
-        cells = [f"{title}, {unit}", significant(drift), significant(mounting) if mounting else "not seen"]
+        cells = [
+            f"{label(title)}, {label(unit)}",
+            significant(drift),
+            significant(mounting) if mounting else "not seen",
+        ]
         body.append(TableRow([*cells, *(effects if model.effects.any() else [])]))
     head = ["parameter", "drift in a year", "between mountings"]
     head += ["a dose of shock (x / y / z)", "a dose of heat (x / y / z)"] if model.effects.any() else []

@@ -16,7 +16,7 @@ from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
 from inclinometry.calibration.start import zero_from_north
 from inclinometry.constants import COVERAGE_FACTOR, DIALS
-from inclinometry.language import label
+from inclinometry.language import label, number
 from inclinometry.rotations import wrap_positive, wrap_signed
 
 MOST_DECIMALS = 9
@@ -203,7 +203,7 @@ def covers(calibration: Calibration) -> str:
 def run_facts(calibration: Calibration, readings: BenchReadings | None) -> list[tuple[str, str]]:
     """What was measured, as pairs of label and text."""
     tool, stations = calibration.tool, len(calibration.residuals.station)
-    triads = [f"{t.count} {kind}s ({t.unit})" for kind, t in tool.triads.items()]
+    triads = [f"{t.count} {label(f'{kind}s')} ({label(t.unit)})" for kind, t in tool.triads.items()]
     methods = {
         "joint": "joint maximum likelihood of all triads, rig errors shared between them",
         "twelve": "closed form for the twelve positions",
@@ -220,7 +220,7 @@ def run_facts(calibration: Calibration, readings: BenchReadings | None) -> list[
     facts = [
         ("Tool", tool_name(calibration) or "not named"),
         ("Sensors", listed(triads)),
-        ("Method", f"{calibration.method}: {methods.get(calibration.method, 'see the record')}"),
+        ("Method", f"{label(calibration.method)}: {label(methods.get(calibration.method, 'see the record'))}"),
         (
             "Stations",
             label("{stations} ({left} more were left out of the fit)", stations=stations, left=left)
@@ -268,8 +268,10 @@ def rig_sentences(calibration: Calibration) -> list[str]:
         sentences.append("No rig took part, so nothing is known of one.")
         return sentences
     sd = np.degrees(np.broadcast_to(calibration.rig.sd, (3,)))
-    loose = [f"{name} {significant(value)}°" for name, value in zip(DIALS, sd, strict=True) if value > 0.0]
-    trusted = [name for name, value in zip(DIALS, sd, strict=True) if value <= 0.0]
+    loose = [
+        f"{label(name)} {number(significant(value))}°" for name, value in zip(DIALS, sd, strict=True) if value > 0.0
+    ]
+    trusted = [label(name) for name, value in zip(DIALS, sd, strict=True) if value <= 0.0]
     if loose:
         sentences.append(label("Standard deviation of one setting: {loose}.", loose=listed(loose)))
     if trusted:
