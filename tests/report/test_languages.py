@@ -15,6 +15,7 @@ from inclinometry.calibration.comparison import compare_calibrations
 from inclinometry.calibration.drift_alarm import CAUSES
 from inclinometry.calibration.drift_status import fleet_status
 from inclinometry.errors import InputError
+from inclinometry.language import label, speaking
 from inclinometry.report.allan import allan_report
 from inclinometry.report.calibration import calibration_report
 from inclinometry.report.comparison import two_report
@@ -22,7 +23,6 @@ from inclinometry.report.displacement import displacement_report
 from inclinometry.report.dynamic import dynamic_report
 from inclinometry.report.fleet import fleet_report
 from inclinometry.report.gyro import scale_report
-from inclinometry.language import label, speaking
 from inclinometry.report.msa import msa_report
 from inclinometry.report.page import Entry, index_page, linked_back
 from inclinometry.report.position import position_report
@@ -48,8 +48,8 @@ from .test_verification_report import found as verification
 # names, codes, file names, symbols of the formulas and of the standards
 ALLOWED = re.compile(
     r"sha256:\w+|\biscwsa[\w.-]*|ISCWSA|\b[A-Z]{2,5}(-[A-Z]\w*)?\d?E?\b|--[\w-]+|\w+_\w+|\bdeg.nT\b|\b(SPE|JCGM|IEEE|Std|CSV|MWD|Rev|HTML|Shift|Davenport|"
-    r"Madgwick|inclinometry|simulated|March|April|later|base|shop|sheet|raw|readings|log|run)\b|\b(accel|mag|gyro)_\w+|\b(cos|sin|rms|md|dls)\b"
-    r"|\[[a-z]+(-[a-z]+)+\]|\bA7\b|\b[xyzABKNTUVWdghkmnsu]\w?\b|Hz|SinI\.SinA|rpm",
+    r"Madgwick|Allan|inclinometry|simulated|March|April|later|base|shop|sheet|raw|readings|log|run)\b|\b(accel|mag|gyro)_\w+|\b(cos|sin|rms|md|dls)\b"
+    r"|\brig \d|as tabulated in|\[[a-z]+(-[a-z]+)+\]|\bA7\b|\b[xyzABKNTUVWdghkmnsu]\w?\b|Hz|SinI\.SinA|rpm",
     re.ASCII,
 )
 

@@ -92,8 +92,8 @@ def allan_report(record: NoiseRecord) -> str:
         [Section("Noise of each channel", tables=tables), Section("Allan deviation", pictures=pictures)],
         [
             ("Samples", str(record.samples)),
-            ("Sampling interval", f"{record.dt:.6g} s"),
-            ("Length", f"{record.samples * record.dt:.6g} s"),
+            ("Sampling interval", label("{time_s:.6g} s", time_s=record.dt)),
+            ("Length", label("{time_s:.6g} s", time_s=record.samples * record.dt)),
         ],
         about="What was analysed",
         states=[

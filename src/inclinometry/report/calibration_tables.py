@@ -22,7 +22,7 @@ from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
 from inclinometry.calibration.rollset import SecondHarmonics
 from inclinometry.constants import ANGLES, COVERAGE_FACTOR, DEG_PER_HOUR, DIALS, STANDARD_GRAVITY
-from inclinometry.language import label
+from inclinometry.language import label, number
 from inclinometry.orientation import angles, fields, inclination_toolface
 from inclinometry.report.page import Table, TableRow
 from inclinometry.report.words import Test, plain, significant, strongest_correlations, with_uncertainty
@@ -364,7 +364,7 @@ def triad_block(tool: Tool, kind: str) -> dict[str, Any]:
     body = []
     for i, name in enumerate(names):
         scale, bias, first, second = classic[4 * i : 4 * i + 4]
-        toward = [f"{axis}: {row.text}" for axis, row in zip(across[i], (first, second), strict=True)]
+        toward = [f"{axis}: {number(row.text)}" for axis, row in zip(across[i], (first, second), strict=True)]
         body.append(TableRow([name, scale.text, bias.text, *toward, significant(noise[i].value)]))
     unit = field_unit(triad)
     head = [

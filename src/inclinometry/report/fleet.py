@@ -228,7 +228,7 @@ def _parameters(tools: Sequence[ToolStatus]) -> Section:
         ),
     ]
     pictures = [
-        picture(parameter_figure(t, kind), f"tool{k}{kind}", f"{t.history.serial}: {kind}s")
+        picture(parameter_figure(t, kind), f"tool{k}{kind}", f"{t.history.serial}: {label(f'{kind}s')}")
         for kind in VECTORS
         for k, t in enumerate(tools)
     ]
