@@ -296,7 +296,7 @@ def learnt_sentences(track: ScaleTrack) -> list[str]:
             median=significant(median),
             k=COVERAGE_FACTOR,
         ),
-        *(f"{note[0].upper()}{note[1:]}." for note in track.notes),
+        *said(track.findings),
     ]
 
 

@@ -513,7 +513,7 @@ def fact_pairs(
             origin = (
                 ("given" if site.g is not None else "normal gravity")
                 if quantity == "gravity"
-                else site.origin(quantity)
+                else site.origin(quantity) or ""
             )
             places.append(
                 (
