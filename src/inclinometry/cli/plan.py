@@ -20,7 +20,7 @@ def _range(type_: Any, tokens: Sequence[Token]) -> tuple[float, float]:
     """Two inclinations in rad, the lower first."""
     low, high = (float(token.value) for token in tokens)
     if not 0.0 <= low < high <= 180.0:
-        raise out_of_range(tokens[0].keyword or "", f"{low:g} .. {high:g}", "0 .. 180")
+        raise out_of_range(tokens[0].keyword or "", f"{low:g} .. {high:g}", "0 <= LOW < HIGH <= 180")
     return radians(low), radians(high)
 
 
