@@ -103,14 +103,14 @@ def verify(store: Store, progress: Progress = None) -> Iterator[tuple[str, Findi
     try:
         runs = catalogue(store)
     except FileError as error:
-        yield CATALOGUE, _finding(error)
+        yield str(error.path), _finding(error)
     for product in VERSION:
         held = table(store, product)
         try:
             results += [(name, held) for name in held.paths()]
             tables.append(held)
         except FileError as error:
-            yield product, _finding(error)
+            yield str(error.path), _finding(error)
     total = max(len(runs) + len(results), 1)
     digests = {raw.digest for raw in runs}
     for number, raw in enumerate(runs, 1):
@@ -145,7 +145,7 @@ def unrecorded(store: Store) -> list[Finding]:
         names = {name for name in names if f"/{FOLDER}/" not in name}
         if bare := len(names - have.keys()):
             of = {"bare": bare, "total": len(names)}
-            found.append(Finding("fleet-no-checksums", {"table": product, **of}, severity="note"))
+            found.append(Finding("fleet-no-checksums", {"table": product, **of}))
     return found
 
 

@@ -106,7 +106,7 @@ def opened_table(store: Store, table: str, broken: Callable[[str], Finding]) -> 
 
     have = recorded(store, table)
     for name in damaged(store, table, have):
-        raise FileError(broken(f"SHA-256 {name}"), path=store.uri(table))
+        raise FileError(broken("SHA-256"), path=store.uri(name))
     try:
         return guarded(lambda: DeltaTable(store.uri(table)), store.uri(table), broken), have
     except TableNotFoundError:

@@ -13,7 +13,7 @@ from cyclopts import Parameter
 from inclinometry.cli import output
 from inclinometry.cli.options import Flag, Json
 from inclinometry.errors import FileError, InclinometryError, InputError, out_of_range, refused
-from inclinometry.findings import Finding, Value
+from inclinometry.findings import Finding
 from inclinometry.laboratory.commands import LedgerAddress
 
 if TYPE_CHECKING:
@@ -91,10 +91,11 @@ def add(
                 there += not found
                 added += found
                 known |= {one.name: one for one in found}
-                for one in found:
-                    if one.gaps:
-                        values: dict[str, Value] = {"path": str(path), "count": one.gaps}
-                        gaps.append(Finding("fleet-gaps", values, severity="note"))
+                gaps += [
+                    Finding("fleet-gaps", {"path": str(path), "count": one.gaps}, severity="note")
+                    for one in found
+                    if one.gaps
+                ]
                 if progress is not None:
                     progress(number / len(paths))
                 if len(added) >= 1000:

@@ -76,7 +76,7 @@ def catalogue(store: Store) -> list[Raw]:
     def read() -> list[Raw]:
         names = [f"{CATALOGUE}/{path}" for path in pa.table(table.get_add_actions()).column("path").to_pylist()]
         for name in checksums.damaged(store, CATALOGUE, have, names):
-            raise FileError(_broken(f"SHA-256 {name}"), path=store.uri(CATALOGUE))
+            raise FileError(_broken("SHA-256"), path=store.uri(name))
         columns = table.to_pyarrow_table().select(Raw._fields).to_pydict()
         # a few sets of channels in thousands of files
         units = {text: {kind: (unit, n) for kind, unit, n in json.loads(text)} for text in set(columns["units"])}
