@@ -61,8 +61,8 @@ def test_the_model_that_covers_the_date_is_taken_and_named(run):
     assert old.json["field"]["declination"]["value"] == pytest.approx(3.19, abs=0.0051)
     assert run("field", *here, "2024.99").json["model"] == "IGRF-14"
     assert run("field", *here, "2025-01-01").json["model"] == "WMM2025"
-    for refused in (run("field", *here, "1899-12-31"), run("field", *here, "2018-07-01", "--model", "wmm2025")):
-        assert (refused.status, refused.json["findings"][0]["code"]) == (2, "earth-date")
+    for late in (run("field", *here, "1899-12-31"), run("field", *here, "2018-07-01", "--model", "wmm2025")):
+        assert (late.status, late.json["findings"][0]["code"]) == (2, "earth-date")
 
 
 def test_notes_on_weak_fields_and_wrong_zones(run):
