@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.refusals import refused
 
 from inclinometry.calibration import plans
 from inclinometry.calibration.joint import calibrate_joint
@@ -23,7 +24,6 @@ from inclinometry.simulate.hole import simulate_survey
 from inclinometry.simulate.tool import realistic_tool
 from inclinometry.survey.reduce import reduce_survey
 from inclinometry.tabular import axes
-from tests.refusals import refused
 
 LATITUDE = np.radians(55.0)
 DEG_H = np.radians(1.0 / 3600.0)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from tests.refusals import refused
 
 from inclinometry.errors import FileError, InputError
 from inclinometry.workflow.allan import noise_of_log
-from tests.refusals import refused
 
 SIZE, DT = 4000, 0.1
 

@@ -6,6 +6,7 @@ from itertools import permutations
 
 import numpy as np
 import pytest
+from tests.refusals import refused
 
 from inclinometry.errors import FileError, InputError
 from inclinometry.files.exchange import SurveyFile
@@ -14,7 +15,6 @@ from inclinometry.workflow import convert as module
 from inclinometry.workflow.convert import FORMATS, Format, convert, format_of, lost, read_survey_file
 
 from ..files.surveys import same
-from tests.refusals import refused
 
 TABLES = {"csv": "a.csv", "xlsx": "a.xlsx", "parquet": "a.parquet", "las": "a.las"}
 

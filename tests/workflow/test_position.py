@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from tests.refusals import refused
 
 from inclinometry.errors import FileError, InputError
 from inclinometry.workflow.position import read_position
-from tests.refusals import refused
 
 HEAD = "md_m,inclination_deg,azimuth_deg,azimuth_reference"
 MWD = "iscwsa-mwd-rev5.1"

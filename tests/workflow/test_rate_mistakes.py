@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.refusals import refused
 
 from inclinometry.calibration.rate_table import calibrate_rates, table_rates
 from inclinometry.cli.rates import table
@@ -12,7 +13,6 @@ from inclinometry.errors import FileError, InputError
 from inclinometry.files.gyro_csv import read_rate_steps
 from inclinometry.files.tool_json import read_calibration
 from inclinometry.workflow.rate_table import calibrate_on_table
-from tests.refusals import refused
 
 LATITUDE = np.radians(45.0)
 SITE = Site(latitude=LATITUDE)
