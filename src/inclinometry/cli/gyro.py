@@ -193,7 +193,7 @@ def scale(
     )
     found = _run(run, site, read_site(site), calibration, wishes, index_turns)
     record = found.record()
-    from inclinometry.report.language import said
+    from inclinometry.language import said
 
     notes = [*said(found.survey.findings), *found.survey.warnings]
     beside = {"md": found.md, "tool": found.tool, "notes": notes}

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from inclinometry.arrays import Array, Mask
+from inclinometry.language import label
 from inclinometry.report.figure import BAD, INK, SERIES, legend_above, panel
 from inclinometry.report.page import Picture, Table, TableRow, picture
 from inclinometry.report.survey_figures import thinned
@@ -30,7 +31,8 @@ def quality_pictures(
     found = []
     for column, name in enumerate(("gravity", "b", "dip")):
         what = QUANTITIES[column].name
-        caption = f"{what[0].upper()}{what[1:]} against the reference; shaded: what is allowed"
+        quantity = what[0].upper() + what[1:]
+        caption = label("{quantity} against the reference; shaded: what is allowed", quantity=quantity)
         figure = fields_figure(quality, column, before, moved[column])
         found.append(picture(figure, f"quality{name}", caption))
     if np.isfinite(quality.distance).any():
