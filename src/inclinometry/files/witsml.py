@@ -350,8 +350,8 @@ def _depth_units(path: Path, chosen: Any, stations: list[_Station]) -> None:
             found = min(ends, key=lambda end: abs(end - stated))
             # a head may be rounded to whole units; a wrong unit is far beyond that
             if abs(stated - found) > 0.501 * unit + 1e-3 * abs(found):
-                ends = stated / unit, found / unit
-                apart = Finding("file-differs", {"name": name, "stated": ends[0], "there": ends[1]})
+                given, there = stated / unit, found / unit
+                apart = Finding("file-differs", {"name": name, "stated": given, "there": there})
                 raise FileError(apart, path=path, line=child.sourceline)
 
 
