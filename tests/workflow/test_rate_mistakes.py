@@ -154,7 +154,6 @@ def test_gyros_of_the_other_sign(tmp_path, capsys):
 
 @pytest.mark.parametrize("stated", [6.0, 1.0 / 6.0, -1.0, np.degrees(1.0)])
 def test_counts_have_no_scale_but_the_earth_s_rate_tells(tmp_path, stated):
-    words = RATES.get(stated, "the other sign")
     with refused("work-rate", error=FileError):
         fitted(steps(tmp_path / "s.csv", unit="", gain=SKEWED, stated=stated))
     with refused("work-rate", "work-rate-reversed", error=FileError):
