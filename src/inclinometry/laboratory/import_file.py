@@ -123,7 +123,7 @@ def file_content(content: bytes, fields: Fields | None = None) -> BenchReadings 
     if not content:
         raise FileError(Finding("file-empty", {"what": "readings"}), path=SHOWN)
     if len(content) > LARGEST:
-        raise FileError(Finding("file-large", {"bytes": len(content), "most": LARGEST}), path=SHOWN)
+        raise FileError(Finding("file-large", {"what": "bytes", "size": len(content), "most": LARGEST}), path=SHOWN)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, "file")
         path.write_bytes(content)

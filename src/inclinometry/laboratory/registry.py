@@ -326,7 +326,7 @@ def standards(ledger: Ledger) -> list[Standard]:
 def logo_kind(data: bytes) -> str:
     """ "png" or "svg"; an SVG that refers to anything outside itself is refused."""
     if len(data) > LARGEST_LOGO:
-        raise refused("file-large", {"bytes": len(data), "most": LARGEST_LOGO})
+        raise refused("file-large", {"what": "bytes", "size": len(data), "most": LARGEST_LOGO})
     kind = "png" if data.startswith(b"\x89PNG\r\n\x1a\n") else "svg" if b"<svg" in data[:2000] else ""
     lowered = data.lower()
     foreign = (b"<!doctype", b"<!entity", b"<script", b"<foreignobject", b'href="http', b"href='http", b"url(http")

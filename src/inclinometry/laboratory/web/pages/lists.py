@@ -62,7 +62,7 @@ def _import_form(visitor: Visitor, serial: str, rig: str) -> None:
         try:
             user = visitor.require("capture")
             if event.file.size() > LARGEST:
-                raise refused("file-large", {"bytes": event.file.size(), "most": LARGEST})
+                raise refused("file-large", {"what": "bytes", "size": event.file.size(), "most": LARGEST})
             if not tool.value or not stand.value:
                 raise refused("web-choose", {"what": ("tool", "rig")})
             content = await event.file.read()
