@@ -129,8 +129,8 @@ def head(
         if since is not None:
             old, _ = read_head(since)
             if old.ledger != newest.ledger or old.size > newest.size:
-                apart = {"file": str(since), "size": old.size, "ledger": old.ledger, "own": str(newest)}
-                raise refused("web-heads-apart", apart)
+                about = {"file": str(since), "ledger": old.ledger, "own": str(newest)}
+                raise refused("web-heads-apart", {**about, "size": old.size})
             with opened.snapshot() as connection:
                 proof = proof_since(connection, old.size, newest.size)
             content["consistency"] = {"from": old.size, "proof": proof}

@@ -278,8 +278,8 @@ def no_such_route(request: Request) -> JSONResponse:
     }
     if allowed and request.method not in allowed:
         methods = tuple(sorted(allowed))
-        about = {"method": request.method, "path": path[:200], "allowed": methods}
-        return refusal(Finding("web-method", about), {"allow": ", ".join(methods)})
+        about = {"method": request.method, "path": path[:200]}
+        return refusal(Finding("web-method", {**about, "allowed": methods}), {"allow": ", ".join(methods)})
     return refusal(Finding("web-route", {"path": path[:200]}))
 
 
