@@ -258,7 +258,7 @@ def test_survey_carries_the_sag_as_a_component():
     np.testing.assert_allclose(done.inclination, tilt - found.angle)
     np.testing.assert_allclose(done.u_inclination, found.sigma)
     assert done.findings[-1].code == "survey-sag"
-    with pytest.raises(InputError, match="has been corrected for sag"):
+    with refused("survey-corrected"):
         correct_survey(done, bha)
 
 

@@ -170,7 +170,7 @@ def msa(
     if json:
         output.print_json(_summary(run, done, output_))
         return
-    for sentence in (*run.notes, done.found.corrected.history[-1]):
+    for sentence in (*run.notes, str(done.found.corrected.history[-1])):
         output.say(sentence)
     show_parameters(done)
 
