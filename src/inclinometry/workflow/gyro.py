@@ -179,7 +179,8 @@ def north_run(
     flags = _flags(averages, heat, calibration, chosen.history)
     findings = [
         Finding("survey-index-turns", {"turns": readings.index_turns}, severity="note"),
-        *remarks((*readings.notes, *known.notes, *north.notes, *(calibration.remarks if calibration else ()))),
+        *remarks((*readings.notes, *(calibration.remarks if calibration else ()))),
+        *known.findings,
         *_remarks(readings, heat, chosen),
         *averages.gravity.findings,
         *averages.rate.findings,
@@ -197,8 +198,7 @@ def north_run(
     name = "" if tool is None else tool.name
     errors = run_errors(north, stations, averages, known, tool, site) if north.response else None
     survey = gyro_survey(
-        readings.md, north, site=site, g_total=total, flags=flags, tool=name, inputs=digests,
-        errors=errors,
+        readings.md, north, site=site, g_total=total, flags=flags, tool=name, inputs=digests, errors=errors
     )  # fmt: skip
     # the calibration's errors go with the noise of the sensors they are of
     own = np.inf if calibration is None else calibration.degrees_of_freedom
@@ -315,7 +315,7 @@ def _expected(stations: Stations, averages: Averages, heat: Array | None, option
         return ScalePrior(stated_law(*before), *before, *before, None)
     track = (smooth_scale if prior == "run" else track_scale)(*given, None if prior == "previous" else heat, stated)
     known = (track.expected, track.expected_sd) if track.contradicted else before
-    return ScalePrior(track.law, *known, *before, track, track.notes)
+    return ScalePrior(track.law, *known, *before, track, track.findings)
 
 
 def _flags(
