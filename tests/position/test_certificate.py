@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.refusals import refused
 
 from inclinometry.earth.site import Site
 from inclinometry.errors import InputError
@@ -22,7 +23,6 @@ from inclinometry.sensors import Tool, Triad, parameter_vector, triad_from_vecto
 from inclinometry.survey.from_tool import stations_from_tool
 from inclinometry.survey.path import minimum_curvature
 from inclinometry.survey.reduce import reduce_survey
-from tests.refusals import refused
 
 KINDS = ("accelerometer", "magnetometer")
 STRENGTH = {"accelerometer": 9.8, "magnetometer": 52_000.0}
@@ -181,7 +181,7 @@ def test_a_certificate_without_raw_channels():
     blind = {kind: replace(triad, field_strength=None) for kind, triad in tool.triads.items()}
     ratio = propagate(survey, sources=error_model(replace(tool, triads=blind), survey, path[3], temperature=path[4]))
     np.testing.assert_allclose(np.sqrt(np.diagonal(ratio.covariance[-1]) / np.diagonal(one[-1])), 1.0, atol=0.05)
-    with refused("input-missing", names=('dip_deg',)):
+    with refused("input-missing", names=("dip_deg",)):
         error_model(tool, replace(survey, site=replace(SITE, dip=None)), path[3])
     with pytest.raises(InputError, match=r"toolface has shape \(3,\)"):
         error_model(tool, survey, [0.0, 1.0, 2.0], temperature=path[4])
@@ -219,7 +219,7 @@ class TestWrongInput:
         stations = stations_from_tool(path[0], readings(tool, np.zeros(24), path), tool)
         with refused("position-direction"):
             calibration_sources(stations, well_survey(*path[:3], SITE, "true"))
-        with refused("input-missing", names=('declination_deg',)):
+        with refused("input-missing", names=("declination_deg",)):
             calibration_sources(stations, well_survey(*path[:3], Site(), "true"))
 
     def test_nothing_stated(self):

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from tests.refusals import refused
 
 from inclinometry.errors import InputError
 from inclinometry.position.well import ellipsoid, hole_covariance, hole_sigmas, horizontal_ellipse
-from tests.refusals import refused
 
 AXIS = st.floats(0.01, 100.0)
 

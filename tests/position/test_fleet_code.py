@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from scipy.stats import chi2
+from tests.refusals import refused
 
 from inclinometry.calibration import plans
 from inclinometry.calibration.drift import DriftModel, fit_drift
@@ -17,7 +18,6 @@ from inclinometry.position.propagation import propagate
 from inclinometry.position.tool_code import parse
 from inclinometry.position.well import well_survey
 from inclinometry.simulate.fleet import FleetScene, drift_variance, mounting_variance, simulate_fleet
-from tests.refusals import refused
 
 DIP = np.radians(70.0)
 V12 = np.linalg.inv(plan_information(plans.twelve()))

@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-
-from inclinometry.errors import InputError
-from inclinometry.position.tool_code import FUNCTIONS, VARIABLES, ToolCode, parse, term
 from tests.refusals import refused
+
+from inclinometry.position.tool_code import FUNCTIONS, VARIABLES, ToolCode, parse, term
 
 
 @pytest.mark.parametrize(
@@ -74,7 +73,7 @@ def test_what_is_not_a_formula_is_refused(text, message):
 
 
 def test_a_variable_without_value_is_an_error_and_never_zero():
-    with refused("input-missing", names=('dip',)):
+    with refused("input-missing", names=("dip",)):
         parse("Sin(Dip)").evaluate({"inc": 0.5})
 
 
@@ -112,5 +111,5 @@ def test_a_tool_code_is_complete():
         ToolCode(name="two", terms=(sag, sag), source="x")
     with refused("input-empty", name="terms of none"):
         ToolCode(name="none", terms=(), source="x")
-    with refused("input-unknown", names=('speed',)):
+    with refused("input-unknown", names=("speed",)):
         ToolCode(name="more", terms=(sag,), source="x", parameters={"speed": 1.0})

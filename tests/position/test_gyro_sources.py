@@ -2,14 +2,13 @@
 
 import numpy as np
 import pytest
+from tests.refusals import refused
 
 from inclinometry.earth.site import Site
-from inclinometry.errors import InputError
 from inclinometry.position.propagation import gyro_sources, propagate
 from inclinometry.position.well import well_survey
 from inclinometry.survey.reduce import Survey
 from inclinometry.uncertainty import AngleErrors
-from tests.refusals import refused
 
 MD = np.arange(0.0, 601.0, 30.0)
 INC_SD, AZI_SD = np.radians([0.02, 0.3])
@@ -87,5 +86,5 @@ def test_wrong_input_is_named():
     well = well_survey(MD, np.full(len(MD), 0.5), np.zeros(len(MD)), Site())
     with refused("position-direction"):
         gyro_sources(survey(0.8, 0.0, parts), well)
-    with refused("input-missing", names=('errors',)):
+    with refused("input-missing", names=("errors",)):
         gyro_sources(survey(0.5, 0.0, {}), well)

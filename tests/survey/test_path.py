@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from tests.refusals import refused
 
 from inclinometry.errors import InputError
 from inclinometry.survey import path as path_module
 from inclinometry.survey.path import dogleg_severity_deg, minimum_curvature, tortuosity
-from tests.refusals import refused
 
 # the ISCWSA's example well no. 1, metres and degrees, where its shape changes; vertical depth to 0.01 m
 WELL = np.array(

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from tests.refusals import refused
 
 from inclinometry.errors import InputError
 from inclinometry.survey.path import (
@@ -16,7 +17,6 @@ from inclinometry.survey.path import (
     project_straight,
     tie_on,
 )
-from tests.refusals import refused
 
 
 def well():

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
+from tests.refusals import refused
 
-from inclinometry.errors import InputError
 from inclinometry.survey.path import (
     POINT,
     bend,
@@ -16,7 +16,6 @@ from inclinometry.survey.path import (
     project_straight,
     straight_jacobian,
 )
-from tests.refusals import refused
 
 INTERVALS = {
     "ordinary": (0.6, 1.0, 0.8, 1.3),
