@@ -7,7 +7,6 @@ import pytest
 from tests.refusals import refused
 
 from inclinometry.earth.site import Site
-from inclinometry.errors import InputError
 from inclinometry.files.tool_code_json import load_tool_code
 from inclinometry.orientation import fields
 from inclinometry.position.certificate import (
@@ -183,9 +182,9 @@ def test_a_certificate_without_raw_channels():
     np.testing.assert_allclose(np.sqrt(np.diagonal(ratio.covariance[-1]) / np.diagonal(one[-1])), 1.0, atol=0.05)
     with refused("input-missing", names=("dip_deg",)):
         error_model(tool, replace(survey, site=replace(SITE, dip=None)), path[3])
-    with pytest.raises(InputError, match=r"toolface has shape \(3,\)"):
+    with refused("input-shape", name="toolface"):
         error_model(tool, survey, [0.0, 1.0, 2.0], temperature=path[4])
-    with pytest.raises(InputError, match="temperature_degC"):
+    with refused("input-temperature"):
         error_model(tool, survey, path[3])
 
 
@@ -271,5 +270,5 @@ class TestBesideTheCertificate:
             with_terms(code, ["SAG"])
         with refused("input-needs", name="magnitudes"):
             with_terms(code, ["DRFR"], {"DSFS": 1e-4})
-        with pytest.raises(InputError, match="DRFR is -1"):
+        with refused("input-value", name="DRFR"):
             with_terms(code, ["DRFR"], {"DRFR": -1.0})

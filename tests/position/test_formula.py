@@ -88,7 +88,7 @@ def test_names_are_the_same_in_upper_and_lower_case():
         ({"unit": "degrees"}, "input-choice"),
         ({"propagation": "sometimes"}, "input-choice"),
         ({"magnitude": -1.0}, "input-value"),
-        ({"magnitude": np.nan}, "magnitude of SAG is nan"),
+        ({"magnitude": np.nan}, "input-finite"),
         ({"weights": ("0", "Sin(I)", "0")}, "position-formula"),
         ({"hold": True, "start": True}, "input-not-with"),
     ],

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from tests.refusals import coded, refused
 
-from inclinometry.errors import InputError
 from inclinometry.survey.gyro import RepeatLimits, compare_runs
 from inclinometry.survey.run import Run
 
@@ -141,7 +140,7 @@ def test_what_cannot_be_compared_is_refused():
         compared(run(), run(north="grid"))
     with refused("input-order", name="md of the out-run"):
         compared(run(), run(md=[10.0, 10.0]))
-    with pytest.raises(InputError, match="inclination"):
+    with refused("input-value", name="inclination of the in-run[0]"):
         compared(run(-1.0), run())
 
 

@@ -185,19 +185,19 @@ def test_columns_of_a_table_and_its_caller_stay_apart():
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"md": [0.0, np.nan, 60.0]}, r"md\[1\] is nan"),
-        ({"inclination": [0.0, 0.1, np.inf]}, r"inclination\[2\] is inf"),
-        ({"azimuth": [np.nan, 0.1, 0.2]}, r"azimuth\[0\] is nan"),
+        ({"md": [0.0, np.nan, 60.0]}, "input-finite"),
+        ({"inclination": [0.0, 0.1, np.inf]}, "input-finite"),
+        ({"azimuth": [np.nan, 0.1, 0.2]}, "input-finite"),
         ({"md": [0.0, 30.0, 30.0]}, "input-order"),
         ({"md": [0.0, 60.0, 30.0]}, "input-order"),
-        ({"inclination": [0.0, -0.1, 0.2]}, r"inclination\[1\] is -0.1 rad; allowed 0 to 3.14"),
-        ({"inclination": [0.0, 0.1, 3.2]}, r"inclination\[2\] is 3.2 rad"),
-        ({"azimuth": [0.0, 90.0, 90.0]}, r"azimuth\[1\] is 90 rad"),
+        ({"inclination": [0.0, -0.1, 0.2]}, "input-value"),
+        ({"inclination": [0.0, 0.1, 3.2]}, "input-value"),
+        ({"azimuth": [0.0, 90.0, 90.0]}, "input-value"),
         ({"inclination": [0.3, 0.5, np.pi - 0.5], "azimuth": [1.0, 1.0, 1.0 + np.pi]}, "survey-half-turn"),
         ({"inclination": [0.0, np.pi, np.pi]}, "survey-half-turn"),
         ({"inclination": [0.0, 0.1]}, "input-shape"),
         ({"start": [0.0, 0.0]}, "input-shape"),
-        ({"start": [0.0, np.nan, 0.0]}, r"start\[1\] is nan"),
+        ({"start": [0.0, np.nan, 0.0]}, "input-finite"),
     ],
 )
 def test_what_is_refused(change, message):
@@ -256,8 +256,8 @@ TURN = st.floats(-4.0 * np.pi, 4.0 * np.pi)
 def test_two_stations_at_any_angle(inclination, azimuth, length):
     try:
         path = minimum_curvature([0.0, length], inclination, azimuth)
-    except InputError as refused:
-        assert "half a turn" in str(refused)  # noqa: PT017
+    except InputError as error:
+        assert error.finding.code == "survey-half-turn"  # noqa: PT017
         return
     chord = np.linalg.norm(positions(path)[1])
     # a chord is the arc times sin(b/2)/(b/2); near half a turn the direction loses up to six digits, the length none
