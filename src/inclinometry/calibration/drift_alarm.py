@@ -237,12 +237,15 @@ def amount(cause: str, size: float, u: float) -> str:
     >>> amount("magnetometer x offset", 8e-3, 5e-4), amount("package turned about z", 2e-3, 1e-4)
     ('+8 thousandths of the field (u 0.5)', '+0.115 deg (u 0.0057)')
     """
-    factor, unit = 1e3, "thousandths of the field"
-    if "turned" in cause or "tilted" in cause:
-        factor, unit = float(np.degrees(1.0)), "deg"
-    elif "scale" in cause:
-        factor, unit = 1e2, "%"
+    factor, unit = amount_unit(cause)
     return f"{factor * size:+.3g} {unit} (u {factor * u:.2g})"
+
+
+def amount_unit(cause: str) -> tuple[float, str]:
+    """Factor and unit in which a cause is shown."""
+    if "turned" in cause or "tilted" in cause:
+        return float(np.degrees(1.0)), "deg"
+    return (1e2, "%") if "scale" in cause else (1e3, "thousandths of the field")
 
 
 def odds_of(p: float) -> str:

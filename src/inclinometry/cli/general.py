@@ -80,7 +80,7 @@ def run(
         if language is not None and "language" in bound.signature.parameters:
             bound.arguments["language"] = language  # of a certificate, or of a user of the ledger
         elif language is not None:
-            from inclinometry.report.language import speaking
+            from inclinometry.language import speaking
 
             if page is None and words[:1] != ("demo",):
                 raise InputError(f"--language {language} is the language of a report; name it with {option}")

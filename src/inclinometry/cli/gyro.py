@@ -191,7 +191,7 @@ def scale(
     )
     found = _run(run, site, read_site(site), calibration, wishes, index_turns)
     record = found.record()
-    from inclinometry.report.language import said
+    from inclinometry.language import said
 
     beside = {"md": found.md, "tool": found.tool, "notes": said(found.survey.findings)}
     with output.reported(report, "gyro:scale_report", found.track, **beside):

@@ -147,7 +147,7 @@ def position(
 def _write(found: WellPosition, target: Path | None, report: Path | None, sources: Path | None) -> None:
     """All files, the report composed before the first is written."""
     from inclinometry.files.position_csv import write_position_csv, write_sources_csv
-    from inclinometry.report.language import said
+    from inclinometry.language import said
 
     told = found.told | {"warnings": [*said(found.findings), *found.warnings]}
     with output.reported(report, "position:position_report", found.path, found.survey, found.uncertainty, **told):

@@ -145,7 +145,7 @@ def msa(
     axial_sigma
         Standard deviation of the axial magnetic interference, nT; 2000 when not given.
     """
-    from inclinometry.report import language
+    from inclinometry import language
 
     output.claim(
         {"--output": output_, "--report": report},

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from inclinometry.arrays import Array, Mask
+from inclinometry.language import label, said
 from inclinometry.report.figure import BAD, INK, SERIES, legend_above, panel
-from inclinometry.report.language import said
 from inclinometry.report.page import Picture, Table, TableRow, picture
 from inclinometry.report.survey_figures import thinned
 from inclinometry.report.words import significant
@@ -31,7 +31,8 @@ def quality_pictures(
     found = []
     for column, name in enumerate(("gravity", "b", "dip")):
         what = QUANTITIES[column].name
-        caption = f"{what[0].upper()}{what[1:]} against the reference; shaded: what is allowed"
+        quantity = what[0].upper() + what[1:]
+        caption = label("{quantity} against the reference; shaded: what is allowed", quantity=quantity)
         figure = fields_figure(quality, column, before, moved[column])
         found.append(picture(figure, f"quality{name}", caption))
     if np.isfinite(quality.distance).any():
