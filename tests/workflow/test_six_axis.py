@@ -7,7 +7,7 @@ import pytest
 from tests.refusals import coded
 
 from inclinometry.earth.site import Site
-from inclinometry.errors import FileError, InputError
+from inclinometry.errors import FileError
 from inclinometry.files.exchange import SurveyFile
 from inclinometry.orientation import angles, dip_angle, fields
 from inclinometry.workflow.field import declination_doubts
@@ -51,7 +51,7 @@ def test_a_survey_gives_its_axes_back(reference):
 def test_a_survey_that_cannot():
     g, b = axes()
     whole = survey_of(g, b, Site(declination=0.2), "true")
-    with pytest.raises(InputError, match="declination"):
+    with refused("earth-site-lacks"):
         fields_of_survey(whole, Site(), "a.csv")
     bare = SurveyFile(md=whole.md, inclination=whole.inclination, azimuth=whole.azimuth, azimuth_reference="true")
     with pytest.raises(FileError, match=r"no g_total \(m/s\^2\), b_total_nT, dip"):
