@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from tests.refusals import coded
+from tests.refusals import coded, refused
 
 from inclinometry.orientation import dip_angle, fields
 from inclinometry.survey.quality_wiring import mistakes, wiring_check

@@ -4,7 +4,7 @@ import datetime
 
 import numpy as np
 import pytest
-from tests.refusals import coded
+from tests.refusals import coded, refused
 
 from inclinometry.earth.site import Site
 from inclinometry.errors import FileError

@@ -149,8 +149,7 @@ def _analysed(
     priors = priors_from_tool(run.tool, axial_sigma=axial_sigma)
     with output.busy(f"analysing {output.counted(len(run.stations), 'station')}"):
         done = multistation(run.stations, reference, priors)
-    output.findings(done.findings)
-    output.warnings(run.warnings)
+    output.findings((*run.findings, *done.findings))
     return calibration, correction_of(done, reference, priors, run.tool.name, run.inputs)
 
 

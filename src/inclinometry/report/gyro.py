@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from inclinometry.arrays import Array, Index, Mask, finite
 from inclinometry.constants import ANGLES, COVERAGE_FACTOR, DEG_PER_HOUR
 from inclinometry.earth.site import Site
-from inclinometry.errors import InputError
+from inclinometry.errors import out_of_range, refused, wrong_shape
 from inclinometry.gyro.result import FLAGS, North
 from inclinometry.gyro.tracking import SPAN, ScaleTrack
 from inclinometry.language import label, said
@@ -171,11 +171,11 @@ def hot_run_figure(
     """
     size = len(temperature)
     if not errors or not u:
-        raise InputError("no azimuth errors or no uncertainty to draw; give at least one of each")
+        raise refused("input-empty", {"name": "errors, u"})
     own = {"inclination": inclination, "scale_true": scale_true, "track": track.scale}
     for name, value in (*own.items(), *errors.items(), *u.items()):
         if len(value) != size:
-            raise InputError(f"{name} has {len(value)} stations, temperature {size}; give one value for each station")
+            raise wrong_shape(name, (len(value),), f"({size},)")
     figure = new_figure(8.2, width=9.0)
     top, middle, low = figure.subplots(3, 1, sharex=True, height_ratios=(5, 4, 1.6))
     named = {}
@@ -219,7 +219,7 @@ def scale_report(track: ScaleTrack, *, md: ArrayLike | None = None, tool: str = 
     """A scale factor followed over temperature as one self-contained HTML page; without `md` stations are numbered."""
     depth = None if md is None else finite(md, "md", (None,))
     if depth is not None and len(depth) != len(track):
-        raise InputError(f"md has {len(depth)} depths, the track {len(track)} stations; give one depth a station")
+        raise wrong_shape("md", depth.shape, f"({len(track)},)")
     left = int((~track.learnt).sum())
     learnt = learnt_sentences(track)
     belief = track.belief
@@ -426,10 +426,10 @@ def _in_order(
     sizes |= {} if track is None else {"track": len(track)}
     for name, size in sizes.items():
         if size != len(depth):
-            raise InputError(f"{name} has {size} stations, md {len(depth)}; give the same stations")
+            raise wrong_shape(name, (size,), f"({len(depth)},)")
     order = np.argsort(depth, kind="stable")
-    if not np.array_equal(depth[order], survey.md):
-        raise InputError("md holds other depths than the survey; give the depths from which the survey was made")
+    if (odd := depth[order][depth[order] != survey.md]).size:
+        raise out_of_range("md", float(odd[0]), "= survey.md")
     turned = {name: _taken(other, order) for name, other in others.items()}
     return _taken(north, order), None if heat is None else heat[order], turned
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from inclinometry.arrays import Array
 from inclinometry.constants import COVERAGE_FACTOR
+from inclinometry.findings import Finding
 from inclinometry.language import label, number, said
 from inclinometry.orientation import angles, angles_jacobian
 from inclinometry.report.figure import BAD, INK, SERIES, legend_above, matrix_axes, new_figure, panel, styled
@@ -229,15 +230,16 @@ def msa_report(
     quality: FieldQuality,
     *,
     tool: str = "",
-    notes: Sequence[str] = (),
-    warnings: Sequence[str] = (),
+    findings: Sequence[Finding] = (),
     inputs: Mapping[str, str] | None = None,
 ) -> str:
     """A multi-station analysis as one self-contained HTML page; `before`, `quality`: of its input stations."""
     after = judge_fields(found.corrected, quality.reference, k=quality.k, limits=quality.limits)
     u_before, u_after = (azimuth_u(stations) for stations in (before, found.corrected))
     names = labels(found)
-    told = [*warnings, *said(found.findings)]
+    noted, told = (
+        said(f for f in (*findings, *found.findings) if (f.severity == "note") is note) for note in (True, False)
+    )
     shift = np.array([found.parameters[f"reference {name}"].value for name in ("g", "b", "dip")])
     signs = "Correlation after the analysis: blue positive, orange negative; area by size, blank below 0.05"
     reference, md = quality.reference, found.corrected.md
@@ -301,7 +303,7 @@ def msa_report(
             ),
             (True, "good", label("{count} stations, every test passed", count=count)),
         ],
-        notes=notes,
+        notes=noted,
         warnings=told,
         inputs=inputs,
     )

@@ -10,7 +10,7 @@ import numpy as np
 from inclinometry.arrays import Array
 from inclinometry.digest import digest_file
 from inclinometry.earth.site import Site, convert_azimuth
-from inclinometry.errors import FileError, InputError
+from inclinometry.errors import FileError, refused
 from inclinometry.files.limits import GYRO_REPEAT, read_repeat_limits
 from inclinometry.files.survey_csv import read_survey_csv
 from inclinometry.findings import Finding
@@ -33,12 +33,17 @@ def read_run(path: str | Path) -> Run:
     inclination, azimuth = columns["inclination"], columns["azimuth"]
     if np.isnan(inclination).any() or not ((inclination >= 0.0) & (inclination <= np.pi)).all():
         row = int(np.argmax(~((inclination >= 0.0) & (inclination <= np.pi))))
-        raise FileError(f"inclination of station {row + 1} is missing or not within 0 to 180 degrees", path=path)
+        raise FileError(
+            Finding(
+                "file-value",
+                {"column": "inclination_deg", "value": float(np.degrees(inclination[row])), "allowed": "0 .. 180"},
+            ),
+            path=path,
+            row=row + 1,
+        )
     norths = sorted({text for text in texts["azimuth_reference"] if text})
     if len(norths) != 1:
-        raise FileError(
-            f"azimuth_reference holds {norths or 'nothing'}; one north for all stations is needed", path=path
-        )
+        raise FileError(Finding("input-north", {"norths": tuple(norths) or ("-",)}), path=path)
     vertical = "vertical"  # flag of stations whose azimuth is hardly defined; it is not compared
     steep = np.array([vertical in row.split("|") for row in texts["flags"]], dtype=bool)
     return Run(columns["md"], inclination, np.where(steep, np.nan, azimuth), azimuth_reference=norths[0])
@@ -49,12 +54,11 @@ def compare_run_files(
 ) -> Comparison:
     """Compare the survey files of an in-run and an out-run; a site is needed only where their norths differ."""
     if digest_file(in_run) == digest_file(out_run):
-        raise FileError(f"this is {Path(in_run).name} again; the same run twice proves nothing", path=out_run)
+        raise FileError(Finding("work-same", {"file": Path(in_run).name}), path=out_run)
     one, two = read_run(in_run), read_run(out_run)
     if one.azimuth_reference != two.azimuth_reference:
         if site is None:
-            norths = f"{one.azimuth_reference} and {two.azimuth_reference}"
-            raise InputError(f"the runs count azimuth from different norths ({norths}); give the site")
+            raise refused("work-norths", {"norths": (one.azimuth_reference, two.azimuth_reference)})
         # the run from another north
         known = np.isfinite(two.azimuth)
         azimuth: Array = np.full(len(two.md), np.nan)
