@@ -97,13 +97,12 @@ class Dials:
         if self == USUAL:
             return readings
         azimuth, inclination, toolface = self.settings(*readings.dials)
-        note = f"the dials were read as stated ({self.way}) and converted"
         return replace(
             readings,
             azimuth=azimuth,
             inclination=inclination,
             toolface=toolface,
-            notes=(*readings.notes, note),
+            findings=(*readings.findings, Finding("bench-dials-read", {"way": self.way}, severity="note")),
             counted=tuple(vars(self).values()),
         )
 

@@ -18,6 +18,7 @@ from inclinometry.arrays import Array, Mask, within
 from inclinometry.calibration.drift import DriftModel, DriftState, drift_states, fit_drift, part_of
 from inclinometry.constants import VECTORS
 from inclinometry.errors import InputError
+from inclinometry.findings import Finding, Value
 from inclinometry.history import PARAMETERS, ToolHistory
 
 FALSE_ALARMS: Final = 1e-3
@@ -229,6 +230,13 @@ def threshold(past: Array, false_alarms: float = FALSE_ALARMS, *, tail: bool = T
     return float(start + (scale * np.log(ratio) if shape < 1e-6 else scale / shape * (ratio**shape - 1.0)))
 
 
+def unit_of(cause: str) -> tuple[float, str]:
+    """Unit in which a person reads the size of a cause, and how many of it one of the size is."""
+    if "turned" in cause or "tilted" in cause:
+        return float(np.degrees(1.0)), "deg"
+    return (1e2, "%") if "scale" in cause else (1e3, "thousandths of the field")
+
+
 def amount(cause: str, size: float, u: float) -> str:
     """How much of a cause, and its standard uncertainty, in the unit of its kind.
 
@@ -237,11 +245,7 @@ def amount(cause: str, size: float, u: float) -> str:
     >>> amount("magnetometer x offset", 8e-3, 5e-4), amount("package turned about z", 2e-3, 1e-4)
     ('+8 thousandths of the field (u 0.5)', '+0.115 deg (u 0.0057)')
     """
-    factor, unit = 1e3, "thousandths of the field"
-    if "turned" in cause or "tilted" in cause:
-        factor, unit = float(np.degrees(1.0)), "deg"
-    elif "scale" in cause:
-        factor, unit = 1e2, "%"
+    factor, unit = unit_of(cause)
     return f"{factor * size:+.3g} {unit} (u {factor * u:.2g})"
 
 
@@ -268,10 +272,14 @@ class Alarm:
     p_value: float
 
     @property
-    def sentence(self) -> str:
+    def finding(self) -> Finding:
         """What a person reads."""
-        size, odds = amount(self.cause, self.size, self.u), f"p {odds_of(self.p_value)}"
-        return f"{self.cause}: {size}, {odds}" if self.raised else f"fits the history ({odds})"
+        p = max(self.p_value, 1e-12)  # that of normal tails means nothing below
+        if not self.raised:
+            return Finding("drift-fits", {"p": p}, severity="note")
+        factor, unit = unit_of(self.cause)
+        values: dict[str, Value] = {"cause": self.cause, "size": factor * self.size, "u": factor * self.u, "p": p}
+        return Finding("drift-cause", values | {"unit": unit})
 
 
 def judged(test: CauseTest, past: Array, false_alarms: float = FALSE_ALARMS) -> list[Alarm]:

@@ -28,6 +28,7 @@ from inclinometry.calibration.temperature import powers_of
 from inclinometry.calibration.variance import fit, noise_guess, rig_guess
 from inclinometry.constants import DIP, FIELD_NAME, INCLINATION_RANGE, VECTORS
 from inclinometry.errors import InputError
+from inclinometry.findings import Finding, Value
 from inclinometry.history import PARAMETERS, UNSEEN, scale_unseen, tool_from_relative
 from inclinometry.least_squares import Normal
 from inclinometry.rotations import dcm
@@ -150,14 +151,9 @@ class DriftCheck:
     covariance: Array
 
     @property
-    def refusal(self) -> str:
-        """Why there is no calibration; empty where there is one."""
-        if not self.alarm.raised:
-            return ""
-        return (
-            f"the tool does not fit its history ({self.alarm.sentence}); a check of few positions rests on it: make a "
-            "full calibration, for example of twelve positions"
-        )
+    def refusal(self) -> Finding:
+        """Why there is no calibration after an alarm."""
+        return Finding("drift-contradicts", {"alarm": self.alarm.finding}, severity="refused")
 
 
 def check_with_prior(
@@ -267,12 +263,11 @@ def check_with_prior(
 
 def _with_history(record: Calibration, readings: BenchReadings, model: DriftModel, alarm: Alarm) -> Calibration:
     """The record with where its prior is from."""
-    note = (
-        f"{len(readings)} positions and the tool's history: drift of type {model.type} from {model.tools} tools, "
-        f"{model.calibrations} calibrations, {model.first} to {model.last}; {alarm.sentence}"
-    )
+    values: dict[str, Value] = {"positions": len(readings), "type": model.type, "tools": model.tools}
+    values |= {"calibrations": model.calibrations, "first": str(model.first), "last": str(model.last)}
+    note = Finding("drift-history", values | {"alarm": alarm.finding}, severity="note")
     inputs = {**record.inputs, "histories of the type": model.digest}
-    return replace(record, inputs=inputs, notes=(*record.notes, note), warnings=tuple(readings.warnings))
+    return replace(record, inputs=inputs, findings=(*record.findings, note))
 
 
 def _joined(whole: Array, tool: Array, rows: Index, gain: Array) -> Array:

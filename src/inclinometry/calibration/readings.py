@@ -15,6 +15,7 @@ from inclinometry.calibration.result import readings_text
 from inclinometry.constants import DIALS, KINDS
 from inclinometry.digest import digest_bytes
 from inclinometry.errors import InputError
+from inclinometry.findings import Finding
 from inclinometry.tabular import Column, Tabular, channel_columns, draw, in_degrees
 
 LARGEST = 1e15
@@ -46,15 +47,14 @@ class BenchReadings(Tabular):
     reference : mapping
         What is known of the fields at the stand, constants over the run: "g" (m/s^2), "b" (nT), "dip",
         "latitude" and "north", the azimuth of the rig's zero from magnetic north (rad).
-    notes : sequence of str
-        What the reader did that belongs into the record (averaged repeats, still intervals of a log).
+    findings : tuple of Finding
+        What the reader did that belongs into the record, as notes (averaged repeats, still intervals of a log), and
+        what may be wrong with the readings (saturated channel, column not used).
     step : mapping of kind to float or (m,) array_like
         Step of the converter, in the unit of the signals; 0 for none. What is not given is found channel by channel
         where the readings clearly lie on a grid, see `converter_steps`.
     digest : str, optional
         SHA-256 of the source file, or of the arrays when built in memory.
-    warnings : sequence of str
-        What may be wrong with the readings (saturated channel, column not used).
     counted : sequence of str
         How the dials themselves count, where azimuth, inclination and toolface were converted from them: the fields of
         `inclinometry.calibration.conventions.Dials`, which sets it.
@@ -77,10 +77,9 @@ class BenchReadings(Tabular):
     roll_set: Sequence[str] = ()
     units: Mapping[str, str] = field(default_factory=dict)
     reference: Mapping[str, float] = field(default_factory=dict)
-    notes: Sequence[str] = ()
+    findings: tuple[Finding, ...] = ()
     digest: str = ""
     step: Mapping[str, ArrayLike] = field(default_factory=dict)
-    warnings: Sequence[str] = ()
     counted: Sequence[str] = ()
 
     def __post_init__(self) -> None:
@@ -115,8 +114,7 @@ class BenchReadings(Tabular):
         put(self, "step", MappingProxyType({k: frozen(_step(k, v, self.step.get(k))) for k, v in channels.items()}))
         put(self, "units", MappingProxyType({k: self.units.get(k, "counts") for k in channels}))
         put(self, "reference", MappingProxyType(dict(self.reference)))
-        put(self, "notes", tuple(self.notes))
-        put(self, "warnings", tuple(self.warnings))
+        put(self, "findings", tuple(self.findings))
         if not self.digest:
             put(self, "digest", digest_bytes(b"".join(v.tobytes() for v in self._arrays())))
 
@@ -159,10 +157,9 @@ class BenchReadings(Tabular):
             [self.roll_set[i] for i in index] if self.roll_set else (),
             self.units,
             self.reference,
-            self.notes,
+            self.findings,
             self.digest,
             self.step,
-            self.warnings,
             self.counted,
         )
 

@@ -54,11 +54,12 @@ def orient(
     )
     place, notes = (Site(), []) if site is None else completed(read_site(site))
     rows = _rows(found, place)
-    warnings = list(found.warnings)
+    warnings = []
     if site is not None and found.north_of == "magnetic" and place.declination_sigma is None:
         warnings.append("the uncertainty of the declination is not stated and not in the azimuth from true north")
     if found.tilt < COVERAGE_FACTOR * found.u["tilt"]:
         warnings.append("the tilt is within its own uncertainty: where it leans to means nothing")
+    output.findings(found.findings)
     output.warnings(warnings)
     if json:
         output.print_json(
@@ -71,6 +72,7 @@ def orient(
                 "matrix": found.matrix,
                 "inputs": dict(found.inputs),
                 "notes": notes,
+                "findings": [one.plain() for one in found.findings],
                 "warnings": warnings,
             }
         )

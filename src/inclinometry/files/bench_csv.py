@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from inclinometry.arrays import Array
 from inclinometry.calibration.plans import Plan
 from inclinometry.calibration.readings import BenchReadings, converter_steps
+from inclinometry.calibration.result import uncoded
 from inclinometry.constants import DIALS
 from inclinometry.errors import FileError, InputError
 from inclinometry.files import writing
@@ -539,9 +540,8 @@ def _merged(
         [roll_set[i] for i in repeats.first] if any(roll_set) else (),
         signals.units,
         _reference(table),
-        repeats.notes,
+        (*uncoded(repeats.notes, "note"), *uncoded(warnings)),
         table.digest,
-        warnings=warnings,
     )
 
 

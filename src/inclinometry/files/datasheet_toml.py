@@ -16,6 +16,7 @@ from inclinometry.errors import FileError, InputError
 from inclinometry.files import toml_keys
 from inclinometry.files._quantities import unit_factor
 from inclinometry.files.tool_json import read_tool
+from inclinometry.findings import Finding
 from inclinometry.sensors import Tool, Triad
 
 # strength of the field that N is stated for, in SI, and the units a data sheet may be written in;
@@ -83,7 +84,7 @@ def read_datasheet(path: str | Path) -> Calibration:
     triads: dict[str, Triad] = {}
     noise: dict[str, Array] = {}
     blocks: list[Array] = []
-    warnings = ["entered from a data sheet: nothing was measured"]
+    unstated = []
     for kind in kinds:
         try:
             triads[kind], block, noise[kind] = _triad(kind, settings.content[kind], path)
@@ -92,7 +93,7 @@ def read_datasheet(path: str | Path) -> Calibration:
             raise FileError(f"[{kind}] {problem}", path=path) from None
         blocks += list(block)
         if not block.any():
-            warnings.append(f"no uncertainty is stated for the {kind}: angles are given as if its values were exact")
+            unstated.append(kind)
     size = sum(len(block) for block in blocks)
     covariance = np.zeros((size, size))
     for number, block in enumerate(blocks):
@@ -108,7 +109,10 @@ def read_datasheet(path: str | Path) -> Calibration:
         tool.covariance,
         Rig(np.zeros(3)),
         Residuals((), empty, empty, np.zeros(0)),
-        tuple(warnings),
+        (
+            Finding("fit-nameplate", severity="note"),
+            *(Finding("fit-exact", {"kind": kind}) for kind in unstated),
+        ),
     )
 
 

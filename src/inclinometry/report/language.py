@@ -141,7 +141,8 @@ def translated(text: str) -> str:
 
 def said(found: Iterable[Finding]) -> list[str]:
     """Findings in the language that is spoken, each with its code; notes too."""
-    return [f"{say(one, spoken())} [{one.code}]" for one in found]
+    # a sentence from a file has no code, and is translated with the page
+    return [str(one) if one.code == "fit-stored" else f"{say(one, spoken())} [{one.code}]" for one in found]
 
 
 _LATIN = re.compile(r"[A-Za-z]")

@@ -15,6 +15,7 @@ from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
 from inclinometry.calibration.start import zero_from_north
 from inclinometry.constants import COVERAGE_FACTOR, DIALS
+from inclinometry.findings import without_notes
 from inclinometry.rotations import wrap_positive, wrap_signed
 
 MOST_DECIMALS = 9
@@ -155,7 +156,7 @@ def verdict(calibration: Calibration, found: ExpectedUncertainty) -> str:
         where += (
             f", |g| known to {100.0 * found.gravity_sd:.2g} % of that at the calibration and the way of the hole stated"
         )
-    count = len(calibration.remarks)
+    count = len(without_notes(calibration.findings))
     condition = f"; settle the warning{'s' * (count > 1)} below before relying on it" if count else ""
     return f"One reading of {tool} gives {parts} (expanded, k = {COVERAGE_FACTOR:g}, about 95 %) {where}{condition}."
 
@@ -206,7 +207,6 @@ def run_facts(calibration: Calibration, readings: BenchReadings | None) -> list[
         shown |= dict.fromkeys(("dip", "latitude", "north"), lambda v: f"{np.degrees(v):.2f}°")
         stated = [(n, shown[n](v) if n in shown else f"{v:g}") for n, v in readings.reference.items()]
         facts += [(f"Stated at the stand: {name}", text) for name, text in stated]
-    facts += [("Note", sentence) for sentence in calibration.notes]
     return facts + [(f"Digest of {name}", digest) for name, digest in calibration.inputs.items()]
 
 
@@ -329,7 +329,7 @@ def calibration_tests(calibration: Calibration) -> list[Test]:
     blocks = calibration.residuals.standardised.values()
     values = np.concatenate([np.zeros(0), *(np.asarray(v).ravel() for v in blocks)])
     judged = values[np.isfinite(values)]
-    warned = len(calibration.remarks)
+    warned = len(without_notes(calibration.findings))
     tests = [Test("warnings", str(warned), "none", warned == 0)]
     if judged.size:
         largest, bound = float(np.abs(judged).max()), float(norm.isf(0.005 / judged.size))

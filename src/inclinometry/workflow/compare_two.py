@@ -14,6 +14,7 @@ from inclinometry.calibration.expected import ALL_ANGLES
 from inclinometry.earth.site import Site
 from inclinometry.errors import InputError
 from inclinometry.files.tool_json import read_calibration
+from inclinometry.findings import without_notes
 from inclinometry.sensors import Tool
 from inclinometry.workflow.calibrate import Options, calibrate, readings_at
 
@@ -76,6 +77,8 @@ def content(found: TwoCalibrations) -> dict[str, Any]:
             for name, values in curves.items()
         },
         "warnings": [
-            f"{name}: {w}" for name, c in zip(found.names, found.calibrations, strict=True) for w in c.remarks
+            f"{name}: {one}"
+            for name, c in zip(found.names, found.calibrations, strict=True)
+            for one in without_notes(c.findings)
         ],
     }

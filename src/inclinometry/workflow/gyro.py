@@ -17,7 +17,7 @@ from inclinometry.earth.site import Site
 from inclinometry.errors import FileError, InputError
 from inclinometry.files.gyro_csv import CORRECTED, GyroReadings, write_gyro_stations
 from inclinometry.files.scale_json import ScaleRecord
-from inclinometry.findings import Finding
+from inclinometry.findings import Finding, without_notes
 from inclinometry.gyro.closed_form import tilt, upward
 from inclinometry.gyro.indexing import IndexTurns
 from inclinometry.gyro.north import to_high_side
@@ -177,7 +177,7 @@ def north_run(
     if track is not None:
         track = replace(track, scale_sd=np.hypot(track.scale_sd, averages.scale_calibration * track.scale))
     flags = _flags(averages, heat, calibration, chosen.history)
-    inherited = [f"calibration: {sentence}" for sentence in (calibration.remarks if calibration else ())]
+    inherited = [f"calibration: {one}" for one in without_notes(calibration.findings if calibration else ())]
     notes = [*readings.notes, *known.notes, *inherited]
     findings = [
         *_remarks(readings, heat, chosen),

@@ -10,7 +10,7 @@ import numpy as np
 
 from inclinometry.calibration.hand_rotations import HandRotations, calibrate_hand_rotations, hand_rotations_calibration
 from inclinometry.calibration.readings import BenchReadings
-from inclinometry.calibration.result import Calibration
+from inclinometry.calibration.result import Calibration, uncoded
 from inclinometry.constants import STANDARD_GRAVITY
 from inclinometry.digest import digest_bytes
 from inclinometry.earth.site import Site
@@ -56,7 +56,7 @@ def calibrate_log(
         reference={"g": gravity},
         digest=digest,
     )
-    return found, replace(record, notes=(*notes, *record.notes)), readings
+    return found, replace(record, findings=(*uncoded(notes, "note"), *record.findings)), readings
 
 
 def read_both(

@@ -10,7 +10,7 @@ import numpy as np
 
 from inclinometry.arrays import Array
 from inclinometry.calibration.rate_table import RateCalibration, calibrate_rates, table_rates
-from inclinometry.calibration.result import UNSTATED, Calibration, Residuals, Rig
+from inclinometry.calibration.result import UNSTATED, Calibration, Residuals, Rig, uncoded
 from inclinometry.calibration.temperature import soaks
 from inclinometry.constants import EARTH_RATE, PER_RADIAN
 from inclinometry.digest import digest_file
@@ -286,7 +286,7 @@ def with_gyro(
             values={k: v for k, v in residuals.values.items() if k != "gyro"},
             standardised={k: v for k, v in residuals.standardised.items() if k != "gyro"},
         ),
-        warnings=(*calibration.warnings, *(f"rate table: {note}" for note in [*notes, *doubt])),
+        findings=(*calibration.findings, *uncoded(f"rate table: {note}" for note in [*notes, *doubt])),
     )
 
 
@@ -307,7 +307,7 @@ def _alone(found: RateCalibration, steps: RateSteps, name: str, notes: list[str]
             {"gyro": found.residuals / found.sd},
             np.full(len(steps), 1.0 - found.dof / steps.signals.size),
         ),
-        tuple(notes),
+        uncoded(notes),
     )
 
 

@@ -20,6 +20,7 @@ from inclinometry.files.bench_csv import write_log as write_log_csv
 from inclinometry.files.datasheet_toml import read_nameplate
 from inclinometry.files.survey_csv import write_survey_csv
 from inclinometry.files.tool_json import read_extras, read_tool
+from inclinometry.findings import Finding
 from inclinometry.sensors import Tool
 from inclinometry.simulate.bench import Misread, Rig, simulate_bench
 from inclinometry.simulate.hole import SurveySimulation, WellProfile, simulate_survey, well_path
@@ -124,11 +125,11 @@ def bench(
         roll_set=plan.roll_set,
         units=run.units,
         reference=run.reference,
-        warnings=[
-            f"{kind} saturated in {int(hit.any(axis=1).sum())} stations"
+        findings=tuple(
+            Finding("fit-saturated", {"kind": kind, "stations": int(hit.any(axis=1).sum())})
             for kind, hit in run.saturated.items()
             if hit.any()
-        ],
+        ),
     )
     extras = {
         "seed": seed,

@@ -23,7 +23,7 @@ from inclinometry.files.table import TableFile
 from inclinometry.files.text import Progress
 from inclinometry.files.tool_code_json import load_tool_code
 from inclinometry.files.tool_json import read_calibration
-from inclinometry.findings import Finding
+from inclinometry.findings import Finding, without_notes
 from inclinometry.orientation import fields
 from inclinometry.sensors import Tool
 from inclinometry.survey.consistency import check_angles, check_place
@@ -341,7 +341,7 @@ def read_six_axis(
     findings = run_findings(stations, place, ignored, raw, run=channels)
     inputs |= {f"calibration {name}": value for name, value in record.inputs.items()}
     inputs |= {"raw": source.digest, "tool": digest_file(calibration)}
-    inherited = [f"calibration: {sentence}" for sentence in record.remarks]
+    inherited = [f"calibration: {one}" for one in without_notes(record.findings)]
     freedom = dict.fromkeys(ESTIMATED, record.degrees_of_freedom)
     warned = [*inherited, *warned]
     return SixAxis(stations, place, record.tool, record.dip, (*said, *source.notes), warned, inputs, freedom, findings)

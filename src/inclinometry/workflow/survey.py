@@ -18,7 +18,7 @@ from inclinometry.files.survey_csv import RawSurvey, read_raw_survey, survey_cel
 from inclinometry.files.text import Progress
 from inclinometry.files.tool_json import read_calibration
 from inclinometry.files.writing import write_columns
-from inclinometry.findings import Finding
+from inclinometry.findings import Finding, without_notes
 from inclinometry.orientation import SWITCH
 from inclinometry.survey.from_stations import ESTIMATED
 from inclinometry.survey.from_tool import stations_from_tool
@@ -79,7 +79,7 @@ def survey_raw(
         hole=hole,
         gravity_sd=gravity_sd,
     )
-    inherited = [f"calibration: {sentence}" for sentence in calibration.remarks]
+    inherited = [f"calibration: {one}" for one in without_notes(calibration.findings)]
     freedom = dict.fromkeys(ESTIMATED, calibration.degrees_of_freedom)
     return replace(found, warnings=(*raw.notes, *inherited, *found.warnings), freedom=freedom)
 
