@@ -17,7 +17,7 @@ import numpy as np
 from inclinometry.arrays import Array, Mask, within
 from inclinometry.calibration.drift import DriftModel, DriftState, drift_states, fit_drift, part_of
 from inclinometry.constants import VECTORS
-from inclinometry.errors import InputError
+from inclinometry.errors import refused
 from inclinometry.findings import Finding, Value
 from inclinometry.history import PARAMETERS, ToolHistory
 
@@ -186,7 +186,7 @@ def p_values(statistic: Array, past: Array) -> Array:
     past = np.sort(np.asarray(past, dtype=np.float64))
     n = len(past)
     if n < FEWEST:
-        raise InputError(f"{n} past calibrations; a fleet's own threshold needs {FEWEST}: take the simulated one")
+        raise refused("drift-past-few", {"calibrations": n, "least": FEWEST})
     rank = (1.0 + n - np.searchsorted(past, statistic, side="left")) / (n + 1.0)
     start, scale, shape = _pareto(past)
     beyond = np.maximum(np.asarray(statistic) - start, 0.0)
@@ -222,9 +222,7 @@ def threshold(past: Array, false_alarms: float = FALSE_ALARMS, *, tail: bool = T
         place = int(np.ceil((1.0 - a) * (len(past) + 1)))
         return float(past[place - 1]) if place <= len(past) else float("inf")
     if len(past) < FEWEST:
-        raise InputError(
-            f"{len(past)} past calibrations; a fleet's own threshold needs {FEWEST}: take the simulated one"
-        )
+        raise refused("drift-past-few", {"calibrations": len(past), "least": FEWEST})
     start, scale, shape = _pareto(past)
     ratio = _TAIL / a
     return float(start + (scale * np.log(ratio) if shape < 1e-6 else scale / shape * (ratio**shape - 1.0)))

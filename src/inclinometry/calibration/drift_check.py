@@ -27,7 +27,7 @@ from inclinometry.calibration.start import stand_within
 from inclinometry.calibration.temperature import powers_of
 from inclinometry.calibration.variance import fit, noise_guess, rig_guess
 from inclinometry.constants import DIP, FIELD_NAME, INCLINATION_RANGE, VECTORS
-from inclinometry.errors import InputError
+from inclinometry.errors import out_of_range, refused
 from inclinometry.findings import Finding, Value
 from inclinometry.history import PARAMETERS, UNSEEN, scale_unseen, tool_from_relative
 from inclinometry.least_squares import Normal
@@ -97,7 +97,7 @@ def chosen_positions(
     """
     about: Information = information(rig_sd, noise, dip, None)
     if not 1 <= count <= 60:
-        raise InputError(f"count is {count}; allowed: 1 to 60 positions")
+        raise out_of_range("count", count, "1 .. 60")
     candidates = stand_within(candidates=400).positions()
     fixed = about.prior()
     fixed[:24, :24] += np.linalg.inv(prior)
@@ -204,11 +204,11 @@ def check_with_prior(
     """
     check_record(readings, BenchReadings, "check_with_prior")
     for kind in VECTORS:
-        if kind not in readings.channels or reference.triads[kind].count != readings.channels[kind].shape[1]:
-            raise InputError(
-                f"the {kind} of the readings is not that of {reference.name or 'the tool'}: check the file"
-            )
-    same_units(readings.units, reference, "the tool's history")
+        have = readings.channels[kind].shape[1] if kind in readings.channels else 0
+        if have != reference.triads[kind].count:
+            known: dict[str, Value] = {"kind": kind, "channels": have, "calibrated": reference.triads[kind].count}
+            raise refused("input-channels", known)
+    same_units(readings.units, reference)
     tool = tool_from_relative(reference, prior.mean, prior.covariance, reference.name)
     # tensors are for the field of the reference, readings for that of this stand
     here = {kind: replace(reference.triads[kind], field_strength=readings.reference.get(FIELD_NAME[kind]))
@@ -286,7 +286,7 @@ def _start(tool: Tool, readings: BenchReadings, settings: Array) -> tuple[State,
     powers = np.ones((len(settings), 1))
     if degree:
         if readings.temperature is None:
-            raise InputError("this tool's calibration depends on temperature; give temperature_degC with the readings")
+            raise refused("input-temperature", {"kind": VECTORS[0]})
         powers = powers_of(readings.temperature, first.reference_temperature, degree)
     directions, coefficients = {}, {}
     turned = dcm(*settings.T)
@@ -335,7 +335,7 @@ def _noise(
         if kind in stated or (kind in readings.sd and (readings.sd[kind] > 0.0).any()):
             continue
         if not (reference.noise[kind] > 0.0).all():
-            raise InputError(f"the noise of the {kind} is not known; so few readings do not tell it: state it")
+            raise refused("input-missing", {"names": (f"noise_sd.{kind}",)})
         count = np.ones(len(readings)) if readings.count is None else readings.count
         mean = reference.noise[kind] / np.sqrt(count)[:, None]
         stated[kind] = np.maximum(mean, readings.rounding(kind))

@@ -357,10 +357,7 @@ def fit_base(
         scale = np.sqrt(np.maximum(np.diagonal(told), 1e-300))
         # least eigenvalue of the scaled information with which two angles count as told apart
         if np.linalg.eigvalsh(told / np.outer(scale, scale))[0] < 1e-6:
-            raise IdentifiabilityError(
-                f"{len(design)} settings do not tell the orientation of the base: take readings at other inclinations "
-                "and azimuths"
-            )
+            raise IdentifiabilityError(Finding("plan-settings-few", {"settings": len(design)}))
         system = _System(design, latent, rows @ noise @ np.swapaxes(rows, 1, 2), rows @ np.stack(own_turns, axis=2))
         sd = system.setting_sd((rows @ residual[..., None])[..., 0]) if setting_sd is None else setting_sd
         step, covariance = system.solve((rows @ residual[..., None])[..., 0], sd)

@@ -203,7 +203,7 @@ class Calibration(Tabular):
         return self.residuals.plot(ax)
 
 
-def same_units(units: Mapping[str, str], tool: Tool, whose: str = "the calibration") -> None:
+def same_units(units: Mapping[str, str], tool: Tool) -> None:
     """Refuse signals stated in another unit than the tool's; nothing is converted unasked.
 
     A unit that is not stated ("counts") is taken for the tool's own.

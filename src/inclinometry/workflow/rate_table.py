@@ -197,7 +197,7 @@ def calibrate_on_table(
     used, found, told = _fitted(steps, site.latitude, temperature_degree, g_sensitive)
     before = None if old is None else old.tool.triads.get("gyro")
     odd = check_plausible(used, found, site.latitude, before)
-    notes = [*steps.notes, *told, *odd, *found.notes, *_heat_notes(used, temperature_degree)]
+    notes = [*steps.notes, *told, *odd, *map(str, found.findings), *_heat_notes(used, temperature_degree)]
     if old is None:
         return found, _alone(found, used, name, notes), tuple(notes), len(used)
     whole = with_gyro(old, found, {"rate table": steps.digest, "tool": digest_file(calibration or "")}, notes)
