@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.refusals import coded
 
 from inclinometry.errors import FileError
 from inclinometry.files.datasheet_toml import TEMPLATE, read_datasheet
@@ -70,8 +71,8 @@ def test_stated_uncertainties_are_those_of_scale_axis_and_offset(tmp_path):
     # 20000 draws give a variance to 1 per cent; the largest is 0.042^2
     np.testing.assert_allclose(inside, np.cov(drawn.T), atol=0.05 * 0.042**2)
     np.testing.assert_allclose(np.diagonal(found.tool.covariance)[3::4], 1e-4, rtol=1e-12)
-    assert not any("no uncertainty" in w for w in found.warnings)
-    assert any("no uncertainty is stated" in w for w in read(tmp_path, SHEET).warnings)
+    assert "fit-exact" not in coded(found.findings)
+    assert "fit-exact" in coded(read(tmp_path, SHEET).findings)
 
 
 def test_the_template_is_a_data_sheet_and_survives_tool_json(tmp_path):
