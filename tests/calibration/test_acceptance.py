@@ -5,6 +5,7 @@ import re
 
 import numpy as np
 import pytest
+from tests.refusals import coded, fits
 
 from inclinometry.calibration import plans
 from inclinometry.calibration.acceptance import verify
@@ -99,7 +100,7 @@ class TestAgainstTheCertificate:
         for sd, said in ((0.0, False), (1.0, True)):
             rig = dataclasses.replace(calibration.rig, sd=np.full(3, np.radians(sd)))
             found = verify(readings, dataclasses.replace(calibration, rig=rig))
-            assert any("agreement proves little" in sentence for sentence in found.warnings) is said
+            assert ("verify-detects-little" in coded(found.findings)) is said
 
     def test_says_what_it_held_against_what(self, pair):
         calibration, _, _, readings = pair
@@ -109,13 +110,12 @@ class TestAgainstTheCertificate:
         assert found.tool == "SN 7"
         assert found.inputs == {"readings": readings.digest, "calibration readings": calibration.inputs["readings"]}
         inside = int(np.sum(np.abs(found.errors) <= 2.0 * found.u))
-        held = "all 24" if inside == 24 else f"{inside} of 24"
-        assert found.reasons[0] == f"{held} deviations are smaller than their expanded uncertainty (k = 2)"
+        assert found.findings[0].values == {"inside": inside, "total": 24, "k": 2.0}
         # two-sided 99 % over 24 judged errors: 0.005 / 24 in each tail, 3.53 standard deviations of a known rig
         known = dataclasses.replace(calibration.rig, freedom=np.full(3, np.inf))
         sure = verify(readings, dataclasses.replace(calibration, rig=known))
-        assert "no deviation exceeds 3.53 standard uncertainties" in sure.reasons[1]
-        assert "with a probability of 99 %" in sure.reasons[1]
+        assert sure.findings[1].code == "verify-within"
+        assert sure.findings[1].values["factor"] == pytest.approx(3.53, abs=0.005)
         assert 3.6 < agreement_factor(24, calibration.rig.freedom) < 4.5
         assert (found.coverage_factor, sure.coverage_factor) == (2.0, 2.0)
         assert {d for row in found.decision for d in row} == {"agrees"}
@@ -132,7 +132,7 @@ class TestAgainstTheCertificate:
         calibration, _, _, readings = pair
         found = verify(readings, with_tensor(calibration, kind, turned(np.radians(angle), axis)))
         assert found.verdict == "does not agree"
-        assert any(reason.startswith(f"{named}: ") and "worst at station" in reason for reason in found.reasons)
+        assert any(fits(one, ["verify-angle-deviates"], {"angle": named}) for one in found.findings)
 
     def test_another_tool_fails(self, bench, pair):
         calibration, _, rig, _ = pair
@@ -144,7 +144,9 @@ class TestAgainstTheCertificate:
         found = verify(bench(positions(1), tool, wrong, bits=12)[0], calibration)
         assert found.verdict == "does not agree"
         # the record says 3 degrees more than what was set, so the tool reads less
-        assert any("azimuth: 1 of 8 positions do not agree; worst at station 5, error -" in r for r in found.reasons)
+        one = next(one for one in found.findings if fits(one, ["verify-angle-deviates"], {"angle": "azimuth"}))
+        assert (one.values["count"], one.values["total"], one.values["station"]) == (1, 8, "5")
+        assert one.values["error_deg"] < 0.0
 
 
 class TestAgainstLimits:
@@ -167,7 +169,7 @@ class TestAgainstLimits:
         narrow = dataclasses.replace(WIDE, inclination=np.radians(0.3))
         found = verify(readings, with_tensor(calibration, "accelerometer", turned(np.radians(1.5), 1)), narrow)
         assert found.verdict == "fail"
-        assert found.reasons[0].startswith("inclination: ")
+        assert fits(found.findings[0], ["verify-angle-exceeds"], {"angle": "inclination"})
         free = verify(readings, calibration, dataclasses.replace(narrow, inclination=None))
         assert free.verdict == "pass"
         assert {row[0] for row in free.decision} == {"not judged"}
@@ -179,10 +181,8 @@ class TestAgainstLimits:
         hopeless = dataclasses.replace(WIDE, inclination=np.radians(0.001))
         # agreed before the readings were taken, they are decided on and warned of; else refused
         found = verify(readings, calibration, hopeless, agreed=True)
-        assert any(
-            w.startswith("inclination: ") and "smaller than the expanded uncertainty" in w for w in found.warnings
-        )
-        assert not any("smaller than" in w for w in verify(readings, calibration, WIDE).warnings)
+        assert any(fits(one, ["verify-uncertain"], {"angle": "inclination"}) for one in found.findings)
+        assert "verify-uncertain" not in coded(verify(readings, calibration, WIDE).findings)
 
     @pytest.mark.parametrize(("name", "share"), [("inclination", 0.4), ("azimuth", 0.9), ("toolface", 0.1)])
     def test_a_limit_the_stand_cannot_verify_is_refused_with_what_would_do(self, pair, name, share):
@@ -264,9 +264,11 @@ def test_temperature_far_from_the_calibration_is_warned_of(bench):
     tool, rig = random_tool(3), Rig(setting_sd=np.radians(0.05))
     calibration = calibrate_joint(bench(plans.orthogonal(), tool, rig, bits=12, temperature=20.0)[0])
     warm = bench(positions(1), tool, rig, bits=12, seed=9, temperature=60.0)[0]
-    assert any("60.0 degC" in w for w in verify(warm, calibration).warnings)
+    assert any(
+        fits(one, ["verify-temperature"], {"here_high_degC": 60.0}) for one in verify(warm, calibration).findings
+    )
     near = bench(positions(1), tool, rig, bits=12, seed=9, temperature=22.0)[0]
-    assert not any("degC" in w for w in verify(near, calibration).warnings)
+    assert "verify-temperature" not in coded(verify(near, calibration).findings)
 
 
 class TestRefusals:

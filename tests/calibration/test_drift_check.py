@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.refusals import fits
 
 from inclinometry.calibration import plans
 from inclinometry.calibration.drift import SHOWN, DriftModel, azimuth_sd, azimuth_weight, drift_states
@@ -131,13 +132,12 @@ def test_check_from_readings_is_a_calibration_with_its_covariance():
     prior = drift_states([history], model_of())[0][-1].predicted(model_of(), 0.5)
     check = check_with_prior(readings, tool, prior, model_of())
     assert not check.alarm.raised
-    assert check.refusal == ""
     assert check.calibration.method == "joint with prior"
     assert check.calibration.tool.name == tool.name
     named = check_with_prior(readings, tool, prior, model_of(), name="A7")
     assert named.calibration.tool.name == "A7"
     np.testing.assert_array_equal(named.values, check.values)
-    assert "drift of type X" in check.calibration.notes[-1]
+    assert fits(check.calibration.findings[-1], ["drift-history"], {"type": "X"})
     found, covariance = relative_parameters(check.calibration.tool, tool)
     # what was said before any reading was taken, for the plan's ideal tool and rig
     expected = azimuth_sd(after_check(prior.covariance, plan_information(plans.six())))
@@ -167,7 +167,7 @@ def test_a_jump_refuses_the_check_and_is_named():
     assert check.alarm.cause == "magnetometer x offset"
     assert check.alarm.size == pytest.approx(jump[15], rel=0.3)
     assert check.calibration is None
-    assert "full calibration" in check.refusal
+    assert check.refusal.code == "drift-contradicts"
 
 
 def test_a_fleet_of_a_hundred_past_calibrations_sets_the_threshold():

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
+from tests.refusals import coded, fits
 
 from inclinometry.calibration.hand_rotations import (
     _Fit,
@@ -232,9 +233,9 @@ def test_what_is_shown_follows_from_the_estimate_and_its_covariance(fitted):
     np.testing.assert_allclose(found.residual, np.arccos(np.sum(seen * turned, axis=1)), rtol=1e-5)
     assert found.rms == pytest.approx(np.sqrt(np.mean(found.residual**2)))
     assert found.rotations.tolist() == list(range(19))
-    assert "19 rotations used" in found.notes
+    assert any(fits(one, ["fit-rotations-used"], {"count": 19}) for one in found.findings)
     # 18 check the fit
-    assert not any("rotations for nine parameters" in said for said in found.warnings)
+    assert "fit-rotations-few" not in coded(found.findings)
     assert len({found, replace(found)}) == 2
     with pytest.raises(FrozenInstanceError):
         found.gain = None
@@ -311,7 +312,7 @@ def test_exchanged_and_reversed_channels_are_found_and_said():
     found = calibrate_hand_rotations(time, accel, gyro[:, [1, 0, 2]] * [1.0, 1.0, -1.0])
     expected = truth(tool)[9:18].reshape(3, 3)[:, [1, 0, 2]] * [1.0, 1.0, -1.0]
     np.testing.assert_allclose(found.gain, expected, atol=2e-4 * np.abs(expected).max())
-    assert any("gyro_x along +y, gyro_y along +x, gyro_z along -z" in said for said in found.warnings)
+    assert any(fits(one, ["fit-gyro-axes"], {"axes": ("+y", "+x", "-z")}) for one in found.findings)
 
 
 def test_any_scale_factor_is_found_without_a_data_sheet():
@@ -349,10 +350,8 @@ def test_a_slip_a_gap_and_a_rate_out_of_range_are_left_out_and_said():
     keep = np.ones(len(time), dtype=bool)
     keep[middle[2] - 10 : middle[2] + 10] = False
     found = calibrate_hand_rotations(time[keep], accel[keep], gyro[keep])
-    said = " ".join(found.notes)
-    assert "out of range; turn the tool more slowly" in said
-    assert "the log has a gap there" in said
-    assert "at odds with the others" in said
+    why = [one.values["why"] for one in found.findings if one.code == "fit-rotation-dropped"]
+    assert {"gyro out of range", "gap in the log", "does not fit the others"} <= set(why)
     assert len(found.rotations) == 32
 
 

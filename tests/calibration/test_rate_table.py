@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.stats import chi2, f, t
+from tests.refusals import fits
 
 from inclinometry.calibration import plans
 from inclinometry.calibration.joint import calibrate_joint
@@ -153,22 +154,22 @@ class TestHonest:
         u = signals_of(truth, rates, gravity) + 0.05 * np.random.default_rng(1).normal(size=(len(rates), 3))
         asked = calibrate_rates(u, rates, gravity=gravity, g_sensitive=True)
         assert asked.chance < 1e-6
-        assert "is significant" in asked.notes[0]
-        assert "not part of the tool's covariance" in asked.notes[0]
+        assert asked.findings[0].code == "fit-g-significant"
         unasked = calibrate_rates(u, rates, gravity=gravity)
         assert unasked.chance == asked.chance
-        assert "fit the g-sensitivity too" in unasked.notes[0]
+        assert unasked.findings[0].code == "fit-g-needed"
         none = signals_of((*truth[:2], 0.0 * truth[2]), rates, gravity)
         none = none + 0.05 * np.random.default_rng(1).normal(size=none.shape)
-        assert "not significant" in calibrate_rates(none, rates, gravity=gravity, g_sensitive=True).notes[0]
-        assert calibrate_rates(none, rates, gravity=gravity).notes == ()
+        (one,) = calibrate_rates(none, rates, gravity=gravity, g_sensitive=True).findings
+        assert one.code == "fit-g-insignificant"
+        assert calibrate_rates(none, rates, gravity=gravity).findings == ()
         assert calibrate_rates(none, rates).chance is None
 
     def test_noise_understated_is_said(self):
         rates, gravity = steps()
         u = signals_of(gyros(), rates, gravity) + np.random.default_rng(1).normal(size=(len(rates), 3))
         found = calibrate_rates(u, rates, gravity=gravity, g_sensitive=True, sd=0.1)
-        assert "times what the stated noise allows" in found.notes[-1]
+        assert found.findings[-1].code == "fit-rates-misfit"
 
     def test_the_tool_keeps_the_block_of_its_own_parameters(self):
         rates, gravity = steps()
@@ -302,17 +303,17 @@ class TestAgainstTheTextbook:
         tensor, offset, _ = gyros()
         u = signals_of((tensor, offset, np.zeros((3, 3))), rates, gravity)
         u += 5e-3 * np.random.default_rng(1).normal(size=u.shape)
-        (note,) = calibrate_rates(u, wrong, gravity=gravity).notes
+        (one,) = calibrate_rates(u, wrong, gravity=gravity).findings
         off = 2.0 * np.degrees(EARTH_RATE * np.sin(LATITUDE)) * 3600.0
-        assert f"as if the Earth turned {off:+.2g} deg/h faster upwards" in note
-        assert "check the latitude" in note
+        assert one.code == "fit-rate-off"
+        assert one.values["rate_deg_h"] == pytest.approx(off, rel=0.05)
 
     def test_how_much_the_residuals_exceed_a_stated_noise(self):
         rates, gravity, u = self.noisy()
-        (note,) = calibrate_rates(u, rates, gravity=gravity, g_sensitive=True, sd=0.1).notes[1:]
+        (one,) = calibrate_rates(u, rates, gravity=gravity, g_sensitive=True, sd=0.1).findings[1:]
         left, dof, *_ = self.left(u, rates, np.ones((32, 1)), gravity)
-        assert f"are {np.sqrt(left.sum() / 3 / dof) / 0.1:.2g} times what the stated noise allows" in note
-        assert len(calibrate_rates(u, rates, gravity=gravity, g_sensitive=True, sd=0.3).notes) == 1
+        assert one.values["times"] == pytest.approx(np.sqrt(left.sum() / 3 / dof) / 0.1)
+        assert len(calibrate_rates(u, rates, gravity=gravity, g_sensitive=True, sd=0.3).findings) == 1
 
     def test_a_gyro_that_scatters_is_named_with_how_many_times(self):
         rates, _, _ = self.noisy()
@@ -320,11 +321,11 @@ class TestAgainstTheTextbook:
         tensor = tensor * np.array([1.0, 3.0, 10.0])[:, None]  # gains apart do not count
         noise = np.random.default_rng(4).normal(size=(32, 3)) * [1.0, 3.0, 60.0]
         u = signals_of((tensor, offset, np.zeros((3, 3))), rates, np.zeros((32, 3))) + noise
-        (note,) = calibrate_rates(u, rates).notes
+        (one,) = calibrate_rates(u, rates).findings
         left, *_ = self.left(u, rates, np.ones((32, 1)))
         size = np.sqrt(left) / np.linalg.norm(tensor[0], axis=1)
-        assert f"gyro 3 scatters {size[2] / np.sort(size)[1]:.2g} times as much" in note
-        assert calibrate_rates(u[:, :2], rates).notes == ()
+        assert fits(one, ["fit-gyro-noisy"], {"sensor": 3, "times": size[2] / np.sort(size)[1]})
+        assert calibrate_rates(u[:, :2], rates).findings == ()
 
     @pytest.mark.parametrize("count", [8, 32])
     def test_it_is_named_from_three_times_on_where_that_is_no_chance(self, count):
@@ -338,7 +339,9 @@ class TestAgainstTheTextbook:
             scatter = np.sqrt(left / dof) / np.linalg.norm(calibrate_rates(u, rates).triad.tensor[0], axis=1)
             ratio = scatter[2] / np.sort(scatter)[1]
             wanted.append(bool(ratio > 3.0 and 3.0 * f.sf(ratio**2, dof, dof) < 0.001))
-            named.append(any("gyro 3 scatters" in note for note in calibrate_rates(u, rates).notes))
+            named.append(
+                any(fits(one, ["fit-gyro-noisy"], {"sensor": 3}) for one in calibrate_rates(u, rates).findings)
+            )
         assert named == wanted
         assert 0 < sum(named) < 30
 

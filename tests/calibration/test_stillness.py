@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.refusals import coded, fits
 
 from inclinometry.calibration.norm import calibrate_norm
 from inclinometry.calibration.stillness import sd_of_mean, stations_from_log, still_intervals
@@ -104,8 +105,8 @@ def test_too_short_and_creeping_are_reported():
     time, signals, truth = simulated(rng, [5.0, 1.1, 5.0, 5.0])
     found = still_intervals(time, signals, shortest=2.0)
     assert [len(h) for h in overlaps(found.pairs(), truth)] == [1, 0, 1, 1]
-    assert any("at least 2 s" in reason for _, _, reason in found.dropped)
-    assert any("dropped" in line for line in found.report())
+    assert any(fits(why, ["fit-rest-short"], {"least_s": 2.0}) for _, _, why in found.dropped)
+    assert "fit-rest-short" in coded(found.findings)
     # a slow turn of 15 noise levels a second between two rests
     turn = np.concatenate([np.zeros(800), np.linspace(0, 1.2, 800), np.full(800, 1.2)])
     jolt = np.where(np.abs(np.arange(2400) - 800) < 30, 40.0, 0) * rng.normal(size=2400) * 0.1
@@ -121,7 +122,7 @@ def test_xsens_all_poses_and_the_fit_within_one_sigma():
     log = np.array(gzip.decompress(data).split(), dtype=float).reshape(-1, 4)
     readings, found = stations_from_log(log[:, 0], {"accelerometer": log[:, 1:]})
     assert len(readings) == 38
-    assert readings.notes[0].startswith("38 still stations")
+    assert fits(readings.findings[0], ["fit-still"], {"stations": 38})
     first = np.array([log[a : a + 100, 1:].mean(axis=0) for a, _ in found.pairs()])
     fit = calibrate_norm(first, 9.81744)
     sigma = fit.uncertainty

@@ -206,8 +206,8 @@ def check_with_prior(
     for kind in VECTORS:
         have = readings.channels[kind].shape[1] if kind in readings.channels else 0
         if have != reference.triads[kind].count:
-            known: dict[str, Value] = {"kind": kind, "channels": have, "calibrated": reference.triads[kind].count}
-            raise refused("input-channels", known)
+            calibrated = reference.triads[kind].count
+            raise refused("input-channels", {"kind": kind, "channels": have, "calibrated": calibrated})
     same_units(readings.units, reference)
     tool = tool_from_relative(reference, prior.mean, prior.covariance, reference.name)
     # tensors are for the field of the reference, readings for that of this stand
