@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from tests.refusals import refused
 
 from inclinometry.calibration import plans
 from inclinometry.calibration.direct import (
@@ -66,7 +67,7 @@ class TestOwnPlan:
     def test_the_joint_fit_of_the_same_readings_agrees_and_is_not_less_certain(self, bench, sensor_noise, method, plan):
         tool = random_tool(2)
         readings, _ = bench(plan, tool, Rig(setting_sd=np.radians(0.05)), bits=12)
-        known = {"noise_sd": sensor_noise(tool, 12), "rig_sd": np.radians(0.05)}
+        known = {"noise_sd": sensor_noise(tool, 12), "input-shape": np.radians(0.05)}
         closed = method(readings, **known)
         level = None if plan.name != "rotations" else {"accelerometer": ([0.0, 0.0, 1.0], 1e-4)}
         joint = calibrate_joint(readings, field_prior=level, diagnose=False, **known)
@@ -181,21 +182,21 @@ class TestClassical:
     def test_what_it_refuses(self, bench):
         tool = realistic_tool(1, bits=None)
         readings, _ = bench(plans.orthogonal(), tool, Rig(), noise={})
-        with pytest.raises(InputError, match="takes the conversion factors from a nameplate and none is given"):
+        with refused("input-needs", name="method classical"):
             calibrate_classical(readings)
-        with pytest.raises(InputError, match="has no magnetometer"):
+        with refused("input-missing", names=("nameplate.magnetometer",)):
             calibrate_classical(readings, nameplate=Tool("a", {"accelerometer": tool.triads["accelerometer"]}))
         volts = Triad("accelerometer", np.eye(3), np.zeros(3), "V")
-        with pytest.raises(InputError, match="in m/s\\^2, its nameplate in V"):
+        with refused("fit-units"):
             calibrate_classical(readings, nameplate=Tool("a", {**tool.triads, "accelerometer": volts}))
         four = realistic_tool(1, bits=None, sensors={"accelerometer": 4, "magnetometer": 3})
-        with pytest.raises(InputError, match="4 numbers, the readings 3 sensors"):
+        with refused("input-shape", name="conversion_factor"):
             calibrate_classical(readings, nameplate=four)
         nowhere = dataclasses.replace(readings, reference={})
-        with pytest.raises(InputError, match="b_nT of the site"):
+        with refused("input-missing", names=("b_nT",)):
             calibrate_classical(nowhere, nameplate=tool)
         small = {kind: dataclasses.replace(t, tensor=t.tensor / 800.0) for kind, t in tool.triads.items()}
-        with pytest.raises(InputError, match=r"swings .* times as far as its nameplate says"):
+        with refused("fit-nameplate-off"):
             calibrate_classical(readings, nameplate=Tool("another unit", small))
 
 
@@ -229,27 +230,27 @@ class TestRefusals:
     )
     def test_no_angles(self, method):
         bare = BenchReadings({"accelerometer": np.random.default_rng(1).normal(size=(24, 3))})
-        with pytest.raises(InputError, match="no rig angles"):
+        with refused("bench-no-angles"):
             method(bare, **({"nameplate": random_tool(1)} if method is calibrate_classical else {}))
 
     @pytest.mark.parametrize(
         ("options", "words"),
         [
-            ({"rig_sd": -1.0}, "rig_sd"),
-            ({"rig_sd": [0.1, 0.1]}, "rig_sd"),
-            ({"noise_sd": {"accelerometer": 0.0}}, "noise sd"),
-            ({"noise_sd": {"magneto": 1.0}}, "magneto"),
+            ({"input-shape": -1.0}, "input-shape"),
+            ({"input-shape": [0.1, 0.1]}, "input-shape"),
+            ({"noise_sd": {"accelerometer": 0.0}}, "input-value"),
+            ({"noise_sd": {"input-choice": 1.0}}, "input-choice"),
         ],
     )
     def test_options(self, bench, options, words):
         readings, _ = bench(plans.orthogonal(), random_tool(1), Rig(), bits=12)
-        with pytest.raises(InputError, match=words):
+        with refused(words):
             calibrate_orthogonal(readings, **options)
 
     def test_few_stations(self, bench):
         readings, _ = bench(plans.orthogonal(), random_tool(1), Rig(), bits=12)
         for count in (0, 1, 3):
-            with pytest.raises(IdentifiabilityError, match=f"{count} stations give"):
+            with refused("plan-stations-few", error=IdentifiabilityError):
                 calibrate_classical(readings.take(range(count)), nameplate=random_tool(1))
 
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.refusals import refused
 
 from inclinometry.calibration import plans
 from inclinometry.calibration.drift import (
@@ -90,7 +91,7 @@ def test_p_values_are_uniform_and_monotonic():
         assert (p < level).mean() == pytest.approx(level, rel=0.35)
     order = np.argsort(new)
     assert (np.diff(p[order]) <= 1e-12).all()
-    with pytest.raises(InputError, match="needs 100"):
+    with refused("drift-past-few"):
         p_values(new, past[:50])
     assert threshold(past[:50], 1e-3, tail=False) == np.inf
 
@@ -212,7 +213,7 @@ def test_status_of_a_fleet_says_it_all():
     np.testing.assert_allclose(newest.now, azimuth_sd(newest.states[-1].covariance))
     table = status.to_dict()
     assert len({len(column) for column in table.values()}) == 1
-    with pytest.raises(InputError, match="two histories have the serial number SIM-0001"):
+    with refused("input-repeated", name="serial number"):
         fleet_status([*made.histories, made.histories[0]])
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.refusals import refused
 
 import inclinometry
 from inclinometry.calibration import plans
@@ -137,7 +138,7 @@ class TestRefusals:
 
     @pytest.mark.parametrize("option", ["azimuths", "toolfaces"])
     def test_an_empty_grid(self, option):
-        with pytest.raises(InputError, match=option):
+        with refused("input-value", name=option):
             expected_uncertainty(perfect(), [1.0], DIP, **{option: 0})
 
 

@@ -9,7 +9,6 @@ from tests.refusals import refused
 from inclinometry.calibration import plans
 from inclinometry.calibration.closed import ClosedForm, sensitivity
 from inclinometry.calibration.twelve import solve_orthogonal, why_not_orthogonal
-from inclinometry.errors import InputError
 from inclinometry.rotations import dcm, rotation_exp
 
 EXACT = 1e-14  # sums of 24 numbers of order one
@@ -183,7 +182,7 @@ def test_a_dial_off_by_more_than_rounding_is_another_plan():
     assert why_not_orthogonal(plan.azimuth, moved, plan.toolface) is not None
     rounded = [np.radians(np.round(np.degrees(v), 6)) for v in dials_of(plan)]
     assert why_not_orthogonal(*rounded) is None
-    with pytest.raises(InputError, match="expected three times"):
+    with refused("input-shape", name="azimuth, inclination, toolface"):
         why_not_orthogonal(plan.azimuth, plan.inclination, plan.toolface[:5])
 
 

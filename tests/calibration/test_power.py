@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from tests.refusals import coded, fits
+from tests.refusals import coded, fits, refused
 
 from inclinometry.calibration import plans
 from inclinometry.calibration.acceptance import planned, verify
@@ -16,7 +16,6 @@ from inclinometry.calibration.likelihood import tangent_basis
 from inclinometry.calibration.power import Effects, power
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
-from inclinometry.errors import InputError
 from inclinometry.findings import without_notes
 from inclinometry.rotations import dcm
 from inclinometry.simulate.bench import Rig, simulate_bench
@@ -136,5 +135,5 @@ def test_a_guard_band_moves_the_risk_from_the_customer_to_the_laboratory(calibra
 
 
 def test_without_a_stand_nothing_is_foretold(calibration: Calibration) -> None:
-    with pytest.raises(InputError, match="does not know the orientation of a rig"):
+    with refused("verify-no-orientation"):
         planned(plans.spread(), dataclasses.replace(calibration, field_directions={}))

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.stats import chi2, f, t
-from tests.refusals import fits
+from tests.refusals import fits, refused
 
 from inclinometry.calibration import plans
 from inclinometry.calibration.joint import calibrate_joint
@@ -367,7 +367,7 @@ class TestTable:
 
     @pytest.mark.parametrize("azimuth", [None, [np.nan, 1.0]])
     def test_at_rest_the_azimuth_is_needed(self, azimuth):
-        with pytest.raises(InputError, match="at rest at step"):
+        with refused("input-missing", names=("azimuth",)):
             table_rates([0.5, 0.5], 1.0, [0.0, 0.1], LATITUDE, azimuth)
 
     def test_latitude_in_degrees(self):
@@ -379,37 +379,37 @@ class TestWhatIsMissing:
     @pytest.mark.parametrize(
         ("mounts", "words"),
         [
-            ([[0, 0], [90, 0], [180, 0], [45, 0]], "rate about y never changes"),
-            ([[0, 0], [90, 90], [180, 0], [45, 90]], "rate about x never changes"),
-            ([[90, 0], [90, 90], [90, 45]], "rate about z never changes"),
-            ([[0, 0], [90, 45], [180, 0], [45, 45]], r"direction \(0\.71, 0\.71, 0\.00\)"),
+            ([[0, 0], [90, 0], [180, 0], [45, 0]], "fit-rate-constant"),
+            ([[0, 0], [90, 90], [180, 0], [45, 90]], "fit-rate-constant"),
+            ([[90, 0], [90, 90], [90, 45]], "fit-rate-constant"),
+            ([[0, 0], [90, 45], [180, 0], [45, 45]], "fit-rate-constant"),
         ],
     )
     def test_an_axis_about_which_nothing_turned(self, mounts, words):
         rates, _ = steps(np.radians(mounts))
-        with pytest.raises(IdentifiabilityError, match=words):
+        with refused(words, error=IdentifiabilityError):
             calibrate_rates(np.ones((len(rates), 3)), rates)
 
     def test_too_few_steps(self):
         rates, _ = steps(MOUNTS[:3], SPEEDS[[0, 3]])
-        with pytest.raises(IdentifiabilityError, match=r"6 steps for 4 unknowns .* at least 7"):
+        with refused("fit-steps-few", error=IdentifiabilityError):
             calibrate_rates(np.ones((6, 3)), rates)
         assert calibrate_rates(1e3 * rates, rates, sd=1.0).dof == 6
 
     def test_one_temperature_for_degree_one(self):
         rates, _ = steps()
-        with pytest.raises(IdentifiabilityError, match="degree 1 needs 2 distinct temperatures; the steps have 1"):
+        with refused("fit-temperatures-few", error=IdentifiabilityError):
             calibrate_rates(np.ones((len(rates), 3)), rates, temperature=np.full(len(rates), 20.0), degree=1)
 
     def test_an_axis_turned_about_at_one_temperature_only(self):
         rates, _ = steps()
         heat = np.where(np.abs(rates[:, 1]) > 0.01, 20.0, np.tile([20.0, 60.0], len(rates) // 2))
-        with pytest.raises(IdentifiabilityError, match=r"response to rate about y x T\^1.*at every temperature"):
+        with refused("fit-steps-mixed", error=IdentifiabilityError):
             calibrate_rates(np.ones((len(rates), 3)), rates, temperature=heat, degree=1)
 
     def test_one_speed_in_one_sense_cannot_tell_gravity_from_rate(self):
         rates, gravity = steps(MOUNTS, SPEEDS[[3]])
-        with pytest.raises(IdentifiabilityError, match=r"cannot tell apart: response to rate about .*g-sensitivity"):
+        with refused("fit-steps-mixed", error=IdentifiabilityError):
             calibrate_rates(np.ones((len(rates), 3)), rates, gravity=gravity, g_sensitive=True, sd=1.0)
         # and where nobody asked for it there is nothing to say
         assert calibrate_rates(1e3 * rates, rates, gravity=gravity).chance is None
@@ -417,26 +417,26 @@ class TestWhatIsMissing:
     def test_gravity_that_never_changes(self):
         rates, _ = steps()
         gravity = np.tile([0.0, 0.0, 1.0], (len(rates), 1))
-        with pytest.raises(IdentifiabilityError, match=r"gravity along . never changes"):
+        with refused("fit-gravity-constant", error=IdentifiabilityError):
             calibrate_rates(np.ones((len(rates), 3)), rates, gravity=gravity, g_sensitive=True)
 
     @pytest.mark.parametrize(
         ("more", "words"),
         [
-            ({"degree": 1}, "no temperature"),
-            ({"degree": 4}, "allowed 0 to 3"),
-            ({"g_sensitive": True}, "gravity is not given"),
+            ({"degree": 1}, "input-needs"),
+            ({"degree": 4}, "input-value"),
+            ({"g_sensitive": True}, "input-needs"),
             ({"gravity": np.full((32, 3), 9.8)}, "gravity"),
             ({"gravity": np.full((32, 3), 1.2)}, "gravity"),
             ({"gravity": np.ones((3, 3))}, "gravity has shape"),
             ({"temperature": np.ones(3)}, "temperature"),
-            ({"sd": 0.0}, "must be positive"),
-            ({"sd": np.ones(2)}, "sd has shape"),
+            ({"sd": 0.0}, "input-value"),
+            ({"sd": np.ones(2)}, "input-shape"),
         ],
     )
     def test_input(self, more, words):
         rates, _ = steps()
-        with pytest.raises(InputError, match=words):
+        with refused(words):
             calibrate_rates(np.ones((32, 3)), rates, **more)
 
     def test_shapes(self):
@@ -516,13 +516,13 @@ class TestAtTheStand:
         found = g_sensitivity_at_stand(spoilt, robust, LATITUDE)
         assert len(robust.residuals.station) == len(found.residuals) == 23
         renamed = replace(spoilt, station=[f"s{i}" for i in range(24)])
-        with pytest.raises(InputError, match="not found in the readings"):
+        with refused("fit-stations-other"):
             g_sensitivity_at_stand(renamed, robust, LATITUDE)
 
     def test_what_it_needs(self):
         _, _, _, readings = self.run(0.0)
         alone = replace(readings, channels={"accelerometer": readings.channels["accelerometer"]}, sd={}, units={})
-        with pytest.raises(InputError, match="needs gyro and accelerometer"):
+        with refused("input-triads"):
             g_sensitivity_at_stand(alone, calibrate_joint(alone, diagnose=False), LATITUDE)
-        with pytest.raises(IdentifiabilityError, match="cannot tell apart"):
+        with refused("fit-steps-mixed", error=IdentifiabilityError):
             g_sensitivity_at_stand(readings, calibrate_joint(readings, diagnose=False), np.pi / 2)
