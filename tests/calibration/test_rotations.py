@@ -74,7 +74,7 @@ def test_refused_where_the_axial_fields_are_less_than_a_fifth_apart():
         dials = dials_of(plans.rotations(first))
         assert axial_conditioning(first) == pytest.approx(axial)
         truth = ClosedForm(np.eye(3), np.zeros(3), DOWN)
-        if refused:
+        if wrong:
             with refused("plan-axial", error=IdentifiabilityError):
                 solve_rotations(truth.signals(*dials), *dials)
         else:

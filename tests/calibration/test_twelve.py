@@ -134,10 +134,10 @@ def test_refused_from_0_6_degrees_to_a_right_angle_and_a_tenth_of_the_power_on(b
         else:
             assert_same(solve_twelve(signals, *dials, sign_hint=hint), truth)
     # of products along the field a share cos^2 lies along a direction beside it
-    for share, refused in ((0.88, True), (0.92, False)):
+    for share, wrong in ((0.88, True), (0.92, False)):
         angle = np.arccos(np.sqrt(share))
         beside = np.array([0.6 * np.cos(angle), np.sin(angle), 0.8 * np.cos(angle)])
-        if refused:
+        if wrong:
             with refused("fit-share", error=IdentifiabilityError):
                 solve_twelve(signals, *dials, known_direction=beside)
         else:
