@@ -32,7 +32,7 @@ from inclinometry.calibration.expected import expected_uncertainty
 from inclinometry.calibration.joint import fit_once
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.start import Stand, stand_within
-from inclinometry.errors import IdentifiabilityError
+from inclinometry.errors import IdentifiabilityError, InputError
 from inclinometry.orientation import angles
 from inclinometry.rotations import dcm, wrap_signed
 from inclinometry.sensors import Tool, Triad, parameter_vector
@@ -41,7 +41,7 @@ from inclinometry.simulate.tool import realistic_tool
 DEG = np.pi / 180.0
 DIP = 70.0 * DEG
 COARSE = stand_within(candidates=300)
-FIELDS = {"accelerometer": np.array([0.0, 0.0, 1.0]), "input-triads": np.array([np.cos(DIP), 0.0, np.sin(DIP)])}
+FIELDS = {"accelerometer": np.array([0.0, 0.0, 1.0]), "magnetometer": np.array([np.cos(DIP), 0.0, np.sin(DIP)])}
 
 
 def settings_of(plan):
@@ -52,7 +52,7 @@ def skewed_tool():
     """Counts and 10-degree misalignments: nothing about it is nominal."""
     random = np.random.default_rng(5)
     triads = {}
-    for kind, full in (("accelerometer", 16000.0), ("input-triads", 0.8)):
+    for kind, full in (("accelerometer", 16000.0), ("magnetometer", 0.8)):
         tensor = full * (np.eye(3) + 0.15 * random.normal(size=(3, 3)))
         triads[kind] = Triad(kind, tensor, 0.03 * full * random.normal(size=3))
     return Tool("skewed", triads)
@@ -82,7 +82,7 @@ def test_information_is_that_of_the_joint_fit(tool, rig_sd):
 
 def test_promised_covariance_is_what_the_fit_reports(aimed):
     truth = realistic_tool(3)
-    noise = {"accelerometer": 5e-4, "input-triads": 4e-4}
+    noise = {"accelerometer": 5e-4, "magnetometer": 4e-4}
     turns = dcm(aimed.azimuth, aimed.inclination, aimed.toolface)
     signals = {k: truth.triads[k].signals(turns @ FIELDS[k]) for k in FIELDS}
     sd = {k: noise[k] * np.linalg.norm(truth.triads[k].tensor[0], axis=1).max() for k in FIELDS}
@@ -352,23 +352,23 @@ def test_a_plan_that_only_rolls_promises_nothing():
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"inclination_range": (0.0, 0.5)}, "input-value"),
-        ({"inclination_range": (10.0, 90.0)}, "allowed 0 to"),
-        ({"inclination_range": (1.0, 0.5)}, "input-value"),
-        ({"rig_sd": -0.1}, "rig_sd"),
-        ({"rig_sd": 31 * DEG}, "rig_sd"),
-        ({"dip": 90 * DEG}, "dip"),
-        ({"noise": {"accelerometer": 1e-3}}, "input-missing"),
-        ({"noise": {"accelerometer": 1e-3, "input-triads": 0.0}}, "magnetometer noise"),
-        ({"tool": Tool("", {"accelerometer": Triad("accelerometer", np.eye(3), np.zeros(3))})}, "input-triads"),
-        ({"input-value": 0}, "input-value"),
-        ({"stand": Stand(np.zeros(1), np.array([0.5, 1.0, 2.0]), np.array([0.0, 1.0, 2.0]))}, "input-value"),
-        ({"start_from": [[0.0, 90.0, 0.0]]}, "settings"),
-        ({"start_from": np.zeros((2, 2, 3))}, "input-shape"),
+        ({"inclination_range": (0.0, 0.5)}, "nclination_range"),
+        ({"inclination_range": (10.0, 90.0)}, "nclination_range"),
+        ({"inclination_range": (1.0, 0.5)}, "nclination_range"),
+        ({"rig_sd": -0.1}, "ig_sd"),
+        ({"rig_sd": 31 * DEG}, "ig_sd"),
+        ({"dip": 90 * DEG}, "ip"),
+        ({"noise": {"accelerometer": 1e-3}}, "magnetometer"),
+        ({"noise": {"accelerometer": 1e-3, "magnetometer": 0.0}}, "agnetometer"),
+        ({"tool": Tool("", {"accelerometer": Triad("accelerometer", np.eye(3), np.zeros(3))})}, "magnetometer"),
+        ({"restarts": 0}, "estarts"),
+        ({"stand": Stand(np.zeros(1), np.array([0.5, 1.0, 2.0]), np.array([0.0, 1.0, 2.0]))}, "<= 9"),
+        ({"start_from": [[0.0, 90.0, 0.0]]}, "ettings"),
+        ({"start_from": np.zeros((2, 2, 3))}, "ettings"),
     ],
 )
 def test_arguments_out_of_range(options, words):
-    with refused(words):
+    with pytest.raises(InputError, match=words):
         optimal_plan(12, **{"stand": COARSE, **options})
 
 
@@ -417,7 +417,7 @@ ANYWHERE = plans.Plan("any", *np.random.default_rng(1).uniform([[0.0], [0.1], [0
     [
         ("", plans.twelve()),
         ("accelerometer", ANYWHERE),
-        ("input-triads", ANYWHERE),
+        ("magnetometer", ANYWHERE),
     ],
 )
 def test_the_least_drift_is_that_of_a_fit_with_drifts(louder, plan):

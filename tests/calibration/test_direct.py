@@ -67,7 +67,7 @@ class TestOwnPlan:
     def test_the_joint_fit_of_the_same_readings_agrees_and_is_not_less_certain(self, bench, sensor_noise, method, plan):
         tool = random_tool(2)
         readings, _ = bench(plan, tool, Rig(setting_sd=np.radians(0.05)), bits=12)
-        known = {"noise_sd": sensor_noise(tool, 12), "input-shape": np.radians(0.05)}
+        known = {"noise_sd": sensor_noise(tool, 12), "rig_sd": np.radians(0.05)}
         closed = method(readings, **known)
         level = None if plan.name != "rotations" else {"accelerometer": ([0.0, 0.0, 1.0], 1e-4)}
         joint = calibrate_joint(readings, field_prior=level, diagnose=False, **known)
@@ -236,15 +236,15 @@ class TestRefusals:
     @pytest.mark.parametrize(
         ("options", "words"),
         [
-            ({"input-shape": -1.0}, "input-shape"),
-            ({"input-shape": [0.1, 0.1]}, "input-shape"),
-            ({"noise_sd": {"accelerometer": 0.0}}, "input-value"),
-            ({"noise_sd": {"input-choice": 1.0}}, "input-choice"),
+            ({"rig_sd": -1.0}, "ig_sd"),
+            ({"rig_sd": [0.1, 0.1]}, "ig_sd"),
+            ({"noise_sd": {"accelerometer": 0.0}}, "noise sd"),
+            ({"noise_sd": {"magneto": 1.0}}, "magneto"),
         ],
     )
     def test_options(self, bench, options, words):
         readings, _ = bench(plans.orthogonal(), random_tool(1), Rig(), bits=12)
-        with refused(words):
+        with pytest.raises(InputError, match=words):
             calibrate_orthogonal(readings, **options)
 
     def test_few_stations(self, bench):

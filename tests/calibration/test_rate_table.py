@@ -379,15 +379,15 @@ class TestWhatIsMissing:
     @pytest.mark.parametrize(
         ("mounts", "words"),
         [
-            ([[0, 0], [90, 0], [180, 0], [45, 0]], "fit-rate-constant"),
-            ([[0, 0], [90, 90], [180, 0], [45, 90]], "fit-rate-constant"),
-            ([[90, 0], [90, 90], [90, 45]], "fit-rate-constant"),
-            ([[0, 0], [90, 45], [180, 0], [45, 45]], "fit-rate-constant"),
+            ([[0, 0], [90, 0], [180, 0], [45, 0]], "y"),
+            ([[0, 0], [90, 90], [180, 0], [45, 90]], "x"),
+            ([[90, 0], [90, 90], [90, 45]], "z"),
+            ([[0, 0], [90, 45], [180, 0], [45, 45]], "(0.71, 0.71, 0.00)"),
         ],
     )
     def test_an_axis_about_which_nothing_turned(self, mounts, words):
         rates, _ = steps(np.radians(mounts))
-        with refused(words, error=IdentifiabilityError):
+        with refused("fit-rate-constant", error=IdentifiabilityError, axis=words):
             calibrate_rates(np.ones((len(rates), 3)), rates)
 
     def test_too_few_steps(self):

@@ -500,7 +500,7 @@ def test_numbers_too_large_to_use(tmp_path):
             reader(saved(tmp_path / "a.csv", f"{name},accel_x,accel_y,accel_z\n1,1,1,1\n2,1,1,1e16\n"))
     with pytest.raises(InputError, match=r"accelerometer\[0, 1\] is 1e\+16"):
         BenchReadings({"accelerometer": [[1.0, 1e16]]})
-    with pytest.raises(InputError, match=r"accelerometer sd reaches 1e\+16; allowed"):
+    with pytest.raises(InputError, match=r"ccelerometer sd is 1e\+16; allowed"):
         BenchReadings({"accelerometer": [[1.0, 2.0]]}, sd={"accelerometer": [[1.0, 1e16]]})
 
 

@@ -28,7 +28,7 @@ def found():
     dials = random.uniform(0.0, 2.0, (size, 3))
     return Verification(
         [str(k) for k in range(size)], dials, dials[:, 1], 0.04 * u * random.standard_normal((size, 3)), u, limits,
-        decision, 2.0, "pass", ["all within"], "shop", "sheet 4", "A7", {"readings": "sha256:1"},
+        decision, 2.0, "pass", "shop", "sheet 4", "A7", {"readings": "sha256:1"},
     )  # fmt: skip
 
 
