@@ -352,24 +352,25 @@ def test_a_plan_that_only_rolls_promises_nothing():
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"inclination_range": (0.0, 0.5)}, "nclination_range"),
-        ({"inclination_range": (10.0, 90.0)}, "nclination_range"),
-        ({"inclination_range": (1.0, 0.5)}, "nclination_range"),
-        ({"rig_sd": -0.1}, "ig_sd"),
-        ({"rig_sd": 31 * DEG}, "ig_sd"),
-        ({"dip": 90 * DEG}, "ip"),
+        ({"inclination_range": (0.0, 0.5)}, "inclination_range"),
+        ({"inclination_range": (10.0, 90.0)}, "inclination_range"),
+        ({"inclination_range": (1.0, 0.5)}, "inclination_range"),
+        ({"rig_sd": -0.1}, "rig_sd"),
+        ({"rig_sd": 31 * DEG}, "rig_sd"),
+        ({"dip": 90 * DEG}, "dip"),
         ({"noise": {"accelerometer": 1e-3}}, "magnetometer"),
-        ({"noise": {"accelerometer": 1e-3, "magnetometer": 0.0}}, "agnetometer"),
+        ({"noise": {"accelerometer": 1e-3, "magnetometer": 0.0}}, "magnetometer noise"),
         ({"tool": Tool("", {"accelerometer": Triad("accelerometer", np.eye(3), np.zeros(3))})}, "magnetometer"),
-        ({"restarts": 0}, "estarts"),
+        ({"restarts": 0}, "restarts"),
         ({"stand": Stand(np.zeros(1), np.array([0.5, 1.0, 2.0]), np.array([0.0, 1.0, 2.0]))}, "<= 9"),
-        ({"start_from": [[0.0, 90.0, 0.0]]}, "ettings"),
-        ({"start_from": np.zeros((2, 2, 3))}, "ettings"),
+        ({"start_from": [[0.0, 90.0, 0.0]]}, "settings"),
+        ({"start_from": np.zeros((2, 2, 3))}, "settings"),
     ],
 )
 def test_arguments_out_of_range(options, words):
-    with pytest.raises(InputError, match=words):
+    with pytest.raises(InputError) as raised:
         optimal_plan(12, **{"stand": COARSE, **options})
+    assert words in str(raised.value.finding.values)
 
 
 def test_azimuth_may_be_aimed_to_a_tenth_of_a_degree_from_the_vertical():

@@ -31,7 +31,6 @@ from inclinometry.calibration.drift_check import after_check, plan_information
 from inclinometry.calibration.drift_status import fleet_status
 from inclinometry.calibration.interval import LONGEST, Growth, Requirement, due_date
 from inclinometry.constants import DIP
-from inclinometry.errors import InputError
 from inclinometry.simulate.fleet import FleetScene, drift_variance, simulate_fleet
 
 V12 = np.linalg.inv(plan_information(plans.twelve()))
@@ -193,7 +192,7 @@ def test_due_date_follows_drift_use_and_doses():
     assert still.years == pytest.approx(LONGEST, rel=1e-3)
     # calibrated longer ago than any interval, whatever has been checked since: due on the day
     assert due_date(state, TYPE, day, calibrated=datetime.date(2019, 1, 1)).date == day
-    with pytest.raises(InputError, match="reliability is 2"):
+    with refused("input-value", name="reliability"):
         Requirement(reliability=2.0)
 
 

@@ -74,7 +74,7 @@ def test_no_angles(readings):
     [
         ({"noise_sd": {"accelerometer": -1.0}}, "noise sd"),
         ({"noise_sd": {"accelerometer": 0.0}}, "noise sd"),
-        ({"noise_sd": {"accelerometer": np.nan}}, "nan"),
+        ({"noise_sd": {"accelerometer": np.nan}}, "noise sd"),
         ({"noise_sd": {"accelerometer": [1.0, 2.0]}}, "accelerometer noise sd"),
         ({"noise_sd": {"accelerator": 1.0}}, "accelerator"),
         ({"rig_sd": -0.1}, "rig_sd"),
@@ -94,8 +94,9 @@ def test_no_angles(readings):
     ],
 )
 def test_options_that_cannot_be_used_are_one_clear_error(readings, options, words):
-    with pytest.raises((InputError, IdentifiabilityError), match=words):
+    with pytest.raises((InputError, IdentifiabilityError)) as raised:
         calibrate_joint(readings, **options)
+    assert words in str(raised.value.finding.values)
 
 
 @pytest.mark.parametrize(
@@ -106,25 +107,26 @@ def test_options_that_cannot_be_used_are_one_clear_error(readings, options, word
         ({"channels": {"gyro": np.zeros(24)}}, "shape"),
         (
             {"channels": {"gyro": np.zeros((24, 3)), "accelerometer": np.zeros((23, 3))}},
-            r"gyro has shape \(24, 3\)",
+            "(24, 3)",
         ),
-        ({"channels": {"gyro": np.zeros((24, 2, 3))}}, r"gyro has shape \(24, 2, 3\)"),
-        ({"channels": {"gyro": np.full((24, 3), np.nan)}}, r"gyro\[0, 0\] is nan"),
-        ({"azimuth": None}, "toolface|azimuth"),
-        ({"azimuth": np.zeros(5)}, "azimuth has shape"),
+        ({"channels": {"gyro": np.zeros((24, 2, 3))}}, "(24, 2, 3)"),
+        ({"channels": {"gyro": np.full((24, 3), np.nan)}}, "gyro[0, 0]"),
+        ({"azimuth": None}, "azimuth"),
+        ({"azimuth": np.zeros(5)}, "azimuth"),
         ({"toolface": np.full(24, np.inf)}, "toolface"),
-        ({"inclination": np.full(24, 90.0)}, "looks like degrees"),
+        ({"inclination": np.full(24, 90.0)}, "inclination"),
         ({"station": ["a"]}, "station"),
         ({"temperature": np.full(24, np.nan)}, "temperature"),
-        ({"count": np.zeros(3)}, "count has shape"),
-        ({"count": np.zeros(24)}, "ount is 0"),
-        ({"sd": {"accelerometer": np.zeros((3, 7))}}, "ccelerometer sd"),
-        ({"sd": {"accelerometer": np.full((24, 3), -1.0)}}, "ccelerometer sd"),
+        ({"count": np.zeros(3)}, "count"),
+        ({"count": np.zeros(24)}, "count"),
+        ({"sd": {"accelerometer": np.zeros((3, 7))}}, "accelerometer sd"),
+        ({"sd": {"accelerometer": np.full((24, 3), -1.0)}}, "accelerometer sd"),
     ],
 )
 def test_readings_that_do_not_go_together(readings, change, words):
-    with pytest.raises(InputError, match=words):
+    with pytest.raises(InputError) as raised:
         dataclasses.replace(readings, **change)
+    assert words in str(raised.value.finding.values)
 
 
 def test_a_dead_channel_is_named(readings):

@@ -19,7 +19,7 @@ from inclinometry.calibration.rate_table import (
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.constants import EARTH_RATE
 from inclinometry.earth.rate import earth_rate
-from inclinometry.errors import IdentifiabilityError, InputError
+from inclinometry.errors import IdentifiabilityError
 from inclinometry.rotations import dcm
 from inclinometry.sensors import parameter_vector
 from inclinometry.simulate.bench import Rig, simulate_bench
@@ -324,7 +324,9 @@ class TestAgainstTheTextbook:
         (one,) = calibrate_rates(u, rates).findings
         left, *_ = self.left(u, rates, np.ones((32, 1)))
         size = np.sqrt(left) / np.linalg.norm(tensor[0], axis=1)
-        assert fits(one, ["fit-gyro-noisy"], {"sensor": 3, "times": size[2] / np.sort(size)[1]})
+        assert fits(
+            one, ["fit-gyro-noisy"], {"sensor": 3, "times": pytest.approx(size[2] / np.sort(size)[1], rel=2e-3)}
+        )
         assert calibrate_rates(u[:, :2], rates).findings == ()
 
     @pytest.mark.parametrize("count", [8, 32])
@@ -371,7 +373,7 @@ class TestTable:
             table_rates([0.5, 0.5], 1.0, [0.0, 0.1], LATITUDE, azimuth)
 
     def test_latitude_in_degrees(self):
-        with pytest.raises(InputError, match="latitude"):
+        with refused("input-value", name="latitude"):
             table_rates(0.5, 1.0, 0.1, 55.0)
 
 
@@ -421,29 +423,29 @@ class TestWhatIsMissing:
             calibrate_rates(np.ones((len(rates), 3)), rates, gravity=gravity, g_sensitive=True)
 
     @pytest.mark.parametrize(
-        ("more", "words"),
+        ("more", "code"),
         [
             ({"degree": 1}, "input-needs"),
             ({"degree": 4}, "input-value"),
             ({"g_sensitive": True}, "input-needs"),
-            ({"gravity": np.full((32, 3), 9.8)}, "gravity"),
-            ({"gravity": np.full((32, 3), 1.2)}, "gravity"),
-            ({"gravity": np.ones((3, 3))}, "gravity has shape"),
-            ({"temperature": np.ones(3)}, "temperature"),
+            ({"gravity": np.full((32, 3), 9.8)}, "input-value"),
+            ({"gravity": np.full((32, 3), 1.2)}, "input-value"),
+            ({"gravity": np.ones((3, 3))}, "input-shape"),
+            ({"temperature": np.ones(3)}, "input-shape"),
             ({"sd": 0.0}, "input-value"),
             ({"sd": np.ones(2)}, "input-shape"),
         ],
     )
-    def test_input(self, more, words):
+    def test_input(self, more, code):
         rates, _ = steps()
-        with refused(words):
+        with refused(code):
             calibrate_rates(np.ones((32, 3)), rates, **more)
 
     def test_shapes(self):
         rates, _ = steps()
-        with pytest.raises(InputError, match="signals"):
+        with refused("input-shape", name="signals"):
             calibrate_rates(np.ones(32), rates)
-        with pytest.raises(InputError, match="rates"):
+        with refused("input-shape", name="rates"):
             calibrate_rates(np.ones((31, 3)), rates)
 
 

@@ -112,17 +112,17 @@ class TestStated:
         assert azimuth_error(calibrate_rotations(readings, rig_sd=0.0), tool) < 1e-9
 
     @pytest.mark.parametrize(
-        ("sd", "words"),
+        ("sd", "code"),
         [
             ({"latitude": 0.1}, "input-choice"),
             ({"north": 0.1}, "input-needs"),
-            ({"dip": -0.1}, "reference_sd of the dip"),
+            ({"dip": -0.1}, "input-value"),
         ],
     )
-    def test_refused(self, sd, words):
+    def test_refused(self, sd, code):
         signals = {"magnetometer": dcm(TURNS.azimuth, TURNS.inclination, TURNS.toolface) @ MAGNETIC}
         readings = BenchReadings(signals, TURNS.azimuth, TURNS.inclination, TURNS.toolface, reference={"dip": DIP})
-        with refused(words):
+        with refused(code):
             calibrate_joint(readings, reference_sd=sd)
 
 

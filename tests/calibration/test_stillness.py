@@ -112,7 +112,7 @@ def test_too_short_and_creeping_are_reported():
     jolt += np.where(np.abs(np.arange(2400) - 1600) < 30, 40.0, 0) * rng.normal(size=2400) * 0.1
     creeping = still_intervals(np.arange(2400) / 100, (turn + jolt + rng.normal(0, 0.01, 2400))[:, None])
     assert len(creeping) == 2
-    assert any("turning slowly" in reason for _, _, reason in creeping.dropped)
+    assert "fit-rest-turning" in coded(creeping.findings)
 
 
 def test_xsens_all_poses_and_the_fit_within_one_sigma():
