@@ -194,9 +194,11 @@ def _plain(value: Value) -> Any:
 # Translations: .po files as translators write them, read without a build step.
 
 
+@cache
 def translations(language: str, context: str) -> dict[str, str]:
-    """The messages of a context, a code or "word", in a language; of plural forms the first."""
-    start, places = f"{context}\x04", ("words", *rooms()) if context == "word" else (context.partition("-")[0],)
+    """The messages of a context, a code, "word" or "label", in a language; of plural forms the first."""
+    places = {"word": ("words", *rooms()), "label": ("labels",)}.get(context, (context.partition("-")[0],))
+    start = f"{context}\x04"
     return {
         key.removeprefix(start).split("\0")[0]: said[0]
         for place in places

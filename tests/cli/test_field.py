@@ -7,9 +7,10 @@ import math
 
 import numpy as np
 import pytest
+from tests.refusals import refused
 
 from inclinometry.earth.site import Site
-from inclinometry.errors import FileError, InputError
+from inclinometry.errors import FileError
 from inclinometry.files.site_toml import read_site
 from inclinometry.workflow.field import completed
 
@@ -60,9 +61,8 @@ def test_the_model_that_covers_the_date_is_taken_and_named(run):
     assert old.json["field"]["declination"]["value"] == pytest.approx(3.19, abs=0.0051)
     assert run("field", *here, "2024.99").json["model"] == "IGRF-14"
     assert run("field", *here, "2025-01-01").json["model"] == "WMM2025"
-    for refused in (run("field", *here, "1899-12-31"), run("field", *here, "2018-07-01", "--model", "wmm2025")):
-        assert (refused.status, refused.out) == (2, "")
-        assert "holds from" in refused.err
+    for late in (run("field", *here, "1899-12-31"), run("field", *here, "2018-07-01", "--model", "wmm2025")):
+        assert (late.status, late.json["findings"][0]["code"]) == (2, "earth-date")
 
 
 def test_notes_on_weak_fields_and_wrong_zones(run):
@@ -77,9 +77,9 @@ def test_notes_on_weak_fields_and_wrong_zones(run):
         ("--longitude-deg", 400, "--longitude-deg is 400 degrees; allowed -180 to 360"),
         ("--height-m", 29000, "--height-m is 29000; allowed -12000 to 20000"),
         ("--height-m", "nan", "--height-m is nan"),
-        ("--date", "2031-06-01", "date is 2031-06-01; WMM2025 holds from 2025.0 to 2030.0"),
+        ("--date", "2031-06-01", "[earth-date]"),
         ("--date", "yesterday", "--date is 'yesterday'"),
-        ("--crs", "EPSG:4326", "no map grid"),
+        ("--crs", "EPSG:4326", "record-grid-unknown"),
         ("--crs", "Gauss", "crs 'Gauss' is not known"),
         ("--model", "bggm", "bggm"),
     ],
@@ -172,15 +172,15 @@ def test_nothing_is_guessed(tmp_path):
 
 
 def test_sites_no_model_or_grid_covers(tmp_path):
-    with pytest.raises(InputError, match="date is 2031-01-01; WMM2025 holds"):
+    with refused("earth-date", model="WMM2025"):
         completed(site(tmp_path, *WHERE, "date = 2031-01-01"))
-    with pytest.raises(InputError, match="date is 1890-01-01; IGRF-14 holds from 1900"):
+    with refused("earth-date", model="IGRF-14"):
         completed(site(tmp_path, *WHERE, "date = 1890-01-01"))
     for line, wanted in {
-        'crs = "EPSG:99999"': "site.toml: crs 'EPSG:99999' is not known",
-        'crs = "EPSG:4326"': "no map grid",
+        'crs = "EPSG:99999"': "record-grid-unknown",
+        'crs = "EPSG:4326"': "record-grid-unknown",
     }.items():
-        with pytest.raises(FileError, match=wanted):
+        with refused(wanted, error=FileError):
             site(tmp_path, line)
 
 

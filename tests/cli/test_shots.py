@@ -41,7 +41,7 @@ def test_a_bias_that_turns_with_the_tool_fails(run, bias, status):
     assert found["verdict"] == ("pass", "fail")[status]
     # across the high side a bias tilts by bias / g cos I
     assert found["value"] == pytest.approx(np.degrees(bias / G * np.cos(np.radians(40.0))), rel=0.01, abs=1e-6)
-    assert bool(found["action"]) == bool(status)
+    assert (found["code"] == "survey-off-toolface") == bool(status)
     done = run(*ROTATION)
     assert ("PASS", "FAIL")[status] in done.out
     assert ("multi-station" in done.out) == bool(status)

@@ -182,11 +182,11 @@ def test_a_station_beside_casing_fails(run):
     done = run(*QUALITY, "--json")
     assert done.status == 1
     assert [s["station"] for s in done.json["stations"] if s["verdict"] == "fail"] == [8]
-    assert done.json["stations"][7]["action"]
+    assert "b" in done.json["stations"][7]["off"].split("|")
     done = run(*QUALITY)
     assert done.status == 1
     assert done.out.startswith("FAIL: raw.csv")
-    assert "repeat these stations" in done.out
+    assert "[survey-off-few]" in done.out
     assert run(*QUALITY, "--limits", "iscwsa-ebook", "--json").json["limits"]["name"] == "iscwsa-ebook"
     refused(run(*QUALITY, "--limits", "no-such"), "iscwsa-ebook")
     run(*SURVEY).ok()

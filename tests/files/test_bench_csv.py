@@ -12,6 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from tests.refusals import refused
 
 from inclinometry.calibration import plans
 from inclinometry.calibration.readings import BenchReadings
@@ -111,7 +112,7 @@ def test_stations_with_awkward_names(tmp_path):
     names = ["#1", "a,b", 'say "x"', "Ж"]
     write_bench(BenchReadings({"gyro": [[1, 2], [2, 3], [3, 5], [4, 4]]}, station=names), tmp_path / "a.csv")
     assert read_bench(tmp_path / "a.csv").station == tuple(names)
-    with pytest.raises(InputError, match="line break"):
+    with refused("file-characters"):
         write_bench(BenchReadings({"gyro": [[1, 2]]}, station=["a\nb"]), tmp_path / "b.csv")
     assert not (tmp_path / "b.csv").exists()
 
@@ -496,7 +497,7 @@ def test_unknown_columns_are_noted(tmp_path):
 def test_numbers_too_large_to_use(tmp_path):
     assert len(read(tmp_path, rows=["1,0,0,0,1,2,3", "2,0,90,0,-1e15,1,1"])) == 2
     for name, reader in (("md_m", read_raw_survey), ("time_s", read_log)):
-        with pytest.raises(FileError, match=r"line 3: accel_z is 1e\+16; allowed"):
+        with refused("file-value", error=FileError, column="accel_z"):
             reader(saved(tmp_path / "a.csv", f"{name},accel_x,accel_y,accel_z\n1,1,1,1\n2,1,1,1e16\n"))
     with pytest.raises(InputError, match=r"accelerometer\[0, 1\] is 1e\+16"):
         BenchReadings({"accelerometer": [[1.0, 1e16]]})
@@ -506,7 +507,7 @@ def test_numbers_too_large_to_use(tmp_path):
 
 @pytest.mark.parametrize("name", ["accel_x_bananas", "accel_x_bananas_sd", "mag_1_nt_sd"])
 def test_units_that_are_not_known_in_a_log(tmp_path, name):
-    with pytest.raises(FileError, match="is not known"):
+    with refused("table-unit", "table-near", error=FileError):
         read_log(saved(tmp_path / "log.csv", f"time_s,accel_x,accel_y,{name}\n0,1,2,3\n"))
 
 

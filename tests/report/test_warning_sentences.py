@@ -11,7 +11,8 @@ import pytest
 
 import inclinometry
 from inclinometry.findings import codes, example, words
-from inclinometry.report.language import speaking, translated
+from inclinometry.language import speaking
+from inclinometry.report.language import translated
 
 ROOMS = ("calibration", "survey", "gyro", "motion", "position")
 WORKFLOW = (

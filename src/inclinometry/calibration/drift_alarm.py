@@ -228,13 +228,6 @@ def threshold(past: Array, false_alarms: float = FALSE_ALARMS, *, tail: bool = T
     return float(start + (scale * np.log(ratio) if shape < 1e-6 else scale / shape * (ratio**shape - 1.0)))
 
 
-def unit_of(cause: str) -> tuple[float, str]:
-    """Unit in which a person reads the size of a cause, and how many of it one of the size is."""
-    if "turned" in cause or "tilted" in cause:
-        return float(np.degrees(1.0)), "deg"
-    return (1e2, "%") if "scale" in cause else (1e3, "thousandths of the field")
-
-
 def amount(cause: str, size: float, u: float) -> str:
     """How much of a cause, and its standard uncertainty, in the unit of its kind.
 
@@ -243,8 +236,15 @@ def amount(cause: str, size: float, u: float) -> str:
     >>> amount("magnetometer x offset", 8e-3, 5e-4), amount("package turned about z", 2e-3, 1e-4)
     ('+8 thousandths of the field (u 0.5)', '+0.115 deg (u 0.0057)')
     """
-    factor, unit = unit_of(cause)
+    factor, unit = amount_unit(cause)
     return f"{factor * size:+.3g} {unit} (u {factor * u:.2g})"
+
+
+def amount_unit(cause: str) -> tuple[float, str]:
+    """Factor and unit in which a cause is shown."""
+    if "turned" in cause or "tilted" in cause:
+        return float(np.degrees(1.0)), "deg"
+    return (1e2, "%") if "scale" in cause else (1e3, "thousandths of the field")
 
 
 def odds_of(p: float) -> str:
@@ -275,7 +275,7 @@ class Alarm:
         p = max(self.p_value, 1e-12)  # that of normal tails means nothing below
         if not self.raised:
             return Finding("drift-fits", {"p": p}, severity="note")
-        factor, unit = unit_of(self.cause)
+        factor, unit = amount_unit(self.cause)
         values: dict[str, Value] = {"cause": self.cause, "size": factor * self.size, "u": factor * self.u, "p": p}
         return Finding("drift-cause", values | {"unit": unit})
 

@@ -54,7 +54,7 @@ def table(
     place = read_site(site)
     with output.reading(steps) as progress:
         data = read_rate_steps(steps, progress=progress)
-    rates, calibrated, notes, used = calibrate_on_table(
+    rates, calibrated, findings, used = calibrate_on_table(
         data,
         place,
         calibration=calibration,
@@ -63,7 +63,7 @@ def table(
         name=tool,
     )
     write_calibration(calibrated, output_, created=created)
-    output.warnings(notes)
+    output.findings(findings)
     if json:
         content = {
             "tool": calibrated.tool.name,

@@ -9,7 +9,8 @@ from typing import Final
 import numpy as np
 
 from inclinometry.arrays import Array, Mask, within
-from inclinometry.errors import InputError
+from inclinometry.errors import refused
+from inclinometry.findings import Finding, Value
 from inclinometry.orientation import angles_jacobian
 from inclinometry.survey.flags import Check
 from inclinometry.survey.multistation_priors import FieldReference
@@ -72,7 +73,7 @@ def axial_correction(
     tan D + s cos A) / (B (1 - s^2 sin^2 A)). `interference_sigma`, nT, is what singular stations keep (AMIL: 220).
     """
     if SOURCE in stations.sources:
-        raise InputError("these stations have been through an axial correction; give the stations before it")
+        raise refused("survey-corrected", {"correction": SOURCE})
     within(interference_sigma, "interference_sigma", 0.0, 1e5, "nT")
     horizontal, vertical = reference.b * np.cos(reference.dip), reference.b * np.sin(reference.dip)
     geometry = _geometry(stations.g, stations.b)
@@ -203,15 +204,13 @@ def _derivatives(
 def _check(interference: Array, observability: Array, singular: Mask) -> Check:
     name, worst = "axial correction", int(np.argmin(observability))
     if not singular.any():
-        reason = f"interference {np.median(interference):+.0f} nT (median); weakest at station {worst + 1}"
-        return Check(name, "pass", float(observability[worst]), SINGULAR, (), reason, unit="-")
-    reason = (
-        f"{int(singular.sum())} of {len(singular)} stations lie too near to horizontal east-west (1 - sin^2 I sin^2 A "
-        f"down to {observability[worst]:.3f}, needed {SINGULAR:.3f}) and keep the measured axial field"
-    )
-    action = "use a multi-station analysis with stations of another direction, more non-magnetic collars, or a gyro"
+        values: dict[str, Value] = {"median_nT": float(np.median(interference)), "station": worst + 1}
+        reason = Finding("survey-axial-corrected", values)
+        return Check(name, "pass", float(observability[worst]), SINGULAR, (), reason, "-")
     rows = tuple(np.flatnonzero(singular).tolist())
-    return Check(name, "not judged", float(observability[worst]), SINGULAR, rows, reason, action, "-")
+    values = {"count": len(rows), "total": len(singular), "least": float(observability[worst]), "needed": SINGULAR}
+    reason = Finding("survey-axial-singular", values, rows)
+    return Check(name, "not judged", float(observability[worst]), SINGULAR, rows, reason, "-")
 
 
 def _line(reference: FieldReference, interference: Array, singular: Mask) -> str:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from inclinometry.arrays import Array, finite, frozen
-from inclinometry.errors import InputError
+from inclinometry.errors import refused, wrong_shape
 from inclinometry.tabular import Column, Tabular
 
 
@@ -47,16 +47,18 @@ class Stations(Tabular):
         md = finite(self.md, "md", (None,))
         g, b = finite(self.g, "g", (3,)), finite(self.b, "b", (3,))
         size = len(md)
-        if not size or g.shape != (size, 3) or b.shape != (size, 3):
-            raise InputError(f"stations have md {md.shape}, g {g.shape}, b {b.shape}; expected (n,), (n, 3), (n, 3)")
+        if not size:
+            raise refused("input-empty", {"name": "md"})
+        for name, values in (("g", g), ("b", b)):
+            if values.shape != (size, 3):
+                raise wrong_shape(name, values.shape, f"({size}, 3)")
         if (np.diff(md) <= 0.0).any():
-            row = int(np.argmax(np.diff(md) <= 0.0))
-            raise InputError(f"md goes from {md[row]:g} to {md[row + 1]:g} m at station {row + 2}; it must increase")
+            raise refused("input-order", {"name": "md", "row": int(np.argmax(np.diff(md) <= 0.0)) + 2})
         noise = np.zeros((size, 6, 6)) if not self.noise.size else finite(self.noise, "noise", (6, 6))
         for name, source in self.sources.items():
             wide = source.by_field.shape
             if len(wide) != 3 or wide[:2] != (size, 6) or source.covariance.shape != (wide[2], wide[2]):
-                raise InputError(f"source {name!r} has {wide} with covariance {source.covariance.shape}")
+                raise wrong_shape(f"source {name}", wide, f"({size}, 6, {len(source.covariance)})")
         for name, value in (("md", md), ("g", g), ("b", b), ("noise", noise)):
             object.__setattr__(self, name, frozen(value))
         object.__setattr__(self, "sources", MappingProxyType(dict(self.sources)))

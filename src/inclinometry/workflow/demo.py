@@ -432,7 +432,7 @@ def _magnetised(demo: Demo) -> None:
     demo.page("magnetised string: multi-station analysis and quality", "magnetised/msa.html", page)
     page = survey_report(found.corrected)
     demo.page("magnetised string: survey after the analysis", "magnetised/survey.html", page)
-    told = at.told | {"notes": [*well_sentences(found), *at.notes]}
+    told = at.told | {"notes": well_sentences(found)}
     page = position_report(at.path, at.survey, at.uncertainty, **told)
     demo.page("magnetised string: quality, analysis and where the well is", "magnetised/position.html", page)
 

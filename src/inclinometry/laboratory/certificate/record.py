@@ -28,6 +28,7 @@ from inclinometry.files import json_codec
 from inclinometry.files.json_codec import canonical
 from inclinometry.files.verification_json import without_conformity
 from inclinometry.findings import LANGUAGES, without_notes
+from inclinometry.glossary import terms
 from inclinometry.laboratory.certificate.budget import uncertainty_budget, uncertainty_table
 from inclinometry.laboratory.certificate.laboratory import Laboratory, Order, Standard
 from inclinometry.laboratory.certificate.requirements import (
@@ -46,7 +47,6 @@ from inclinometry.report.calibration_tables import (
     shape_rows,
 )
 from inclinometry.report.figure import BAD, INK, MARKERS, SERIES, new_figure, style, styled
-from inclinometry.report.glossary import terms
 from inclinometry.report.language import translated
 from inclinometry.report.words import plain, rounded, significant
 from inclinometry.rotations import wrap_signed
