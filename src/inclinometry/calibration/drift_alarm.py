@@ -228,18 +228,6 @@ def threshold(past: Array, false_alarms: float = FALSE_ALARMS, *, tail: bool = T
     return float(start + (scale * np.log(ratio) if shape < 1e-6 else scale / shape * (ratio**shape - 1.0)))
 
 
-def amount(cause: str, size: float, u: float) -> str:
-    """How much of a cause, and its standard uncertainty, in the unit of its kind.
-
-    Examples
-    --------
-    >>> amount("magnetometer x offset", 8e-3, 5e-4), amount("package turned about z", 2e-3, 1e-4)
-    ('+8 thousandths of the field (u 0.5)', '+0.115 deg (u 0.0057)')
-    """
-    factor, unit = amount_unit(cause)
-    return f"{factor * size:+.3g} {unit} (u {factor * u:.2g})"
-
-
 def amount_unit(cause: str) -> tuple[float, str]:
     """Factor and unit in which a cause is shown."""
     if "turned" in cause or "tilted" in cause:

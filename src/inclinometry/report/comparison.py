@@ -17,7 +17,6 @@ from inclinometry.findings import without_notes
 from inclinometry.language import label, said
 from inclinometry.report.calibration import log_scale
 from inclinometry.report.figure import INK, legend_above, look, new_figure, panel, styled
-from inclinometry.report.language import said
 from inclinometry.report.page import CONVENTIONS, Table, TableRow, picture, render
 from inclinometry.report.words import listed
 

@@ -13,7 +13,6 @@ from inclinometry.constants import COVERAGE_FACTOR
 from inclinometry.findings import only_notes, without_notes
 from inclinometry.language import label, said
 from inclinometry.report.figure import BAD, INK, SERIES, panel, station_axis
-from inclinometry.report.language import said
 from inclinometry.report.page import Section, Table, TableRow, cut, picture, report
 from inclinometry.report.words import plain, rounded, significant
 
