@@ -23,7 +23,7 @@ from inclinometry.files.table import TableFile
 from inclinometry.files.text import Progress
 from inclinometry.files.tool_code_json import load_tool_code
 from inclinometry.files.tool_json import read_calibration
-from inclinometry.findings import Finding
+from inclinometry.findings import Finding, without_notes
 from inclinometry.orientation import fields
 from inclinometry.sensors import Tool
 from inclinometry.survey.consistency import check_angles, check_place
@@ -333,7 +333,7 @@ def read_six_axis(
 
 def of_calibration(record: Calibration) -> list[Finding]:
     """What a calibration says of itself, for those who use it."""
-    return [Finding("work-calibration", {"finding": one}) for one in record.remarks]
+    return [Finding("work-calibration", {"finding": one}) for one in without_notes(record.findings)]
 
 
 def run_findings(
