@@ -529,9 +529,8 @@ def _merged(
         [roll_set[i] for i in repeats.first] if any(roll_set) else (),
         signals.units,
         _reference(table),
-        tuple(map(str, repeats.findings)),
+        (*repeats.findings, *warned),
         table.digest,
-        warnings=tuple(map(str, warned)),
     )
 
 
