@@ -90,10 +90,10 @@ def test_tool_json_becomes_a_calibration(laboratory: Ledger, bench: SimpleNamesp
     [
         (b"", "file-empty"),
         (b"x" * (LARGEST + 1), "file-large"),
-        (b"a,b\n1,2\n", "no channels"),
+        (b"a,b\n1,2\n", "file-column"),
         (HEAD.encode() + b"\nA,0,0,0,1,2,nan,4,5,6\n", "the file"),
         (HEAD.encode() + b"\nA,0,0,0,1,2,=1+1,4,5,6\n", "line 2"),
-        (b"{}", "no columns of values are in it"),
+        (b"{}", "file-empty"),
         (b"\x89PNG\r\n\x1a\n\0\0", "file-format"),
         (b'{"schema": "inclinometry/tool"', "the file"),
         (b"{" * 200_000, "the file"),
