@@ -6,7 +6,7 @@ from itertools import permutations
 
 import numpy as np
 import pytest
-from tests.refusals import refused
+from tests.refusals import coded, refused
 
 from inclinometry.errors import FileError, InputError
 from inclinometry.files.exchange import SurveyFile
@@ -55,8 +55,9 @@ def test_what_a_table_cannot_hold_is_said(tmp_path):
     file = survey(times=("2026-01-02", "", ""), extra={"crew": ("A", "", "B")}, header={"well": "A-1"})
     source = put(tmp_path, "parquet", file)
     assert convert(source, tmp_path / "a.xlsx").lost == ()
-    assert convert(source, tmp_path / "a.las").lost == ("column 'time' (1 values)", "column 'crew' (2 values)")
-    assert convert(source, tmp_path / "a.csv").lost == ("texts of the file's head: well",)
+    lost = convert(source, tmp_path / "a.las").lost
+    assert [one.values for one in lost] == [{"column": "time", "count": 1}, {"column": "crew", "count": 2}]
+    assert coded(convert(source, tmp_path / "a.csv").lost) == ["work-lost-texts"]
 
 
 @pytest.fixture
@@ -84,12 +85,9 @@ def test_lost_digits_and_columns(tmp_path):
     )  # fmt: skip
     write_csv(file, tmp_path / "a.csv")
     found = convert(tmp_path / "a.csv", tmp_path / "a.nar").lost
-    assert found == (
-        "digits of column 'md_m': changes up to 0.001",
-        "digits of column 'inclination_deg': changes up to 0.00042",
-        "digits of column 'azimuth_deg': changes up to 0.0042",
-        "column 'temperature_degC' (1 values)",
-    )
+    assert coded(found) == ["work-lost-digits"] * 3 + ["work-lost-column"]
+    columns = ["md_m", "inclination_deg", "azimuth_deg", "temperature_degC"]
+    assert [one.values["column"] for one in found] == columns
 
 
 @pytest.mark.usefixtures("narrow")
@@ -185,7 +183,7 @@ def test_raw_records_of_p7_from_and_to_tables(tmp_path, table, field):
         # angles to 1e-10 deg, rates to 1e-10 deg/h
         np.testing.assert_allclose(getattr(found, name), getattr(raw(field), name), rtol=1e-10, atol=2e-12)
     assert found.azimuth_reference == "grid"
-    assert any("records other than M7 and G7" in note for note in back.survey.notes)
+    assert any(one.severity == "note" for one in back.survey.findings)
 
 
 def test_surveys_of_p7_by_number(tmp_path):
@@ -202,7 +200,7 @@ def test_what_p7_cannot_hold_is_said(tmp_path):
     file = raw()
     warm = SurveyFile(md=file.md, g=file.g, b=file.b, temperature=[20.0, 21.0, 22.0], extra={"crew": ("A", "B", "C")})
     found = convert(put(tmp_path, "parquet", warm), tmp_path / "a.p7").lost
-    assert found == ("column 'temperature_degC' (3 values)", "column 'crew' (3 values)")
+    assert [one.values["column"] for one in found] == ["temperature_degC", "crew"]
 
 
 def test_wits_by_its_map(tmp_path):
@@ -210,7 +208,7 @@ def test_wits_by_its_map(tmp_path):
     source = put(tmp_path, "csv", raw())
     there = convert(source, tmp_path / "a.wits", channels=tmp_path / "map.toml")
     # what is not mapped is not carried
-    assert there.lost == tuple(f"column 'b{axis}_nT' (3 values)" for axis in "xyz") + ("column 'used' (3 values)",)
+    assert [one.values["column"] for one in there.lost] == ["bx_nT", "by_nT", "bz_nT", "used"]
     convert(tmp_path / "a.wits", tmp_path / "b.csv", channels=tmp_path / "map.toml")
     found = read_survey_file(tmp_path / "b.csv", "csv")
     np.testing.assert_allclose(found.g, raw().g, rtol=0, atol=1e-9)  # written to 1e-10 g
@@ -228,7 +226,7 @@ def test_wits_by_its_map(tmp_path):
 def test_witsml_from_and_to_tables(tmp_path, table):
     source = put(tmp_path, table, raw())
     there = convert(source, tmp_path / "a.xml")
-    assert [text for text in there.lost if "head" not in text] == []
+    assert set(coded(there.lost)) <= {"work-lost-texts"}
     convert(tmp_path / "a.xml", tmp_path / TABLES[table])
     found = read_survey_file(tmp_path / TABLES[table], table)
     for name in ("md", "inclination", "azimuth", "g", "b"):
