@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from tests.refusals import coded, refused
 
-from inclinometry.errors import FileError, InputError
+from inclinometry.errors import FileError
 from inclinometry.files.exchange import SurveyFile
 from inclinometry.files.six_axis import read_survey, write_csv
 from inclinometry.workflow import convert as module

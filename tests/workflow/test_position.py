@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 from tests.refusals import coded, refused
 
 from inclinometry.errors import FileError
@@ -71,7 +70,7 @@ def test_what_a_site_lacks_is_filled_or_asked_for(tmp_path):
         read_position(*files(tmp_path, "magnetic", *FIELDS), MWD)
     with refused("earth-site-lacks", error=FileError):
         read_position(*files(tmp_path, "grid", *FIELDS), MWD)
-    with refused("code-site-lacks", error=FileError):
+    with refused("position-site-lacks", error=FileError):
         read_position(*files(tmp_path, "true", "g = 9.81"), MWD)
     with refused("work-no-site"):
         read_position(files(tmp_path, "magnetic")[0])
