@@ -72,22 +72,22 @@ def test_a_users_file(tmp_path):
         (lambda c: c["metadata"].pop("source"), "input-missing"),
         (lambda c: c.update(extra=1), "input-unknown"),
         (lambda c: c["terms"][0].update(unit="deg"), "input-unknown"),
-        (lambda c: c["terms"][0].update(units="degree"), ""),
+        (lambda c: c["terms"][0].update(units="degree"), "input-choice"),
         (lambda c: c["terms"][0].update(value=-1), "file-value"),
         (lambda c: c["terms"][0].update(value="1"), "file-value"),
         (lambda c: c["terms"][0].update(propagation_mode="S"), "file-value"),
-        (lambda c: c["terms"][1].update(azimuth_formula="Sin(I)"), ""),
-        (lambda c: c["terms"][1].update(azimuth_formula="Sinh(Inc)"), ""),
-        (lambda c: c["parameters"].pop("XCLTortuosity"), ""),
+        (lambda c: c["terms"][1].update(azimuth_formula="Sin(I)"), "position-formula"),
+        (lambda c: c["terms"][1].update(azimuth_formula="Sinh(Inc)"), "position-formula"),
+        (lambda c: c["parameters"].pop("XCLTortuosity"), "input-needs"),
         (lambda c: c["parameters"].update(speed=3), "input-unknown"),
         (lambda c: c["terms"].clear(), "file-value"),
-        (lambda c: c["terms"].append(c["terms"][0]), ""),
+        (lambda c: c["terms"].append(c["terms"][0]), "input-repeated"),
     ],
 )
 def test_errors_name_the_place_in_the_file(tmp_path, change, code):
     what = content()
     change(what)
-    with refused(code, error=FileError) if code else pytest.raises(FileError) as caught:
+    with refused(code, error=FileError) as caught:
         load_tool_code(write(tmp_path, what))
     assert str(caught.value).startswith(str(tmp_path))
 
