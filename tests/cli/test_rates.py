@@ -119,7 +119,7 @@ def test_the_gyro_of_a_tool_is_replaced(folder, capsys):
     assert (np.diagonal(found.tool.covariance)[24:] > 0.0).all()
     assert found.dip == before.dip
     assert set(found.inputs) == {"readings", "rate table", "tool"}
-    assert any(w.startswith("rate table: the g-sensitivity is significant") for w in found.warnings)
+    assert any(str(one).startswith("rate table: The g-sensitivity is significant") for one in found.findings)
     u = np.sqrt(np.diagonal(found.tool.covariance)[24:]).reshape(3, 4)
     true = TOOL.triads["gyro"]
     # twelve parameters within 4.5 of their own: exceeded by chance once in 10^4
@@ -140,7 +140,7 @@ def test_without_a_tool_it_is_one_of_gyros_alone(folder, capsys):
     assert content["degrees_of_freedom"] == 3 * (24 - 4)
     assert content["g_sensitivity"] is None
     assert content["g_sensitivity_by_chance"] < 1e-6
-    assert "fit the g-sensitivity too" in printed.err
+    assert "Fit the g-sensitivity too" in printed.err
     assert list(found.tool.triads) == ["gyro"]
     assert found.method == "rate-table"
     assert found.tool.temperature_range == (21.5, 21.5)
@@ -149,7 +149,7 @@ def test_without_a_tool_it_is_one_of_gyros_alone(folder, capsys):
 
 def test_temperatures_that_were_not_used_are_said(folder, capsys):
     write_steps(folder / "steps.csv", heat=np.tile([20.0, 20.0, 60.0, 60.0], len(MOUNTS)))
-    assert any("2 temperatures" in w for w in made().warnings)
+    assert any("2 temperatures" in str(one) for one in made().findings)
     assert made(temperature_degree=1).tool.triads["gyro"].degree == 1
     capsys.readouterr()
 
@@ -162,7 +162,7 @@ def test_temperatures_at_which_the_two_calibrations_hold(folder, capsys):
         write_steps(folder / "steps.csv", heat=heat)
         found = made(calibration=folder / "old.json")
         assert found.tool.temperature_range == want
-        assert any("the rest of the tool at" in w for w in found.warnings) is said
+        assert any("the rest of the tool at" in str(one) for one in found.findings) is said
     capsys.readouterr()
 
 

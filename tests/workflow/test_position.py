@@ -70,7 +70,7 @@ def test_what_a_site_lacks_is_filled_or_asked_for(tmp_path):
         read_position(*files(tmp_path, "magnetic", *FIELDS), MWD)
     with refused("earth-site-lacks", error=FileError):
         read_position(*files(tmp_path, "grid", *FIELDS), MWD)
-    with refused("position-site-lacks", error=FileError):
+    with refused("position-site", error=FileError):
         read_position(*files(tmp_path, "true", "g = 9.81"), MWD)
     with refused("work-no-site"):
         read_position(files(tmp_path, "magnetic")[0])

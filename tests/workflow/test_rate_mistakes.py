@@ -180,9 +180,8 @@ def test_a_g_sensitivity_is_advised_where_nothing_else_is_wrong(tmp_path):
     down = down / np.radians(1.0)
     clean = np.degrees(rates @ GAIN.T) * 3600.0 + NOISE * random.normal(size=(16, 3))
     pull = np.array([[0.0, 0.5, 0.0], [0.0, 0.1, -0.4], [0.3, 0.0, 0.0]])
-    notes = calibrate_rates(clean + down @ pull.T, rates, gravity=down).notes
-    assert ["fit the g-sensitivity too" in note for note in notes] == [True]
-    assert calibrate_rates(clean, rates, gravity=down).notes == ()
+    assert coded(calibrate_rates(clean + down @ pull.T, rates, gravity=down).findings) == ["fit-g-needed"]
+    assert calibrate_rates(clean, rates, gravity=down).findings == ()
 
 
 class TestSingleSteps:
@@ -195,7 +194,7 @@ class TestSingleSteps:
         assert printed.err.count("warning: ") == 1
         assert "15 of 16 steps used" in printed.out
         tool = read_calibration(tmp_path / "tool.json")
-        assert any("Line 8" in warning for warning in tool.warnings)
+        assert any("Line 8" in str(one) for one in tool.findings)
         assert tool.residuals.values["gyro"].shape == (15, 3)
         # as if the step had never been there: noise and offsets within what 11 degrees of freedom scatter
         np.testing.assert_allclose(tool.tool.noise["gyro"], NOISE, rtol=0.8)
@@ -257,5 +256,5 @@ def test_a_gyro_of_very_different_noise_is_named(tmp_path):
     noise = NOISE * np.random.default_rng(5).normal(size=(16, 3)) * [1.0, 1.0, 20.0]
     # as rates, not as signals: a gyro of ten times the gain may scatter ten times as much
     for gain, named in (([1.0, 1.0, 1.0], True), ([1.0, 1.0, 20.0], False)):
-        notes = calibrate_rates(np.degrees(rates) * 3600.0 * gain + noise, rates).notes
-        assert any("gyro 3 scatters" in note for note in notes) is named
+        found = calibrate_rates(np.degrees(rates) * 3600.0 * gain + noise, rates).findings
+        assert any(one.code == "fit-gyro-noisy" and one.values["sensor"] == 3 for one in found) is named

@@ -29,7 +29,7 @@ from inclinometry.constants import ANGLES, UNIT_LABELS
 from inclinometry.digest import digest_file
 from inclinometry.errors import FileError, refused
 from inclinometry.files.tool_json import read_calibration, read_tool, write_calibration
-from inclinometry.findings import Finding
+from inclinometry.findings import Finding, only_notes, without_notes
 from inclinometry.uncertainty import shares
 from inclinometry.workflow.calibrate import (
     METHODS,
@@ -226,8 +226,6 @@ def calibrate(
     with output.reported(report, "calibration:calibration_report", found, readings=data):
         if output_ is not None:
             write_calibration(found, output_, created=created)
-    output.notes(found.notes)
-    output.warnings(found.warnings)
     output.findings(found.findings)
     expected = expected_uncertainty(found, stated_dip=data.reference.get("dip"))
     if json:
@@ -298,11 +296,9 @@ def _summary(found: Calibration, expected: ExpectedUncertainty, data: BenchReadi
         },
         "parameters": asdict_parameters(found),
         "expected_u_deg": named_degrees(expected),
-        "notes": list(found.notes),
         "budget": _budget(found, expected, data),
         "second_harmonics": None if second is None else _harmonics(second),
         "findings": [one.plain() for one in found.findings],
-        "warnings": list(found.warnings),
     }
 
 
@@ -448,7 +444,6 @@ def compare(
                 "true_error_deg": _angles_of(found.error[a.method]) if a.method in found.error else None,
                 "parameters": None if a.calibration is None else asdict_parameters(a.calibration),
                 "findings": [] if a.calibration is None else [one.plain() for one in a.calibration.findings],
-                "warnings": [] if a.calibration is None else list(a.calibration.warnings),
             }
             for a in found.attempts
         ]
@@ -516,7 +511,6 @@ def show_comparison(found: Comparison, title: str = "") -> None:
             output.say(f"{attempt.method}: not applicable. {attempt.reason}".rstrip())
     for attempt in found.attempts:
         if attempt.calibration is not None and attempt.method == "joint":
-            output.warnings(attempt.calibration.warnings)
             output.findings(attempt.calibration.findings)
 
 
@@ -610,7 +604,7 @@ def verify(
             from inclinometry.files.verification_json import write_verification
 
             write_verification(output_, found, bounds, tool)
-    output.warnings(found.warnings)
+    output.findings(without_notes(found.findings))
     if json:
         output.print_json(_verification(found))
     else:
@@ -626,9 +620,8 @@ def _verification(found: Verification) -> dict[str, Any]:
     angles = {name: place for place, name in enumerate(found.names) if name != "-"}
     return {
         "verdict": found.verdict,
-        "reservations": found.reservations,
-        "reasons": found.reasons,
-        "notes": found.notes,
+        "reservations": [one.plain() for one in found.reservations],
+        "findings": [one.plain() for one in found.findings],
         "limits": _agreed(found),
         "coverage_factor": found.coverage_factor,
         "stations": [
@@ -674,7 +667,7 @@ def _verify_planned(
     bounds = None if limits is None else read_limits(limits)
     tool = read_calibration(calibration)
     found = planned(read_plan(plan), tool, bounds, count=count)
-    output.warnings(found.warnings)
+    output.findings(without_notes(found.findings))
     if found.power is None:
         raise FileError(Finding("work-no-uncertainty"), path=calibration)
     if target is not None:
@@ -688,7 +681,7 @@ def _verify_planned(
                 "limits": _agreed(found),
                 "coverage_factor": found.coverage_factor,
                 **worth_of(found),
-                "warnings": found.warnings,
+                "findings": [one.plain() for one in found.findings],
             }
         )
         return 0
@@ -705,8 +698,8 @@ def _verify_planned(
         rows,
         found.limits_source,
     )
-    for sentence in found.notes:
-        output.say(sentence)
+    for one in only_notes(found.findings):
+        output.say(str(one))
     if target is not None:
         output.written(target)
     return 0
@@ -746,6 +739,6 @@ def show_verification(found: Verification) -> None:
         rows,
         found.limits_source,
     )
-    for sentence in (*found.reasons, *found.notes):
-        output.say(sentence)
+    for one in only_notes(found.findings):
+        output.say(str(one))
     output.say(f"{found.judgement}: {'; '.join(said)}")

@@ -35,7 +35,7 @@ def datasheet(sheet: Path | None = None, /, *, output_: Output, template: Flag =
         return
     found = read_datasheet(sheet)
     write_calibration(found, output_)
-    output.warnings(found.warnings)
+    output.findings(found.findings)
     if json:
         output.print_json({"tool": found.tool.name, "output": output_, "digest": digest_file(output_)})
         return

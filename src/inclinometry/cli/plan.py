@@ -144,8 +144,10 @@ def readings(
         found, intervals = readings_of_log(log, plan=positions, window=window, shortest=shortest, progress=progress)
     write_bench(found, output_)
     if json:
-        output.print_json({"stations": len(found), "output": output_, "notes": found.notes})
+        output.print_json(
+            {"stations": len(found), "output": output_, "findings": [one.plain() for one in found.findings]}
+        )
         return
     output.say(f"{output.counted(len(found), 'still station')} written to {output_}")
-    for sentence in intervals.report():
-        output.say(f"  {sentence}")
+    for one in intervals.findings:
+        output.say(f"  {one}")

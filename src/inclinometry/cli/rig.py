@@ -17,7 +17,6 @@ from inclinometry.files.site_toml import read_site
 from inclinometry.files.tool_json import read_calibration
 from inclinometry.findings import Finding
 from inclinometry.rotations import wrap_positive
-from inclinometry.survey.flags import remarks
 from inclinometry.workflow.field import completed
 
 
@@ -56,7 +55,7 @@ def orient(
     )
     place, said = (Site(), list[Finding]()) if site is None else completed(read_site(site))
     rows = _rows(found, place)
-    said += remarks(found.warnings)
+    said += found.findings
     if site is not None and found.north_of == "magnetic" and place.declination_sigma is None:
         said.append(Finding("work-declination-sigma"))
     if found.tilt < COVERAGE_FACTOR * found.u["tilt"]:

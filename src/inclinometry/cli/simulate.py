@@ -156,7 +156,7 @@ def bench(
     write_bench(readings, output_)
     if truth is not None:
         write_truth(drawn, extras, truth)
-    output.warnings(readings.warnings)
+    output.findings(readings.findings)
     _done(
         output.counted(len(readings), "station"), json, {"stations": len(readings), "output": output_, "truth": truth}
     )

@@ -13,7 +13,8 @@ from inclinometry.calibration.comparison import TwoCalibrations
 from inclinometry.calibration.expected import FROM_CALIBRATION
 from inclinometry.calibration.result import rounded
 from inclinometry.errors import refused, wrong_shape
-from inclinometry.language import label
+from inclinometry.findings import without_notes
+from inclinometry.language import label, said
 from inclinometry.report.calibration import log_scale
 from inclinometry.report.figure import INK, legend_above, look, new_figure, panel, styled
 from inclinometry.report.page import CONVENTIONS, Table, TableRow, picture, render
@@ -63,7 +64,11 @@ def two_report(found: TwoCalibrations) -> str:
         badge="Differ" if far else "Agree",
         verdict=f"{(differ if far else agree).capitalize()}.",
         notes=["The two are taken to be independent; each coefficient is at its calibration's reference temperature."],
-        warnings=[f"{n}: {w}" for n, c in zip(found.names, found.calibrations, strict=True) for w in c.remarks],
+        warnings=[
+            f"{n}: {one}"
+            for n, c in zip(found.names, found.calibrations, strict=True)
+            for one in said(without_notes(c.findings))
+        ],
         tables=tables,
         figures=[
             picture(

@@ -18,7 +18,7 @@ from inclinometry.calibration.conventions import USUAL, Dials
 from inclinometry.calibration.expected import ALL_ANGLES, ExpectedUncertainty, expected_uncertainty
 from inclinometry.calibration.joint import calibrate_joint
 from inclinometry.calibration.readings import BenchReadings
-from inclinometry.calibration.result import Calibration
+from inclinometry.calibration.result import Calibration, uncoded
 from inclinometry.constants import ANGLES, DIP, KINDS, SHORT_INCLINATIONS, STEPS
 from inclinometry.errors import InclinometryError, InputError, not_among, refused
 from inclinometry.files.bench_csv import read_bench
@@ -170,7 +170,7 @@ def calibrate(readings: BenchReadings, method_name: str, options: Options) -> Ca
         stand = {"rig_sd": stand["rig_sd"]}
         stand |= {"nameplate": options.nameplate} if method_name == "classical" else {}
     found = run(readings, name=options.name, **stand)
-    return replace(found, notes=(*overruled, *found.notes))
+    return replace(found, findings=(*uncoded(overruled, "note"), *found.findings))
 
 
 def given(options: Options) -> dict[str, Any]:

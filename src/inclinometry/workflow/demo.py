@@ -498,7 +498,7 @@ def fleet_sentences(found: FleetStatus | None) -> list[str]:
     """What the calibrations of a fleet say, for the terminal."""
     if found is None:
         return []
-    alarms = [f"{t.history.serial}: {t.alarm.sentence}" for t in found.tools if t.alarm and t.alarm.raised]
+    alarms = [f"{t.history.serial}: {t.alarm.finding}" for t in found.tools if t.alarm and t.alarm.raised]
     overdue = sum(tool.due.date <= found.day for tool in found.tools)
     now, six = np.degrees(np.median([(tool.now[SIXTY], tool.checked[SIXTY]) for tool in found.tools], axis=0))
     return [

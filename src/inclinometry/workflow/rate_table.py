@@ -21,7 +21,6 @@ from inclinometry.files.tool_json import read_calibration
 from inclinometry.findings import Finding, Value
 from inclinometry.rotations import dcm
 from inclinometry.sensors import Tool, Triad
-from inclinometry.survey.flags import remarks
 
 # Gross mistakes in a run on a rate table: units, signs, axes. Found by the scale, the tensor and the Earth's own rate.
 #
@@ -191,7 +190,7 @@ def calibrate_on_table(
     used, found, told = _fitted(steps, site.latitude, temperature_degree, g_sensitive)
     before = None if old is None else old.tool.triads.get("gyro")
     odd = check_plausible(used, found, site.latitude, before)
-    recorded = (*steps.findings, *remarks(found.notes))
+    recorded = (*steps.findings, *found.findings)
     findings = (*recorded, *told, *odd, *_heat_notes(used, temperature_degree))
     if old is None:
         return found, _alone(found, used, name, findings), findings, len(used)

@@ -123,11 +123,11 @@ def bench(
         roll_set=plan.roll_set,
         units=run.units,
         reference=run.reference,
-        warnings=[
-            f"{kind} saturated in {int(hit.any(axis=1).sum())} stations"
+        findings=tuple(
+            Finding("fit-saturated", {"kind": kind, "stations": int(hit.any(axis=1).sum())})
             for kind, hit in run.saturated.items()
             if hit.any()
-        ],
+        ),
     )
     extras = {
         "seed": seed,
