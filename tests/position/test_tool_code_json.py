@@ -66,7 +66,7 @@ def test_a_users_file(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("change", "message"),
+    ("change", "code"),
     [
         (lambda c: c.pop("metadata"), "input-missing"),
         (lambda c: c["metadata"].pop("source"), "input-missing"),
@@ -84,10 +84,10 @@ def test_a_users_file(tmp_path):
         (lambda c: c["terms"].append(c["terms"][0]), "input-repeated"),
     ],
 )
-def test_errors_name_the_place_in_the_file(tmp_path, change, message):
+def test_errors_name_the_place_in_the_file(tmp_path, change, code):
     what = content()
     change(what)
-    with refused(message, error=FileError) as caught:
+    with refused(code, error=FileError) as caught:
         load_tool_code(write(tmp_path, what))
     assert str(caught.value).startswith(str(tmp_path))
 
