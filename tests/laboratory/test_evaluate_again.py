@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from types import SimpleNamespace
 
@@ -106,7 +105,7 @@ def test_nothing_is_recorded_of_what_is_refused(hall: Ledger, bench: SimpleNames
     session = before.keys["session"]
     put_site(hall, RegisteredSite("elsewhere", dip=float(np.radians(40.0))), author="anna")
     opened = open_session(hall, "IN-7", plans.twelve(), rig="stand 1", author="anna").id
-    made = replace(calibration_of(before), warnings=("of before",))
+    made = calibration_of(before)
     brought = record_calibration(hall, made, "IN-7", "stand 1", {}, author="anna").keys["session"]
     head = hall.head()
     for which, site, said in (

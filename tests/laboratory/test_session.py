@@ -129,10 +129,10 @@ def test_a_session_calibrates_the_tool(opened: tuple[Ledger, Session]) -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"temperature": 1e300}, "allowed -100 to 400 degC"),
-        ({"sd": {"accelerometer": np.array([1.0, -1.0, 1.0])}}, "sd of the accelerometer"),
+        ({"temperature": 1e300}, "input-value"),
+        ({"sd": {"accelerometer": np.array([1.0, -1.0, 1.0])}}, "input-value"),
         ({"sd": {"accelerometer": np.ones(2)}}, "input-shape"),
-        ({"channels": {"accelerometer": np.array([1e308, 0.0, 0.0])}}, "allowed -1e"),
+        ({"channels": {"accelerometer": np.array([1e308, 0.0, 0.0])}}, "input-value"),
         ({"dial": (0.0, 6.9, 0.0)}, "input-value"),
         ({"count": 0}, "input-value"),
     ],
@@ -270,5 +270,5 @@ def test_a_site_has_a_latitude_where_it_is_known(laboratory: Ledger) -> None:
     text = "station,azimuth_deg,inclination_deg,toolface_deg,gyro_x,gyro_y,gyro_z\n1,0,60,0,5,0,9\n"
     record = import_file(laboratory, text.encode(), "IN-7", "stand 1", author="a", site="yard")
     assert bench_readings(load_session(laboratory, record.id)).reference["latitude"] == pytest.approx(-0.5)
-    with pytest.raises(ValueError, match="latitude"):
+    with refused("input-value", name="latitude"):
         registry.put_site(laboratory, registry.RegisteredSite("x", latitude=2.0), author="a")
