@@ -119,7 +119,7 @@ def test_the_gyro_of_a_tool_is_replaced(folder, capsys):
     assert (np.diagonal(found.tool.covariance)[24:] > 0.0).all()
     assert found.dip == before.dip
     assert set(found.inputs) == {"readings", "rate table", "tool"}
-    assert any(str(one).startswith("rate table: The g-sensitivity is significant") for one in found.findings)
+    assert any("g-sensitivity is significant" in str(one) for one in found.findings)
     u = np.sqrt(np.diagonal(found.tool.covariance)[24:]).reshape(3, 4)
     true = TOOL.triads["gyro"]
     # twelve parameters within 4.5 of their own: exceeded by chance once in 10^4
@@ -195,8 +195,8 @@ SLOW = {"speeds": np.array([-0.5, 0.5]), "rate_unit": np.radians(1.0)}
         (SLOW, {}, InputError, "work-rate-scale"),
         ({"unit": "deg_s"}, {}, InputError, "work-rate-scale"),
         ({}, {"temperature_degree": 1}, InputError, "input-needs"),
-        ({"heat": 20.0}, {"temperature_degree": 1}, IdentifiabilityError, "degree 1 needs 2 distinct temperatures"),
-        ({"speeds": np.array([0.1, 0.1])}, {"g_sensitivity": True}, IdentifiabilityError, "cannot tell apart"),
+        ({"heat": 20.0}, {"temperature_degree": 1}, IdentifiabilityError, "fit-temperatures-few"),
+        ({"speeds": np.array([0.1, 0.1])}, {"g_sensitivity": True}, IdentifiabilityError, "fit-rate-constant"),
         ({}, {"site": "nowhere.toml"}, InputError, "input-missing"),
         ({}, {"output_": "steps.csv"}, FileError, "option-same-file"),
     ],
