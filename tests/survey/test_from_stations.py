@@ -7,6 +7,7 @@ import pytest
 from tests.refusals import coded, refused
 
 from inclinometry.earth.site import Site
+from inclinometry.findings import Finding
 from inclinometry.rotations import wrap_signed
 from inclinometry.simulate.tool import random_tool
 from inclinometry.survey.from_stations import NOISE, survey_from_stations
@@ -60,6 +61,9 @@ def test_many_stations_are_as_few():
     np.testing.assert_allclose(one.u_azimuth[-3:], other.u_azimuth, rtol=1e-12)
 
 
+STEP = Finding("survey-step-no-gyro")
+
+
 def test_what_a_correction_leaves_is_a_component():
     stations = stations_plain(
         [0.0, 10.0], [[0, 0, 9.8], [-4.9, 0, 8.5]], [[2e4, 0, 4e4]] * 2, sigma_g=1e-9, sigma_b=10.0
@@ -67,8 +71,8 @@ def test_what_a_correction_leaves_is_a_component():
     by_field = np.zeros((2, 6, 1))
     by_field[:, 4] = 1.0  # of the field across the tool
     left = {"left": Source(by_field, np.array([[900.0]]))}
-    found = survey_from_stations(stations.corrected(stations.g, stations.b, "field across taken off", left))
-    assert found.history == ("field across taken off",)
+    found = survey_from_stations(stations.corrected(stations.g, stations.b, STEP, left))
+    assert found.history == (STEP,)
     assert set(found.components) == {"left", NOISE}
     # across the vertical plane of the tool: 30 nT of the horizontal field
     horizontal = 2e4 * np.cos(found.inclination[1]) + 4e4 * np.sin(found.inclination[1])
@@ -76,7 +80,7 @@ def test_what_a_correction_leaves_is_a_component():
     assert found.u_azimuth[0] == UNKNOWN  # exactly vertical
     assert found.flags[0] == ["vertical"]
     np.testing.assert_allclose(found.u("magnetic_toolface")[0], np.hypot(30.0, 10.0) / 2e4, rtol=1e-12)
-    clash = stations.corrected(stations.g, stations.b, "", {NOISE: left["left"]})
+    clash = stations.corrected(stations.g, stations.b, STEP, {NOISE: left["left"]})
     with refused("survey-source-taken"):
         survey_from_stations(clash)
 

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from tests.refusals import coded, refused
 
-from inclinometry.errors import InputError
 from inclinometry.survey.gyro import RepeatLimits, compare_runs
 from inclinometry.survey.run import Run
 
@@ -77,7 +76,7 @@ def test_interpolation_is_linear_inside_and_said():
     found = compared(one, two)
     np.testing.assert_allclose(np.degrees([found.inclination, found.azimuth]), 0.0, atol=1.1 * HAIR)
     assert found.interpolated.all()
-    assert coded(found.findings) == ["survey-interpolated"]
+    assert "survey-interpolated" in coded(found.findings)
     assert not compared(two, run(20.0, 100.0, count=13)).interpolated.any()
 
 
@@ -141,7 +140,7 @@ def test_what_cannot_be_compared_is_refused():
         compared(run(), run(north="grid"))
     with refused("input-order", name="md of the out-run"):
         compared(run(), run(md=[10.0, 10.0]))
-    with pytest.raises(InputError, match="inclination"):
+    with refused("input-value", name="inclination of the in-run[0]"):
         compared(run(-1.0), run())
 
 

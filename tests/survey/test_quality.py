@@ -7,7 +7,6 @@ import pytest
 from tests.refusals import coded, refused
 
 from inclinometry.earth.magnetic import reference_errors
-from inclinometry.errors import InputError
 from inclinometry.orientation import angles_jacobian, fields
 from inclinometry.survey.axial import axial_correction
 from inclinometry.survey.multistation import invariants
@@ -148,7 +147,7 @@ def test_the_three_together_see_what_each_alone_does_not():
     found = judge_fields(run, shifted)
     assert found.distance[0] == pytest.approx(4.0, rel=0.01)  # the rows move a little with the reference
     assert {n for n, c in names(found).items() if c.verdict == "fail"} == {"distance"}
-    assert "not together" in found.actions[0]
+    assert (found.off(0), found.checks[3].reason.code) == ("distance", "survey-off-together")
 
 
 def test_distance_limit_is_as_rare_as_k_sigma():
@@ -174,8 +173,8 @@ def test_no_uncertainty_is_not_judged():
     found = judge_fields(stations(30.0, 40.0, scale=(1.0, 2.0)), site)
     assert found.verdict == "not judged"
     assert found.verdicts == ("not judged",)
-    assert "uncertainty" in found.actions[0]
-    assert all(check.verdict == "not judged" for check in found.checks)
+    assert {check.verdict for check in found.checks} == {"not judged"}
+    assert found.checks[0].reason.code == "survey-unjudged-uncertainty"
     fixed = judge_fields(stations(30.0, 40.0, scale=(1.0, 2.0)), site, limits=FieldLimits("mine", "contract", b=300.0))
     assert fixed.verdicts == ("fail",)
     assert names(fixed)["gravity"].verdict == "not judged"
@@ -252,7 +251,7 @@ def test_terms_of_an_error_model_become_sensors():
 
 @pytest.mark.parametrize("k", [0.5, 10.0, float("nan")])
 def test_k_out_of_range(k):
-    with pytest.raises(InputError, match="k"):
+    with refused("input-value", "input-finite"):
         judge_fields(stations(30.0, 40.0), SITE, k=k)
 
 
@@ -260,5 +259,5 @@ def test_k_out_of_range(k):
     {}, {"b": 0.0}, {"dip": -1.0}, {"g": float("inf")}, {"g": 10.1}, {"b": 1.01e5}, {"dip": 3.15},
 ])  # fmt: skip
 def test_limits_without_sense(values):
-    with refused("input-one-of", "input-value"):
+    with refused("input-one-of", "input-value", "input-finite"):
         FieldLimits("mine", "contract", **values)

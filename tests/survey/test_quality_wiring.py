@@ -2,9 +2,8 @@
 
 import numpy as np
 import pytest
-from tests.refusals import coded
+from tests.refusals import coded, refused
 
-from inclinometry.errors import InputError
 from inclinometry.orientation import dip_angle, fields
 from inclinometry.survey.quality_wiring import mistakes, wiring_check
 from inclinometry.survey.stations import Stations
@@ -88,7 +87,7 @@ def test_mistakes_of_a_mapping():
 
 @pytest.mark.parametrize("degrees", [-91.0, 91.0])
 def test_a_dip_is_no_more_than_vertical(degrees):
-    with pytest.raises(InputError, match=r"allowed -1\.5708 to 1\.5708"):
+    with refused("input-value", name="dip"):
         wiring_check(run(), np.radians(degrees))
 
 

@@ -9,7 +9,6 @@ from tests.refusals import coded, refused
 
 from inclinometry.constants import STANDARD_GRAVITY
 from inclinometry.earth.site import Site
-from inclinometry.errors import InputError
 from inclinometry.orientation import fields
 from inclinometry.rotations import wrap_positive, wrap_signed
 from inclinometry.sensors import Tool, Triad, parameter_vector, triad_from_vector
@@ -174,7 +173,7 @@ class TestNorth:
 
     @pytest.mark.parametrize("site", [{"north_reference": "true"}, {"north_reference": "grid", "declination": 0.1}])
     def test_a_north_that_cannot_be_reached_is_an_error(self, site):
-        with pytest.raises(InputError, match=r"declination|convergence"):
+        with refused("earth-site-lacks"):
             self.run(**site)
 
 
@@ -316,37 +315,37 @@ WARM = random_tool(2, temperature_degree=1)
 
 
 @pytest.mark.parametrize(
-    ("change", "words"),
+    ("change", "code"),
     [
         ({"md": [0.0, 10.0, 10.0]}, "input-order"),
         ({"md": [0.0, 20.0, 10.0]}, "input-order"),
-        ({"md": [0.0, np.nan, 2.0]}, r"md\[1\] is nan"),
-        ({"md": [0.0, 1.0]}, "shape"),
-        ({"md": 3.0}, "md has shape"),
-        ({"md": "deep"}, "md"),
+        ({"md": [0.0, np.nan, 2.0]}, "input-finite"),
+        ({"md": [0.0, 1.0]}, "input-shape"),
+        ({"md": 3.0}, "input-shape"),
+        ({"md": "deep"}, "input-kind"),
         ({"md": []}, "input-empty"),
         ({"accelerometer": None}, "input-triads"),
         ({"gyro": np.ones((3, 3))}, "input-uncalibrated"),
         ({"magnetometer": np.ones((3, 4))}, "input-channels"),
-        ({"magnetometer": np.ones((2, 3))}, "shape"),
-        ({"magnetometer": np.full((3, 3), np.nan)}, r"magnetometer channels\[0, 0\] is nan"),
-        ({"magnetometer": [["a"] * 3] * 3}, "magnetometer"),
+        ({"magnetometer": np.ones((2, 3))}, "input-shape"),
+        ({"magnetometer": np.full((3, 3), np.nan)}, "input-finite"),
+        ({"magnetometer": [["a"] * 3] * 3}, "input-kind"),
         (
             {"tool": random_tool(2, sensors={"accelerometer": 3, "magnetometer": 2}), "magnetometer": np.ones((3, 2))},
             "survey-components",
         ),
-        ({"tool": WARM}, "depends on temperature"),
-        ({"temperature": [20.0]}, "temperature"),
-        ({"temperature": [20.0, np.nan, 20.0]}, "temperature"),
-        ({"tool": Tool("1", {k: Triad(k, np.eye(3), np.zeros(3)) for k in BOTH})}, "parallel"),
-        ({"calibration_dip": 70.0}, "calibration_dip"),  # in degrees
+        ({"tool": WARM}, "input-temperature"),
+        ({"temperature": [20.0]}, "input-shape"),
+        ({"temperature": [20.0, np.nan, 20.0]}, "input-finite"),
+        ({"tool": Tool("1", {k: Triad(k, np.eye(3), np.zeros(3)) for k in BOTH})}, "sensor-fields-parallel"),
+        ({"calibration_dip": 70.0}, "input-value"),  # in degrees
     ],
 )
-def test_what_is_no_run(change, words):
+def test_what_is_no_run(change, code):
     given = {"md": [0.0, 1.0, 2.0], "tool": random_tool(2), **ROWS, **change}
     md, tool = given.pop("md"), given.pop("tool")
     channels = {k: given.pop(k) for k in (*BOTH, "gyro") if k in given}
-    with refused(words):
+    with refused(code):
         reduce_survey(md, {k: v for k, v in channels.items() if v is not None}, tool, **given)
 
 

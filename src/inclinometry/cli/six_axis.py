@@ -160,7 +160,7 @@ def msa(
     if json:
         output.print_json(_summary(run, done, output_))
         return
-    output.say(done.found.corrected.history[-1])
+    output.say(str(done.found.corrected.history[-1]))
     show_parameters(done)
 
 

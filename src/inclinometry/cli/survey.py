@@ -96,8 +96,8 @@ def survey(
     if json:
         output.print_json(_summary(done, output_))
     else:
-        for sentence in found.history:
-            output.say(sentence)
+        for step in found.history:
+            output.say(str(step))
         show_survey(found)
         output.written(output_, report, what=output.counted(len(found), "station"))
         output.say(_in_a_line(found))
@@ -131,7 +131,7 @@ def _summary(done: SixAxisSurvey, path: Path | None) -> dict[str, object]:
         "coverage_factor": found.coverage_factor,
         "flagged": sum(bool(row) for row in found.flags),
         "quality": None if done.judged is None else done.judged.verdict,
-        "history": found.history,
+        "history": [one.plain() for one in found.history],
         "findings": [one.plain() for one in found.findings],
         "output": path,
     }

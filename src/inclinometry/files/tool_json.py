@@ -340,7 +340,7 @@ def _triad(kind: str, entry: dict[str, Any], path: str | Path) -> Triad:
     higher = entry.get("temperature_coefficients", [])
     if [term["power"] for term in higher] != list(range(1, len(higher) + 1)):
         powers = ", ".join(str(term["power"]) for term in higher[:5])
-        raise in_file(out_of_range(f"$.triads.{kind}.temperature_coefficients.power", powers, "1, 2, .."), path)
+        raise in_file(out_of_range(f"$.triads.{kind}.temperature_coefficients.power", powers, "1, 2, 3"), path)
     if entry.get("field_unit", FIELD_UNITS[kind]) != FIELD_UNITS[kind]:
         raise in_file(not_among(f"$.triads.{kind}.field_unit", shown(entry["field_unit"]), [FIELD_UNITS[kind]]), path)
     strength, sensitivity = entry.get("field_strength"), entry.get("g_sensitivity")

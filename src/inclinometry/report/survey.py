@@ -56,7 +56,7 @@ def survey_report(
         subject,
         _sentence(survey),
         [
-            Section("What was done to the stations", steps=list(survey.history)),
+            Section("What was done to the stations", steps=said(survey.history)),
             Section(
                 "Angles and their uncertainty",
                 tables=[summary_table(survey, _known(survey)) if len(survey) else None],

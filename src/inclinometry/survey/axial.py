@@ -97,7 +97,7 @@ def axial_correction(
         left[singular, 5] = 1.0
         sources["axial interference"] = Source(left, np.array([[interference_sigma**2]]))
     check = _check(interference, observability, singular)
-    done = stations.corrected(stations.g, b, _line(reference, interference, singular), sources, noise)
+    done = stations.corrected(stations.g, b, _step(reference, interference, singular), sources, noise)
     by_bz = np.asarray(angles_jacobian(stations.g, corrected)[:, 1, 5])
     down = np.sum(corrected * stations.g, axis=1) / np.linalg.norm(stations.g, axis=1)
     level = np.hypot(sine * bz - direction[:, 2] * high, across)
@@ -213,14 +213,11 @@ def _check(interference: Array, observability: Array, singular: Mask) -> Check:
     return Check(name, "not judged", float(observability[worst]), SINGULAR, rows, reason, "-")
 
 
-def _line(reference: FieldReference, interference: Array, singular: Mask) -> str:
+def _step(reference: FieldReference, interference: Array, singular: Mask) -> Finding:
     done = interference[~singular]
-    text = (
-        f"axial correction to b {reference.b:.0f} nT, dip {np.degrees(reference.dip):.3f} deg: "
-        f"{len(done)} of {len(singular)} stations"
-    )
-    if len(done):
-        text += f", interference {done.min():+.0f} to {done.max():+.0f} nT"
-    if singular.any():
-        text += f"; singular and left as measured: stations {', '.join(str(r + 1) for r in np.flatnonzero(singular))}"
-    return text
+    values: dict[str, Value] = {
+        "b_nT": reference.b, "dip_deg": float(np.degrees(reference.dip)), "count": len(done), "total": len(singular),
+        "low_nT": float(done.min()) if len(done) else 0.0,
+        "high_nT": float(done.max()) if len(done) else 0.0,
+    }  # fmt: skip
+    return Finding("survey-step-axial", values, tuple(np.flatnonzero(singular).tolist()), "note")

@@ -10,7 +10,6 @@ from inclinometry.arrays import within
 from inclinometry.constants import STANDARD_GRAVITY
 from inclinometry.earth.site import Site
 from inclinometry.errors import refused
-from inclinometry.findings import Finding
 from inclinometry.orientation import angles, angles_jacobian, dip_angle, dip_jacobian
 from inclinometry.sensors import Tool
 from inclinometry.survey.flags import Magnitudes, reference_in, reversed_field, station_flags, summary
@@ -66,7 +65,7 @@ def survey_from_stations(
         # as for a tool: gravity varies by half a per cent over the Earth
         reference.strength["accelerometer"] = (STANDARD_GRAVITY, 0.002 * STANDARD_GRAVITY)
     flags = station_flags(found, inclination_sd, size, tool, stations.temperature, reference)
-    unsaid = [Finding("survey-covariance-zero")] if NOTHING_STATED in stations.history else []
+    unsaid = [one for one in stations.history if one == NOTHING_STATED]
     unknown = np.full(len(stations), np.nan)
     return Survey(
         stations.md,

@@ -239,12 +239,16 @@ class MultiStation(Tabular):
         return {"parameter": list(self.parameters), **names, "unit": [unit for _, unit in turned]}
 
 
-def history_line(parameters: Mapping[str, Parameter], priors: Priors, size: int) -> str:
-    """What was done, for the stations' history."""
-    told = [f"{n} {p.value:+.3g} ± {p.u:.2g} {p.unit}" for n, p in parameters.items() if p.significance > 2.0]
-    return (
-        f"multi-station analysis of {size} stations, priors {priors.source}: {', '.join(told) or 'nothing significant'}"
+def step_of(parameters: Mapping[str, Parameter], priors: Priors, size: int) -> Finding:
+    """What was done, for the stations' history: the estimates more than two uncertainties from zero."""
+    estimates = tuple(
+        Finding("survey-estimate", {"parameter": name, "value": p.value, "u": p.u, "unit": p.unit})
+        for name, p in parameters.items()
+        if p.significance > 2.0
     )
+    values: dict[str, Value] = {"total": size, "priors": priors.source}
+    values["estimates"] = estimates or (Finding("survey-estimate-none"),)
+    return Finding("survey-step-analysis", values, severity="note")
 
 
 def findings_of(
@@ -335,8 +339,8 @@ def multistation(
     influence, surprise = left_out((whitener @ residual[:, :, None])[:, :, 0], whitener @ jacobian, own, azimuth)
     sources = {name: source for name, source in stations.sources.items() if name not in REPLACED}
     sources |= {SOURCE: Source(by_field, covariance[:size, :size])}
-    line, own_noise = history_line(parameters, chosen, len(stations)), inverse @ shown @ np.swapaxes(inverse, 1, 2)
-    corrected = stations.corrected(fields[:, :3], fields[:, 3:], line, sources, own_noise)
+    step, own_noise = step_of(parameters, chosen, len(stations)), inverse @ shown @ np.swapaxes(inverse, 1, 2)
+    corrected = stations.corrected(fields[:, :3], fields[:, 3:], step, sources, own_noise)
     return MultiStation(
         parameters=parameters,
         covariance=covariance,

@@ -130,14 +130,12 @@ def apply_correction(stations: Stations, correction: SensorCorrection) -> Statio
     sources = {name: source for name, source in stations.sources.items() if name not in REPLACED}
     sources[SOURCE] = Source(model.by_parameter(fields, inverse), correction.covariance[:size, :size])
     first, last = correction.md
-    line = (
-        f"sensor errors found by a multi-station analysis of {correction.stations} stations, {first:g} to {last:g} m, "
-        f"priors {correction.priors}"
-    )
+    of: dict[str, Value] = {"total": correction.stations, "from_m": float(first), "to_m": float(last)}
+    step = Finding("survey-step-correction", of | {"priors": correction.priors}, severity="note")
     own = stations.noise if stations.noise.any() else correction.noise  # as the analysis does
     spread = np.repeat(np.sqrt(correction.noise_factors), 3)
     noise = inverse @ (own * np.outer(spread, spread)) @ np.swapaxes(inverse, 1, 2)
-    return stations.corrected(fields[:, :3], fields[:, 3:], line, sources, noise)
+    return stations.corrected(fields[:, :3], fields[:, 3:], step, sources, noise)
 
 
 BLOCK = 20_000
@@ -154,7 +152,7 @@ class Survey(Tabular):
     rate_total (n,) rad/s, latitude (n,) : the Earth rate a gyro saw and the latitude it gives; NaN without one
     components : name -> (n, 4) variances, rad^2, of inclination, azimuth, toolface, magnetic toolface
     flags : per station, the names of what is remarkable; see `inclinometry.survey.flags.FLAGS`
-    history : what was done to the stations before, a sentence each
+    history : what was done to the stations before
     common, random : (n, 2, 2) covariance of inclination and azimuth, rad^2, by what the stations of the run share (the
         calibration, references), and by what is each station's own (noise); both together are the components. A mean
         of stations averages the second away, never the first.
@@ -177,7 +175,7 @@ class Survey(Tabular):
     inputs: Mapping[str, str] = field(default_factory=dict)
     rate_total: Array = field(default_factory=lambda: np.zeros(0))
     latitude: Array = field(default_factory=lambda: np.zeros(0))
-    history: Sequence[str] = ()
+    history: tuple[Finding, ...] = ()
     errors: Mapping[str, AngleErrors] = field(default_factory=dict)
     common: Array = field(default_factory=lambda: np.zeros((0, 2, 2)))
     random: Array = field(default_factory=lambda: np.zeros((0, 2, 2)))

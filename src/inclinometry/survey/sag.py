@@ -364,7 +364,7 @@ def correct_survey(survey: Survey, bha: Bha) -> Survey:
         survey,
         inclination=np.clip(survey.inclination - found.angle, 0.0, np.pi),
         components={**survey.components, SOURCE: variance},
-        findings=(*survey.findings, _line(found)),
+        findings=(*survey.findings, _step(found)),
     )
 
 
@@ -388,10 +388,10 @@ def correct_stations(stations: Stations, bha: Bha) -> Stations:
     sources = {name: Source(both @ s.by_field, s.covariance) for name, s in stations.sources.items()}
     sources[SOURCE] = Source(by_sag[:, :, None], np.eye(1))
     noise = both @ stations.noise @ np.swapaxes(both, 1, 2)
-    return stations.corrected(g, b, str(_line(found)), sources, noise)
+    return stations.corrected(g, b, _step(found), sources, noise)
 
 
-def _line(found: Sag) -> Finding:
+def _step(found: Sag) -> Finding:
     low, high, most = np.degrees([found.angle.min(), found.angle.max(), found.sigma.max()]).tolist()
     return Finding("survey-sag", {"low_deg": low, "high_deg": high, "sd_deg": most}, severity="note")
 

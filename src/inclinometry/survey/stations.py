@@ -11,6 +11,7 @@ import numpy as np
 
 from inclinometry.arrays import Array, finite, frozen
 from inclinometry.errors import refused, wrong_shape
+from inclinometry.findings import Finding
 from inclinometry.tabular import Column, Tabular
 
 
@@ -31,7 +32,7 @@ class Stations(Tabular):
 
     md : (n,) m, increasing. g, b : (n, 3) gravity (the field, pointing down), m/s^2, and magnetic flux density, nT.
     temperature : (n,) degC, or None. noise : (n, 6, 6) covariance of what is each station's own. sources : name ->
-    Source: what all stations share, e.g. the calibration, a correction's residual. history : a sentence for each step
+    Source: what all stations share, e.g. the calibration, a correction's residual. history : a finding for each step
     that was done to them.
     """
 
@@ -41,7 +42,7 @@ class Stations(Tabular):
     temperature: Array | None = None
     noise: Array = field(default_factory=lambda: np.zeros((0, 6, 6)))
     sources: Mapping[str, Source] = field(default_factory=dict)
-    history: tuple[str, ...] = ()
+    history: tuple[Finding, ...] = ()
 
     def __post_init__(self) -> None:
         md = finite(self.md, "md", (None,))
@@ -67,11 +68,11 @@ class Stations(Tabular):
         return len(self.md)
 
     def corrected(
-        self, g: Array, b: Array, line: str, sources: Mapping[str, Source], noise: Array | None = None
+        self, g: Array, b: Array, step: Finding, sources: Mapping[str, Source], noise: Array | None = None
     ) -> Stations:
-        """The stations after a correction, with a line of history; `sources` replace those that were there."""
+        """The stations after a correction, with a step of history; `sources` replace those that were there."""
         return replace(
-            self, g=g, b=b, sources=sources, noise=self.noise if noise is None else noise, history=(*self.history, line)
+            self, g=g, b=b, sources=sources, noise=self.noise if noise is None else noise, history=(*self.history, step)
         )
 
     def field_covariance(self) -> Array:

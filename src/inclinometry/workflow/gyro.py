@@ -26,7 +26,7 @@ from inclinometry.gyro.result import North
 from inclinometry.gyro.run import Averages, ScalePrior, Stations, fit_no_azimuth, solve, stations_of, without_failed
 from inclinometry.gyro.run_errors import run_errors
 from inclinometry.gyro.tracking import MOST, ScaleTrack, quadratic_belief, smooth_scale, track_scale
-from inclinometry.survey.flags import HEAT_MARGIN, Check, remarks
+from inclinometry.survey.flags import HEAT_MARGIN, Check
 from inclinometry.survey.gyro import gyro_survey
 from inclinometry.survey.gyro_quality import rate_unit_suspect, refusal
 from inclinometry.survey.reduce import Survey, parts_of
@@ -176,7 +176,6 @@ def north_run(
     findings = [
         Finding("survey-index-turns", {"turns": readings.index_turns}, severity="note"),
         *readings.findings,
-        *remarks(north.notes),
         *known.findings,
         *(of_calibration(calibration) if calibration else ()),
         *_remarks(readings, heat, chosen),
@@ -196,8 +195,7 @@ def north_run(
     name = "" if tool is None else tool.name
     errors = run_errors(north, stations, averages, known, tool, site) if north.response else None
     survey = gyro_survey(
-        readings.md, north, site=site, g_total=total, flags=flags, tool=name, inputs=digests,
-        errors=errors,
+        readings.md, north, site=site, g_total=total, flags=flags, tool=name, inputs=digests, errors=errors
     )  # fmt: skip
     # the calibration's errors go with the noise of the sensors they are of
     own = np.inf if calibration is None else calibration.degrees_of_freedom

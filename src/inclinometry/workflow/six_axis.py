@@ -60,8 +60,8 @@ from inclinometry.workflow.field import completed, declination_doubts, model_of
 
 _AXES = {"g": ("gx", "gy", "gz"), "b": ("bx", "by", "bz")}
 
-REBUILT: Final = "fields rebuilt from the survey's totals, dip and angles"
-"""First line of the history of stations that come from a survey file without sensors."""
+REBUILT: Final = Finding("survey-step-rebuilt", severity="note")
+"""First step of the history of stations that come from a survey file without sensors."""
 
 
 def plain_stations(
@@ -76,12 +76,12 @@ def plain_stations(
         raise
     if found.g is None and found.b is None:
         g, b, temperature = fields_of_survey(found, site, path)
-        line = REBUILT
+        step = REBUILT
     else:
         g, b, temperature = *(_vectors(found, name, path) for name in _AXES), _temperature(found)
-        line = f"six axes as read from {Path(path).name}"
+        step = Finding("survey-step-axes", {"file": Path(path).name}, severity="note")
     stations = stations_plain(found.md, g, b, temperature=temperature)
-    return replace(stations, history=(line,)), found
+    return replace(stations, history=(step,)), found
 
 
 def tool_stations(
@@ -107,8 +107,7 @@ def tool_stations(
         stations = stations_from_tool(
             found.md, channels, record.tool, temperature=temperature, g=site.gravity, b=site.b
         )
-        line = REBUILT
-        return replace(stations, history=(line, *stations.history[1:])), found
+        return replace(stations, history=(REBUILT, *stations.history[1:])), found
     raw = read_raw_survey(table)
     same_units(raw.units, record.tool)
     stations = stations_from_tool(
