@@ -7,11 +7,10 @@ from itertools import pairwise
 
 import pytest
 from argon2 import PasswordHasher
+from tests.refusals import refused
 
-from inclinometry.errors import InputError
 from inclinometry.laboratory.ledger import passwords
 from inclinometry.laboratory.ledger.passwords import LONGEST, fits, hashed, strength
-from tests.refusals import refused
 
 CHEAP = PasswordHasher(time_cost=1, memory_cost=8, parallelism=1)
 
@@ -63,9 +62,9 @@ OF_LENGTH = ("", "short", "quiet granite ", "two words" + " " * 20, "quiet grani
     *((one, (), "input-value") for one in OF_LENGTH),
 ])  # fmt: skip
 def test_what_is_not_taken(password, names, problem):
-    with refused(problem) as refused:
+    with refused(problem) as stopped:
         hashed(password, names)
-    assert not password or password not in str(refused.value)
+    assert not password or password not in str(stopped.value)
 
 
 def test_the_longest_is_taken_and_checked_whole():

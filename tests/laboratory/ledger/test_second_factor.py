@@ -8,6 +8,7 @@ from datetime import UTC, datetime, timedelta
 
 import pytest
 from argon2 import PasswordHasher
+from tests.refusals import refused
 
 from inclinometry.errors import InputError
 from inclinometry.laboratory.ledger import passwords
@@ -33,7 +34,6 @@ from inclinometry.laboratory.ledger.users import (
     recovery_left,
     remove_second_factor,
 )
-from tests.refusals import refused
 
 PASSWORD, OTHER = "adze jib fen quoit", "quiet granite harbour lamp"
 SEED = b"1234567890" * 7

@@ -13,8 +13,9 @@ from typing import Any
 import pytest
 from cryptography.hazmat.primitives.asymmetric import ec
 from sqlalchemy import UniqueConstraint, inspect
+from tests.refusals import coded, fits, refused
 
-from inclinometry.errors import FileError, InputError
+from inclinometry.errors import FileError
 from inclinometry.laboratory.ledger import chain, heads
 from inclinometry.laboratory.ledger.admin import create
 from inclinometry.laboratory.ledger.engine import METADATA, default_path, engine
@@ -36,23 +37,29 @@ from inclinometry.laboratory.ledger.verify import Verdict, verify
 from inclinometry.laboratory.ledger.witness import name_others
 
 from .conftest import TOOL, add, append_by_sql, cut, edit, rewrite, said, seen
-from tests.refusals import refused
 
 
-def rows(found: Verdict, words: str) -> list[tuple[str, str]]:
-    """Table and row of the faults that speak of something."""
-    return [(fault.table, fault.row) for fault in found.faults if words in fault.problem]
+def rows(found: Verdict, code: str) -> list[tuple[str, str]]:
+    """Kind and place of the faults of a code."""
+    return [(str(one.values["kind"]), str(one.values["record"])) for one in found.faults if one.code == code]
+
+
+def accepted_in(found: Verdict) -> dict[str, Any]:
+    """Who accepted what was found, why, and how many heads it excuses."""
+    codes = ("ledger-accepted", "ledger-excused")
+    return {name: value for one in found.findings if one.code in codes for name, value in one.values.items()}
 
 
 @pytest.mark.parametrize(
-    ("gone", "forged", "words", "row"),
+    ("gone", "forged", "code", "row"),
     [
-        ((5,), 0, "have a gap", "5"), ((5, 6), 0, "have a gap", "5 to 6"), ((1,), 0, "have a gap", "1"),
-        ((1, 2, 3), 0, "have a gap", "1 to 3"), ((), 1, "not signed", "9"), ((), 2, "not signed", "9 to 10"),
+        ((5,), 0, "ledger-removed", "5"), ((5, 6), 0, "ledger-removed", "5 .. 6"), ((1,), 0, "ledger-removed", "1"),
+        ((1, 2, 3), 0, "ledger-removed", "1 .. 3"), ((), 1, "ledger-inserted", "9"),
+        ((), 2, "ledger-inserted", "9 .. 10"),
     ],
 )  # fmt: skip
 def test_links_without_a_record_or_a_signature_are_counted(
-    path: Path, keys: Keys, gone: tuple[int, ...], forged: int, words: str, row: str
+    path: Path, keys: Keys, gone: tuple[int, ...], forged: int, code: str, row: str
 ) -> None:
     """Each record whose link is gone stands for itself; those appended by SQL are right in every link."""
     edit(path, *(f"DELETE FROM chain WHERE seq = {seq}" for seq in gone))
@@ -60,21 +67,21 @@ def test_links_without_a_record_or_a_signature_are_counted(
         for _ in range(forged):
             append_by_sql(ledger)
     found = seen(path, keys)
-    assert rows(found, words) == [("chain", row)]
-    assert len(rows(found, "no such record")) == len(gone)
+    assert [one for one in rows(found, code) if one[0] == "chain"] == [("chain", row)]
+    assert len([kind for kind, _ in rows(found, "ledger-inserted") if kind == "tool"]) == len(gone)
     assert found.records == 8 - len(gone) + forged
     assert not forged or len(found.faults) == 1
 
 
-@pytest.mark.parametrize(("after", "row"), [(5, "6 to 8"), (6, "7 to 8"), (7, "8")])
+@pytest.mark.parametrize(("after", "row"), [(5, "6 .. 8"), (6, "7 .. 8"), (7, "8")])
 def test_a_tail_that_is_gone_is_counted(path: Path, keys: Keys, after: int, row: str) -> None:
     """By what witnesses keep, and by a head that was noted."""
     with Ledger(path, keys=keys) as ledger:
         head = ledger.head()
     cut(path, after)
-    assert rows(seen(path, keys), "ends before the signed head kept by") == [("chain", row)]
+    assert rows(seen(path, keys), "ledger-removed") == [("chain", row)]
     found = seen(path, keys, head=head)
-    assert rows(found, "ends before the head noted earlier") == [("chain", f"{after + 1} to 8")]
+    assert rows(found, "ledger-removed") == [("chain", row)] * 2
     assert found.records == after
 
 
@@ -83,13 +90,13 @@ def test_a_head_that_was_noted_is_met(path: Path, keys: Keys) -> None:
     with Ledger(path, keys=keys) as ledger:
         head = ledger.head()
         with ledger.snapshot() as connection:
-            older, name = connection.exec_driver_sql("SELECT link, record FROM chain WHERE seq = 3").one()
+            older = connection.exec_driver_sql("SELECT link FROM chain WHERE seq = 3").scalar_one()
     for noted in (head, chain.Head(3, older), chain.Head(0, chain.GENESIS)):
         assert seen(path, keys, head=noted).ok
     found = seen(path, keys, head=chain.Head(3, head.link))
-    assert rows(found, "not the head noted earlier") == [("chain", f"3 ({name})")]
+    assert [one.values for one in found.faults] == [{"record": 3, "place": "--head"}]
     cut(path, 3)
-    assert rows(seen(path, keys, head=chain.Head(3, older)), "noted earlier") == []
+    assert "ledger-rewritten" not in coded(seen(path, keys, head=chain.Head(3, older)).faults)
 
 
 def test_a_long_ledger_is_read_in_parts_and_says_how_far(tmp_path: Path, keys: Keys) -> None:
@@ -105,7 +112,8 @@ def test_a_long_ledger_is_read_in_parts_and_says_how_far(tmp_path: Path, keys: K
     for seq in (500, 501, 1000, 1001, 1200):
         edit(where, f"UPDATE tool SET author = 'boris' WHERE seq = {seq}")
     found = seen(where, keys)
-    assert [fault.row.partition(" ")[0] for fault in found.faults] == ["500", "501", "1000", "1001", "1200"]
+    changed = [row.partition(" ")[0] for _, row in rows(found, "ledger-changed")]
+    assert changed == ["500", "501", "1000", "1001", "1200"]
 
 
 def test_what_was_accepted_is_counted(path: Path, keys: Keys, tmp_path: Path) -> None:
@@ -119,8 +127,8 @@ def test_what_was_accepted_is_counted(path: Path, keys: Keys, tmp_path: Path) ->
         ledger.accept("the disk failed", author="boris")
         found = verify(ledger)
         assert found.ok, found.faults
-        assert "older signed heads that contradict the records: 3" in found.notes
-        assert any(note.endswith("by boris: the disk failed") for note in found.notes)
+        accepted = accepted_in(found)
+        assert (accepted["author"], accepted["reason"], accepted["count"]) == ("boris", "the disk failed", 3)
 
 
 # keys that follow one another
@@ -139,8 +147,8 @@ def test_another_key_is_accepted_by_a_person_and_verification_says_so(path: Path
         add(ledger, "NEXT")
         found = verify(ledger)
         assert found.ok, found.faults
-        told = [note for note in found.notes if note.startswith("break")]
-        assert told == [f"break: from record 9 on the key is {fingerprint(other.public)}, accepted by a person"]
+        (told,) = [one.values for one in found.findings if one.code == "key-break"]
+        assert told == {"record": 9, "key": fingerprint(other.public), "reason": "the laboratory moved"}
         # who trusts the old one alone is told
         assert not verify(ledger, public=[old]).ok
     edit(path, "DELETE FROM head WHERE seq < 9")
@@ -154,9 +162,10 @@ def test_a_rotation_is_no_break_even_where_something_was_accepted(path: Path, ke
     with Ledger(path, keys=keys) as ledger:
         add(ledger, "NEXT")
         ledger.accept("a colleague asked", author="anna")
-        notes = verify(ledger).notes
-    assert f"from record 10 on the key is {fingerprint(new)}; {fingerprint(old)} signed for it" in notes
-    assert not any(note.startswith("break") for note in notes)
+        found = verify(ledger).findings
+    (told,) = [one.values for one in found if one.code == "key-rotated"]
+    assert told == {"record": 10, "key": fingerprint(new), "before": fingerprint(old)}
+    assert "key-break" not in coded(found)
 
 
 def test_who_descends_from_whom(tmp_path: Path) -> None:
@@ -252,25 +261,25 @@ def test_heads_of_one_size_need_no_proof_and_of_two_one_that_fits(place: Callabl
         new = ledger.signed_head()
         with ledger.snapshot() as connection:
             proof, earlier = (heads.proof_since(connection, 8, size) for size in (new.size, 9))
-    assert heads.grown(old, old, {}, None) == ""
+    assert heads.grown(old, old, {}, None) is None
     content = {"consistency": {"from": 8, "proof": proof}, "changes": [7, *keys.changes()]}
-    assert heads.grown(old, new, content, None) == heads.grown(old, new, content, public) == ""
+    assert heads.grown(old, new, content, None) is heads.grown(old, new, content, public) is None
     of_one_key = {"consistency": {"from": 8, "proof": earlier}}
-    assert heads.grown(old, same, of_one_key, public) == ""
+    assert heads.grown(old, same, of_one_key, public) is None
     twin, strange = (
         heads.SignedHead(**{**vars(old), **change}) for change in ({"root": "0" * 64}, {"ledger": "0" * 32})
     )
-    for one, other, content_, key, words in (
-        (old, same, {}, public, "no proof"),
-        (old, same, of_one_key, "ab" * 32, "did not sign"),
-        (twin, same, of_one_key, public, "does not begin with"),
-        (strange, same, of_one_key, public, "two ledgers"),
-        (old, new, {**content, "changes": []}, None, "did not sign"),
-        (old, new, {**content, "consistency": {"from": 7, "proof": proof}}, None, "from record 7, not from 8"),
-        (old, new, {**content, "consistency": {"from": 8, "proof": []}}, None, "does not begin with"),
-        (twin, old, {}, None, "does not begin with"),
+    for one, other, content_, key, code in (
+        (old, same, {}, public, "ledger-no-proof"),
+        (old, same, of_one_key, "ab" * 32, "key-not-laboratory"),
+        (twin, same, of_one_key, public, "ledger-rewritten"),
+        (strange, same, of_one_key, public, "ledger-another"),
+        (old, new, {**content, "changes": []}, None, "key-not-laboratory"),
+        (old, new, {**content, "consistency": {"from": 7, "proof": proof}}, None, "ledger-no-proof"),
+        (old, new, {**content, "consistency": {"from": 8, "proof": []}}, None, "ledger-rewritten"),
+        (twin, old, {}, None, "ledger-rewritten"),
     ):
-        assert words in heads.grown(one, other, content_, key), words
+        assert heads.grown(one, other, content_, key).code == code
 
 
 # keys in files
@@ -328,8 +337,9 @@ def test_statements_of_changes_that_were_changed_are_named(keys: Keys) -> None:
     for wrong in ({**whole, "reason": "another"}, {**whole, "signature": "x"}, {**whole, "key": 7}, spelt, [], 7):
         for lines, at in (((wrong, whole), 1), ((whole, wrong), 2)):
             file.write_text("".join(json.dumps(one) + "\n" for one in lines))
-            with refused("key-damaged", error=FileError):
+            with refused("key-damaged", error=FileError) as stopped:
                 keys.changes()
+            assert stopped.value.line == at  # type: ignore[attr-defined]
     file.write_text(json.dumps(whole) + "\n\n")
     assert keys.changes() == [whole]
 
@@ -345,8 +355,7 @@ def test_the_clock_may_go_back_two_minutes(place: Callable[[], str], keys: Keys)
     with Ledger(where, clock=lambda: clock[0], keys=keys) as ledger:
         add(ledger, "A")
         clock[0] = now - timedelta(minutes=2, seconds=1)
-        wanted = "2026-05-01 11:57:59 UTC, but the last record is of 2026-05-01T12:00:00.*set the clock"
-        with refused("ledger-clock", error=LedgerError):
+        with refused("ledger-clock", error=LedgerError, now="2026-05-01 11:57:59", last="2026-05-01T12:00:00"):
             add(ledger, "B")
         clock[0] = now - timedelta(minutes=2)
         add(ledger, "B")
@@ -481,12 +490,12 @@ def test_it_is_known_at_any_path_by_what_is_kept_beside_the_key(path: Path, keys
     forge(other, changed)
     for copy in (False, True):
         found = seen(other, keys, copy=copy)
-        assert "not those that were signed by the head that" in said(found)
+        assert "ledger-rewritten" in said(found)
         assert not found.proven
-    assert "holds no signed head: its signatures were removed" in said(seen(other, keys))
-    assert not any("ledger init" in note for note in seen(other, keys).notes)
+    assert "ledger-signatures-removed" in said(seen(other, keys))
+    assert "ledger-unsigned" not in said(seen(other, keys))
     forge(path, changed)
-    assert "is signed, and this one is not" in said(seen(path, keys))
+    assert "ledger-another" in said(seen(path, keys))
 
 
 def test_a_folder_that_is_a_witness_knows_it(path: Path, keys: Keys, tmp_path: Path) -> None:
@@ -496,7 +505,8 @@ def test_a_folder_that_is_a_witness_knows_it(path: Path, keys: Keys, tmp_path: P
     name_others(auditor.folder, [str(tmp_path / "share")])
     assert seen(path, auditor).ok
     forge(path)
-    assert f"head that {tmp_path / 'share'} keeps, and it holds no signed" in said(seen(path, auditor))
+    found = seen(path, auditor).faults
+    assert any(fits(one, ["ledger-signatures-removed"], {"place": str(tmp_path / "share")}) for one in found)
 
 
 def test_with_the_public_key_it_is_a_fault_and_without_it_is_not_proven(path: Path, keys: Keys, tmp_path: Path) -> None:
@@ -504,8 +514,7 @@ def test_with_the_public_key_it_is_a_fault_and_without_it_is_not_proven(path: Pa
     public, nothing = str(keys.public()), Keys(tmp_path / "none")
     forge(path)
     found = seen(path, nothing, public=[public])
-    assert [fault.table for fault in found.faults] == ["head"]
-    assert "not signed by the key" in found.faults[0].problem
+    assert coded(found.faults) == ["ledger-signatures-removed"]
     found = seen(path, nothing)
     assert (found.ok, found.proven) == (True, False)
 
@@ -517,7 +526,7 @@ def test_nobody_answers_for_it_by_a_record_in_it(path: Path, keys: Keys) -> None
     other = path.with_name("other.sqlite")
     shutil.copy(path, other)
     forge(other)
-    assert "rewritten" in said(seen(other, keys))
+    assert "ledger-rewritten" in said(seen(other, keys))
 
 
 def test_a_ledger_of_before_the_key_is_read_with_a_note(path: Path, keys: Keys, tmp_path: Path) -> None:
@@ -526,14 +535,14 @@ def test_a_ledger_of_before_the_key_is_read_with_a_note(path: Path, keys: Keys, 
     with create(old, keys=keys, sign=False) as ledger:
         add(ledger, "A")
     found = seen(old, keys)
-    assert (found.ok, found.proven, len(found.notes)) == (True, False, 1)
+    assert (found.ok, found.proven, len(found.findings)) == (True, False, 1)
     shutil.copy(old, tmp_path / "kept.sqlite")
     with create(old, keys=keys, sign=True) as ledger:
         add(ledger, "B")
     # a copy from before it was signed: what the witness has agrees with it
     found = seen(tmp_path / "kept.sqlite", keys, copy=True)
     assert (found.ok, found.proven) == (True, False)
-    assert not any("ledger init" in note for note in found.notes)
+    assert "ledger-unsigned" not in said(found)
 
 
 @pytest.mark.parametrize("where", ["in its place", "at another path"])
@@ -557,8 +566,8 @@ def test_nothing_is_recorded_upon_it_and_it_is_not_signed(path: Path, keys: Keys
         found = verify(ledger)
         assert [one.body["reason"] for one in ledger.find("event", action="accepted")] == ["the disk was repaired"]
     assert found.proven, found.faults
-    assert any(note.endswith("by anna: the disk was repaired") for note in found.notes)
-    assert "older signed heads that contradict the records: 7" in found.notes
+    accepted = accepted_in(found)
+    assert (accepted["author"], accepted["reason"], accepted["count"]) == ("anna", "the disk was repaired", 7)
 
 
 def test_a_ledger_that_is_unsigned_on_purpose_is_recorded_in(keys: Keys, tmp_path: Path) -> None:
@@ -571,8 +580,7 @@ def test_a_ledger_that_is_unsigned_on_purpose_is_recorded_in(keys: Keys, tmp_pat
         add(ledger, "D")
         found = verify(ledger)
     assert found.proven
-    told = "its first 3 records were there before it was signed: what they said until then is not proven"
-    assert told in found.notes
+    assert [one.values for one in found.findings if one.code == "ledger-unsigned-begin"] == [{"count": 3}]
     with create(tmp_path / "new.sqlite", keys=keys) as ledger:
         add(ledger, "D")
-        assert not any("its first" in note for note in verify(ledger).notes)
+        assert "ledger-unsigned-begin" not in said(verify(ledger))

@@ -132,10 +132,13 @@ def _certificate(where: str, number: str, json: bool) -> int:
         problems = verify_certificate(opened, number)
     digest, end = digest_of(found.record), 1 if problems else 0
     if json:
-        output.print_json({"ok": not problems, "state": found.state, "digest": digest, "problems": problems})
+        told = [one.plain() for one in problems]
+        output.print_json({"ok": not problems, "state": found.state, "digest": digest, "problems": told})
         return end
-    for problem in problems or [f"certificate {number} ({found.state}): files, record and calibration agree"]:
-        output.say(problem)
+    for one in problems:
+        output.say(f"{one} [{one.code}]")
+    if not problems:
+        output.say(f"certificate {number} ({found.state}): files, record and calibration agree")
     output.say(f"digest of its record {digest}; compare it with the one on paper")
     return end
 

@@ -173,7 +173,7 @@ def status(*numbers: str, ledger: LedgerAddress = None, output_: Output) -> None
         JSON to write: the newest signed head, each certificate issued, void or superseded, each break that was accepted
         with `ledger init --accept`, proofs that they are in it.
     """
-    from inclinometry.laboratory.certificate.status import break_said, make_status
+    from inclinometry.laboratory.certificate.status import break_of, make_status
 
     where = _where(ledger)
     output.claim({"--output": output_}, {"--ledger": path_of(where)})
@@ -185,7 +185,7 @@ def status(*numbers: str, ledger: LedgerAddress = None, output_: Output) -> None
     listed = ", ".join(f"{states.count(state)} {state}" for state in order)
     output.say(f"{output.counted(len(states), 'certificate')} as of record {made['head']['size']}: {listed or 'none'}")
     for one in made["accepted"]:
-        output.say(break_said(one))
+        output.say(str(break_of(one)))
     output.say(f"written to {output_}")
 
 

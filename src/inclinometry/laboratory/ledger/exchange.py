@@ -69,7 +69,7 @@ def _rows(connection: Connection, progress: Progress | None) -> Iterator[dict[st
     for link in _streamed(connection, select(engine.CHAIN).order_by(engine.CHAIN.c.seq)):
         kind, row = next(found, ("", None))
         if row is None or (kind, row.id) != (link.kind, link.record) or engine.row_digest(kind, row) != link.digest:
-            raise LedgerError(chain.changed(link.kind, link.seq))
+            raise LedgerError(chain.changed("chain", link.seq))
         about = {name: getattr(row, name) for name in ("id", "created", "author", "version", "body")}
         keys = {name: getattr(row, name) for name in engine.KINDS[kind].keys}
         yield {**about, "seq": link.seq, "kind": kind, "keys": keys, "digest": link.digest, "link": link.link}

@@ -17,6 +17,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Final
 
 from inclinometry.errors import out_of_range, refused
+from inclinometry.laboratory.ledger.chain import invisible
 
 if TYPE_CHECKING:
     from argon2 import PasswordHasher

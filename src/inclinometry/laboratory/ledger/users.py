@@ -10,7 +10,7 @@ from inclinometry.digest import digest_bytes
 from inclinometry.errors import not_among, out_of_range, refused
 from inclinometry.findings import Finding
 from inclinometry.laboratory.ledger import passwords, second_factor
-from inclinometry.laboratory.ledger.chain import missing
+from inclinometry.laboratory.ledger.chain import invisible, missing
 from inclinometry.laboratory.ledger.ledger import ConflictError, Draft, Ledger, LedgerError, Record
 
 ROLES: Final[Mapping[str, frozenset[str]]] = {

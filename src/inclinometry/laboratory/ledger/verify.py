@@ -178,7 +178,7 @@ class _Walk:
         return [fault for link in links for fault in self._step(link, rows.get((link.kind, link.seq)))]
 
     def _step(self, link: Any, row: Any) -> Iterator[Finding]:
-        where = f"{link.seq} ({link.record})"
+        where, kind = f"{link.seq} ({link.record})", link.kind if link.kind in TABLES else "chain"
         if link.seq != self.seq + 1:
             if link.seq > self.seq:
                 yield lost("ledger-removed", "chain", self.seq + 1, link.seq - 1)
@@ -193,9 +193,9 @@ class _Walk:
                 yield Finding("ledger-rewritten", {"record": link.seq, "place": "--head"})
         self._signatures.step(link, row)
         if row is None:
-            yield Finding("ledger-removed", {"kind": link.kind, "record": where})
+            yield Finding("ledger-removed", {"kind": kind, "record": where})
         elif row.id != link.record or row_digest(link.kind, row) != link.digest or row.created != link.created:
-            yield chain.changed(link.kind, where)
+            yield chain.changed(kind, where)
 
     def end(self) -> Iterator[Finding]:
         """The fault of a chain that ends before the head noted earlier."""
