@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from inclinometry.arrays import Array, Index, finite, frozen
-from inclinometry.errors import InputError
+from inclinometry.errors import not_among, out_of_range, refused, wrong_shape
 from inclinometry.tabular import Column, Tabular, draw
 
 # How the points of an overlapping Allan curve vary together.
@@ -264,7 +264,7 @@ def allan_deviation(rate: ArrayLike, dt: float, taus: ArrayLike | None = None) -
     """
     record = finite(rate, "rate")
     if record.ndim not in (1, 2) or len(record) < 3 or record.size == 0:
-        raise InputError(f"rate has shape {record.shape}; expected (n,) or (n, m) with n of 3 or more")
+        raise wrong_shape("rate", record.shape, "(n,) | (n, m), n >= 3")
     step = float(_positive(dt, "dt"))
     size = len(record)
     factor = _factors(taus, step, size)
@@ -314,14 +314,14 @@ def fit_noise(curve: AllanCurve, *, quantisation: bool = False, ramp: bool = Fal
     """
     terms = [0, 1, 2] + [3] * quantisation + [4] * ramp
     if curve.deviation.ndim != 1:
-        raise InputError(f"the curve has shape {curve.deviation.shape}; fit one channel at a time: curve.channel(0)")
+        raise wrong_shape("curve.deviation", curve.deviation.shape, "(n,)")
     used = _spread(curve.factor)
     if curve.samples < SHORTEST or len(used) < len(terms) + 2:
-        problem = f"{curve.samples} samples at {len(used)} averaging times 1.5 apart are too few to fit noise to"
-        raise InputError(f"{problem}; {SHORTEST} samples and {len(terms) + 2} times are needed: record for longer")
+        values = {"samples": curve.samples, "least": SHORTEST, "times": len(used), "least_times": len(terms) + 2}
+        raise refused("allan-short", values)
     variance = curve.deviation[used] ** 2
     if not variance.max() > 0.0:
-        raise InputError("the record does not vary, so it has no noise to fit; log with a finer resolution")
+        raise refused("allan-constant")
     unit = float(variance.max())
     factor = curve.factor[used]
     tensor = covariance_tensor(factor, curve.samples)[..., terms, :][..., terms]
@@ -401,7 +401,7 @@ def _coefficient(place: int, squares: Array, gain: Array, tensor: Array, varianc
 def _positive(value: ArrayLike, name: str) -> Array:
     found = finite(value, name)
     if (found <= 0.0).any():
-        raise InputError(f"{name} is {float(found.min()):g}; it must be more than 0 s")
+        raise out_of_range(name, float(found.min()), "> 0 s")
     return found
 
 
@@ -413,7 +413,7 @@ def _factors(taus: ArrayLike | None, dt: float, samples: int) -> Index:
     longest = samples // 2
     if wanted.max() > (longest + 0.5) * dt or wanted.min() < 0.5 * dt:
         shown = float(wanted.max() if wanted.max() > (longest + 0.5) * dt else wanted.min())
-        raise InputError(f"taus holds {shown:g} s; allowed {dt:g} to {longest * dt:g} s, half the record")
+        raise out_of_range("taus", shown, f"{dt:g} .. {longest * dt:g} s")
     return np.unique(np.clip(np.round(wanted / dt), 1, longest).astype(np.intp))
 
 
@@ -493,7 +493,7 @@ class NoiseRecord(Tabular):
         """Deviation of the channels of one triad (else the first) by averaging time; returns the axes."""
         channels = self.of(kind or self.kinds[0])
         if not channels:
-            raise InputError(f"no channel is a {kind}; there are: {', '.join(self.kinds)}")
+            raise not_among("kind", str(kind), self.kinds)
         for channel in channels:
             ax = channel.curve.plot(ax, unit=channel.unit)
             ax.lines[-1].set_label(channel.name)

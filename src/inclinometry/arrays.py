@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import copyreg
+import reprlib
 from types import MappingProxyType
 from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from inclinometry.errors import InputError
+from inclinometry.errors import out_of_range, refused, wrong_kind, wrong_shape
 
 Array: TypeAlias = NDArray[np.float64]
 Index: TypeAlias = NDArray[np.intp]
@@ -20,8 +21,8 @@ def finite(value: ArrayLike, name: str, shape: tuple[int | None, ...] | None = N
     """`value` as a float64 array of the given trailing shape (None: any length), every element finite."""
     try:
         array = np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise InputError(f"{name} cannot be read as numbers: {error}") from None
+    except (TypeError, ValueError):
+        raise wrong_kind(name, reprlib.repr(value), "array of numbers") from None
     if shape is not None:
         trailing = array.shape[max(array.ndim - len(shape), 0) :]
         fits = len(trailing) == len(shape) and all(
@@ -29,12 +30,12 @@ def finite(value: ArrayLike, name: str, shape: tuple[int | None, ...] | None = N
         )
         if not fits:
             wanted = ", ".join("any" if n is None else str(n) for n in shape)
-            raise InputError(f"{name} has shape {array.shape}; expected (..., {wanted})")
+            raise wrong_shape(name, array.shape, f"(..., {wanted})")
     good = np.isfinite(array)
     if not good.all():
         where = tuple(int(i) for i in np.argwhere(~good)[0])
         at = f"[{', '.join(map(str, where))}]" if where else ""
-        raise InputError(f"{name}{at} is {array[where]}; every value must be finite")
+        raise refused("input-finite", {"name": f"{name}{at}"})
     return array
 
 
@@ -51,7 +52,7 @@ def within(value: ArrayLike, name: str, low: float, high: float, unit: str = "")
     if bad.any():
         where = tuple(int(i) for i in np.argwhere(bad)[0])
         at = f"[{', '.join(map(str, where))}]" if where else ""
-        raise InputError(f"{name}{at} is {array[where]:.10g} {unit}; allowed {low:g} to {high:g} {unit}".rstrip())
+        raise out_of_range(f"{name}{at}", float(array[where]), f"{low:g} .. {high:g} {unit}".rstrip())
     return array
 
 
@@ -60,7 +61,7 @@ def not_degrees(value: ArrayLike, name: str) -> Array:
     array = finite(value, name)
     largest = np.abs(array).max(initial=0.0)
     if largest > 4.0 * np.pi:
-        raise InputError(f"{name} reaches {largest:g} rad; it looks like degrees: convert with numpy.radians")
+        raise out_of_range(name, float(largest), "-4 pi .. 4 pi rad")
     return array
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from inclinometry.arrays import Array, finite
-from inclinometry.errors import InputError
+from inclinometry.errors import out_of_range, refused, wrong_kind, wrong_shape
 from inclinometry.rotations import wrap_positive
 
 WORTH_THREADS: Final = 1_000_000
@@ -110,25 +110,25 @@ def _source(signals: NDArray[np.floating] | Sequence[ArrayLike]) -> Array | Chan
     if isinstance(signals, np.ndarray):
         rows = _numbers(signals, "signals")
         if rows.ndim != 2 or rows.shape[1] != 6:
-            raise InputError(f"signals has shape {rows.shape}; expected (n, 6), or a list of six channels")
+            raise wrong_shape("signals", rows.shape, "(n, 6)")
         if rows.strides[0] != rows.itemsize:
             return np.require(rows, requirements=["C", "A"])
         signals = tuple(rows.T)
     if len(signals) != 6:
-        raise InputError(f"signals is a sequence of {len(signals)}; expected six channels, or an ndarray (n, 6)")
+        raise wrong_shape("signals", (len(signals),), "(n, 6)")
     channels = tuple(
         np.require(_numbers(channel, f"signals[{k}]"), requirements=["C", "A"]) for k, channel in enumerate(signals)
     )
     shapes = [channel.shape for channel in channels]
     if len(shapes[0]) != 1 or len(set(shapes)) != 1:
-        raise InputError(f"the six channels have shapes {shapes}; expected one (n,) for all")
+        raise wrong_shape("signals", ", ".join(map(str, shapes)), "6 x (n,)")
     return channels
 
 
 def _numbers(value: ArrayLike, name: str) -> Array:
     array = np.asarray(value)
     if array.dtype.kind not in "biuf":
-        raise InputError(f"{name} has type {array.dtype}; expected real numbers")
+        raise wrong_kind(name, str(array.dtype), "array of numbers")
     return array.astype(np.float64, copy=False)
 
 
@@ -139,29 +139,29 @@ def _coefficients(matrix_g: ArrayLike, offset_g: ArrayLike, matrix_b: ArrayLike,
     for name, value in given.items():
         array, shape = finite(value, name), (3, 3) if name.startswith("matrix") else (3,)
         if array.shape != shape:
-            raise InputError(f"{name} has shape {array.shape}; expected {shape}")
+            raise wrong_shape(name, array.shape, str(shape))
         parts.append(array.ravel())
     return np.concatenate(parts)
 
 
 def _checked_out(out: Sequence[Array], count: int, source: Array | Channels) -> ChannelAngles:
     if len(out) != 3:
-        raise InputError(f"out is a sequence of {len(out)}; expected inclination, azimuth, toolface")
+        raise wrong_shape("out", (len(out),), "(3,)")
     others = [source] if isinstance(source, np.ndarray) else list(source)
     for array, name in zip(out, ChannelAngles._fields, strict=True):
         fits = isinstance(array, np.ndarray) and array.dtype == np.float64 and array.shape == (count,)
         if not (fits and array.flags.carray):
             found = f"{array.dtype} {array.shape}" if isinstance(array, np.ndarray) else type(array).__name__
-            raise InputError(f"out for {name} is {found}; expected a writeable contiguous float64 array ({count},)")
+            raise wrong_shape(f"out.{name}", found, f"float64 ({count},), C-contiguous, writeable")
         if any(np.may_share_memory(array, other) for other in others):
-            raise InputError(f"out for {name} overlaps the signals or another output; give it memory of its own")
+            raise refused("sensor-memory-shared", {"name": f"out.{name}"})
         others.append(array)
     return ChannelAngles(*out)
 
 
 def _workers(threads: int | None) -> int:
     if threads is not None and threads < 1:
-        raise InputError(f"threads is {threads}; allowed 1 to the number of cores")
+        raise out_of_range("threads", threads, ">= 1")
     # the cores this process may use, where the system can tell
     affinity = getattr(os, "sched_getaffinity", None)
     cores = len(affinity(0)) if affinity else os.cpu_count() or 1

@@ -17,7 +17,8 @@ from numpy.typing import ArrayLike
 
 from inclinometry.arrays import Array, finite, frozen, within
 from inclinometry.constants import KINDS
-from inclinometry.errors import InputError
+from inclinometry.errors import not_among, refused, wrong_shape
+from inclinometry.findings import Finding, Value
 from inclinometry.orientation import dip_angle
 from inclinometry.rotations import rotation_z
 
@@ -29,7 +30,7 @@ def axes_matrix(axes: Axes) -> Array:
     """Signed permutation matrix (3, 3) of axis names; its rows pick the vendor's channels."""
     letters = sorted(axis[-1:] for axis in axes)
     if letters != ["x", "y", "z"] or any(axis[:-1] not in ("+", "-", "") for axis in axes):
-        raise InputError(f"axes are {tuple(axes)}; give x, y and z once each with a sign, e.g. ('+y', '-x', '+z')")
+        raise refused("sensor-axes", {"axes": tuple(map(str, axes))})
     matrix = np.zeros((3, 3))
     for row, axis in enumerate(axes):
         matrix[row, "xyz".index(axis[-1])] = -1.0 if axis[0] == "-" else 1.0
@@ -78,7 +79,7 @@ class Convention:
     def matrix(self, kind: str) -> Array:
         """Matrix (3, 3) from the vendor's channels of one kind of triad to the field in tool axes."""
         if kind not in KINDS:
-            raise InputError(f"kind is {kind!r}; allowed: {', '.join(KINDS)}")
+            raise not_among("kind", str(kind), KINDS)
         sign = -1.0 if kind == "accelerometer" and self.specific_force else 1.0
         turned = rotation_z(getattr(self, f"{kind}_toolface_offset"))
         return np.asarray(sign * turned @ axes_matrix(getattr(self, kind)))
@@ -111,8 +112,7 @@ def named(name: str) -> Convention:
     for convention in CONVENTIONS:
         if convention.name == current_name(name).strip().lower():
             return convention
-    known = ", ".join(convention.name for convention in CONVENTIONS)
-    raise InputError(f"there is no convention {name!r}; known: {known}")
+    raise not_among("convention", name, (convention.name for convention in CONVENTIONS))
 
 
 @dataclass(frozen=True)
@@ -127,7 +127,7 @@ class Mapping:
 
 def find_mapping(
     accelerometer: ArrayLike, magnetometer: ArrayLike, *, dip: float | None = None, tolerance: float = 0.01
-) -> tuple[tuple[Mapping, ...], bool, str]:
+) -> tuple[tuple[Mapping, ...], bool, Finding]:
     """The 48 mappings of magnetometer to accelerometer axes by scatter of the dip, K >= 4; whether and why ambiguous.
 
     `dip` decides the sign of all channels together: reversed channels give an equally constant dip of opposite sign.
@@ -137,9 +137,7 @@ def find_mapping(
     a = finite(accelerometer, "accelerometer", (3,))
     m = finite(magnetometer, "magnetometer", (3,))
     if a.shape != m.shape or a.ndim != 2 or len(a) < 4:
-        raise InputError(
-            f"accelerometer has shape {a.shape}, magnetometer {m.shape}; both must be (K, 3) with K >= 4 attitudes"
-        )
+        raise wrong_shape("accelerometer, magnetometer", f"{a.shape}, {m.shape}", "(K, 3), (K, 3), K >= 4")
     wanted = None if dip is None else float(within(dip, "dip", -np.pi / 2, np.pi / 2, "rad"))
     pairs = []
     for order in permutations(range(3)):
@@ -160,18 +158,20 @@ def _mapping(a: Array, m: Array, matrix: Array) -> Mapping:
     return Mapping(axes_names(matrix), float(dips.mean()), float(dips.std(ddof=1)), bool(np.linalg.det(matrix) > 0.0))
 
 
-def _judge(pairs: list[tuple[Mapping, Mapping]], dip: float | None, tolerance: float) -> tuple[bool, str]:
+def _judge(pairs: list[tuple[Mapping, Mapping]], dip: float | None, tolerance: float) -> tuple[bool, Finding]:
     best, rival = pairs[0][0], pairs[1][0]
-    text = f"magnetometer {', '.join(best.axes)} along x, y, z: dip {degrees(best.dip):.2f} deg, scatter "
-    text += f"{degrees(best.scatter):.3f} deg; next best {', '.join(rival.axes)}: {degrees(rival.scatter):.3f} deg."
+    values: dict[str, Value] = {
+        "axes": best.axes,
+        "dip_deg": degrees(best.dip),
+        "scatter_deg": degrees(best.scatter),
+        "rival": rival.axes,
+        "rival_scatter_deg": degrees(rival.scatter),
+    }
     if best.scatter > tolerance:
-        text += f" No mapping keeps the dip constant to {degrees(tolerance):.3g} deg: calibrate, or look for magnetic "
-        return True, text + "disturbance or readings out of order."
+        return True, Finding("sensor-mapping-none", {**values, "tolerance_deg": degrees(tolerance)}, severity="note")
     # a rival must scatter this many times more: 95 % point of sqrt(F(3, 3)), four attitudes of equal quality
     if rival.scatter < max(3.0 * best.scatter, tolerance):
-        return True, text + " The attitudes do not tell these apart: add some at other inclinations and toolfaces."
-    if dip is None:
-        text += f" The same channels reversed give dip {degrees(-best.dip):.2f} deg: the site's dip tells which."
-    elif abs(best.dip - dip) > 10.0 * tolerance:
-        text += f" The dip differs from the expected {degrees(dip):.2f} deg by more than noise does."
-    return False, text
+        return True, Finding("sensor-mapping-alike", values, severity="note")
+    if dip is not None and abs(best.dip - dip) > 10.0 * tolerance:
+        return False, Finding("sensor-mapping-dip", {**values, "expected_deg": degrees(dip)}, severity="note")
+    return False, Finding("sensor-mapping", values, severity="note")

@@ -17,7 +17,7 @@ import numpy as np
 
 from inclinometry.arrays import Array, finite, frozen
 from inclinometry.constants import GRAVITY_SPREAD, KIND_PREFIX, VECTORS
-from inclinometry.errors import InputError
+from inclinometry.errors import not_among, out_of_range, refused, wrong_shape
 from inclinometry.sensors import Tool, Triad, in_field_of
 from inclinometry.tabular import Column, Tabular
 
@@ -90,16 +90,16 @@ class ToolHistory(Tabular):
     def __post_init__(self) -> None:
         put, size, of = object.__setattr__, len(self.date), f"history of {self.serial}"
         if not size:
-            raise InputError(f"{of}: no calibration; at least one is needed")
+            raise refused("input-empty", {"name": of})
         for before, after in zip(self.date, self.date[1:], strict=False):
             if after < before:
-                raise InputError(f"{of}: {after} comes after {before}; sort the calibrations by date")
+                raise refused("input-order", {"name": f"{of}: date", "row": self.date.index(after) + 1})
         values = finite(self.values, f"{of}: values", (size, len(PARAMETERS)))
         covariance = finite(self.covariance, f"{of}: covariance", (size, len(PARAMETERS), len(PARAMETERS)))
         least = np.linalg.eigvalsh(covariance)
         if (least[:, 0] < -1e-9 * least[:, -1]).any():
             k = int(np.argmax(least[:, 0] < -1e-9 * least[:, -1]))
-            raise InputError(f"{of}: the covariance of {self.date[k]} has a negative variance; take it from tool.json")
+            raise out_of_range(f"{of}: eig(covariance[{k}])", float(least[k, 0]), ">= 0")
         put(self, "date", tuple(self.date))
         put(self, "values", frozen(values))
         put(self, "covariance", frozen(covariance))
@@ -107,14 +107,14 @@ class ToolHistory(Tabular):
             given = getattr(self, name)
             column = np.zeros(size) if given is None else finite(given, f"{of}: {name}", (size,))
             if (column[1:] < 0.0).any():
-                raise InputError(f"{of}: {name} is {column[1:].min():g}; what was added since the last is not negative")
+                raise out_of_range(f"{of}: {name}", float(column[1:].min()), ">= 0")
             put(self, name, frozen(column))
         put(self, "rig", tuple(self.rig) or ("",) * size)
         if len(self.rig) != size:
-            raise InputError(f"{of}: {len(self.rig)} rigs for {size} calibrations")
+            raise wrong_shape(f"{of}: rig", (len(self.rig),), f"({size},)")
         put(self, "run", tuple(self.run) or ("",) * size)
         if len(self.run) != size or self.run[0]:
-            raise InputError(f"{of}: {len(self.run)} names of runs for {size} rows; the first row is a calibration's")
+            raise wrong_shape(f"{of}: run", (len(self.run),), f"({size},), run[0] = ''")
 
     def __len__(self) -> int:
         return len(self.date)
@@ -174,11 +174,12 @@ def relative_parameters(tool: Tool, reference: Tool) -> tuple[Array, Array]:
     for kind in VECTORS:
         one, other = _triad(tool, kind), _triad(reference, kind)
         if one.unit != other.unit:
-            raise InputError(f"{tool.name}: the {kind} is in {one.unit}, before in {other.unit}; calibrate in one unit")
+            raise not_among(f"{tool.name} {kind} unit", one.unit, (other.unit,))
         if one.degree and one.reference_temperature != other.reference_temperature:
-            raise InputError(
-                f"{tool.name}: the {kind} refers to {one.reference_temperature:g} degC, before to "
-                f"{other.reference_temperature:g}; calibrate at one reference temperature"
+            raise out_of_range(
+                f"{tool.name} {kind} reference_temperature",
+                one.reference_temperature,
+                f"{other.reference_temperature:g} degC",
             )
         inverse = np.linalg.inv(other.tensor[0])
         change = np.column_stack([one.tensor[0] - other.tensor[0], one.offset[0] - other.offset[0]])
@@ -232,9 +233,14 @@ def tool_from_relative(reference: Tool, values: Array, covariance: Array, name: 
 def _triad(tool: Tool, kind: str) -> Triad:
     triad = tool.triads.get(kind)
     if triad is None or triad.count != 3 or not triad.full:
-        have = "none" if triad is None else f"{triad.count} sensors of {triad.rank} components"
-        raise InputError(
-            f"{tool.name or 'the tool'}: a history needs three {kind}s that see three components; it has {have}"
+        raise refused(
+            "sensor-history-triad",
+            {
+                "tool": tool.name,
+                "kind": kind,
+                "count": 0 if triad is None else triad.count,
+                "rank": 0 if triad is None else triad.rank,
+            },
         )
     return triad
 
@@ -284,15 +290,13 @@ def tool_history(
     """
     ordered = sorted(records, key=lambda record: (record.date, record.run))
     if not ordered:
-        raise InputError(f"history of {serial}: no calibration; at least one is needed")
+        raise refused("input-empty", {"name": f"history of {serial}"})
     about = ordered[0].tool if reference is None else reference
     values, covariances = [], []
     for record in ordered:
         found, covariance = relative_parameters(record.tool, about)
         if not np.diagonal(covariance).all():
-            raise InputError(
-                f"history of {serial}: the calibration of {record.date} states no covariance; take the joint method"
-            )
+            raise refused("sensor-history-covariance", {"date": str(record.date)})
         values.append(found)
         covariances.append(covariance)
     return ToolHistory(

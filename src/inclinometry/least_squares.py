@@ -14,6 +14,7 @@ import numpy as np
 
 from inclinometry.arrays import Array
 from inclinometry.errors import ConvergenceError
+from inclinometry.findings import Finding
 
 State = TypeVar("State")
 
@@ -54,7 +55,7 @@ def levenberg_marquardt(
     damping, growth = 1e-6, 2.0
     for count in range(iterations):
         if not np.isfinite(here.cost) or not np.isfinite(here.gradient).all():
-            raise ConvergenceError("the fit left the range of finite numbers; check units and starting values")
+            raise ConvergenceError(Finding("input-overflow", {"name": "fit"}))
         step, decrement = _damped_step(here, 0.0)
         if decrement + here.eliminated <= tolerance**2 * (1.0 + here.cost):
             state = retract(state, step)
@@ -81,7 +82,7 @@ def levenberg_marquardt(
     if decrement + here.eliminated <= max(tolerance, 1e-6) * (1.0 + here.cost):
         # a curved valley is approached ever more slowly: the step that remains is still a negligible one
         return Fit(state, inverse_spd(here.hessian), here.cost, iterations)
-    raise ConvergenceError(f"no convergence in {iterations} iterations; the readings may not determine the parameters")
+    raise ConvergenceError(Finding("sensor-fit-unsettled", {"iterations": iterations}))
 
 
 def _damped_step(at: Normal, damping: float) -> tuple[Array, float]:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from inclinometry.arrays import Array, finite, not_degrees
-from inclinometry.errors import InputError
+from inclinometry.errors import refused
 from inclinometry.rotations import cross_matrix, dcm, wrap_positive
 
 PLUMB = 1e-290
@@ -193,7 +193,7 @@ def _unit(v: ArrayLike, name: str) -> tuple[Array, Array]:
     scale = np.abs(vector).max(axis=-1, initial=0.0)
     if (scale == 0.0).any():
         at = [int(i) for i in np.argwhere(scale == 0.0)[0]]
-        raise InputError(f"{name}{at if at else ''} is the zero vector, which has no direction; remove that reading")
+        raise refused("sensor-vector-zero", {"name": f"{name}{at or ''}"})
     scaled = vector / scale[..., None]
     length = np.linalg.norm(scaled, axis=-1)
     return np.asarray(scaled / length[..., None]), np.asarray(scale * length)
@@ -207,10 +207,7 @@ def _triad(g: ArrayLike, b: ArrayLike) -> _Triad:
     parallel = 1e-14  # sine of the angle between g and b below which rounding alone decides the azimuth
     if (sine < parallel).any():
         at = [int(i) for i in np.argwhere(sine < parallel)[0]]
-        raise InputError(
-            f"g and b{at if at else ''} are parallel; azimuth needs a second field that is not vertical "
-            "(are the accelerometer and magnetometer columns the same?)"
-        )
+        raise refused("sensor-fields-parallel", {"name": f"g{at or ''}, b{at or ''}"})
     e = cross / sine[..., None]
     shape = np.broadcast_shapes(d.shape, e.shape)
     d, strength = np.broadcast_to(d, shape), np.broadcast_to(strength, shape[:-1])

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from inclinometry.arrays import Array, finite, not_degrees
-from inclinometry.errors import InputError
+from inclinometry.errors import refused
 
 TAU = 2.0 * np.pi
 
@@ -236,7 +236,7 @@ def _matrix(rows: list[list[Array]]) -> Array:
 def _unit_quaternion(q: Array) -> Array:
     length = np.linalg.norm(q, axis=-1, keepdims=True)
     if not (length > 0.0).all():
-        raise InputError("a quaternion has length 0; a rotation needs one of positive length")
+        raise refused("sensor-vector-zero", {"name": "quaternion"})
     return np.asarray(q / length)
 
 
@@ -250,8 +250,5 @@ def _proper(m: Array) -> Array:
     """Return `m` when it is orthogonal with determinant +1."""
     slack = np.abs(m @ np.swapaxes(m, -1, -2) - np.eye(3)).max(initial=0.0)
     if slack > 1e-6 or (m.size and np.linalg.det(m).min() < 0.0):
-        raise InputError(
-            f"the matrix is not a proper rotation: it departs from orthogonality by {slack:.3g} (allowed 1e-6) or is "
-            "mirrored; orthonormalise it, or exchange the sign of one axis"
-        )
+        raise refused("sensor-matrix-improper", {"departure": float(slack), "most": 1e-6})
     return m

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from inclinometry.arrays import Array, finite, frozen
 from inclinometry.constants import EARTH_RATE, KIND_PREFIX, KINDS
-from inclinometry.errors import InputError
+from inclinometry.errors import not_among, out_of_range, refused, wrong_shape
 from inclinometry.orientation import angles_jacobian
 from inclinometry.rotations import wrap_positive
 from inclinometry.tabular import Column, Tabular, axes
@@ -70,28 +70,28 @@ class Triad(Tabular):
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
-            raise InputError(f"kind is {self.kind!r}; allowed: {', '.join(KINDS)}")
+            raise not_among("kind", str(self.kind), KINDS)
         tensor = finite(self.tensor, f"{self.kind} tensor", (None, 3))
         offset = finite(self.offset, f"{self.kind} offset", (None,))
         tensor = tensor[None] if tensor.ndim == 2 else tensor
         offset = offset[None] if offset.ndim == 1 else offset
         if tensor.ndim != 3 or tensor.shape[:2] != offset.shape:
-            raise InputError(f"{self.kind}: tensor {self.tensor!r} and offset {self.offset!r} do not go together")
+            raise wrong_shape(
+                f"{self.kind} tensor, offset", f"{np.shape(self.tensor)}, {np.shape(self.offset)}", "(m, 3), (m,)"
+            )
         if tensor.shape[1] < 1:
-            raise InputError(f"{self.kind}: no sensor; give at least one row of the tensor")
-        if not tensor[0].any():
-            raise InputError(f"{self.kind}: the tensor is zero; such a sensor sees nothing")
-        if tensor.shape[1] > 1 and np.linalg.matrix_rank(tensor[0]) < 2:
-            raise InputError(f"{self.kind}: all sensitive axes lie along one line; no direction can be found")
+            raise wrong_shape(f"{self.kind} tensor", tensor.shape, "(m, 3), m >= 1")
+        if np.linalg.matrix_rank(tensor[0]) < min(tensor.shape[1], 2):
+            raise refused("sensor-axes-blind", {"kind": self.kind})
         if self.field_strength is not None and not self.field_strength > 0.0:
-            raise InputError(f"{self.kind}: field strength is {self.field_strength}; it must be positive")
+            raise out_of_range(f"{self.kind} field_strength", float(self.field_strength), "> 0")
         if self.g_sensitivity is not None:
             count = tensor.shape[1]
             if self.kind != "gyro":
-                raise InputError(f"{self.kind}: g_sensitivity is given; only gyros have one, leave it out")
+                raise refused("input-not-with", {"name": "g_sensitivity", "other": self.kind})
             sensitivity = finite(self.g_sensitivity, "g_sensitivity", (count, 3))
             if sensitivity.ndim != 2:
-                raise InputError(f"g_sensitivity has shape {sensitivity.shape}; expected ({count}, 3)")
+                raise wrong_shape("g_sensitivity", sensitivity.shape, f"({count}, 3)")
             object.__setattr__(self, "g_sensitivity", frozen(sensitivity))
         object.__setattr__(self, "tensor", frozen(tensor))
         object.__setattr__(self, "offset", frozen(offset))
@@ -123,7 +123,7 @@ class Triad(Tabular):
             shape = () if temperature is None else np.shape(temperature)
             return np.ones((*shape, 1))
         if temperature is None:
-            raise InputError(f"{self.kind}: this calibration depends on temperature; give temperature_degC")
+            raise refused("input-temperature", {"kind": self.kind})
         difference = finite(temperature, "temperature") - self.reference_temperature
         return np.asarray(difference[..., None] ** np.arange(self.degree + 1))
 
@@ -183,7 +183,7 @@ class Triad(Tabular):
         array([0.5  , 0.   , 0.866])
         """
         if self.rank != 2:
-            raise InputError(f"the {self.kind} sees {self.rank} components; a known length adds the third to two")
+            raise out_of_range(f"{self.kind} rank", self.rank, "2")
         part = self.field(signals, temperature)
         across = np.linalg.svd(self._tensor_at(temperature))[2][..., 2, :]
         across = across * np.where(np.sum(across * finite(side, "side", (3,)), axis=-1) < 0.0, -1.0, 1.0)[..., None]
@@ -256,7 +256,9 @@ class Triad(Tabular):
             if np.abs(np.polynomial.chebyshev.chebval(x, found).T - exact).max() < 1e-8 * size:
                 break
         else:
-            raise InputError(f"{self.kind}: the sensors change too much between {low:g} and {high:g} degC")
+            raise refused(
+                "sensor-temperature-span", {"kind": self.kind, "low_degC": float(low), "high_degC": float(high)}
+            )
         columns = []
         for column in found.T:
             inside = np.polynomial.Chebyshev(column, [middle - half, middle + half])
@@ -412,9 +414,10 @@ class Tool(Tabular):
     stability: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
     def __post_init__(self) -> None:
-        unknown = set(self.triads) - set(KINDS)
-        if unknown or not self.triads:
-            raise InputError(f"triads are {sorted(self.triads)}; allowed: one or more of {', '.join(KINDS)}")
+        if not self.triads:
+            raise refused("input-empty", {"name": "triads"})
+        if unknown := set(self.triads) - set(KINDS):
+            raise not_among("triads", ", ".join(sorted(unknown)), KINDS)
         ordered = {kind: self.triads[kind] for kind in KINDS if kind in self.triads}
         object.__setattr__(self, "triads", MappingProxyType(ordered))
         size = len(self.parameter_names)
@@ -423,7 +426,7 @@ class Tool(Tabular):
             if covariance.size == 0:
                 covariance = np.zeros((size, size))
             if covariance.shape != (size, size):
-                raise InputError(f"{part} is {covariance.shape}; this tool has {size} parameters")
+                raise wrong_shape(part, covariance.shape, f"({size}, {size})")
             object.__setattr__(self, part, frozen(covariance))
         noise = {
             kind: frozen(np.broadcast_to(finite(self.noise.get(kind, 0.0), f"{kind} noise"), (triad.count,)))

@@ -10,7 +10,7 @@ import numpy as np
 
 from inclinometry.arrays import Array, within
 from inclinometry.constants import KIND_PREFIX, STANDARD_GRAVITY
-from inclinometry.errors import InputError
+from inclinometry.errors import refused
 from inclinometry.history import DAYS_PER_YEAR, PARAMETERS
 from inclinometry.sensors import Tool
 
@@ -97,8 +97,5 @@ def years_between(calibrated: datetime.date, run: datetime.date) -> float:
     """
     days = (run - calibrated).days
     if days < 0:
-        raise InputError(
-            f"the site's date, {run}, is {-days} days before the calibration of {calibrated}; correct one of them, or "
-            "state --age-days"
-        )
+        raise refused("sensor-calibrated-later", {"run": str(run), "calibrated": str(calibrated), "days": -days})
     return days / DAYS_PER_YEAR

@@ -48,7 +48,7 @@ class Tabular:
         cells = [[_cell(column[row]) if row >= 0 else "…" for column in columns.values()] for row in _chosen(columns)]
         body = ["<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in cells]
         head = "".join(f"<th>{escape(name)}</th>" for name in columns)
-        said = "".join(f"<p>warning: {escape(sentence)}</p>" for sentence in getattr(self, "warnings", ()))
+        said = "".join(f"<p>warning: {escape(sentence)}</p>" for sentence in _warned(self))
         caption = f"<caption>{escape(_title(self, columns))}</caption>"
         return f"<table>{caption}<thead><tr>{head}</tr></thead><tbody>{''.join(body)}</tbody></table>{said}"
 
@@ -59,7 +59,7 @@ class Tabular:
         lines = [_title(self, columns), *aligned(list(shown), cells)]
         if len(shown) < len(columns):
             lines.append(f"and {', '.join(list(columns)[8:])}")
-        return "\n".join([*lines, *(f"warning: {sentence}" for sentence in getattr(self, "warnings", ()))])
+        return "\n".join([*lines, *(f"warning: {sentence}" for sentence in _warned(self))])
 
     def __getstate__(self) -> dict[str, Any]:
         # a copy of an array is writable: which ones were not goes along
@@ -146,6 +146,11 @@ def draw(
     if down and not ax.yaxis_inverted():
         ax.invert_yaxis()
     return ax
+
+
+def _warned(record: object) -> list[str]:
+    found = [str(one) for one in getattr(record, "findings", ()) if one.severity == "warning"]
+    return [*getattr(record, "warnings", ()), *found]
 
 
 def check_record(value: object, kind: type | tuple[type, ...], function: str) -> None:

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from inclinometry.arrays import Array, finite, within
 from inclinometry.constants import COVERAGE_FACTOR
-from inclinometry.errors import InputError
+from inclinometry.errors import out_of_range, refused, wrong_shape
 
 
 def coverage_factor(probability: float, degrees_of_freedom: ArrayLike = np.inf) -> Array:
@@ -105,14 +105,14 @@ def pooled_freedom(parts: Iterable[tuple[Array, float]]) -> Array:
 
 def _probability(value: float) -> float:
     if not 0.0 < value < 1.0:
-        raise InputError(f"probability is {value}; it must lie between 0 and 1, e.g. 0.95")
+        raise out_of_range("probability", float(value), "0 < p < 1")
     return float(value)
 
 
 def _freedom(value: ArrayLike) -> Array:
     nu = np.asarray(value, dtype=np.float64)
     if not (nu > 0.0).all():
-        raise InputError(f"degrees of freedom are {value!r}; they must be positive (infinite where u is exact)")
+        raise out_of_range("degrees of freedom", float(nu[~(nu > 0.0)].flat[0]), "> 0")
     return nu
 
 
@@ -124,17 +124,17 @@ def covariance_matrix(value: ArrayLike, name: str = "covariance") -> Array:
     """`value` as (..., n, n), symmetric and positive semidefinite to rounding, in units where the diagonal is one."""
     matrix = finite(value, name, (None, None))
     if matrix.shape[-1] != matrix.shape[-2]:
-        raise InputError(f"{name} has shape {matrix.shape}; expected (..., n, n)")
+        raise wrong_shape(name, matrix.shape, "(..., n, n)")
     diagonal = np.diagonal(matrix, axis1=-2, axis2=-1)
     if (diagonal < 0.0).any():
-        raise InputError(f"{name} has variance {diagonal.min():g}; variances must not be negative")
+        raise out_of_range(f"diag({name})", float(diagonal.min()), ">= 0")
     scale = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
     unit = matrix / (scale[..., :, None] * scale[..., None, :])
     if np.abs(unit - np.swapaxes(unit, -1, -2)).max(initial=0.0) > 1e-9:
-        raise InputError(f"{name} is not symmetric; give (C + C') / 2 if that is meant")
+        raise refused("sensor-asymmetric", {"name": name})
     smallest = float(np.linalg.eigvalsh(unit).min(initial=0.0))
     if smallest < -1e-9 * max(1, matrix.shape[-1]):
-        raise InputError(f"{name} has correlation eigenvalue {smallest:.3g}; it must be positive semidefinite")
+        raise out_of_range(f"eig({name})", smallest, ">= 0")
     return matrix
 
 
@@ -172,9 +172,9 @@ def propagate(jacobian: ArrayLike, covariance: ArrayLike) -> Array:
     j = np.asarray(jacobian, dtype=np.float64)
     c = finite(covariance, "covariance", (None, None))
     if np.isinf(j).any():
-        raise InputError("the jacobian holds an infinite value; mark a derivative that does not exist with nan")
+        raise refused("input-finite", {"name": "jacobian"})
     if j.ndim < 2 or j.shape[-1] != c.shape[-1] or c.shape[-1] != c.shape[-2]:
-        raise InputError(f"jacobian {j.shape} and covariance {c.shape} do not go together; expected (m, n) and (n, n)")
+        raise wrong_shape("jacobian, covariance", f"{j.shape}, {c.shape}", "(m, n), (n, n)")
     result = j @ c @ np.swapaxes(j, -1, -2)
     return np.asarray(0.5 * (result + np.swapaxes(result, -1, -2)))
 
@@ -183,7 +183,7 @@ def standard_deviations(covariance: ArrayLike) -> Array:
     """Square roots of the diagonal of (..., n, n), shape (..., n); NaN stays NaN."""
     variance = np.diagonal(np.asarray(covariance, dtype=np.float64), axis1=-2, axis2=-1)
     if (variance < 0.0).any():
-        raise InputError(f"a variance is {np.nanmin(variance):g}; variances must not be negative")
+        raise out_of_range("diag(covariance)", float(np.nanmin(variance)), ">= 0")
     return np.sqrt(variance)
 
 
@@ -228,7 +228,7 @@ def numerical_jacobian(function: Callable[[Array], Array], x: ArrayLike, steps: 
     at = finite(x, "x", (None,))
     h = np.broadcast_to(finite(steps, "steps"), at.shape)
     if not (h > 0.0).all():
-        raise InputError(f"the smallest step is {h.min():g}; steps must be positive")
+        raise out_of_range("steps", float(h.min()), "> 0")
 
     def slope(column: int, step: float) -> Array:
         forward, backward = at.copy(), at.copy()

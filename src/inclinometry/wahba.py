@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from inclinometry.arrays import Array, finite, frozen
-from inclinometry.errors import IdentifiabilityError, InputError
+from inclinometry.errors import IdentifiabilityError, out_of_range, refused, wrong_shape
+from inclinometry.findings import Finding
 from inclinometry.orientation import Angles, angles
 from inclinometry.rotations import dcm_from_quaternion
 from inclinometry.tabular import Column, Tabular, degrees
@@ -54,7 +55,7 @@ def solve_triad(tool: ArrayLike, reference: ArrayLike, sigmas: ArrayLike) -> Vec
     """
     w, v, sigma = _inputs(tool, reference, sigmas)
     if w.shape[-2] != 2:
-        raise InputError(f"{w.shape[-2]} directions; TRIAD takes exactly two (use solve_svd for more)")
+        raise wrong_shape("tool", w.shape, "(..., 2, 3)")
     _require(np.minimum(_sine(w), _sine(v)) ** 2)
     matrix = _frame(w) @ np.swapaxes(_frame(v), -1, -2)
     w1, w2 = w[..., 0, :, None], w[..., 1, :, None]
@@ -130,16 +131,16 @@ def _inputs(tool: ArrayLike, reference: ArrayLike, sigmas: ArrayLike) -> tuple[A
     w, v = finite(tool, "tool", (None, 3)), finite(reference, "reference", (None, 3))
     count = w.shape[-2]
     if v.shape[-2] != count or count < 2:
-        raise InputError(f"{count} directions in tool axes and {v.shape[-2]} in reference axes; give 2 or more of each")
+        raise wrong_shape("tool, reference", f"{w.shape}, {v.shape}", "(n, 3), (n, 3), n >= 2")
     sigma = finite(sigmas, "sigmas", (count,))
     if not (sigma > 0.0).all():
-        raise InputError(f"the smallest sigma is {sigma.min():g} rad; every sigma must be positive")
+        raise out_of_range("sigmas", float(sigma.min()), "> 0")
     shape = np.broadcast_shapes(w.shape[:-2], v.shape[:-2], sigma.shape[:-1])
     directions = []
     for vector, name in ((w, "tool"), (v, "reference")):
         length = np.linalg.norm(vector, axis=-1, keepdims=True)
         if not (length > 0.0).all():
-            raise InputError(f"one of the {name} vectors is zero and has no direction; remove it")
+            raise refused("sensor-vector-zero", {"name": name})
         directions.append(np.broadcast_to(vector / length, (*shape, count, 3)))
     return directions[0], directions[1], np.broadcast_to(sigma, (*shape, count))
 
@@ -168,9 +169,7 @@ def _require(observability: Array) -> None:
     smallest = 1e-10  # observability below which rounding, divided by it, reaches a microradian: refused
     if observability.size and float(observability.min()) < smallest:
         raise IdentifiabilityError(
-            f"observability is {max(float(observability.min()), 0.0):.2g} (at least {smallest:g} needed): the "
-            "directions are parallel or opposite, or contradict each other, and the turn about their common line is "
-            "not determined; add a direction well away from it"
+            Finding("sensor-directions-parallel", {"observability": float(observability.min()), "least": smallest})
         )
 
 

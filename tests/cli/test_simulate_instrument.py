@@ -66,17 +66,17 @@ def test_a_truth_is_visited_again(bench, run):
 @pytest.mark.parametrize(
     ("arguments", "expected"),
     [
-        (["--port", 70000], "port is 70000"),
-        (["--port", 0, "--protocol", "modbus"], "csv-line, query-response, wits0"),
+        (["--port", 70000], "[input-value]"),
+        (["--port", 0, "--protocol", "modbus"], "[input-choice]"),
         (["--port", 0, "--protocol", "none.toml"], "there is no such file"),
         (["--port", 0, "--tool", "none.json"], "none.json"),
         (["--port", 0, "--plan", "thirteen"], "plan 'thirteen' is unknown"),
-        (["--port", 0, "--rate-hz", 0], "rate is 0"),
-        (["--port", 0, "--speed", -1], "speed is -1"),
-        (["--port", 0, "--dwell-s", 0], "dwell is 0"),
-        (["--port", 0, "--duration-s", 0], "--duration-s is 0"),
+        (["--port", 0, "--rate-hz", 0], "[input-value]"),
+        (["--port", 0, "--speed", -1], "[input-value]"),
+        (["--port", 0, "--dwell-s", 0], "[input-value]"),
+        (["--port", 0, "--duration-s", 0], "--duration-s"),
         (["--port", 0, "--seed", -1], "seed is -1"),
-        (["--port", 0, "--host", "256.0.0.1"], "cannot listen"),
+        (["--port", 0, "--host", "256.0.0.1"], "[capture-listen]"),
     ],
 )
 def test_what_cannot_be_is_refused_in_one_line(run, arguments, expected):

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from tests.refusals import refused
 
 from inclinometry.earth.gravity import normal_gravity
 from inclinometry.earth.site import REFERENCES, Site, azimuth_sigma, convert_azimuth
-from inclinometry.errors import InputError
 from inclinometry.rotations import wrap_signed
 
 SITE = Site(declination=np.radians(5.0), convergence=np.radians(2.0), declination_sigma=3e-3, convergence_sigma=4e-3)
@@ -37,27 +37,27 @@ def test_there_and_back(azimuth: float, source: str, target: str) -> None:
 def test_sigma() -> None:
     assert azimuth_sigma("magnetic", "grid", SITE) == pytest.approx(5e-3)
     assert azimuth_sigma("grid", "grid", Site()) == 0.0
-    with pytest.raises(InputError, match="no declination_sigma"):
+    with refused("earth-site-lacks"):
         azimuth_sigma("magnetic", "true", Site(declination=0.1))
 
 
 @pytest.mark.parametrize(
     ("values", "message"),
     [
-        ({"latitude": 45.0}, "latitude is 45 rad"),
-        ({"declination": 5.0}, "declination is 5 rad"),
-        ({"dip": 68.0}, "dip is 68 rad"),
-        ({"g": 1.0}, "g is 1 m/s"),
-        ({"b": 48.0}, "b is 48 nT"),
-        ({"b": float("nan")}, "finite"),
-        ({"b": 5e4, "b_sigma": -1.0}, "b_sigma is -1 nT"),
-        ({"dip_sigma": 0.1}, "without dip"),
-        ({"north_reference": "True"}, "north reference is 'True'"),
-        ({"longitude": "west"}, "cannot be read as numbers"),
+        ({"latitude": 45.0}, "input-value"),
+        ({"declination": 5.0}, "input-value"),
+        ({"dip": 68.0}, "input-value"),
+        ({"g": 1.0}, "input-value"),
+        ({"b": 48.0}, "input-value"),
+        ({"b": float("nan")}, "input-finite"),
+        ({"b": 5e4, "b_sigma": -1.0}, "input-value"),
+        ({"dip_sigma": 0.1}, "input-needs"),
+        ({"north_reference": "True"}, "input-choice"),
+        ({"longitude": "west"}, "input-kind"),
     ],
 )
 def test_wrong_units_and_contradictions(values: dict[str, object], message: str) -> None:
-    with pytest.raises(InputError, match=message):
+    with refused(message):
         Site(**values)  # type: ignore[arg-type]
 
 

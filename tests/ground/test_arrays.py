@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from tests.refusals import refused
 
 from inclinometry.arrays import finite, frozen, within
-from inclinometry.errors import InputError
 
 
 def test_integers_and_lists_become_float64():
@@ -15,9 +15,9 @@ def test_integers_and_lists_become_float64():
 
 def test_leading_dimensions_are_free_trailing_ones_are_not():
     assert finite(np.zeros((5, 4, 3)), "x", (None, 3)).shape == (5, 4, 3)
-    with pytest.raises(InputError, match=r"x has shape \(3, 2\); expected \(\.\.\., any, 3\)"):
+    with refused("input-shape", name="x"):
         finite(np.zeros((3, 2)), "x", (None, 3))
-    with pytest.raises(InputError, match="expected"):
+    with refused("input-shape", name="x"):
         finite(1.0, "x", (3,))
 
 
@@ -25,23 +25,23 @@ def test_leading_dimensions_are_free_trailing_ones_are_not():
 def test_the_first_bad_value_is_named_with_its_place(bad):
     values = np.zeros((2, 3))
     values[1, 2] = values[1, 1] = bad
-    with pytest.raises(InputError, match=rf"x\[1, 1\] is {bad}; every value must be finite"):
+    with refused("input-finite", name="x[1, 1]"):
         finite(values, "x")
-    with pytest.raises(InputError, match=rf"^x is {bad}"):
+    with refused("input-finite", name="x"):
         finite(bad, "x")
 
 
 @pytest.mark.parametrize("value", ["north", [[1.0], [1.0, 2.0]], {"a": 1}, object()])
 def test_what_is_not_numbers_is_refused_in_words(value):
-    with pytest.raises(InputError, match="x cannot be read as numbers"):
+    with refused("input-kind", name="x"):
         finite(value, "x")
 
 
 def test_range_is_closed_and_its_message_gives_value_range_and_unit():
     assert within([0.0, 1.0], "x", 0.0, 1.0).tolist() == [0.0, 1.0]
-    with pytest.raises(InputError, match=r"x\[1\] is 1.5 m; allowed 0 to 1 m"):
+    with refused("input-value", name="x[1]"):
         within([0.0, 1.5], "x", 0.0, 1.0, "m")
-    with pytest.raises(InputError, match="nan"):
+    with refused("input-finite", name="x"):
         within(np.nan, "x", 0.0, 1.0)
 
 

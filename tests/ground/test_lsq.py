@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
+from tests.refusals import refused
 
 from inclinometry.errors import ConvergenceError
 from inclinometry.least_squares import Normal, inverse_spd, levenberg_marquardt
@@ -60,7 +61,7 @@ def test_the_minimum_with_residuals_left_agrees_with_scipy():
 
 
 def test_numbers_that_are_not_finite_are_refused():
-    with pytest.raises(ConvergenceError, match="finite"):
+    with refused("input-overflow", error=ConvergenceError, name="fit"):
         levenberg_marquardt(lambda x: Normal(np.nan, x, np.eye(2)), np.zeros(2), add)
 
 
@@ -71,7 +72,7 @@ def test_too_few_iterations_are_an_error_not_a_result():
     def jacobian(x):
         return np.array([[-20.0 * x[0], 10.0], [-1.0, 0.0]])
 
-    with pytest.raises(ConvergenceError, match="no convergence in 3 iterations"):
+    with refused("sensor-fit-unsettled", error=ConvergenceError):
         levenberg_marquardt(problem(residual, jacobian), np.array([-1.2, 1.0]), add, iterations=3)
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import allantools
 import numpy as np
 import pytest
+from tests.refusals import refused
 
 from inclinometry.allan import FLAT, allan_deviation, covariance_tensor, design, fit_noise
-from inclinometry.errors import InputError
 
 DT = 0.1
 
@@ -173,22 +173,22 @@ def test_noise_of_another_kind_is_noticed():
 @pytest.mark.parametrize(
     ("rate", "dt", "taus", "words"),
     [
-        ([1.0, 2.0], 1.0, None, "3 or more"),
-        ([1.0, np.nan, 2.0], 1.0, None, r"rate\[1\] is nan"),
-        (np.zeros(9), 0.0, None, "more than 0 s"),
-        (np.zeros(9), 1.0, [5.0], "half the record"),
-        (np.zeros(9), 1.0, [0.1], "allowed 1 to 4"),
+        ([1.0, 2.0], 1.0, None, "input-shape"),
+        ([1.0, np.nan, 2.0], 1.0, None, "input-finite"),
+        (np.zeros(9), 0.0, None, "input-value"),
+        (np.zeros(9), 1.0, [5.0], "input-value"),
+        (np.zeros(9), 1.0, [0.1], "input-value"),
     ],
 )
 def test_bad_records_are_refused(rate, dt, taus, words):
-    with pytest.raises(InputError, match=words):
+    with refused(words):
         allan_deviation(rate, dt, taus)
 
 
 def test_what_cannot_be_fitted_is_refused():
-    with pytest.raises(InputError, match="too few"):
+    with refused("allan-short"):
         fit_noise(allan_deviation(np.arange(20.0), 1.0))
-    with pytest.raises(InputError, match="does not vary"):
+    with refused("allan-constant"):
         fit_noise(allan_deviation(np.full(200, 5.0), 1.0))
-    with pytest.raises(InputError, match="one channel"):
+    with refused("input-shape", name="curve.deviation"):
         fit_noise(allan_deviation(np.random.default_rng(1).standard_normal((200, 2)), 1.0))

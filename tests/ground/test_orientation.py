@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
+from tests.refusals import refused
 
-from inclinometry.errors import InputError
 from inclinometry.orientation import (
     angles,
     angles_jacobian,
@@ -188,13 +188,13 @@ def test_batch_shapes_and_broadcasting() -> None:
 @pytest.mark.parametrize(
     ("g", "b", "message"),
     [
-        ([0, 0, 0], [1, 0, 0], "g is the zero vector"),
-        ([[0, 0, 1], [0, 0, 1]], [[1, 0, 0], [0, 0, 0]], r"b\[1\] is the zero vector"),
-        ([0.1, 0.2, 0.9], [0.1, 0.2, 0.9], "parallel"),
-        ([0, 0, np.nan], [1, 0, 0], r"g\[2\] is nan"),
-        ([0, 1], [1, 0, 0], "expected"),
+        ([0, 0, 0], [1, 0, 0], "sensor-vector-zero"),
+        ([[0, 0, 1], [0, 0, 1]], [[1, 0, 0], [0, 0, 0]], "sensor-vector-zero"),
+        ([0.1, 0.2, 0.9], [0.1, 0.2, 0.9], "sensor-fields-parallel"),
+        ([0, 0, np.nan], [1, 0, 0], "input-finite"),
+        ([0, 1], [1, 0, 0], "input-shape"),
     ],
 )
 def test_bad_fields(g: list[float], b: list[float], message: str) -> None:
-    with pytest.raises(InputError, match=message):
+    with refused(message):
         angles(g, b)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from tests.refusals import refused
 
-from inclinometry.errors import InputError
 from inclinometry.sensors import Tool, Triad, classical_view, parameter_names, parameter_vector, triad_from_vector
 
 EXACT = 1e-12  # rounding times the condition of the random tensors below, which is under 1e3
@@ -62,7 +62,7 @@ def test_length_of_the_field_is_its_strength_relative_to_the_calibration():
 def test_reference_temperature_is_where_the_polynomial_is_its_constant():
     triad = random_triad(np.random.default_rng(2), degree=2)
     assert np.allclose(triad.signals([1, 0, 0], 20.0), triad.tensor[0, :, 0] + triad.offset[0])
-    with pytest.raises(InputError, match="give temperature_degC"):
+    with refused("input-temperature"):
         triad.signals([1, 0, 0])
 
 
@@ -76,24 +76,24 @@ def test_arrays_are_read_only():
 @pytest.mark.parametrize(
     ("kind", "tensor", "offset", "strength", "words"),
     [
-        ("compass", np.eye(3), np.zeros(3), None, "allowed: accelerometer"),
-        ("gyro", np.eye(3), np.zeros(2), None, "do not go together"),
-        ("gyro", np.eye(2), np.zeros(2), None, r"expected \(..., any, 3\)"),
-        ("gyro", np.zeros((0, 3)), [], None, "no sensor"),
-        ("gyro", [[0.0, 0, 0]], [0.0], None, "sees nothing"),
-        ("gyro", [[1.0, 0, 0], [2.0, 0, 0]], [0.0, 0.0], None, "along one line"),
-        ("gyro", np.full((3, 3), np.nan), np.zeros(3), None, "must be finite"),
-        ("gyro", np.eye(3), np.zeros(3), 0.0, "must be positive"),
-        ("gyro", np.eye(3), np.zeros(3), float("nan"), "must be positive"),
+        ("compass", np.eye(3), np.zeros(3), None, "input-choice"),
+        ("gyro", np.eye(3), np.zeros(2), None, "input-shape"),
+        ("gyro", np.eye(2), np.zeros(2), None, "input-shape"),
+        ("gyro", np.zeros((0, 3)), [], None, "input-shape"),
+        ("gyro", [[0.0, 0, 0]], [0.0], None, "sensor-axes-blind"),
+        ("gyro", [[1.0, 0, 0], [2.0, 0, 0]], [0.0, 0.0], None, "sensor-axes-blind"),
+        ("gyro", np.full((3, 3), np.nan), np.zeros(3), None, "input-finite"),
+        ("gyro", np.eye(3), np.zeros(3), 0.0, "input-value"),
+        ("gyro", np.eye(3), np.zeros(3), float("nan"), "input-value"),
     ],
 )
 def test_what_is_not_a_triad(kind, tensor, offset, strength, words):
-    with pytest.raises(InputError, match=words):
+    with refused(words):
         Triad(kind, tensor, offset, "V", strength)
 
 
 def test_signals_of_another_number_of_sensors():
-    with pytest.raises(InputError, match="gyro signals has shape"):
+    with refused("input-shape", name="gyro signals"):
         Triad("gyro", np.eye(3), np.zeros(3)).field([1.0, 2.0])
 
 
@@ -120,16 +120,16 @@ class TestGravity:
     @pytest.mark.parametrize(
         ("kind", "value", "words"),
         [
-            ("accelerometer", np.eye(3), "only gyros"),
-            ("magnetometer", np.eye(3), "only gyros"),
-            ("gyro", np.eye(2), "g_sensitivity has shape"),
-            ("gyro", np.ones((2, 3)), "g_sensitivity has shape"),
-            ("gyro", np.ones((2, 3, 3)), "g_sensitivity has shape"),
-            ("gyro", np.full((3, 3), np.inf), "must be finite"),
+            ("accelerometer", np.eye(3), "input-not-with"),
+            ("magnetometer", np.eye(3), "input-not-with"),
+            ("gyro", np.eye(2), "input-shape"),
+            ("gyro", np.ones((2, 3)), "input-shape"),
+            ("gyro", np.ones((2, 3, 3)), "input-shape"),
+            ("gyro", np.full((3, 3), np.inf), "input-finite"),
         ],
     )
     def test_refusals(self, kind, value, words):
-        with pytest.raises(InputError, match=words):
+        with refused(words):
             Triad(kind, np.eye(3), np.zeros(3), g_sensitivity=value)
 
 
@@ -173,11 +173,11 @@ def test_noise_is_one_number_a_sensor():
 
 
 def test_what_is_not_a_tool():
-    with pytest.raises(InputError, match="allowed: one or more of accelerometer"):
+    with refused("input-empty", name="triads"):
         Tool("T1", {})
-    with pytest.raises(InputError, match="this tool has 16 parameters"):
+    with refused("input-shape", name="covariance"):
         Tool("T1", {"magnetometer": MAG}, np.eye(12))
-    with pytest.raises(InputError, match="must be finite"):
+    with refused("input-finite", name="covariance[0, 0]"):
         Tool("T1", {"magnetometer": MAG}, np.full((16, 16), np.inf))
 
 

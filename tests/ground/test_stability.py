@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+from tests.refusals import refused
 
-from inclinometry.errors import FileError, InputError
+from inclinometry.errors import FileError
 from inclinometry.files.stability_toml import read_stability, write_stability
 from inclinometry.files.tool_code_json import load_tool_code
 from inclinometry.sensors import Tool, Triad, angle_sensitivity
@@ -67,7 +68,7 @@ def test_a_file_says_what_the_tool_does(tmp_path):
 
 
 def test_an_age_out_of_range_is_refused():
-    with pytest.raises(InputError, match="0 to 50"):
+    with refused("input-value", name="time since the calibration"):
         aged(tool(), -1.0)
 
 

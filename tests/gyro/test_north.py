@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from tests.refusals import refused
 
 from inclinometry.constants import EARTH_RATE
 from inclinometry.earth.rate import earth_rate
-from inclinometry.errors import InputError
 from inclinometry.gyro.north import estimate_north, estimate_north_fixed
 from inclinometry.gyro.result import FLAGS
 from inclinometry.rotations import dcm, wrap_signed
@@ -372,39 +372,39 @@ NAN3 = np.full((3, 3), np.nan)
 @pytest.mark.parametrize(
     ("wrong", "says"),
     [
-        ({"gravity": [[np.nan, 0.0, 8.4]]}, r"gravity\[0, 0\] is nan"),
-        ({"gravity": [[-5.0, 0.0]]}, "no g"),
-        ({"gravity": [[-9.0, 8.0]], "g": G, "gravity_covariance": np.eye(2)}, "cross-axis gravity is 12"),
-        ({"gravity": [-5.0, 0.0, 8.4]}, "shape"),
-        ({"rate": [[np.nan, 1e-5, 1e-5]]}, "rate"),
-        ({"rate": [[1e-5, 1e-5, np.inf]]}, r"rate\[0, 2\] is inf"),
-        ({"rate": [[1e-5, 1e-5, 1e-5]] * 2}, r"rate has shape \(2, 3\)"),
-        ({"rate": "slow"}, "rate"),
-        ({"latitude": rad(95.0)}, "latitude"),
-        ({"latitude": rad(-90.0)}, "pole"),
-        ({"latitude": np.nan}, "latitude"),
-        ({"latitude": [0.8, 0.8]}, "latitude"),
-        ({"latitude_sd": -0.1}, "latitude_sd"),
-        ({"latitude_sd": np.nan}, "latitude_sd"),
-        ({"scale": 0.0}, "scale"),
-        ({"scale": np.nan}, "scale"),
-        ({"scale": [1.0, 1.0]}, "scale"),
-        ({"scale_sd": -0.003}, "scale_sd"),
-        ({"scale_sd": np.nan}, "scale_sd"),
-        ({"hole": "sideways"}, "hole is 'sideways'; allowed: down, up"),
-        ({"rate_covariance": np.zeros((3, 3))}, "positive"),
-        ({"rate_covariance": -np.eye(3)}, "positive"),
-        ({"rate_covariance": NAN3}, "rate_covariance"),
-        ({"rate_covariance": SIGMA**2 * np.eye(2)}, "covariance"),
-        ({"rate_covariance": np.eye(4)}, "rate_covariance has shape"),
-        ({"gravity_covariance": -np.eye(3)}, "gravity_covariance"),
-        ({"gravity_covariance": NAN3}, "gravity_covariance"),
-        ({"gravity_covariance": G_SD**2 * np.eye(2)}, "gravity_covariance"),
-        ({"gravity_covariance": np.eye(3)[None].repeat(2, 0)}, "gravity_covariance has shape"),
+        ({"gravity": [[np.nan, 0.0, 8.4]]}, "input-value"),
+        ({"gravity": [[-5.0, 0.0]]}, "gyro-gravity-unknown"),
+        ({"gravity": [[-9.0, 8.0]], "g": G, "gravity_covariance": np.eye(2)}, "gyro-gravity-across"),
+        ({"gravity": [-5.0, 0.0, 8.4]}, "input-shape"),
+        ({"rate": [[np.nan, 1e-5, 1e-5]]}, "input-value"),
+        ({"rate": [[1e-5, 1e-5, np.inf]]}, "input-value"),
+        ({"rate": [[1e-5, 1e-5, 1e-5]] * 2}, "input-shape"),
+        ({"rate": "slow"}, "input-kind"),
+        ({"latitude": rad(95.0)}, "input-value"),
+        ({"latitude": rad(-90.0)}, "input-value"),
+        ({"latitude": np.nan}, "input-value"),
+        ({"latitude": [0.8, 0.8]}, "input-shape"),
+        ({"latitude_sd": -0.1}, "input-value"),
+        ({"latitude_sd": np.nan}, "input-value"),
+        ({"scale": 0.0}, "input-value"),
+        ({"scale": np.nan}, "input-value"),
+        ({"scale": [1.0, 1.0]}, "input-shape"),
+        ({"scale_sd": -0.003}, "input-value"),
+        ({"scale_sd": np.nan}, "input-value"),
+        ({"hole": "sideways"}, "input-choice"),
+        ({"rate_covariance": np.zeros((3, 3))}, "gyro-covariance"),
+        ({"rate_covariance": -np.eye(3)}, "gyro-covariance"),
+        ({"rate_covariance": NAN3}, "gyro-covariance"),
+        ({"rate_covariance": SIGMA**2 * np.eye(2)}, "input-shape"),
+        ({"rate_covariance": np.eye(4)}, "input-shape"),
+        ({"gravity_covariance": -np.eye(3)}, "gyro-covariance"),
+        ({"gravity_covariance": NAN3}, "gyro-covariance"),
+        ({"gravity_covariance": G_SD**2 * np.eye(2)}, "input-shape"),
+        ({"gravity_covariance": np.eye(3)[None].repeat(2, 0)}, "input-shape"),
     ],
     ids=lambda v: "-".join(f"{k}" for k in v) if isinstance(v, dict) else v[:20],
 )
 @pytest.mark.parametrize("estimate", [estimate_north, estimate_north_fixed])
 def test_wrong_input_is_refused_with_its_value(estimate: Any, wrong: dict[str, Any], says: str) -> None:
-    with pytest.raises(InputError, match=says):
+    with refused(says):
         estimate(**{**FIELD, **wrong})

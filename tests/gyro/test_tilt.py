@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.refusals import refused
 
-from inclinometry.errors import InputError
 from inclinometry.gyro.closed_form import settle_vertical, tilt, upward
 from inclinometry.rotations import dcm, wrap_positive, wrap_signed
 
@@ -108,20 +108,20 @@ def test_vertical_tools_carry_the_whole_turn_in_the_toolface() -> None:
 @pytest.mark.parametrize(
     ("given", "g", "says"),
     [
-        ([[1.0, np.nan, 9.0]], None, r"gravity\[0, 1\] is nan"),
-        ([[1.0, 2.0, np.inf]], None, r"gravity\[0, 2\] is inf"),
-        ([1.0, 2.0, 3.0], None, r"shape \(3,\)"),
-        ([[1.0]], None, "shape"),
-        ("level", None, "gravity"),
-        ([[1.0, 2.0]], None, "no g"),
-        ([[1.0, 2.0, np.nan]], None, "no g"),
-        ([[0.0, 0.0, 0.0]], None, "cross-axis gravity is 0"),
-        ([[1.0, 2.0], [9.0, 9.0]], 9.81, "station 2: cross-axis gravity is 12.7279, gravity 9.81"),
-        ([[1.0, 2.0]], np.nan, "gravity nan"),
-        ([[1.0, 2.0]], -9.81, "gravity -9.81"),
-        ([[1.0, 2.0]], 0.0, "gravity 0"),
+        ([[1.0, np.nan, 9.0]], None, "input-value"),
+        ([[1.0, 2.0, np.inf]], None, "input-value"),
+        ([1.0, 2.0, 3.0], None, "input-shape"),
+        ([[1.0]], None, "input-shape"),
+        ("level", None, "input-kind"),
+        ([[1.0, 2.0]], None, "gyro-gravity-unknown"),
+        ([[1.0, 2.0, np.nan]], None, "gyro-gravity-unknown"),
+        ([[0.0, 0.0, 0.0]], None, "gyro-gravity-across"),
+        ([[1.0, 2.0], [9.0, 9.0]], 9.81, "gyro-gravity-across"),
+        ([[1.0, 2.0]], np.nan, "gyro-gravity-across"),
+        ([[1.0, 2.0]], -9.81, "gyro-gravity-across"),
+        ([[1.0, 2.0]], 0.0, "gyro-gravity-across"),
     ],
 )
 def test_wrong_input_is_refused(given: Any, g: float | None, says: str) -> None:
-    with pytest.raises(InputError, match=says):
+    with refused(says):
         tilt(given, g)

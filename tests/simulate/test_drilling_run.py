@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tests.refusals import refused
 
-from inclinometry.errors import InputError
 from inclinometry.simulate.drilling import SCENARIOS, Scenario, drilling_blocks, simulate_drilling
 from inclinometry.simulate.drilling.run import DrillingTruth
 from inclinometry.simulate.drilling.scenario import (
@@ -149,36 +149,36 @@ def test_casing_spoils_the_field_where_it_is():
 @pytest.mark.parametrize(
     ("build", "message"),
     [
-        (lambda: Hole(inclination=4.0), "inclination is 4 rad; allowed 0 to 3.14159"),
-        (lambda: Hole(field=float("nan")), "field is nan"),
-        (lambda: Swing(1.2, 0.2), "depth is 1.2"),
-        (lambda: StickSlip(0.95), "stick is 0.95"),
-        (lambda: Rotation(10.0, Swing(0.98, 0.2), ripple=0.05), "backwards"),
-        (lambda: Rotation(1e4), "speed is 10000"),
-        (lambda: Rotation(toolface=10.0), "toolface is 10"),
-        (lambda: Rotation(torsion=Band(5.0, 30.0, 0.1, 2)), "order 0"),
-        (lambda: Band(20.0, 22.0, 1.0), "24 Hz or more"),
-        (lambda: Band(20.0, 50.0, -1.0), "rms is -1"),
-        (lambda: Shocks(1.0, 50.0, 20.0), "below the lowest"),
-        (lambda: Whirl(200.0, 0.01), "ratio is 200"),
-        (lambda: TriadErrors(bias=(1.0, 2.0)), "three finite numbers"),
-        (lambda: TriadErrors(reach=0.0), "positive"),
-        (lambda: Instrument(taps=80), "odd"),
-        (lambda: Instrument(factor=2.5), "whole"),
-        (lambda: Instrument(cutoff=1000.0), "below 1000"),
-        (lambda: Scenario(vibration=Vibration(Band(15.0, 950.0, 1.0))), "cannot be made at 2000 Hz"),
-        (lambda: MagLag(1.0), "delay is 1 s"),
-        (lambda: Dropped(1.0), "fraction is 1"),
-        (lambda: Stuck("temperature"), "accel_x"),
-        (lambda: Casing(5.0, 5.0), "lasts no time"),
-        (lambda: simulate_drilling("spinning", 1), "allowed: smooth, vibration-5g"),
-        (lambda: simulate_drilling("smooth", 1, duration=0.0), "one sample"),
-        (lambda: simulate_drilling("smooth", 1, duration=math.inf), "infinite in blocks only"),
-        (lambda: drilling_blocks("smooth", 1, block=0), "1 row or more"),
-        (lambda: simulate_drilling(Scenario(hole=Hole(0.1, penetration=1.0, build=-0.1)), 1), "reduce build"),
-        (lambda: simulate_drilling("smooth", -1), "seed is -1"),
+        (lambda: Hole(inclination=4.0), "input-value"),
+        (lambda: Hole(field=float("nan")), "input-finite"),
+        (lambda: Swing(1.2, 0.2), "input-value"),
+        (lambda: StickSlip(0.95), "input-value"),
+        (lambda: Rotation(10.0, Swing(0.98, 0.2), ripple=0.05), "input-value"),
+        (lambda: Rotation(1e4), "input-value"),
+        (lambda: Rotation(toolface=10.0), "input-value"),
+        (lambda: Rotation(torsion=Band(5.0, 30.0, 0.1, 2)), "input-value"),
+        (lambda: Band(20.0, 22.0, 1.0), "input-value"),
+        (lambda: Band(20.0, 50.0, -1.0), "input-value"),
+        (lambda: Shocks(1.0, 50.0, 20.0), "input-value"),
+        (lambda: Whirl(200.0, 0.01), "input-value"),
+        (lambda: TriadErrors(bias=(1.0, 2.0)), "input-shape"),
+        (lambda: TriadErrors(reach=0.0), "input-value"),
+        (lambda: Instrument(taps=80), "input-value"),
+        (lambda: Instrument(factor=2.5), "input-kind"),
+        (lambda: Instrument(cutoff=1000.0), "input-value"),
+        (lambda: Scenario(vibration=Vibration(Band(15.0, 950.0, 1.0))), "input-value"),
+        (lambda: MagLag(1.0), "input-value"),
+        (lambda: Dropped(1.0), "input-value"),
+        (lambda: Stuck("temperature"), "input-choice"),
+        (lambda: Casing(5.0, 5.0), "input-value"),
+        (lambda: simulate_drilling("spinning", 1), "input-choice"),
+        (lambda: simulate_drilling("smooth", 1, duration=0.0), "input-value"),
+        (lambda: simulate_drilling("smooth", 1, duration=math.inf), "input-value"),
+        (lambda: drilling_blocks("smooth", 1, block=0), "input-value"),
+        (lambda: simulate_drilling(Scenario(hole=Hole(0.1, penetration=1.0, build=-0.1)), 1), "input-value"),
+        (lambda: simulate_drilling("smooth", -1), "input-value"),
     ],
 )
 def test_impossible_settings_are_refused_when_given(build, message):
-    with pytest.raises(InputError, match=message):
+    with refused(message):
         build()

@@ -121,7 +121,7 @@ def plan_gyro(
         tilt_sd=level_sd,
     )
     found = standstill_time(latitude, inclination, azimuth, setup, azimuth=at_azimuth, move_time=move)
-    output.warnings(found.notes)
+    output.findings(found.findings)
     if json:
         output.print_json(_plan_content(found))
         return
@@ -157,4 +157,5 @@ def _plan_content(found: StandstillPlan) -> dict[str, object]:
         }
         for name, row in _cases(found).items()
     }
-    return {"wanted_deg": round(float(np.degrees(found.wanted)), 10), "cases": cases, "notes": list(found.notes)}
+    told = [one.plain() for one in found.findings]
+    return {"wanted_deg": round(float(np.degrees(found.wanted)), 10), "cases": cases, "findings": told}

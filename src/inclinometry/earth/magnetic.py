@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from inclinometry.arrays import Array, finite, frozen, within
 from inclinometry.earth.gravity import FLATTENING, SEMI_MAJOR_AXIS
 from inclinometry.earth.site import Site
-from inclinometry.errors import InputError
+from inclinometry.errors import not_among, refused, wrong_shape
 from inclinometry.uncertainty import UNKNOWN
 
 # Synthesis of a main field from Schmidt semi-normalised Gauss coefficients; finite at the poles.
@@ -240,7 +240,7 @@ def reference_errors(kind: str) -> ReferenceErrors:
     """ISCWSA standard deviations of a geomagnetic reference: main field (WMM), with crust (BGGM), HDGM, IFR1, IFR2."""
     rows = _errors_content()["models"]
     if kind not in rows:
-        raise InputError(f"kind of geomagnetic reference is {kind!r}; allowed: {', '.join(rows)}")
+        raise not_among("reference", kind, rows)
     row = rows[kind]
     angles = {k: float(np.radians(row[k])) for k in row if "_deg" in k}
     return ReferenceErrors(
@@ -275,8 +275,7 @@ def complete_site(site: Site, model: Model) -> Site:
         return site
     needed = [name for name in ("latitude", "longitude", "date") if getattr(site, name) is None]
     if site.latitude is None or site.longitude is None or site.date is None:
-        problem = f"the site has no {', '.join(lacking)}; a model needs its {', '.join(needed)}: give them"
-        raise InputError(problem)
+        raise refused("input-missing", {"names": tuple(needed)})
     found = model(site.latitude, site.longitude, site.height_m or 0.0, site.date)
     values: dict[str, Any] = {}
     for name in lacking:
@@ -303,13 +302,12 @@ def _field(
     bad = (year < first) | (year > last)
     if bad.any():
         shown = str(date) if isinstance(date, datetime.date) else f"{year[bad].flat[0]:.10g}"
-        remedy = "give another date, another model or the field itself"
-        raise InputError(f"date is {shown}; {name} holds from {first:.1f} to {last:.1f}: {remedy}")
+        raise refused("earth-date", {"date": shown, "model": name, "first": float(first), "last": float(last)})
     try:
         shape = np.broadcast_shapes(phi.shape, lam.shape, height.shape, year.shape)
     except ValueError:
         shapes = ", ".join(str(a.shape) for a in (phi, lam, height, year))
-        raise InputError(f"latitude, longitude, height and date have shapes {shapes}; they must broadcast") from None
+        raise wrong_shape("latitude, longitude, height_m, date", shapes, "(n,) | ()") from None
     phi, lam, height = (np.broadcast_to(a, shape).ravel() for a in (phi, lam, height))
     # one date for all keeps the coefficients small
     same = year.size > 0 and bool((year == year.flat[0]).all())

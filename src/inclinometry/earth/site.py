@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike
 
 from inclinometry.arrays import Array, finite
 from inclinometry.earth.gravity import normal_gravity
-from inclinometry.errors import InputError, SiteError
+from inclinometry.errors import SiteError, not_among, refused
+from inclinometry.findings import Finding
 from inclinometry.rotations import wrap_positive
 from inclinometry.settings import Range, Settings
 from inclinometry.tabular import Column, Tabular
@@ -91,7 +92,7 @@ class Site(Tabular, Settings):
             if value is not None:
                 object.__setattr__(self, name, float(value))
                 if getattr(self, quantity) is None:
-                    raise InputError(f"{name} is given without {quantity}; give both or neither")
+                    raise refused("input-needs", {"name": name, "needed": (quantity,)})
 
     def origin(self, name: str) -> str | None:
         """Where the site has a value from: "given", or what computed it; None when it has none.
@@ -154,7 +155,7 @@ def azimuth_sigma(source: str, target: str, site: Site) -> float:
     for _, _, name in _corrections(source, target, site):
         sigma = getattr(site, f"{name}_sigma")
         if sigma is None:
-            raise SiteError(f"the site has no {name}_sigma; give it to state the uncertainty of {target} azimuths")
+            raise SiteError(Finding("earth-site-lacks", {"name": f"{name}_sigma", "source": source, "target": target}))
         total = float(np.hypot(total, sigma))
     return total
 
@@ -168,12 +169,12 @@ def _corrections(source: str, target: str, site: Site) -> list[tuple[float, floa
     for name, sign in steps[min(start, stop) : max(start, stop)]:
         value = getattr(site, name)
         if value is None:
-            raise SiteError(f"the site has no {name}; {target} azimuths from {source} ones need it: give the {name}")
+            raise SiteError(Finding("earth-site-lacks", {"name": name, "source": source, "target": target}))
         found.append((direction * sign, value, name))
     return found
 
 
 def _known(reference: str) -> str:
     if reference not in REFERENCES:
-        raise InputError(f"north reference is {reference!r}; allowed: {', '.join(REFERENCES)}")
+        raise not_among("north_reference", str(reference), REFERENCES)
     return reference

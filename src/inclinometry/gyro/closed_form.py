@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 
 from inclinometry.arrays import Array, Mask, finite, within
 from inclinometry.constants import EARTH_RATE
-from inclinometry.errors import InputError
+from inclinometry.errors import refused, wrong_shape
 from inclinometry.gyro.result import North, vectors
 from inclinometry.orientation import inclination_toolface
 from inclinometry.rotations import wrap_positive
@@ -54,7 +54,7 @@ def tilt(gravity: ArrayLike, g: float | None = None) -> Tilt:
     field = vectors(gravity, "gravity", 1e9)
     unseen = np.isnan(field[:, 2])
     if unseen.any() and g is None:
-        raise InputError("no accelerometer along the tool and no g: give gravity, m/s^2, or the latitude of the site")
+        raise refused("gyro-gravity-unknown")
     level = np.hypot(field[:, 0], field[:, 1])
     total = np.where(unseen, 0.0 if g is None else g, np.hypot(level, field[:, 2]))
     ratio = np.divide(level, total, out=np.full(len(level), np.inf), where=total > 0.0)
@@ -62,9 +62,13 @@ def tilt(gravity: ArrayLike, g: float | None = None) -> Tilt:
     bad = ~(total > 0.0) | (unseen & (ratio > 1.0 + 0.05))
     if bad.any():
         row = int(np.argmax(bad))
-        raise InputError(
-            f"station {row + 1}: cross-axis gravity is {level[row]:.6g}, gravity {total[row]:.6g}; it can't be more: "
-            "check the unit of the accelerometers (m/s^2) and their calibration"
+        raise refused(
+            "gyro-gravity-across",
+            {
+                "station": row + 1,
+                "across_m_s2": float(level[row]),
+                "gravity_m_s2": float(total[row]),
+            },
         )
     whole = np.where(unseen, np.sqrt(np.maximum(total * total - level * level, 0.0)), field[:, 2])
     inclination, toolface = inclination_toolface(np.stack([field[:, 0], field[:, 1], whole], axis=1))
@@ -258,11 +262,11 @@ def prepare(
     lat = float(within(latitude, "latitude", -np.pi / 2, np.pi / 2, "rad"))
     rate = np.asarray(rate, dtype=np.float64)
     if rate.ndim != 2 or rate.shape[1] not in (2, 3):
-        raise InputError(f"rate has shape {rate.shape}; expected (n, 2) or (n, 3)")
+        raise wrong_shape("rate", rate.shape, "(n, 2) | (n, 3)")
     n = len(finite(rate[:, :2], "rate"))
     attitude = _attitude(gravity, gravity_covariance, g)
     if len(attitude.inclination) != n:
-        raise InputError(f"{len(attitude.inclination)} rows of gravity but {n} of rate; give one of each a station")
+        raise wrong_shape("gravity", (len(attitude.inclination),), f"({n}, 2) | ({n}, 3)")
     a, b = high_side(rate[:, :2] / EARTH_RATE, attitude.toolface)
     c, s = np.cos(attitude.toolface), np.sin(attitude.toolface)
     turn = np.stack([np.stack([c, -s], -1), np.stack([s, c], -1)], -2)
@@ -280,7 +284,7 @@ def _covariance(value: ArrayLike | None, n: int, name: str) -> Array:
     given = np.asarray(value, dtype=np.float64)
     m = given.shape[-1] if given.ndim in (2, 3) else 0
     if m not in (2, 3) or given.shape[-2] != m or (given.ndim == 3 and len(given) != n):
-        raise InputError(f"{name} has shape {given.shape}; expected (2, 2), (3, 3), ({n}, 2, 2) or ({n}, 3, 3)")
+        raise wrong_shape(name, given.shape, f"(2, 2) | (3, 3) | ({n}, 2, 2) | ({n}, 3, 3)")
     finite(given[..., :2, :2], name)
     full = np.zeros((n, 3, 3))
     full[:, :m, :m] = np.nan_to_num(given, nan=0.0)

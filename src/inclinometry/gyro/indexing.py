@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from inclinometry.arrays import Array, Index, Mask, finite, frozen, within
-from inclinometry.errors import InputError, refused
+from inclinometry.errors import not_among, out_of_range, refused, wrong_shape
 from inclinometry.findings import Value
 from inclinometry.gyro.bias_walk import bias_walk, walk_covariance
 from inclinometry.gyro.result import IndexAverage
@@ -353,7 +353,7 @@ TOLERANCE: Final = np.pi / 180.0
 def scheme_named(name: str) -> Scheme:
     """The scheme of a name, or an error that lists them."""
     if name not in SCHEMES:
-        raise InputError(f"scheme is {name!r}; allowed: {', '.join(SCHEMES)}")
+        raise not_among("scheme", str(name), SCHEMES)
     return SCHEMES[name]
 
 
@@ -465,12 +465,10 @@ def read_table(
     labels = np.asarray(station)
     values = finite(signals, "signals", (None, None))
     if labels.ndim != 1 or len(labels) == 0 or not np.issubdtype(labels.dtype, np.integer):
-        raise InputError(
-            f"station has shape {labels.shape} and type {labels.dtype}; expected (K,) whole numbers, K > 0"
-        )
+        raise wrong_shape("station", f"{labels.shape} {labels.dtype}", "(K,) int, K > 0")
     size, channels = len(labels), values.shape[-1]
     if values.shape != (size, channels) or channels == 0:
-        raise InputError(f"signals have shape {values.shape}; expected ({size}, m), one row for each of station")
+        raise wrong_shape("signals", values.shape, f"({size}, m)")
     starts = np.flatnonzero(np.concatenate([[True], labels[1:] != labels[:-1], [True]]))
     own = labels[starts[:-1]]
     if len(np.unique(own)) < len(own):
@@ -478,7 +476,7 @@ def read_table(
         raise refused("gyro-station-again", {"station": again})
     known = finite(np.zeros(channels) if offset is None else offset, "offset", (channels,))
     if known.shape not in ((channels,), (len(own), channels)):
-        raise InputError(f"offset has shape {known.shape}; expected ({channels},) or ({len(own)}, {channels})")
+        raise wrong_shape("offset", known.shape, f"({channels},) | ({len(own)}, {channels})")
     return Table(
         labels=own,
         starts=starts,
@@ -494,12 +492,14 @@ def read_axes(tensor: ArrayLike | None, table: Table) -> Array:
     channels, stations = table.signals.shape[1], len(table.labels)
     if tensor is None:
         if channels > 3:
-            raise InputError(f"signals have {channels} channels; without a tensor they can only be x, y and z")
+            raise refused("input-missing", {"names": ("tensor",)})
         return np.eye(3)[None, :channels]
     axes = finite(tensor, "tensor", (channels, 3))
     axes = axes[None] if axes.ndim == 2 else axes
-    if axes.shape[0] not in (1, stations) or not np.any(axes, axis=-1).all():
-        raise InputError(f"tensor has shape {axes.shape}; expected ({stations}, {channels}, 3), no sensor of all zeros")
+    if not np.any(axes, axis=-1).all():
+        raise refused("sensor-vector-zero", {"name": "tensor"})
+    if axes.shape[0] not in (1, stations):
+        raise wrong_shape("tensor", axes.shape, f"({channels}, 3) | ({stations}, {channels}, 3)")
     return axes
 
 
@@ -508,8 +508,10 @@ def read_noise(noise: ArrayLike | None, shape: tuple[int, ...]) -> tuple[Array, 
     if noise is None:
         return np.ones(shape), None
     given = finite(noise, "noise", (shape[1],))
-    if given.shape not in (shape, shape[1:]) or np.any(given <= 0.0):
-        raise InputError(f"noise has shape {given.shape}, least value {given.min():g}; expected positive ({shape[1]},)")
+    if np.any(given <= 0.0):
+        raise out_of_range("noise", float(given.min()), "> 0")
+    if given.shape not in (shape, shape[1:]):
+        raise wrong_shape("noise", given.shape, f"({shape[1]},) | {shape}")
     level = np.sqrt(np.mean(np.broadcast_to(given, shape) ** 2, axis=0))
     return np.broadcast_to(given, shape) / level, level
 
@@ -521,12 +523,9 @@ def read_offset_sd(offset_sd: ArrayLike | None, axes: Array) -> Array:
         return np.where(along, 0.0, np.inf)
     sd = np.asarray(offset_sd, dtype=np.float64)
     if sd.shape != along.shape or np.isnan(sd).any() or np.any(sd < 0.0):
-        raise InputError(f"offset_sd is {sd}; expected {len(along)} values of 0 or more, inf where nothing is known")
+        raise out_of_range("offset_sd", str(sd.tolist()), f"{len(along)} x >= 0")
     if np.isinf(sd[along]).any():
-        raise InputError(
-            "offset_sd is inf for a sensor along the tool axis; turning about it does not tell its bias from the "
-            "field: give a finite one, from the calibration"
-        )
+        raise refused("gyro-offset-along")
     return sd
 
 
@@ -621,8 +620,10 @@ def average_index(
         values = {"station": station, "channels": batch.values.shape[-1], "index_deg": positions}
         raise refused("gyro-positions-blind", values)
     every = np.ones(len(table.labels), dtype=np.bool_) if sound is None else np.asarray(sound, dtype=np.bool_)
-    if every.shape != table.labels.shape or not every.any():
-        raise InputError(f"sound has shape {every.shape}; expected {table.labels.shape}, with one station or more")
+    if not every.any():
+        raise refused("input-empty", {"name": "sound"})
+    if every.shape != table.labels.shape:
+        raise wrong_shape("sound", every.shape, str(table.labels.shape))
     return _averaged(batches, given, table, walk, every)
 
 
@@ -646,7 +647,7 @@ def index_batches(
     table = read_table(station, index, signals, time, offset)
     table.check_scheme(plan)
     if index_turns not in get_args(IndexTurns):
-        raise InputError(f"index_turns is {index_turns!r}; allowed: {', '.join(get_args(IndexTurns))}")
+        raise not_among("index_turns", str(index_turns), get_args(IndexTurns))
     if index_turns == "counterclockwise":
         table = replace(table, index=-table.index)
     axes = read_axes(tensor, table)

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from inclinometry.arrays import Array, Mask
 from inclinometry.constants import EARTH_RATE
-from inclinometry.errors import InputError
+from inclinometry.errors import not_among, out_of_range, refused
 from inclinometry.gyro.closed_form import STEEPEST, Tilt, scale_condition, settle_vertical, tilt, upward
 from inclinometry.gyro.joint import (
     LARGEST,
@@ -117,7 +117,7 @@ def estimate_north_fixed(
     """
     problem = _problem(gravity, rate, latitude, gravity_covariance, rate_covariance, scale, scale_sd, g, hole)
     if np.isinf(problem.scale_sd).any():
-        raise InputError("scale_sd is infinite; a scale factor that is taken as given must be known: 0 or more")
+        raise refused("input-finite", {"name": "scale_sd"})
     return _north(problem, np.zeros_like(problem.scale_sd), latitude_sd, "fixed")
 
 
@@ -148,7 +148,7 @@ def _problem(
 ) -> _Problem:
     holes = ("down", "up")
     if hole is not None and hole not in holes:
-        raise InputError(f"hole is {hole!r}; allowed: {', '.join(holes)} or None")
+        raise not_among("hole", str(hole), holes)
     found = tilt(gravity, g)
     size = len(found.inclination)
     rates = vectors(rate, "rate", LARGEST * EARTH_RATE, size)
@@ -160,7 +160,7 @@ def _problem(
     undecided = found.unseen & (hole is None)
     lat = one_value(latitude, "latitude", -np.pi / 2, np.pi / 2, "rad")
     if abs(lat) > np.radians(89.9):
-        raise InputError(f"latitude is {np.degrees(lat):.3f} degrees; at the pole there is no north to find")
+        raise out_of_range("latitude", float(np.degrees(lat)), "-89.9 .. 89.9 deg")
     return _Problem(
         found,
         pull,

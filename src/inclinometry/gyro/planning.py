@@ -10,7 +10,8 @@ import numpy as np
 from inclinometry.allan import FLAT
 from inclinometry.arrays import Array, Mask, frozen, within
 from inclinometry.constants import EARTH_RATE
-from inclinometry.errors import InputError
+from inclinometry.errors import not_among, out_of_range, refused
+from inclinometry.findings import Finding, Value
 from inclinometry.gyro.closed_form import expected_rates
 from inclinometry.tabular import Column, Tabular, degrees, in_degrees
 from inclinometry.uncertainty import UNKNOWN
@@ -41,13 +42,12 @@ class GyroSetup:
         for name, high in limits.items():
             within(getattr(self, name), name, 0.0, high)
         if self.arw == 0.0:
-            raise InputError("arw is 0; give the angle random walk of the gyro, rad/sqrt(s), more than 0")
+            raise out_of_range("arw", 0.0, "> 0")
         for name, allowed in (("gyros", (1, 2)), ("axes", (2, 3))):
             if getattr(self, name) not in allowed:
-                raise InputError(f"{name} is {getattr(self, name)}; allowed: {allowed[0]} or {allowed[1]}")
+                raise not_among(name, str(getattr(self, name)), map(str, allowed))
         if np.linalg.matrix_rank(_functions(self.positions), tol=1e-6) < 3:
-            shown = ", ".join(f"{p:g}" for p in np.degrees(self.positions))
-            raise InputError(f"index positions {shown} deg do not tell two rates from a bias; visit three or more")
+            raise refused("gyro-positions-alike", {"index_deg": tuple(map(float, np.degrees(self.positions)))})
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -59,7 +59,7 @@ class StandstillPlan(Tabular):
     floor: Array  #: (n,) standard uncertainty of azimuth that is left after any time, rad
     moving: float  #: s spent between index positions, not in `time`
     wanted: float  #: standard uncertainty, rad
-    notes: tuple[str, ...]  #: what limits the azimuth and what would help
+    findings: tuple[Finding, ...]  #: what limits the azimuth and what would help
 
     def at(self, share: float) -> int:
         """Row of the azimuth at a share of the order of times: 0 the best, 0.5 the median, 1 the worst."""
@@ -89,12 +89,11 @@ def standstill_time(
     """
     place = float(within(latitude, "latitude", -np.pi / 2.0, np.pi / 2.0, "rad"))
     if abs(place) > np.radians(89.9):
-        shown = f"latitude is {np.degrees(place):.3f} degrees"
-        raise InputError(f"{shown}; at the pole there is no north to find: within 89.9 degrees is allowed")
+        raise out_of_range("latitude", float(np.degrees(place)), "-89.9 .. 89.9 deg")
     lean = float(within(inclination, "inclination", 0.0, np.pi, "rad"))
     wanted = float(within(azimuth_sd, "azimuth_sd", 0.0, UNKNOWN, "rad"))
     if wanted == 0.0:
-        raise InputError("azimuth_sd is 0; no time is enough for that: ask for more than 0")
+        raise out_of_range("azimuth_sd", 0.0, "> 0")
     moving = float(within(move_time, "move_time", 0.0, 1e6, "s")) * (len(setup.positions) - 1)
     rows = np.linspace(0.0, 2.0 * np.pi, AZIMUTHS, endpoint=False)
     if azimuth is not None:
@@ -109,16 +108,13 @@ def standstill_time(
         enough = azimuth_sigma(place, lean, rows, np.exp(middle), setup) <= wanted
         low, high = np.where(enough, low, middle), np.where(enough, middle, high)
     time = np.where(possible, np.exp(high), np.inf)
-    notes = []
+    found = []
     if np.sin(lean) < np.sin(VERTICAL):
-        notes.append("within 1 deg of the vertical azimuth is undefined; the plan is for the gyro toolface")
+        found.append(Finding("gyro-plan-vertical"))
     if setup.axes == 3 and setup.axial_bias_sd == 0.0:
-        notes.append(
-            "the gyro along the tool is taken as free of bias but for its instability, which turning about the tool "
-            "axis does not remove: state the standard uncertainty of its bias"
-        )
-    notes += _remedies(place, lean, rows, wanted, setup)
-    return StandstillPlan(frozen(rows), frozen(time), frozen(floor), moving, wanted, tuple(notes))
+        found.append(Finding("gyro-plan-axial"))
+    found += _remedies(place, lean, rows, wanted, setup)
+    return StandstillPlan(frozen(rows), frozen(time), frozen(floor), moving, wanted, tuple(found))
 
 
 def azimuth_sigma(latitude: float, inclination: float, azimuth: Array, time: float | Array, setup: GyroSetup) -> Array:
@@ -197,7 +193,7 @@ def _tilt_gain(gain: Array, earth: Array, inclination: float, vertical: bool) ->
     return np.asarray((gain * by_inclination).sum(axis=0) ** 2 + (turned / np.sin(inclination)) ** 2)
 
 
-def _remedies(latitude: float, inclination: float, azimuth: Array, wanted: float, setup: GyroSetup) -> list[str]:
+def _remedies(latitude: float, inclination: float, azimuth: Array, wanted: float, setup: GyroSetup) -> list[Finding]:
     """Where no time is enough: how often, and which single improvement would do."""
 
     def left(other: GyroSetup, rows: Array) -> Mask:
@@ -207,17 +203,18 @@ def _remedies(latitude: float, inclination: float, azimuth: Array, wanted: float
     if not lost.any():
         return []
     better = {
-        "a scale factor known ten times better": replace(setup, scale_sd=setup.scale_sd / 10.0),
-        "a third gyro, along the tool": replace(setup, axes=3),
-        "a quarter of the angle random walk": replace(setup, arw=setup.arw / 4.0),
+        "scale factor ten times better known": replace(setup, scale_sd=setup.scale_sd / 10.0),
+        "third gyro, along the tool": replace(setup, axes=3),
+        "quarter of the angle random walk": replace(setup, arw=setup.arw / 4.0),
         "half the bias instability": replace(setup, bias_instability=setup.bias_instability / 2.0),
-        "half the error of level": replace(setup, tilt_sd=setup.tilt_sd / 2.0),
+        "half the error of the level": replace(setup, tilt_sd=setup.tilt_sd / 2.0),
     }
     still = {what: left(other, azimuth[lost]).mean() for what, other in better.items() if other != setup}
     full = [what for what, share in still.items() if share == 0.0]
     part = [what for what, share in still.items() if 0.0 < share < 0.5]
-    where = "at this azimuth" if len(azimuth) == 1 else f"at {100.0 * lost.mean():.2g} % of azimuths"
-    helps = f"would do: {'; '.join(full)}" if full else "no single improvement would do"
-    if part and not full:
-        helps += f"; would help: {'; '.join(part)}"
-    return [f"not even a day is enough {where}; {helps}"]
+    values: dict[str, Value] = {"share_percent": 100.0 * float(lost.mean())}
+    if full:
+        return [Finding("gyro-plan-enough", {**values, "improvements": tuple(full)})]
+    if part:
+        return [Finding("gyro-plan-helps", {**values, "improvements": tuple(part)})]
+    return [Finding("gyro-plan-never", values)]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import reprlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -9,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from inclinometry.arrays import Array, Mask
-from inclinometry.errors import InputError
+from inclinometry.errors import out_of_range, refused, wrong_kind, wrong_shape
 from inclinometry.findings import Finding
 from inclinometry.tabular import Column, Tabular, degrees, in_degrees
 from inclinometry.uncertainty import angle_sd
@@ -19,20 +20,19 @@ def numbers(value: ArrayLike, name: str) -> Array:
     """float64, NaN allowed; InputError for what is no number."""
     try:
         return np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise InputError(f"{name} cannot be read as numbers: {error}") from None
+    except (TypeError, ValueError):
+        raise wrong_kind(name, reprlib.repr(value), "array of numbers") from None
 
 
 def per_station(value: ArrayLike, size: int, name: str, low: float, high: float, unit: str = "") -> Array:
     """One value for each of `size` stations, within low..high; a scalar serves all."""
     given = numbers(value, name)
     if given.shape not in ((), (1,), (size,)):
-        raise InputError(f"{name} has shape {given.shape}; expected one value, or ({size},)")
+        raise wrong_shape(name, given.shape, f"() | ({size},)")
     bad = ~((given >= low) & (given <= high))
     if bad.any():
         worst = float(np.atleast_1d(given)[np.atleast_1d(bad)][0])
-        in_unit = f" {unit}" if unit else ""
-        raise InputError(f"{name} is {worst:.10g}{in_unit}; allowed {low:g} to {high:g}{in_unit}")
+        raise out_of_range(name, worst, f"{low:g} .. {high:g} {unit}".rstrip())
     return np.broadcast_to(given, (size,))
 
 
@@ -47,17 +47,14 @@ def vectors(value: ArrayLike, name: str, largest: float, size: int | None = None
     shaped = given.ndim == 2 and given.shape[1] in (2, 3) and size in (None, given.shape[0])
     if not shaped:
         count = "n" if size is None else size
-        raise InputError(f"{name} has shape {given.shape}; expected ({count}, 2) or ({count}, 3)")
+        raise wrong_shape(name, given.shape, f"({count}, 2) | ({count}, 3)")
     out = np.full((len(given), 3), np.nan)
     out[:, : given.shape[1]] = given
     bad = ~(np.abs(out) <= largest)
     bad[:, 2] &= ~np.isnan(out[:, 2])
     if bad.any():
         row, axis = np.argwhere(bad)[0].tolist()
-        raise InputError(
-            f"{name}[{row}, {axis}] is {out[row, axis]:.6g}; every value must be finite and at most {largest:g} "
-            "(z may be NaN where it is not measured)"
-        )
+        raise out_of_range(f"{name}[{row}, {axis}]", float(out[row, axis]), f"{-largest:g} .. {largest:g}")
     return out
 
 
@@ -67,13 +64,13 @@ def covariances(value: ArrayLike, name: str, seen: Mask, *, positive: bool) -> A
     if given.ndim == 2:
         given = np.broadcast_to(given, (size, *given.shape))
     if given.ndim != 3 or given.shape[0] != size or given.shape[1:] not in ((2, 2), (3, 3)):
-        raise InputError(f"{name} has shape {given.shape}; expected ({size}, 2, 2) or ({size}, 3, 3)")
+        raise wrong_shape(name, given.shape, f"({size}, 2, 2) | ({size}, 3, 3)")
     out = np.full((size, 3, 3), np.nan)
     axes = given.shape[1]
     out[:, :axes, :axes] = given
     out[~seen, 2, :] = out[~seen, :, 2] = np.nan
     if seen.any() and axes == 2:
-        raise InputError(f"{name} is 2 x 2, but z is measured; give 3 x 3 matrices, or leave z out")
+        raise wrong_shape(name, given.shape, f"({size}, 3, 3)")
     # matrices that are no covariances, looked at by 2 x 2 minors and, with z, the determinant
     bad = np.zeros(len(out), dtype=bool)
     variance = np.diagonal(out, axis1=1, axis2=2)
@@ -93,10 +90,7 @@ def covariances(value: ArrayLike, name: str, seen: Mask, *, positive: bool) -> A
         bad[whole] |= ~(np.linalg.det(out[whole] / mean) > 0.0)
     if bad.any():
         row = int(np.argmax(bad))
-        need = "positive" if positive else "not negative"
-        raise InputError(
-            f"{name}[{row}] is {given[row].tolist()}; a covariance is finite, symmetric and {need}: give the noise"
-        )
+        raise refused("gyro-covariance", {"name": f"{name}[{row}]", "allowed": "> 0" if positive else ">= 0"})
     return out
 
 

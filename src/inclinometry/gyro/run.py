@@ -10,6 +10,7 @@ import numpy as np
 from inclinometry.arrays import Array, Mask
 from inclinometry.constants import EARTH_RATE
 from inclinometry.earth.site import Site
+from inclinometry.findings import Finding
 from inclinometry.gyro.closed_form import CHANGE, solve_patent
 from inclinometry.gyro.north import estimate_north, estimate_north_fixed
 from inclinometry.gyro.point_mass import ScaleLaw
@@ -163,7 +164,7 @@ class ScalePrior:
     stated: Array
     stated_sd: Array
     track: ScaleTrack | None
-    notes: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
 
 
 def solve(method: str, stations: Stations, known: ScalePrior) -> North:

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from inclinometry.arrays import Array, Mask, finite, frozen, within
-from inclinometry.errors import InputError
+from inclinometry.errors import out_of_range, refused, wrong_shape
+from inclinometry.findings import Finding
 from inclinometry.gyro.joint import LARGEST
 from inclinometry.gyro.point_mass import (
     FINEST,
@@ -60,12 +61,12 @@ class ScaleBelief:
         mean = finite(self.coefficients, "scale coefficients", (None,))
         spread = finite(self.covariance, "covariance of the scale coefficients")
         if mean.ndim != 1 or not 1 <= mean.size <= 3 or spread.shape != (mean.size, mean.size):
-            raise InputError(f"scale coefficients {mean.shape} with covariance {spread.shape}; expected 1 to 3 of them")
+            raise wrong_shape("coefficients, covariance", f"{mean.shape}, {spread.shape}", "(p,), (p, p), 1 <= p <= 3")
         one_value(self.reference_temperature, "reference_temperature", *TEMPERATURES, "degC")
         if self.temperature_range is not None and not self.temperature_range[0] <= self.temperature_range[1]:
-            raise InputError(f"temperature_range is {self.temperature_range}; the lower temperature comes first")
+            raise refused("input-order", {"name": "temperature_range", "row": 2})
         if np.linalg.eigvalsh(spread).min() < -1e-12 * max(np.trace(spread), 1e-300):
-            raise InputError(f"covariance of the scale coefficients is {spread.tolist()}; it must not be negative")
+            raise out_of_range("eig(covariance)", float(np.linalg.eigvalsh(spread).min()), ">= 0")
         object.__setattr__(self, "coefficients", frozen(mean))
         object.__setattr__(self, "covariance", frozen(spread))
 
@@ -112,7 +113,7 @@ class ScaleTrack(Tabular):
     belief: ScaleBelief  #: what is known after the run, for the next one
     thermometer: bool = True  #: whether the temperatures were measured
     contradicted: bool = False  #: whether the readings contradict what was known before the run
-    notes: tuple[str, ...] = field(default=())
+    findings: tuple[Finding, ...] = ()
     # (n, r) factor F of F F', the covariance of the stations' scales given all readings of the run, without each
     # station's own deviation; no columns where stations only know those before them
     shared: Array = field(default_factory=lambda: np.zeros((0, 0)))
@@ -174,7 +175,7 @@ class ScaleTracker:
     >>> tracker = ScaleTracker(quadratic_belief(), latitude=0.8)
     >>> for heat in (20.0, 30.0, 40.0):
     ...     step = tracker.add(earth_in_tool(0.8, 0.3, 0.8)[:2] / 1.001, 1e-8 * np.eye(2), 0.3, heat)
-    >>> round(step.expected, 4), round(step.scale, 4), len(tracker.notes)
+    >>> round(step.expected, 4), round(step.scale, 4), len(tracker.findings)
     (1.001, 1.001, 0)
     """
 
@@ -196,8 +197,9 @@ class ScaleTracker:
         cov = covariances(covariance, "covariance", np.isfinite(high[:, 2]), positive=True)
         slant = one_value(inclination, "inclination", 0.0, np.pi, "rad")
         if (temperature is not None) != self.thermometer:
-            wanted = "needed" if self.thermometer else "not expected: the tracker was told there is no thermometer"
-            raise InputError(f"temperature is {temperature}; it is {wanted}")
+            if self.thermometer:
+                raise refused("input-missing", {"names": ("temperature",)})
+            raise refused("input-not-with", {"name": "temperature", "other": "thermometer=False"})
         heat = np.nan if temperature is None else float(_temperatures([temperature], 1)[0])
         self._stations.append((high[0], cov[0], slant, heat))
         here = self._run(self._stations[-1:])
@@ -257,10 +259,10 @@ class ScaleTracker:
         return self.laid().belief if self._stations else self.prior
 
     @property
-    def notes(self) -> tuple[str, ...]:
-        """Sentences for the user."""
+    def findings(self) -> tuple[Finding, ...]:
+        """What there is to say of the stations so far."""
         learnt = np.array([step.learnt for step in self.steps], dtype=bool)
-        return _notes(self.laid(), learnt) if self._stations else ()
+        return _findings(self.laid(), learnt) if self._stations else ()
 
 
 PLAIN = Members.every((0.0,), np.zeros((1, 0)), np.ones(1))
@@ -280,7 +282,7 @@ class _Laid(NamedTuple):
     plain_first: Array
     plain: Smoothed
     belief: ScaleBelief
-    contradicts: str
+    contradicts: Finding | None
 
 
 class _Run(NamedTuple):
@@ -342,13 +344,10 @@ class _Run(NamedTuple):
             likelihood = np.pad(likelihood, ((0, 0), (room, room)), mode="edge")
             grid = Grid(grid.nodes[0] + grid.step * np.arange(-room, len(grid.nodes) + room), grid.step)
         off = plain.mean[0] - mean[0] if size else 0.0
-        contradicts = ""
+        contradicts = None
         if size and abs(off) > 4.0 * np.sqrt(spread[0, 0] + plain.variance[0]):
-            contradicts = (
-                f"the scale factor stated, {mean[0]:.4g} +- {100.0 * np.sqrt(spread[0, 0]):.2g} %, contradicts the "
-                f"readings, which fit {plain.mean[0]:.4g}: state what is known of it (--scale-sd-percent), and check "
-                "the calibration and the latitude"
-            )
+            stated = {"stated": float(mean[0]), "sd_percent": 100.0 * float(np.sqrt(spread[0, 0]))}
+            contradicts = Finding("gyro-scale-contradicted", {**stated, "fitted": float(plain.mean[0])})
         return _Laid(grid, likelihood, members, first, plain_first, plain, belief, contradicts)
 
     def _bank(
@@ -489,7 +488,7 @@ def track_scale(
     laid = tracker.laid()
     return ScaleTrack(
         run.heat, tracker.law, expected, sd, scale, scale_sd, learnt, laid.belief, tracker.thermometer,
-        bool(laid.contradicts), _notes(laid, learnt),
+        laid.contradicts is not None, _findings(laid, learnt),
     )  # fmt: skip
 
 
@@ -507,9 +506,7 @@ def smooth_scale(
     """
     run = _checked(rates, covariance, inclination, latitude, temperature, belief)
     if len(run.heat) > MOST:
-        raise InputError(
-            f"{len(run.heat)} stations; at most {MOST} at once: split the run, or learn from earlier ones only"
-        )
+        raise refused("gyro-stations-many", {"count": len(run.heat), "most": MOST})
     laid = run.laid(run.rates.likelihood(WHOLE))
     whole = laid.plain
     if run.moves:
@@ -519,7 +516,7 @@ def smooth_scale(
     learnt = found.scale_sd < LEAST_GAIN * sd
     return ScaleTrack(
         run.heat, law, expected, sd, found.scale, found.scale_sd, learnt, laid.belief, temperature is not None,
-        bool(laid.contradicts), _notes(laid, learnt), whole.factor(),
+        laid.contradicts is not None, _findings(laid, learnt), whole.factor(),
     )  # fmt: skip
 
 
@@ -533,12 +530,11 @@ def _temperatures(temperature: ArrayLike, size: int) -> Array:
     heat = finite(temperature, "temperature", (None,))
     within(heat, "temperature", *TEMPERATURES, "degC")
     if heat.shape != (size,) or not size:
-        raise InputError(f"{heat.size} temperatures for {size} stations; one a station is needed to follow the scale")
+        raise wrong_shape("temperature", heat.shape, f"({size},)")
     return heat
 
 
-def _notes(laid: _Laid, learnt: Mask) -> tuple[str, ...]:
-    """Sentences for the user."""
+def _findings(laid: _Laid, learnt: Mask) -> tuple[Finding, ...]:
     left = int(np.sum(~learnt))
-    unseen = f"the scale factor is not observable at {left} of {len(learnt)} stations (K near zero)"
+    unseen = Finding("gyro-scale-unseen", {"count": left, "total": len(learnt)}, severity="note")
     return (*([laid.contradicts] if laid.contradicts else []), *([unseen] if left else []))

@@ -30,8 +30,6 @@ FAR: Final = float(np.radians(3.0))
 class FarError(InclinometryError):
     """The tool is far from the target; it is captured only with a reason."""
 
-    code = "far-from-target"  # of the interface, whatever the finding
-
 
 @dataclass(frozen=True, eq=False)
 class Judge:

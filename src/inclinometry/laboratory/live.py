@@ -14,7 +14,8 @@ from scipy.special import chdtri, fdtri, stdtrit
 from inclinometry.arrays import Array, Mask, finite
 from inclinometry.calibration.stillness import noise_floor
 from inclinometry.constants import KINDS
-from inclinometry.errors import InputError
+from inclinometry.errors import InputError, not_among, out_of_range
+from inclinometry.findings import Finding, Value
 from inclinometry.laboratory.instruments.protocol import InstrumentEvent, Protocol, Sample, steady_clock
 from inclinometry.laboratory.instruments.reader import InstrumentReader
 from inclinometry.laboratory.session import Capture
@@ -46,10 +47,10 @@ class Window:
         parts = list(self.channels.values())
         return np.hstack(parts) if parts else np.zeros((len(self), 0))
 
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Name of each column of `signals`: "accelerometer 1" ..."""
-        return tuple(f"{kind} {i + 1}" for kind, x in self.channels.items() for i in range(x.shape[1]))
+    def named(self, column: int) -> dict[str, Value]:
+        """Kind and number, from 1, of a column of `signals`, for a finding."""
+        names = [(kind, i + 1) for kind, x in self.channels.items() for i in range(x.shape[1])]
+        return dict(zip(("kind", "sensor"), names[column], strict=True))
 
     @property
     def duration(self) -> float:
@@ -216,15 +217,15 @@ def drift_variance(floor: Floor, count: int, white: float) -> Array:
 
 
 # how often a tool at rest is called moving
-def judge(window: Window, floor: Floor, false_alarm: float = 1e-3) -> tuple[str, str]:
+def judge(window: Window, floor: Floor, false_alarm: float = 1e-3) -> tuple[str, Finding]:
     """Whether the tool stood still in a window of at least `LEAST` samples; `false_alarm` is for a tool at rest.
 
-    A word - still, moving, drifting or knocked - and a sentence for people.
+    A word - still, moving, drifting or knocked - and what was found.
 
     Scatter and single samples are taken around the straight line, so that a drift is judged once, by its own
     distribution. A random walk with steps of variance q a block scatters by q J / 15 around its line over J blocks.
     """
-    signals, names = window.signals, window.names
+    signals = window.signals
     count, channels = signals.shape
     share = false_alarm / (3.0 * channels)
     mean, change, white = line(window.time, signals)
@@ -237,17 +238,15 @@ def judge(window: Window, floor: Floor, false_alarm: float = 1e-3) -> tuple[str,
     drift = np.abs(change) / np.sqrt(drift_variance(floor, count, white))
     worst = int(np.argmax(scatter))
     if scatter[worst] > float(fdtri(count - 2.0, freedom, 1.0 - share)):
-        times = np.sqrt(scatter[worst])
-        return "moving", f"{names[worst]} scatters {times:.1f} times its noise at rest: the tool moves"
+        return "moving", Finding("capture-moving", {**window.named(worst), "times": float(np.sqrt(scatter[worst]))})
     worst = int(np.argmax(drift))
     if drift[worst] > -float(stdtrit(freedom, share / 2.0)):
-        sure = f"{drift[worst]:.1f} times what noise does"
-        went = f"{names[worst]} went by {change[worst]:.3g} in {window.duration:.1f} s"
-        return "drifting", f"{went}, {sure}: the tool turns or warms up"
+        went = {"change": float(change[worst]), "duration_s": window.duration, "times": float(drift[worst])}
+        return "drifting", Finding("capture-drifting", {**window.named(worst), **went})
     worst = int(np.argmax(apart))
     if apart[worst] > -float(stdtrit(freedom, share / 2.0 / count)):
-        return "knocked", f"a sample of {names[worst]} lies {apart[worst]:.1f} sd off the others: a knock?"
-    return "still", f"still: scatter and drift of {window.duration:.1f} s are those of the instrument's noise"
+        return "knocked", Finding("capture-knocked", {**window.named(worst), "deviations": float(apart[worst])})
+    return "still", Finding("capture-still", {"duration_s": window.duration}, severity="note")
 
 
 WINDOW: Final = 5.0
@@ -265,7 +264,7 @@ class Stability:
     drift, drift_sd : change over the window along a straight line; its standard uncertainty, 0 while noise is learnt.
     floor : noise of one sample at rest as learnt in this session; empty while it is being learnt.
     word : still, learning, few, moving, drifting, knocked, faulty, stale or disconnected.
-    reason : the same in a sentence, with what to do.
+    finding : the same with its values and what to do.
     """
 
     mean: Mapping[str, Array]
@@ -278,7 +277,7 @@ class Stability:
     temperature: float | None
     still: bool
     word: str
-    reason: str
+    finding: Finding
 
 
 class LiveFeed:
@@ -298,7 +297,7 @@ class LiveFeed:
         backoff: tuple[float, float] = (0.2, 5.0),
     ) -> None:
         if not 100 <= capacity <= 10_000_000:
-            raise InputError(f"capacity is {capacity}; allowed 100 to 10000000 samples")
+            raise out_of_range("capacity", capacity, "100 .. 10000000")
         self.protocol, self._clock = protocol, clock
         self._lock = threading.RLock()
         self._ring, self._noise = Ring(capacity), NoiseFloor()
@@ -380,7 +379,7 @@ class LiveFeed:
         """The samples of the last seconds before the newest one; since the tool was moved when asked."""
         longest = 3600.0
         if not 0.0 < seconds <= longest:
-            raise InputError(f"seconds is {seconds:g}; allowed more than 0, up to {longest:g}")
+            raise out_of_range("seconds", seconds, f"0 < seconds <= {longest:g}")
         with self._lock:
             start = float("inf") if self._latest is None else self._latest.time - seconds * (1.0 + 1e-9)
             return self._ring.since(max(start, float(np.nextafter(self._moved, np.inf))) if since_moved else start)
@@ -394,16 +393,18 @@ class LiveFeed:
         with self._lock:
             window = self.window(seconds, since_moved=True)
             floor, blocks = self._noise.floor(), self._noise.blocks
-        word, reason = self._unfit(window, seconds)
-        if len(window) < 2:
-            return Stability({}, {}, {}, {}, {}, len(window), 0.0, None, False, word, reason)
+        unfit = self._unfit(window, seconds)
+        if len(window) < 2 and unfit is not None:
+            return Stability({}, {}, {}, {}, {}, len(window), 0.0, None, False, *unfit)
         signals = window.signals
         mean, change, white = line(window.time, signals)
         sure = np.zeros(len(mean)) if floor is None else np.sqrt(drift_variance(floor, len(window), white))
-        if not word and floor is None:
-            word, reason = "learning", f"learning the noise of the instrument, {blocks} of {LEAST_BLOCKS} blocks: wait"
-        elif not word and floor is not None:
-            word, reason = judge(window, floor)
+        if unfit is not None:
+            word, finding = unfit
+        elif floor is None:
+            word, finding = "learning", Finding("capture-learning", {"blocks": blocks, "least": LEAST_BLOCKS})
+        else:
+            word, finding = judge(window, floor)
         heat = window.temperature[np.isfinite(window.temperature)]
         return Stability(
             window.split(mean),
@@ -416,27 +417,27 @@ class LiveFeed:
             float(heat.mean()) if len(heat) else None,
             word == "still",
             word,
-            reason,
+            finding,
         )
 
-    def _unfit(self, window: Window, seconds: float) -> tuple[str, str]:
-        """Why nothing can be said of a window, a word and a sentence; empty when something can."""
+    def _unfit(self, window: Window, seconds: float) -> tuple[str, Finding] | None:
+        """Why nothing can be said of a window, as a word too; None when something can."""
         if not self.connected:
-            return "disconnected", f"{self.url} is not connected; it is tried again and again: check the cable"
+            return "disconnected", Finding("capture-disconnected", {"url": self.url})
         # s without a sample after which the newest one says nothing about now
-        if self.age > max(2.0, self.protocol.silence):
-            return "stale", f"no sample for {self.age:.1f} s; is the tool switched on?"
+        if (age := self.age) > max(2.0, self.protocol.silence):
+            return "stale", Finding("capture-stale", {"age_s": age}) if np.isfinite(age) else Finding("capture-none")
         if window.faulty.any():
-            said = f"{int(window.faulty.sum())} of {len(window)} samples are out of range or stuck"
-            return "faulty", f"{said}; wait {seconds:g} s, then check the tool"
+            about = {"count": int(window.faulty.sum()), "total": len(window), "wait_s": float(seconds)}
+            return "faulty", Finding("capture-faulty", about)
         # a window of so many seconds is full when the next sample would not fit any more
         step = window.duration / max(len(window) - 1, 1)
         if window.duration + step >= 0.9 * seconds and len(window) >= LEAST:
-            return "", ""
-        have = f"{len(window)} samples in {window.duration:.1f} of {seconds:g} s"
-        slow = len(window) > 1 and seconds < (LEAST - 1) * step
-        remedy = f"look at {np.ceil(LEAST * step):g} s, it sends slowly" if slow else "wait"
-        return "few", f"{have}; at least {LEAST} samples over the whole time are needed: {remedy}"
+            return None
+        have = {"count": len(window), "duration_s": window.duration, "least": LEAST}
+        if len(window) > 1 and seconds < (LEAST - 1) * step:
+            return "few", Finding("capture-slow", {**have, "needed_s": float(np.ceil(LEAST * step))})
+        return "few", Finding("capture-few", {**have, "window_s": float(seconds)})
 
     def capture(
         self, dial: tuple[float, float, float], seconds: float = WINDOW, how: str = "key", note: str = ""
@@ -447,13 +448,12 @@ class LiveFeed:
         recorded with the reading.
         """
         if how not in ("key", "automatic", "api"):
-            raise InputError(f"how is {how!r}; allowed: key, automatic, api")
+            raise not_among("how", how, ("key", "automatic", "api"))
         azimuth, inclination, toolface = (float(x) for x in finite(dial, "dial", (3,)))
         found = self.stability(seconds)
-        if found.word in ("disconnected", "stale", "faulty", "few"):
-            raise CaptureError(f"nothing is captured: {found.reason}")
-        if how == "automatic" and not found.still:
-            raise CaptureError(f"nothing is captured by itself: {found.reason}")
+        unfit = found.word in ("disconnected", "stale", "faulty", "few")
+        if unfit or (how == "automatic" and not found.still):
+            raise CaptureError(found.finding)
         return Capture(
             channels=found.mean,
             dial=(azimuth, inclination, toolface),
@@ -465,5 +465,5 @@ class LiveFeed:
             temperature=found.temperature,
             still=found.still,
             how=how,
-            note=note or ("" if found.still else found.reason),
+            note=note or ("" if found.still else str(found.finding)),
         )

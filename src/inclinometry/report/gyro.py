@@ -273,7 +273,7 @@ def learnt_sentences(track: ScaleTrack) -> list[str]:
     return [
         f"{over} the scale factor changed by {significant(change)} %; it is known within "
         f"±{significant(worst)} % at the worst station (median ±{significant(median)} %, k = {COVERAGE_FACTOR:g}).",
-        *(f"{note[0].upper()}{note[1:]}." for note in track.notes),
+        *said(track.findings),
     ]
 
 

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from inclinometry.arrays import Array, finite, frozen
 from inclinometry.constants import DIALS, DIP, KINDS, LATITUDE
-from inclinometry.errors import InputError
+from inclinometry.errors import not_among, out_of_range, refused, wrong_shape
 from inclinometry.rotations import dcm, rotation_exp, rotation_x, rotation_y, rotation_z
 from inclinometry.sensors import Tool
 from inclinometry.simulate.sensing import Characteristic, Sensed, sense, sense_batch
@@ -31,7 +31,7 @@ class Misread:
 
     def __post_init__(self) -> None:
         if self.dial not in DIALS:
-            raise InputError(f"dial is {self.dial!r}; allowed: {', '.join(DIALS)}")
+            raise not_among("dial", self.dial, DIALS)
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ class Rig:
             finite(self.tilt_axis, "tilt_axis")
         spread = finite(self.setting_sd, "setting_sd")
         if spread.shape not in ((), (3,)) or (spread < 0.0).any():
-            raise InputError(f"setting_sd is {self.setting_sd!r}; expected one value of 0 or more rad, or three")
+            raise out_of_range("setting_sd", str(spread.tolist()), ">= 0 | 3 x >= 0")
         object.__setattr__(self, "setting_sd", frozen(np.broadcast_to(spread, (3,))))
         object.__setattr__(self, "faults", tuple(self.faults))
 
@@ -81,7 +81,7 @@ class Rig:
         axis = self.tilt_axis if tilt_axis is None else tilt_axis
         if axis is None:
             if self.base_tilt != 0.0:
-                raise InputError("the base is tilted about a random axis; give tilt_axis")
+                raise refused("input-missing", {"names": ("tilt_axis",)})
             axis = 0.0
         psi = np.asarray(axis, dtype=np.float64)
         tilt = rotation_z(-psi) @ rotation_x(self.base_tilt) @ rotation_z(psi)
@@ -282,9 +282,9 @@ def simulate_benches(
     record = _settings(azimuth, inclination, toolface)
     number = len(tools) if draws is None else draws
     if len(tools) not in (1, number):
-        raise InputError(f"{len(tools)} tools for {number} draws; give one tool, or one for each draw")
+        raise wrong_shape("tools", (len(tools),), f"(1,) | ({number},)")
     if rig.faults:
-        raise InputError("gross faults are simulated one calibration at a time; use simulate_bench")
+        raise refused("input-not-with", {"name": "rig.faults", "other": "simulate_benches"})
     streams = Streams(seed, "bench")
     errors, tilt_axis = _rig_draw(rig, streams, number, len(record))
     orientation = rig.orientation(record + errors)
@@ -310,7 +310,7 @@ def _settings(azimuth: ArrayLike, inclination: ArrayLike, toolface: ArrayLike) -
     """The intended settings (K, 3)."""
     angles = [finite(v, name) for v, name in zip((azimuth, inclination, toolface), DIALS, strict=True)]
     if any(v.shape != angles[0].shape or v.ndim != 1 for v in angles):
-        raise InputError(f"settings have shapes {[v.shape for v in angles]}; expected (K,) for all three")
+        raise wrong_shape(", ".join(DIALS), ", ".join(str(v.shape) for v in angles), "(K,)")
     return np.stack(angles, axis=-1)
 
 
@@ -325,7 +325,7 @@ def _rig_draw(rig: Rig, streams: Streams, draws: int, size: int) -> tuple[Array,
 
 def _check_station(fault: Misread | Bump, size: int) -> None:
     if not 0 <= fault.station < size:
-        raise InputError(f"{fault} is at a station that is not there; stations are 0 to {size - 1}")
+        raise out_of_range("station", fault.station, f"0 .. {size - 1}")
 
 
 def _bumped(rig: Rig, streams: Streams, orientation: Array) -> Array:

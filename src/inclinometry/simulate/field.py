@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from inclinometry.arrays import Array, finite
 from inclinometry.constants import DIP, LATITUDE
-from inclinometry.errors import InputError
+from inclinometry.errors import out_of_range
 from inclinometry.rotations import dcm, rotation_exp, rotation_z
 from inclinometry.sensors import Tool
 from inclinometry.simulate.bench import bench_reference, field_direction
@@ -38,9 +38,13 @@ class HandHeld:
     def __post_init__(self) -> None:
         sets = self.roll_sets * self.rolls
         if min(self.shots, self.roll_sets) < 0 or self.rolls < 1 or self.shots + sets == 0:
-            raise InputError(f"{self}: counts must not be negative, and at least one shot is needed")
+            raise out_of_range(
+                "shots, roll_sets, rolls",
+                f"{self.shots}, {self.roll_sets}, {self.rolls}",
+                ">= 0, >= 0, >= 1, shots + sets > 0",
+            )
         if min(self.pointing_sd, self.roll_sd) < 0.0:
-            raise InputError(f"{self}: a scatter cannot be negative")
+            raise out_of_range("pointing_sd, roll_sd", f"{self.pointing_sd:g}, {self.roll_sd:g}", ">= 0")
         finite([self.pointing_sd, self.roll_sd, self.dip, self.latitude], "angles of a field calibration")
 
     @property

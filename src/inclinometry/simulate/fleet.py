@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from inclinometry.arrays import Array, finite
 from inclinometry.constants import STANDARD_GRAVITY
-from inclinometry.errors import InputError
+from inclinometry.errors import out_of_range
 from inclinometry.history import DAYS_PER_YEAR, ToolHistory, tool_from_relative
 from inclinometry.sensors import Tool
 from inclinometry.simulate.bench import BenchSimulation, Rig, simulate_bench
@@ -132,9 +132,7 @@ def simulate_fleet(
     certificate = finite(scene.covariance, "covariance of a certificate", (p, p))
     for tool, number in scene.jumps:
         if not (0 <= tool < n and 1 <= number < most):
-            raise InputError(
-                f"a jump of tool {tool} before calibration {number}: allowed 0 to {n - 1}, 1 to {most - 1}"
-            )
+            raise out_of_range("jumps", f"{tool}, {number}", f"0 .. {n - 1}, 1 .. {most - 1}")
     streams = Streams(seed, "fleet")
 
     def draw(name: str, root: Array, shape: tuple[int, ...]) -> Array:

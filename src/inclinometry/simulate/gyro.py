@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from inclinometry.arrays import Array, Index, finite, within
 from inclinometry.constants import EARTH_RATE, STANDARD_GRAVITY
 from inclinometry.earth.rate import earth_rate, horizontal_rate
-from inclinometry.errors import InputError
+from inclinometry.errors import out_of_range, wrong_shape
 from inclinometry.rotations import dcm, rotation_z, wrap_positive
 from inclinometry.simulate.tool import Seed, Streams, flicker_rate, white_rate
 
@@ -111,7 +111,7 @@ def simulate_gyro_run(
     given = {"md": md, "inclination": inclination, "azimuth": azimuth, "toolface": toolface}
     path = [finite(v, name) for name, v in given.items()]
     if any(v.ndim != 1 or v.shape != path[0].shape for v in path):
-        raise InputError(f"{', '.join(given)} have shapes {[v.shape for v in path]}; expected (n,)")
+        raise wrong_shape(", ".join(given), ", ".join(str(v.shape) for v in path), "(n,)")
     index = finite(positions, "positions", (None,))
     within([dwell, g], "dwell and g", 1e-9, np.inf)
     within([settle, travel], "settle and travel", 0.0, np.inf)
@@ -152,9 +152,7 @@ def _spikes(spikes: Sequence[Spike], shape: tuple[int, int, int]) -> Array:
     for spike in spikes:
         place = (spike.station, spike.position, spike.channel)
         if any(not 0 <= at < size for at, size in zip(place, shape, strict=True)):
-            raise InputError(
-                f"{spike} is nowhere; there are {shape[0]} stations, {shape[1]} positions, {shape[2]} gyros"
-            )
+            raise out_of_range("spike", ", ".join(map(str, place)), ", ".join(f"0 .. {size - 1}" for size in shape))
         out[place] += spike.size
     return out.reshape(-1, shape[2])
 

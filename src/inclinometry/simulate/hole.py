@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from inclinometry.arrays import Array, finite
 from inclinometry.constants import EARTH_RATE, LATITUDE
-from inclinometry.errors import InputError
+from inclinometry.errors import out_of_range, refused, wrong_shape
 from inclinometry.rotations import dcm, wrap_positive
 from inclinometry.sensors import Tool
 from inclinometry.simulate.bench import field_direction
@@ -42,7 +42,11 @@ class WellProfile:
     def __post_init__(self) -> None:
         lengths = (self.kickoff, self.hold_length, self.final_length)
         if min(lengths) < 0.0 or not (self.spacing > 0.0 and self.build_rate > 0.0 and self.drop_rate > 0.0):
-            raise InputError(f"{self}: lengths must not be negative; rates and spacing must be positive")
+            raise out_of_range(
+                "kickoff, hold_length, final_length, spacing, build_rate, drop_rate",
+                ", ".join(f"{one:g}" for one in (*lengths, self.spacing, self.build_rate, self.drop_rate)),
+                ">= 0, >= 0, >= 0, > 0, > 0, > 0",
+            )
 
 
 class WellPath(NamedTuple):
@@ -114,7 +118,7 @@ def simulate_survey(
     """
     path = WellPath(*map(finite, (md, inclination, azimuth, toolface), WellPath._fields))
     if path.md.ndim != 1 or any(v.shape != path.md.shape for v in path):
-        raise InputError(f"md, inclination, azimuth, toolface have shapes {[v.shape for v in path]}; expected (n,)")
+        raise wrong_shape(", ".join(WellPath._fields), ", ".join(str(v.shape) for v in path), "(n,)")
     heat = None if temperature is None else np.broadcast_to(finite(temperature, "temperature"), path.md.shape)
     orientation = dcm(path.azimuth, path.inclination, path.toolface)
     local = {"accelerometer": g, "magnetometer": b, "gyro": EARTH_RATE}
@@ -144,9 +148,9 @@ def field_ratio(tool: Tool, kind: str, local: float | None) -> float:
     if local is None or (kind == "gyro" and strength is None):
         return 1.0
     if strength is None:
-        raise InputError(f"{kind}: the tool does not know its field strength; leave the local one out")
+        raise refused("simulate-strength", {"kind": kind})
     if not local > 0.0:
-        raise InputError(f"{kind}: local field strength is {local}; it must be positive")
+        raise out_of_range(f"{kind} field", float(local), "> 0")
     return local / strength
 
 

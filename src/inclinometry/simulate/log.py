@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from inclinometry.arrays import Array, finite, within
 from inclinometry.constants import DIP, EARTH_RATE, LATITUDE, STANDARD_GRAVITY
-from inclinometry.errors import InputError
+from inclinometry.errors import wrong_shape
 from inclinometry.rotations import dcm, rotation_exp, rotation_log
 from inclinometry.sensors import Tool
 from inclinometry.simulate.bench import field_direction
@@ -58,7 +58,7 @@ def simulate_log(
     """
     a, i, t = (finite(v, n) for v, n in ((azimuth, "azimuth"), (inclination, "inclination"), (toolface, "toolface")))
     if a.ndim != 1 or not a.shape == i.shape == t.shape or not a.size:
-        raise InputError(f"poses have shapes {a.shape}, {i.shape}, {t.shape}; expected (P,) for all three")
+        raise wrong_shape("azimuth, inclination, toolface", f"{a.shape}, {i.shape}, {t.shape}", "(P,)")
     poses = dcm(a, i, t)
     # start and end of each still period (P, 2)
     count = len(poses)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from inclinometry.arrays import Array, finite
-from inclinometry.errors import InputError
+from inclinometry.errors import out_of_range, refused
 from inclinometry.sensors import Tool, Triad
 from inclinometry.simulate.tool import FULL_SCALE, Streams, ToolBatch, digitise, signal_step
 
@@ -33,12 +33,9 @@ class Characteristic:
 
     def __post_init__(self) -> None:
         if self.noise is not None and not 0.0 <= self.noise < np.inf:
-            raise InputError(f"noise is {self.noise:g}; it must be 0 or more")
+            raise out_of_range("noise", float(self.noise), ">= 0")
         if not (abs(self.square) <= 0.1 and 0.0 <= self.hysteresis <= 0.1):
-            raise InputError(
-                f"non-linearity {100 * self.square:g} %, hysteresis {100 * self.hysteresis:g} % of full scale; "
-                "up to 10 % is allowed"
-            )
+            raise out_of_range("square, hysteresis", f"{self.square:g}, {self.hysteresis:g}", "-0.1 .. 0.1, 0 .. 0.1")
 
     def bent(self, clean: Array, triad: Triad) -> Array:
         """Signals (n, m), in the order of reading, of sensors that would give `clean` were they straight."""
@@ -56,7 +53,7 @@ class Characteristic:
 def signal_of(triad: Triad, field: float) -> Array:
     """The signal (m,) that a field of m/s^2, nT or rad/s along its axis makes of each sensor, the offset left out."""
     if triad.field_strength is None:
-        raise InputError(f"the {triad.kind} does not know the strength of its field: nothing says what is full scale")
+        raise refused("simulate-strength", {"kind": triad.kind})
     return np.asarray(np.linalg.norm(triad.tensor[0], axis=1) * (field / triad.field_strength))
 
 
@@ -103,7 +100,7 @@ def sense(
     bits : quantise and clip. drift : (n, m) added to the clean signals. `characteristic` does not change these.
     """
     if repeats < 1:
-        raise InputError(f"repeats is {repeats}; at least 1 reading is needed")
+        raise out_of_range("repeats", repeats, ">= 1")
     signals, sds, straight, saturated = {}, {}, {}, {}
     for kind, field in fields.items():
         triad = tool.triads[kind]
@@ -151,7 +148,7 @@ def read_sensors(
     below that of the step, step / sqrt 12, unless the readings scatter over more than half a step themselves.
     """
     if (noise < 0.0).any():
-        raise InputError(f"noise is {noise}; a standard deviation cannot be negative")
+        raise out_of_range("noise", float(noise.min()), ">= 0")
     readings = clean + noise * random.standard_normal((repeats, *clean.shape))
     over = np.zeros(readings.shape, dtype=np.bool_)
     if step is not None and bits is not None:

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from inclinometry.arrays import Array
 from inclinometry.constants import DEG_PER_HOUR, EARTH_RATE, KINDS, STANDARD_GRAVITY
-from inclinometry.errors import InputError
+from inclinometry.errors import not_among, out_of_range, refused
 from inclinometry.rotations import dcm_from_quaternion
 from inclinometry.sensors import Tool, Triad
 
@@ -34,7 +34,7 @@ class Streams:
             self._root = np.random.SeedSequence(seed.integers(0, 2**63, size=2).tolist())
         else:
             if isinstance(seed, bool) or int(seed) != seed or seed < 0:
-                raise InputError(f"seed is {seed!r}; allowed: an integer of 0 or more")
+                raise out_of_range("seed", repr(seed), "0, 1, 2 ...")
             self._root = np.random.SeedSequence(int(seed))
 
     def __getitem__(self, name: str) -> np.random.Generator:
@@ -108,10 +108,7 @@ def signal_step(kind: str, unit: str, bits: int) -> float:
         return 1.0
     if unit == PHYSICAL_UNITS[kind]:
         return converter_step(kind, bits)
-    raise InputError(
-        f"bits is {bits}, but {kind} signals are in {unit!r}, whose step is not known; allowed: 'counts' or "
-        f"{PHYSICAL_UNITS[kind]!r}; else leave bits out, or state 0 at the command line"
-    )
+    raise refused("simulate-unit", {"kind": kind, "unit": unit, "allowed": ("counts", PHYSICAL_UNITS[kind])})
 
 
 def digitise(signals: ArrayLike, step: float, bits: int) -> tuple[Array, NDArray[np.bool_]]:
@@ -124,7 +121,7 @@ def digitise(signals: ArrayLike, step: float, bits: int) -> tuple[Array, NDArray
 
 def _check(bits: int) -> None:
     if not 2 <= bits <= 32 or int(bits) != bits:
-        raise InputError(f"bits is {bits}; allowed: a whole number from 2 to 32, or None for no converter")
+        raise out_of_range("bits", bits, "2, 3 ... 32")
 
 
 TRIADS: Final[Mapping[str, int]] = MappingProxyType({"accelerometer": 3, "magnetometer": 3})
@@ -184,7 +181,7 @@ def nominal_axes(count: int) -> Array:
     The cone about z has half angle arccos(1/sqrt 3), which sees all directions equally well: sum of c c^T = m/3 I.
     """
     if count < 1:
-        raise InputError(f"a triad of {count} sensors; at least 1 is needed")
+        raise out_of_range("count", count, ">= 1")
     if count <= 3:
         return np.eye(3)[:count]
     turn = 2.0 * np.pi * np.arange(count) / count
@@ -240,7 +237,7 @@ def with_temperature(tool: Tool, seed: Seed, degree: int) -> Tool:
     hundred degrees.
     """
     if not 0 <= degree <= 4:
-        raise InputError(f"degree of the temperature polynomial is {degree}; allowed 0 to 4")
+        raise out_of_range("degree", degree, "0 .. 4")
     if degree == 0:
         return tool
     streams, triads = Streams(seed, "tool"), {}
@@ -276,10 +273,12 @@ def _tools(
 ) -> ToolBatch:
     """Draw axes, factors and offsets of each kind, and put them into signal units."""
     unknown = (set(sensors) | set(noise)) - set(KINDS)
-    if unknown or not sensors:
-        raise InputError(f"sensors {dict(sensors)}, noise {dict(noise)}: the kinds are {', '.join(KINDS)}")
+    if not sensors:
+        raise refused("input-empty", {"name": "sensors"})
+    if unknown:
+        raise not_among("sensors, noise", ", ".join(sorted(unknown)), KINDS)
     if not (g > 0.0 and b > 0.0) or any(not sd >= 0.0 for sd in noise.values()):
-        raise InputError(f"g {g} m/s^2 and b {b} nT must be positive, and no noise negative: {dict(noise)}")
+        raise out_of_range("g, b, noise", f"{g:g}, {b:g}, {min(noise.values(), default=0.0):g}", "> 0, > 0, >= 0")
     streams = Streams(seed, "tool")
     strength = {"accelerometer": g, "magnetometer": b, "gyro": EARTH_RATE}
     tensors, offsets, sd = {}, {}, {}

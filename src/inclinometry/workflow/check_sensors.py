@@ -161,7 +161,7 @@ def _conventions(channels: Mapping[str, Array], units: Mapping[str, str]) -> Sen
         # the identity, or all channels reversed, is what the conventions above have
         same = mappings[0].axes in (axes_names(np.eye(3)), axes_names(-np.eye(3)))
         if not same and not ambiguous:
-            notes.append(f"axes: {explanation}")
+            notes.append(str(explanation))
     spread = max(candidates, key=lambda c: c.scatter_deg).scatter_deg
     if spread > 5.0 and not notes:
         notes.append(

@@ -178,7 +178,7 @@ def north_run(
         track = replace(track, scale_sd=np.hypot(track.scale_sd, averages.scale_calibration * track.scale))
     flags = _flags(averages, heat, calibration, chosen.history)
     inherited = [f"calibration: {sentence}" for sentence in (calibration.remarks if calibration else ())]
-    notes = [*readings.notes, *known.notes, *inherited]
+    notes = [*readings.notes, *map(str, known.findings), *inherited]
     findings = [
         *_remarks(readings, heat, chosen),
         *averages.gravity.findings,
@@ -319,7 +319,7 @@ def _expected(stations: Stations, averages: Averages, heat: Array | None, option
         return ScalePrior(stated_law(*before), *before, *before, None)
     track = (smooth_scale if prior == "run" else track_scale)(*given, None if prior == "previous" else heat, stated)
     known = (track.expected, track.expected_sd) if track.contradicted else before
-    return ScalePrior(track.law, *known, *before, track, track.notes)
+    return ScalePrior(track.law, *known, *before, track, track.findings)
 
 
 def _flags(

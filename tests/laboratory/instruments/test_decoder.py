@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tests.refusals import fits
 
 from inclinometry.laboratory.instruments.protocol import ChannelMap, Decoder, Protocol, Sample, encode
 from inclinometry.laboratory.instruments.protocol_toml import protocol_names, read_protocol
@@ -71,7 +72,7 @@ def test_no_bytes_raise_and_every_event_is_known(data, name):
     taken = Taken(read_protocol(name)).feed(data)
     known = "garbage partial too-long checksum range stuck gap repeated restart clock"
     assert set(taken.kinds) <= {*known.split()}
-    assert all(event.sentence.isprintable() for event in taken.events)
+    assert all(str(event.finding).isprintable() for event in taken.events)
 
 
 @settings(max_examples=40, deadline=None)
@@ -117,7 +118,8 @@ def test_lines_that_are_refused_are_named(line, kind):
 def test_a_value_out_of_range_is_delivered_and_marked():
     taken = Taken().feed(b"1,1,1\n2,1,-101\n3,1,1\n")
     assert [s.faults for s in taken.samples] == [(), ("range",), ()]
-    assert "allowed -100 to 100" in taken.events[0].sentence
+    values = {"name": "accelerometer", "value": -101.0, "low": -100.0, "high": 100.0}
+    assert fits(taken.events[0].finding, ["capture-range"], values)
 
 
 def test_values_that_stay_the_same_are_called_stuck_once():
@@ -131,7 +133,7 @@ def test_missing_and_repeated_samples_and_a_restart():
     taken = Taken().feed(b"5,1,1\n6,2,1\n6,2,1\n9,3,1\n0,4,1\n1,5,1\n")
     assert taken.numbers == [5, 6, 9, 0, 1]
     assert taken.kinds == ["repeated", "gap", "restart"]
-    assert "2 samples are missing" in taken.events[1].sentence
+    assert fits(taken.events[1].finding, ["capture-gap"], {"count": 2, "number": 9})
 
 
 def test_a_counter_that_overflows_is_no_restart():

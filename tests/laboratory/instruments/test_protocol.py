@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+from tests.refusals import refused
 
-from inclinometry.errors import FileError, InputError
+from inclinometry.errors import FileError
 from inclinometry.laboratory.instruments.protocol import (
     CHECKSUMS,
     ChannelMap,
@@ -103,7 +104,7 @@ def test_checksums_of_known_lines():
 
 
 def test_an_unknown_checksum_is_refused():
-    with pytest.raises(InputError, match="allowed: none, xor"):
+    with refused("input-choice", name="checksum"):
         checksum("md5", b"1")
 
 
@@ -119,58 +120,62 @@ def test_any_number_of_sensors():
 
 
 REFUSED = {
-    "unknown key": ('colums = ["a"]\n' + GOOD, "columns"),
-    "no channels": ('columns = ["a"]\n', "channels"),
-    "neither columns nor pattern": ('[channels.gyro]\nfields = ["a"]\n', "one of columns and pattern"),
-    "both": ('pattern = "(?P<a>x)"\n' + GOOD, "one of columns and pattern"),
+    "unknown key": ('colums = ["a"]\n' + GOOD, "colums"),
+    "no channels": ('columns = ["a"]\n', "input-kind"),
+    "neither columns nor pattern": ('[channels.gyro]\nfields = ["a"]\n', "input-one-of"),
+    "both": ('pattern = "(?P<a>x)"\n' + GOOD, "input-one-of"),
     "a kind that is none": (GOOD.replace("channels.accelerometer", "channels.compass"), "compass"),
-    "a field that is not there": (GOOD.replace('fields = ["a", "b", "c"]', 'fields = ["a", "b", "d"]'), "'d'"),
-    "a field twice": (GOOD.replace('"c"]\nunit', '"t"]\nunit'), "'t' is used twice"),
+    "a field that is not there": (
+        GOOD.replace('fields = ["a", "b", "c"]', 'fields = ["a", "b", "d"]'),
+        "input-unknown",
+    ),
+    "a field twice": (GOOD.replace('"c"]\nunit', '"t"]\nunit'), "input-repeated"),
     "axes that are none": (GOOD.replace('"+z"]', '"+y"]'), "x, y and z once each"),
-    "scale 0": (GOOD.replace("[0.001, 0.002, 0.003]", "0"), "scale"),
-    "a list of scales too short": (GOOD.replace("[0.001, 0.002, 0.003]", "[1, 2]"), "2 numbers for 3 fields"),
-    "an empty range": (GOOD.replace("high = 2", "high = -3"), "low < high"),
-    "a broken pattern": ('pattern = "(?P<a>"\n[channels.gyro]\nfields = ["a"]\n', "no regular expression"),
-    "a checksum that is none": ('checksum = "md5"\n' + GOOD, "none, xor, sum, crc16"),
-    "columns as text": (GOOD.replace('["n", "a", "b", "c", "t"]', '"n,a,b,c,t"'), "a list of names"),
+    "scale 0": (GOOD.replace("[0.001, 0.002, 0.003]", "0"), "input-value"),
+    "a list of scales too short": (GOOD.replace("[0.001, 0.002, 0.003]", "[1, 2]"), "input-shape"),
+    "an empty range": (GOOD.replace("high = 2", "high = -3"), "input-value"),
+    "a broken pattern": ('pattern = "(?P<a>"\n[channels.gyro]\nfields = ["a"]\n', "capture-pattern"),
+    "a checksum that is none": ('checksum = "md5"\n' + GOOD, "input-choice"),
+    "columns as text": (GOOD.replace('["n", "a", "b", "c", "t"]', '"n,a,b,c,t"'), "input-kind"),
     "a number out of range": ("silence_s = 0\n" + GOOD, "silence_s"),
-    "not ascii in a query": ('query = "\u20ac"\n' + GOOD, "bytes"),
-    "a baud rate that is none": (GOOD + "[serial]\nbaudrate = 9601\n", "baudrate"),
-    "a boolean for a number": (GOOD + "[serial]\nstopbits = true\n", "stopbits"),
-    "wits with names": ('framing = "wits0"\n[channels.gyro]\nfields = ["a"]\n', "four digits"),
-    "temperature without field": (GOOD.replace('field = "t"\n', ""), "field"),
-    "not TOML": ("columns = [", "not TOML"),
+    "not ascii in a query": ('query = "\u20ac"\n' + GOOD, "input-value"),
+    "a baud rate that is none": (GOOD + "[serial]\nbaudrate = 9601\n", "input-choice"),
+    "a boolean for a number": (GOOD + "[serial]\nstopbits = true\n", "input-choice"),
+    "wits with names": ('framing = "wits0"\n[channels.gyro]\nfields = ["a"]\n', "input-value"),
+    "temperature without field": (GOOD.replace('field = "t"\n', ""), "input-missing"),
+    "not TOML": ("columns = [", "TOML"),
 }
 
 
 @pytest.mark.parametrize("case", REFUSED)
 def test_files_that_cannot_be_used_are_refused_with_the_reason(tmp_path, case):
     text, expected = REFUSED[case]
-    with pytest.raises(FileError) as refused:
+    with pytest.raises(FileError) as told:
         from_text(tmp_path, text)
-    assert expected in str(refused.value)
-    assert "own.toml" in str(refused.value)
+    found = told.value.finding
+    assert expected in (str(told.value) if found is None else f"{found.code} {told.value}")
+    assert "own.toml" in str(told.value)
 
 
 def test_an_unknown_name_lists_those_there_are():
-    with pytest.raises(InputError, match="csv-line, query-response, wits0"):
+    with refused("input-choice", name="protocol"):
         read_protocol("modbus")
 
 
 @pytest.mark.parametrize(
     ("change", "expected"),
     [
-        ({"interval": -1.0}, "interval"),
-        ({"longest": 3}, "longest"),
-        ({"framing": "hdlc"}, "framing"),
-        ({"terminator": b""}, "terminator"),
-        ({"columns": ("a", "a")}, "twice"),
-        ({"sequence": "z"}, "'z'"),
-        ({"temperature": TemperatureMap("y")}, "'y'"),
-        ({"columns": (), "pattern": "(?P<a>x)" * 500}, "characters"),
+        ({"interval": -1.0}, "input-value"),
+        ({"longest": 3}, "input-value"),
+        ({"framing": "hdlc"}, "input-choice"),
+        ({"terminator": b""}, "input-empty"),
+        ({"columns": ("a", "a")}, "input-repeated"),
+        ({"sequence": "z"}, "input-unknown"),
+        ({"temperature": TemperatureMap("y")}, "input-unknown"),
+        ({"columns": (), "pattern": "(?P<a>x)" * 500}, "input-long"),
     ],
 )
 def test_a_protocol_in_memory_is_checked_too(change, expected):
     given = {"channels": {"gyro": ChannelMap(("a",))}, "columns": ("a",), **change}
-    with pytest.raises(InputError, match=expected):
+    with refused(expected):
         Protocol("p", **given)

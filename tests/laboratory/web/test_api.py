@@ -106,7 +106,7 @@ def test_a_reading_far_from_its_dials_needs_a_reason(api):
     said = {"attempt": 1, "dial_deg": dial, "channels": seen_at(dial, 99, 40.0)}
     for reason in ({}, {"reason": "  "}, {"reason": "-"}, {"reason": "n/a"}):
         refused = api.post(f"{where}/readings/5", json=said | reason)
-        assert (refused.status_code, refused.json()["code"]) == (409, "far-from-target")
+        assert (refused.status_code, refused.json()["code"]) == (409, "ledger-far-from-target")
         assert re.search(r"toolface 1[56][0-9.]+ deg, target 120.0 deg. Turn the tool", refused.json()["detail"])
     assert api.get(where).json()["readings"] == []
     taken = api.post(f"{where}/readings/5", json=said | {"reason": "a new collet"})

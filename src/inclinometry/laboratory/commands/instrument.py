@@ -13,7 +13,7 @@ from cyclopts import Parameter
 
 from inclinometry.cli import options, output
 from inclinometry.cli.options import InputOrNone, Json
-from inclinometry.errors import InputError
+from inclinometry.errors import out_of_range
 from inclinometry.laboratory.commands import ProtocolName
 from inclinometry.laboratory.instruments.simulated_instrument import SimulatedInstrument, StandSettings, from_truth
 from inclinometry.workflow.simulate import plan_named
@@ -76,7 +76,7 @@ def instrument(
         Stop after so many seconds; at Ctrl-C when not given.
     """
     if duration_s is not None and not 0.0 < duration_s <= 1e9:
-        raise InputError(f"--duration-s is {duration_s:g}; allowed more than 0")
+        raise out_of_range("--duration-s", duration_s, "> 0")
     settings = StandSettings(turn_s, temperature, warming, noise, None if plan is None else plan_named(plan), dwell_s)
     true_tool, true_rig = (None, None) if tool is None else from_truth(tool)
     where = {"host": host, "port": port, "rig_port": rig_port}

@@ -17,8 +17,9 @@ from inclinometry.arrays import Array, finite, frozen
 from inclinometry.calibration.readings import LARGEST
 from inclinometry.constants import KINDS
 from inclinometry.conventions import axes_matrix
-from inclinometry.errors import InputError
+from inclinometry.errors import not_among, out_of_range, refused, wrong_shape
 from inclinometry.files.wits0 import BEGIN, END, WitsFrame, take_item
+from inclinometry.findings import Finding, Value
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +42,7 @@ class Sample:
 
 @dataclass(frozen=True)
 class InstrumentEvent:
-    """Something that happened to the stream: time, s, on the clock of the reader; kind; a sentence.
+    """Something that happened to the stream: time, s, on the clock of the reader; kind; what it was.
 
     Of the port: connected, disconnected, unreachable, silent. Of a line: garbage, partial (its beginning or end is
     missing), too-long, checksum. Of a sample: range (a value that the protocol does not allow), stuck (the same values
@@ -51,7 +52,7 @@ class InstrumentEvent:
 
     time: float
     kind: str
-    sentence: str
+    finding: Finding
 
 
 @cache
@@ -78,7 +79,7 @@ CHECKSUMS: Final = ("none", *_SUMS)
 def checksum(kind: str, line: bytes) -> str:
     """The checksum of a line, without the asterisk; a leading $ is not counted, as in NMEA 0183."""
     if kind not in CHECKSUMS:
-        raise InputError(f"checksum is {kind!r}; allowed: {', '.join(CHECKSUMS)}")
+        raise not_among("checksum", kind, CHECKSUMS)
     if kind == "none":
         return ""
     work, digits = _SUMS[kind]
@@ -128,18 +129,20 @@ class ChannelMap:
         most_channels = 64
         put, count = object.__setattr__, len(self.fields)
         put(self, "fields", tuple(self.fields))
-        if not 1 <= count <= most_channels or len(set(self.fields)) != count:
-            raise InputError(f"fields are {list(self.fields)}; give 1 to {most_channels} different names")
+        if not 1 <= count <= most_channels:
+            raise out_of_range("fields", count, f"1 .. {most_channels}")
+        if len(set(self.fields)) != count:
+            raise refused("input-repeated", {"name": "fields", "value": repeated(self.fields)})
         if self.axes and (count != 3 or len(self.axes) != 3):
-            raise InputError(
-                f"axes {list(self.axes)} for {count} fields; axes are for three sensors, else leave them out"
-            )
+            raise wrong_shape("fields, axes", (count, len(self.axes)), "(3, 3)")
         found = finite(self.scale, "scale")
         if found.shape not in ((), (count,)):
-            raise InputError(f"scale has {found.size} numbers for {count} fields; give one, or one a field")
+            raise wrong_shape("scale", found.shape, f"({count},)")
         scale = np.broadcast_to(found, (count,))
-        if (scale == 0.0).any() or not self.low < self.high:
-            raise InputError(f"scale {self.scale}, low {self.low:g}, high {self.high:g}: no scale is 0 and low < high")
+        if (scale == 0.0).any():
+            raise out_of_range("scale", 0.0, "!= 0")
+        if not self.low < self.high:
+            raise out_of_range("low", self.low, f"< {self.high:g}")
         matrix = axes_matrix((self.axes[0], self.axes[1], self.axes[2])) if self.axes else np.eye(count)
         order = np.abs(matrix).argmax(axis=1)
         put(self, "_order", order)
@@ -168,10 +171,10 @@ class TemperatureMap:
     high: float = 400.0
 
     def __post_init__(self) -> None:
-        if self.scale == 0.0 or not self.low < self.high:
-            raise InputError(
-                f"temperature: scale {self.scale:g}, {self.low:g} to {self.high:g} degC; not 0, low < high"
-            )
+        if self.scale == 0.0:
+            raise out_of_range("temperature.scale", 0.0, "!= 0")
+        if not self.low < self.high:
+            raise out_of_range("temperature.low_degC", self.low, f"< {self.high:g}")
 
 
 LIMITS: Final[Mapping[str, tuple[float, float, type[int] | type[float]]]] = {
@@ -219,55 +222,57 @@ class Protocol:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "expression", self._compiled())
-        if not self.channels or set(self.channels) - set(KINDS):
-            raise InputError(f"channels are {sorted(self.channels)}; allowed: one or more of {', '.join(KINDS)}")
+        if not self.channels:
+            raise refused("input-empty", {"name": "channels"})
+        if unknown := sorted(set(self.channels) - set(KINDS)):
+            raise refused("input-unknown", {"names": tuple(unknown), "known": tuple(KINDS)})
         ordered = {kind: self.channels[kind] for kind in KINDS if kind in self.channels}
         object.__setattr__(self, "channels", ordered)
         for name, allowed in (("framing", ("line", "wits0")), ("checksum", CHECKSUMS)):
             if getattr(self, name) not in allowed:
-                raise InputError(f"{name} is {getattr(self, name)!r}; allowed: {', '.join(allowed)}")
-        if not self.terminator or (self.framing == "wits0" and self.checksum != "none"):
-            raise InputError("a terminator is needed, e.g. \\r\\n; and WITS level 0 has no checksum")
+                raise not_among(name, getattr(self, name), allowed)
+        if not self.terminator:
+            raise refused("input-empty", {"name": "terminator"})
+        if self.framing == "wits0" and self.checksum != "none":
+            raise refused("input-not-with", {"name": "checksum", "other": "wits0"})
         for name, (low, high, whole) in LIMITS.items():
-            unit = " s" if whole is float else ""
             if not low <= getattr(self, name) <= high:
-                raise InputError(f"{name} is {getattr(self, name):g}{unit}; allowed {low:g} to {high:g}{unit}")
+                shown_name = f"{name}_s" if whole is float else name
+                raise out_of_range(shown_name, getattr(self, name), f"{low:g} .. {high:g}")
         self._check_fields()
 
     def _compiled(self) -> re.Pattern[str] | None:
         longest_pattern = 2000
         given = [bool(self.columns), bool(self.pattern), self.framing == "wits0"]
         if sum(given) != 1:
-            raise InputError("give one of columns and pattern (and neither for wits0)")
-        if self.columns and (not self.delimiter or len(self.columns) > 1000):
-            raise InputError(f"{len(self.columns)} columns, delimiter {self.delimiter!r}: at most 1000, and not empty")
+            raise refused("input-one-of", {"names": ("columns", "pattern", 'framing = "wits0"')})
+        if self.columns and not self.delimiter:
+            raise refused("input-empty", {"name": "delimiter"})
+        if len(self.columns) > 1000:
+            raise out_of_range("columns", len(self.columns), "1 .. 1000")
         if not self.pattern:
             return None
         if len(self.pattern) > longest_pattern:
-            raise InputError(f"the pattern has {len(self.pattern)} characters; allowed {longest_pattern}")
+            about: dict[str, Value] = {"name": "pattern", "count": len(self.pattern), "most": longest_pattern}
+            raise refused("input-long", about)
         try:
             return re.compile(self.pattern, re.ASCII)
         except (re.error, RecursionError, OverflowError) as error:
-            raise InputError(f"the pattern is no regular expression: {error}") from None
+            raise refused("capture-pattern", {"reason": str(error)}) from None
 
     def _check_fields(self) -> None:
         """Every field that is used is one a line has, and is used once."""
         used = self.used
-        twice = next((name for name in used if used.count(name) > 1), None)
-        if twice is not None:
-            raise InputError(f"field {twice!r} is used twice; each field is one thing")
+        for name, values in (("field", used), ("columns", [name for name in self.columns if name])):
+            if len(set(values)) != len(values):
+                raise refused("input-repeated", {"name": name, "value": repeated(values)})
         known = set(self.columns) - {""} | set(self.expression.groupindex if self.expression else ())
         if self.framing == "wits0":
             unknown = next((name for name in used if not re.fullmatch(r"[0-9]{4}", name)), None)
-            remedy = "an item is four digits, record and item, e.g. 0722"
-        else:
-            unknown = next((name for name in used if name not in known), None)
-            remedy = f"there are {', '.join(sorted(known)) or 'none'}"
-        if unknown is not None:
-            raise InputError(f"field {unknown!r} is not in a line; {remedy}")
-        named = [name for name in self.columns if name]
-        if len(set(named)) != len(named):
-            raise InputError(f"columns {list(self.columns)} have a name twice")
+            if unknown is not None:
+                raise out_of_range("field", unknown, "0000 .. 9999")
+        elif missing := tuple(name for name in used if name not in known):
+            raise refused("input-unknown", {"names": missing, "known": tuple(sorted(known))})
 
     @property
     def used(self) -> list[str]:
@@ -330,9 +335,13 @@ Fields = Mapping[str, str]
 class Refused(Exception):  # noqa: N818
     """A line that cannot be used: kind of event, and why."""
 
-    def __init__(self, kind: str, why: str) -> None:
-        super().__init__(why)
-        self.kind, self.why = kind, why
+    def __init__(self, kind: str, finding: Finding) -> None:
+        super().__init__(kind)
+        self.kind, self.finding = kind, finding
+
+
+def _unfit(kind: str, line: bytes, fault: str) -> Refused:
+    return Refused(kind, Finding("capture-line", {"line": shown(line), "fault": fault}))
 
 
 class FieldReader:
@@ -354,21 +363,22 @@ class FieldReader:
         try:
             text = line.decode("ascii")
         except UnicodeDecodeError:
-            raise Refused("garbage", f"{shown(line)} is not ASCII") from None
+            raise _unfit("garbage", line, "not ASCII") from None
         if self._protocol.framing == "wits0":
             return self._item(text)
         body = without_checksum(self._protocol.checksum, text)
         if body is None:
-            raise Refused("checksum", f"{shown(line)} has a wrong checksum ({self._protocol.checksum})")
+            raise _unfit("checksum", line, "wrong checksum")
         if self._protocol.expression is not None:
             match = self._protocol.expression.fullmatch(body.strip())
             if match is None:
-                raise Refused("garbage", f"{shown(line)} does not fit the pattern")
+                raise _unfit("garbage", line, "not the pattern")
             return {name: value or "" for name, value in match.groupdict().items()}
         cells = body.split(None if self._protocol.delimiter == " " else self._protocol.delimiter)
         columns = self._protocol.columns
         if len(cells) != len(columns):
-            raise Refused("garbage", f"{shown(line)} has {len(cells)} cells; {len(columns)} are expected")
+            about: dict[str, Value] = {"line": shown(line), "cells": len(cells), "expected": len(columns)}
+            raise Refused("garbage", Finding("capture-line-cells", about))
         return dict(zip(columns, cells, strict=True))
 
     def _item(self, text: str) -> Fields | None:
@@ -376,17 +386,16 @@ class FieldReader:
         if text == BEGIN:
             self._frame = WitsFrame(0, {}, {})
             if frame is not None:
-                raise Refused("partial", "a frame does not end (!! is missing)")
+                raise _part_of_frame(END)
             return None
         if frame is None:
             if text == END:
-                raise Refused("partial", "the end of a frame (!!) without its beginning (&&)")
-            raise Refused("garbage", f"{shown(text.encode())} stands outside a frame")
+                raise _part_of_frame(BEGIN)
+            raise _unfit("garbage", text.encode(), "outside a frame")
         if text != END:
-            wrong = take_item(frame, 0, text)
-            if wrong is not None:
+            if take_item(frame, 0, text) is not None:
                 self._frame = None
-                raise Refused("garbage", wrong)
+                raise _unfit("garbage", text.encode(), "not an item")
             return None
         self._frame = None
         mine = [name for name in self._protocol.used if name in frame.items]
@@ -394,8 +403,17 @@ class FieldReader:
             return None  # a frame of another record
         missing = next((name for name in self._protocol.used if name not in frame.items), None)
         if missing is not None:
-            raise Refused("partial", f"a frame has no item {missing}")
+            raise _part_of_frame(missing)
         return frame.items
+
+
+def _part_of_frame(missing: str) -> Refused:
+    return Refused("partial", Finding("capture-frame", {"missing": missing}))
+
+
+def repeated(names: Sequence[str]) -> str:
+    """The first name that occurs twice."""
+    return next(name for name in names if list(names).count(name) > 1)
 
 
 def shown(line: bytes) -> str:
@@ -418,10 +436,8 @@ def encode(protocol: Protocol, sample: Sample) -> bytes:
     for kind, channel in protocol.channels.items():
         signals = sample.channels.get(kind)
         if signals is None or len(signals) != len(channel.fields):
-            have = "none" if signals is None else f"{len(signals)}"
-            raise InputError(
-                f"{kind}: the sample has {have} channels, protocol {protocol.name!r} {len(channel.fields)}"
-            )
+            have = () if signals is None else (len(signals),)
+            raise wrong_shape(f"channels.{kind}", have, f"({len(channel.fields)},)")
         numbers = channel.numbers(signals)
         values.update((name, f"{x:.10g}") for name, x in zip(channel.fields, numbers.tolist(), strict=True))
     if protocol.temperature is not None:
@@ -441,7 +457,7 @@ def encode(protocol: Protocol, sample: Sample) -> bytes:
     elif protocol.template:
         line = re.sub(r"\{(\w+)\}", lambda found: values.get(found[1], "0"), protocol.template)
     else:
-        raise InputError(f"protocol {protocol.name!r} has a pattern and no template; add one to simulate it")
+        raise refused("input-needs", {"name": "pattern", "needed": ("template",)})
     return with_checksum(protocol.checksum, line).encode("ascii") + end
 
 
@@ -477,7 +493,7 @@ class Decoder:
     def connected(self) -> None:
         """A new connection begins: what is left of the last one is thrown away."""
         if self._lines.rest:
-            self.event("partial", f"the connection ended within a line: {shown(self._lines.rest)}")
+            self._part(self._lines.rest)
         self._lines.clear()
         self._fields.clear()
         self._first = self._doubt_first
@@ -488,22 +504,33 @@ class Decoder:
         for line in self._lines.feed(data):
             if self._first:
                 self._first = False
-                self.event("partial", f"the first line after connecting is left out, it may be a part: {shown(line)}")
+                self._part(line)
                 continue
             try:
                 fields = self._fields.take(line)
                 samples += fields is not None and self._sample(fields, line)
-            except Refused as refused:
-                self.event(refused.kind, refused.why)
+            except Refused as line_refused:
+                self.event(line_refused.kind, line_refused.finding)
         if self._lines.overrun:
             self._lines.overrun = 0
             self._first = False
-            self.event("too-long", f"more than {self._protocol.longest} bytes without the end of a line; thrown away")
+            self.event("too-long", Finding("capture-line-long", {"most": self._protocol.longest}))
         return samples
 
-    def event(self, kind: str, sentence: str) -> None:
+    def event(self, kind: str, finding: Finding) -> None:
         """Report an event now."""
-        self._on_event(InstrumentEvent(self._now(), kind, sentence))
+        self._on_event(InstrumentEvent(self._now(), kind, finding))
+
+    def _part(self, line: bytes) -> None:
+        self.event("partial", Finding("capture-line-part", {"line": shown(line)}, severity="note"))
+
+    def _within(self, name: str, values: Array, low: float, high: float, unit: str) -> bool:
+        """Whether all values are allowed; the first that is not is reported."""
+        outside = values[(values < low) | (values > high)]
+        if len(outside):
+            about: dict[str, Value] = {"name": name, "value": float(outside[0]), "unit": unit, "low": low, "high": high}
+            self.event("range", Finding("capture-range", about))
+        return not len(outside)
 
     def _now(self) -> float:
         self._time = max(self._time, self._clock() + self._ahead)
@@ -515,30 +542,26 @@ class Decoder:
         for kind, channel in protocol.channels.items():
             signals = channel.signals([_number(fields, name, line) for name in channel.fields])
             channels[kind] = signals
-            if not channel.low <= signals.min() <= signals.max() <= channel.high:
+            if not self._within(kind, signals, channel.low, channel.high, channel.unit):
                 faults.append("range")
-                bounds = f"{channel.low:g} to {channel.high:g} {channel.unit}"
-                self.event("range", f"{kind} reads {', '.join(f'{v:g}' for v in signals)}; allowed {bounds}")
         about, temperature = self._protocol.temperature, None
         if about is not None:
             temperature = about.scale * _number(fields, about.field, line) + about.offset
-            if not about.low <= temperature <= about.high:
+            if not self._within("temperature", np.array([temperature]), about.low, about.high, "degC"):
                 faults.append("range")
-                bounds = f"{about.low:g} to {about.high:g} degC"
-                self.event("range", f"temperature is {temperature:g} degC; allowed {bounds}")
         when = _number(fields, protocol.time, line) if protocol.time else None
         number = _whole(fields, protocol.sequence, line) if protocol.sequence else None
         now = self._clock() + self._ahead
         if now < self._time:
             back = self._time - now
             self._ahead += back
-            self.event("clock", f"our clock went back by {back:.3g} s; times go on from where they were")
+            self.event("clock", Finding("capture-clock-own", {"back_s": back}))
         now = self._now()
         if number is not None and not self._counted(number):
             return False
         before, self._instrument_time = self._instrument_time, when
         if when is not None and before is not None and when < before:
-            self.event("clock", f"the instrument's clock went back from {before:g} s to {when:g} s")
+            self.event("clock", Finding("capture-clock", {"before_s": before, "time_s": when}))
         if self._is_stuck(fields):
             faults.append("stuck")
         self._on_sample(Sample(now, channels, temperature, number, when, tuple(dict.fromkeys(faults))))
@@ -555,13 +578,13 @@ class Decoder:
             if step > self._protocol.modulus // 2:
                 step -= self._protocol.modulus
         if step == 0:
-            self.event("repeated", f"sample {number} came twice; the second one is left out")
+            self.event("repeated", Finding("capture-repeated", {"number": number}, severity="note"))
             return False
         if step > 1:
-            self.event("gap", f"{step - 1} samples are missing before number {number}")
+            self.event("gap", Finding("capture-gap", {"count": step - 1, "number": number}))
         if step < 0:
             self._instrument_time = None
-            self.event("restart", f"the instrument counts from {number} again, after {last}")
+            self.event("restart", Finding("capture-restart", {"number": number, "before": last}))
         return True
 
     def _is_stuck(self, fields: Fields) -> bool:
@@ -572,23 +595,28 @@ class Decoder:
         self._times_same = self._times_same + 1 if same == self._same else 1
         self._same = same
         if self._times_same == limit:
-            self.event("stuck", f"the same values came {limit} times in a row; is the converter alive?")
+            self.event("stuck", Finding("capture-stuck", {"count": int(limit)}))
         return self._times_same >= limit
+
+
+def _bad_value(line: bytes, name: str, text: str, expected: str) -> Refused:
+    about: dict[str, Value] = {"line": shown(line), "name": name, "value": f"{text[:20]!r}", "expected": expected}
+    return Refused("garbage", Finding("capture-line-value", about))
 
 
 def _number(fields: Fields, name: str, line: bytes) -> float:
     text = fields[name]
     if not re.fullmatch(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,3})?\s*", text, re.ASCII):
-        raise Refused("garbage", f"{name} is {text[:20]!r}, not a number, in {shown(line)}")
+        raise _bad_value(line, name, text, "number")
     value = float(text)
     # what WITS level 0 writes for no value
     if not -LARGEST <= value <= LARGEST or (value in (-9999.0, -8888.0) and name.isdigit()):
-        raise Refused("garbage", f"{name} is {text[:20]!r}, which stands for no value, in {shown(line)}")
+        raise _bad_value(line, name, text, "measured value")
     return value
 
 
 def _whole(fields: Fields, name: str, line: bytes) -> int:
     text = fields[name]
     if not re.fullmatch(r"\s*\d{1,18}(\.0*)?\s*", text, re.ASCII):
-        raise Refused("garbage", f"{name} is {text[:20]!r}, not the number of a sample, in {shown(line)}")
+        raise _bad_value(line, name, text, "whole number")
     return int(float(text)) if "." in text else int(text)

@@ -8,8 +8,9 @@ from typing import Any
 
 from inclinometry.calibration.readings import LARGEST
 from inclinometry.constants import KINDS
-from inclinometry.errors import FileError, InputError
+from inclinometry.errors import FileError, InputError, in_file, not_among, out_of_range, wrong_kind
 from inclinometry.files import toml_keys
+from inclinometry.findings import Finding
 from inclinometry.laboratory.instruments.protocol import LIMITS, ChannelMap, Protocol, TemperatureMap
 
 
@@ -31,8 +32,7 @@ def read_protocol(name_or_path: str | Path) -> Protocol:
             return _read(path)
     path = Path(name_or_path)
     if path.suffix != ".toml":
-        names = ", ".join(protocol_names())
-        raise InputError(f"protocol {str(name_or_path)!r} is neither a .toml file nor one of those shipped: {names}")
+        raise not_among("protocol", str(name_or_path), (*protocol_names(), "FILE.toml"))
     return _read(path)
 
 
@@ -61,20 +61,24 @@ def _read(path: Path) -> Protocol:
             table = _table(settings.content["temperature"], "temperature", ("field", *own), path)
             field = _text(table, "field")
             if field is None:
-                raise FileError("temperature: key 'field' is missing; name the field", path=path)
+                raise FileError(Finding("input-missing", {"names": ("temperature.field",)}), path=path)
             given = {name: number for key, name in own.items() if (number := table.number(key, -1e6, 1e6)) is not None}
             found["temperature"] = TemperatureMap(field, **given)
         return Protocol(path.stem, **found)
     except FileError:
         raise
     except InputError as error:
-        raise FileError(str(error), path=path) from None
+        raise in_file(error, path) from None
 
 
 def _text(settings: toml_keys.Settings, key: str) -> str | None:
     value = settings.content.get(key)
-    if value is not None and (not isinstance(value, str) or not value or len(value) > 4000):
-        raise FileError(f"{key} is {str(value)[:60]!r}; a text of 1 to 4000 characters is needed", path=settings.path)
+    if value is None:
+        return None
+    if not isinstance(value, str) or not value:
+        raise in_file(wrong_kind(key, str(value)[:60], "text"), settings.path)
+    if len(value) > 4000:
+        raise FileError(Finding("input-long", {"name": key, "count": len(value), "most": 4000}), path=settings.path)
     return value
 
 
@@ -82,22 +86,19 @@ def _ascii(value: str, key: str, path: Path) -> bytes:
     try:
         return value.encode("latin-1")
     except UnicodeEncodeError:
-        raise FileError(f"{key} is {value!r}; only bytes up to \\u00ff can be sent", path=path) from None
+        raise in_file(out_of_range(key, value[:60], r"\u0000 .. \u00ff"), path) from None
 
 
 def _texts(value: Any, where: str, path: Path) -> tuple[str, ...]:
     if not isinstance(value, list) or not value or not all(isinstance(one, str) for one in value):
-        raise FileError(f'{where} is {str(value)[:60]}; a list of names is needed, e.g. ["ax", "ay", "az"]', path=path)
+        raise in_file(wrong_kind(where, str(value)[:60], "list"), path)
     return tuple(value)
 
 
 def _table(value: Any, where: str, keys: tuple[str, ...], path: Path) -> toml_keys.Settings:
     if not isinstance(value, dict):
-        raise FileError(f"{where} is {str(value)[:60]}; a table [{where}] is needed", path=path)
-    try:
-        return toml_keys.Settings(path, value, keys)
-    except FileError as error:
-        raise FileError(f"{where}: {error.problem}", path=path) from None
+        raise in_file(wrong_kind(where, str(value)[:60], "table"), path)
+    return toml_keys.Settings(path, value, keys)
 
 
 def _channels(value: Any, path: Path) -> dict[str, ChannelMap]:
@@ -125,7 +126,7 @@ def _scale(table: toml_keys.Settings) -> float | list[float]:
     if not isinstance(value, list):
         return table.number("scale", -LARGEST, LARGEST) or 0.0
     if not value or any(isinstance(one, bool) or not isinstance(one, int | float) for one in value):
-        raise FileError(f"scale is {str(value)[:60]}; a number, or a list of one a field, is needed", path=table.path)
+        raise in_file(wrong_kind("scale", str(value)[:60], "number"), table.path)
     return [float(one) for one in value]
 
 
@@ -141,6 +142,5 @@ def _serial(value: Any, path: Path) -> dict[str, object]:
     table = _table(value, "serial", tuple(serial), path)
     for key, given in table.content.items():
         if given not in serial[key] or isinstance(given, bool) != isinstance(serial[key][0], bool):
-            allowed = ", ".join(str(one) for one in serial[key])
-            raise FileError(f"serial: {key} is {given!r}; allowed: {allowed}", path=path)
+            raise in_file(not_among(f"serial.{key}", str(given), map(str, serial[key])), path)
     return dict(table.content)

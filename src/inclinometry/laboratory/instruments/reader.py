@@ -11,7 +11,8 @@ from collections.abc import Callable, Mapping
 from typing import Any, Final
 from urllib.parse import urlsplit
 
-from inclinometry.errors import InclinometryError, InputError
+from inclinometry.errors import InclinometryError, InputError, out_of_range, refused
+from inclinometry.findings import Finding
 from inclinometry.laboratory.instruments.protocol import Decoder, InstrumentEvent, Protocol, Sample, steady_clock
 
 # The port an instrument hangs on: a serial port, or one behind a socket; opened, read, written, closed.
@@ -22,6 +23,8 @@ READ_TIMEOUT: Final = 0.1
 
 class PortError(InclinometryError, ConnectionError):
     """A port that cannot be opened, or was lost; trying again may help."""
+
+    finding: Finding
 
 
 def checked_url(url: str) -> str:
@@ -38,7 +41,7 @@ def checked_url(url: str) -> str:
     except ValueError:
         right = plain = False
     if not (right and plain):
-        raise InputError(f"instrument {url!r} is no port; give COM3, /dev/ttyUSB0 or socket://host:port")
+        raise refused("capture-port-name", {"url": url})
     return url
 
 
@@ -59,8 +62,7 @@ class Port:
         except InputError:
             raise
         except self._errors as error:
-            what = "is the program or the tool listening there?" if self._socket else "is it plugged in and free?"
-            raise PortError(f"{url} cannot be opened ({_reason(error)}); {what}") from None
+            raise PortError(Finding("capture-port-closed", {"url": url, "reason": _reason(error)})) from None
 
     def read(self) -> bytes:
         """Bytes that have come; empty when none comes for `READ_TIMEOUT`.
@@ -73,7 +75,7 @@ class Port:
                 self._port.timeout = READ_TIMEOUT
             first = bytes(self._port.read(1))
         except self._errors as error:
-            raise PortError(f"{self.url} was lost ({_reason(error)})") from None
+            raise self._lost(error) from None
         if not first:
             return first
         try:
@@ -95,7 +97,10 @@ class Port:
         try:
             self._port.write(data)
         except self._errors as error:
-            raise PortError(f"{self.url} was lost while sending ({_reason(error)})") from None
+            raise self._lost(error) from None
+
+    def _lost(self, error: Exception) -> PortError:
+        return PortError(Finding("capture-port-lost", {"url": self.url, "reason": _reason(error)}))
 
     def close(self) -> None:
         """Close it; closing twice does no harm."""
@@ -129,7 +134,7 @@ class InstrumentReader:
         backoff: tuple[float, float] = (0.2, 5.0),
     ) -> None:
         if not 0.0 < backoff[0] <= backoff[1] <= 3600.0:
-            raise InputError(f"backoff is {backoff} s; allowed: two times up to 3600 s, the shorter first")
+            raise out_of_range("backoff", backoff, "0 < first <= longest <= 3600")
         self.url, self.protocol = checked_url(url), protocol
         self._receive, self._tell, self._backoff = on_sample, on_event, backoff
         self._decoder = Decoder(protocol, self._on_sample, self._on_event, clock)
@@ -176,7 +181,8 @@ class InstrumentReader:
         try:
             self._receive(sample)
         except Exception as error:
-            self._decoder.event("listener", f"a receiver of samples failed: {type(error).__name__}: {str(error)[:80]}")
+            reason = f"{type(error).__name__}: {str(error)[:80]}"
+            self._decoder.event("listener", Finding("capture-receiver", {"reason": reason}))
 
     def _on_event(self, event: InstrumentEvent) -> None:
         self._counts[event.kind] += 1
@@ -192,7 +198,7 @@ class InstrumentReader:
             try:
                 port = Port(self.url, self.protocol)
             except PortError as error:
-                self._decoder.event("unreachable", f"{error}; trying again in {wait:g} s")
+                self._decoder.event("unreachable", error.finding)
             else:
                 self._connection(port)
             if self._counts["samples"] > before:
@@ -204,12 +210,12 @@ class InstrumentReader:
         try:
             self._decoder.connected()
             self._connected.set()
-            self._decoder.event("connected", f"{self.url} is open")
+            self._decoder.event("connected", Finding("capture-open", {"url": self.url}, severity="note"))
             talk = self._ask if self.protocol.query else self._listen
             talk(port)
         except PortError as error:
             self._connected.clear()
-            self._decoder.event("disconnected", f"{error}; connecting again")
+            self._decoder.event("disconnected", error.finding)
         finally:
             self._connected.clear()
             port.close()
@@ -248,9 +254,8 @@ class InstrumentReader:
         """Say once that nothing comes; give the connection up when it lasts."""
         # silences after which the port is closed and opened again: a pulled network cable never says so itself
         if quiet > 3.0 * self.protocol.silence:
-            raise PortError(f"{self.url} has been silent for {quiet:.1f} s")
+            raise PortError(Finding("capture-silent", {"quiet_s": quiet}))
         if quiet > self.protocol.silence and not told:
-            what = "does the tool answer this query?" if self.protocol.query else "is the tool switched on?"
-            self._decoder.event("silent", f"nothing has come for {quiet:.1f} s; {what}")
+            self._decoder.event("silent", Finding("capture-silent", {"quiet_s": quiet}))
             return True
         return told

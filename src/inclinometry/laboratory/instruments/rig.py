@@ -12,7 +12,8 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 
 from inclinometry.arrays import finite
-from inclinometry.errors import InputError
+from inclinometry.errors import InputError, not_among, out_of_range, refused, wrong_kind
+from inclinometry.findings import Finding
 from inclinometry.laboratory.instruments.reader import PortError
 
 Angles = tuple[float, float, float]
@@ -55,7 +56,7 @@ class ManualRig:
         Raises InputError: nothing was asked for.
         """
         if self._target is None:
-            raise InputError("no setting was asked for; choose a position first")
+            raise refused("capture-rig-waits")
         self._there = True
 
     def position(self) -> Angles | None:
@@ -84,15 +85,17 @@ class RigCommands:
     decimals: int = 4
 
     def __post_init__(self) -> None:
-        missing = [name for name in ("azimuth", "inclination", "toolface") if f"{{{name}}}" not in self.move]
-        if missing:
-            raise InputError(f"rig command move is {self.move!r}; it needs {', '.join('{' + m + '}' for m in missing)}")
+        places = ("{azimuth}", "{inclination}", "{toolface}")
+        if missing := tuple(place for place in places if place not in self.move):
+            raise refused("input-needs", {"name": "move", "needed": missing})
         for field in fields(self):
             text = getattr(self, field.name)
-            if isinstance(text, str) and (not text.isascii() or not text.isprintable() or len(text) > 200):
-                raise InputError(f"rig command {field.name} is {text!r}; up to 200 printable characters are needed")
+            if isinstance(text, str) and (not text.isascii() or not text.isprintable()):
+                raise wrong_kind(field.name, text[:60], "printable text")
+            if isinstance(text, str) and len(text) > 200:
+                raise refused("input-long", {"name": field.name, "count": len(text), "most": 200})
         if not 0 <= self.decimals <= 9:
-            raise InputError(f"decimals is {self.decimals}; allowed 0 to 9")
+            raise out_of_range("decimals", self.decimals, "0 .. 9")
 
     def moving(self, dial: Angles) -> str:
         """The command to turn to a setting in rad."""
@@ -109,10 +112,12 @@ class ScpiRig:
     def __init__(
         self, host: str, port: int, commands: RigCommands | None = None, *, timeout: float = 3.0, name: str = "rig"
     ) -> None:
-        if not 1 <= port <= 65535 or not 0.01 <= timeout <= 600.0 or not host:
-            raise InputError(
-                f"rig {host!r}, port {port}, timeout {timeout:g} s; allowed ports 1 to 65535, 0.01 to 600 s"
-            )
+        if not host:
+            raise refused("input-empty", {"name": "host"})
+        if not 1 <= port <= 65535:
+            raise out_of_range("port", port, "1 .. 65535")
+        if not 0.01 <= timeout <= 600.0:
+            raise out_of_range("timeout_s", timeout, "0.01 .. 600")
         self.name, self._place, self._timeout = name, (host, port), timeout
         self._commands = commands or RigCommands()
         self._socket: socket.socket | None = None
@@ -124,7 +129,7 @@ class ScpiRig:
         if self._commands.error:
             answer = self._exchange(self._commands.error)
             if not re.match(r"[+-]?0\b", answer):
-                raise InputError(f"rig {self.name} refuses the setting: {answer[:80]}; check its limits")
+                raise refused("capture-rig-refuses", {"rig": self.name, "answer": answer[:80]})
 
     def position(self) -> Angles | None:
         """What the rig says it is set to, rad; errors as `move`."""
@@ -132,15 +137,19 @@ class ScpiRig:
         number = r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*"
         found = re.fullmatch(",".join([number] * 3), answer, re.ASCII)
         if found is None:
-            raise InputError(f"rig {self.name} answers {answer[:60]!r}; three numbers in degrees are expected")
+            raise self._otherwise(self._commands.position, answer, "three angles in degrees")
         return angles_of(np.radians([float(part) for part in found.groups()]))
 
     def ready(self) -> bool:
         """Whether the setting is reached; errors as `move`."""
         answer = self._exchange(self._commands.ready)
         if answer not in ("0", "1"):
-            raise InputError(f"rig {self.name} answers {answer[:60]!r} to {self._commands.ready}; 0 or 1 is expected")
+            raise self._otherwise(self._commands.ready, answer, "0 or 1")
         return answer == "1"
+
+    def _otherwise(self, query: str, answer: str, expected: str) -> InputError:
+        about = {"rig": self.name, "query": query, "answer": answer[:60], "expected": expected}
+        return refused("capture-rig-answer", about)
 
     def identity(self) -> str:
         """What the rig calls itself; errors as `move`."""
@@ -171,9 +180,8 @@ class ScpiRig:
                     if fresh or isinstance(error, TimeoutError):
                         why = error.strerror or str(error) or type(error).__name__
                         place = f"{self._place[0]}:{self._place[1]}"
-                        raise PortError(
-                            f"rig {self.name} at {place} does not answer ({why}); is it switched on and connected?"
-                        ) from None
+                        about = {"rig": self.name, "place": place, "reason": why}
+                        raise PortError(Finding("capture-rig-silent", about)) from None
 
     def _once(self, line: str, answer: bool) -> str:
         longest = 4096
@@ -196,28 +204,36 @@ class ScpiRig:
 
 def rig_driver(driver: Mapping[str, Any], name: str = "rig") -> ManualRig | ScpiRig:
     """The driver a registered rig names: {"kind": "manual"} or {"kind": "scpi", "host", "port", "commands"}."""
-    kind = driver.get("kind", "manual")
-    allowed = {"manual": {"kind"}, "scpi": {"kind", "host", "port", "commands", "timeout_s"}}
-    if kind not in allowed or set(driver) - allowed[kind]:
-        raise InputError(f"rig driver is {dict(driver)}; allowed: kind manual, or kind scpi with host, port, commands")
+    kind = str(driver.get("kind", "manual"))
+    allowed = {"manual": ("kind",), "scpi": ("kind", "host", "port", "commands", "timeout_s")}
+    if kind not in allowed:
+        raise not_among("driver.kind", kind[:60], allowed)
+    _known_only(driver, allowed[kind])
     if kind == "manual":
         return ManualRig(name)
     words, port = driver.get("commands", {}), driver.get("port")
-    known = [field.name for field in fields(RigCommands)]
-    if not isinstance(words, Mapping) or set(words) - set(known):
-        raise InputError(f"rig commands are {words}; allowed: {', '.join(known)}")
-    wrong = next((name for name, word in words.items() if isinstance(word, int) != (name == "decimals")), None)
-    if wrong is not None:
-        raise InputError(f"rig command {wrong} is {words[wrong]!r}; commands are texts, decimals a whole number")
+    if not isinstance(words, Mapping):
+        raise wrong_kind("driver.commands", str(words)[:60], "table")
+    _known_only(words, tuple(field.name for field in fields(RigCommands)))
+    for key, word in words.items():
+        if isinstance(word, int) != (key == "decimals"):
+            raise wrong_kind(
+                f"driver.commands.{name}", str(word)[:60], "text" if name != "decimals" else "whole number"
+            )
     if isinstance(port, bool) or not isinstance(port, int):
-        raise InputError(f"rig port is {port!r}; a whole number from 1 to 65535 is needed")
+        raise wrong_kind("driver.port", str(port)[:60], "whole number")
     timeout = float(finite(driver.get("timeout_s", 3.0), "timeout_s of the rig", ()))
     return ScpiRig(str(driver.get("host", "127.0.0.1")), port, RigCommands(**words), timeout=timeout, name=name)
+
+
+def _known_only(given: Mapping[str, Any], known: tuple[str, ...]) -> None:
+    if unknown := tuple(sorted(str(name)[:60] for name in set(given) - set(known))):
+        raise refused("input-unknown", {"names": unknown, "known": known})
 
 
 def angles_of(dial: Any) -> Angles:
     """A setting of three angles, rad; InputError for degrees."""
     values = finite(dial, "setting", (3,))
     if np.abs(values).max() > 4.0 * np.pi:
-        raise InputError(f"setting is {values.tolist()} rad; it looks like degrees")
+        raise out_of_range("setting", tuple(values.tolist()), "-4 pi .. 4 pi")
     return float(values[0]), float(values[1]), float(values[2])

@@ -21,8 +21,9 @@ import numpy as np
 
 from inclinometry.arrays import Array
 from inclinometry.calibration.plans import Plan
-from inclinometry.errors import InputError
-from inclinometry.laboratory.instruments.protocol import FieldReader, Lines, Protocol, Refused, Sample, encode
+from inclinometry.errors import InputError, out_of_range, refused
+from inclinometry.findings import Value
+from inclinometry.laboratory.instruments.protocol import FieldReader, Lines, Protocol, Refused, Sample, encode, shown
 from inclinometry.laboratory.instruments.protocol_toml import read_protocol
 from inclinometry.laboratory.instruments.rig import Angles, angles_of
 from inclinometry.sensors import Tool
@@ -41,15 +42,15 @@ class LineServer(socketserver.ThreadingTCPServer):
 
     def __init__(self, host: str, port: int, serve: Callable[[socket.socket, threading.Event], None]) -> None:
         if not 0 <= port <= 65535:
-            raise InputError(f"port is {port}; allowed 0 to 65535 (0: a free one is chosen)")
+            raise out_of_range("port", port, "0 .. 65535")
         self._work, self._stopping = serve, threading.Event()
         self._connections: dict[socket.socket, threading.Thread] = {}
         self._lock = threading.Lock()
         try:
             super().__init__((host, port), socketserver.BaseRequestHandler)
         except (OSError, UnicodeError) as error:
-            why = f"{host}:{port} ({getattr(error, 'strerror', None) or error})"
-            raise InputError(f"cannot listen on {why}; choose another port, or 0 for a free one") from None
+            reason = str(getattr(error, "strerror", None) or error)
+            raise refused("capture-listen", {"host": host, "port": port, "reason": reason}) from None
         self.host, self.port = host, int(self.server_address[1])
         self._accepting = threading.Thread(target=self.serve_forever, args=(0.1,), daemon=True)
 
@@ -139,7 +140,7 @@ class StandSettings:
         limits = {"turn": (0.0, 3600.0), "temperature": (-100.0, 400.0), "warming": (-1e4, 1e4), "noise": (0.0, 1e3)}
         for name, (low, high) in {**limits, "dwell": (0.01, 1e6)}.items():
             if not low <= getattr(self, name) <= high:
-                raise InputError(f"{name} is {getattr(self, name):g}; allowed {low:g} to {high:g}")
+                raise out_of_range(name, getattr(self, name), f"{low:g} .. {high:g}")
 
 
 class SimulatedStand:
@@ -388,7 +389,7 @@ class SimulatedInstrument:
     ) -> None:
         for name, value, low, high in (("rate", rate, 0.01, 10_000.0), ("speed", speed, 0.0, 1e6)):
             if not low <= value <= high:
-                raise InputError(f"{name} is {value:g}; allowed {low:g} to {high:g}")
+                raise out_of_range(name, value, f"{low:g} .. {high:g}")
         self.protocol = protocol if isinstance(protocol, Protocol) else read_protocol(protocol)
         # of the converter of a tool nobody gave
         self.tool = realistic_tool(seed, bits=16) if tool is None else tool
@@ -472,13 +473,16 @@ def fits(tool: Tool, protocol: Protocol) -> None:
         triad = tool.triads.get(kind)
         count = 0 if triad is None else triad.count
         if triad is None or count != len(channel.fields):
-            want = f"protocol {protocol.name!r} sends {len(channel.fields)}"
-            raise InputError(f"tool {tool.name!r} has {count} {kind} sensors, {want}; choose another protocol")
+            about: dict[str, Value] = {
+                "protocol": protocol.name,
+                "kind": kind,
+                "count": count,
+                "expected": len(channel.fields),
+            }
+            raise refused("capture-protocol-channels", about)
         if triad.unit != channel.unit:
-            want = f"protocol {protocol.name!r} says {channel.unit}"
-            raise InputError(
-                f"{kind} of tool {tool.name!r} reads {triad.unit}, {want}; write a protocol with that unit"
-            )
+            named = {"protocol": protocol.name, "kind": kind, "unit": triad.unit, "expected": channel.unit}
+            raise refused("capture-protocol-unit", named)
 
 
 def speaks(protocol: Protocol, sample: Sample) -> None:
@@ -490,10 +494,10 @@ def speaks(protocol: Protocol, sample: Sample) -> None:
     reader = FieldReader(protocol)
     try:
         found = [reader.take(line) for line in Lines(protocol).feed(data)]
-    except Refused as refused:
-        raise InputError(f"protocol {protocol.name!r} does not read what it writes: {refused.why}") from None
+    except Refused:
+        found = []
     if not any(found):
-        raise InputError(f"protocol {protocol.name!r} does not read what it writes: {data[:60]!r}")
+        raise refused("capture-protocol-unread", {"protocol": protocol.name, "line": shown(data)})
 
 
 def from_truth(path: str | Path) -> tuple[Tool, Rig]:

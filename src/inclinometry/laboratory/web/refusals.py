@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import math
 import re
 import time
 from collections.abc import Awaitable, Callable, Mapping, MutableMapping
@@ -19,6 +20,7 @@ from starlette.exceptions import HTTPException
 
 from inclinometry.digest import digest_bytes
 from inclinometry.errors import InclinometryError, InputError
+from inclinometry.findings import Finding
 from inclinometry.laboratory.attitude import FarError
 from inclinometry.laboratory.ledger.ledger import ConflictError
 from inclinometry.laboratory.web.frame import RefusedError, current, language_of
@@ -298,12 +300,26 @@ def _short(value: Any) -> str:
     return text if len(text) <= longest_value else f"{text[:longest_value]}..."
 
 
+def answer(finding: Finding) -> dict[str, Any]:
+    """What an answer of the interface says of a finding; on a network without the place of the ledger."""
+    said = finding.plain()
+    return {"detail": current().without_path(said["sentence"]), "code": said["code"], "values": _json(said["values"])}
+
+
+def _json(value: Any) -> Any:
+    """Values as JSON has them: what is not finite is null."""
+    if isinstance(value, dict):
+        return {name: _json(one) for name, one in value.items()}
+    if isinstance(value, list):
+        return [_json(one) for one in value]
+    if isinstance(value, str):
+        return current().without_path(value)
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
 def _mendable(_: Request, error: Exception) -> JSONResponse:
-    content = {"detail": current().without_path(str(error))}
-    if isinstance(error, FarError):
-        content["code"] = error.code
-    elif isinstance(error, InclinometryError) and error.finding is not None:
-        content["code"] = error.finding.code
+    finding = error.finding if isinstance(error, InclinometryError) else None
+    content = {"detail": current().without_path(str(error))} | ({} if finding is None else answer(finding))
     return JSONResponse(content, status_of(error))
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from inclinometry.arrays import Array, Index, Mask
 from inclinometry.earth.rate import earth_rate
-from inclinometry.errors import InputError
+from inclinometry.errors import not_among, out_of_range
 from inclinometry.rotations import wrap_positive
 from inclinometry.simulate.drilling.scenario import (
     SCENARIOS,
@@ -626,7 +626,7 @@ def drilling_blocks(
 ) -> Iterator[DrillingSimulation]:
     """The rows of `simulate_drilling`, bit for bit, in blocks; memory does not grow with `duration`, even infinite."""
     if block < 1:
-        raise InputError(f"block is {block}; allowed: 1 row or more")
+        raise out_of_range("block", block, ">= 1")
     return _blocks(_chunks(_scenario(scenario), seed, duration, endless=True), int(block))
 
 
@@ -634,7 +634,7 @@ def _scenario(scenario: str | Scenario) -> Scenario:
     if isinstance(scenario, Scenario):
         return scenario
     if scenario not in SCENARIOS:
-        raise InputError(f"scenario is {scenario!r}; allowed: {', '.join(SCENARIOS)}")
+        raise not_among("scenario", str(scenario), SCENARIOS)
     return SCENARIOS[scenario]
 
 
@@ -643,13 +643,11 @@ def _chunks(scenario: Scenario, seed: Seed, duration: float | None, endless: boo
     length = scenario.duration if duration is None else duration
     if not length >= 0.5 * scenario.instrument.interval or (math.isinf(length) and not endless):
         least = scenario.instrument.interval
-        raise InputError(
-            f"duration is {length} s; allowed: {least:g} s (one sample) or more, and infinite in blocks only"
-        )
+        raise out_of_range("duration", float(length), f"{least:g} s <= t < inf")
     if math.isfinite(length):
         end = float(path_at(scenario.hole, np.array([length])).inclination[0])
         if not 0.0 <= end <= math.pi:
-            raise InputError(f"inclination reaches {end:.6g} rad after {length:g} s; allowed 0 to pi; reduce build")
+            raise out_of_range("hole.build: inclination", end, "0 .. pi rad")
     return _generate(scenario, Streams(seed, "drilling"), length)
 
 

@@ -27,7 +27,7 @@ from typing import Annotated, Any, Final, TypeAlias, get_type_hints
 
 from inclinometry.arrays import within
 from inclinometry.constants import STANDARD_GRAVITY
-from inclinometry.errors import InputError
+from inclinometry.errors import not_among, out_of_range, refused, wrong_kind, wrong_shape
 
 Triple: TypeAlias = tuple[float, float, float]
 
@@ -41,8 +41,10 @@ class Checked:
             value = getattr(self, name)
             if hint == Triple:
                 numbers = tuple(float(v) for v in value)
-                if len(numbers) != 3 or not all(map(math.isfinite, numbers)):
-                    raise InputError(f"{name} is {value}; three finite numbers are needed, one for each axis")
+                if not all(map(math.isfinite, numbers)):
+                    raise refused("input-finite", {"name": name})
+                if len(numbers) != 3:
+                    raise wrong_shape(name, (len(numbers),), "(3,)")
                 object.__setattr__(self, name, numbers)  # a tuple, so that settings stay hashable
             for low, high, unit in getattr(hint, "__metadata__", ()):
                 if value is not None:
@@ -95,7 +97,7 @@ class Stuck:
 
     def __post_init__(self) -> None:
         if self.channel not in CHANNEL_NAMES:
-            raise InputError(f"channel is {self.channel!r}; allowed: {', '.join(CHANNEL_NAMES)}")
+            raise not_among("channel", self.channel, CHANNEL_NAMES)
         _ordered(self.start, self.stop)
 
 
@@ -121,7 +123,7 @@ Fault: TypeAlias = MagLag | Dropped | Repeated | Jitter | Stuck | Casing
 
 def _ordered(start: float, stop: float) -> None:
     if not start < stop:
-        raise InputError(f"a fault from {start} s to {stop} s lasts no time; start must come before stop")
+        raise out_of_range("stop", float(stop), f"> {start:g} s")
 
 
 @dataclass(frozen=True)
@@ -144,10 +146,12 @@ class TriadErrors(Checked):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if len(self.coupling) not in (0, 9) or not all(map(math.isfinite, self.coupling)):
-            raise InputError(f"coupling is {self.coupling}; nine finite numbers are needed, a matrix by its rows")
+        if not all(map(math.isfinite, self.coupling)):
+            raise refused("input-finite", {"name": "coupling"})
+        if len(self.coupling) not in (0, 9):
+            raise wrong_shape("coupling", (len(self.coupling),), "(9,)")
         if not self.reach > 0.0:
-            raise InputError(f"reach is {self.reach}; the range of a sensor must be positive")
+            raise out_of_range("reach", float(self.reach), "> 0")
 
 
 @dataclass(frozen=True)
@@ -174,11 +178,11 @@ class Instrument(Checked):
     def __post_init__(self) -> None:
         super().__post_init__()
         if int(self.factor) != self.factor or int(self.taps) != self.taps:
-            raise InputError(f"factor is {self.factor} and taps is {self.taps}; both must be whole numbers")
+            raise wrong_kind("factor, taps", f"{self.factor:g}, {self.taps:g}", "whole number")
         if self.taps % 2 == 0:
-            raise InputError(f"taps is {self.taps}; a filter whose middle falls on a sample has an odd number")
+            raise out_of_range("taps", self.taps, "1, 3, 5 ...")
         if self.taps > 1 and not 0.0 < self.cutoff < 0.5 * self.rate:
-            raise InputError(f"cutoff is {self.cutoff} Hz; allowed above 0, below {0.5 * self.rate} Hz")
+            raise out_of_range("cutoff", float(self.cutoff), f"0 < f < {0.5 * self.rate:g} Hz")
 
     @property
     def interval(self) -> float:
@@ -248,7 +252,7 @@ class Band(Checked):
         least_width = 1.2  # of a band, upper end over lower: narrower ones ring longer than a chunk of the run
         if not self.high >= least_width * self.low:
             least = least_width * self.low
-            raise InputError(f"the band from {self.low} Hz ends at {self.high} Hz; allowed: {least:g} Hz or more")
+            raise out_of_range("high", float(self.high), f">= {least:g} Hz")
 
 
 @dataclass(frozen=True)
@@ -272,12 +276,9 @@ class Rotation(Checked):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.torsion is not None and self.torsion.order:
-            raise InputError("the band of torsion has skirts, which cannot be differentiated; give it order 0")
+            raise out_of_range("torsion.order", self.torsion.order, "0")
         if isinstance(self.swing, Swing) and self.swing.depth + self.ripple > 1.0:
-            raise InputError(
-                f"swing {self.swing.depth} and ripple {self.ripple} of the mean speed would turn the string backwards; "
-                "their sum may reach 1 (StickSlip sticks)"
-            )
+            raise out_of_range("swing.depth + ripple", float(self.swing.depth + self.ripple), "<= 1")
 
 
 @dataclass(frozen=True)
@@ -295,7 +296,7 @@ class Shocks(Checked):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.high < self.low:
-            raise InputError(f"the highest peak, {self.high} m/s^2, is below the lowest, {self.low} m/s^2")
+            raise out_of_range("high", float(self.high), f">= {self.low:g} m/s2")
 
 
 @dataclass(frozen=True)
@@ -353,9 +354,8 @@ class Scenario(Checked):
         rate = self.instrument.rate
         for band in bands:
             if band is not None and not (band.low >= rate / 1000.0 and band.high <= 0.45 * rate):
-                raise InputError(
-                    f"a vibration band of {band.low:g} to {band.high:g} Hz cannot be made at {rate:g} Hz; allowed "
-                    f"{rate / 1000.0:g} to {0.45 * rate:g} Hz; change the band or the instrument's internal rate"
+                raise out_of_range(
+                    "band", f"{band.low:g} .. {band.high:g} Hz", f"{rate / 1000.0:g} .. {0.45 * rate:g} Hz"
                 )
 
 

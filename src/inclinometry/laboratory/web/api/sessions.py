@@ -9,6 +9,7 @@ import numpy as np
 from fastapi import APIRouter, HTTPException, Path, Query
 from pydantic import Field
 
+from inclinometry.findings import Finding
 from inclinometry.laboratory import drift
 from inclinometry.laboratory.attitude import at_target
 from inclinometry.laboratory.guided import plan_for
@@ -41,6 +42,7 @@ from inclinometry.laboratory.web.api.access import (
 )
 from inclinometry.laboratory.web.api.registry import shown
 from inclinometry.laboratory.web.frame import current
+from inclinometry.laboratory.web.refusals import answer
 
 router = APIRouter(tags=["sessions"], responses=REFUSALS)
 
@@ -70,7 +72,7 @@ class SessionBody(Body):
 class ReadingBody(Body):
     """What the sensors said; `dial_deg` is what the rig's dials say, however they count. `attempt`, 1 for the first
     reading of a position, makes a repeated request fail. `reason` is needed where a calibration shows that the tool is
-    far from these dials (409, code far-from-target); it is recorded in the note.
+    far from these dials (409, code ledger-far-from-target or ledger-far-verifying); it is recorded in the note.
     """
 
     attempt: int = Field(ge=1, le=1000)
@@ -231,11 +233,12 @@ def live(_: Reader) -> dict[str, Any]:
     """The newest sample of the attached instrument and whether the tool stands still."""
     feed = current().feed
     if feed is None:
-        return {"connected": False, "word": "none", "reason": "no instrument is attached"}
+        return {"connected": False, "word": "none", **answer(Finding("web-no-instrument"))}
     found = feed.stability()
     return {
         "connected": feed.connected,
-        **attributes(found, "word", "reason", "still", "count"),
+        **attributes(found, "word", "still", "count"),
+        **answer(found.finding),
         "mean": {kind: values.tolist() for kind, values in found.mean.items()},
         "sd": {kind: values.tolist() for kind, values in found.sd.items()},
         "temperature_degC": found.temperature,

@@ -138,7 +138,7 @@ class Live:
         state = seen.word
         # when all is captured, and none chosen to be captured again, there is nothing to wait for
         ended = not (guided.open_positions or guided.retakes or guided.session.closed)
-        reason = guided.visitor.sentence(seen.reason)
+        reason = guided.visitor.sentence(seen.finding)
         if ended and state in ("few", "learning", "still"):
             state, word, advice, reason = "done", *self._words["done"], ""
         off = guided.off_now(seen)
@@ -256,7 +256,7 @@ class Events:
         for event, times in folded(() if feed is None else feed.events):
             clock = datetime.fromtimestamp(event.time, UTC).strftime("%H:%M:%S")
             often = f" ×{times}" if times > 1 else ""
-            sentence = escape(self._guided.visitor.sentence(event.sentence))
+            sentence = escape(self._guided.visitor.sentence(event.finding))
             lines.append(f"<li data-kind='{escape(event.kind)}'>{clock} {sentence}{often}</li>")
         quiet = f"<p class='dim'>{escape(say('bench.quiet'))}</p>"
         text = f"<ul class='number'>{''.join(lines)}</ul>" if lines else quiet
