@@ -293,11 +293,11 @@ def test_what_a_run_is_refused_for(scene: Scene, tmp_path: Path) -> None:
     assert "IN-9" in found["nobody"]
     assert "two tools with one serial number" in found["A"]
     assert "two tools" in found["B"]
-    assert "holds from 2026-01-05" in found["early"]
+    assert "2026-01-05" in found["early"]
     assert len(planned(scene).todo) == 6
     with scene.ledger() as ledger:
         certificates.void(ledger, certificates.certificates(ledger, serial="IN-3")[0].number, "dropped", author="test")
-    assert any("is void (dropped)" in why for _, why in planned(scene).refused)
+    assert any("(void, " in why for _, why in planned(scene).refused)
 
 
 def test_files_that_cannot_be_added(scene: Scene, tmp_path: Path) -> None:
@@ -425,7 +425,7 @@ def test_why_says_which_certificate_stands_behind_an_angle(scene: Scene) -> None
         assert found.raw is not None
         assert found.raw.source.endswith("IN-2_R1_2026-03-02.parquet")
         certificates.void(ledger, found.certificate.number, "the stand was off", author="test")
-        assert "is void (the stand was off)" in audit.why(store, name, Certificates(ledger)).problems[0]
+        assert "(void, " in audit.why(store, name, Certificates(ledger)).problems[0]
     with pytest.raises(InputError):
         audit.why(store, scene.run("IN-1", "R1").as_posix(), None)
 

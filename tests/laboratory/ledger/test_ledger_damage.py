@@ -216,6 +216,7 @@ def test_a_folder_and_a_file_that_cannot_be_written(path: Path) -> None:
 
 AS_NOBODY = """
 import json, os, sys
+from inclinometry.findings import codes
 from inclinometry.laboratory.ledger.ledger import Ledger, LedgerError
 from inclinometry.laboratory.ledger.verify import verify
 
@@ -229,7 +230,8 @@ def tried(path):
         return sound, error.finding.code
     return sound, ""
 
-tried(sys.argv[2])  # what is imported on the way may lie in a folder that is closed to others
+codes()
+tried(sys.argv[2])  # what is read and imported on the way may lie in a folder that is closed to others
 os.setgid(65534)
 os.setuid(65534)
 print(json.dumps(tried(sys.argv[1])))
