@@ -169,7 +169,8 @@ class Keys:
             if self.there:
                 self._own(ask=False)
         except (FileError, LedgerError) as error:
-            return None if error.finding is None else Finding("key-uncompared", {"finding": error.finding})
+            why = error.finding or Finding("key-damaged", {"file": str(self.path)})
+            return Finding("key-uncompared", {"finding": why})
         return None
 
     def _compared(self, own: SigningKey, stated: str | None) -> SigningKey:

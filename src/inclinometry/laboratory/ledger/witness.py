@@ -314,8 +314,7 @@ def _kept(path: Path, witness: str) -> Iterator[Witnessed]:
     with opened(path) as stream:
         size, largest = os.fstat(stream.fileno()).st_size, 1_000_000_000  # more than a million heads
         if size > largest:
-            about = {"column": "bytes", "value": str(size), "allowed": f"<= {largest}"}
-            raise FileError(Finding("file-value", about), path=path)
+            raise FileError(Finding("file-large", {"bytes": size, "most": largest}), path=path)
         while line := stream.readline(_LONGEST):
             yield from _lines(line.decode(errors="replace"), witness)
 
