@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from inclinometry.report.glossary import glossary
+from inclinometry.glossary import glossary
 
 
 def everything() -> dict[str, str]:

@@ -35,7 +35,7 @@ from inclinometry.gyro.closed_form import (
 )
 from inclinometry.orientation import fields
 from inclinometry.report.figure import BAD, INK, new_figure, save_svg, styled
-from inclinometry.report.glossary import term
+from inclinometry.glossary import term
 from inclinometry.rotations import dcm, wrap_signed
 from inclinometry.sensors import Tool, classical_view
 from inclinometry.simulate.bench import Rig, simulate_bench

@@ -7,7 +7,7 @@ gettext catalogues (catalogue/run.ru.po), whose context is the code. Nothing tes
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import cache
 from pathlib import Path
 from string import Formatter
@@ -53,6 +53,16 @@ class Finding(NamedTuple):
 def refused_if(when: object) -> Severity:
     """Severity of what is refused where it is large and else a warning."""
     return "refused" if when else "warning"
+
+
+def without_notes(found: Iterable[Finding]) -> tuple[Finding, ...]:
+    """Findings that ask for something."""
+    return tuple(one for one in found if one.severity != "note")
+
+
+def only_notes(found: Iterable[Finding]) -> tuple[Finding, ...]:
+    """Findings that ask for nothing."""
+    return tuple(one for one in found if one.severity == "note")
 
 
 class Rule(NamedTuple):
@@ -184,9 +194,11 @@ def _plain(value: Value) -> Any:
 # Translations: .po files as translators write them, read without a build step.
 
 
+@cache
 def translations(language: str, context: str) -> dict[str, str]:
-    """The messages of a context, a code or "word", in a language; of plural forms the first."""
-    start, places = f"{context}\x04", ("words", *rooms()) if context == "word" else (context.partition("-")[0],)
+    """The messages of a context, a code, "word" or "label", in a language; of plural forms the first."""
+    places = {"word": ("words", *rooms()), "label": ("labels",)}.get(context, (context.partition("-")[0],))
+    start = f"{context}\x04"
     return {
         key.removeprefix(start).split("\0")[0]: said[0]
         for place in places

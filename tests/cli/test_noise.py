@@ -78,7 +78,7 @@ def test_the_impossible_is_said(plan):
     ("option", "value", "words"),
     [
         ("latitude-deg", 95.0, "is 95 degrees; allowed -90 to 90"),
-        ("latitude-deg", 90.0, "at the pole there is no north"),
+        ("latitude-deg", 90.0, "[input-value]"),
         ("inclination-deg", 200.0, "is 200"),
         ("arw-deg-sqrt-h", -0.1, "is -0.1"),
         ("arw-deg-sqrt-h", 0.0, "is 0; allowed more than 0"),

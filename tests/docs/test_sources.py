@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from inclinometry.report.glossary import term
+from inclinometry.glossary import term
 
 ROOT = Path(__file__).parents[2]
 SOURCES = ("rogatykh", "installation-errors", "fog-temperature")

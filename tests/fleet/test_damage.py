@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.refusals import coded, refused
 
 from inclinometry.errors import FileError
 from inclinometry.fleet import audit, checksums, commands, raw
@@ -37,12 +38,13 @@ def test_a_flipped_bit_of_what_says_what_is_there_is_named(
     whole = path.read_bytes()
     flip(path, place)
     name = path.relative_to(scene.fleet).as_posix()
-    (problem,) = audit.verify(Store(scene.fleet))
-    assert name in problem
-    with pytest.raises(FileError, match=path.name):
+    ((damaged, _),) = audit.verify(Store(scene.fleet))
+    assert name in damaged
+    with refused("fleet-catalogue", "fleet-table", "fleet-checksums", error=FileError) as raised:
         planned(scene)
+    assert name in str(raised.value.path)
     if "_catalogue" in files:
-        with pytest.raises(FileError, match=path.name):
+        with refused("fleet-catalogue", "fleet-checksums", error=FileError):
             commands.add([scene.folder / "runs"], fleet=scene.fleet, pattern="{tool}_{run}_{date}")
     assert commands.verify(fleet=scene.fleet) == 1
     assert "1 file damaged" in capsys.readouterr().out
@@ -60,17 +62,15 @@ def test_a_damaged_result_is_removed_and_made_anew(scene: Scene) -> None:
         whole = path.read_bytes()
         for _ in range(5):
             flip(path, random.uniform(), int(random.integers(8)))
-            (problem,) = audit.verify(store)
-            assert problem.startswith(name)
-            assert "remove it and run again" in problem
+            ((damaged, found),) = audit.verify(store)
+            assert damaged == name
+            assert found.code in ("fleet-result-changed", "fleet-result-unreadable")
             path.write_bytes(whole)
     flip(path)
-    with pytest.raises(FileError, match="remove it and run again"):
+    with refused("fleet-result-changed", name=name):
         audit.digest(store, "windows")
     path.unlink()
-    assert [problem.partition(": ")[2] for problem in audit.verify(store)] == [
-        "it is gone; run again, which makes it anew"
-    ]
+    assert coded(found for _, found in audit.verify(store)) == ["fleet-result-gone"]
     todo = planned(scene)
     assert ([task.target for task in todo.todo], todo.current) == ([name], 5)
     assert done(scene).made == 1
@@ -86,7 +86,8 @@ def test_a_result_that_is_not_current_is_not_taken_over_damaged(scene: Scene) ->
     flip(Path(scene.fleet, name))
     found = done(scene)
     assert (found.adopted, found.made) == (0, 0)
-    assert f"{name} is not what was made; remove it and run again" in found.problems[0]
+    ((_, problem),) = found.problems
+    assert (problem.code, problem.values["name"]) == ("fleet-result-changed", name)
     Path(scene.fleet, name).unlink()
     assert done(scene).made == 1
     assert list(audit.verify(store)) == []
@@ -99,8 +100,8 @@ def test_a_log_that_is_damaged_and_removed_is_made_anew(scene: Scene, product: s
     store = Store(scene.fleet)
     log = Path(scene.fleet, product, "_delta_log")
     sorted(log.glob("*.json"))[-1].unlink()
-    (problem,) = audit.verify(store)
-    assert "put it back from a copy, or remove" in problem
+    ((_, problem),) = audit.verify(store)
+    assert problem.code == ("fleet-table" if product == "windows" else "fleet-catalogue")
     shutil.rmtree(log.parent)
     if product != "windows":
         commands.add([scene.folder / "runs"], fleet=scene.fleet, pattern="{tool}_{run}_{date}")
@@ -117,15 +118,15 @@ def test_a_fleet_from_before_checksums_is_read_and_says_so(scene: Scene, capsys:
     assert not planned(scene).todo
     assert commands.verify(fleet=scene.fleet) == 0
     said = capsys.readouterr()
-    assert "windows: no checksum recorded of 8 of 8 files" in said.out + said.err
+    assert "[fleet-no-checksums]" in said.err
     assert "every file with a checksum is what it was" in said.out
     for path in Path(scene.fleet).glob("windows/**/part-*.parquet"):
         flip(path, 0.2)
-        assert "damaged" in next(audit.verify(Store(scene.fleet)))
+        assert next(audit.verify(Store(scene.fleet)))[1].code == "fleet-result-unreadable"
         break
     # nothing of the libraries gets through where the bytes are no table any more
     sorted(Path(scene.fleet).glob("raw/_catalogue/*.parquet"))[0].write_bytes(b"PAR1" + bytes(100))
-    with pytest.raises(FileError, match="damaged"):
+    with refused("fleet-catalogue", error=FileError):
         planned(scene)
 
 

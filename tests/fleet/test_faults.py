@@ -17,6 +17,7 @@ from typing import Any, cast
 
 import psutil
 import pytest
+from tests.refusals import coded, refused
 
 from inclinometry.fleet import audit, commands, workers
 from inclinometry.fleet.plan import table
@@ -74,8 +75,8 @@ def test_a_file_that_kills_its_worker_is_named_and_the_rest_is_done(scene: Scene
     for made in (workers.by_processes(tasks, 2), workers.by_dask(tasks, workers.connect(cluster[0]))):
         found = carry_out(Store(scene.fleet), todo, made)
         assert found.made + found.adopted == 5
-        assert [problem.partition(":")[0] for problem in found.problems] == [tasks[0].raw]
-        assert "its worker died, again and again" in found.problems[0]
+        ((name, problem),) = found.problems
+        assert (name, problem.code) == (tasks[0].raw, "fleet-worker-died")
 
 
 def test_a_scheduler_that_goes_away_is_said_and_the_next_run_goes_on(scene: Scene, cluster: tuple[str, Any]) -> None:
@@ -94,7 +95,7 @@ def test_a_scheduler_that_goes_away_is_said_and_the_next_run_goes_on(scene: Scen
                 scheduler.kill()
 
     begun = time.monotonic()
-    with pytest.raises(workers.SchedulerLostError, match="the Dask scheduler went away"):
+    with refused("fleet-scheduler-lost", error=workers.SchedulerLostError):
         carry_out(Store(scene.fleet), todo, some())
     assert time.monotonic() - begun < 60.0
     assert len(table(Store(scene.fleet), "windows").paths()) == 2
@@ -125,12 +126,12 @@ def test_a_scheduler_whose_workers_are_gone_is_said_and_what_was_lost_with_them_
             return made, first
 
         made, first = begun("windows")
-        with pytest.raises(workers.SchedulerLostError, match="no worker has answered the Dask scheduler for"):
+        with refused("fleet-workers-lost", error=workers.SchedulerLostError):
             list(made)
         monkeypatch.setattr(workers, "by_dask", partial(workers.by_dask, patience=1.5))
         ledger = str(scene.folder / "lab.sqlite")
         assert commands.run(fleet=scene.fleet, ledger=ledger, scheduler=cluster.scheduler_address) == 1
-        assert "no worker has answered" in capsys.readouterr().err
+        assert "[fleet-workers-lost]" in capsys.readouterr().err
         cluster.scale(1)
         made, first = begun("angles")
         Timer(0.5, cluster.scale, (1,)).start()
@@ -273,10 +274,8 @@ def test_a_product_of_which_counts_are_gone_is_named(scene: Scene) -> None:
     gone = scene.run("IN-2", "R1")
     gone.unlink()
     assert not planned(scene).todo  # what was made of it stays
-    assert [said.partition(": ")[0] for said in audit.verify(Store(scene.fleet))] == [
-        Path(gone).relative_to(scene.fleet).as_posix()
-    ]
+    assert [name for name, _ in audit.verify(Store(scene.fleet))] == [Path(gone).relative_to(scene.fleet).as_posix()]
     todo = planned(scene, "angles")
     found = carry_out(Store(scene.fleet), todo, map(run, todo.todo))
     assert found.made == 5
-    assert "it is gone" in found.problems[0]
+    assert coded(problem for _, problem in found.problems) == ["fleet-raw-changed"]

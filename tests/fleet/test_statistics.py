@@ -183,15 +183,15 @@ def test_commands_of_a_fleet_that_is_too_small_say_what_is_needed(
 ) -> None:
     ledger = str(folder / "lab.sqlite")
     assert call("fleet", "fit", "--ledger", ledger, "--type", "none") == 2
-    assert "at least 3 tools with two calibrations each" in " ".join(capsys.readouterr().err.split())
+    assert "[fleet-histories-none]" in " ".join(capsys.readouterr().err.split())
     with Ledger(ledger) as opened:
         put_tool(opened, RegisteredTool("SIM-0001", "another"), author="test")
     assert call("fleet", "report", "--ledger", ledger) == 2
-    assert "'another' (1), 'simulated' (2); choose one with --type" in " ".join(capsys.readouterr().err.split())
+    assert "[input-one-of]" in " ".join(capsys.readouterr().err.split())
     assert call("fleet", "fit", "--ledger", ledger, "--type", "simulated") == 2
     assert "at least 3 are needed" in " ".join(capsys.readouterr().err.split())
     assert call("simulate", "fleet", "-o", str(folder)) == 2
-    assert "it is there already" in " ".join(capsys.readouterr().err.split())
+    assert "[fleet-there]" in " ".join(capsys.readouterr().err.split())
 
 
 def test_a_check_at_the_bench(folder: Path) -> None:
@@ -288,7 +288,7 @@ def test_a_run_in_the_hole_enters_the_history_and_leaves_it(folder: Path, capsys
         assert drift.ledger_history(opened, Certificates(opened), "SIM-0001").history.run == ("", "")
     capsys.readouterr()
     for words, problem in (
-        ([*made, "--tool", "SIM-0003", "--run", "W1", "--ledger", ledger], "not made with a certified calibration"),
+        ([*made, "--tool", "SIM-0003", "--run", "W1", "--ledger", ledger], "[fleet-evidence-raw]"),
         ([*wrong[:3], *about, "--date", "2026-06-01"], "--site"),
         ([*wrong[:3], *about, *reduced[2:], "--date", "June"], "write YYYY-MM-DD"),
         ([*wrong[:3], *about, *reduced[2:], "--date", "2001-01-01"], "no certificate that holds"),

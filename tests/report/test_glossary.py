@@ -7,8 +7,8 @@ from importlib.resources import files
 
 import pytest
 
+from inclinometry.glossary import glossary, term
 from inclinometry.laboratory.web.words import LANGUAGES, catalogue
-from inclinometry.report.glossary import glossary, term
 
 TERMS = glossary()
 

@@ -7,7 +7,8 @@ from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from inclinometry.errors import FileError, InclinometryError, InputError
+from inclinometry.errors import FileError, InclinometryError, refused
+from inclinometry.findings import Finding
 from inclinometry.fleet.checksums import FOLDER, digest_of, recorded
 from inclinometry.fleet.commit import Table
 from inclinometry.fleet.plan import table
@@ -33,7 +34,7 @@ class Why(NamedTuple):
     footer: dict[str, str]
     raw: Raw | None
     certificate: Certified | None
-    problems: tuple[str, ...]
+    findings: tuple[Finding, ...]
 
 
 def why(store: Store, name: str, certificates: Certificates | None) -> Why:
@@ -47,36 +48,34 @@ def why(store: Store, name: str, certificates: Certificates | None) -> Why:
             path for path in table(store, name.partition("/")[0]).paths() if path.startswith(f"{name.rstrip('/')}/")
         ]
         if len(here) != 1:
-            raise InputError(f"{name} has {len(here)} results that are current; name one file")
+            raise refused("fleet-several", {"name": name, "count": len(here)})
         name = here[0]
     product = name.partition("/")[0]
     known = recorded(store, product).get(name)
     if known and digest_of(store, name) not in known:
-        raise InputError(
-            f"{name}: its bytes are not those that were made; remove it and run again, which makes it anew"
-        )
+        raise refused("fleet-result-changed", {"name": name})
     footer = footer_of(store, name)
     if "key" not in footer:
-        raise InputError(f"{name} is no result of a fleet: its footer names no calibration")
+        raise refused("fleet-no-result", {"name": name})
     product = footer["product"].partition("/")[0]
     raws = [raw for raw in catalogue(store) if raw.digest == footer["input"]]
-    problems: list[str] = []
+    problems: list[Finding] = []
     raw = raws[0] if raws else None
     if raw is None:
-        problems.append(f"the catalogue does not know its input, {footer['input']}")
+        problems.append(Finding("fleet-input-unknown", {"digest": footer["input"]}))
     found = None
     if certificates is not None and raw is not None:
         found = next((one for one in certificates.of(raw.tool) if one.number == footer["certificate"]), None)
         if found is None:
-            problems.append(f"certificate {footer['certificate']} is not in this ledger")
+            problems.append(Finding("fleet-certificate-elsewhere", {"certificate": footer["certificate"]}))
         else:
             digest, _ = certificates.content(found.calibration)
             found = found._replace(digest=digest)
             if digest != footer["calibration"]:
-                problems.append("its calibration is not the one the ledger keeps under this certificate")
+                problems.append(Finding("fleet-calibration-other", {"certificate": found.number}))
             if found.state != "issued":
-                by = f" by {found.by}" if found.by else ""
-                problems.append(f"certificate {found.number} is {found.state}{by} ({found.reason})")
+                why_not = {"state": found.state, "by": found.by, "reason": found.reason}
+                problems.append(Finding("fleet-certificate-state", {"certificate": found.number, **why_not}))
     return Why(name, name in table(store, product).paths(), footer, raw, found, tuple(problems))
 
 
@@ -89,11 +88,11 @@ def name_in(store: Store, path: str) -> str:
     try:
         return Path(path).resolve().relative_to(store.folder.resolve()).as_posix()
     except ValueError:
-        raise InputError(f"{path} is not in the fleet {store.address}; --fleet names another") from None
+        raise refused("fleet-elsewhere", {"path": str(path), "address": store.address}) from None
 
 
-def verify(store: Store, progress: Progress = None) -> Iterator[str]:
-    """Read everything again; a sentence for each file that is not what it was.
+def verify(store: Store, progress: Progress = None) -> Iterator[tuple[str, Finding]]:
+    """Read everything again; name and finding of each file that is not what it was.
 
     Every file is compared with the digest recorded when it was committed. A result without one is compared with its
     name, which says what it is made of, and its pages with their checksums.
@@ -104,35 +103,39 @@ def verify(store: Store, progress: Progress = None) -> Iterator[str]:
     try:
         runs = catalogue(store)
     except FileError as error:
-        yield str(error)
+        yield str(error.path), _finding(error)
     for product in VERSION:
         held = table(store, product)
         try:
             results += [(name, held) for name in held.paths()]
             tables.append(held)
         except FileError as error:
-            yield str(error)
+            yield str(error.path), _finding(error)
     total = max(len(runs) + len(results), 1)
     digests = {raw.digest for raw in runs}
     for number, raw in enumerate(runs, 1):
         try:
             if digest_of(store, raw.name) != raw.digest:
-                yield f"{raw.name}: its bytes are not those that were added; put it back from a copy"
+                yield raw.name, Finding("fleet-raw-changed")
         except InclinometryError as error:
-            yield f"{raw.name}: {error}"
+            yield raw.name, _finding(error)
         if progress is not None:
             progress(number / total)
     for number, (name, held) in enumerate(results, len(runs) + 1):
         try:
-            yield from (f"{name}: {problem}" for problem in _result(store, name, digests, held.recorded.get(name)))
+            yield from ((name, found) for found in _result(store, name, digests, held.recorded.get(name)))
         except InclinometryError as error:
-            yield str(error) if name in str(error) else f"{name}: {error}"
+            yield name, _finding(error)
         if progress is not None:
             progress(number / total)
 
 
-def unrecorded(store: Store) -> list[str]:
-    """A sentence for each table of which files have no checksum: those of fleets before there were any."""
+def _finding(error: InclinometryError) -> Finding:
+    return error.finding or Finding("fleet-raw-damaged", {"reason": str(error)})
+
+
+def unrecorded(store: Store) -> list[Finding]:
+    """A finding for each table of which files have no checksum: those of fleets before there were any."""
     found = []
     for product in (CATALOGUE, *VERSION):
         have = recorded(store, product)
@@ -141,22 +144,23 @@ def unrecorded(store: Store) -> list[str]:
         names = {name for name in store.names(log) if not name.rpartition("/")[2].startswith((".", "_"))} | held
         names = {name for name in names if f"/{FOLDER}/" not in name}
         if bare := len(names - have.keys()):
-            found.append(f"{product}: no checksum recorded of {bare} of {len(names)} files")
+            of = {"bare": bare, "total": len(names)}
+            found.append(Finding("fleet-no-checksums", {"table": product, **of}))
     return found
 
 
-def _result(store: Store, name: str, digests: Collection[str], known: Collection[str] | None) -> Iterator[str]:
+def _result(store: Store, name: str, digests: Collection[str], known: Collection[str] | None) -> Iterator[Finding]:
     if store.size(name) is None:
-        yield "it is gone; run again, which makes it anew"
+        yield Finding("fleet-result-gone", {"name": name})
         return
     if known and digest_of(store, name) not in known:
-        yield "its bytes are not those that were made; remove it and run again, which makes it anew"
+        yield Finding("fleet-result-changed", {"name": name})
         return
     footer = footer_of(store, name)
     if not name.endswith(f"part-{footer.get('key')}.parquet"):
-        yield "it is another file than its name says; remove it and run again, which makes it anew"
+        yield Finding("fleet-result-changed", {"name": name})
     elif digests and footer["input"] not in digests:
-        yield f"the catalogue does not know its input, {footer['input']}"
+        yield Finding("fleet-input-unknown", {"digest": footer["input"]})
     if not known:
         check_pages(store, name)
 
@@ -196,7 +200,7 @@ def digest(store: Store, product: str, *, contents: bool = True) -> str:
                 own.update(piece)
         known = held.recorded.get(name)
         if known and f"sha256:{own.hexdigest()}" not in known:
-            raise FileError("its bytes are not those that were made; remove it and run again", path=store.uri(name))
+            raise refused("fleet-result-changed", {"name": name})
     return f"sha256:{found.hexdigest()}"
 
 
@@ -215,5 +219,5 @@ def shown(found: Why) -> dict[str, Any]:
         "input": {"digest": found.footer["input"], "file": found.footer.get("raw"), **run},
         "calibration": {"digest": found.footer["calibration"], "record": record},
         "certificate": {"number": found.footer["certificate"], **state},
-        "problems": list(found.problems),
+        "findings": [one.plain() for one in found.findings],
     }

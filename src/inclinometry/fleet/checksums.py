@@ -10,6 +10,7 @@ from typing import Any, Final
 
 from inclinometry.digest import digest_bytes
 from inclinometry.errors import FileError, InputError
+from inclinometry.findings import Finding
 from inclinometry.fleet.store import STAGED, Store
 
 FOLDER: Final = "_checksums"
@@ -46,7 +47,7 @@ def recorded(store: Store, table: str) -> dict[str, set[str]]:
                 continue  # put together with others meanwhile
             raise
         if not name.endswith(f"-{_mark(content)}.json"):
-            raise FileError("damaged; remove it: what it names has no checksum then", path=store.uri(name))
+            raise FileError(Finding("fleet-checksums"), path=store.uri(name))
         for path, digests in json.loads(content).items():
             found.setdefault(f"{table}/{path}", set()).update(digests)
     return found
@@ -92,27 +93,27 @@ def damaged(
             yield name
 
 
-def opened_table(store: Store, table: str, remedy: str) -> tuple[Any, dict[str, set[str]]]:
+def opened_table(store: Store, table: str, broken: Callable[[str], Finding]) -> tuple[Any, dict[str, set[str]]]:
     """The Delta table, None where there is none, with the digests recorded of it, its log checked against them.
 
     Raises
     ------
     InputError
-        The log is damaged, with the remedy.
+        The log is damaged; `broken` makes a finding of why.
     """
     from deltalake import DeltaTable
     from deltalake.exceptions import TableNotFoundError
 
     have = recorded(store, table)
     for name in damaged(store, table, have):
-        raise FileError(f"its bytes are not those that were committed; {remedy}", path=store.uri(name))
+        raise FileError(broken("SHA-256"), path=store.uri(name))
     try:
-        return guarded(lambda: DeltaTable(store.uri(table)), store.uri(table), remedy), have
+        return guarded(lambda: DeltaTable(store.uri(table)), store.uri(table), broken), have
     except TableNotFoundError:
         return None, have
 
 
-def guarded(read: Callable[[], Any], where: str, remedy: str) -> Any:
+def guarded(read: Callable[[], Any], where: str, broken: Callable[[str], Finding]) -> Any:
     """What `read` gives; InputError for whatever the libraries raise about bytes that no checksum was recorded of."""
     from deltalake.exceptions import TableNotFoundError
 
@@ -125,7 +126,7 @@ def guarded(read: Callable[[], Any], where: str, remedy: str) -> Any:
         if not isinstance(error, Exception) and type(error).__name__ != "PanicException":
             raise
         said = (str(error).strip().splitlines() or [type(error).__name__])[0][:200]
-        raise FileError(f"damaged ({said}); {remedy}", path=where) from None
+        raise FileError(broken(said), path=where) from None
 
 
 def _files(store: Store, table: str) -> list[str]:

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import os
 from collections import Counter
+from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
 from cyclopts import Parameter
 
 from inclinometry.cli import output
 from inclinometry.cli.options import Flag, Json
-from inclinometry.errors import FileError, InclinometryError, InputError
+from inclinometry.errors import FileError, InclinometryError, InputError, out_of_range, refused
+from inclinometry.findings import Finding
 from inclinometry.laboratory.commands import LedgerAddress
 
 if TYPE_CHECKING:
@@ -69,29 +71,31 @@ def add(
         raise
     except InputError:
         if store.folder is not None and not store.folder.parent.is_dir():
-            raise InputError(
-                f"{fleet}: the folder {str(store.folder.parent)!r} does not exist; create it first"
-            ) from None
+            raise FileError(Finding("file-absent"), path=store.folder.parent) from None
         known = {}
     paths = [
         one for path in files for one in (sorted(p for p in path.iterdir() if p.is_file()) if path.is_dir() else [path])
     ]
     if run is not None and len(paths) > 1 and pattern is None:
-        raise InputError(f"--run names one run and {len(paths)} files are given; leave it out, or give --pattern")
+        raise refused("input-needs", {"name": "--run", "needed": ("--pattern",)})
     added: list[raw.Raw] = []
-    there, problems, notes = 0, [], []
+    there, problems, gaps = 0, [], []
     try:
         with output.working("adding") as progress:
             for number, path in enumerate(paths, 1):
                 try:
                     found = raw.add(store, path, raw.about(path, pattern, tool, run, date), known)
                 except InclinometryError as error:
-                    problems.append(str(error))
+                    problems.append((str(path), error.finding or Finding("fleet-raw-damaged", {"reason": str(error)})))
                     continue
                 there += not found
                 added += found
                 known |= {one.name: one for one in found}
-                notes += [f"{path}: {output.counted(one.gaps, 'gap')} in its clock" for one in found if one.gaps]
+                gaps += [
+                    Finding("fleet-gaps", {"path": str(path), "count": one.gaps}, severity="note")
+                    for one in found
+                    if one.gaps
+                ]
                 if progress is not None:
                     progress(number / len(paths))
                 if len(added) >= 1000:
@@ -99,11 +103,11 @@ def add(
                     added = []
     finally:
         raw.record(store, added)
-    output.notes(notes)
-    output.warnings(problems)
+    output.findings(gaps)
+    output.warnings(_lines(problems))
     new = len(paths) - there - len(problems)
     if json:
-        output.print_json({"added": new, "there_already": there, "refused": problems})
+        output.print_json({"added": new, "there_already": there, "refused": _plain(problems)})
     else:
         already = f", {there} there already" if there else ""
         output.say(f"{output.counted(new, 'run')} added to {fleet}{already}")
@@ -118,12 +122,12 @@ def plan(
 ) -> int:  # fmt: skip
     """Say what would be done: made, replaced, refused and why. Nothing is written."""
     todo = _plan(fleet, ledger, product, window_s)
+    left_out = [(raw.name, reason) for raw, reason in todo.refused]
     tools = Counter(task.raw.split("/")[1].removeprefix("tool=") for task in todo.todo)
     behind = sum(map(len, todo.behind.values()))
     if json:
         content = {"product": product, "to_make": len(todo.todo), "by_tool": dict(tools), "to_replace": behind}
-        refused = [{"file": raw.name, "why": reason} for raw, reason in todo.refused]
-        output.print_json(content | {"current": todo.current, "refused": refused})
+        output.print_json(content | {"current": todo.current, "refused": _plain(left_out)})
         return 1 if todo.refused else 0
     if tools:
         output.table(
@@ -132,7 +136,7 @@ def plan(
             [[name, str(count)] for name, count in sorted(tools.items())],
         )
     output.say(f"{len(todo.todo)} to make, {behind} to take out, {todo.current} as wanted, {len(todo.refused)} refused")
-    output.warnings([f"{raw.name}: {reason}" for raw, reason in todo.refused])
+    output.warnings(_lines(left_out))
     return 1 if todo.refused else 0
 
 
@@ -165,16 +169,15 @@ def run(
     from inclinometry.fleet.work import carry_out
 
     if sum(way is not None for way in (workers, threads, scheduler)) > 1:
-        raise InputError("--workers, --threads and --scheduler are three ways to do it; give one")
+        raise refused("input-one-of", {"names": ("--workers", "--threads", "--scheduler")})
     for name, number in (("--workers", workers), ("--threads", threads)):
         if number is not None and not 1 <= number <= 1024:
-            raise InputError(f"{name} is {number}; allowed 1 to 1024")
+            raise out_of_range(name, number, "1 .. 1024")
     todo = _plan(fleet, ledger, product, window_s)
     client = None
     if scheduler is not None:
         client = ways.connect(scheduler)
         receipts = ways.by_dask(todo.todo, client)
-        output.notes([f"dashboard {client.dashboard_link}"])
     elif threads is not None:
         receipts = ways.by_threads(todo.todo, threads)
     else:
@@ -183,23 +186,30 @@ def run(
         with output.working(product) as progress:
             done = carry_out(Store(fleet), todo, receipts, progress=progress)
     except ways.SchedulerLostError as error:
-        output.warnings([str(error)])
+        output.findings([error.finding] if error.finding else [])
         return 1
     finally:
         receipts.close()
         if client is not None:
             client.close()
-    problems = [*done.problems, *(f"{raw.name}: {reason}" for raw, reason in todo.refused)]
+    problems = [*done.problems, *((raw.name, reason) for raw, reason in todo.refused)]
     if json:
-        content = {"made": done.made, "adopted": done.adopted, "replaced": done.removed, "samples": done.samples}
-        output.print_json(content | {"work_s": round(done.seconds, 3), "version": done.version, "problems": problems})
+        content: dict[str, Any] = {
+            "made": done.made,
+            "adopted": done.adopted,
+            "replaced": done.removed,
+            "samples": done.samples,
+        }
+        output.print_json(
+            content | {"work_s": round(done.seconds, 3), "version": done.version, "problems": _plain(problems)}
+        )
         return 1 if problems else 0
     adopted = f", {done.adopted} adopted" if done.adopted else ""
     output.say(f"{product}: {done.made} made{adopted}, {done.removed} taken out, {todo.current} were as wanted")
     if done.samples:
         rate = done.samples / max(done.seconds, 1e-9) / 1e6
         output.say(f"{done.samples} samples in {done.seconds:.1f} s of work, {rate:.2g} million a second")
-    output.warnings(problems)
+    output.warnings(_lines(problems))
     return 1 if problems else 0
 
 
@@ -265,10 +275,11 @@ def verify(*, fleet: Address = "fleet", json: Json = False) -> int:
         problems = list(audit.verify(Store(fleet), progress))
     bare = [] if problems else audit.unrecorded(Store(fleet))
     if json:
-        output.print_json({"ok": not problems, "problems": problems, "no_checksum": bare})
+        findings = [one.plain() for one in bare]
+        output.print_json({"ok": not problems, "problems": _plain(problems), "findings": findings})
         return 1 if problems else 0
-    output.warnings(problems)
-    output.notes(bare)
+    output.warnings(_lines(problems))
+    output.findings(bare)
     sound = "every file with a checksum is what it was" if bare else "every file is what it was"
     output.say(f"{output.counted(len(problems), 'file')} damaged" if problems else sound)
     return 1 if problems else 0
@@ -291,7 +302,7 @@ def why(file: str, /, *, fleet: Address = "fleet", ledger: LedgerAddress = None,
         found = audit.why(Store(fleet), file, Certificates(opened))
     if json:
         output.print_json(audit.shown(found))
-        return 1 if found.problems else 0
+        return 1 if found.findings else 0
     raw, certified = found.raw, found.certificate
     output.say(f"{found.name}: {'current' if found.current else 'not current any more'}")
     output.say(f"  product      {found.footer['product']}, key {found.footer['key']}, {found.footer['code']}")
@@ -303,8 +314,8 @@ def why(file: str, /, *, fleet: Address = "fleet", ledger: LedgerAddress = None,
     output.say(f"               {found.footer['calibration']}")
     state = f", {certified.state}, holds from {certified.since}" if certified else ""
     output.say(f"  certificate  {found.footer['certificate']}{state}")
-    output.warnings(found.problems)
-    return 1 if found.problems else 0
+    output.findings(found.findings)
+    return 1 if found.findings else 0
 
 
 def clean(*, fleet: Address = "fleet", days: float = 7.0, dry_run: Flag = False) -> None:
@@ -321,7 +332,7 @@ def clean(*, fleet: Address = "fleet", days: float = 7.0, dry_run: Flag = False)
     from inclinometry.fleet.store import Store
 
     if not days >= 0.0:
-        raise InputError(f"--days is {days:g}; allowed 0 and more")
+        raise out_of_range("--days", days, ">= 0")
     store = Store(fleet)
     found = audit.superfluous(store, days)
     for name in found:
@@ -339,11 +350,19 @@ def _plan(fleet: str, ledger: str | None, product: str, window_s: float | None) 
     from inclinometry.laboratory.ledger.ledger import Ledger, default_path
 
     if window_s is not None and not 1e-6 <= window_s <= 86400.0:
-        raise InputError(f"--window-s is {window_s:g}; allowed 1e-6 to 86400")
+        raise out_of_range("--window-s", window_s, "0.000001 .. 86400")
     if window_s is not None and product != "windows":
-        raise InputError(f"--window-s is given and {product} have no windows; leave it out")
+        raise refused("input-not-with", {"name": "--window-s", "other": product})
     window_ns = None if window_s is None else round(window_s * 1e9)
     with Ledger(default_path() if ledger is None else ledger, read_only=True) as opened:
         # workers elsewhere have another folder that they are in
         address = fleet if "://" in fleet else str(Path(fleet).resolve())
         return made(Store(address), Certificates(opened), product, window_ns)
+
+
+def _lines(problems: Iterable[tuple[str, Finding]]) -> list[str]:
+    return [f"{name}: {found} [{found.code}]" for name, found in problems]
+
+
+def _plain(problems: Iterable[tuple[str, Finding]]) -> list[dict[str, Any]]:
+    return [{"file": name, **found.plain()} for name, found in problems]

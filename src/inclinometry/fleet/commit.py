@@ -7,7 +7,8 @@ import time
 from collections.abc import Iterable, Mapping
 from typing import Any, Final, TypeAlias
 
-from inclinometry.errors import InputError
+from inclinometry.errors import FileError
+from inclinometry.findings import Finding
 from inclinometry.fleet import checksums
 from inclinometry.fleet.store import Store
 
@@ -39,7 +40,7 @@ class Table:
             return {}
         import pyarrow as pa
 
-        found = checksums.guarded(lambda: pa.table(table.get_add_actions(flatten=True)), self._uri, self._remedy)
+        found = checksums.guarded(lambda: pa.table(table.get_add_actions(flatten=True)), self._uri, self._broken)
         sizes = found.column("size_bytes").to_pylist()
         return {f"{self.name}/{path}": size for path, size in zip(found.column("path").to_pylist(), sizes, strict=True)}
 
@@ -106,7 +107,7 @@ class Table:
                 # another driver was quicker: look again at what is current
                 self._opened = None
                 if attempt == _ATTEMPTS - 1:
-                    raise InputError(f"{self._uri}: the table cannot be committed to ({str(error)[:200]})") from None
+                    raise FileError(Finding("fleet-commit", {"reason": str(error)[:200]}), path=self._uri) from None
                 time.sleep(min(0.05 * 2**attempt, 2.0))
         raise AssertionError
 
@@ -115,22 +116,18 @@ class Table:
         table = self._table()
         if table is None:
             return {}
-        found: Mapping[str, Any] = checksums.guarded(lambda: table.history(1)[0], self._uri, self._remedy)
+        found: Mapping[str, Any] = checksums.guarded(lambda: table.history(1)[0], self._uri, self._broken)
         return found
 
     @property
     def _uri(self) -> str:
         return self._store.uri(self.name)
 
-    @property
-    def _remedy(self) -> str:
+    def _broken(self, reason: str) -> Finding:
         # without its checksums nothing says that a result is what was made
-        return (
-            f"put it back from a copy, or remove the folder {self.name} and run again with the same --window-s, which "
-            "makes its results anew"
-        )
+        return Finding("fleet-table", {"reason": reason, "folder": self.name})
 
     def _table(self) -> Any:
         if self._opened is None:
-            self._opened, self._recorded = checksums.opened_table(self._store, self.name, self._remedy)
+            self._opened, self._recorded = checksums.opened_table(self._store, self.name, self._broken)
         return self._opened

@@ -12,7 +12,8 @@ from cyclopts import Parameter
 
 from inclinometry.cli import options, output
 from inclinometry.cli.options import FieldSite, Flag, Json
-from inclinometry.errors import FileError, InputError
+from inclinometry.errors import FileError, refused
+from inclinometry.findings import Finding
 from inclinometry.laboratory.commands import LedgerAddress
 from inclinometry.laboratory.ledger.ledger import Ledger
 
@@ -75,13 +76,13 @@ def evidence(
     doses_of(hours, shock, heat)
     if withdraw is not None:
         if raw is not None:
-            raise InputError("--withdraw takes a run out by its name; leave the file away")
+            raise refused("input-not-with", {"name": str(raw), "other": "--withdraw"})
         with Ledger(_where(ledger)) as opened:
             drift.withdraw_run(opened, tool, run, withdraw, author=_who())
         output.say(f"{tool}: run {run} is no evidence any more")
         return 0
     if raw is None or date_ is None:
-        raise InputError("give the raw channels of the run and its --date, YYYY-MM-DD")
+        raise refused("input-missing", {"names": ("RAW", "--date")})
     day = options.day(date_, "--date")
     from inclinometry.files.tool_json import tool_of
     from inclinometry.fleet.statistics import known_drift
@@ -109,11 +110,11 @@ def evidence(
     seen = int(np.sum(np.linalg.eigvalsh(covariance) < (0.1 * UNSEEN) ** 2))
     if json:
         content = {"tool": tool, "run": run, "date": day.isoformat(), "stations": found.stations}
-        content |= {"verdict": alarm.sentence, "cause": alarm.cause if alarm.raised else None}
+        content |= {"verdict": str(alarm.finding), "cause": alarm.cause if alarm.raised else None}
         output.print_json(content | {"parameters_seen": seen, "recorded": record and not alarm.raised})
         return 1 if alarm.raised else 0
     shown = f"{found.stations} stations show {seen} of {len(values)} directions"
-    output.say(f"{tool}, run {run} of {day}: {alarm.sentence}; {shown}")
+    output.say(f"{tool}, run {run} of {day}: {alarm.finding}; {shown}")
     if alarm.raised:
         output.say("it contradicts the history and is not taken in: make a full calibration")
     elif record:
@@ -133,7 +134,7 @@ def _analysed(
     from inclinometry.workflow.six_axis import REBUILT, read_six_axis
 
     if site is None:
-        raise InputError("the run is compared with a reference: give --site site.toml with g, b_nT, dip_deg")
+        raise refused("input-missing", {"names": ("--site",)})
     calibration = certificates.at(serial, day).calibration
     with TemporaryDirectory() as folder:
         held = Path(folder, "tool.json")
@@ -141,14 +142,14 @@ def _analysed(
         with output.reading(raw) as progress:
             run = read_six_axis(raw, site, held, progress=progress)
     if run.tool is None or REBUILT in run.stations.history:
-        raise FileError("holds a survey; what a run says of its tool needs the raw channels", path=raw)
+        raise FileError(Finding("fleet-evidence-raw", {"tool": serial}), path=raw)
     reference = reference_of_site(run.site)
     refuse_uncorrectable(run.stations, reference)
     # however far the tool has gone from its certificate: its history judges that
     priors = priors_from_tool(run.tool, axial_sigma=axial_sigma)
     with output.busy(f"analysing {output.counted(len(run.stations), 'station')}"):
         done = multistation(run.stations, reference, priors)
-    output.warnings((*run.warnings, *done.warnings))
+    output.findings((*run.findings, *done.findings))
     return calibration, correction_of(done, reference, priors, run.tool.name, run.inputs)
 
 
@@ -161,8 +162,4 @@ def _kept(certificates: Certificates, serial: str, path: Path) -> tuple[str, Sen
         if certificates.content(one.calibration)[0] == correction.inputs.get("tool"):
             output.warnings(correction.warnings)
             return one.calibration, correction
-    raise FileError(
-        f"was not made with a certified calibration of tool {serial!r}; give the raw channels of the run, which are "
-        "reduced with the certificate of its day",
-        path=path,
-    )
+    raise FileError(Finding("fleet-evidence-raw", {"tool": serial}), path=path)

@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from datetime import date
 from typing import NamedTuple
 
-from inclinometry.errors import InputError
+from inclinometry.errors import InputError, not_among, out_of_range, refused
 from inclinometry.files.writing import program
+from inclinometry.findings import Finding
 from inclinometry.fleet.commit import Table
 from inclinometry.fleet.raw import Raw, catalogue
 from inclinometry.fleet.store import Store
@@ -29,7 +30,7 @@ class Plan(NamedTuple):
     todo: tuple[Task, ...]
     behind: dict[str, tuple[str, ...]]
     current: int
-    refused: tuple[tuple[Raw, str], ...]
+    refused: tuple[tuple[Raw, Finding], ...]
 
 
 def table(store: Store, product: str) -> Table:
@@ -43,9 +44,11 @@ def plan(store: Store, certificates: Certificates, product: str = "windows", win
     A table has windows of one length (that of the last run by default, else 1 s): another length makes all anew.
     """
     if product not in VERSION:
-        raise InputError(f"product is {product!r}; allowed: {', '.join(VERSION)}")
-    if window_ns is not None and (product != "windows" or window_ns < 1):
-        raise InputError(f"a window of {window_ns} ns is asked for; {product} have none, or none so short")
+        raise not_among("product", product, VERSION)
+    if window_ns is not None and product != "windows":
+        raise refused("input-not-with", {"name": "window_ns", "other": product})
+    if window_ns is not None and window_ns < 1:
+        raise out_of_range("window_ns", window_ns, ">= 1")
     runs = catalogue(store)
     current = table(store, product)
     held, known, there = current.paths(), current.recorded, set(store.names(product))
@@ -53,7 +56,7 @@ def plan(store: Store, certificates: Certificates, product: str = "windows", win
     width = last if product == "windows" else 0
     twice = _twice(runs)
     wanted: dict[str, Task] = {}
-    refused: list[tuple[Raw, str]] = []
+    left_out: list[tuple[Raw, Finding]] = []
     for raw in runs:
         try:
             if raw.name in twice:
@@ -61,7 +64,7 @@ def plan(store: Store, certificates: Certificates, product: str = "windows", win
             certified = certificates.at(raw.tool, date.fromisoformat(raw.date))
             wanted_task = _task(store, raw, certified, certificates, product, width)
         except InputError as error:
-            refused.append((raw, str(error)))
+            left_out.append((raw, error.finding or Finding("fleet-raw-damaged", {"reason": str(error)})))
             continue
         digests = tuple(sorted(known.get(wanted_task.target, ())))
         wanted[wanted_task.target] = wanted_task._replace(known=digests)
@@ -71,19 +74,26 @@ def plan(store: Store, certificates: Certificates, product: str = "windows", win
     for name in sorted(held.keys() - wanted.keys()):
         folder = name.rpartition("/")[0]
         behind[folder] = (*behind.get(folder, ()), name)
-    return Plan(product, width, todo, behind, len(wanted) - len(todo), tuple(refused))
+    return Plan(product, width, todo, behind, len(wanted) - len(todo), tuple(left_out))
 
 
 def _task(store: Store, raw: Raw, certified: Certified, certificates: Certificates, product: str, width: int) -> Task:
     content, units = certificates.content(certified.calibration)[1], certificates.units(certified.calibration)
     for kind in KINDS:
         if kind not in units:
-            raise InputError(f"certificate {certified.number} is of a tool without {kind}s")
+            raise refused("fleet-certificate-lacks", {"certificate": certified.number, "kind": kind})
         if raw.units[kind] != units[kind]:
             (unit, count), (other, number) = raw.units[kind], units[kind]
-            raise InputError(
-                f"its {kind} has {count} channels in {unit}, that of certificate {certified.number} {number} in "
-                f"{other}; it is not this tool, or the units are not stated"
+            raise refused(
+                "fleet-certificate-unlike",
+                {
+                    "certificate": certified.number,
+                    "kind": kind,
+                    "channels": count,
+                    "unit": unit,
+                    "certified": number,
+                    "certified_unit": other,
+                },
             )
     name = key(raw.digest, certified.digest, product, width)
     footer = {
@@ -100,9 +110,9 @@ def _task(store: Store, raw: Raw, certified: Certified, certificates: Certificat
     return Task(store.address, raw.name, target, product, width, footer, content, raw.size)
 
 
-def _twice(runs: Sequence[Raw]) -> dict[str, str]:
-    """Files whose tool was somewhere else at the same time: name -> sentence."""
-    found: dict[str, str] = {}
+def _twice(runs: Sequence[Raw]) -> dict[str, Finding]:
+    """Files whose tool was somewhere else at the same time: name -> finding."""
+    found: dict[str, Finding] = {}
     by_tool: dict[str, list[Raw]] = {}
     for raw in runs:
         if raw.absolute:
@@ -113,9 +123,6 @@ def _twice(runs: Sequence[Raw]) -> dict[str, str]:
         for raw in own[1:]:
             if raw.first_ns < latest.last_ns and raw.run != latest.run:
                 for one, other in ((raw, latest), (latest, raw)):
-                    found[one.name] = (
-                        f"tool {tool!r} was in run {one.run!r} and in run {other.run!r} at the same time: two tools "
-                        "with one serial number, or a clock that is wrong"
-                    )
+                    found[one.name] = Finding("fleet-twice", {"tool": tool, "run": one.run, "other": other.run})
             latest = max(latest, raw, key=lambda one: one.last_ns)
     return found

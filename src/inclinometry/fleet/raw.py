@@ -15,13 +15,13 @@ import numpy as np
 
 from inclinometry.arrays import Array
 from inclinometry.digest import digest_file
-from inclinometry.errors import FileError, InputError
+from inclinometry.errors import FileError, out_of_range, refused
 from inclinometry.files.run_file import RunFile, open_run
+from inclinometry.findings import Finding
 from inclinometry.fleet import checksums
 from inclinometry.fleet.store import Store, folder_name
 
 CATALOGUE: Final = "raw/_catalogue"
-_REMEDY: Final = f"put it back from a copy, or remove {CATALOGUE} and add the runs again"
 MOST_ROWS: Final = 1 << 26
 """Of a file; a longer run is several files."""
 ROW_GROUP: Final = 1 << 20
@@ -69,14 +69,14 @@ def catalogue(store: Store) -> list[Raw]:
     InputError
         There is no fleet at this address.
     """
-    table, have = checksums.opened_table(store, CATALOGUE, _REMEDY)
+    table, have = checksums.opened_table(store, CATALOGUE, _broken)
     if table is None:
-        raise InputError(f"{store.address}: there is no fleet here; `inclinometry fleet add` begins one")
+        raise refused("fleet-absent", {"address": store.address})
 
     def read() -> list[Raw]:
         names = [f"{CATALOGUE}/{path}" for path in pa.table(table.get_add_actions()).column("path").to_pylist()]
         for name in checksums.damaged(store, CATALOGUE, have, names):
-            raise FileError(f"its bytes are not those that were committed; {_REMEDY}", path=store.uri(name))
+            raise FileError(_broken("SHA-256"), path=store.uri(name))
         columns = table.to_pyarrow_table().select(Raw._fields).to_pydict()
         # a few sets of channels in thousands of files
         units = {text: {kind: (unit, n) for kind, unit, n in json.loads(text)} for text in set(columns["units"])}
@@ -85,8 +85,12 @@ def catalogue(store: Store) -> list[Raw]:
 
     import pyarrow as pa
 
-    found = checksums.guarded(read, store.uri(CATALOGUE), _REMEDY)
+    found = checksums.guarded(read, store.uri(CATALOGUE), _broken)
     return sorted({raw.name: raw for raw in found}.values(), key=lambda raw: raw.name)
+
+
+def _broken(reason: str) -> Finding:
+    return Finding("fleet-catalogue", {"reason": reason, "folder": CATALOGUE})
 
 
 def record(store: Store, added: Sequence[Raw]) -> None:
@@ -123,23 +127,25 @@ def about(path: Path, pattern: str | None, tool: str | None, run: str | None, da
     if pattern is not None:
         parts = re.split(r"\{(tool|run|date)\}", pattern)
         if len(parts) == 1:
-            raise InputError(f"--pattern is {pattern!r}; it must hold {{tool}}, {{run}} or {{date}}")
+            raise out_of_range("--pattern", pattern, "{tool}, {run}, {date}")
         text = "".join(re.escape(p) if k % 2 == 0 else f"(?P<{p}>[^/]+?)" for k, p in enumerate(parts))
         stem = path.as_posix().removesuffix("".join(path.suffixes[-2:] if path.suffix == ".gz" else path.suffixes[-1:]))
         match = re.search(rf"(?:^|/){text}$", stem)
         if match is None:
-            raise FileError(f"the pattern {pattern!r} does not fit its path {stem!r}", path=path)
+            raise FileError(Finding("fleet-pattern", {"pattern": pattern, "stem": stem}), path=path)
         found = match.groupdict()
     serial, name = tool or found.get("tool"), run or found.get("run") or path.name.partition(".")[0]
     if not serial:
-        raise FileError("it is not said which tool made it; give --tool, or --pattern with {tool}", path=path)
+        raise FileError(Finding("input-one-of", {"names": ("--tool", "--pattern {tool}")}), path=path)
     when = day or found.get("date")
     if when is None:
-        raise FileError("it is not said when it was made; give --date, or --pattern with {date}", path=path)
+        raise FileError(Finding("input-one-of", {"names": ("--date", "--pattern {date}")}), path=path)
     try:
         return About(serial, name, date.fromisoformat(when))
     except ValueError:
-        raise FileError(f"the date is {when!r}; write YYYY-MM-DD", path=path) from None
+        raise FileError(
+            Finding("input-kind", {"name": "--date", "value": when, "expected": "date"}), path=path
+        ) from None
 
 
 def add(
@@ -155,7 +161,7 @@ def add(
     run = open_run(path, progress=progress)
     for kind in ("accelerometer", "magnetometer"):
         if kind not in run.names:
-            raise FileError(f"it has no {kind}; a fleet's runs have accelerometers and magnetometers", path=path)
+            raise FileError(Finding("input-missing", {"names": (kind,)}), path=path)
     units = {kind: (run.units[kind], len(names)) for kind, names in run.names.items()}
     whole = _whole(run, path)
     run = open_run(path)
@@ -183,7 +189,7 @@ def add(
                         columns += [block.channels[kind][:, place] for place in range(len(found))]
                     rows.add([*columns, block.temperature] if "temperature_degC" in run.wanted else columns)
             if state.first == state.last and state.rows > 1:
-                raise FileError(f"its clock stands still: {state.rows} rows have the same time", path=path)
+                raise FileError(Finding("fleet-clock-still", {"total": state.rows}), path=path)
             digest = digest_file(scratch)
             name = f"{folder}/part-{digest.removeprefix('sha256:')[:20]}.parquet"
             if name in known:
@@ -192,9 +198,7 @@ def add(
                 same = one.partition == (what.tool, what.run, what.date.isoformat())
                 if same and state.first <= one.last_ns and one.first_ns <= state.last:
                     raise FileError(
-                        f"run {what.run!r} of tool {what.tool!r} has these minutes already, of {one.source}; if it is "
-                        "another run, give it another name (--run)",
-                        path=path,
+                        Finding("fleet-overlap", {"tool": what.tool, "run": what.run, "source": one.source}), path=path
                     )
             size = scratch.stat().st_size
             publish(name)
@@ -275,10 +279,7 @@ def _whole(run: RunFile, path: Path) -> bool:
             if whole:
                 whole = not missing.any() and bool((values == np.rint(values)).all() and np.abs(values).max() < 2**31)
             if missing.any() and run.units[kind] == "counts" and np.nanmax(np.abs(values), initial=0.0) >= _EXACT:
-                raise FileError(
-                    f"samples are missing and counts go beyond {_EXACT}, more than a float32 keeps; cut the gap out",
-                    path=path,
-                )
+                raise FileError(Finding("fleet-counts-large", {"most": _EXACT}), path=path)
     return whole
 
 
@@ -295,7 +296,7 @@ class _State:
         self.absolute = bool(seconds[0] > _EPOCH) if not self.rows else self.absolute
         if not self.absolute and seconds[-1] > _EPOCH:
             row = self.rows + int(np.argmax(seconds > _EPOCH)) + 1
-            raise FileError(f"row {row}: the clock was set to the time of day; cut the run there", path=path)
+            raise FileError(Finding("fleet-clock-set", {"row": row}), path=path)
         # whole and broken seconds apart: a double holds the ns of neither century nor run in one
         full = np.floor(seconds)
         time = full.astype(np.int64) * 1_000_000_000 + np.rint((seconds - full) * 1e9).astype(np.int64)

@@ -20,9 +20,10 @@ from inclinometry.cli import output
 from inclinometry.cli.extras import need
 from inclinometry.cli.options import Json, Output
 from inclinometry.constants import DIP
-from inclinometry.errors import FileError, InputError
+from inclinometry.errors import FileError, out_of_range
 from inclinometry.files.tool_json import write_truth
 from inclinometry.files.writing import write_bytes, write_text
+from inclinometry.findings import Finding
 from inclinometry.history import ToolHistory, tool_from_relative
 from inclinometry.sensors import Tool
 from inclinometry.simulate.bench import BenchSimulation, Rig, simulate_bench
@@ -90,20 +91,20 @@ def simulate(
         ("jumps", jumps, 0, tools),
     ):
         if not low <= value <= high:
-            raise InputError(f"--{name} is {value}; allowed {low} to {high}")
+            raise out_of_range(f"--{name}", value, f"{low} .. {high}")
     place = output_ / "lab.sqlite" if ledger is None else ledger
     for path in (output_, place):
         if path.exists():
-            raise FileError("it is there already; name a new one", path=path)
+            raise FileError(Finding("fleet-there"), path=path)
     if not place.parent.is_dir() and ledger is not None:
-        raise FileError(f"the folder {str(place.parent)!r} does not exist; create it first", path=place)
+        raise FileError(Finding("file-absent"), path=place.parent)
     # made beside, and put in place when all of it is there
     draft = output_.with_name(f".{output_.name}.part")
     shutil.rmtree(draft, ignore_errors=True)
     try:
         draft.mkdir(parents=True)
     except OSError as error:
-        raise FileError(f"no folder can be made here ({error.strerror})", path=output_) from None
+        raise FileError(Finding("file-unwritable", {"reason": str(error.strerror)}), path=output_) from None
     try:
         with output.working(f"{tools * calibrations} calibrations") as progress:
             made = _fleet(draft, tools, calibrations, runs, samples, jumps, type_, seed, progress)

@@ -10,7 +10,8 @@ from cyclopts import Parameter
 
 from inclinometry.cli import options, output
 from inclinometry.cli.options import AlsoWritten, Flag, Input, InputOrNone, Json, OutputOrNone
-from inclinometry.errors import FileError, InputError
+from inclinometry.errors import FileError, InputError, in_file, not_among, refused
+from inclinometry.findings import Finding
 from inclinometry.laboratory.commands import LedgerAddress
 from inclinometry.laboratory.ledger.ledger import Ledger
 from inclinometry.opening import whole
@@ -73,7 +74,7 @@ def fit(
 
     output.claim({"--tool-code": tool_code, "--stability": stability}, {})
     if tool is not None and stability is None:
-        raise InputError("--tool names the tool whose stability is written; give --stability FILE")
+        raise refused("input-needs", {"name": "--tool", "needed": ("--stability",)})
     known = None if beside is None else load_tool_code(beside)
     with Ledger(_where(ledger), read_only=not record) as opened:
         histories = _histories(opened, type_)
@@ -88,7 +89,7 @@ def fit(
     if stability is not None:
         own = {one.history.serial: one.states[-1].multiplier for one in status.tools}
         if tool is not None and tool not in own:
-            raise InputError(f"no tool {tool!r} of type {model.type} has a history; there are {', '.join(own)}")
+            raise not_among("--tool", tool, own)
         of = f"fleet of type {model.type}" if tool is None else f"tool {tool} in its fleet of type {model.type}"
         source = f"{of}, {model.tools} tools with {model.calibrations} calibrations to {model.last}"
         write_stability(from_drift(model.drift * own.get(tool or "", 1.0), source), stability)
@@ -226,7 +227,7 @@ def report(
     )
     output.say(f"{len(overdue)} overdue, {len(alarmed)} with an alarm")
     for tool in alarmed:
-        output.say(f"  {tool.history.serial}: {tool.alarm.sentence if tool.alarm else ''}; make a full calibration")
+        output.say(f"  {tool.history.serial}: {tool.alarm.finding if tool.alarm else ''}; make a full calibration")
     for rig in off:
         output.say(f"  {rig.rig} is off: {rig.cause}, p {rig.p_value:.1g}")
     if output_ is not None:
@@ -295,12 +296,12 @@ def check(
 
     day, doses = performed_on(performed), doses_of(hours, shock, heat)
     if certify and laboratory is None:
-        raise InputError("a certificate names its laboratory: give --laboratory lab.toml")
+        raise refused("input-missing", {"names": ("--laboratory",)})
     who = read_laboratory(laboratory)[0] if laboratory is not None else None
     with Ledger(_where(ledger), read_only=not (record or certify)) as opened:
         stand = find_rig(opened, rig)
         if stand is None:
-            raise InputError(f"rig {rig!r} is not registered in {opened.shown}; `inclinometry ledger enter` does it")
+            raise refused("fleet-rig-unknown", {"rig": rig, "ledger": opened.shown})
         known = drift.ledger_history(opened, Certificates(opened), tool)
         given = readings_at(readings, dials=stand.dials)
         model, past = known_drift(opened, known.history.type)
@@ -310,7 +311,7 @@ def check(
             except FileError:
                 raise
             except InputError as error:
-                raise FileError(str(error), path=readings) from None
+                raise in_file(error, readings) from None
         made, number = None, None
         if found.calibration is not None and (record or certify):
             taken = whole(readings, LARGEST)
@@ -321,7 +322,8 @@ def check(
     if found.calibration is not None and known.history.reference is not None:
         u = azimuth_sd(relative_parameters(found.calibration.tool, known.history.reference)[1])
     if json:
-        content: dict[str, Any] = {"tool": tool, "refused": found.refusal or None, "verdict": found.alarm.sentence}
+        refusal = str(found.refusal) if found.alarm.raised else None
+        content: dict[str, Any] = {"tool": tool, "refused": refusal, "verdict": str(found.alarm.finding)}
         content |= {
             "cause": found.alarm.cause if found.alarm.raised else None,
             "u_azimuth_deg": None if u is None else np.degrees(u),
@@ -331,7 +333,7 @@ def check(
     if u is None:
         output.say(f"{tool}: refused: {found.refusal}")
         return 1
-    output.say(f"{tool}: {found.alarm.sentence}")
+    output.say(f"{tool}: {found.alarm.finding}")
     shown = ", ".join(f"{x:.3f}" for x in np.degrees(u))
     output.say(f"standard uncertainty of azimuth at inclination 5, 30, 60, 90: {shown} deg")
     if made is not None:
@@ -345,10 +347,10 @@ def known_drift(ledger: Ledger, kind: str) -> tuple[DriftModel, Array]:
 
     kept = find_fit(ledger, kind)
     if kept is not None:
-        output.notes([f"drift of type {kind} as it was kept for {kept.day}"])
+        output.findings([Finding("fleet-drift-kept", {"type": kind, "day": str(kept.day)}, severity="note")])
         return kept.model, kept.past
     status = _status(_histories(ledger, kind))
-    output.notes([f"drift of type {kind} fitted now; `inclinometry fleet fit --type {kind!r} --record` keeps it"])
+    output.findings([Finding("fleet-drift-fitted", {"type": kind}, severity="note")])
     return status.model, status.past
 
 
@@ -360,16 +362,11 @@ def _histories(ledger: Ledger, type_: str | None) -> list[ToolHistory]:
         found, passed_over = ledger_histories(ledger, type_)
     output.warnings(passed_over)
     if not found:
-        of = "" if type_ is None else f" of type {type_!r}"
-        raise InputError(
-            f"no tool{of} in {ledger.shown} has a certified calibration with a covariance; the drift of a type needs "
-            "at least 3 tools with two calibrations each, and some ten for figures that hold"
-        )
+        raise refused("fleet-histories-none", {"ledger": ledger.shown})
     if len(found) > 1:
         several = {kind: len(histories) for kind, histories in found.items() if sum(len(h) > 1 for h in histories)}
         if len(several) != 1:
-            said = ", ".join(f"{kind!r} ({len(histories)})" for kind, histories in sorted(found.items())[:10])
-            raise InputError(f"the ledger has tools of {len(found)} types: {said}; choose one with --type")
+            raise refused("input-one-of", {"names": tuple(f"--type {kind}" for kind in sorted(found)[:10])})
         return found[next(iter(several))]
     return next(iter(found.values()))
 

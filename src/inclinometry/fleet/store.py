@@ -16,6 +16,7 @@ from typing import Any, BinaryIO, Final, NamedTuple
 from urllib.parse import quote, unquote
 
 from inclinometry.errors import FileError, InputError
+from inclinometry.findings import Finding
 from inclinometry.opening import opened
 
 STAGED: Final = re.compile(r"^\.[0-9a-f]{16}\.part$")
@@ -76,7 +77,7 @@ class Store(NamedTuple):
             with _said(self.uri(name)), system.open_input_file(f"{root}/{name}") as stream:
                 yield stream
         except FileNotFoundError:
-            raise FileError("there is no such file", path=self.uri(name)) from None
+            raise FileError(Finding("file-absent"), path=self.uri(name)) from None
 
     def names(self, under: str) -> Iterator[str]:
         """Names of all files below a folder, in no order; nothing where it does not exist."""
@@ -159,7 +160,7 @@ def _said(where: str) -> Iterator[None]:
         if isinstance(error, InputError):
             raise
         reason = (error.strerror or str(error)).splitlines()[0][:300]
-        raise FileError(f"cannot be read or written ({reason})", path=where) from None
+        raise FileError(Finding("file-unreadable", {"reason": reason}), path=where) from None
 
 
 @cache
@@ -171,7 +172,7 @@ def _system(address: str) -> tuple[Any, str]:
     try:
         system, root = fs.FileSystem.from_uri(address)
     except (pa.ArrowException, ValueError, OSError) as error:
-        raise FileError(f"this address cannot be used ({str(error)[:200]})", path=address) from None
+        raise FileError(Finding("fleet-address", {"reason": str(error)[:200]}), path=address) from None
     return system, root.rstrip("/")
 
 

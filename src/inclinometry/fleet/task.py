@@ -13,8 +13,9 @@ import numpy as np
 
 from inclinometry.arrays import Array
 from inclinometry.digest import digest_file
-from inclinometry.errors import InclinometryError, InputError
+from inclinometry.errors import InclinometryError, InputError, refused
 from inclinometry.files.tool_json import calibration_from
+from inclinometry.findings import Finding
 from inclinometry.fleet.checksums import digest_of
 from inclinometry.fleet.raw import channel_names, row_groups
 from inclinometry.fleet.store import Store
@@ -57,7 +58,7 @@ class Receipt(NamedTuple):
     samples: int = 0
     seconds: float = 0.0
     adopted: bool = False
-    problem: str = ""
+    problem: Finding | None = None
     digest: str = ""
 
 
@@ -115,7 +116,7 @@ def footer_of(store: Store, name: str) -> dict[str, str]:
     except (pa.ArrowException, OSError, ValueError) as error:
         if isinstance(error, InputError):
             raise
-        raise InputError(f"{name}: not a Parquet file, or a damaged one ({str(error)[:200]})") from None
+        raise refused("fleet-result-unreadable", {"name": name, "reason": str(error)[:200]}) from None
     return {k.removeprefix(start): v for k, v in own.items() if k.startswith(start)}
 
 
@@ -132,16 +133,14 @@ def run(task: Task) -> Receipt:
         there = store.size(task.target)
         if there is not None:
             return _adopted(store, task, there)
-        found = store.size(task.raw)
-        if found != task.size:
-            has = "it is gone" if found is None else f"it has {found} bytes"
-            raise InputError(f"{has}, {task.size} bytes when it was added; put it back from a copy")
+        if store.size(task.raw) != task.size:
+            raise refused("fleet-raw-changed")
         rows, size, samples, digest = _done(store, task)
     except InclinometryError as error:
-        return Receipt(task.target, problem=f"{task.raw}: {error}")
+        return Receipt(task.target, problem=error.finding or Finding("fleet-raw-damaged", {"reason": str(error)}))
     except (pa.ArrowException, OSError, KeyError, ValueError) as error:
         said = (str(error).strip().splitlines() or [type(error).__name__])[0][:300]
-        return Receipt(task.target, problem=f"{task.raw}: a damaged file ({said}); put it back from a copy")
+        return Receipt(task.target, problem=Finding("fleet-raw-damaged", {"reason": said}))
     return Receipt(task.target, rows, size, samples, time.perf_counter() - begun, digest=digest)
 
 
@@ -149,10 +148,10 @@ def _adopted(store: Store, task: Task, size: int) -> Receipt:
     import pyarrow.parquet as pq
 
     if footer_of(store, task.target).get("key") != task.footer["key"]:
-        raise InputError(f"{task.target} is in its place and is another file; remove it")
+        raise refused("fleet-result-changed", {"name": task.target})
     found = digest_of(store, task.target)
     if task.known and found not in task.known:
-        raise InputError(f"{task.target} is not what was made; remove it and run again")
+        raise refused("fleet-result-changed", {"name": task.target})
     if not task.known:
         check_pages(store, task.target)
     with store.reading(task.target) as stream:
@@ -173,7 +172,7 @@ def check_pages(store: Store, name: str) -> None:
     except (pa.ArrowException, OSError, ValueError) as error:
         if isinstance(error, InputError):
             raise
-        raise InputError(f"{name}: damaged ({str(error).splitlines()[0][:200]}); remove it and run again") from None
+        raise refused("fleet-result-unreadable", {"name": name, "reason": str(error).splitlines()[0][:200]}) from None
 
 
 def _done(store: Store, task: Task) -> tuple[int, int, int, str]:
@@ -216,9 +215,9 @@ def converter(tool: Tool) -> tuple[Convert, list[str]]:
     Triads of three sensors without temperature terms go through as stored; of others the fields are worked out first.
     """
     triads = [tool.triads.get(kind) for kind in KINDS]
-    if any(triad is None or not triad.full for triad in triads):
-        raise InputError("angles need accelerometers and magnetometers that see three components each")
-    found = [triad for triad in triads if triad is not None]
+    found = [triad for triad in triads if triad is not None and triad.full]
+    if lacking := tuple(set(KINDS).difference(triad.kind for triad in found)):
+        raise refused("input-triads", {"lacking": lacking, "needed": KINDS})
     names = [channel_names(triad.kind, triad.count) for triad in found]
     flat = [name for of in names for name in of]
     if all(triad.count == 3 and triad.degree == 0 for triad in found):

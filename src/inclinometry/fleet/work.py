@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
 from inclinometry.files.writing import program
+from inclinometry.findings import Finding
 from inclinometry.fleet.commit import Added
 from inclinometry.fleet.plan import Plan, table
 from inclinometry.fleet.store import Store, plain_name
@@ -17,7 +18,7 @@ from inclinometry.fleet.task import Receipt
 class Done(NamedTuple):
     """What a run did.
 
-    made, adopted, removed : files. samples : read. problems : a sentence for each file that could not be done.
+    made, adopted, removed : files. samples : read. problems : each file that could not be done, and why.
     seconds : of the workers together. version : of the table.
     """
 
@@ -26,7 +27,7 @@ class Done(NamedTuple):
     removed: int
     samples: int
     seconds: float
-    problems: tuple[str, ...]
+    problems: tuple[tuple[str, Finding], ...]
     version: int | None
 
 
@@ -51,7 +52,7 @@ def carry_out(
     waiting: dict[str, dict[str, Added]] = {}
     added: dict[str, Added] = {}
     removed: list[str] = []
-    problems: list[str] = []
+    problems: list[tuple[str, Finding]] = []
     made = adopted = samples = gone = 0
     seconds, last = 0.0, time.monotonic()
 
@@ -66,8 +67,8 @@ def carry_out(
         for number, receipt in enumerate(receipts, 1):
             task, folder = of[receipt.target], _folder(receipt.target)
             seconds, samples = seconds + receipt.seconds, samples + receipt.samples
-            if receipt.problem:
-                problems.append(receipt.problem)
+            if receipt.problem is not None:
+                problems.append((task.raw, receipt.problem))
             else:
                 made, adopted = made + (not receipt.adopted), adopted + receipt.adopted
                 mine = waiting.setdefault(folder, {})

@@ -16,9 +16,10 @@ from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection
 from multiprocessing.connection import wait as wait_any
 from queue import Empty, SimpleQueue
-from typing import Any
+from typing import Any, Final
 
-from inclinometry.errors import InclinometryError, InputError
+from inclinometry.errors import InclinometryError, refused
+from inclinometry.findings import Finding
 from inclinometry.fleet.task import Receipt, Task, run
 
 
@@ -133,7 +134,7 @@ def by_processes(tasks: Sequence[Task], workers: int, *, patience: float = 60.0)
                     if begun[task.target] < 3:  # it may be the worker's fault, or nobody's
                         waiting.append(task)  # last: a task that kills workers must not stop the others
                         continue
-                    receipt = Receipt(task.target, problem=_died(task))
+                    receipt = Receipt(task.target, problem=_DIED)
                 else:
                     continue
                 if receipt.target not in done:
@@ -174,10 +175,7 @@ def connect(scheduler: str, timeout: float = 20.0) -> Any:
     try:
         return Client(scheduler, timeout=timeout, set_as_default=False)
     except (OSError, ValueError, TimeoutError) as error:
-        raise InputError(
-            f"no Dask scheduler answers at {scheduler!r} ({type(error).__name__}); begin one with "
-            "`dask scheduler --host 127.0.0.1`, and workers with `dask worker ADDRESS`"
-        ) from None
+        raise refused("fleet-scheduler-absent", {"scheduler": scheduler, "reason": type(error).__name__}) from None
 
 
 class SchedulerLostError(InclinometryError):
@@ -203,10 +201,7 @@ def by_dask(tasks: Sequence[Task], client: Any, *, patience: float = 60.0) -> Ge
                 looked = time.monotonic()
                 there = looked if known else there
             if looked - there > patience:
-                raise SchedulerLostError(
-                    f"no worker has answered the Dask scheduler for {looked - there:.0f} s; begin workers with "
-                    "`dask worker ADDRESS` and run again, what was done is kept"
-                )
+                raise SchedulerLostError(Finding("fleet-workers-lost", {"waited_s": float(looked - there)}))
             if not waiting and not of:
                 waiting.append((accused[0], f"{accused.popleft().target} alone"))
             while waiting and len(of) < 4 * max(known, 1):
@@ -221,16 +216,15 @@ def by_dask(tasks: Sequence[Task], client: Any, *, patience: float = 60.0) -> Ge
                 continue
             task = of.pop(future.key)[0]
             future.release()
-            if receipt.problem == _died(task) and future.key == task.target:
+            if receipt.problem == _DIED and future.key == task.target:
                 accused.append(task)
             else:
                 yield receipt
-    except (OSError, TimeoutError) as error:
-        raise SchedulerLostError(f"the Dask scheduler went away ({error}); run again, what was done is kept") from None
+    except (OSError, TimeoutError):
+        raise SchedulerLostError(Finding("fleet-scheduler-lost")) from None
 
 
-def _died(task: Task) -> str:
-    return f"{task.raw}: its worker died, again and again; look at the file"
+_DIED: Final = Finding("fleet-worker-died")
 
 
 def _taken(future: Any, task: Task, ready: SimpleQueue[Any]) -> Receipt | None:
@@ -241,12 +235,13 @@ def _taken(future: Any, task: Task, ready: SimpleQueue[Any]) -> Receipt | None:
     try:
         receipt: Receipt = future.result(timeout=5.0)
     except CancelledError:
-        raise SchedulerLostError("the Dask scheduler went away; run again, what was done is kept") from None
+        raise SchedulerLostError(Finding("fleet-scheduler-lost")) from None
     except KilledWorker:
-        return Receipt(task.target, problem=_died(task))
+        return Receipt(task.target, problem=_DIED)
     except Exception as error:  # whatever a worker of another version raises
         if isinstance(error, TimeoutError) and future.status != "error":
             future.add_done_callback(ready.put)
             return None
-        return Receipt(task.target, problem=f"{task.raw}: {type(error).__name__}: {str(error)[:300]}")
+        reason = f"{type(error).__name__}: {str(error)[:300]}"
+        return Receipt(task.target, problem=Finding("fleet-worker-failed", {"reason": reason}))
     return receipt

@@ -9,6 +9,7 @@ import numpy as np
 from inclinometry.allan import ChannelNoise, Coefficient, NoiseRecord
 from inclinometry.constants import COVERAGE_FACTOR
 from inclinometry.files.allan_json import COEFFICIENTS, PlottedCurve, coefficients_of, units_of
+from inclinometry.language import label, number, said
 from inclinometry.report.calibration import log_scale
 from inclinometry.report.figure import DASHES, INK, SERIES, legend_above, new_figure, styled
 from inclinometry.report.page import Section, Table, TableRow, picture, report
@@ -49,24 +50,27 @@ def allan_figure(channel: ChannelNoise) -> Figure:
     axes.xaxis.set_major_formatter(axes.yaxis.get_major_formatter())
     axes.xaxis.set_minor_formatter(axes.yaxis.get_minor_formatter())
     axes.set_xlabel("averaging time, s")
-    axes.set_ylabel(f"Allan deviation, {units[-1].unit}")
+    axes.set_ylabel(label("Allan deviation, {unit}", unit=units[-1].unit))
     legend_above(axes, 2)
     return figure
 
 
 def allan_report(record: NoiseRecord) -> str:
     """The noise of an instrument as one self-contained HTML page: coefficients, curves, what was analysed."""
-    troubles = len(record.warnings)
+    troubles = len(record.findings)
     tables = []
     for kind in record.kinds:
         units, body = units_of(record.of(kind)[0]), []
         for c in record.of(kind):
             found = (coefficient_text(*pair) for pair in coefficients_of(c))
             body.append(TableRow([c.name, *found, f"{c.model.chi_square:.1f}", str(c.model.dof)]))
-        head = ["channel", *(f"{s.title}, {s.unit}" for s in units[:3]), "misfit", "degrees of freedom"]
-        caption = f"{kind.capitalize()}: coefficient ± standard uncertainty, or upper limit (95 %)"
+        head = ["channel", *(f"{label(s.title)}, {label(s.unit)}" for s in units[:3]), "misfit", "degrees of freedom"]
+        caption = label("{kind}: coefficient ± standard uncertainty, or upper limit (95 %)", kind=kind.capitalize())
         tables.append(Table(caption, head, body))
-    what = f"Allan deviation with its band (k = {COVERAGE_FACTOR:g}), the fitted curve and its components"
+    what = label(
+        "Allan deviation with its band (k = {k:g}), the fitted curve and its components",
+        k=COVERAGE_FACTOR,
+    )
     pictures = [picture(allan_figure(c), f"allan{n}", f"{c.name}: {what}") for n, c in enumerate(record.channels)]
     parts = []
     for triad in record.kinds:
@@ -74,26 +78,33 @@ def allan_report(record: NoiseRecord) -> str:
         levels = [one.value * shown.factor for _, one in (coefficients_of(x)[0] for x in record.of(triad)) if one.seen]
         if levels:
             low, high = (significant(v) for v in (min(levels), max(levels)))
-            span = low if low == high else f"{low} to {high}"
-            parts.append(f"{triad} {span} {shown.unit} ({shown.title})")
-    length = f"{record.samples} samples over {significant(record.samples * record.dt, 3)} s"
+            span = low if low == high else label("{low} to {high}", low=low, high=high)
+            parts.append(f"{label(triad)} {number(span)} {label(shown.unit)} ({label(shown.title)})")
+    length = label(
+        "{samples} samples over {time_s} s",
+        samples=record.samples,
+        time_s=significant(record.samples * record.dt, 3),
+    )
     return report(
         "Noise report",
         "Noise at rest",
-        f"{length}: {listed(parts)}." if parts else f"{length}: no white noise is seen.",
+        f"{length}: {listed(parts)}." if parts else label("{length}: no white noise is seen.", length=length),
         [Section("Noise of each channel", tables=tables), Section("Allan deviation", pictures=pictures)],
         [
             ("Samples", str(record.samples)),
-            ("Sampling interval", f"{record.dt:.6g} s"),
-            ("Length", f"{record.samples * record.dt:.6g} s"),
+            ("Sampling interval", label("{time_s:.6g} s", time_s=record.dt)),
+            ("Length", label("{time_s:.6g} s", time_s=record.samples * record.dt)),
         ],
         about="What was analysed",
-        states=[(troubles, "warn", f"{troubles} warning{'s' * (troubles > 1)}"), (True, "good", "No warnings")],
+        states=[
+            (troubles, "warn", label("Warnings: {count}", count=troubles)),
+            (True, "good", "No warnings"),
+        ],
         notes=[
             "Coefficients as in IEEE Std 952-1997: the Allan variance over a time t is N²/t + 0.441 B² + K² t/3. "
             "Where a record is too short to see one, its upper limit (95 %) stands instead."
         ],
-        warnings=record.warnings,
+        warnings=said(record.findings),
         inputs=record.inputs,
     )
 

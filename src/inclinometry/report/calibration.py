@@ -12,6 +12,8 @@ from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
 from inclinometry.calibration.rollset import SecondHarmonics, second_harmonics
 from inclinometry.constants import DIALS
+from inclinometry.findings import only_notes, without_notes
+from inclinometry.language import label, said
 from inclinometry.report import calibration_tables as tables
 from inclinometry.report import words
 from inclinometry.report.calibration_tables import sensor_names
@@ -28,7 +30,6 @@ from inclinometry.report.figure import (
     station_axis,
     styled,
 )
-from inclinometry.report.language import said
 from inclinometry.report.page import CONVENTIONS, Picture, cut, picture, render
 from inclinometry.sensors import GRAVITY
 from inclinometry.tabular import check_record
@@ -108,13 +109,17 @@ def expected_figure(axes: Axes, found: ExpectedUncertainty, name: str) -> None:
         if (part > 0.0).any():
             lowest.append(float(part[part > 0.0].min()))
             axes.plot(
-                x, part, color=SERIES[n], linestyle=DASHES[(n + 2) % len(DASHES)], label=f"{causes[component]}, rms"
+                x,
+                part,
+                color=SERIES[n],
+                linestyle=DASHES[(n + 2) % len(DASHES)],
+                label=label("{causes}, rms", causes=causes[component]),
             )
     if lowest:
         log_scale(axes, min(lowest), float(worst.max()))
     axes.set_xticks(range(0, 181, 30))
     axes.set_xlim(0, 180)
-    axes.set_ylabel(f"u({name}), deg")
+    axes.set_ylabel(label("u({name}), deg", name=name))
     legend_above(axes, 2)
 
 
@@ -140,7 +145,7 @@ def expected_map(found: ExpectedUncertainty, name: str) -> Figure:
     across, down = np.meshgrid(azimuth, inclination)
     axes.scatter(across.ravel(), down.ravel(), c=values.ravel(), visible=False)
     bar = figure.colorbar(shade, ax=axes, orientation="horizontal", aspect=32, pad=0.03)
-    bar.set_label(f"u({name}), deg")
+    bar.set_label(label("u({name}), deg", name=name))
     step = -(-len(levels) // 5)
     places = next((p for p in range(9) if np.allclose(levels, np.round(levels, p), rtol=0.0, atol=1e-9)), 9)
     bar.set_ticks(levels[::step], labels=[f"{level:.{places}f}" for level in levels[::step]])
@@ -214,29 +219,30 @@ def calibration_report(
     place, where = found.dip, _place(found)
     tests = words.calibration_tests(calibration)
     failed, open_ = (sum(test.passed is found for test in tests) for found in (False, None))
-    told = [one for one in calibration.findings if one.severity != "note"]
-    noted = [one for one in calibration.findings if one.severity == "note"]
-    troubles = len(calibration.warnings) + len(told)
+    told = without_notes(calibration.findings)
+    troubles = len(told)
     rig_table = tables.rig_table(calibration, readings)
     second = None if readings is None else second_harmonics(readings)
-    captions = {kind: f"Standardised residuals of the {kind}" for kind in calibration.residuals.standardised}
+    captions = {
+        kind: label("Standardised residuals of the {kind}", kind=kind) for kind in calibration.residuals.standardised
+    }
     return render(
         "calibration.html",
-        title=f"Calibration of {name or 'a tool'}",
+        title=label("Calibration of {value}", value=name or "a tool"),
         kind="Calibration report",
         heading=name or "Tool without a name",
         conventions=CONVENTIONS,
         state="warn" if failed else "good",
-        badge=f"{troubles} warning{'s' * (troubles > 1)}"
+        badge=label("Warnings: {count}", count=troubles)
         if troubles
-        else f"{failed} of {len(tests)} tests failed"
+        else label("{failed} of {count} tests failed", failed=failed, count=len(tests))
         if failed
-        else f"No warnings, {open_} of {len(tests)} tests not judged"
+        else label("No warnings, {open_} of {count} tests not judged", open_=open_, count=len(tests))
         if open_
         else "No warnings, every test passed",
         verdict=words.verdict(calibration, at_once),
-        notes=[line for line in (where, words.covers(calibration), *said(noted)) if line],
-        warnings=[*said(told), *calibration.warnings],
+        notes=[line for line in (where, words.covers(calibration), *said(only_notes(calibration.findings))) if line],
+        warnings=said(told),
         expected=tables.expected_tables(short),
         expected_figures=_expected_figures(found),
         budget=None if readings is None else tables.budget_table(calibration, readings, short),
@@ -265,8 +271,12 @@ def _rolls(second: SecondHarmonics) -> list[str]:
         return said(second.findings)
     uneven, u = np.degrees(abs(second.unevenness)), np.degrees(second.u_unevenness)
     return [
-        "No second harmonic is larger than chance may make it: neither is a sensor seen to be non-linear nor the roll "
-        f"dial to turn unevenly ({uneven:.3f} ± {u:.3f} deg once a turn)."
+        label(
+            "No second harmonic is larger than chance may make it: neither is a sensor seen to be non-linear nor "
+            "the roll dial to turn unevenly ({uneven:.3f} ± {u:.3f} deg once a turn).",
+            uneven=uneven,
+            u=u,
+        )
     ]
 
 
@@ -279,20 +289,32 @@ def _place(found: ExpectedUncertainty) -> str:
         "given": "given",
         "calibration": "that of the calibration stand",
         "stated": "stated with the readings",
-        "assumed": f"assumed, since none is known: give the {name} of the place of work",
+        "assumed": label("assumed, since none is known: give the {name} of the place of work", name=name),
     }[found.dip_from]
-    warning = f" At a place with another {name} the azimuth is better or worse." * (found.dip_from == "calibration")
-    return f"For a {name} of {np.degrees(value):.1f}° ({source}).{warning}"
+    warning = label(" At a place with another {name} the azimuth is better or worse.", name=name) * (
+        found.dip_from == "calibration"
+    )
+    return label(
+        "For a {name} of {value_deg:.1f}° ({source}).{warning}",
+        name=name,
+        value_deg=np.degrees(value),
+        source=source,
+        warning=warning,
+    )
 
 
 def _expected_figures(found: ExpectedUncertainty) -> list[Picture]:
     pictures = []
     for name in found.angles:
-        caption = f"Expected standard uncertainty of {name} of one reading over inclination, and its parts"
+        caption = label(
+            "Expected standard uncertainty of {name} of one reading over inclination, and its parts", name=name
+        )
         pictures.append(picture(expected_figure(found, name), f"line{name}", caption))
     if found.azimuth_from is not None:
         for name in found.angles:
-            caption = f"Expected standard uncertainty of {name} of one reading over attitude, worst toolface"
+            caption = label(
+                "Expected standard uncertainty of {name} of one reading over attitude, worst toolface", name=name
+            )
             pictures.append(picture(expected_map(found, name), f"map{name}", caption))
     return pictures
 
@@ -302,6 +324,10 @@ def _rig_figures(calibration: Calibration) -> list[Picture]:
         return []
     dashed = "bars: standard uncertainty; dashed: twice the standard deviation of a setting"
     return [
-        picture(rig_figure(calibration, dial), f"rig{name}", f"Error of the {name} setting; {dashed}")
+        picture(
+            rig_figure(calibration, dial),
+            f"rig{name}",
+            label("Error of the {name} setting; {marks}", name=name, marks=dashed),
+        )
         for dial, name in enumerate(DIALS)
     ]

@@ -22,6 +22,7 @@ from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
 from inclinometry.calibration.rollset import SecondHarmonics
 from inclinometry.constants import ANGLES, COVERAGE_FACTOR, DEG_PER_HOUR, DIALS, STANDARD_GRAVITY
+from inclinometry.language import label, number
 from inclinometry.orientation import angles, fields, inclination_toolface
 from inclinometry.report.page import Table, TableRow
 from inclinometry.report.words import Test, plain, significant, strongest_correlations, with_uncertainty
@@ -125,7 +126,12 @@ def classical_rows(tool: Tool, kind: str) -> list[Row]:
     labels, units = [], []
     for name, place in zip(sensor_names(triad.count), np.argmax(np.abs(nominal), axis=1), strict=True):
         first, second = (axis for i, axis in enumerate("xyz") if i != place)
-        labels += [f"{name} scale", f"{name} bias", f"{name} toward {first}", f"{name} toward {second}"]
+        labels += [
+            f"{name} scale",
+            f"{name} bias",
+            f"{name} toward {first}",
+            f"{name} toward {second}",
+        ]
         units += [unit.scale_name, unit.name, "deg", "deg"]
     return _derived(tool, kind, view, labels, units)
 
@@ -226,7 +232,12 @@ def expected_tables(found: ExpectedUncertainty) -> list[Table]:
             )
             for i, x in enumerate(np.degrees(found.inclination).round(9))
         ]
-        caption = f"Uncertainty {term}: standard / expanded (k = {COVERAGE_FACTOR:g}), deg; {where}"
+        caption = label(
+            "Uncertainty {part}: standard / expanded (k = {k:g}), deg; {where}",
+            part=term,
+            k=COVERAGE_FACTOR,
+            where=where,
+        )
         tables.append(Table(caption, ["at", *found.angles], rows))
     return tables
 
@@ -251,7 +262,11 @@ def rig_table(calibration: Calibration, readings: BenchReadings | None) -> Table
         rows.append(
             TableRow([name, *settings.get(name, []), *(with_uncertainty(float(e), float(s)) for e, s in pairs)])
         )
-    head = ["station", *(f"{dial} set, deg" for dial in DIALS if settings), *(f"error of {d}, deg" for d in DIALS)]
+    head = [
+        "station",
+        *(label("{dial} set, deg", dial=dial) for dial in DIALS if settings),
+        *(label("error of {d}, deg", d=d) for d in DIALS),
+    ]
     note = "Each estimate is drawn toward zero by the standard deviation of a setting; their scatter understates it."
     return Table("Estimated error of each setting", head, rows, note)
 
@@ -285,10 +300,14 @@ def residual_tables(calibration: Calibration, readings: BenchReadings | None) ->
             rows.append(
                 TableRow([name, *settings.get(name, []), *cells, *scaled, f"{residuals.leverage[k]:.2f}"], state)
             )
-        head = ["station", *(f"{dial} set, deg" for dial in DIALS if settings), *(f"{n}, {unit}" for n in names)]
+        head = [
+            "station",
+            *(label("{dial} set, deg", dial=dial) for dial in DIALS if settings),
+            *(f"{n}, {label(unit)}" for n in names),
+        ]
         head += [*(f"{n} / σ" for n in names), "leverage"]
         note = "Reading minus model at the settings as dialled; coloured beyond two, bold beyond three deviations."
-        found[kind] = Table(f"Residuals of the {kind}", head, rows, note)
+        found[kind] = Table(label("Residuals of the {kind}", kind=kind), head, rows, note)
     return found
 
 
@@ -310,10 +329,10 @@ def budget_table(calibration: Calibration, readings: BenchReadings, expected: Ex
     for name, part in found.items():
         u = np.degrees(np.sqrt(np.diagonal(part, axis1=1, axis2=2)))
         cells = [f"{significant(float(u[i, a]))} ({share[name][i, a]:.0%})" for a in (0, 1) for i in range(len(at_deg))]
-        rows.append(TableRow([name, *cells]))
+        rows.append(TableRow([": ".join(map(label, name.split(": "))), *cells]))
     total = np.degrees(np.sqrt(np.diagonal(sum(found.values()), axis1=1, axis2=2)))
     rows.append(TableRow(["all", *(significant(float(total[i, a])) for a in (0, 1) for i in range(len(at_deg)))]))
-    head = ["cause", *(f"{angle} at {at:g}°" for angle in ANGLES[:2] for at in at_deg)]
+    head = ["cause", *(label("{angle} at {at:g}°", angle=angle, at=at) for angle in ANGLES[:2] for at in at_deg)]
     note = (
         "Root mean square over azimuth and toolface, so that the squares add up; the figures above are of the worst. "
         "A non-linearity that the rolls show stands here but not in the uncertainties the calibration states."
@@ -340,18 +359,23 @@ def triad_block(tool: Tool, kind: str) -> dict[str, Any]:
     """Classical view, orthogonality and the parameters of one triad."""
     triad, names = tool.triads[kind], sensor_names(tool.triads[kind].count)
     classic, noise = classical_rows(tool, kind), noise_rows(tool, kind)
-    across = [
-        sorted({row.label.split(" toward ")[1] for row in classic[4 * i + 2 : 4 * i + 4]}) for i in range(len(names))
-    ]
+    largest = np.argmax(np.abs(classical_view(triad).nominal), axis=1)
+    across = [[axis for i, axis in enumerate("xyz") if i != place] for place in largest]
     body = []
     for i, name in enumerate(names):
         scale, bias, first, second = classic[4 * i : 4 * i + 4]
-        toward = [f"{axis}: {row.text}" for axis, row in zip(across[i], (first, second), strict=True)]
+        toward = [f"{axis}: {number(row.text)}" for axis, row in zip(across[i], (first, second), strict=True)]
         body.append(TableRow([name, scale.text, bias.text, *toward, significant(noise[i].value)]))
     unit = field_unit(triad)
-    head = ["sensor", f"scale, {unit.scale_name}", f"bias, {unit.name}", "toward, deg", "toward, deg"]
-    head.append(f"noise, {unit.name}")
-    at = f" at {triad.reference_temperature:g} °C" if triad.degree else ""
+    head = [
+        "sensor",
+        label("scale, {unit}", unit=unit.scale_name),
+        label("bias, {name}", name=unit.name),
+        "toward, deg",
+        "toward, deg",
+    ]
+    head.append(label("noise, {name}", name=unit.name))
+    at = label(" at {at_degC:g} °C", at_degC=triad.reference_temperature) if triad.degree else ""
     square = orthogonality_rows(tool, kind)
     # tensor and offset, a line a sensor and power of temperature
     rows = parameter_rows(tool, kind)
@@ -359,16 +383,18 @@ def triad_block(tool: Tool, kind: str) -> dict[str, Any]:
     sensors, lines = sensor_names(triad.count), []
     for start in range(0, len(rows), 4):
         power, sensor = divmod(start // 4, triad.count)
-        label = sensors[sensor] + (f" · T{power}" if triad.degree else "")
+        name = sensors[sensor] + (f" · T{power}" if triad.degree else "")
         units = [rows[start].unit] if triad.degree else []
-        lines.append(TableRow([label, *units, *(row.text for row in rows[start : start + 4])]))
+        lines.append(TableRow([name, *units, *(row.text for row in rows[start : start + 4])]))
     columns = ["sensor", *(["unit"] if triad.degree else []), "N x", "N y", "N z", "U0"]
-    given = "" if triad.degree else f", {triad.unit}"
-    powers = f"; Tn: factor of (T - {triad.reference_temperature:g} °C)^n" if triad.degree else ""
-    caption = f"Tensor N and offset U0{given}, ± standard uncertainty{powers}"
+    given = "" if triad.degree else f", {label(triad.unit)}"
+    powers = (
+        label("; Tn: factor of (T - {at_degC:g} °C)^n", at_degC=triad.reference_temperature) if triad.degree else ""
+    )
+    caption = label("Tensor N and offset U0{unit}, ± standard uncertainty{powers}", unit=given, powers=powers)
     return {
         "kind": kind,
-        "classical": Table(f"Scale, bias and misalignment{at}, ± standard uncertainty", head, body),
+        "classical": Table(label("Scale, bias and misalignment{at}, ± standard uncertainty", at=at), head, body),
         "orthogonality": Table(
             "Angle between axes less 90°", ["axes", "deg"], [TableRow([row.label, row.text]) for row in square]
         ),
@@ -388,18 +414,24 @@ def comparison_table(
     """What each method says of itself, and how far its angles are from this calibration's."""
     if not others:
         return None
-    body = [_method(f"{calibration.method} (this report)", at_once, {})]
+    body = [_method(label("{method} (this report)", method=calibration.method), at_once, {})]
     for name, other in others.items():
         found = expected_uncertainty(other, at_once.inclination, dip)
         body.append(_method(name, found, differences(calibration.tool, other.tool, dip)))
     angles = ALL_ANGLES[:3]
-    head = ["method", *(f"u({name}), deg" for name in angles), *(f"Δ {name}, deg" for name in angles)]
+    head = [
+        "method",
+        *(label("u({name}), deg", name=name) for name in angles),
+        *(label("Δ {name}, deg", name=name) for name in angles),
+    ]
     note = (
         "Δ: largest difference from this report's calibration between 10 and 90 deg inclination. u: what the method "
         "says of itself; one that knows nothing of the rig's errors states too little."
     )
     at_deg = float(np.degrees(at_once.inclination[0]))
-    caption = f"Standard uncertainty {FROM_CALIBRATION} at {at_deg:g}° inclination, worst attitude"
+    caption = label(
+        "Standard uncertainty {part} at {at_deg:g}° inclination, worst attitude", part=FROM_CALIBRATION, at_deg=at_deg
+    )
     return Table(caption, head, body, note)
 
 

@@ -12,10 +12,13 @@ from inclinometry.arrays import Array, finite
 from inclinometry.calibration.comparison import TwoCalibrations
 from inclinometry.calibration.expected import FROM_CALIBRATION
 from inclinometry.calibration.result import rounded
-from inclinometry.errors import InputError
+from inclinometry.errors import refused, wrong_shape
+from inclinometry.findings import without_notes
+from inclinometry.language import label, said
 from inclinometry.report.calibration import log_scale
 from inclinometry.report.figure import INK, legend_above, look, new_figure, panel, styled
 from inclinometry.report.page import CONVENTIONS, Table, TableRow, picture, render
+from inclinometry.report.words import listed
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -28,36 +31,54 @@ def two_report(found: TwoCalibrations) -> str:
     """Two calibrations of one tool as one self-contained HTML page."""
     much = 4.0  # standard uncertainties: from there one of some twenty differences contradicts
     far = [row for row in found.coefficients if abs(row.sigmas) > much]
-    agree = f"no coefficient differs by more than {much:g} of its standard uncertainties"
-    differ = f"{len(far)} of {len(found.coefficients)} coefficients differ by more than {much:g} standard uncertainties"
+    agree = label("no coefficient differs by more than {much:g} of its standard uncertainties", much=much)
+    differ = label(
+        "{count} of {total} coefficients differ by more than {much:g} standard uncertainties",
+        count=len(far),
+        total=len(found.coefficients),
+        much=much,
+    )
     tables = []
     for kind in dict.fromkeys(row.kind for row in found.coefficients):
         rows, body = [row for row in found.coefficients if row.kind == kind], []
         for row in rows:
-            cells = [f"{row.sensor} {row.name}", *(rounded(v, u) for v, u in zip(row.values, row.u, strict=True))]
+            cells = [
+                f"{row.sensor} {label(row.name)}",
+                *(rounded(v, u) for v, u in zip(row.values, row.u, strict=True)),
+            ]
             cells += [rounded(row.difference, row.u_difference)]
             cells += [f"{row.sigmas:+.1f}" if np.isfinite(row.sigmas) else ""]
             body.append(TableRow(cells, "warn" if abs(row.sigmas) > much else ""))
-        units = ", ".join(dict.fromkeys(f"{row.name} in {row.unit}" for row in rows if row.unit))
+        units = ", ".join(
+            dict.fromkeys(label("{name} in {unit}", name=row.name, unit=row.unit) for row in rows if row.unit)
+        )
         head = ["sensor", *found.names, "difference", "in its u"]
-        tables.append(Table(f"{kind.capitalize()}: {units}", head, body))
+        tables.append(Table(f"{label(kind.capitalize())}: {units}", head, body))
     return render(
         "comparison.html",
         title="Two calibrations compared",
         kind="Comparison",
-        heading=" and ".join(found.names),
+        heading=listed(list(found.names)),
         conventions=CONVENTIONS,
         state="warn" if far else "good",
         badge="Differ" if far else "Agree",
         verdict=f"{(differ if far else agree).capitalize()}.",
         notes=["The two are taken to be independent; each coefficient is at its calibration's reference temperature."],
-        warnings=[f"{n}: {w}" for n, c in zip(found.names, found.calibrations, strict=True) for w in c.remarks],
+        warnings=[
+            f"{n}: {one}"
+            for n, c in zip(found.names, found.calibrations, strict=True)
+            for one in said(without_notes(c.findings))
+        ],
         tables=tables,
         figures=[
             picture(
                 _figure(found, column),
                 f"two{name}",
-                f"{name.capitalize()}: u {FROM_CALIBRATION} (k = 1) and difference, deg",
+                label(
+                    "{angle}: u {part} (k = 1) and difference, deg",
+                    angle=name.capitalize(),
+                    part=FROM_CALIBRATION,
+                ),
             )
             for column, name in enumerate(("inclination", "azimuth"))
             if np.isfinite(found.difference[:, column]).any()
@@ -77,7 +98,8 @@ def _figure(axes: Axes, found: TwoCalibrations, column: int) -> None:
     curves = [(f"u, {name}", u[:, column]) for name, u in zip(found.names, found.uncertainty, strict=True)]
     curves.append(("difference, rms", found.difference[:, column]))
     curves += [
-        (f"true error, {name}", error[:, column]) for name, error in zip(found.names, found.error or (), strict=False)
+        (label("true error, {name}", name=name), error[:, column])
+        for name, error in zip(found.names, found.error or (), strict=False)
     ]
     seen = []
     for n, (name, values) in enumerate(curves):
@@ -103,7 +125,7 @@ class MethodCurve(NamedTuple):
 def comparison_figure(rows: Sequence[MethodCurve], *, title: str = "") -> Figure:
     """Expected error of inclination and azimuth over inclination, logarithmic; the first method is drawn strongest."""
     if not rows:
-        raise InputError("no method to compare; give at least one")
+        raise refused("input-empty", {"name": "rows"})
     figure = new_figure(3.9, width=9.0)
     panels = figure.subplots(1, 2)
     for axes, name, column in zip(panels, ("inclination", "azimuth"), (2, 3), strict=True):
@@ -113,14 +135,14 @@ def comparison_figure(rows: Sequence[MethodCurve], *, title: str = "") -> Figure
             x = np.degrees(finite(row.inclination, f"inclination of {row.name}", (None,)))
             y = np.degrees(finite(row[column], f"error of {row.name}", (None,)))
             if x.shape != y.shape:
-                raise InputError(f"{row.name}: {x.shape[0]} inclinations and {y.shape[0]} errors; give one for each")
+                raise wrong_shape(f"error of {row.name}", y.shape, str(x.shape))
             levels.append(y[y > 0.0])
             every, width = (n % 3, 3) if len(x) > 12 else None, 2.4 if n == 0 else 1.6
             handles += axes.plot(x, y, markevery=every, linewidth=width, label=row.name, **look(n))
         positive = np.concatenate(levels)
         if len(positive):
             log_scale(axes, float(positive.min()), float(positive.max()))
-        axes.set_title(f"standard deviation of {name}, deg")
+        axes.set_title(label("standard deviation of {name}, deg", name=name))
         axes.set_xlabel("inclination, deg")
     figure.legend(handles=handles, loc="outside lower center", ncols=len(rows) if len(rows) <= 4 else 3)
     if title:

@@ -9,8 +9,8 @@ import numpy as np
 
 from inclinometry.constants import COVERAGE_FACTOR
 from inclinometry.findings import Finding
+from inclinometry.language import label, number, said
 from inclinometry.report.figure import BAD, DASHES, MARKERS, SERIES, legend_above, panel
-from inclinometry.report.language import said
 from inclinometry.report.page import Section, Table, TableRow, cut, picture, report
 from inclinometry.report.words import rounded, significant
 from inclinometry.survey.displacement import AxisDisplacement, CheckSums, Displacement
@@ -38,7 +38,7 @@ def displacement_report(
     state = "warn" if warnings else "good"
     spikes = sum(int(one.spikes.sum()) for each in found.values() for one in each.axes.values())
     single = any(one.sums is None for each in found.values() for one in each.axes.values())
-    band = f"shaded: expanded uncertainty (k = {COVERAGE_FACTOR:g}) of {last}"
+    band = label("shaded: expanded uncertainty (k = {k:g}) of {last}", k=COVERAGE_FACTOR, last=last)
     return report(
         "Displacement report",
         "Displacement of a casing",
@@ -47,7 +47,11 @@ def displacement_report(
             Section(
                 "Displacement since the base reading",
                 pictures=[
-                    picture(profile_figure(found, axis), f"profile{axis}", f"Axis {axis.upper()}; {band}")
+                    picture(
+                        profile_figure(found, axis),
+                        f"profile{axis}",
+                        label("Axis {upper}; {band}", upper=axis.upper(), band=band),
+                    )
                     for axis in axes
                 ],
             ),
@@ -57,14 +61,14 @@ def displacement_report(
                     picture(
                         sums_figure(base, base_sums, found, axis),
                         f"sums{axis}",
-                        f"Axis {axis.upper()}: {axis.upper()}0 + {axis.upper()}180",
+                        label("Axis {upper}: {upper}0 + {upper}180", upper=axis.upper()),
                     )
                     for axis in axes
                     if base_sums[axis] is not None
                 ],
             ),
             Section("Where the uncertainty comes from", tables=[_budget(found)]),
-            Section(f"Profile of {last}", tables=[cut(_table(found[last]))]),
+            Section(label("Profile of {last}", last=last), tables=[cut(_table(found[last]))]),
         ],
         [
             ("Base reading", base),
@@ -75,7 +79,7 @@ def displacement_report(
         about="What was read",
         conventions=SIGN,
         states=[
-            (spikes, state, f"{spikes} spike{'s' * (spikes != 1)} in the check-sums"),
+            (spikes, state, label("Spikes in the check-sums: {count}", count=spikes)),
             (bool(warnings), state, "Read the warnings"),
             (single, state, "Single runs without check-sums"),
             (True, state, "No spikes in the check-sums"),
@@ -90,11 +94,22 @@ def _sentence(name: str, found: Displacement) -> str:
     def words(axis: str, one: AxisDisplacement) -> str:
         row = int(np.argmax(np.abs(one.displacement)))
         u = 1000.0 * float(one.u[row])
-        band = f" ± {significant(COVERAGE_FACTOR * u)}" if np.isfinite(u) else ", uncertainty not known"
-        return f"{axis.upper()} {rounded(1000.0 * float(one.displacement[row]), u)}{band} mm at {found.depth[row]:g} m"
+        band = f" ± {number(significant(COVERAGE_FACTOR * u))}" if np.isfinite(u) else label(", uncertainty not known")
+        return label(
+            "{axis} {displacement}{band} mm at {depth:g} m",
+            axis=axis.upper(),
+            displacement=rounded(1000.0 * float(one.displacement[row]), u),
+            band=band,
+            depth=found.depth[row],
+        )
 
     parts = " and ".join(words(axis, one) for axis, one in found.axes.items())
-    return f"{name}: the largest displacements are {parts} (expanded, k = {COVERAGE_FACTOR:g}, about 95 %)."
+    return label(
+        "{name}: the largest displacements are {parts} (expanded, k = {k:g}, about 95 %).",
+        name=name,
+        parts=parts,
+        k=COVERAGE_FACTOR,
+    )
 
 
 @panel(5.6, y="depth, m")
@@ -113,7 +128,7 @@ def profile_figure(axes: Axes, found: Mapping[str, Displacement], axis: str) -> 
         }
         axes.plot(moved, one.depth, color=colour, markersize=3.0, label=name, **look)
     axes.invert_yaxis()
-    axes.set_xlabel(f"displacement {axis.upper()}, mm")
+    axes.set_xlabel(label("displacement {axis}, mm", axis=axis.upper()))
     legend_above(axes, 2)
 
 
@@ -134,7 +149,7 @@ def sums_figure(
             values = 1000.0 * one.step * moved.sums.values[moved.spikes]
             axes.plot(values, one.depth[:-1][moved.spikes], linestyle="none", marker="X", color=BAD, markersize=6.5)
     axes.invert_yaxis()
-    axes.set_xlabel(f"check-sum {axis.upper()}, mm")
+    axes.set_xlabel(label("check-sum {axis}, mm", axis=axis.upper()))
     legend_above(axes, 2)
 
 
@@ -144,7 +159,7 @@ def _budget(found: Mapping[str, Displacement]) -> Table:
         for axis, one in each.axes.items():
             for what, part in {**one.components, "together": one.u}.items():
                 u = significant(1000.0 * float(part[0 if each.fixed == "bottom" else -1]))
-                body.append(TableRow([f"{name}, {axis.upper()}, {what}", u]))
+                body.append(TableRow([f"{name}, {axis.upper()}, {label(what)}", u]))
     return Table("Standard uncertainty at the end that is free to move", ["reading, axis, source", "u, mm"], body)
 
 
@@ -160,5 +175,5 @@ def _table(found: Displacement) -> Table:
         rows.append(TableRow([*cells, "spike" if spike else ""], "warn" if spike else ""))
     head = ["depth, m"]
     for axis in found.axes:
-        head += [f"{axis.upper()}, mm", "U, mm"]
-    return Table(f"Displacement; U: k = {COVERAGE_FACTOR:g}", [*head, "check-sum"], rows)
+        head += [label("{upper}, mm", upper=axis.upper()), "U, mm"]
+    return Table(label("Displacement; U: k = {k:g}", k=COVERAGE_FACTOR), [*head, "Check-sum"], rows)

@@ -11,11 +11,12 @@ from inclinometry.arrays import Array, Mask
 from inclinometry.constants import ANGLES, COVERAGE_FACTOR, RPM, STANDARD_GRAVITY
 from inclinometry.earth.site import REFERENCES
 from inclinometry.errors import InputError
+from inclinometry.findings import Finding
+from inclinometry.language import label, said
 from inclinometry.motion import result
 from inclinometry.motion.average import average_windows
 from inclinometry.report.calibration import log_scale
 from inclinometry.report.figure import BAD, DASHES, INK, SERIES, legend_above, new_figure, panel, styled
-from inclinometry.report.language import said
 from inclinometry.report.page import CONVENTIONS, MOST_ROWS, Picture, Section, Table, TableRow, picture, report
 from inclinometry.report.survey_figures import compass_dots, course, thinned, unbroken
 from inclinometry.report.words import listed, plain, rounded, significant, worst_and_median
@@ -99,15 +100,15 @@ def methods_figure(truth: Found, rpm: Array, found: Mapping[str, Found]) -> Figu
         if column == 0:
             upper.set_title("dots beyond the axes are cut")
         log_scale(lower, max(min(low), 1e-4), 180.0)
-        upper.set_ylabel(f"{name}, deg")
-        lower.set_ylabel(f"|error| of {name}, deg")
+        upper.set_ylabel(label("{name}, deg", name=name))
+        lower.set_ylabel(label("|error| of {name}, deg", name=name))
         lower.set_xlabel("time, s")
     handles = [Line2D([], [], color=INK, linestyle="--")]
     labels = ["truth"]
     for look, (name, (inclination, azimuth)) in zip(looks, errors.items(), strict=False):
         handles.append(Line2D([], [], **(look | {"marker": "o", "markersize": 2.5} if "alpha" in look else look)))
         inc, azi = (significant(rms_of(one)) for one in (inclination, azimuth))
-        labels.append(f"{name}: rms error inclination {inc}°, azimuth {azi}°")
+        labels.append(label("{name}: rms error inclination {inc}°, azimuth {azi}°", name=name, inc=inc, azi=azi))
     head.axis("off")
     head.legend(handles, labels, loc="center left", ncols=1, borderaxespad=0.0)
     return figure
@@ -177,7 +178,7 @@ def attitude_figure(found: result.AttitudeRows, name: str) -> Figure:
             upper.set_ylim(float(path[good].min()) - room, float(path[good].max()) + room)
     for axes in (upper, lower):
         _shade(axes, found.time, found.refused, unit)
-    upper.set_ylabel(f"{name}, deg")
+    upper.set_ylabel(label("{name}, deg", name=name))
     legend_above(upper, 2)
     seen = u[np.isfinite(u) & (u > 0.0)]
     if len(seen):
@@ -185,7 +186,7 @@ def attitude_figure(found: result.AttitudeRows, name: str) -> Figure:
         # wide enough for two labels where U hardly changes
         log_scale(lower, 0.8 * COVERAGE_FACTOR * float(seen.min()), 1.25 * COVERAGE_FACTOR * float(seen.max()))
     lower.set_ylabel("U, deg")
-    lower.set_xlabel(f"time, {sign}")
+    lower.set_xlabel(label("time, {sign}", sign=sign))
     return figure
 
 
@@ -207,7 +208,7 @@ def speed_figure(found: result.AttitudeRows, vibration: result.Vibration) -> Fig
         _shade(axes, found.time, found.refused, unit)
     upper.set_ylabel("speed, rpm")
     lower.set_ylabel("stick-slip index")
-    lower.set_xlabel(f"time, {sign}")
+    lower.set_xlabel(label("time, {sign}", sign=sign))
     legend_above(upper, 3)
     return figure
 
@@ -227,14 +228,14 @@ def vibration_figure(found: result.AttitudeRows, vibration: result.Vibration) ->
         axes.set_ylim(bottom=0.0)
     upper.set_ylabel("vibration, g rms")
     lower.set_ylabel("peak, g")
-    lower.set_xlabel(f"time, {sign}")
+    lower.set_xlabel(label("time, {sign}", sign=sign))
     legend_above(upper, 3)
     return figure
 
 
-def _line(axes: Axes, time: Array, value: Array, colour: str, label: str = "", dash: int = 0) -> None:
+def _line(axes: Axes, time: Array, value: Array, colour: str, name: str = "", dash: int = 0) -> None:
     look: dict[str, Any] = {"marker": "o", "markersize": 2.5} if len(time) <= 80 else {}
-    axes.plot(time, value, color=colour, linestyle=DASHES[dash % len(DASHES)], label=label or None, **look)
+    axes.plot(time, value, color=colour, linestyle=DASHES[dash % len(DASHES)], label=name or None, **look)
 
 
 @styled
@@ -263,7 +264,7 @@ def spectrogram_figure(found: result.Spectrogram) -> Figure:
         rasterized=True,
     )  # fmt: skip
     axes.grid(visible=False)
-    axes.set_xlabel(f"time, {sign}")
+    axes.set_xlabel(label("time, {sign}", sign=sign))
     axes.set_ylabel("frequency, Hz")
     places, plain = LogLocator(subs=(1.0, 2.0, 5.0)), FuncFormatter(lambda value, _: f"{value:g}")
     bar = figure.colorbar(mesh, ax=axes, pad=0.02, ticks=places, format=plain)
@@ -273,26 +274,26 @@ def spectrogram_figure(found: result.Spectrogram) -> Figure:
 
 
 @panel(3.0)
-def envelope_figure(axes: Axes, channels: Sequence[result.Envelope], label: str) -> None:
+def envelope_figure(axes: Axes, channels: Sequence[result.Envelope], what: str) -> None:
     """Channels of one triad over the whole run: mean, and lowest to highest value as a band."""
     unit, sign = clock(channels[0].time)
     for place, one in enumerate(channels):
         look: dict[str, Any] = {"color": SERIES[place], "alpha": 0.18, "linewidth": 0.0}
         axes.fill_between(one.time / unit, one.low, one.high, **look)
         _line(axes, one.time / unit, one.mean, SERIES[place], one.name, place)
-    axes.set_ylabel(f"{label}, {_printed(channels[0].unit)}")
-    axes.set_xlabel(f"time, {sign}")
+    axes.set_ylabel(f"{label(what)}, {_printed(channels[0].unit)}")
+    axes.set_xlabel(label("time, {sign}", sign=sign))
     legend_above(axes, 3)
 
 
 @panel(3.0, "time, s")
-def excerpt_figure(axes: Axes, found: result.Excerpt, names: Sequence[str], label: str) -> None:
+def excerpt_figure(axes: Axes, found: result.Excerpt, names: Sequence[str], what: str) -> None:
     """Samples of one triad as they came."""
     for place, name in enumerate(names):
         axes.plot(
             found.time, found.channels[name], color=SERIES[place], linestyle=DASHES[place], label=name, linewidth=1.0
         )
-    axes.set_ylabel(f"{label}, {_printed(found.units[names[0]])}")
+    axes.set_ylabel(f"{label(what)}, {_printed(found.units[names[0]])}")
     legend_above(axes, 3)
 
 
@@ -342,7 +343,7 @@ CHANNEL_WORDS: Final = {"accel": "apparent gravity", "mag": "magnetic field", "g
 def dynamic_report(run: result.DynamicRun) -> str:
     """Attitude of a moving tool as one self-contained HTML page."""
     if not len(run.rows):
-        raise InputError("the run has no window to report; give a longer run or shorter windows")
+        raise InputError(Finding("input-empty", {"name": "run.rows"}))
     rows = run.rows
     refused, size = int(rows.refused.sum()), len(rows)
     flagged = int((rows.flags != 0).sum())
@@ -355,16 +356,26 @@ def dynamic_report(run: result.DynamicRun) -> str:
         good = np.flatnonzero(np.isfinite(expanded))
         if not len(good):
             continue
-        reference = f" from {norths(rows)}" if name == "azimuth" else ""
-        caption = f"{name.capitalize()}{reference} over time with its band of U, and U alone{shaded}"
+        reference = label(" from {north}", north=norths(rows)) if name == "azimuth" else ""
+        caption = label(
+            "{name}{reference} over time with its band of U, and U alone{shaded}",
+            name=name.capitalize(),
+            reference=reference,
+            shaded=shaded,
+        )
         pictures.append(picture(attitude_figure(rows, name), name, caption))
         at = int(good[np.argmax(expanded[good])])
         cells = [significant(float(v)) for v in (expanded[good].min(), np.median(expanded[good]), expanded[at])]
         body.append(TableRow([name, *cells, plain(rows.time[at], 2)]))
     head = ["angle", "least U, deg", "median U, deg", "largest U, deg", "at time, s"]
-    tables = [Table(f"Expanded uncertainty (k = {COVERAGE_FACTOR:g})", head, body)] if body else []
+    tables = [Table(label("Expanded uncertainty (k = {k:g})", k=COVERAGE_FACTOR), head, body)] if body else []
     sections = [
-        Section("Inclination, azimuth, toolface", [f"Azimuth counts from {norths(rows)}."], tables, pictures),
+        Section(
+            "Inclination, azimuth, toolface",
+            [label("Azimuth counts from {north}.", north=norths(rows))],
+            tables,
+            pictures,
+        ),
         _means(run.rows),
         _motion(run),
         _refused(run.rows),
@@ -372,28 +383,33 @@ def dynamic_report(run: result.DynamicRun) -> str:
         _recorded(run),
         _table(run),
     ]
-    conventions = (
-        f"{CONVENTIONS} Speed: about the tool axis, positive clockwise looking down hole. Stick-slip index: (fastest - "
-        "slowest) / (2 mean) speed, averaged over 0.1 s; 1 where the string stops once a cycle. g: standard gravity."
+    speed = (
+        "Speed: about the tool axis, positive clockwise looking down hole. Stick-slip index: (fastest - slowest) / "
+        "(2 mean) speed, averaged over 0.1 s; 1 where the string stops once a cycle. g: standard gravity."
     )
+    conventions = f"{label(CONVENTIONS)} {label(speed)}"
     return report(
         "Dynamic attitude report",
-        f"Attitude of {run.tool or 'a moving tool'}",
+        label("Attitude of {value}", value=run.tool or "a moving tool"),
         _sentence(run),
         sections,
         _facts(run),
         about="What was reduced",
-        heading=f"Attitude of {run.tool} in motion" if run.tool else "Attitude in motion",
+        heading=label("Attitude of {tool} in motion", tool=run.tool) if run.tool else "Attitude in motion",
         conventions=conventions,
         states=[
             (refused == size, "bad", "No window could be trusted"),
-            (refused, "warn", f"{refused} of {_windows(size)} refused"),
-            (flagged, "warn", f"{flagged} of {_windows(size)} flagged"),
+            (refused, "warn", label("{refused} of {size} refused", refused=refused, size=_windows(size))),
+            (flagged, "warn", label("{flagged} of {size} flagged", flagged=flagged, size=_windows(size))),
             (True, "good", "Nothing refused or flagged"),
         ],
         notes=[
-            f"Azimuth counts from {norths(rows)}. Included in the uncertainty: {calibrated}noise, vibration and what "
-            f"the method leaves undetermined. Not included: misalignment of the tool in the hole, sag{missing}."
+            label("Azimuth counts from {north}.", north=norths(rows)),
+            label(
+                "Included in the uncertainty: {calibrated}noise, vibration and what the method leaves undetermined.",
+                calibrated=calibrated,
+            ),
+            label("Not included: misalignment of the tool in the hole, sag{missing}.", missing=missing),
         ],
         inputs=run.inputs,
     )
@@ -401,28 +417,41 @@ def dynamic_report(run: result.DynamicRun) -> str:
 
 def norths(rows: result.AttitudeRows) -> str:
     """What azimuth counts from, for a sentence; a run whose methods differ names both."""
-    return f"{listed([REFERENCES[place] for place in np.unique(rows.north[~rows.refused])]) or 'no'} north"
+    return label(
+        "{value} north", value=listed([REFERENCES[place] for place in np.unique(rows.north[~rows.refused])]) or "no"
+    )
 
 
 def _windows(count: int) -> str:
-    return f"{count} window{'s' * (count != 1)}"
+    return label("{count} windows" if count != 1 else "{count} window", count=count)
 
 
 def _sentence(run: result.DynamicRun) -> str:
     rows = run.rows
     seconds = run.counts.stop - run.counts.start
     unit, sign = clock(np.array([0.0, seconds]))
-    span = f"{_windows(len(rows))} in {significant(seconds / unit, 3)} {sign}"
+    span = label(
+        "{count} in {seconds} {sign}", count=_windows(len(rows)), seconds=significant(seconds / unit, 3), sign=sign
+    )
     refused = rows.refused
     if refused.all():
-        return f"{span}: all refused; the reasons and what to do about them stand below."
+        return label("{span}: all refused; the reasons and what to do about them stand below.", span=span)
     parts = []
     for name in ANGLES[:2]:
         u = COVERAGE_FACTOR * np.degrees(getattr(rows, f"u_{name}")[~refused])
-        parts.append(worst_and_median(name, u[np.isfinite(u)]) if np.isfinite(u).any() else f"{name} not known")
-    left = f", {int(refused.sum())} refused" if refused.any() else ""
+        parts.append(
+            worst_and_median(name, u[np.isfinite(u)]) if np.isfinite(u).any() else label("{name} not known", name=name)
+        )
+    left = label(", {count} refused", count=int(refused.sum())) if refused.any() else ""
     most = "the worst of the others" if refused.any() else "the worst of them"
-    return f"{span}{left}: {listed(parts)} at {most} (expanded, k = {COVERAGE_FACTOR:g}, about 95 %)."
+    return label(
+        "{span}{left}: {parts} at {most} (expanded, k = {k:g}, about 95 %).",
+        span=span,
+        left=left,
+        parts=listed(parts),
+        most=most,
+        k=COVERAGE_FACTOR,
+    )
 
 
 def _means(rows: result.AttitudeRows) -> Section | None:
@@ -450,7 +479,10 @@ def _means(rows: result.AttitudeRows) -> Section | None:
         "Offsets, scale errors, the lag of the field and the site are the same in all windows of a run: their part of "
         "U is common and does not average out; the rest falls with the root of the number of windows."
     )
-    caption = f"Means while the hole keeps its direction; angles and U (k = {COVERAGE_FACTOR:g}) in deg"
+    caption = label(
+        "Means while the hole keeps its direction; angles and U (k = {k:g}) in deg",
+        k=COVERAGE_FACTOR,
+    )
     return Section("Means of windows", [line], [Table(caption, head, body)])
 
 
@@ -463,7 +495,7 @@ def _motion(run: result.DynamicRun) -> Section:
         caption = "Vibration over time by direction, and its peaks"
         pictures.append(picture(vibration_figure(run.rows, vibration), "vibration", caption))
     if run.spectrogram is not None and np.isfinite(run.spectrogram.density).any():
-        caption = f"Spectrogram: {run.spectrogram.what}"
+        caption = label("Spectrogram: {what}", what=run.spectrogram.what)
         pictures.append(picture(spectrogram_figure(run.spectrogram), "spectrogram", caption))
     lines = []
     # the speeds of the table of windows, where there are any: a gyro's own mean has its scale error besides
@@ -472,8 +504,10 @@ def _motion(run: result.DynamicRun) -> Section:
     if len(speed):
         low, middle, high = (plain(float(v), 1) for v in (speed.min(), np.median(speed), speed.max()))
         fastest = plain(float(RPM * np.nanmax(np.abs(vibration.fastest))), 1)
-        windows = f"Mean speed of a window: {low} to {high} rpm, median {middle} rpm"
-        lines.append(f"{windows}; fastest moment {fastest} rpm.")
+        windows = label(
+            "Mean speed of a window: {low} to {high} rpm, median {middle} rpm", low=low, high=high, middle=middle
+        )
+        lines.append(label("{windows}; fastest moment {fastest} rpm.", windows=windows, fastest=fastest))
     else:
         lines.append("The speed of rotation is not known: no magnetometer or gyro shows it.")
     index = vibration.stick_slip[np.isfinite(vibration.stick_slip)]
@@ -483,16 +517,31 @@ def _motion(run: result.DynamicRun) -> Section:
         ends = np.stack([vibration.slowest, vibration.fastest])
         least = np.where(ends[0] * ends[1] <= 0.0, 0.0, np.abs(ends).min(axis=0))
         stops = int(np.asarray(np.isfinite(vibration.stick_slip) & (RPM * least < 1.0)).sum())
-        whole = f"the string stopped in {_windows(stops)}" if stops else "the string never stopped"
-        lines.append(f"Stick-slip index: {usual} at the median window, {worst} at the worst; {whole}.")
+        whole = label("the string stopped in {stops}", stops=_windows(stops)) if stops else "the string never stopped"
+        lines.append(
+            label(
+                "Stick-slip index: {usual} at the median window, {worst} at the worst; {whole}.",
+                usual=usual,
+                worst=worst,
+                whole=whole,
+            )
+        )
     for name in ("lateral", "axial", "peak"):
         level = getattr(vibration, name)
         good = level[np.isfinite(level)] / STANDARD_GRAVITY
         if len(good):
             most, usual = significant(float(good.max())), significant(float(np.median(good)))
-            label = "Largest acceleration" if name == "peak" else f"Vibration, {name}"
+            what = "Largest acceleration" if name == "peak" else label("Vibration, {name}", name=name)
             unit = "g" if name == "peak" else "g rms"
-            lines.append(f"{label}: {usual} {unit} at the median window, {most} {unit} at the worst.")
+            lines.append(
+                label(
+                    "{what}: {usual} {unit} at the median window, {most} {unit} at the worst.",
+                    what=what,
+                    usual=usual,
+                    unit=unit,
+                    most=most,
+                )
+            )
     return Section("How it turned and shook", lines, [], pictures)
 
 
@@ -512,7 +561,12 @@ def _refused(rows: result.AttitudeRows) -> Section | None:
     body.sort(key=lambda row: -int(row.cells[4]))
     table = Table("Reasons, those that cost most windows first; a window may have several", head, body, text_columns=3)
     share, count = plain(100.0 * float(refused.mean()), 1), int(refused.sum())
-    told = f"{count} of {_windows(len(rows))} ({share} %) refused: no attitude, rather than a wrong one."
+    told = label(
+        "{count} of {count_2} ({share} %) refused: no attitude, rather than a wrong one.",
+        count=count,
+        count_2=_windows(len(rows)),
+        share=share,
+    )
     calm = "No window was refused; the flags below weaken some."
     return Section("What was refused, and why", [told if count else calm], [table])
 
@@ -530,10 +584,10 @@ def _methods(run: result.DynamicRun) -> Section:
             cells.append(significant(COVERAGE_FACTOR * float(np.median(known))) if len(known) else "none")
         body.append(TableRow(cells))
     head = ["method", "how", "windows", "refused", "median U of inclination, deg", "median U of azimuth, deg"]
-    asked = f"Asked for: {run.method}."
+    asked = label("Asked for: {method}.", method=run.method)
     return Section(
         "Methods, and why",
-        [asked, *run.notes, *said(run.findings)],
+        [asked, *said(run.findings)],
         [Table("Methods taken", head, body, text_columns=2)],
     )
 
@@ -544,14 +598,21 @@ def _recorded(run: result.DynamicRun) -> Section | None:
     for triad in result.CHANNELS:
         whole = [one for one in run.envelopes if one.name.startswith(f"{triad}_")]
         if whole:
-            caption = f"{CHANNEL_WORDS[triad].capitalize()} over the run: mean, and lowest to highest value"
+            caption = label(
+                "{name} over the run: mean, and lowest to highest value",
+                name=CHANNEL_WORDS[triad].capitalize(),
+            )
             figure = envelope_figure(whole, CHANNEL_WORDS[triad])
             pictures.append(picture(figure, f"whole{triad}", caption))
         for place, part in enumerate(run.excerpts):
             names = [name for name in part.channels if name.startswith(f"{triad}_")]
             if names:
                 figure = excerpt_figure(part, names, CHANNEL_WORDS[triad])
-                caption = f"{CHANNEL_WORDS[triad].capitalize()}, samples as they came: {part.what}"
+                caption = label(
+                    "{name}, samples as they came: {what}",
+                    name=CHANNEL_WORDS[triad].capitalize(),
+                    what=part.what,
+                )
                 pictures.append(picture(figure, f"part{place}{triad}", caption))
     return Section("What was recorded", pictures=pictures) if pictures else None
 
@@ -575,10 +636,18 @@ def _table(run: result.DynamicRun) -> Section:
     head = ["time, s"]
     for name in ANGLES:
         head += [name, "U"]
-    what = f"azimuth from {norths(rows)}; quality 1 best, 0 refused"
-    caption = f"Windows; angles and U (k = {COVERAGE_FACTOR:g}) in deg, {what}"
+    what = label("azimuth from {rows}; quality 1 best, 0 refused", rows=norths(rows))
+    caption = label(
+        "Windows; angles and U (k = {COVERAGE_FACTOR:g}) in deg, {what}", COVERAGE_FACTOR=COVERAGE_FACTOR, what=what
+    )
     more = len(rows) > MOST_ROWS
-    note = f"The first {MOST_ROWS} of {len(rows)} windows; the data files hold all." if more else ""
+    note = (
+        label(
+            "The first {MOST_ROWS} of {count} windows; the data files hold all.", MOST_ROWS=MOST_ROWS, count=len(rows)
+        )
+        if more
+        else ""
+    )
     return Section("Windows", tables=[Table(caption, [*head, "rpm", "method", "quality", "flags"], body, note)])
 
 
@@ -586,9 +655,12 @@ def _facts(run: result.DynamicRun) -> list[tuple[str, str]]:
     counts = run.counts
     return [
         ("Tool", run.tool or "not named"),
-        ("Samples", f"{counts.samples}, {counts.missing} of them missing or clipped"),
+        (
+            "Samples",
+            label("{samples}, {missing} of them missing or clipped", samples=counts.samples, missing=counts.missing),
+        ),
         ("Sampling interval", f"{counts.interval:.6g} s"),
-        ("Time", f"{plain(counts.start, 3)} to {plain(counts.stop, 3)} s"),
+        ("Time", label("{start} to {stop} s", start=plain(counts.start, 3), stop=plain(counts.stop, 3))),
         ("Stretches without a gap", str(counts.stretches)),
         ("Window", f"{run.window:g} s"),
         ("North reference", run.north),

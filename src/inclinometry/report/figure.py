@@ -19,7 +19,7 @@ from textwrap import wrap
 from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
 
 from inclinometry.files.writing import write_bytes
-from inclinometry.report.language import translated
+from inclinometry.language import label
 
 if TYPE_CHECKING:
     from markupsafe import Markup
@@ -173,7 +173,7 @@ def inline_svg(figure: Figure, name: str, description: str) -> tuple[Markup, int
     body = re.sub(r"<[^>]*>", tag, _svg(figure))
     body = re.sub(r'^<svg ([^>]*?)width="[^"]*"', r"<svg \1", body)
     body = re.sub(r'^<svg ([^>]*?)height="[^"]*"', r"<svg \1", body)
-    svg = Markup(body.replace("<svg ", f'<svg role="img" aria-label="{escape(description)}" ', 1))
+    svg = Markup(body.replace("<svg ", f'<svg role="img" aria-label="{escape(label(description))}" ', 1))
     # 13 / 10.5 pixels for a point: every figure is shown at its own size, its text 13 pixels high
     return svg, round(72.0 * 13.0 / 10.5 * figure.get_figwidth())
 
@@ -185,13 +185,13 @@ def _translate(figure: Figure) -> None:
 
     for axes in figure.axes:
         for axis in (axes.xaxis, axes.yaxis):
-            labels = [label.get_text() for label in axis.get_ticklabels()]
-            said = [translated(label) for label in labels]
+            labels = [tick.get_text() for tick in axis.get_ticklabels()]
+            said = [label(name) for name in labels]
             if said != labels and isinstance(axis.get_major_locator(), FixedLocator):
                 axis.set_ticklabels(said)
     for text in figure.findobj(Text):
         if isinstance(text, Text) and text.get_text():
-            text.set_text(translated(text.get_text()))
+            text.set_text(label(text.get_text()))
 
 
 def _fit_legend(figure: Figure, axes: Axes) -> None:

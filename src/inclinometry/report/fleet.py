@@ -10,9 +10,10 @@ import numpy as np
 
 from inclinometry.arrays import Array
 from inclinometry.calibration.drift import MULTIPLIERS, SHOWN, SIXTY, azimuth_sd, azimuth_weight
-from inclinometry.calibration.drift_alarm import amount, odds_of
+from inclinometry.calibration.drift_alarm import amount_unit, odds_of
 from inclinometry.calibration.drift_status import RIG_LEVEL, FleetStatus, ToolStatus
 from inclinometry.constants import COVERAGE_FACTOR, FIELD_UNITS, VECTORS
+from inclinometry.language import label
 from inclinometry.report.figure import BAD, DASHES, INK, MARKERS, SERIES, legend_above, new_figure, panel, styled
 from inclinometry.report.page import Section, Table, TableRow, cut, picture, report
 from inclinometry.report.words import significant
@@ -98,7 +99,11 @@ def drift_figure(axes: Axes, status: FleetStatus) -> None:
         if k == SIXTY:
             axes.fill_between(years, u / wide, u * wide, color=SERIES[k], alpha=0.16, linewidth=0.0)
         axes.plot(
-            years, u, color=SERIES[k], linestyle=DASHES[k], label=f"inclination {np.degrees(inclination):.0f} deg"
+            years,
+            u,
+            color=SERIES[k],
+            linestyle=DASHES[k],
+            label=label("inclination {inclination:.0f} deg", inclination=np.degrees(inclination)),
         )
     legend_above(axes, 2)
 
@@ -133,16 +138,23 @@ def fleet_report(status: FleetStatus) -> str:
     off = [rig.rig for rig in status.rigs if rig.p_value < RIG_LEVEL]
     required = status.requirement
     at = ", ".join(f"{np.degrees(i):g}" for i in required.inclinations)
-    requirement = (
-        f"azimuth within {np.degrees(required.limit):g} deg, rms over azimuth and toolface, at inclination {at} deg "
-        f"until the due date, with a probability of {100 * required.reliability:g} %"
+    requirement = label(
+        "azimuth within {limit:g} deg, rms over azimuth and toolface, at inclination {at} deg until the due date, "
+        "with a probability of {reliability:g} %",
+        limit=np.degrees(required.limit),
+        at=at,
+        reliability=100 * required.reliability,
     )
-    said = [f"{len(overdue)} overdue", f"{len(soon)} due within {SOON} days", f"{len(alarmed)} with an alarm"]
-    said += [f"rigs off: {', '.join(off)}"] if off else []
+    said = [
+        label("{count} overdue", count=len(overdue)),
+        label("{count} due within {SOON} days", count=len(soon), SOON=SOON),
+        label("{count} with an alarm", count=len(alarmed)),
+    ]
+    said += [label("rigs off: {names}", names=", ".join(off))] if off else []
     return report(
         "Fleet report",
-        f"Fleet of type {model.type}",
-        f"{len(tools)} tools on {status.day}: {'; '.join(said)}.",
+        label("Fleet of type {type}", type=model.type),
+        label("{count} tools on {day}: {names}.", count=len(tools), day=status.day, names="; ".join(said)),
         [
             _due(status),
             Section("Alarms", _alarm_sentences(alarmed), tables=[cut(_alarm_table(alarmed))] if alarmed else []),
@@ -160,19 +172,21 @@ def fleet_report(status: FleetStatus) -> str:
         ],
         about="What was looked at",
         states=[(alarmed or off, "bad", "ALARM"), (overdue, "warn", "DUE"), (True, "good", "IN ORDER")],
-        notes=[f"Required: {requirement}."],
+        notes=[label("Required: {requirement}.", requirement=requirement)],
     )
 
 
 def _due(status: FleetStatus) -> Section:
     beyond = f"{100 * (1.0 - status.requirement.reliability):.2g} %"
-    caption = (
-        "Azimuth of the tools due first, where it is required; red: limit of the error; marker: due, when the error is "
-        f"beyond it with a probability of {beyond}"
+    caption = label(
+        "Azimuth of the tools due first, where it is required; red: limit of the error; marker: due, when the "
+        "error is beyond it with a probability of {beyond}",
+        beyond=beyond,
     )
-    rule = (
+    rule = label(
         "A tool is due when its azimuth, by its own drift, may be out of the limit with a probability of "
-        f"{beyond}, and after five years at the latest."
+        "{beyond}, and after five years at the latest.",
+        beyond=beyond,
     )
     figure = azimuth_figure(list(status.tools)[:6], status)
     return Section("Due dates", [rule], [cut(_due_table(status))], [picture(figure, "azimuth", caption)])
@@ -182,10 +196,23 @@ def _type(status: FleetStatus) -> Section:
     model = status.model
     factor = significant(float(np.exp(model.multiplier_sd)))
     sentences = [
-        f"From {model.tools} tools and {model.calibrations} calibrations, {model.first} to {model.last}.",
-        *([f"Left out, because they jumped: {', '.join(model.left_out)}."] if model.left_out else []),
-        f"A tool's own drift variance differs from the type's by a factor of {factor} either way (one standard "
-        "deviation).",
+        label(
+            "From {tools} tools and {calibrations} calibrations, {first} to {last}.",
+            tools=model.tools,
+            calibrations=model.calibrations,
+            first=model.first,
+            last=model.last,
+        ),
+        *(
+            [label("Left out, because they jumped: {names}.", names=", ".join(model.left_out))]
+            if model.left_out
+            else []
+        ),
+        label(
+            "A tool's own drift variance differs from the type's by a factor of {factor} either way (one standard "
+            "deviation).",
+            factor=factor,
+        ),
     ]
     caption = "Drift of azimuth (k = 1); band: slow to fast tools at inclination 60 deg"
     pictures = [picture(drift_figure(status), "drift", caption)]
@@ -195,11 +222,13 @@ def _type(status: FleetStatus) -> Section:
 def _parameters(tools: Sequence[ToolStatus]) -> Section:
     sentences = [
         "Tools with an alarm, then those due first: change since the first calibration.",
-        f"Points: calibrations; lines: what is known after each; bands: U, k = {COVERAGE_FACTOR:g}; "
-        "vertical red line: alarm.",
+        label(
+            "Points: calibrations; lines: what is known after each; bands: U, k = {k:g}; vertical red line: alarm.",
+            k=COVERAGE_FACTOR,
+        ),
     ]
     pictures = [
-        picture(parameter_figure(t, kind), f"tool{k}{kind}", f"{t.history.serial}: {kind}s")
+        picture(parameter_figure(t, kind), f"tool{k}{kind}", f"{t.history.serial}: {label(f'{kind}s')}")
         for kind in VECTORS
         for k, t in enumerate(tools)
     ]
@@ -217,7 +246,7 @@ def _due_table(status: FleetStatus) -> Table:
         )
         cells = [
             tool.history.serial,
-            " + ".join(word for word in ("alarm" if raised else "", when) if word),
+            " + ".join(label(word) for word in ("alarm" if raised else "", when) if word),
             tool.due.date.isoformat(),
             tool.last.isoformat(),
             str(days),
@@ -229,9 +258,10 @@ def _due_table(status: FleetStatus) -> Table:
     head = [
         "tool", "state", "due", "last calibration", "days left", "own drift", "u now, deg", "u after six, deg",
     ]  # fmt: skip
-    note = (
-        f"due soon: within {SOON} days; own drift: variance as a multiple of the type's; u: standard uncertainty "
-        "of azimuth at inclination 60 deg, now and after a check of six positions"
+    note = label(
+        "due soon: within {SOON} days; own drift: variance as a multiple of the type's; u: standard uncertainty "
+        "of azimuth at inclination 60 deg, now and after a check of six positions",
+        SOON=SOON,
     )
     return Table("Tools by due date", head, body, note, 2)
 
@@ -245,7 +275,11 @@ def _alarm_sentences(alarmed: Sequence[ToolStatus]) -> list[str]:
     return [
         "The last calibration of these tools does not fit their history. A check of six positions is refused: make a "
         "full calibration.",
-        *([f"Follow these first, of which 5 % may be false alarms: {', '.join(follow)}."] if follow else []),
+        *(
+            [label("Follow these first, of which 5 % may be false alarms: {list}.", list=", ".join(follow))]
+            if follow
+            else []
+        ),
         unseen,
     ]
 
@@ -259,7 +293,7 @@ def _alarm_table(alarmed: Sequence[ToolStatus]) -> Table:
                 tool.history.serial,
                 tool.last.isoformat(),
                 alarm.cause,
-                amount(alarm.cause, alarm.size, alarm.u),
+                _amount(alarm.cause, alarm.size, alarm.u),
                 f"{alarm.statistic:.1f}",
                 f"{alarm.threshold:.1f}",
                 odds_of(alarm.p_value),
@@ -269,24 +303,35 @@ def _alarm_table(alarmed: Sequence[ToolStatus]) -> Table:
     return Table("Alarms", ["tool", "calibration", "cause", "size", "T", "threshold", "p"], body, note, 4)
 
 
+def _amount(cause: str, size: float, u: float) -> str:
+    """How much of a cause, and its standard uncertainty, in the unit of its kind."""
+    factor, unit = amount_unit(cause)
+    return label("{size:+.3g} {unit} (u {u:.2g})", size=factor * size, unit=unit, u=factor * u)
+
+
 def _rig_sentences(status: FleetStatus, off: Sequence[str]) -> list[str]:
     if not status.rigs:
         return ["No rig made three calibrations or more of known tools in the last year."]
     if off:
-        return [f"Rigs off: {', '.join(off)}. Tools calibrated there have shifted alike since they were on other rigs."]
+        return [
+            label(
+                "Rigs off: {list}. Tools calibrated there have shifted alike since they were on other rigs.",
+                list=", ".join(off),
+            )
+        ]
     return ["No rig shifts its tools alike."]
 
 
 def _rig_table(status: FleetStatus) -> Table:
     body = [
         TableRow(
-            [rig.rig, rig.cause, amount(rig.cause, rig.size, rig.u), str(rig.calibrations), odds_of(rig.p_value)],
+            [rig.rig, rig.cause, _amount(rig.cause, rig.size, rig.u), str(rig.calibrations), odds_of(rig.p_value)],
             "bad" if rig.p_value < RIG_LEVEL else "",
         )
         for rig in status.rigs
     ]
     head = ["rig", "largest common change of its tools", "size", "calibrations", "p"]
-    return Table("Rigs in the last year", head, body, f"off: p below {RIG_LEVEL:g}", 3)
+    return Table("Rigs in the last year", head, body, label("off: p below {RIG_LEVEL:g}", RIG_LEVEL=RIG_LEVEL), 3)
 
 
 def _type_table(status: FleetStatus) -> Table:
@@ -298,12 +343,16 @@ def _type_table(status: FleetStatus) -> Table:
             for covariance in (model.drift, model.reproducibility)
         )
         effects = [" / ".join(significant(float(factor * model.effects[row, k])) for row in rows) for k in range(2)]
-        cells = [f"{title}, {unit}", significant(drift), significant(mounting) if mounting else "not seen"]
+        cells = [
+            f"{label(title)}, {label(unit)}",
+            significant(drift),
+            significant(mounting) if mounting else "not seen",
+        ]
         body.append(TableRow([*cells, *(effects if model.effects.any() else [])]))
     head = ["parameter", "drift in a year", "between mountings"]
     head += ["a dose of shock (x / y / z)", "a dose of heat (x / y / z)"] if model.effects.any() else []
     b = FIELD_UNITS["magnetometer"]
-    note = f"1e-3 of the field is 50 {b} in 50000 {b}; the axis after x is y, after y z, after z x"
+    note = label("1e-3 of the field is 50 {unit} in 50000 {unit}; the axis after x is y, after y z, after z x", unit=b)
     return Table("Standard deviations, root mean square over the three axes", head, body, note)
 
 
@@ -320,5 +369,7 @@ def _azimuth_table(status: FleetStatus) -> Table:
     body = [row("drift in a year", status.model.drift), row("between mountings", status.model.reproducibility)]
     for name, values in (("tools now, median", now), ("after a check of six positions, median", checked)):
         body.append(TableRow([name, *(f"{value:.3f}" for value in np.median(values, axis=0))]))
-    head = ["azimuth, deg", *(f"inclination {np.degrees(i):.0f} deg" for i in SHOWN)]
-    return Table(f"Azimuth (k = 1), rms over azimuth and toolface, dip {np.degrees(dip):.0f} deg", head, body)
+    head = ["azimuth, deg", *(label("inclination {i:.0f} deg", i=np.degrees(i)) for i in SHOWN)]
+    return Table(
+        label("Azimuth (k = 1), rms over azimuth and toolface, dip {dip:.0f} deg", dip=np.degrees(dip)), head, body
+    )

@@ -12,13 +12,12 @@ from numpy.typing import ArrayLike
 from inclinometry.arrays import Array, Index, Mask, finite
 from inclinometry.constants import ANGLES, COVERAGE_FACTOR, DEG_PER_HOUR
 from inclinometry.earth.site import Site
-from inclinometry.errors import InputError
-from inclinometry.findings import Finding
+from inclinometry.errors import out_of_range, refused, wrong_shape
 from inclinometry.gyro.result import FLAGS, North
 from inclinometry.gyro.tracking import SPAN, ScaleTrack
+from inclinometry.language import label, said
 from inclinometry.report.calibration import MANY
 from inclinometry.report.figure import BAD, DASHES, INK, MARKERS, SERIES, legend_above, new_figure, panel, styled
-from inclinometry.report.language import said
 from inclinometry.report.page import CONVENTIONS, Picture, Section, Table, TableRow, cut, picture, report
 from inclinometry.report.survey import flag_table, summary_table
 from inclinometry.report.survey_figures import angle_figure
@@ -64,13 +63,13 @@ def scale_figure(axes: Axes, track: ScaleTrack) -> None:
     """Each station's scale with bars of expanded uncertainty, and the curve that was learnt with its band."""
     _scale_panel(axes, track)
     used, size = track.learnt, 4.5 if len(track) <= 80 else 2.5
-    for rows, colour, marker, width, label in (
+    for rows, colour, marker, width, name in (
         (used, SERIES[1], "o", size, "station"),
         (~used, BAD, "X", 6.5, "nothing learnt"),
     ):
         if rows.any():
             look: dict[str, Any] = {"linestyle": "none", "elinewidth": 1.0, "markersize": width, "marker": marker}
-            look |= {"color": colour, "label": label, "rasterized": int(rows.sum()) > MANY}
+            look |= {"color": colour, "label": name, "rasterized": int(rows.sum()) > MANY}
             bars = COVERAGE_FACTOR * 100.0 * track.scale_sd[rows]
             axes.errorbar(scale_place(track)[rows], _per_cent(track.scale[rows]), bars, **look)
     axes.set_xlabel("temperature, °C" if track.thermometer else "station")
@@ -82,29 +81,31 @@ def _per_cent(scale: Array) -> Array:
     return np.asarray(100.0 * (scale - 1.0))
 
 
-def _scale_panel(axes: Axes, track: ScaleTrack, label: str = "learnt", colour: str = SERIES[0]) -> None:
+def _scale_panel(axes: Axes, track: ScaleTrack, name: str = "learnt", colour: str = SERIES[0]) -> None:
     heat, scale, sd = scale_course(track)
     middle, spread = _per_cent(scale), COVERAGE_FACTOR * 100.0 * sd
     band: dict[str, Any] = {
         "color": colour,
         "alpha": 0.2,
         "linewidth": 0.0,
-        "label": f"its ±U (k = {COVERAGE_FACTOR:g})",
+        "label": label("its ±U (k = {k:g})", k=COVERAGE_FACTOR),
     }
-    axes.plot(heat, middle, color=colour, label=label)
+    axes.plot(heat, middle, color=colour, label=name)
     axes.fill_between(heat, middle - spread, middle + spread, **band)
     axes.set_ylabel("scale factor − 1, %")
 
 
 @panel(3.6, y="azimuth difference, deg")
-def difference_figure(axes: Axes, north: North, others: Mapping[str, North], place: Array, label: str) -> None:
+def difference_figure(axes: Axes, north: North, others: Mapping[str, North], place: Array, along: str) -> None:
     """Azimuth by other methods less the one reported, with its band of U; failures stand on the lower edge."""
     band = COVERAGE_FACTOR * np.degrees(north.u("azimuth"))
     differences = {
         method_label(name): np.degrees(wrap_signed(other.azimuth - north.azimuth)) for name, other in others.items()
     }
-    _differences(axes, place, differences, band, f"U of the azimuth reported ({method_label(north.method)})")
-    axes.set_xlabel(label)
+    _differences(
+        axes, place, differences, band, label("U of the azimuth reported ({method})", method=method_label(north.method))
+    )
+    axes.set_xlabel(along)
     legend_above(axes, 1)
 
 
@@ -141,7 +142,7 @@ def _differences(axes: Axes, place: Array, values: Mapping[str, Array], band: Ar
 
 
 @panel(3.0, y="K")
-def condition_figure(axes: Axes, k: Array, place: Array, label: str, lost: Mask) -> None:
+def condition_figure(axes: Axes, k: Array, place: Array, along: str, lost: Mask) -> None:
     """K over the stations with the band in which the scale factor cannot be seen; `lost` are closed-form failures."""
     order = np.argsort(place, kind="stable")
     axes.axhspan(-SINGULAR, SINGULAR, color=BAD, alpha=0.15, linewidth=0.0, label="scale not seen")
@@ -151,7 +152,7 @@ def condition_figure(axes: Axes, k: Array, place: Array, label: str, lost: Mask)
         look: dict[str, Any] = {"linestyle": "none", "marker": "x", "markersize": 6.5, "markeredgewidth": 1.8}
         axes.plot(place[lost], k[lost], color=BAD, label="closed form failed", **look)
     axes.set_ylim(min(-0.2, 1.08 * float(np.nanmin(k, initial=0.0))), max(0.3, 1.08 * float(np.nanmax(k, initial=0.0))))
-    axes.set_xlabel(label)
+    axes.set_xlabel(along)
     legend_above(axes, 2)
 
 
@@ -170,21 +171,25 @@ def hot_run_figure(
     """
     size = len(temperature)
     if not errors or not u:
-        raise InputError("no azimuth errors or no uncertainty to draw; give at least one of each")
+        raise refused("input-empty", {"name": "errors, u"})
     own = {"inclination": inclination, "scale_true": scale_true, "track": track.scale}
     for name, value in (*own.items(), *errors.items(), *u.items()):
         if len(value) != size:
-            raise InputError(f"{name} has {len(value)} stations, temperature {size}; give one value for each station")
+            raise wrong_shape(name, (len(value),), f"({size},)")
     figure = new_figure(8.2, width=9.0)
     top, middle, low = figure.subplots(3, 1, sharex=True, height_ratios=(5, 4, 1.6))
     named = {}
     for name, value in errors.items():
         good = value[np.isfinite(value)]
         rms = significant(float(np.degrees(np.sqrt(np.mean(good**2))))) if len(good) else "not known"
-        lost = f", no azimuth at {size - len(good)} of {size}" if len(good) < size else ""
-        named[f"{name}: rms {rms}°{lost}"] = np.degrees(value)
+        lost = (
+            label(", no azimuth at {count} of {total}", count=size - len(good), total=size) if len(good) < size else ""
+        )
+        named[label("{name}: rms {rms}°{lost}", name=name, rms=rms, lost=lost)] = np.degrees(value)
     who, spread = list(u.items())[-1]
-    _differences(top, temperature, named, COVERAGE_FACTOR * np.degrees(spread), f"95 % band that “{who}” states")
+    _differences(
+        top, temperature, named, COVERAGE_FACTOR * np.degrees(spread), label("95 % band that “{who}” states", who=who)
+    )
     top.set_ylabel("azimuth error, deg")
     top.legend(loc="upper left", ncols=1)
     top.set_title("Error of azimuth as the hole gets hot (triangle: off the axis; red cross: no azimuth)")
@@ -204,9 +209,9 @@ def hot_run_figure(
 
 # The report of a scale factor followed over temperature.
 
-GYRO_CONVENTIONS = (
-    f"{CONVENTIONS} Scale factor: true rate = scale factor × reading. K = cos(latitude) cos(inclination) + "
-    "sin(latitude) sin(inclination) cos(azimuth from true north): what the scale factor is seen through."
+SCALE_CONVENTIONS = (
+    "Scale factor: true rate = scale factor × reading. K = cos(latitude) cos(inclination) + sin(latitude) "
+    "sin(inclination) cos(azimuth from true north): what the scale factor is seen through."
 )
 
 
@@ -214,26 +219,30 @@ def scale_report(track: ScaleTrack, *, md: ArrayLike | None = None, tool: str = 
     """A scale factor followed over temperature as one self-contained HTML page; without `md` stations are numbered."""
     depth = None if md is None else finite(md, "md", (None,))
     if depth is not None and len(depth) != len(track):
-        raise InputError(f"md has {len(depth)} depths, the track {len(track)} stations; give one depth a station")
+        raise wrong_shape("md", depth.shape, f"({len(track)},)")
     left = int((~track.learnt).sum())
     learnt = learnt_sentences(track)
     belief = track.belief
     sd = np.sqrt(np.maximum(np.diagonal(belief.covariance), 0.0))
-    at = f"scale factor at {belief.reference_temperature:g} °C"
-    names = [at, f"slope, per {SPAN:g} °C", f"bend, per ({SPAN:g} °C)²"]
+    at = label("scale factor at {at_degC:g} °C", at_degC=belief.reference_temperature)
+    names = [at, label("slope, per {SPAN:g} °C", SPAN=SPAN), label("bend, per ({SPAN:g} °C)²", SPAN=SPAN)]
     body = [
         TableRow([name, with_uncertainty(float(value), float(u))])
         for name, value, u in zip(names, belief.coefficients, sd, strict=False)
     ]
     span = belief.temperature_range or (float(track.temperature.min()), float(track.temperature.max()))
     sentences = [
-        f"The next run can start from these coefficients with their covariance. They were learnt from {span[0]:.0f} to "
-        f"{span[1]:.0f} °C; beyond that they are extrapolated."
+        label(
+            "The next run can start from these coefficients with their covariance. They were learnt from "
+            "{span:.0f} to {span_2:.0f} °C; beyond that they are extrapolated.",
+            span=span[0],
+            span_2=span[1],
+        )
     ]
     coefficients = Table("Coefficients ± standard uncertainty", ["coefficient", "value"], body)
     return report(
         "Scale factor report",
-        f"Scale factor of {tool or 'a gyro'}",
+        label("Scale factor of {value}", value=tool or "a gyro"),
         learnt[0],
         [
             Section("Scale factor over temperature", pictures=[scale_picture(track)]),
@@ -243,10 +252,12 @@ def scale_report(track: ScaleTrack, *, md: ArrayLike | None = None, tool: str = 
         ],
         [("Tool", tool or "not named"), ("Stations", str(len(track)))],
         about="What was reduced",
-        heading=f"Scale factor of {tool} over temperature" if tool else "Scale factor over temperature",
-        conventions=GYRO_CONVENTIONS,
+        heading=label("Scale factor of {tool} over temperature", tool=tool)
+        if tool
+        else "Scale factor over temperature",
+        conventions=f"{label(CONVENTIONS)} {label(SCALE_CONVENTIONS)}",
         states=[
-            (left, "warn", f"Nothing learnt from {left} of {len(track)} stations"),
+            (left, "warn", label("Nothing learnt from {left} of {count} stations", left=left, count=len(track))),
             (notes, "warn", "Read the warnings"),
             (True, "good", "Learnt"),
         ],
@@ -260,7 +271,11 @@ def scale_report(track: ScaleTrack, *, md: ArrayLike | None = None, tool: str = 
 def scale_picture(track: ScaleTrack) -> Picture:
     """The scale factor over temperature."""
     over = "temperature" if track.thermometer else "the stations"
-    caption = f"Scale factor over {over}; bars and band: U (k = {COVERAGE_FACTOR:g})"
+    caption = label(
+        "Scale factor over {over}; bars and band: U (k = {k:g})",
+        over=over,
+        k=COVERAGE_FACTOR,
+    )
     return picture(scale_figure(track), "scale", caption)
 
 
@@ -269,10 +284,17 @@ def learnt_sentences(track: ScaleTrack) -> list[str]:
     low, high = float(track.temperature.min()), float(track.temperature.max())
     worst, median = (COVERAGE_FACTOR * 100.0 * float(of(track.scale_sd)) for of in (np.max, np.median))
     change = 100.0 * float(np.ptp(track.scale))
-    over = f"From {low:.0f} to {high:.0f} °C" if track.thermometer else "Over the run"
+    over = label("From {low:.0f} to {high:.0f} °C", low=low, high=high) if track.thermometer else "Over the run"
     return [
-        f"{over} the scale factor changed by {significant(change)} %; it is known within "
-        f"±{significant(worst)} % at the worst station (median ±{significant(median)} %, k = {COVERAGE_FACTOR:g}).",
+        label(
+            "{over} the scale factor changed by {change} %; it is known within ±{worst} % at the worst station "
+            "(median ±{median} %, k = {k:g}).",
+            over=over,
+            change=significant(change),
+            worst=significant(worst),
+            median=significant(median),
+            k=COVERAGE_FACTOR,
+        ),
         *said(track.findings),
     ]
 
@@ -286,7 +308,11 @@ def _forecast(track: ScaleTrack) -> Table:
         TableRow([f"{t:.1f}", rounded(float(value), float(u)), significant(COVERAGE_FACTOR * float(u))])
         for t, value, u in zip(heat, scale, sd, strict=True)
     ]
-    return Table(f"Expected scale factor, U (k = {COVERAGE_FACTOR:g})", ["temperature, °C", "scale", "U"], body)
+    return Table(
+        label("Expected scale factor, U (k = {k:g})", k=COVERAGE_FACTOR),
+        ["temperature, °C", "scale", "U"],
+        body,
+    )
 
 
 def _scale_stations(track: ScaleTrack, depth: Array | None) -> Table:
@@ -300,7 +326,7 @@ def _scale_stations(track: ScaleTrack, depth: Array | None) -> Table:
         body.append(TableRow([*cells, "yes" if used else "no"], "" if used else "warn"))
     place = "station" if depth is None else "md, m"
     head = [place, "T, °C", "without its own rates", "U", "with them", "U", "learnt from"]
-    return Table(f"Scale factor of each station, U (k = {COVERAGE_FACTOR:g})", head, body)
+    return Table(label("Scale factor of each station, U (k = {k:g})", k=COVERAGE_FACTOR), head, body)
 
 
 def gyro_report(
@@ -327,17 +353,17 @@ def gyro_report(
         Section("Stations", tables=[cut(_stations(survey, north, heat))]),
     ]
     size, k = len(survey), survey.coverage_factor
-    span = f"{size} station{'s' * (size != 1)} from {survey.md[0]:g} to {survey.md[-1]:g} m"
+    span = label("{count} stations from {first:g} to {last:g} m", count=size, first=survey.md[0], last=survey.md[-1])
     expanded = {name: np.degrees(survey.expanded(name)) for name in ANGLES[:2]}
     # no accelerometer of a tool reaches 5e-4 deg: below it nobody stated their errors
     stated = bool(np.nanmax(expanded["inclination"], initial=0.0) > 5e-4)
     parts = listed([worst_and_median(name, u) for name, u in expanded.items() if stated or name != "inclination"])
-    failed = listed([f"“{check.name}”" for check in checks if check.verdict == "fail"])
-    condition = f" Settle the failed check of {failed} before relying on it." if failed else ""
+    failed = listed([f"“{label(check.name)}”" for check in checks if check.verdict == "fail"])
+    condition = label(" Settle the failed check of {failed} before relying on it.", failed=failed) if failed else ""
     included = [name for name, part in survey.components.items() if np.nansum(part) > 0.0]
     left = [] if "latitude" in included else ["error of the latitude"]
     left += ["error of the convergence"] if survey.azimuth_reference == "grid" and "convergence" not in included else []
-    named = listed([f"“{name}”" for name in included]) or "nothing"
+    named = listed([f"“{label(name)}”" for name in included]) or "nothing"
     left += [] if stated else ["errors of the accelerometers"]
     missing = listed(
         [
@@ -351,22 +377,33 @@ def gyro_report(
         ]
     )
     condition = ("" if stated else " Inclination: the errors of the accelerometers are not stated.") + condition
-    subject = f"Gyro survey with {survey.tool or 'a tool'}"
+    subject = label("Gyro survey with {value}", value=survey.tool or "a tool")
     return report(
         "Gyro survey report",
         subject,
-        f"{span}: {parts} at the worst of them (expanded, k = {k:g}, about 95 %).{condition}",
+        label(
+            "{span}: {parts} at the worst of them (expanded, k = {k:g}, about 95 %).{condition}",
+            span=span,
+            parts=parts,
+            k=k,
+            condition=condition,
+        ),
         sections,
         _facts(survey, north, heat, track, site),
         about="What was reduced",
         heading=subject if survey.tool else "Gyro survey",
-        conventions=GYRO_CONVENTIONS,
-        states=_states(flagged, size, checks, bool(told or survey.warnings)),
+        conventions=f"{label(CONVENTIONS)} {label(SCALE_CONVENTIONS)}",
+        states=_states(flagged, size, checks, bool(told)),
         notes=[
-            f"Azimuth counts from {survey.azimuth_reference} north. Included in the uncertainty: {named}. "
-            f"Not included: {missing}."
+            label(
+                "Azimuth counts from {azimuth_reference} north. Included in the uncertainty: {named}. Not "
+                "included: {missing}.",
+                azimuth_reference=survey.azimuth_reference,
+                named=named,
+                missing=missing,
+            )
         ],
-        warnings=[*said(told), *survey.warnings],
+        warnings=said(told),
         inputs=survey.inputs,
     )
 
@@ -389,10 +426,10 @@ def _in_order(
     sizes |= {} if track is None else {"track": len(track)}
     for name, size in sizes.items():
         if size != len(depth):
-            raise InputError(f"{name} has {size} stations, md {len(depth)}; give the same stations")
+            raise wrong_shape(name, (size,), f"({len(depth)},)")
     order = np.argsort(depth, kind="stable")
-    if not np.array_equal(depth[order], survey.md):
-        raise InputError("md holds other depths than the survey; give the depths from which the survey was made")
+    if (odd := depth[order][depth[order] != survey.md]).size:
+        raise out_of_range("md", float(odd[0]), "= survey.md")
     turned = {name: _taken(other, order) for name, other in others.items()}
     return _taken(north, order), None if heat is None else heat[order], turned
 
@@ -410,22 +447,26 @@ def _taken(north: North, order: Index) -> North:
 def _states(flagged: int, size: int, checks: Sequence[Check], warned: bool) -> list[tuple[object, str, str]]:
     failed, left = (sum(check.verdict == verdict for check in checks) for verdict in ("fail", "not judged"))
     return [
-        (failed, "bad", f"{failed} of {len(checks)} checks failed"),
-        (flagged, "warn", f"{flagged} of {size} stations flagged"),
+        (failed, "bad", label("{failed} of {count} checks failed", failed=failed, count=len(checks))),
+        (flagged, "warn", label("{flagged} of {size} stations flagged", flagged=flagged, size=size)),
         (warned, "warn", "Read the warnings"),
         (checks and worst(checks) == "not judged", "warn", "No check could be judged"),
-        (left, "good", f"No flags, {left} of {len(checks)} checks not judged"),
+        (left, "good", label("No flags, {left} of {count} checks not judged", left=left, count=len(checks))),
         (True, "good", "No flags, all checks passed" if checks else "No flags"),
     ]
 
 
 def _angles(survey: Survey) -> Section:
     pictures = [
-        picture(angle_figure(survey, name), name, f"{name.capitalize()} with its band of U, and U by cause")
+        picture(
+            angle_figure(survey, name),
+            name,
+            label("{name} with its band of U, and U by cause", name=name.capitalize()),
+        )
         for name in ANGLES[:2]
         if np.isfinite(getattr(survey, name)).any()
     ]
-    reference = f"Azimuth counts from {survey.azimuth_reference} north."
+    reference = label("Azimuth counts from {north} north.", north=survey.azimuth_reference)
     return Section("Inclination and azimuth", [reference], [summary_table(survey, ANGLES[:2])], pictures)
 
 
@@ -436,8 +477,13 @@ def _scale(survey: Survey, north: North, others: Mapping[str, North], track: Sca
     pictures = [] if track is None else [scale_picture(track)]
     blind = int((np.abs(k) < SINGULAR).sum())
     sentences.append(
-        f"K is within ±{SINGULAR:g} at {blind} of {len(k)} stations: there the Earth’s rotation says next to "
-        "nothing of the scale factor, and its prior decides."
+        label(
+            "K is within ±{SINGULAR:g} at {blind} of {count} stations: there the Earth’s rotation says next to "
+            "nothing of the scale factor, and its prior decides.",
+            SINGULAR=SINGULAR,
+            blind=blind,
+            count=len(k),
+        )
     )
     lost = np.zeros(len(k), dtype=bool)
     for other in others.values():
@@ -457,36 +503,34 @@ def _methods(survey: Survey, north: North, others: Mapping[str, North], heat: Ar
         lost = len(size) - len(good)
         missed = [set(row) for row, azimuth in zip(other.flags, other.azimuth, strict=True) if not np.isfinite(azimuth)]
         counts = {flag: sum(flag in row for row in missed) for flag in FLAGS}
-        why = listed([f"{flag} ({count})" for flag, count in counts.items() if count])
+        why = listed([f"{label(flag)} ({count})" for flag, count in counts.items() if count])
         cells = [method_label(name), why, significant(rms), significant(most), str(lost)]
         body.append(TableRow(cells, "warn" if lost else ""))
     head = ["method", "why it fails", "rms difference, deg", "largest, deg", "no azimuth at"]
-    table = Table(f"Azimuth less that of the method reported ({north.method})", head, body, text_columns=2)
+    table = Table(
+        label("Azimuth less that of the method reported ({method})", method=north.method), head, body, text_columns=2
+    )
     places = [("bydepth", "depth", survey.md, "measured depth, m")]
     if heat is not None and np.ptp(heat) > 0.0:
         places.append(("byheat", "temperature", heat, "temperature, °C"))
-    caption = "Azimuth by other methods over {}; triangles: off the axis, red crosses: no azimuth"
+    caption = "Azimuth by other methods over {what}; triangles: off the axis, red crosses: no azimuth"
     pictures = [
-        picture(difference_figure(north, others, place, label), name, caption.format(over))
-        for name, over, place, label in places
+        picture(difference_figure(north, others, place, along), name, label(caption, what=over))
+        for name, over, place, along in places
     ]
     return Section("Methods compared", [], [table], pictures)
 
 
 def _check_table(checks: Sequence[Check]) -> Table:
-    head = ["check", "verdict", "reason", "next", "value", "limit"]
+    head = ["check", "verdict", "reason", "value", "limit"]
     body = [
         TableRow(
-            [c.name, c.verdict, _reason(c), c.action, _measure(c.value, c.unit), _measure(c.limit, c.unit)],
+            [c.name, c.verdict, said([c.reason])[0], _measure(c.value, c.unit), _measure(c.limit, c.unit)],
             {"pass": "", "not judged": "warn", "fail": "bad"}.get(c.verdict, ""),
         )
         for c in checks
     ]
-    return Table("Checks of the run", head, body, text_columns=4)
-
-
-def _reason(check: Check) -> str:
-    return said([check.reason])[0] if isinstance(check.reason, Finding) else check.reason
+    return Table("Checks of the run", head, body, text_columns=3)
 
 
 def _measure(value: float, unit: str) -> str:
@@ -494,7 +538,9 @@ def _measure(value: float, unit: str) -> str:
         return "none"
     units = {"rad": ("°", float(np.degrees(1.0))), "rad/s": (" deg/h", 1.0 / DEG_PER_HOUR), "sigma": (" σ", 1.0)}
     name, per = units.get(unit, ("", 1.0))
-    return f"{plain(value, 0)} stations" if unit == "stations" else f"{significant(value * per)}{name}"
+    return (
+        label("{plain} stations", plain=plain(value, 0)) if unit == "stations" else f"{significant(value * per)}{name}"
+    )
 
 
 def _stations(survey: Survey, north: North, heat: Array | None) -> Table:
@@ -513,9 +559,10 @@ def _stations(survey: Survey, north: North, heat: Array | None) -> Table:
     for name in ANGLES:
         head += [name, "U"]
     head += ["scale", "u", "root", "K", *([] if heat is None else ["T, °C"]), "flags"]
-    caption = (
-        f"Stations; angles and U (k = {k:g}) in deg, azimuth from {survey.azimuth_reference} north, "
-        "scale with its standard uncertainty u"
+    caption = label(
+        "Stations; angles and U (k = {k:g}) in deg, azimuth from {north} north, scale with its standard uncertainty u",
+        k=k,
+        north=survey.azimuth_reference,
     )
     return Table(caption, head, rows)
 
@@ -534,7 +581,9 @@ def _facts(
     if site is not None and site.convergence is not None and survey.azimuth_reference == "grid":
         facts.append(("Convergence", f"{np.degrees(site.convergence):+.3f}°"))
     if heat is not None:
-        facts.append(("Temperature", f"{heat.min():.1f} to {heat.max():.1f} °C"))
+        facts.append(("Temperature", label("{min:.1f} to {max:.1f} °C", min=heat.min(), max=heat.max())))
     if track is not None:
-        facts.append(("Scale learnt from", f"{int(track.learnt.sum())} of {len(track)} stations"))
-    return facts + [("Note", sentence) for sentence in survey.notes]
+        facts.append(
+            ("Scale learnt from", label("{sum} of {count} stations", sum=int(track.learnt.sum()), count=len(track)))
+        )
+    return facts

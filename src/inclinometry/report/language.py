@@ -12,38 +12,15 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
-from contextvars import ContextVar
 from functools import cache
 from html import escape, unescape
 from importlib.resources import files
 from itertools import pairwise
 from typing import Final, NamedTuple
 
-from inclinometry.errors import InputError
-from inclinometry.findings import Finding, codes, say, translations
-from inclinometry.report.glossary import glossary
-
-LANGUAGES: Final = ("en", "ru", "zh")
-_SPOKEN: ContextVar[str] = ContextVar("language of reports", default="en")
-
-
-def spoken() -> str:
-    """Language of the reports composed here and now."""
-    return _SPOKEN.get()
-
-
-@contextmanager
-def speaking(language: str) -> Iterator[None]:
-    """Reports composed while the block runs are in this language, "en", "ru" or "zh"."""
-    if language not in LANGUAGES:
-        raise InputError(f"no reports in language {language!r}; allowed {', '.join(LANGUAGES)}")
-    token = _SPOKEN.set(language)
-    try:
-        yield
-    finally:
-        _SPOKEN.reset(token)
+from inclinometry.findings import LANGUAGES, codes, translations
+from inclinometry.glossary import glossary
+from inclinometry.language import spoken
 
 
 def parameter_name(name: str) -> str:
@@ -137,11 +114,6 @@ def translated(text: str) -> str:
     named = parameter_name(text) if "." in text else text
     # numbers may be tied to their sign by spaces that do not break
     return named if spoken() == "en" else _said(named.replace("\u00a0", " "), spoken())
-
-
-def said(found: Iterable[Finding]) -> list[str]:
-    """Findings in the language that is spoken, each with its code; notes too."""
-    return [f"{say(one, spoken())} [{one.code}]" for one in found]
 
 
 _LATIN = re.compile(r"[A-Za-z]")

@@ -10,13 +10,14 @@ import numpy as np
 
 from inclinometry.arrays import Array
 from inclinometry.constants import COVERAGE_FACTOR
+from inclinometry.findings import Finding
+from inclinometry.language import label, number, said
 from inclinometry.orientation import angles, angles_jacobian
 from inclinometry.report.figure import BAD, INK, SERIES, legend_above, matrix_axes, new_figure, panel, styled
-from inclinometry.report.language import parameter_name
 from inclinometry.report.page import Section, Table, TableRow, cut, picture, report
 from inclinometry.report.quality import quality_pictures
 from inclinometry.report.survey_figures import thinned
-from inclinometry.report.words import listed, plain, significant, with_uncertainty, worst_and_median
+from inclinometry.report.words import listed, parameter_name, plain, significant, with_uncertainty, worst_and_median
 from inclinometry.rotations import wrap_signed
 from inclinometry.survey.multistation import SOURCE, MultiStation
 from inclinometry.survey.quality import BLIND, QUANTITIES, FieldQuality, judge_fields
@@ -40,7 +41,7 @@ def estimate_figure(found: MultiStation, labels: dict[str, str]) -> Figure:
     names = drawn(found)
     figure = new_figure(0.9 + 0.24 * len(names))
     axes = figure.add_subplot()
-    before = f"known before (k = {COVERAGE_FACTOR:g})"
+    before = label("known before (k = {k:g})", k=COVERAGE_FACTOR)
     axes.axvspan(-COVERAGE_FACTOR, COVERAGE_FACTOR, color=SERIES[7], alpha=0.15, linewidth=0.0, label=before)
     ends = [2.6]
     axes.axvline(0.0, color=INK, alpha=0.5, linewidth=0.8)
@@ -127,20 +128,20 @@ VAGUE: Final = float(np.radians(30.0))
 def described(name: str) -> str:
     """A parameter in words: a term of a tool code (MBZ), one of `parameter_names`, or of the reference."""
     if name == "MBZ":
-        return "axial magnetometer zero (interference included)"
+        return label("axial magnetometer zero (interference included)")
     patterns = (r"([AM])([BS])([XYZ])", r"M([XYZ])([XYZ])", r"reference (g|b|dip)")
     term, cross, reference = (re.fullmatch(pattern, name) for pattern in patterns)
     if term:
         kind = {"A": "accelerometer", "M": "magnetometer"}[term[1]]
-        return f"{kind} {term[3]} {'zero' if term[2] == 'B' else 'scale'}"
+        return label("{kind} {axis} zero" if term[2] == "B" else "{kind} {axis} scale", kind=kind, axis=term[3])
     if cross:
-        return f"magnetometer {cross[1]} cross-axis {cross[2]}"
+        return label("{kind} {axis} cross-axis {other}", kind="magnetometer", axis=cross[1], other=cross[2])
     if reference:
-        return f"{reference[1]} of the reference"
+        return label("{reference} of the reference", reference=reference[1])
     interference = re.fullmatch(r"(?:axial|transverse) interference ?([xy]?)", name)
     if interference:
         across = {"x": "magnetic interference along x", "y": "magnetic interference along y"}
-        return across.get(interference[1], "axial magnetic interference of the assembly")
+        return label(across.get(interference[1], "axial magnetic interference of the assembly"))
     return parameter_name(name)
 
 
@@ -159,15 +160,8 @@ def unit_of(unit: str) -> tuple[str, float]:
 
 def labels(found: MultiStation) -> dict[str, str]:
     """Short names of the parameters that have a prior variance, for drawings."""
-    short = {"accelerometer ": "acc ", "magnetometer ": "mag ", "reference ": "ref "}
-    names = {}
-    for name, p in found.parameters.items():
-        if p.prior > 0.0:
-            text = parameter_name(name)
-            for long, brief in short.items():
-                text = text.replace(long, brief)
-            names[name] = text
-    return names
+    drawn = [name for name, p in found.parameters.items() if p.prior > 0.0]
+    return {name: parameter_name(name, short=True) for name in drawn}
 
 
 def blind_spots(found: MultiStation, after: FieldQuality, u_azimuth: Array) -> list[str]:
@@ -177,37 +171,54 @@ def blind_spots(found: MultiStation, after: FieldQuality, u_azimuth: Array) -> l
     lines = []
     untold = [name for name, p in known.items() if p.learned < learned]
     if untold:
-        few = listed(untold) if len(untold) <= 6 else f"{len(untold)} of {len(known)} parameters (the table says which)"
+        few = (
+            listed([described(name) for name in untold])
+            if len(untold) <= 6
+            else label("{count} of {total} parameters (see the table)", count=len(untold), total=len(known))
+        )
         names = "all parameters" if len(untold) == len(known) else few
         lines.append(
-            f"The run removed less than {100.0 * learned:.0f} % of the prior variance of {names}: their values and "
-            "uncertainties are those of the priors, not of the run."
+            label(
+                "The run removed less than {learned:.0f} % of the prior variance of {names}: their values and "
+                "uncertainties are those of the priors, not of the run.",
+                learned=100.0 * learned,
+                names=names,
+            )
         )
     keys, matrix = list(found.parameters), found.correlation
     # beyond a correlation of 0.95 two parameters are one to the run
     pairs = [
-        f"{keys[j]} and {keys[i]}"
+        label("{one} and {other}", one=described(keys[j]), other=described(keys[i]))
         for i in range(len(keys))
         for j in range(i)
         if abs(matrix[i, j]) > 0.95 and keys[i] in known and keys[j] in known
     ]
     if pairs:
-        lines.append(f"The run sees but one combination of {listed(pairs[:6])}.")
+        lines.append(label("The run sees but one combination of {pairs}.", pairs=listed(pairs[:6])))
     hidden = after.undetected_azimuth
     if (np.nan_to_num(hidden) > BLIND).any():
         row = int(np.nanargmax(hidden))
         size = f"{significant(float(np.degrees(hidden[row])))}°" if np.isfinite(hidden[row]) else "any size"
         lines.append(
-            f"At {after.md[row]:g} m, one station by itself, an axial interference that turns azimuth by {size} would "
-            "pass the checks of field and dip; the run as a whole sees more, as the uncertainty of azimuth says."
+            label(
+                "At {md:g} m, one station by itself, an axial interference that turns azimuth by {size} would "
+                "pass the checks of field and dip; the run as a whole sees more, as the uncertainty of azimuth "
+                "says.",
+                md=after.md[row],
+                size=size,
+            )
         )
     able = u_azimuth < VAGUE
     if able.any():
         row = int(np.argmax(np.where(able, u_azimuth, -1.0)))
         u = significant(float(np.degrees(u_azimuth[row])))
         lines.append(
-            f"Azimuth remains least known at {after.md[row]:g} m: u = {u}° "
-            "(sensors and their correction; declination, misalignment in the hole and sag are not in it)."
+            label(
+                "Azimuth remains least known at {md:g} m: u = {u}° (sensors and their correction; declination, "
+                "misalignment in the hole and sag are not in it).",
+                md=after.md[row],
+                u=u,
+            )
         )
     lines.append("The declination does not show in gravity, field strength or dip: no analysis of these can check it.")
     return lines
@@ -219,15 +230,16 @@ def msa_report(
     quality: FieldQuality,
     *,
     tool: str = "",
-    notes: Sequence[str] = (),
-    warnings: Sequence[str] = (),
+    findings: Sequence[Finding] = (),
     inputs: Mapping[str, str] | None = None,
 ) -> str:
     """A multi-station analysis as one self-contained HTML page; `before`, `quality`: of its input stations."""
     after = judge_fields(found.corrected, quality.reference, k=quality.k, limits=quality.limits)
     u_before, u_after = (azimuth_u(stations) for stations in (before, found.corrected))
     names = labels(found)
-    said = [*warnings, *found.warnings]
+    noted, told = (
+        said(f for f in (*findings, *found.findings) if (f.severity == "note") is note) for note in (True, False)
+    )
     shift = np.array([found.parameters[f"reference {name}"].value for name in ("g", "b", "dip")])
     signs = "Correlation after the analysis: blue positive, orange negative; area by size, blank below 0.05"
     reference, md = quality.reference, found.corrected.md
@@ -263,24 +275,36 @@ def msa_report(
         ],
         [
             ("Tool", tool or "not named"),
-            ("Stations", f"{count}, {md[0]:g} to {md[-1]:g} m"),
+            ("Stations", label("{count}, {md:g} to {end_m:g} m", count=count, md=md[0], end_m=md[-1])),
             ("Priors", found.priors),
-            ("Chi-square", f"{found.chi_square:.1f}, expected about {found.freedom}"),
+            (
+                "Chi-square",
+                label("{chi_square:.1f}, expected about {freedom}", chi_square=found.chi_square, freedom=found.freedom),
+            ),
             ("Reference g", f"{with_uncertainty(reference.g, reference.g_sigma)} m/s²"),
-            ("Reference b", f"{with_uncertainty(reference.b, reference.b_sigma)} nT"),
+            ("Reference b", label("{b} nT", b=with_uncertainty(reference.b, reference.b_sigma))),
             ("Reference dip", f"{dip}°"),
         ],
         about="What was analysed",
-        heading=f"Sensor errors of {tool} in one run" if tool else "Sensor errors of one run",
+        heading=label("Sensor errors of {tool} in one run", tool=tool) if tool else "Sensor errors of one run",
         states=[
             (after.verdict == "fail", "bad", "The corrected stations fail the tests of the field"),
-            (said, "warn", "Read the warnings"),
+            (told, "warn", "Read the warnings"),
             (after.verdict != "pass", "warn", "The tests of the field are not decided"),
-            (left, "good", f"{count} stations, {left} of {len(after.checks)} tests not judged"),
-            (True, "good", f"{count} stations, every test passed"),
+            (
+                left,
+                "good",
+                label(
+                    "{count} stations, {left} of {total} tests not judged",
+                    count=count,
+                    left=left,
+                    total=len(after.checks),
+                ),
+            ),
+            (True, "good", label("{count} stations, every test passed", count=count)),
         ],
-        notes=notes,
-        warnings=said,
+        notes=noted,
+        warnings=told,
         inputs=inputs,
     )
 
@@ -307,19 +331,31 @@ def _verdict(found: MultiStation, before: Stations, u_after: Array) -> str:
     for name in sure:
         p = found.parameters[name]
         unit, factor = unit_of(p.unit)
-        parts.append(f"{described(name)} {with_uncertainty(factor * p.value, factor * p.u)} {unit}".rstrip())
-    what = "; ".join(parts) if parts else "no sensor error stands out"
+        parts.append(
+            f"{described(name)} {number(with_uncertainty(factor * p.value, factor * p.u))} {label(unit)}".rstrip()
+        )
+    what = "; ".join(parts) if parts else label("no sensor error stands out")
     able = u_after < VAGUE
     if not able.any():
-        return f"{what[0].upper()}{what[1:]}. No station is inclined enough for an azimuth."
+        return label("{what}. No station is inclined enough for an azimuth.", what=what[0].upper() + what[1:])
     old, new = (angles(s.g, s.b).azimuth[able] for s in (before, found.corrected))
     moved = np.abs(np.degrees(wrap_signed(new - old)))
     known = worst_and_median("azimuth", COVERAGE_FACTOR * np.degrees(u_after[able]))
-    which = f"the {len(before)} stations" if able.all() else f"the {int(able.sum())} stations that are not vertical"
+    which = (
+        label("the {count} stations", count=len(before))
+        if able.all()
+        else label("the {sum} stations that are not vertical", sum=int(able.sum()))
+    )
     half, most = significant(float(np.median(moved))), significant(float(moved.max()))
-    return (
-        f"{what[0].upper()}{what[1:]}. Azimuth changes by at most {most}° (median {half}°) over {which}. "
-        f"Then {known} at the worst of them (expanded, k = {COVERAGE_FACTOR:g}, about 95 %)."
+    return label(
+        "{what}. Azimuth changes by at most {most}° (median {half}°) over {which}. Then {known} at the "
+        "worst of them (expanded, k = {k:g}, about 95 %).",
+        what=what[0].upper() + what[1:],
+        most=most,
+        half=half,
+        which=which,
+        known=known,
+        k=COVERAGE_FACTOR,
     )
 
 
@@ -336,7 +372,9 @@ def _fields(before: FieldQuality, after: FieldQuality, found: MultiStation) -> T
         verdicts = [quality.checks[column].verdict for quality in (before, after)]
         state = "warn" if verdicts[1] != "pass" else ""
         unit = quantity.shown.replace("m/s^2", "m/s²")
-        rows.append(TableRow([f"{quantity.name}, {unit}", *sizes, " → ".join(verdicts)], state))
+        rows.append(
+            TableRow([f"{label(quantity.name)}, {label(unit)}", *sizes, " → ".join(map(label, verdicts))], state)
+        )
     head = ["quantity", "before", "after", "after, from the corrected reference", "verdict"]
     note = "Passing after the analysis is no independent proof: it was fitted to this reference."
     return Table("Root mean square of the differences from the reference", head, rows, note)
@@ -375,7 +413,16 @@ def _pairs(found: MultiStation, names: Mapping[str, str]) -> Table | None:
     rows = []
     for size, i, j in sorted(strong, key=lambda pair: (-pair[0], pair[1:]))[:12]:
         only = "their sum" if matrix[i, j] < 0.0 else "their difference"
-        rows.append(TableRow([f"{keys[j]} and {keys[i]}", only, f"{matrix[i, j]:+.2f}"], "warn" if size > 0.95 else ""))
+        rows.append(
+            TableRow(
+                [
+                    label("{one} and {other}", one=described(keys[j]), other=described(keys[i])),
+                    only,
+                    f"{matrix[i, j]:+.2f}",
+                ],
+                "warn" if size > 0.95 else "",
+            )
+        )
     head = ["pair", "well known is rather", "correlation"]
     return Table("Parameters that go together", head, rows, text_columns=2) if rows else None
 
@@ -392,6 +439,9 @@ def _stations(found: MultiStation, before: Stations, was: FieldQuality, now: Fie
         rows.append(TableRow(cells, "warn" if now.verdicts[k] == "fail" else ""))
     head = ["md, m", "azimuth before", "after"]
     for quantity in QUANTITIES:
-        head += [f"{quantity.name} − reference, {quantity.shown.replace('m/s^2', 'm/s²')}", "after"]
+        head += [
+            label("{name} − reference, {replace}", name=quantity.name, replace=quantity.shown.replace("m/s^2", "m/s²")),
+            "after",
+        ]
     caption = "Stations; magnetic azimuth and influence in deg; surprise: squared error against the others, expected 3"
     return Table(caption, [*head, "influence", "surprise"], rows)

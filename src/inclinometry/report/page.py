@@ -10,8 +10,8 @@ from html import escape, unescape
 from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from inclinometry.language import label, spoken
 from inclinometry.report.figure import inline_svg
-from inclinometry.report.language import spoken, translated, translated_page
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -32,7 +32,7 @@ def render(template: str, **content: Any) -> str:
     except PackageNotFoundError:
         release = "source"
     page = _environment().get_template(template).render(version=release, language=spoken(), **content)
-    return clean(_with_contents(translated_page(page)))
+    return clean(_with_contents(page))
 
 
 def _with_contents(page: str) -> str:
@@ -41,20 +41,20 @@ def _with_contents(page: str) -> str:
 
     def heading(found: re.Match[str]) -> str:
         headings.append(found[1])
-        place, top = len(headings), escape(translated("Back to the top"))
+        place, top = len(headings), escape(label("Back to the top"))
         return f'<h2 id="part-{place}">{found[1]} <a class="top" href="#top" aria-label="{top}">↑</a></h2>'
 
     # the headings of the index are links themselves
     page = re.sub(r"<h2>([^<]*)</h2>", heading, page)
     links = "\n".join(f'<a href="#part-{n}">{text}</a>' for n, text in enumerate(headings, 1))
-    title = escape(translated("Contents"))
+    title = escape(label("Contents"))
     bar = f'<nav class="contents" aria-label="{title}">\n{links}\n</nav>' if len(headings) > 2 else ""
     return page.replace("<!-- contents -->", bar, 1)
 
 
 def linked_back(page: str, href: str, text: str) -> str:
     """A report with a link to the page it is listed on."""
-    link = f'<p class="back"><a href="{escape(href)}">← {escape(translated(text))}</a></p>'
+    link = f'<p class="back"><a href="{escape(href)}">← {escape(label(text))}</a></p>'
     return page.replace("<header>", f"<header>\n{link}", 1)
 
 
@@ -75,7 +75,9 @@ def _environment() -> Environment:
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     loader = PackageLoader("inclinometry.report", "templates")
-    return Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    found = Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    found.globals["say"] = label
+    return found
 
 
 CONVENTIONS = (
@@ -166,7 +168,7 @@ def report(
 
 def digests(inputs: Mapping[str, str] | None) -> list[tuple[str, str]]:
     """Facts on the files a page was made from."""
-    return [(f"Digest of {name}", digest) for name, digest in (inputs or {}).items()]
+    return [(label("Digest of {name}", name=name), digest) for name, digest in (inputs or {}).items()]
 
 
 def picture(figure: Figure, name: str, caption: str) -> Picture:
@@ -178,7 +180,8 @@ def cut(table: Table) -> Table:
     """No more rows than a page bears; what is left out is said."""
     if len(table.body) <= MOST_ROWS:
         return table
-    note = f"The first {MOST_ROWS} of {len(table.body)} rows; the data files hold all. {table.note}".strip()
+    part = label("The first {most} of {count} rows; the data files hold all.", most=MOST_ROWS, count=len(table.body))
+    note = f"{part} {label(table.note)}".strip()
     return Table(table.caption, table.head, table.body[:MOST_ROWS], note, table.text_columns)
 
 

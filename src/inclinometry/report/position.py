@@ -10,11 +10,12 @@ import numpy as np
 
 from inclinometry.arrays import Array, Index
 from inclinometry.earth.site import convert_azimuth
+from inclinometry.findings import Finding
+from inclinometry.language import label, number, said
 from inclinometry.position.propagation import PositionUncertainty
 from inclinometry.position.tool_code import ToolCode
 from inclinometry.position.well import WellSurvey, ellipsoid, hole_sigmas, horizontal_ellipse
 from inclinometry.report.figure import DASHES, INK, SERIES, legend_above, new_figure, panel, styled
-from inclinometry.report.language import translated
 from inclinometry.report.page import CONVENTIONS, Picture, Table, TableRow, cut, picture, render
 from inclinometry.report.survey_figures import thinned
 from inclinometry.report.words import plain, rounded, significant
@@ -136,7 +137,7 @@ def plan_figure(axes: Axes, path: Path, covariance: Array | None, north: str, ma
     """The well from above, with horizontal ellipses."""
     _drawn(axes, path, covariance, EAST_NORTH, magnify * float(ellipsoid_factor(PROBABILITY, 2)))
     _scaled(axes)
-    axes.set_ylabel(f"north ({north}), m")
+    axes.set_ylabel(label("north ({north}), m", north=north))
 
 
 @panel(4.4, y="true vertical depth, m")
@@ -146,7 +147,7 @@ def section_figure(axes: Axes, path: Path, covariance: Array | None, direction: 
     _scaled(axes)
     axes.set_aspect(1.0 / stretched(path, covariance, direction, magnify), adjustable="datalim")
     axes.invert_yaxis()
-    axes.set_xlabel(f"along azimuth {plain(float(np.degrees(direction)), 1)}°, m")
+    axes.set_xlabel(label("along azimuth {direction}°, m", direction=plain(float(np.degrees(direction)), 1)))
 
 
 @panel(4.4, width=6.4)
@@ -182,8 +183,8 @@ def source_figure(names: Sequence[str], sizes: Sequence[float], kinds: Sequence[
     # inside, from the zero on: names beside the bars would leave them no room
     axes.set_yticks(places, list(names), ha="left", va="bottom")
     axes.tick_params(axis="y", length=0.0, pad=-3.0)
-    for label in axes.get_yticklabels():
-        label.set_in_layout(False)
+    for tick in axes.get_yticklabels():
+        tick.set_in_layout(False)
     axes.set_ylim(len(names) - 0.3, -0.7)
     axes.grid(axis="y", visible=False)
     axes.set_xlabel("one standard deviation along the major axis, m")
@@ -205,8 +206,8 @@ def sigma_figure(axes: Axes, md: Array, sigmas: Array, major: Array) -> None:
     """Standard deviations along the axes of the hole and the major axis of the ellipse, over measured depth."""
     rows = thinned(len(md))
     curves = zip(("high side", "lateral", "along hole", "major axis"), [*sigmas.T, major], strict=True)
-    for n, (label, values) in enumerate(curves):
-        axes.plot(md[rows], values[rows], color=SERIES[n], linestyle=DASHES[n % len(DASHES)], label=label)
+    for n, (name, values) in enumerate(curves):
+        axes.plot(md[rows], values[rows], color=SERIES[n], linestyle=DASHES[n % len(DASHES)], label=name)
     axes.set_ylim(bottom=0.0)
     legend_above(axes, 2)
 
@@ -255,7 +256,9 @@ def compass_picture(survey: WellSurvey, row: int) -> list[Picture]:
     known = {"magnetic": survey.site.declination, "true": 0.0, "grid": survey.site.convergence}
     norths = [(name, angle) for name, angle in known.items() if angle is not None]
     times = spread_of_norths([angle for _, angle in norths])
-    caption = "Norths seen from above" + ("" if times == 1.0 else f"; angles between them drawn {times:g} times")
+    caption = label("Norths seen from above") + (
+        "" if times == 1.0 else label("; angles between them drawn {times:g} times", times=times)
+    )
     return [picture(north_figure(norths, float(survey.azimuth[row]), times), "norths", caption)]
 
 
@@ -306,7 +309,9 @@ def bottom_table(path: Path, survey: WellSurvey, uncertainty: PositionUncertaint
         TableRow(["horizontal distance from the first station", f"{reach:.2f}", "", "", "m"]),
         TableRow(["its azimuth", f"{np.degrees(wrap_positive(np.arctan2(east, north))):.2f}", "", "", "deg"]),
     ]
-    caption = f"Last station, {path.md[-1]:.2f} m; positions and azimuths from {survey.north} north"
+    caption = label(
+        "Last station, {md:.2f} m; positions and azimuths from {north} north", md=path.md[-1], north=survey.north
+    )
     if uncertainty is None:
         rows = [TableRow([name, f"{value:.2f}", "", "", "m"]) for name, value in places]
         return Table(caption, head, rows + extra)
@@ -321,18 +326,25 @@ def bottom_table(path: Path, survey: WellSurvey, uncertainty: PositionUncertaint
     flat, solid = horizontal_ellipse(covariance), ellipsoid(covariance)
     hole = hole_sigmas(covariance, path.inclination[-1], path.azimuth[-1])
     lengths = [("horizontal ellipse, semi-major", flat.major, two), ("horizontal ellipse, semi-minor", flat.minor, two)]
-    lengths += [(f"ellipsoid, semi-axis {n + 1}", axis, three) for n, axis in enumerate(solid.semi_axes)]
+    lengths += [(label("ellipsoid, semi-axis {n}", n=n + 1), axis, three) for n, axis in enumerate(solid.semi_axes)]
     lengths += [(name, u, one) for name, u in zip(("high side", "lateral", "along hole"), hole, strict=True)]
     bars = [TableRow([n, "", significant(float(u), 3), significant(k * float(u), 3), "m"]) for n, u, k in lengths]
     turn = TableRow(["azimuth of the ellipse's major axis", f"{np.degrees(flat.direction):.1f}", "", "", "deg"])
-    note = (
-        f"95 %: {one:.2f} σ for one coordinate, {two:.3f} σ for an ellipse, {three:.3f} σ for an ellipsoid, of a "
-        "normal distribution."
+    note = label(
+        "95 %: {one:.2f} σ for one coordinate, {two:.3f} σ for an ellipse, {three:.3f} σ for an ellipsoid, of a "
+        "normal distribution.",
+        one=one,
+        two=two,
+        three=three,
     )
     if np.isfinite(freedom):
-        note = (
-            f"95 %: {one:.2f} σ for one coordinate, {two:.3f} σ for an ellipse, {three:.3f} σ for an ellipsoid, of "
-            f"Student's distribution of {freedom:.0f} effective degrees of freedom."
+        note = label(
+            "95 %: {one:.2f} σ for one coordinate, {two:.3f} σ for an ellipse, {three:.3f} σ for an ellipsoid, of "
+            "Student's distribution of {freedom:.0f} effective degrees of freedom.",
+            one=one,
+            two=two,
+            three=three,
+            freedom=freedom,
         )
     return Table(caption, head, [*rows, *extra, *bars, turn], note)
 
@@ -344,13 +356,13 @@ def source_table(
         return None
     terms = () if code is None else code.terms
     certified = {
-        "calibration": "What the certificate of {} leaves unknown of its sensors, with all correlations",
-        "sensor noise": "Noise of one reading of {}",
-        "stability": "What the sensors of {} may have moved by since its calibration",
+        "calibration": "What the certificate of {tool} leaves unknown of its sensors, with all correlations",
+        "sensor noise": "Noise of one reading of {tool}",
+        "stability": "What the sensors of {tool} may have moved by since its calibration",
         "declination": "The site's declination",
     }
-    words = {} if calibration is None else {name: text.format(calibration) for name, text in certified.items()}
-    words |= {one.name: f"{one.description} ({one.magnitude:g} {one.unit})" for one in terms}
+    words = {} if calibration is None else {name: label(text, tool=calibration) for name, text in certified.items()}
+    words |= {one.name: f"{label(one.description)} ({number(f'{one.magnitude:g}')} {label(one.unit)})" for one in terms}
     shared = {
         "random": "nothing: each station its own",
         "systematic": "the stations of the run",
@@ -361,9 +373,9 @@ def source_table(
     for part in contributions(uncertainty):
         sizes = [significant(part.major, 3), f"{100.0 * part.share:.1f}"]
         sizes += [significant(float(s), 3) for s in part.sigma]
-        how = f"{part.propagation}: {shared[part.propagation]}"
+        how = f"{label(part.propagation)}: {label(shared[part.propagation])}"
         rows.append(TableRow([part.name, words.get(part.name, ""), how, *sizes]))
-    sigmas = [f"σ {axis}, m" for axis in ("north", "east", "vertical")]
+    sigmas = [f"σ {label(axis)}, {label('m')}" for axis in ("north", "east", "vertical")]
     head = ["source", "what it is", "shared by", "σ major axis, m", "share, %", *sigmas]
     caption = "Every source at the last station; share: of the variance along the ellipse's major axis"
     return Table(caption, head, rows, text_columns=3)
@@ -385,9 +397,15 @@ def chain_table(survey: WellSurvey, reference: str) -> Table:
             quantity = {"magnetic": "declination", "grid": "convergence"}[name]
             sigma = getattr(site, f"{quantity}_sigma")
             spread = f" ± {np.degrees(sigma):.2f}" if sigma else ""
-            step = f"{quantity} {np.degrees(correction):+.3f}{spread}° added ({site.origin(quantity)})"
+            step = label(
+                "{quantity} {correction:+.3f}{spread}° added ({origin})",
+                quantity=quantity,
+                correction=np.degrees(correction),
+                spread=spread,
+                origin=site.origin(quantity),
+            )
         rows.append(TableRow([name, f"{value:.3f}", step, _role(name, reference, survey.north)]))
-    caption = f"Azimuth of the station at {survey.md[row]:.2f} m from each north"
+    caption = label("Azimuth of the station at {md:.2f} m from each north", md=survey.md[row])
     note = (
         "true = magnetic + declination (positive where magnetic north is east of true north); grid = true − "
         "convergence (positive where grid north is east of true north). No check of the survey shows a wrong sign: "
@@ -410,8 +428,11 @@ def missing(
     lines = ["Gross errors: a wrong depth, a swapped sensor, a station of another well. They have no ellipse."]
     if calibration is not None and code is None:
         lines.append(
-            f"Everything outside the certificate of {calibration}: measured depth, misalignment in the hole, sag, "
-            "magnetic interference of the string, references where they are not in the table of sources."
+            label(
+                "Everything outside the certificate of {calibration}: measured depth, misalignment in the hole, "
+                "sag, magnetic interference of the string, references where they are not in the table of sources.",
+                calibration=calibration,
+            )
         )
     elif run:
         lines.append(
@@ -419,10 +440,13 @@ def missing(
             "they are not in the table of sources."
         )
     elif code is not None:
-        beside = "" if calibration is None else f"in the certificate of {calibration} or "
+        both = "the certificate of {calibration} or of {name}"
+        terms = code.name if calibration is None else label(both, calibration=calibration, name=code.name)
         lines.append(
-            f"Anything that is not {beside}a term of {code.name}: a tool, a hole or a correction that model was not "
-            "made for."
+            label(
+                "Anything that is not a term of {terms}: a tool, a hole or a correction that model was not made for.",
+                terms=terms,
+            )
         )
     if not uncertainty.survey.tie.any():
         lines.append("Uncertainty of the first station's position: it was taken as exact.")
@@ -453,39 +477,52 @@ def fact_pairs(
     calibration: str | None,
     inputs: Mapping[str, str],
 ) -> list[tuple[str, str]]:
-    start = f"north {plain(path.north[0])} m, east {plain(path.east[0])} m, true vertical depth {plain(path.tvd[0])} m"
+    start = label(
+        "north {north} m, east {east} m, true vertical depth {tvd} m",
+        north=plain(path.north[0]),
+        east=plain(path.east[0]),
+        tvd=plain(path.tvd[0]),
+    )
     facts = [
-        ("Stations", f"{len(path)}, from {plain(path.md[0])} to {plain(path.md[-1])} m"),
+        (
+            "Stations",
+            label("{count}, from {md} to {end_m} m", count=len(path), md=plain(path.md[0]), end_m=plain(path.md[-1])),
+        ),
         ("First station at", start),
-        ("Azimuths of the survey from", f"{reference} north"),
-        ("Positions from", f"{survey.north} north"),
+        ("Azimuths of the survey from", label("{reference} north", reference=reference)),
+        ("Positions from", label("{north} north", north=survey.north)),
     ]
     if code is not None:
         facts += [("Tool code", code.name), ("Revision", code.revision or "not stated"), ("Source", code.source)]
         facts.append(("What it is", code.description or "not stated"))
     if calibration is not None:
-        facts.append(("Error model of the sensors", f"the calibration of {calibration}"))
+        facts.append(("Error model of the sensors", label("the calibration of {calibration}", calibration=calibration)))
     elif "errors" in inputs:
         facts.append(("Error model of the sensors", "the gyro run itself"))
     # values of the site that the error model used, with where they come from
     site = survey.site
     shown = {
-        "gravity": ("g", "{:.5f} m/s²", 1.0),
-        "b": ("b", "{:.0f} nT", 1.0),
-        "dip": ("dip", "{:.3f}°", np.degrees(1.0)),
-        "latitude": ("latitude", "{:.4f}°", np.degrees(1.0)),
+        "gravity": ("g", "{:.5f}", "m/s²", 1.0),
+        "b": ("b", "{:.0f}", "nT", 1.0),
+        "dip": ("dip", "{:.3f}", "°", np.degrees(1.0)),
+        "latitude": ("latitude", "{:.4f}", "°", np.degrees(1.0)),
     }
     places = []
-    for quantity, (label, form, unit) in shown.items():
+    for quantity, (name, form, sign, unit) in shown.items():
         value = getattr(site, quantity)
         if value is not None:
             origin = (
                 ("given" if site.g is not None else "normal gravity")
                 if quantity == "gravity"
-                else site.origin(quantity)
+                else site.origin(quantity) or ""
             )
-            places.append((f"Site: {label}", f"{form.format(value * unit)} ({origin})"))
-    return facts + places + [(f"Digest of {name}", digest) for name, digest in inputs.items()]
+            places.append(
+                (
+                    label("Site: {name}", name=name),
+                    f"{number(form.format(value * unit))} {label(sign)} ({label(origin)})",
+                )
+            )
+    return facts + places + [(label("Digest of {name}", name=name), digest) for name, digest in inputs.items()]
 
 
 def position_report(
@@ -496,8 +533,8 @@ def position_report(
     azimuth_reference: str,
     tool_code: ToolCode | None = None,
     calibration: str | None = None,
+    findings: Sequence[Finding] = (),
     notes: Sequence[str] = (),
-    warnings: Sequence[str] = (),
     inputs: Mapping[str, str] | None = None,
 ) -> str:
     """A well's path and its uncertainty as one self-contained HTML page; its picture in space turns without a network.
@@ -509,12 +546,17 @@ def position_report(
     direction = section_azimuth(path)
     flat = magnification(path, covariance, EAST_NORTH)
     upright = magnification(path, covariance, section_axes(direction))
-    shown = {size: "" if covariance is None else f"; 95 % ellipses{_drawn_at(size)}" for size in (flat, upright)}
+    shown = {
+        size: "" if covariance is None else label("; 95 % ellipses{size}", size=_drawn_at(size))
+        for size in (flat, upright)
+    }
     times = stretched(path, covariance, direction, upright)
-    section = shown[upright] + ("" if times == 1.0 else f"; horizontal scale {times:g} times the vertical")
-    shadows = "" if covariance is None else f" with the shadows of 95 % ellipsoids{_drawn_at(magnify)}"
+    section = shown[upright] + (
+        "" if times == 1.0 else label("; horizontal scale {times:g} times the vertical", times=times)
+    )
+    shadows = "" if covariance is None else label(" with the shadows of 95 % ellipsoids{size}", size=_drawn_at(magnify))
     turn, lift = np.degrees(first_view(path))
-    view = f"seen from azimuth {turn:.0f}°, {lift:.0f}° from above"
+    view = label("seen from azimuth {turn:.0f}°, {lift:.0f}° from above", turn=turn, lift=lift)
     severity = dogleg_severity_deg(path)
     found = []
     if uncertainty is not None:
@@ -522,6 +564,7 @@ def position_report(
         major = horizontal_ellipse(uncertainty.covariance).major
         found.append(picture(sigma_figure(path.md, sigmas, major), "sigma", "One standard deviation of position"))
     row = int(np.argmax(np.sin(survey.inclination) + 1e-9 * np.arange(len(survey))))
+    noted, warnings = (said(f for f in findings if (f.severity == "note") is note) for note in (True, False))
     return render(
         "position.html",
         title="Position of the well",
@@ -532,17 +575,28 @@ def position_report(
         badge=(
             "Read the warnings"
             if warnings
-            else f"{len(path)} stations" + ("" if uncertainty is not None else ", uncertainty not known")
+            else label("{count} stations", count=len(path))
+            + ("" if uncertainty is not None else label(", uncertainty not known"))
         ),
         verdict=_verdict(path, survey, uncertainty),
-        notes=list(notes),
-        warnings=list(warnings),
+        notes=[*notes, *noted],
+        warnings=warnings,
         bottom=bottom_table(path, survey, uncertainty),
         plans=[
-            picture(plan_figure(path, covariance, survey.north, flat), "plan", f"Plan{shown[flat]}"),
-            picture(section_figure(path, covariance, direction, upright), "section", f"Vertical section{section}"),
+            picture(
+                plan_figure(path, covariance, survey.north, flat), "plan", label("Plan{ellipses}", ellipses=shown[flat])
+            ),
+            picture(
+                section_figure(path, covariance, direction, upright),
+                "section",
+                label("Vertical section{ellipses}", ellipses=section),
+            ),
         ],
-        still=picture(space_figure(path, covariance, magnify), "space", f"The well{shadows}, {view}"),
+        still=picture(
+            space_figure(path, covariance, magnify),
+            "space",
+            label("The well{shadows}, {view}", shadows=shadows, view=view),
+        ),
         data=_data(path, uncertainty, magnify, survey.north),
         magnify=f"{magnify:g}",
         sources=_sources_picture(uncertainty, tool_code),
@@ -560,10 +614,18 @@ def position_report(
 def _verdict(path: Path, survey: WellSurvey, uncertainty: PositionUncertainty | None) -> str:
     """One sentence: where the last station is, and how sure that is."""
     if uncertainty is None:
-        where = f"north {path.north[-1]:.2f} m, east {path.east[-1]:.2f} m, true vertical depth {path.tvd[-1]:.2f} m"
-        return (
-            f"At {path.md[-1]:.2f} m the well is at {where} ({survey.north} north); how sure that is is not known: no "
-            "error model was given."
+        where = label(
+            "north {north:.2f} m, east {east:.2f} m, true vertical depth {tvd:.2f} m",
+            north=path.north[-1],
+            east=path.east[-1],
+            tvd=path.tvd[-1],
+        )
+        return label(
+            "At {md:.2f} m the well is at {where} ({north} north); how sure that is is not known: no error model "
+            "was given.",
+            md=path.md[-1],
+            where=where,
+            north=survey.north,
         )
     ellipse = horizontal_ellipse(uncertainty.widened(PROBABILITY)[-1], PROBABILITY)
     sigma = np.sqrt(np.diagonal(uncertainty.covariance[-1]))
@@ -571,16 +633,24 @@ def _verdict(path: Path, survey: WellSurvey, uncertainty: PositionUncertainty | 
         rounded(float(x[-1]), float(u)) for x, u in zip((path.north, path.east, path.tvd), sigma, strict=True)
     )
     vertical = float(ellipsoid_factor(PROBABILITY, 1, uncertainty.degrees_of_freedom[-1])) * float(sigma[2])
-    return (
-        f"At {path.md[-1]:.2f} m the well is at north {north} m, east {east} m, true vertical depth {down} m "
-        f"({survey.north} north); with 95 % probability within a horizontal ellipse of "
-        f"{significant(float(ellipse.major))} m by {significant(float(ellipse.minor))} m (semi-axes, the major one at "
-        f"azimuth {np.degrees(float(ellipse.direction)):.0f}°), and within ±{significant(vertical)} m vertically."
+    return label(
+        "At {md:.2f} m the well is at north {north} m, east {east} m, true vertical depth {down} m ({north_2} "
+        "north); with 95 % probability within a horizontal ellipse of {major} m by {minor} m (semi-axes, the "
+        "major one at azimuth {direction:.0f}°), and within ±{vertical} m vertically.",
+        md=path.md[-1],
+        north=north,
+        east=east,
+        down=down,
+        north_2=survey.north,
+        major=significant(float(ellipse.major)),
+        minor=significant(float(ellipse.minor)),
+        direction=np.degrees(float(ellipse.direction)),
+        vertical=significant(vertical),
     )
 
 
 def _drawn_at(magnify: float) -> str:
-    return "" if magnify == 1.0 else f", drawn {magnify:g} times as large"
+    return "" if magnify == 1.0 else label(", drawn {times:g} times as large", times=magnify)
 
 
 def _data(path: Path, uncertainty: PositionUncertainty | None, magnify: float, north: str) -> dict[str, Any]:
@@ -601,13 +671,13 @@ def _data(path: Path, uncertainty: PositionUncertainty | None, magnify: float, n
         "magnify": magnify,
         "view": [round(angle, 6) for angle in first_view(path)],
         "words": {
-            "grid": translated("grid lines every"),
-            "north": translated(f"{north} north"),
-            "north_m": translated("north, m"),
-            "east_m": translated("east, m"),
-            "tvd_m": translated("true vertical depth, m"),
-            "m": translated("m"),
-            **{side[0].upper(): translated(side)[0].upper() for side in ("north", "east", "south", "west")},
+            "grid": label("grid lines every"),
+            "north": label("{north} north", north=north),
+            "north_m": label("north, m"),
+            "east_m": label("east, m"),
+            "tvd_m": label("true vertical depth, m"),
+            "m": label("m"),
+            **{side[0].upper(): label(side)[0].upper() for side in ("north", "east", "south", "west")},
         },
     }
 
@@ -616,12 +686,14 @@ def _sources_picture(uncertainty: PositionUncertainty | None, code: ToolCode | N
     if uncertainty is None:
         return []
     parts = contributions(uncertainty)[:14]
-    said = {one.name: one.description for one in (() if code is None else code.terms) if one.description}
+    described = {one.name: one.description for one in (() if code is None else code.terms) if one.description}
     # its name with the code behind, as long as the figure is wide
     names = [
-        f"{shorten(translated(said[name]), 46 - len(name), placeholder=' …')} ({name})" if name in said else name
+        f"{shorten(label(described[name]), 46 - len(name), placeholder=' …')} ({name})" if name in described else name
         for name in (part.name for part in parts)
     ]
     figure = source_figure(names, [p.major for p in parts], [p.propagation for p in parts])
     more = len(uncertainty.sources) - len(parts)
-    return [picture(figure, "sources", f"The {len(parts)} largest sources" if more else "All sources")]
+    return [
+        picture(figure, "sources", label("The {count} largest sources", count=len(parts)) if more else "All sources")
+    ]

@@ -9,9 +9,9 @@ import numpy as np
 from inclinometry.arrays import Array
 from inclinometry.constants import ANGLES
 from inclinometry.earth.site import Site
+from inclinometry.language import label, said
 from inclinometry.position.well import WellSurvey, well_survey
 from inclinometry.report import survey_figures as draw
-from inclinometry.report.language import said
 from inclinometry.report.page import Picture, Section, Table, TableRow, cut, picture, report
 from inclinometry.report.position import chain_table, compass_picture
 from inclinometry.report.quality import check_table, quality_pictures
@@ -37,21 +37,26 @@ def survey_report(
     flagged = sum(bool(row) for row in survey.flags)
     failed = 0 if quality is None else sum(check.verdict == "fail" for check in quality.checks)
     angles = [
-        picture(draw.angle_figure(survey, name), name, f"{name.capitalize()} with its band of U, and U by component")
+        picture(
+            draw.angle_figure(survey, name),
+            name,
+            label("{name} with its band of U, and U by component", name=name.capitalize()),
+        )
         for name in _known(survey)
     ]
-    names = listed([f"“{name}”" for name in survey.components])
+    names = listed([f"“{label(name)}”" for name in survey.components])
     seen = set(survey.components)
     missing = ["misalignment of the tool in the hole"]
     missing += [] if SAG in seen else ["sag"]
     missing += [] if seen & {AXIAL, ANALYSIS, SENSORS} else ["magnetic interference"]
-    subject = f"Survey with {survey.tool or 'a tool'}"
+    subject = label("Survey with {value}", value=survey.tool or "a tool")
+    told = [one for one in survey.findings if one.severity != "note"]
     return report(
         "Survey report",
         subject,
         _sentence(survey),
         [
-            Section("What was done to the stations", steps=list(survey.history)),
+            Section("What was done to the stations", steps=said(survey.history)),
             Section(
                 "Angles and their uncertainty",
                 tables=[summary_table(survey, _known(survey)) if len(survey) else None],
@@ -70,17 +75,30 @@ def survey_report(
         about="What was reduced",
         heading=subject if survey.tool else "Survey",
         states=[
-            (flagged, "warn", f"{flagged} of {len(survey)} stations flagged"),
-            (failed, "warn", f"{failed} of {0 if quality is None else len(quality.checks)} checks failed"),
-            (survey.findings or survey.warnings, "warn", "Read the warnings"),
+            (flagged, "warn", label("{flagged} of {count} stations flagged", flagged=flagged, count=len(survey))),
+            (
+                failed,
+                "warn",
+                label(
+                    "{failed} of {value} checks failed",
+                    failed=failed,
+                    value=0 if quality is None else len(quality.checks),
+                ),
+            ),
+            (told, "warn", "Read the warnings"),
             (True, "good", "No flags"),
         ],
         notes=[
-            f"Components included: {names}. Not included: {', '.join(missing)}."
-            f" Azimuth counts from {survey.azimuth_reference} north.",
+            label(
+                "Components included: {names}. Not included: {missing}.",
+                names=names,
+                missing=", ".join(map(label, missing)),
+            ),
+            label("Azimuth counts from {north} north.", north=survey.azimuth_reference),
             *notes,
+            *said(one for one in survey.findings if one.severity == "note"),
         ],
-        warnings=[*said(survey.findings), *survey.warnings],
+        warnings=said(told),
         inputs=survey.inputs,
     )
 
@@ -93,12 +111,17 @@ def _sentence(survey: Survey) -> str:
     size = len(survey)
     if not size:
         return "No station was surveyed."
-    span = f"{size} station{'s' * (size != 1)} from {survey.md[0]:g} to {survey.md[-1]:g} m"
+    span = label("{count} stations from {first:g} to {last:g} m", count=size, first=survey.md[0], last=survey.md[-1])
     expanded = {name: np.degrees(survey.expanded(name)) for name in _known(survey)}
     if not any(u.any() for u in expanded.values()):
-        return f"{span}; the calibration states no uncertainty."
+        return label("{span}; the calibration states no uncertainty.", span=span)
     parts = listed([worst_and_median(name, u) for name, u in expanded.items()])
-    return f"{span}: {parts} at the worst of them (expanded, k = {survey.coverage_factor:g}, about 95 %)."
+    return label(
+        "{span}: {parts} at the worst of them (expanded, k = {k:g}, about 95 %).",
+        span=span,
+        parts=parts,
+        k=survey.coverage_factor,
+    )
 
 
 def summary_table(survey: Survey, names: Sequence[str]) -> Table:
@@ -110,7 +133,7 @@ def summary_table(survey: Survey, names: Sequence[str]) -> Table:
         cells = [significant(float(v)) for v in (expanded.min(), np.median(expanded), expanded[worst])]
         body.append(TableRow([name, *cells, plain(survey.md[worst], 2)]))
     head = ["angle", "least U, deg", "median U, deg", "largest U, deg", "at md, m"]
-    return Table(f"Expanded uncertainty (k = {survey.coverage_factor:g})", head, body)
+    return Table(label("Expanded uncertainty (k = {k:g})", k=survey.coverage_factor), head, body)
 
 
 def _magnitude_figures(survey: Survey, site: Site | None) -> list[Picture]:
@@ -121,13 +144,13 @@ def _magnitude_figures(survey: Survey, site: Site | None) -> list[Picture]:
         ("dip", "Dip", "dip", "deg", np.degrees(survey.dip), _reference(site, "dip")),
     ]
     pictures = []
-    for flag, title, label, unit, value, reference in plans:
+    for flag, title, what, unit, value, reference in plans:
         if not np.isfinite(value).any():
             continue
         flagged = np.array([flag in row for row in survey.flags], dtype=bool)
         sigma = reference is not None and reference[1] is not None
-        caption = f"{title}{'; shaded: twice the standard deviation of the reference' if sigma else ''}"
-        figure = draw.magnitude_figure(survey.md, value, label, unit, reference, flagged)
+        caption = label(title) + (label("; shaded: twice the standard deviation of the reference") if sigma else "")
+        figure = draw.magnitude_figure(survey.md, value, what, unit, reference, flagged)
         pictures.append(picture(figure, f"total{flag}", caption))
     return pictures
 
@@ -170,7 +193,9 @@ def _table(survey: Survey) -> Table:
     for name in degrees:
         head += [name, "U"]
     return Table(
-        f"Stations; angles, U (k = {factor:g}) and dip in deg", [*head, *(t[0] for t in totals), "flags"], rows
+        label("Stations; angles, U (k = {factor:g}) and dip in deg", factor=factor),
+        [*head, *(t[0] for t in totals), "flags"],
+        rows,
     )
 
 

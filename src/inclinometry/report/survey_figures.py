@@ -8,6 +8,7 @@ import numpy as np
 
 from inclinometry.arrays import Array
 from inclinometry.constants import COVERAGE_FACTOR
+from inclinometry.language import label
 from inclinometry.report.calibration import MANY, log_scale
 from inclinometry.report.figure import BAD, DASHES, INK, SERIES, legend_above, new_figure, panel, styled
 from inclinometry.survey.reduce import Survey
@@ -38,7 +39,7 @@ def angle_figure(survey: Survey, name: str) -> Figure:
     md, value = survey.md[rows], np.degrees(getattr(survey, name)[rows])
     u, k = np.degrees(survey.u(name)[rows]), survey.coverage_factor
     course(upper, md, value if name == "inclination" else unbroken(value), k * u)
-    upper.set_ylabel(f"{name}, deg")
+    upper.set_ylabel(label("{name}, deg", name=name))
     md = survey.md[rows]
     if not (u > 0.0).any():
         lower.text(0.5, 0.5, "no uncertainty known", transform=lower.transAxes, ha="center", va="center")
@@ -109,7 +110,7 @@ def magnitude_figure(
     axes: Axes,
     md: Array,
     value: Array,
-    label: str,
+    what: str,
     unit: str,
     reference: tuple[float, float | None] | None,
     flagged: Array,
@@ -128,6 +129,6 @@ def magnitude_figure(
                 at - COVERAGE_FACTOR * sigma, at + COVERAGE_FACTOR * sigma, color=SERIES[2], alpha=0.15, linewidth=0.0
             )
     axes.ticklabel_format(axis="y", useOffset=False)
-    axes.set_ylabel(f"{label}, {unit}" if unit else label)
+    axes.set_ylabel(f"{label(what)}, {label(unit)}" if unit else what)
     if reference is not None or flagged.any():
         legend_above(axes, 2)

@@ -10,6 +10,8 @@ import numpy as np
 from inclinometry.calibration.acceptance import Verification
 from inclinometry.calibration.decision import AGREES, DISAGREES
 from inclinometry.constants import COVERAGE_FACTOR
+from inclinometry.findings import only_notes, without_notes
+from inclinometry.language import label, said
 from inclinometry.report.figure import BAD, INK, SERIES, panel, station_axis
 from inclinometry.report.page import Section, Table, TableRow, cut, picture, report
 from inclinometry.report.words import plain, rounded, significant
@@ -48,7 +50,7 @@ def curve_figure(axes: Axes, verification: Verification, column: int) -> None:
     _errors(axes, x, verification, column)
     axes.axhline(0.0, color=INK, linewidth=0.8)
     axes.set_ylim(*_reach(verification, column))
-    axes.set_xlabel(f"{('inclination', 'azimuth', 'toolface')[column]} set, deg")
+    axes.set_xlabel(label("{value} set, deg", value=("inclination", "azimuth", "toolface")[column]))
 
 
 def settings(verification: Verification, column: int) -> int:
@@ -80,7 +82,7 @@ def _errors(axes: Axes, x: np.ndarray, verification: Verification, column: int) 
             bars = None if name == "not judged" else spread[rows]
             axes.errorbar(x[rows], errors[rows], bars, linestyle="none", marker=marker, color=colour, elinewidth=1.1)
             handles.append(
-                Line2D([], [], linestyle="none", marker=marker, color=colour, label=f"{name} ({rows.sum()})")
+                Line2D([], [], linestyle="none", marker=marker, color=colour, label=f"{label(name)} ({rows.sum()})")
             )
     return handles
 
@@ -108,19 +110,31 @@ def verification_report(verification: Verification) -> str:
             continue
         slug = angle.replace(" ", "")
         caption = (
-            f"Error of {angle} at each station, bars U (k = {COVERAGE_FACTOR:g})" + f"; red: limits{band}" * agreed
+            label(
+                "Error of {angle} at each station, bars U (k = {k:g})",
+                angle=angle,
+                k=COVERAGE_FACTOR,
+            )
+            + label("; red: limits{band}", band=band) * agreed
         )
         errors.append(picture(station_figure(verification, column), f"station{slug}", caption))
         # errors over fewer than four settings of an angle are no curve; the stations show them
         if settings(verification, column) >= 4:
-            caption = f"Error curve: error of {angle} over its setting"
+            caption = label("Error curve: error of {angle} over its setting", angle=angle)
             curves.append(picture(curve_figure(verification, column), f"curve{slug}", caption))
-    count, tool = len(verification.station), verification.tool or "the tool"
-    where = f"{count} independent position{'s' * (count != 1)}"
+    count, tool = len(verification.station), verification.tool or "The tool"
+    where = label("{count} independent positions", count=count)
     if agreed:
-        verdict = f"{'keeps' if passed else 'does not keep'} the limits “{verification.limits_name}” at {where}."
+        keeps = "{tool} keeps the limits “{limits}” at {where}."
+        fails = "{tool} does not keep the limits “{limits}” at {where}."
+        verdict = label(keeps if passed else fails, tool=tool, limits=verification.limits_name, where=where)
     else:
-        verdict = f"{verification.verdict} with its calibration at {where}. No limits were agreed."
+        verdict = label(
+            "{tool} {verdict} with its calibration at {where}. No limits were agreed.",
+            tool=tool,
+            verdict=verification.verdict,
+            where=where,
+        )
     facts = [
         ("Tool", verification.tool or "not named"),
         ("Positions", str(len(verification.station))),
@@ -128,11 +142,11 @@ def verification_report(verification: Verification) -> str:
         *([("Source of the limits", verification.limits_source or "not stated")] if agreed else []),
         ("Coverage factor", f"k = {verification.coverage_factor:.3g}"),
     ]
-    word = verification.verdict.upper()
+    word, warned = verification.verdict.upper(), without_notes(verification.findings)
     return report(
         "Verification report",
-        f"Verification of {verification.tool or 'a tool'}",
-        f"{tool[:1].upper()}{tool[1:]} {verdict}",
+        label("Verification of {value}", value=verification.tool or "a tool"),
+        verdict,
         [
             Section(
                 "Errors against limits" if agreed else "Agreement with the certificate",
@@ -149,11 +163,11 @@ def verification_report(verification: Verification) -> str:
         # green only when nothing below speaks against relying on it
         states=[
             (not passed, "bad", word),
-            (verification.warnings, "warn", f"{word}, with reservations"),
+            (warned, "warn", label("{word}, with reservations", word=word)),
             (True, "good", word),
         ],
-        notes=[f"{said[:1].upper()}{said[1:]}." for said in (*verification.reasons, *verification.notes)],
-        warnings=verification.warnings,
+        notes=said(only_notes(verification.findings)),
+        warnings=said(warned),
         inputs=verification.inputs,
     )
 
@@ -179,12 +193,19 @@ def _summary(verification: Verification) -> Table:
             _signed(float(error[worst]), float(u[worst])),
             significant(float(np.sqrt(np.mean(error**2)))),
             significant(verification.coverage_factor * float(np.median(u))),
-            *([low if low == high else f"{low} to {high}"] if agreed else []),
+            *([low if low == high else label("{low} to {high}", low=low, high=high)] if agreed else []),
             *(str(decisions.count(word)) for word in words),
         ]
         body.append(TableRow([name, *cells], _state(decisions)))
     head = ["angle", "largest error, deg", "rms, deg", "U (median), deg", *["limit ±, deg"] * agreed, *words]
-    return Table(f"Errors over all judged positions; U with k = {verification.coverage_factor:.3g}", head, body)
+    return Table(
+        label(
+            "Errors over all judged positions; U with k = {k:.3g}",
+            k=verification.coverage_factor,
+        ),
+        head,
+        body,
+    )
 
 
 def _state(decisions: Sequence[str]) -> str:
@@ -200,15 +221,17 @@ def _signed(value: float, u: float) -> str:
 
 def _rule(verification: Verification) -> str:
     """How an error is held against its limit, for the section that draws both."""
-    bars = f"Bars are U of the comparison, k = {COVERAGE_FACTOR:g}: tool, noise and stand together."
-    if not verification.limits_name:
-        return f"No limits were agreed and no conformity is stated. {bars}"
-    if any("inconclusive" in row for row in verification.decision):
-        return f"An error passes within the limit less its own U, the guard band (JCGM 106:2012, 8.3). {bars}"
-    return (
-        "An error passes within the limit, whatever its bar (JCGM 106:2012, 8.2), or, where a guard band was asked "
-        f"for, within the limit less its own U. {bars}"
+    bars = label(
+        "Bars are U of the comparison, k = {k:g}: tool, noise and stand together.",
+        k=COVERAGE_FACTOR,
     )
+    if not verification.limits_name:
+        return f"{label('No limits were agreed and no conformity is stated.')} {bars}"
+    if any("inconclusive" in row for row in verification.decision):
+        guarded = "An error passes within the limit less its own U, the guard band (JCGM 106:2012, 8.3)."
+        return f"{label(guarded)} {bars}"
+    simple = "An error passes within the limit, whatever its bar (JCGM 106:2012, 8.2)."
+    return f"{label(simple)} {bars}"
 
 
 def _table(verification: Verification) -> Table:
@@ -229,5 +252,9 @@ def _table(verification: Verification) -> Table:
         rows.append(TableRow([station, *cells], _state(verification.decision[k])))
     head = ["station", "azimuth set", "inclination set", "toolface set"]
     for name in verification.names:
-        head += [f"error of {name}", "U", *["limit ±"] * agreed, "decision" if agreed else "agreement"]
-    return Table(f"All positions, deg; U with k = {verification.coverage_factor:.3g}", head, rows)
+        head += [label("error of {name}", name=name), "U", *["limit ±"] * agreed, "decision" if agreed else "agreement"]
+    return Table(
+        label("All positions, deg; U with k = {k:.3g}", k=verification.coverage_factor),
+        head,
+        rows,
+    )

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Mapping
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -15,6 +16,8 @@ from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
 from inclinometry.calibration.start import zero_from_north
 from inclinometry.constants import COVERAGE_FACTOR, DIALS
+from inclinometry.findings import without_notes
+from inclinometry.language import label, number
 from inclinometry.rotations import wrap_positive, wrap_signed
 
 MOST_DECIMALS = 9
@@ -109,8 +112,9 @@ def worst_and_median(name: str, expanded: Array) -> str:
     ('azimuth within ±1.4° (median ±0.31°)', 'azimuth not known at the worst (median ±0.30°)')
     """
     worst, median = float(np.max(expanded)), float(np.median(expanded))
-    size = f"within ±{significant(worst)}°" if worst < 90.0 else "not known at the worst"
-    return f"{name} {size} (median ±{significant(median)}°)"
+    within, unknown = "{name} within ±{worst}° (median ±{median}°)", "{name} not known at the worst (median ±{median}°)"
+    text = within if worst < 90.0 else unknown
+    return label(text, name=name, worst=significant(worst), median=significant(median))
 
 
 DECISIVE = 0.9
@@ -125,7 +129,13 @@ def listed(words: list[str]) -> str:
     >>> listed(["a"]), listed(["a", "b"]), listed(["a", "b", "c"])
     ('a', 'a and b', 'a, b and c')
     """
-    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}" if words else ""
+    return (
+        words[0]
+        if len(words) == 1
+        else label("{names} and {last}", names=", ".join(map(label, words[:-1])), last=words[-1])
+        if words
+        else ""
+    )
 
 
 def tool_name(calibration: Calibration) -> str:
@@ -139,25 +149,45 @@ def verdict(calibration: Calibration, found: ExpectedUncertainty) -> str:
     tool = tool_name(calibration) or "this tool"
     seen = calibration.tool.triads["accelerometer"].rank if "accelerometer" in calibration.tool.triads else 0
     if seen < 2:
-        return f"The accelerometers of {tool} see fewer than two components of gravity: no attitude can be given."
+        return label(
+            "The accelerometers of {tool} see fewer than two components of gravity: no attitude can be given.",
+            tool=tool,
+        )
     if not found.angles:
-        return f"The method gives no uncertainty for {tool}: what its readings are worth is not known from this run."
+        return label(
+            "The method gives no uncertainty for {tool}: what its readings are worth is not known from this run.",
+            tool=tool,
+        )
     at_deg = float(np.degrees(found.inclination[0]))
     values = {
         name: COVERAGE_FACTOR * float(np.degrees(found.of_one_reading[0, ALL_ANGLES.index(name)]))
         for name in found.angles
     }
-    parts = listed([f"{name} within ±{significant(value)}°" for name, value in values.items()])
+    parts = listed(
+        [
+            label("{name} within ±{significant}°", name=name, significant=significant(value))
+            for name, value in values.items()
+        ]
+    )
     where = (
-        f"at {at_deg:g}° inclination, at the worst azimuth and toolface" if found.azimuth_from else f"at {at_deg:g}°"
+        label("at {at_deg:g}° inclination, at the worst azimuth and toolface", at_deg=at_deg)
+        if found.azimuth_from
+        else label("at {at_deg:g}°", at_deg=at_deg)
     )
     if seen == 2:
-        where += (
-            f", |g| known to {100.0 * found.gravity_sd:.2g} % of that at the calibration and the way of the hole stated"
+        where += label(
+            ", |g| known to {gravity_percent:.2g} % of that at the calibration and the way of the hole stated",
+            gravity_percent=100.0 * found.gravity_sd,
         )
-    count = len(calibration.remarks)
-    condition = f"; settle the warning{'s' * (count > 1)} below before relying on it" if count else ""
-    return f"One reading of {tool} gives {parts} (expanded, k = {COVERAGE_FACTOR:g}, about 95 %) {where}{condition}."
+    condition = label("; settle the warnings below before relying on it") if without_notes(calibration.findings) else ""
+    return label(
+        "One reading of {tool} gives {parts} (expanded, k = {k:g}, about 95 %) {where}{condition}.",
+        tool=tool,
+        parts=parts,
+        k=COVERAGE_FACTOR,
+        where=where,
+        condition=condition,
+    )
 
 
 def covers(calibration: Calibration) -> str:
@@ -174,7 +204,7 @@ def covers(calibration: Calibration) -> str:
 def run_facts(calibration: Calibration, readings: BenchReadings | None) -> list[tuple[str, str]]:
     """What was measured, as pairs of label and text."""
     tool, stations = calibration.tool, len(calibration.residuals.station)
-    triads = [f"{t.count} {kind}s ({t.unit})" for kind, t in tool.triads.items()]
+    triads = [f"{t.count} {label(f'{kind}s')} ({label(t.unit)})" for kind, t in tool.triads.items()]
     methods = {
         "joint": "joint maximum likelihood of all triads, rig errors shared between them",
         "twelve": "closed form for the twelve positions",
@@ -191,23 +221,39 @@ def run_facts(calibration: Calibration, readings: BenchReadings | None) -> list[
     facts = [
         ("Tool", tool_name(calibration) or "not named"),
         ("Sensors", listed(triads)),
-        ("Method", f"{calibration.method}: {methods.get(calibration.method, 'see the record')}"),
-        ("Stations", f"{stations} ({left} more were left out of the fit)" if left > 0 else f"{stations}"),
-        ("Temperature", "not recorded" if span is None else f"{span[0]:.1f} to {span[1]:.1f} °C"),
+        ("Method", f"{label(calibration.method)}: {label(methods.get(calibration.method, 'see the record'))}"),
+        (
+            "Stations",
+            label("{stations} ({left} more were left out of the fit)", stations=stations, left=left)
+            if left > 0
+            else f"{stations}",
+        ),
+        (
+            "Temperature",
+            "not recorded" if span is None else label("{span:.1f} to {end:.1f} °C", span=span[0], end=span[1]),
+        ),
     ]
     for kind, triad in tool.triads.items():
         if triad.degree:
-            degree = f"polynomial of degree {triad.degree} about {triad.reference_temperature:g} °C"
-            facts.append((f"Temperature model of the {kind}", degree))
+            degree = label(
+                "polynomial of degree {degree} about {at_degC:g} °C",
+                degree=triad.degree,
+                at_degC=triad.reference_temperature,
+            )
+            facts.append((label("Temperature model of the {kind}", kind=kind), degree))
     if readings is not None and readings.count is not None:
-        facts.append(("Readings averaged", f"{int(readings.count.min())} to {int(readings.count.max())} a station"))
+        facts.append(
+            (
+                "Readings averaged",
+                label("{min} to {max} a station", min=int(readings.count.min()), max=int(readings.count.max())),
+            )
+        )
     if readings is not None:
-        shown = {"g": lambda v: f"{v:.5f} m/s²", "b": lambda v: f"{v:.0f} nT"}
+        shown = {"g": lambda v: f"{v:.5f} m/s²", "b": lambda v: label("{v:.0f} nT", v=v)}
         shown |= dict.fromkeys(("dip", "latitude", "north"), lambda v: f"{np.degrees(v):.2f}°")
         stated = [(n, shown[n](v) if n in shown else f"{v:g}") for n, v in readings.reference.items()]
-        facts += [(f"Stated at the stand: {name}", text) for name, text in stated]
-    facts += [("Note", sentence) for sentence in calibration.notes]
-    return facts + [(f"Digest of {name}", digest) for name, digest in calibration.inputs.items()]
+        facts += [(label("Stated at the stand: {name}", name=name), text) for name, text in stated]
+    return facts + [(label("Digest of {name}", name=name), digest) for name, digest in calibration.inputs.items()]
 
 
 def rig_sentences(calibration: Calibration) -> list[str]:
@@ -222,15 +268,19 @@ def rig_sentences(calibration: Calibration) -> list[str]:
         sentences.append("No rig took part, so nothing is known of one.")
         return sentences
     sd = np.degrees(np.broadcast_to(calibration.rig.sd, (3,)))
-    loose = [f"{name} {significant(value)}°" for name, value in zip(DIALS, sd, strict=True) if value > 0.0]
-    trusted = [name for name, value in zip(DIALS, sd, strict=True) if value <= 0.0]
+    loose = [
+        f"{label(name)} {number(significant(value))}°" for name, value in zip(DIALS, sd, strict=True) if value > 0.0
+    ]
+    trusted = [label(name) for name, value in zip(DIALS, sd, strict=True) if value <= 0.0]
     if loose:
-        sentences.append(f"Standard deviation of one setting: {listed(loose)}.")
+        sentences.append(label("Standard deviation of one setting: {loose}.", loose=listed(loose)))
     if trusted:
-        sentences.append(f"The dials of {listed(trusted)} were taken as exact.")
+        sentences.append(label("The dials of {trusted} were taken as exact.", trusted=listed(trusted)))
     for name, (value, u) in calibration.rig.nuisance.items():
         text = with_uncertainty(float(np.degrees(value)), float(np.degrees(u)))
-        sentences.append(f"Constant error of the rig, {name.replace('_', ' ')}: {text}°.")
+        sentences.append(
+            label("Constant error of the rig, {replace}: {text}°.", replace=name.replace("_", " "), text=text)
+        )
     return sentences
 
 
@@ -244,9 +294,13 @@ def _base(calibration: Calibration) -> str:
     u = _spread(calibration, lean)
     text = with_uncertainty(tilt, u)
     if np.isfinite(u) and tilt < 2.0 * u:
-        return f"The base of the rig is level within what was measured: tilt {text}°."
+        return label("The base of the rig is level within what was measured: tilt {text}°.", text=text)
     toward = float(np.degrees(wrap_positive(np.arctan2(y, x))))
-    return f"The base of the rig is tilted by {text}°: true down leans toward the rig's azimuth {toward:.0f}°."
+    return label(
+        "The base of the rig is tilted by {text}°: true down leans toward the rig's azimuth {toward:.0f}°.",
+        text=text,
+        toward=toward,
+    )
 
 
 def _second_field(calibration: Calibration, kind: str) -> list[str]:
@@ -262,10 +316,22 @@ def _second_field(calibration: Calibration, kind: str) -> list[str]:
     dip = with_uncertainty(below(at), _spread(calibration, below))
     north = with_uncertainty(turn(at), _spread(calibration, turn))
     if kind == "magnetometer":
-        return [f"The magnetic field dips {dip}° and, seen from above, points to the rig's azimuth {north}°."]
+        return [
+            label(
+                "The magnetic field dips {dip}° and, seen from above, points to the rig's azimuth {north}°.",
+                dip=dip,
+                north=north,
+            )
+        ]
     latitude = with_uncertainty(-below(at), _spread(calibration, below))
-    where = f"seen from above at the rig's azimuth {north}°"
-    return [f"The Earth's axis stands {latitude}° above the horizon (the latitude), {where}."]
+    where = label("seen from above at the rig's azimuth {north}°", north=north)
+    return [
+        label(
+            "The Earth's axis stands {latitude}° above the horizon (the latitude), {where}.",
+            latitude=latitude,
+            where=where,
+        )
+    ]
 
 
 def _spread(calibration: Calibration, quantity: Callable[[Mapping[str, Array]], float]) -> float:
@@ -275,8 +341,8 @@ def _spread(calibration: Calibration, quantity: Callable[[Mapping[str, Array]], 
     step = 1e-6  # rad: central differences then err by 1e-12, and no direction is so exactly vertical in practice
     for kind, direction in at.items():
         basis = tangent_basis(np.asarray(direction))
-        for column, label in enumerate(("north", "east")):
-            name = f"{kind}.direction.{label}"
+        for column, side in enumerate(("north", "east")):
+            name = f"{kind}.direction.{side}"
             if name not in names:
                 return float("nan")
             sides = [quantity({**at, kind: direction + sign * step * basis[:, column]}) for sign in (1.0, -1.0)]
@@ -298,14 +364,21 @@ def residual_sentences(calibration: Calibration) -> list[str]:
     if not len(values):
         return ["No residual is judged: the fit follows every reading." if idle else "The method leaves no residuals."]
     beyond = int((np.abs(values) > 3.0).sum())
-    lie = "lies" if beyond == 1 else "lie"
     chance = len(values) * float(erfc(3.0 / np.sqrt(2.0)))
     spread = float(np.sqrt(np.mean(values**2)))
     return [
-        f"Root mean square of the standardised residuals: {spread:.2f} (1 when noise and rig are as stated).",
-        f"{beyond} of {len(values)} residuals {lie} beyond three standard deviations; chance alone would put "
-        f"{significant(chance, 1)} there.",
-        *([f"{idle} more {'is' if idle == 1 else 'are'} not judged: there the fit follows the reading."] * bool(idle)),
+        label(
+            "Root mean square of the standardised residuals: {spread:.2f} (1 when noise and rig are as stated).",
+            spread=spread,
+        ),
+        label(
+            "{beyond} of {count} residuals lie beyond three standard deviations; chance alone would put {chance} "
+            "there.",
+            beyond=beyond,
+            count=len(values),
+            chance=significant(chance, 1),
+        ),
+        *([label("{count} more are not judged: there the fit follows the reading.", count=idle)] * bool(idle)),
     ]
 
 
@@ -329,7 +402,7 @@ def calibration_tests(calibration: Calibration) -> list[Test]:
     blocks = calibration.residuals.standardised.values()
     values = np.concatenate([np.zeros(0), *(np.asarray(v).ravel() for v in blocks)])
     judged = values[np.isfinite(values)]
-    warned = len(calibration.remarks)
+    warned = len(without_notes(calibration.findings))
     tests = [Test("warnings", str(warned), "none", warned == 0)]
     if judged.size:
         largest, bound = float(np.abs(judged).max()), float(norm.isf(0.005 / judged.size))
@@ -350,13 +423,27 @@ def identifiability_sentences(calibration: Calibration) -> list[str]:
     """How many readings carry how many parameters, and whether one station decides alone."""
     sizes = sum(np.asarray(v).size for v in calibration.residuals.values.values())
     unknown = len(calibration.parameter_names)
-    sentences = [f"{sizes} readings determine {unknown} parameters: {sizes - unknown} are left to check them."]
+    sentences = [
+        label(
+            "{sizes} readings determine {unknown} parameters: {sizes_2} are left to check them.",
+            sizes=sizes,
+            unknown=unknown,
+            sizes_2=sizes - unknown,
+        )
+    ]
     leverage = np.asarray(calibration.residuals.leverage)
     if len(leverage):
         most = int(np.argmax(leverage))
         name, share = calibration.residuals.station[most], float(leverage[most])
         decisive = "an error there would go unseen" if share > DECISIVE else "no station decides alone"
-        sentences.append(f"The station with most leverage is {name}, {share:.2f} of 1: {decisive}.")
+        sentences.append(
+            label(
+                "The station with most leverage is {name}, {share:.2f} of 1: {decisive}.",
+                name=name,
+                share=share,
+                decisive=decisive,
+            )
+        )
     if any(one.code == "bench-stand-assumed" for one in calibration.findings):
         sentences.append("The plan is blind in a direction named in the warnings; there the assumption decides.")
     return sentences
@@ -373,4 +460,37 @@ def strongest_correlations(calibration: Calibration, most: int = 5) -> list[tupl
     order = np.argsort(-np.abs(matrix), axis=None, kind="stable")[:most]
     names = calibration.parameter_names
     pairs = [divmod(int(place), len(matrix)) for place in order]
-    return [(names[i], names[j], f"{matrix[i, j]:+.3f}") for i, j in pairs if matrix[i, j] != 0.0]
+    return [
+        (parameter_name(names[i]), parameter_name(names[j]), f"{matrix[i, j]:+.3f}")
+        for i, j in pairs
+        if matrix[i, j] != 0.0
+    ]
+
+
+_PARAMETER: Final = re.compile(
+    r"(accelerometer|magnetometer|gyro)\.(?:(?:(tensor|offset)\[(\d+)(?:,([012]))?\](?:\.T(\d+))?)|direction\.(\w+))"
+)
+
+
+def parameter_name(name: str, *, short: bool = False) -> str:
+    """A parameter of a sensor as people call it; any other text as it is.
+
+    Examples
+    --------
+    >>> parameter_name("accelerometer.tensor[2,1]"), parameter_name("magnetometer.offset[0]", short=True)
+    ('accelerometer Z cross-axis Y', 'mag X zero')
+    """
+    found = _PARAMETER.fullmatch(name)
+    if found is None:
+        return label(name)
+    kind, what, sensor, axis, power, side = found.groups()
+    kind = {"accelerometer": "acc", "magnetometer": "mag"}.get(kind, kind) if short else kind
+    if what is None:
+        return label(f"direction of the {kind} field toward {side}")
+    own = "XYZ"[int(sensor)] if int(sensor) < 3 else str(int(sensor) + 1)
+    across = "" if axis is None else "XYZ"[int(axis)]
+    form = "{kind} {axis} cross-axis {other}"
+    if what == "offset" or own == across:
+        form = "{kind} {axis} zero" if what == "offset" else "{kind} {axis} scale"
+    heat = "" if power is None else label(", per °C^{power}", power=power) if power != "1" else label(", per °C")
+    return label(form, kind=kind, axis=own, other=across) + heat

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from inclinometry.arrays import Array
 from inclinometry.constants import DEG_PER_HOUR, EARTH_RATE, KINDS, STANDARD_GRAVITY
-from inclinometry.errors import not_among, out_of_range, refused
+from inclinometry.errors import not_among, out_of_range, refused, wrong_kind
 from inclinometry.rotations import dcm_from_quaternion
 from inclinometry.sensors import Tool, Triad
 
@@ -33,8 +33,10 @@ class Streams:
         elif isinstance(seed, np.random.Generator):
             self._root = np.random.SeedSequence(seed.integers(0, 2**63, size=2).tolist())
         else:
-            if isinstance(seed, bool) or int(seed) != seed or seed < 0:
-                raise out_of_range("seed", repr(seed), "0, 1, 2 ...")
+            if isinstance(seed, bool) or int(seed) != seed:
+                raise wrong_kind("seed", repr(seed), "whole number")
+            if seed < 0:
+                raise out_of_range("seed", int(seed), ">= 0")
             self._root = np.random.SeedSequence(int(seed))
 
     def __getitem__(self, name: str) -> np.random.Generator:
@@ -121,7 +123,7 @@ def digitise(signals: ArrayLike, step: float, bits: int) -> tuple[Array, NDArray
 
 def _check(bits: int) -> None:
     if not 2 <= bits <= 32 or int(bits) != bits:
-        raise out_of_range("bits", bits, "2, 3 ... 32")
+        raise out_of_range("bits", bits, "2, 3 .. 32")
 
 
 TRIADS: Final[Mapping[str, int]] = MappingProxyType({"accelerometer": 3, "magnetometer": 3})

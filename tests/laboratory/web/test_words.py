@@ -13,7 +13,8 @@ import pytest
 from inclinometry.findings import example
 from inclinometry.laboratory import web
 from inclinometry.laboratory.web.words import LANGUAGES, catalogue, say, sentence
-from inclinometry.report.language import speaking, translated
+from inclinometry.language import speaking
+from inclinometry.report.language import translated
 
 SOURCES = sorted(Path(web.__file__).parent.rglob("*.py"))
 

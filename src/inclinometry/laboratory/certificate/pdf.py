@@ -18,7 +18,8 @@ from inclinometry.findings import Finding
 from inclinometry.laboratory.certificate import record as tables
 from inclinometry.laboratory.certificate.record import LETTERS, Words, families, record_digest, words
 from inclinometry.laboratory.certificate.requirements import missing_said, overdue
-from inclinometry.report.language import speaking, translated
+from inclinometry.language import speaking
+from inclinometry.report.language import translated
 from inclinometry.report.words import plain, significant
 
 if TYPE_CHECKING:

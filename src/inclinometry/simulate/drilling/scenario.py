@@ -180,7 +180,7 @@ class Instrument(Checked):
         if int(self.factor) != self.factor or int(self.taps) != self.taps:
             raise wrong_kind("factor, taps", f"{self.factor:g}, {self.taps:g}", "whole number")
         if self.taps % 2 == 0:
-            raise out_of_range("taps", self.taps, "1, 3, 5 ...")
+            raise out_of_range("taps", self.taps, "2 n + 1")
         if self.taps > 1 and not 0.0 < self.cutoff < 0.5 * self.rate:
             raise out_of_range("cutoff", float(self.cutoff), f"0 < f < {0.5 * self.rate:g} Hz")
 

@@ -11,6 +11,7 @@ from fastapi.responses import HTMLResponse, RedirectResponse, Response
 from nicegui import ui
 from nicegui.elements.mixins.text_element import TextElement
 
+from inclinometry.glossary import glossary
 from inclinometry.laboratory.drift import kept_drift
 from inclinometry.laboratory.registry import due_days, listed, tools
 from inclinometry.laboratory.session import closing, load_session
@@ -20,7 +21,6 @@ from inclinometry.laboratory.web.pages.lists import day as when
 from inclinometry.laboratory.web.pages.lists import plan_words, to
 from inclinometry.laboratory.web.refusals import known_token, login_cookies
 from inclinometry.laboratory.web.words import say
-from inclinometry.report.glossary import glossary
 
 router = APIRouter(include_in_schema=False)
 

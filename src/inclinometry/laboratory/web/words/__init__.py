@@ -14,8 +14,9 @@ from typing import Any, Final
 
 from inclinometry import findings
 from inclinometry.errors import FileError, InclinometryError
-from inclinometry.report.glossary import terms
-from inclinometry.report.language import speaking, translated
+from inclinometry.glossary import terms
+from inclinometry.language import speaking
+from inclinometry.report.language import translated
 
 LANGUAGES: Final = {"en": "English", "ru": "Русский", "zh": "中文"}
 

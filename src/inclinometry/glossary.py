@@ -15,7 +15,7 @@ from importlib.resources import files
 def glossary() -> Mapping[str, Mapping[str, str]]:
     """Key -> "en", "ru", "zh" and a "definition" in English of every term."""
     found: dict[str, dict[str, str]] = json.loads(
-        files("inclinometry.report").joinpath("glossary.json").read_text("utf-8")
+        files("inclinometry").joinpath("catalogue/glossary.json").read_text("utf-8")
     )
     return found
 
