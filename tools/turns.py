@@ -20,6 +20,8 @@ ROOT = Path(__file__).resolve().parents[1]
 TABLE = Path(__file__).with_name("turns.csv")
 MADE = {"generated", "_build", "gallery", "manual", "shown"}
 """Folders of what is made from the texts that are counted."""
+DATA = {"placeholders.json", "translations.json"}
+"""Files whose words are looked for in what users write, or stand in old records."""
 
 
 class Turn(NamedTuple):
@@ -34,7 +36,10 @@ class Turn(NamedTuple):
 def turns() -> list[Turn]:
     """All turns of the table."""
     with TABLE.open(encoding="utf-8", newline="") as file:
-        return [Turn(row["turn"], re.compile(row["regex"]), row["plain"], row["use"] == "ban") for row in csv.DictReader(file)]
+        return [
+            Turn(row["turn"], re.compile(row["regex"]), row["plain"], row["use"] == "ban")
+            for row in csv.DictReader(file)
+        ]
 
 
 def places() -> Iterator[Path]:
@@ -42,7 +47,7 @@ def places() -> Iterator[Path]:
     for folder, endings in (("src/inclinometry", "py toml po json"), ("docs", "md"), (".", "md")):
         for ending in endings.split():
             found = (ROOT / folder).glob(f"*.{ending}") if folder == "." else (ROOT / folder).rglob(f"*.{ending}")
-            yield from sorted(path for path in found if not MADE & set(path.relative_to(ROOT).parts))
+            yield from sorted(path for path in found if not (MADE | DATA) & set(path.relative_to(ROOT).parts))
 
 
 def lines() -> Iterator[tuple[Path, int, str]]:

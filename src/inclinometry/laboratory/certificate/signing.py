@@ -244,7 +244,7 @@ def sign_pdf(data: bytes, key: DocumentKey, made: Seal, name: str) -> bytes:
 
         class Kept(IncrementalPdfFileWriter):
             def _update_meta(self) -> None:
-                """The metadata as they were: written anew they lose the prefixes that PDF/A asks for."""
+                """The metadata as they were: written again they lose the prefixes that PDF/A asks for."""
 
         writer = Kept(io.BytesIO(data))
         # hexadecimal digits for the signature: certificates of an authority fit, too
@@ -337,7 +337,7 @@ def look(data: bytes, where: str, public: Public) -> Looked:
     if found.signer is None or found.kind == "square code":
         return found
     own = _look(data, where, found.signer)
-    return own if own.problem else found  # a broken signature is nobody's
+    return own if own.problem else found  # a broken signature is no one's
 
 
 def _look(data: bytes, where: str, public: Public) -> Looked:
@@ -442,7 +442,7 @@ def _beside_the_signed(root: Any) -> str:
     """What stands in a digital certificate that its signature does not cover, or may not; "" when nothing does.
 
     An enveloped signature is over the document without itself, over its key and its properties: any other content of
-    it would be nobody's (signature wrapping).
+    it would be no one's (signature wrapping).
     """
     from lxml.etree import QName
 
@@ -456,7 +456,7 @@ def _beside_the_signed(root: Any) -> str:
     signatures = root.xpath("//*[local-name()='Signature']")
     if not signatures:
         return "it bears no signature"
-    strange = "its signature is not made as ours are: it was moved, or something was put into it that nobody signed"
+    strange = "its signature is not made as ours are: it was moved, or something was put into it that no one signed"
     one, xades = signatures[0], "http://uri.etsi.org/01903/v1.3.2#"
     parts = [f"{{{_DS}}}{name}" for name in ("SignedInfo", "SignatureValue", "KeyInfo", "Object")]
     if len(signatures) != 1 or one is not root[-1] or QName(one).namespace != _DS or [e.tag for e in one] != parts:
@@ -546,7 +546,7 @@ def _look_at_pdf(data: bytes, public: Public) -> Looked:
             return _by_others(seen, leaf, others, public)
         if not _as_we_sign(data, one, leaf):
             strange = (
-                "its signature is not made as ours are: it was changed, or something was put into it that nobody signed"
+                "its signature is not made as ours are: it was changed, or something was put into it that no one signed"
             )
             return seen._replace(problem=strange, key=key)
         context = ValidationContext(trust_roots=[one.signer_cert], allow_fetching=False)

@@ -128,7 +128,7 @@ def _file(text: str, create: bool, read_only: bool) -> Engine:
 
 
 def _sealed(path: Path) -> bool:
-    """Whether SQLite could not make the files it needs beside the ledger, and nobody else works on it."""
+    """Whether SQLite could not make the files it needs beside the ledger, and no one else works on it."""
     folder = path.resolve().parent
     beside = path.resolve().with_name(path.resolve().name + "-wal")
     return not os.access(folder, os.W_OK) and not beside.exists()
@@ -200,7 +200,7 @@ def translated(where: str) -> Iterator[None]:
         if "append-only" in cause:
             raise LedgerError(f"{where}: {cause.splitlines()[0]}") from None
         raise ConflictError(
-            f"{where}: somebody else has just recorded this; nothing was lost, load the page again"
+            f"{where}: another user has just recorded this; nothing was lost, load the page again"
         ) from None
     except DBAPIError as error:
         raise LedgerError(refusal(where, error.orig, lost=error.connection_invalidated)) from None

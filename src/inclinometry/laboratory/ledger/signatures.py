@@ -134,7 +134,7 @@ class Signatures:
         self._elsewhere: dict[str, int] = {}
         self._outside = sorted(readable, key=lambda kept: kept[0].size)
         self._at = 0
-        # of what contradicts the records: time of the head, and the fault; somebody may have answered for it
+        # of what contradicts the records: time of the head, and the fault; a user may have answered for it
         self._doubts: list[tuple[str, Fault]] = []
         self._agreed: dict[str, int] = {}
         self._changes: list[dict[str, Any]] = []
@@ -251,7 +251,7 @@ class Signatures:
         faults += [Fault("witness", "-", sentence) for sentence in self._lost_witnesses]
         faults += self._unlisted()
         faults += self._whole(seq)
-        # nobody answered for a ledger by a record in it that nobody signed
+        # no one answered for a ledger by a record in it that no one signed
         said = max(self._accepted, default=("", "", "")) if self.newest is not None else ("", "", "")
         first: dict[str, Fault] = {}
         excused = 0
@@ -289,7 +289,7 @@ class Signatures:
         self._doubts.append((head.time, Fault("chain", lost, said)))
 
     def _unlisted(self) -> Iterator[Fault]:
-        """Faults of witnesses that were named, and that somebody took off the list in the folder of the keys."""
+        """Faults of witnesses that were named, and that a user took off the list in the folder of the keys."""
         for place in (place for place, named in self._named.items() if named and place not in self._listed):
             if self._own:
                 said = (
@@ -394,9 +394,9 @@ class Signatures:
             yield "no witness of its heads is known here: a cut tail or an older copy would go unnoticed"
 
 
-def unsigned(*, doubted: bool) -> str:
+def unsigned(*, faulty: bool) -> str:
     """What a ledger without signatures proves; to sign it is no remedy where something is wrong with it."""
-    remedy = "" if doubted else "; `inclinometry ledger init` begins to sign"
+    remedy = "" if faulty else "; `inclinometry ledger init` begins to sign"
     return f"not signed: whoever can write to it can rewrite it{remedy}"
 
 

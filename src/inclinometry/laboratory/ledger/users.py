@@ -54,7 +54,7 @@ def put_user(
 ) -> User:
     """Add a user or record a change; without a password the old one stays.
 
-    A password that somebody else sets takes the second factor away, whose secret only the old password opens.
+    A password that another user sets takes the second factor away, whose secret only the old password opens.
     """
     if not name:
         raise InputError("a user needs a name: write the one to log in with")
@@ -217,7 +217,7 @@ def _put(
 
 
 def refuse_control(*names: str) -> None:
-    """Refuse names with characters that nobody sees (InputError)."""
+    """Refuse names with characters that no one sees (InputError)."""
     for name in names:
         if not name.isprintable():
             raise InputError(f"the name {name!r:.60} has a control character; take characters that are seen")
