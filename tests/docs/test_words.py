@@ -7,7 +7,6 @@ import re
 from pathlib import Path
 
 import pytest
-
 from tools import turns
 
 ROOT = Path(__file__).parents[2]
