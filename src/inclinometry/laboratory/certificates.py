@@ -60,7 +60,7 @@ def laboratory_of(ledger: Ledger, session: Record) -> Laboratory:
 def authorised(laboratory: Laboratory, wanted: tuple[str, str], author: str) -> Laboratory:
     """The laboratory with who authorises the certificate, who is required (ISO/IEC 17025, 7.8.2.1 o).
 
-    The one user of a bench without logins is nobody by name.
+    The one user of a bench without logins is no one by name.
     """
     own = "" if author == LOCAL.name else author
     if any(wanted):
@@ -167,9 +167,9 @@ def issue(
     """
     replaced = None if supersedes is None else (supersedes, _said(reason))
     today = (now or datetime.now(UTC)).astimezone(UTC).date()
-    # how often a number is taken anew when others issue at the same moment
+    # how often a number is taken again when others issue at the same moment
     for _ in range(20):
-        # the number first: whoever certifies the same calibration meanwhile takes it, and all is looked at anew
+        # the number first: whoever certifies the same calibration meanwhile takes it, and all is looked at again
         wanted = number or next_number(ledger, today.year)
         if ledger.count("certificate", number=wanted):
             if number is not None:
@@ -324,7 +324,7 @@ def _record(
     older = registry.calibration_before(ledger, calibration)
     try:
         before = None if older is None else calibration_of(older)
-    except InclinometryError:  # nothing can mend a recorded one; this certificate is complete without it
+    except InclinometryError:  # nothing can repair a recorded one; this certificate is complete without it
         before = None
     if before is None or not _comparable(before, found):
         before = older = None
@@ -493,6 +493,6 @@ def _source(ledger: Ledger, record: Record) -> Iterator[Finding]:
             yield from _why(error)
             return
         held = {key: verification.body[key] for key in ("verdict", "limits", "report")}
-        # certificates of before state what an older record calls limits as it does
+        # older certificates state what an older record calls limits as it does
         if content["verification"] not in (printable(held), printable(recorded(verification))):
             yield _apart("record", "verification")

@@ -559,7 +559,7 @@ def read_dcc(data: bytes, where: str | Path = "certificate.xml") -> Dcc:
 
 
 def _numbers(root: Element) -> Dcc:
-    # nothing is looked for at any depth: what somebody hides elsewhere in the file is not read
+    # nothing is looked for at any depth: what a user hides elsewhere in the file is not read
     core, results = "dcc:administrativeData/dcc:coreData", "dcc:measurementResults/dcc:measurementResult/dcc:results"
 
     def find(path: str, below: Element = root) -> list[Element]:

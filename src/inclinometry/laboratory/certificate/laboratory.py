@@ -139,7 +139,7 @@ ORDER = tuple(Order.__dataclass_fields__)
 def laboratory_from(about: dict[str, Any]) -> Laboratory:
     """The laboratory in a mapping of texts, as a site of the ledger holds it; keys it does not know are left out."""
     texts = {key: str(about[key]) for key in LABORATORY if about.get(key)}
-    # records of before may hold what is refused now: it is left out
+    # older records may hold what is refused now: it is left out
     lines = {
         key: [*text.splitlines()] if key in _LINES else [" ".join(text.splitlines())] for key, text in texts.items()
     }

@@ -138,7 +138,7 @@ def paper_svg(figure: Figure) -> str:
 
     for text in figure.findobj(Text):  # letters of the size of the page's
         text.set_fontsize(8.0)
-    # margins that fit every drawing above: finding them anew takes as long as drawing
+    # margins that fit every drawing above: finding them again takes as long as drawing
     figure.set_layout_engine("none")
     for axes in figure.axes:
         axes.set_position((0.6 / width, 0.4 / height, 1.0 - 0.72 / width, 1.0 - 0.48 / height))
@@ -491,10 +491,10 @@ def uncertainty_section(record: Content, say: Words) -> Content:
     names = [name for name in LETTERS if f"U_{name}_deg" in found]
     k, probability = found["coverage_factor"], _probability(record)
     texts = [say("letters")]
-    if found.get("degrees_of_freedom") is None:  # variances that were stated; certificates of before
+    if found.get("degrees_of_freedom") is None:  # variances that were stated; older certificates
         texts.append(say("uncertainty_note", k=f"{k:g}", p=probability))
     else:
-        # k of certificates of before was for means over the variances
+        # k of older certificates was for means over the variances
         note = "student_note" if "coverage" in record["results"] else "freedom_note"
         texts.append(say("uncertainty_of_freedom", k=f"{k:g}"))
         texts.append(say(note, nu=f"{found['degrees_of_freedom']:g}", p=probability))
@@ -503,7 +503,7 @@ def uncertainty_section(record: Content, say: Words) -> Content:
         texts.append(say(key, triad=say(found["azimuth_from"]), dip=plain(found["dip_deg"], 2)))
     if any(triad["degree"] for triad in record["item"]["triads"]):
         texts.append(say("at_temperature", heat=plain(found["temperature_degC"], 1)))
-    alone = found.get("from_calibration")  # certificates of before state U of one reading only
+    alone = found.get("from_calibration")  # older certificates state U of one reading only
     blocks = [found] if alone is None else [found, alone]
     if found.get("end_of_interval") is not None:
         blocks.append(found["end_of_interval"])
@@ -523,7 +523,7 @@ def uncertainty_section(record: Content, say: Words) -> Content:
 
 
 def budget_section(record: Content, say: Words) -> Content | None:
-    """Standard uncertainty of one reading by cause; None in certificates of before."""
+    """Standard uncertainty of one reading by cause; None in older certificates."""
     found = record["results"].get("budget")
     if found is None:
         return None
@@ -676,7 +676,7 @@ def classical_section(record: Content, say: Words) -> Content:
 
 def coverage(record: Mapping[str, Any]) -> tuple[float, float, float | None]:
     """k of every U of the calibration, its probability and the degrees of freedom; None of a normal distribution."""
-    # certificates of before have them beside U of the angles only
+    # older certificates have them beside U of the angles only
     table = record["results"]["uncertainty"] or {}
     before = {"factor": table.get("coverage_factor", COVERAGE_FACTOR),
               "probability": table.get("coverage_probability", round(coverage_probability(COVERAGE_FACTOR), 4)),

@@ -19,11 +19,11 @@ from inclinometry.sensors import Tool
 
 
 class NonconformingError(InputError):
-    """The verification failed or does not agree, and nobody agreed to certify that."""
+    """The verification failed or does not agree, and no one agreed to certify that."""
 
 
 class OpenWarningsError(InputError):
-    """Warnings are open, and nobody accepted them with a reason."""
+    """Warnings are open, and no one accepted them with a reason."""
 
 
 def stated_country(code: str) -> bool:
@@ -34,7 +34,7 @@ def stated_country(code: str) -> bool:
 
 def stated_due(due: date | None, day: date | None) -> bool:
     """Whether a day up to which a standard's calibration holds is one, for a standard that was used on `day`."""
-    longest = 20  # years for which a standard may be calibrated; a later due date is none that anybody set
+    longest = 20  # years for which a standard may be calibrated; a later due date is none that anyone set
     return due is not None and due.year <= (day or date.today()).year + longest
 
 
@@ -80,7 +80,7 @@ def open_warnings(calibration: Calibration, verification: Mapping[str, Any] | No
 def accepted_warnings(
     warnings: list[str], reason: str, laboratory: Laboratory | None, order: Order
 ) -> dict[str, Any] | None:
-    """Who accepted the open warnings, when and why; OpenWarningsError where nobody did."""
+    """Who accepted the open warnings, when and why; OpenWarningsError where no one did."""
     if not warnings:
         return None
     if not stated(reason):

@@ -242,7 +242,7 @@ def sign_pdf(data: bytes, key: DocumentKey, made: Seal, name: str) -> bytes:
 
         class Kept(IncrementalPdfFileWriter):
             def _update_meta(self) -> None:
-                """The metadata as they were: written anew they lose the prefixes that PDF/A asks for."""
+                """The metadata as they were: written again they lose the prefixes that PDF/A asks for."""
 
         writer = Kept(io.BytesIO(data))
         # hexadecimal digits for the signature: certificates of an authority fit, too
@@ -339,7 +339,7 @@ def look(data: bytes, where: str, public: Public) -> Looked:
     if found.signer is None or found.kind == "square code":
         return found
     own = _look(data, where, found.signer)
-    return own if own.problem else found  # a broken signature is nobody's
+    return own if own.problem else found  # a broken signature is no one's
 
 
 def _look(data: bytes, where: str, public: Public) -> Looked:
@@ -437,7 +437,7 @@ def _beside_the_signed(root: Any) -> Finding | None:
     """What stands in a digital certificate that its signature does not cover, or may not; None when nothing does.
 
     An enveloped signature is over the document without itself, over its key and its properties: any other content of
-    it would be nobody's (signature wrapping).
+    it would be no one's (signature wrapping).
     """
     from lxml.etree import QName
 

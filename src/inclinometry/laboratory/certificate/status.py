@@ -2,7 +2,7 @@
 
 Each certificate comes with its entry in the chain and the proof (RFC 6962) that it is among the records of a signed
 head, the event that voided or superseded it likewise. That there is no such event up to that head the laboratory says
-by its signature. So it says which breaks of the ledger somebody accepted: what was recorded before one may be lost.
+by its signature. So it says which breaks of the ledger a user accepted: what was recorded before one may be lost.
 """
 
 from __future__ import annotations
@@ -111,7 +111,7 @@ class Status(NamedTuple):
 
     head : of the ledger at which it holds. changes : of the laboratory's keys.
     rows : number -> how the certificate stands.
-    accepted : breaks of the ledger that somebody accepted, oldest first; none in a statement of version 1.
+    accepted : breaks of the ledger that a user accepted, oldest first; none in a statement of version 1.
     """
 
     head: heads.SignedHead
@@ -170,7 +170,7 @@ def _included(entry: Mapping[str, Any], head: heads.SignedHead) -> bool:
 def two_histories(given: Mapping[str, Status]) -> Finding | None:
     """Which genuine statements, by their files, contradict each other; None when they are of one ledger as it grew.
 
-    The key signed all of them: a ledger cut back, or begun anew from a part of it, has issued one of them.
+    The key signed all of them: a ledger cut back, or begun again from a part of it, has issued one of them.
     """
     for (name, one), (other, two) in combinations(given.items(), 2):
         apart = one.head.ledger != two.head.ledger

@@ -48,12 +48,12 @@ def certificate(
     output_
         PDF to write.
     verification
-        verify.json, as verify writes it with --output; left out when not given.
+        verify.json, as verify writes it with --output. Default: left out.
     laboratory
         lab.toml: laboratory, standards and order. What is missing of what a certificate states (ISO/IEC 17025, 7.8) is
         named on the document, which is then titled calibration report.
     previous
-        tool.json of the calibration before, for the values before adjustment; these are left out when not given.
+        tool.json of the calibration before, for the values before adjustment. Default: these are left out.
     as_found
         verify.json of that calibration at the same positions: results as found beside those as left.
     dcc
@@ -61,7 +61,7 @@ def certificate(
     record
         Write the record, JSON; its SHA-256 is printed on the certificate.
     number
-        Unique number; year and a part of the digest of inputs, language and acceptance when not given.
+        Unique number. Default: year and a part of the digest of inputs, language and acceptance.
     language
         Of the fixed texts of the PDF.
     fonts

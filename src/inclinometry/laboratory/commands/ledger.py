@@ -251,14 +251,14 @@ def users(
     Parameters
     ----------
     name
-        User to add or change; all are listed when not given.
+        User to add or change. Default: all are listed.
     role
         operator captures, metrologist also issues certificates, administrator also keeps users, auditor reads; that of
-        the user is kept when not given.
+        Default: the user is kept.
     full_name
-        As it stands on certificates; kept when not given.
+        As it stands on certificates. Default: kept.
     language
-        Of the pages; kept when not given, en for a new user.
+        Of the pages. Default: kept, en for a new user.
     password
         Ask for a new password.
     disable

@@ -243,7 +243,7 @@ def _name(keys: Keys, place: str, where: str) -> None:
 
 
 def _remove(keys: Keys, place: str, ledger: str | None) -> None:
-    """Take a place off the list, when the ledger says so; also one that somebody else has taken off."""
+    """Take a place off the list, when the ledger says so; also one that another user has taken off."""
     named = others(keys.folder)
     found = next((one for one in (place, _absolute(place)) if one in named), None)
     before = after = None

@@ -30,7 +30,7 @@ from inclinometry.laboratory.ledger.ledger import Ledger
 def create(where: str | Path, *, keys: Keys | None = None, sign: bool | None = None, accepted: bool = False) -> Ledger:
     """Make an empty ledger, or bring an existing one up to date, and open it.
 
-    With `sign` None a new ledger is signed, an old one as it was. `accepted`: somebody will answer, by `Ledger.accept`,
+    With `sign` None a new ledger is signed, an old one as it was. `accepted`: a user will answer, by `Ledger.accept`,
     for signatures that were removed; without it such a ledger is refused.
     """
     if "://" not in str(where):

@@ -134,7 +134,7 @@ def no_path(text: str, reason: object) -> LedgerError:
 
 
 def _sealed(path: Path) -> bool:
-    """Whether SQLite could not make the files it needs beside the ledger, and nobody else works on it."""
+    """Whether SQLite could not make the files it needs beside the ledger, and no one else works on it."""
     folder = path.resolve().parent
     beside = path.resolve().with_name(path.resolve().name + "-wal")
     return not os.access(folder, os.W_OK) and not beside.exists()

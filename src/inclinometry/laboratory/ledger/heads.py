@@ -25,7 +25,7 @@ SCHEMA: Final = "inclinometry/ledger-head"
 KEY_EVENT: Final = {"subject_kind": "ledger", "subject": "key"}
 """Keys of the event that records how a key was rotated or lost; its action says which."""
 ACCEPTED: Final = {"subject_kind": "ledger", "subject": "head", "action": "accepted"}
-"""Keys of the event by which somebody answers for what verification found, in words, and goes on."""
+"""Keys of the event by which a user accepts what verification found, in words, and goes on."""
 WITNESS_EVENT: Final = {"subject_kind": "ledger", "subject": "witness"}
 """Keys of the event that records that a witness was "named" or "removed"; details: its place, and the ledger."""
 
@@ -88,7 +88,7 @@ _COLUMNS: Final = {"size": "seq", "time": "created"}
 def head_of(row: Any) -> SignedHead:
     """The signed head of a row of its table.
 
-    Raises LedgerError: somebody put something else than a head there.
+    Raises LedgerError: a user put something else than a head there.
     """
     said = {name: getattr(row, _COLUMNS.get(name, name)) for name in SignedHead.__dataclass_fields__}
     try:
@@ -153,7 +153,7 @@ class Sealing:
         """Before something is recorded: the ledger's name ("" when it is not signed), what is to be recorded first.
 
         Refused with records that no head covers, a head the laboratory's key did not sign, or no key: whoever signs now
-        would answer for what somebody else has done.
+        would sign what another user has done.
         """
         newest = newest_head(connection)
         if newest is None:
@@ -178,7 +178,7 @@ class Sealing:
         return self._write(connection, ledger, head, time)
 
     def resume(self, connection: Connection, head: chain.Head) -> str:
-        """The ledger's name, its tree worked out anew from whatever the chain holds; for who answers for that."""
+        """The ledger's name, its tree worked out again from whatever the chain holds; for who accepts that."""
         newest = newest_head(connection)
         self._tree = Frontier()
         self._tree.extend(leaves(connection, 0, head.seq))
@@ -218,7 +218,7 @@ class Sealing:
         return LedgerError(Finding("ledger-modified", {"ledger": self._where, "signed_record": size}))
 
 
-# Heads as files: what somebody who does not hold the ledger can check.
+# Heads as files: what a user who does not hold the ledger can check.
 
 
 def read_head(path: str | Path) -> tuple[SignedHead, dict[str, Any]]:

@@ -40,7 +40,7 @@ from inclinometry.opening import LARGEST_SETTINGS, whole
 FOLDER: Final = "INCLINOMETRY_KEYS"
 """Environment: the folder of the keys, in the place of the one in the user's configuration."""
 PASSPHRASE: Final = "INCLINOMETRY_KEY_PASSPHRASE"
-"""Environment: the passphrase of the keys; asked for on a terminal when not given."""
+"""Environment: the passphrase of the keys. Default: asked for on a terminal."""
 CHANGE: Final = "inclinometry/key-change"
 BREAK: Final = "inclinometry/accepted-break"
 LARGEST_KEY: Final = 1_000_000
@@ -127,7 +127,7 @@ class SigningKey:
 
 
 class Keys:
-    """The folder of a laboratory's keys, `default_folder()` when not given; read when they are needed.
+    """The folder of a laboratory's keys, by default `default_folder()`; read when they are needed.
 
     key.pem : private key (PKCS 8, mode 0600). public.pem : its public one. changes.jsonl : what was signed when it was
     rotated or lost. accepted.jsonl : accepted breaks of ledgers. document.pem : key that signs documents, with its
@@ -190,7 +190,7 @@ class Keys:
             raise FileError(Finding("key-damaged", {"file": path.name}), path=path) from None
 
     def former(self, now: str | None = None) -> list[str]:
-        """The public keys that were rotated into one, that of `public` when not given, the newest first."""
+        """The public keys that were rotated into one, by default that of `public`, the newest first."""
         found: list[str] = []
         wanted = now or self.public()
         for one in reversed(self.changes()):
@@ -208,7 +208,7 @@ class Keys:
         own = self._own(ask=True)
         try:
             stated = self._stated()
-        except FileError:  # it follows from the private key: `make` writes it anew
+        except FileError:  # it follows from the private key: `make` writes it again
             stated = None
         return self._compared(own, stated)
 
@@ -271,7 +271,7 @@ class Keys:
         return self.signing()
 
     def set_passphrase(self, passphrase: str) -> None:
-        """Encrypt the key anew; an empty passphrase leaves it plain."""
+        """Encrypt the key again; an empty passphrase leaves it plain."""
         key = self.signing()
         os.environ[PASSPHRASE] = passphrase
         self.keep("key.pem", private_pem(key.private), mode=0o600)

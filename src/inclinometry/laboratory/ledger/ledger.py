@@ -256,7 +256,7 @@ class Ledger:
     def begin_signing(self, *, accepted: bool = False) -> heads.SignedHead | None:
         """Sign the ledger from now on, all that it holds included; None when it is signed already.
 
-        `accepted`: somebody answers, by `accept`, for removed signatures; it goes on under its name. Else a ledger
+        `accepted`: a user answers, by `accept`, for removed signatures; it goes on under its name. Else a ledger
         without a signed head that this computer or a witness knows as signed is refused.
         """
         with self._writing() as connection:
@@ -349,7 +349,7 @@ class Ledger:
     def not_behind(self) -> None:
         """Refuse to sign upon a ledger that lacks records which this computer saw in it.
 
-        Raises LedgerError: the witness beside the keys has a head of this ledger beyond its end, and nobody answered
+        Raises LedgerError: the witness beside the keys has a head of this ledger beyond its end, and no one answered
         for that.
         """
         self._not_behind_others()
@@ -368,7 +368,7 @@ class Ledger:
             raise self._behind(newest, lost)
 
     def _accepted(self, connection: Connection) -> str:
-        """Time when somebody last answered for what a verification found; "" for never."""
+        """Time when a user last answered for what a verification found; "" for never."""
         times = select(func.max(TABLES["event"].c.created)).where(_matching("event", heads.ACCEPTED))
         return str(connection.execute(times).scalar() or "")
 

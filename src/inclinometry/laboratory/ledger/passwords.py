@@ -32,12 +32,12 @@ _TRIED: Final = (
     *("декабрь", "correcthorsebatterystaple", "thequickbrownfoxjumpsoverthelazydog", "maytheforcebewithyou"),
     *("tobeornottobe", "winteriscoming", "openthepodbaydoors"),
 )
-"""What somebody would try who knows what the program is for, and phrases that all have read; zxcvbn knows words."""
+"""What a user would try who knows what the program is for, and phrases that all have read; zxcvbn knows words."""
 _BETWEEN: Final = re.compile(r"[\s_.,;:-]+")
 
 
 def strength(password: str, words: Iterable[str] = ()) -> float:
-    """From 0 to 1, which is enough: the guesses of somebody who knows `words` (user, laboratory), and the length."""
+    """From 0 to 1, which is enough: the guesses of a user who knows `words` (user, laboratory), and the length."""
     from zxcvbn import zxcvbn
 
     # a hundred times zxcvbn's highest score: for whoever has a copy of the ledger and a thousand processors, at twenty
@@ -137,4 +137,4 @@ def _hasher() -> PasswordHasher:
 
 @cache
 def _decoy() -> str:
-    return _hasher().hash("nobody has this password")
+    return _hasher().hash("no one has this password")

@@ -241,7 +241,7 @@ class Signatures:
         faults += self._lost_witnesses
         faults += self._unlisted()
         faults += self._whole(seq)
-        # nobody answered for a ledger by a record in it that nobody signed
+        # no one answered for a ledger by a record in it that no one signed
         said = max(self._accepted, default=("", "", "")) if self.newest is not None else ("", "", "")
         first: dict[tuple[str, str], Finding] = {}
         excused = 0

@@ -56,7 +56,7 @@ def put_user(
 ) -> User:
     """Add a user or record a change; without a password the old one stays.
 
-    A password that somebody else sets takes the second factor away, whose secret only the old password opens.
+    A password that another user sets takes the second factor away, whose secret only the old password opens.
     """
     if not name:
         raise refused("input-empty", {"name": "name"})
@@ -223,7 +223,7 @@ def _put(
 
 
 def refuse_control(*names: str) -> None:
-    """Refuse names with characters that nobody sees (InputError)."""
+    """Refuse names with characters that no one sees (InputError)."""
     for name in names:
         hidden = next((c for c in name if not c.isprintable()), None)
         if hidden is not None:

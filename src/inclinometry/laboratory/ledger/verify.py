@@ -41,7 +41,7 @@ class Verdict:
     signed : the last signed head; None where the ledger is not signed.
     findings : of signatures, witnesses, acceptances.
     silent : of named witnesses that did not answer: what only they know is not found out.
-    strange : another key than the one here signed it, another laboratory's or anybody's.
+    strange : another key than the one here signed it, another laboratory's or anyone's.
     compared : the public key here with the private one; None where there is none, or a key was given.
     """
 
@@ -90,9 +90,9 @@ def verify(
         of now first; those of this computer when empty. copy : one kept on purpose; that the ledger went on since is a
         note, no fault. progress : called with the share done, 0 to 1.
 
-    The chain proves that nobody changed the ledger who did not also recompute every later link; the signed heads, that
-    nobody did who has not the laboratory's key; the heads that witnesses keep, that nothing was cut off its end and no
-    older copy put in its place, by anybody who cannot write to all of them.
+    The chain proves that no one changed the ledger who did not also recompute every later link; the signed heads, that
+    no one did who has not the laboratory's key; the heads that witnesses keep, that nothing was cut off its end and no
+    older copy put in its place, by anyone who cannot write to all of them.
     """
     witnesses = asked(ledger)
     with ledger.snapshot() as connection, _any_text(connection):
@@ -220,7 +220,7 @@ def _strays(connection: Connection) -> Iterator[Finding]:
 
 def _documents(connection: Connection) -> Iterator[Finding]:
     """Files whose bytes or media type changed, and files that records refer to and that are gone."""
-    # how documents of a certificate begin; ledgers of before may hold others, of which nothing was said
+    # how documents of a certificate begin; older ledgers may hold others, of which nothing was said
     begins = {"application/pdf": b"%PDF-", "application/xml": b"<", "application/json": b"{"}
     have: dict[str, tuple[str, bytes]] = {}
     for row in connection.execution_options(yield_per=1).execute(STORED):

@@ -209,7 +209,7 @@ def _begun_at(folder: Path, place: str) -> str:
 def ahead(folder: Path, newest: SignedHead, accepted: str) -> Witnessed | None:
     """The head that the file of this computer keeps farthest beyond the newest of a ledger; None when it has none.
 
-    `accepted` is the time until which somebody answered for what is missing, "" for none.
+    `accepted` is the time until which a user answered for what is missing, "" for none.
     """
     try:
         path = folder / "heads" / f"{newest.ledger}.jsonl"
@@ -227,7 +227,7 @@ def ahead(folder: Path, newest: SignedHead, accepted: str) -> Witnessed | None:
 
 
 def ahead_elsewhere(folder: Path, where: str, newest: SignedHead, accepted: str) -> Witnessed | None:
-    """The same of the other witnesses, as far as they answer within a moment: nobody waits for the rest."""
+    """The same of the other witnesses, as far as they answer within a moment: no one waits for the rest."""
     moment = 1.5  # s
     kept: list[Witnessed] = []
 
@@ -255,7 +255,7 @@ def remembered(connection: Connection, folders: Sequence[Path]) -> Witnessed | N
     """The head by which a ledger that holds none of its own is known to have been signed; None when nothing knows it.
 
     It is the same ledger where a link of its chain is one that was signed, or where the record that a head was signed
-    with has its time, to the microsecond: both stay where somebody removed the heads and recomputed what he changed.
+    with has its time, to the microsecond: both stay where a user removed the heads and recomputed what he changed.
     """
     for folder in folders:
         for path in sorted(folder.glob("*.jsonl")):

@@ -23,7 +23,7 @@ router = APIRouter(prefix="/ledger", tags=["ledger"], responses=REFUSALS)
 
 SQLITE = "application/vnd.sqlite3"
 HIDDEN = ("user",)
-"""Kinds whose bodies hold what nobody is to read."""
+"""Kinds whose bodies hold what no one is to read."""
 
 
 @router.get("/head")
