@@ -100,7 +100,7 @@ def test_where_the_laboratory_has_a_key_they_are_signed(files: Any) -> None:
 
 
 WRONG = [
-    (("none.json",), "none.json: there is no such file"),
+    (("none.json",), "[file-absent]"),
     (("verify.json",), "this is a verification (`verify -o`); needed is a calibration"),
     (("tool.json", "--verification", "tool.json"), "the file that `verify -o` writes"),
     (("tool.json", "--verification", "damaged.json"), '$.verdict is "perhaps"; it must be pass, fail, agrees or does'),

@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from tests.refusals import refused
 
 from inclinometry.cli.quality import quality
 from inclinometry.errors import InputError
@@ -50,7 +51,7 @@ def test_site_and_bad_input(tmp_path, capsys):
         quality(*files)
     (tmp_path / "site.toml").write_text('north_reference = "grid"\nconvergence_deg = 2.0\n')
     assert quality(*files, site=tmp_path / "site.toml") == 0
-    with pytest.raises(InputError, match="no such file"):
+    with refused("file-absent"):
         quality(tmp_path / "nothing.csv")
 
 
