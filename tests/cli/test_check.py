@@ -359,7 +359,8 @@ def test_an_error_of_check_names_the_file_that_was_given(run):
     book.save("empty.xlsx")
     done = run("check", "empty.xlsx")
     assert done.status == 2
-    assert done.err.startswith("inclinometry: empty.xlsx, line 1: there are column names but no rows")
+    assert done.err.startswith("inclinometry: empty.xlsx, line 1: ")
+    assert "[file-empty]" in done.err
 
 
 def test_units_are_stated_for_the_log_and_its_plan(run):
