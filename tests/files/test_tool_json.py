@@ -14,7 +14,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from tests.refusals import refused
 
-from inclinometry.calibration.result import Calibration, Residuals, Rig
+from inclinometry.calibration.result import Calibration, Residuals, Rig, uncoded
 from inclinometry.errors import FileError
 from inclinometry.files import json_codec
 from inclinometry.files.tool_json import read_calibration, read_extras, read_tool, write_calibration, write_truth
@@ -47,7 +47,7 @@ def make(seed=3, degree=0, sensors=3, inside=True):
                           {k: rng.normal(size=(4, sensors)) for k in kinds}, rng.uniform(size=4))  # fmt: skip
     return Calibration(
         tool, "joint", {"readings.csv": "sha256:00"}, {k: unit(rng.normal(size=3)) for k in kinds},
-        (*tool.parameter_names, "a", "b", "c", "d", "zero"), joint, rig, residuals, ("Roll the tool.",),
+        (*tool.parameter_names, "a", "b", "c", "d", "zero"), joint, rig, residuals, uncoded(["Roll the tool."]),
     )  # fmt: skip
 
 

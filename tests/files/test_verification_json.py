@@ -12,6 +12,7 @@ from tests.refusals import refused
 
 from inclinometry.calibration.acceptance import Verification
 from inclinometry.calibration.decision import Limits
+from inclinometry.calibration.result import uncoded
 from inclinometry.errors import FileError
 from inclinometry.files.tool_json import read_calibration
 from inclinometry.files.verification_json import read_verification, write_verification
@@ -40,12 +41,10 @@ def verification():
         decision=(("pass", "pass", "not judged"), ("fail", "not judged", "not judged")),
         coverage_factor=2.0,
         verdict="fail",
-        reasons=("inclination at 2",),
         limits_name="mine",
         limits_source="works standard 7",
         inputs={"readings": "sha256:00"},
-        warnings=("few positions",),
-        notes=("level assumed",),
+        findings=(*uncoded(["inclination at 2", "level assumed"], "note"), *uncoded(["few positions"])),
     )
 
 
@@ -105,7 +104,7 @@ def test_it_is_of_one_calibration_of_one_tool(tmp_path, calibration):
     path = tmp_path / "verify.json"
     write_verification(path, verification(), LIMITS, calibration)
     with refused("record-calibration-other", error=FileError):
-        read_verification(path, replace(calibration, warnings=("another",)))
+        read_verification(path, replace(calibration, findings=uncoded(["another"])))
     other = replace(calibration, tool=replace(calibration.tool, name="another"))
     with refused("record-tool-other", error=FileError):
         read_verification(path, other)

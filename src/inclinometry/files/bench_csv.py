@@ -529,9 +529,8 @@ def _merged(
         [roll_set[i] for i in repeats.first] if any(roll_set) else (),
         signals.units,
         _reference(table),
-        tuple(map(str, repeats.findings)),
+        (*repeats.findings, *warned),
         table.digest,
-        warnings=tuple(map(str, warned)),
     )
 
 
@@ -551,7 +550,7 @@ def _count(table: Frame) -> Array | None:
     bad = (values < 1.0) | (values != np.floor(values))
     if bad.any():
         row = int(np.flatnonzero(bad)[0])
-        facts: dict[str, Value] = {"column": "count", "value": float(values[row]), "allowed": "1, 2, 3, .."}
+        facts: dict[str, Value] = {"column": "count", "value": float(values[row]), "allowed": "int >= 1"}
         raise table.error(Finding("file-value", facts), row)
     return values
 

@@ -90,7 +90,7 @@ def read_casing(path: str | Path, unit: str | None = None) -> CasingFile:
     try:
         said = tuple(check_reading(reading))
     except InputError as error:
-        raise in_file(error, path) from None
+        raise in_file(error, path, table.header_line) from None
     return CasingFile(reading, tuple(table.lines[order].tolist()), said, table)
 
 

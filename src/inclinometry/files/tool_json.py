@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 
 from inclinometry.arrays import Array, frozen
-from inclinometry.calibration.result import Calibration, Residuals, Rig
+from inclinometry.calibration.result import Calibration, Residuals, Rig, uncoded
 from inclinometry.constants import FIELD_UNITS, SHORT_INCLINATIONS
 from inclinometry.errors import FileError, InputError, in_file, not_among, out_of_range
 from inclinometry.files import json_codec
 from inclinometry.files.json_codec import Json, shown
-from inclinometry.findings import Finding, Value
+from inclinometry.findings import Finding, Value, only_notes, without_notes
 from inclinometry.sensors import Tool, Triad
 from inclinometry.tabular import check_record
 
@@ -162,8 +162,8 @@ def calibration_content(calibration: Calibration, created: str | None = None) ->
             "leverage": residuals.leverage,
         },
         "temperature_range_degC": tool.temperature_range,
-        "warnings": calibration.remarks,
-        "notes": [*calibration.notes, *(str(one) for one in calibration.findings if one.severity == "note")],
+        "warnings": list(map(str, without_notes(calibration.findings))),
+        "notes": list(map(str, only_notes(calibration.findings))),
     }
     if np.isfinite(rig.freedom).any():
         content["rig"]["degrees_of_freedom"] = [float(nu) if np.isfinite(nu) else None for nu in rig.freedom]
@@ -269,9 +269,8 @@ def calibration_from(content: dict[str, Any], where: str | Path) -> Calibration:
                 {kind: _array(v) for kind, v in residuals["standardised"].items()},
                 _array(residuals["leverage"]),
             ),
-            tuple(content["warnings"]),
-            # files of before have none
-            notes=tuple(content.get("notes", ())),
+            # files of before have no notes
+            (*uncoded(content["warnings"]), *uncoded(content.get("notes", ()), "note")),
             shares={
                 name: _array([[np.nan if v is None else v for v in row] for row in rows])
                 for name, rows in content.get("calibration_shares", {}).get("causes", {}).items()
@@ -341,7 +340,7 @@ def _triad(kind: str, entry: dict[str, Any], path: str | Path) -> Triad:
     higher = entry.get("temperature_coefficients", [])
     if [term["power"] for term in higher] != list(range(1, len(higher) + 1)):
         powers = ", ".join(str(term["power"]) for term in higher[:5])
-        raise in_file(out_of_range(f"$.triads.{kind}.temperature_coefficients.power", powers, "1, 2, .."), path)
+        raise in_file(out_of_range(f"$.triads.{kind}.temperature_coefficients.power", powers, "1, 2, 3"), path)
     if entry.get("field_unit", FIELD_UNITS[kind]) != FIELD_UNITS[kind]:
         raise in_file(not_among(f"$.triads.{kind}.field_unit", shown(entry["field_unit"]), [FIELD_UNITS[kind]]), path)
     strength, sensitivity = entry.get("field_strength"), entry.get("g_sensitivity")

@@ -19,7 +19,7 @@ from inclinometry.errors import FileError
 from inclinometry.files import json_codec
 from inclinometry.files.tool_json import calibration_content
 from inclinometry.files.writing import program
-from inclinometry.findings import Finding
+from inclinometry.findings import Finding, only_notes, without_notes
 
 
 def calibration_digest(calibration: Calibration) -> str:
@@ -71,8 +71,8 @@ def write_planned(path: str | Path, found: Verification, limits: Limits | None, 
         "coverage_factor": found.coverage_factor,
         "positions": judged,
         "worth": worth_of(found),
-        "said": found.notes,
-        "warnings": list(found.warnings),
+        "said": list(map(str, only_notes(found.findings))),
+        "warnings": list(map(str, without_notes(found.findings))),
         "program": program(),
     }
     json_codec.store(content, path, "planned-verification", 2)
@@ -110,8 +110,8 @@ def judged_positions(found: Verification) -> dict[str, Any]:
     return {
         "coverage_factor": found.coverage_factor,
         "positions": rows,
-        "reasons": [*found.reasons, *found.notes],
-        "warnings": list(found.warnings),
+        "reasons": list(map(str, only_notes(found.findings))),
+        "warnings": list(map(str, without_notes(found.findings))),
     }
 
 

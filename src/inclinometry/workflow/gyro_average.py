@@ -11,7 +11,7 @@ import numpy as np
 from inclinometry.arrays import Array, Mask
 from inclinometry.calibration.result import Calibration, same_units
 from inclinometry.constants import EARTH_RATE, STANDARD_GRAVITY
-from inclinometry.errors import FileError, InputError, refused
+from inclinometry.errors import FileError, InputError, in_file, refused
 from inclinometry.files._quantities import to_si
 from inclinometry.files.columns import KIND_PREFIX
 from inclinometry.files.gyro_csv import GyroReadings
@@ -80,7 +80,7 @@ def average_run(
         station = found.values.get("station") if found else None
         if found and isinstance(station, int):  # a place in the run, which the file calls by a name
             found = found._replace(values={**found.values, "station": readings.labels[station]})
-        raise FileError(found or str(error), path=readings.path) from None
+        raise in_file(InputError(found) if found else error, readings.path) from None
     if calibration is None:
         nothing, none = np.zeros((len(readings), 3, 3)), np.zeros((len(readings), 3, 0))
         return Averages(gravity, rate, nothing, nothing, np.zeros(len(readings)), g_bias, w_bias, none, none)
