@@ -27,7 +27,7 @@ _FACE = re.compile(r"(?:face[ _]?)?([ab])[ _]?(0|180|\+|-)(?:(?:[ _]+|\s*[(\[])(
 
 
 class CasingFile(NamedTuple):
-    """A reading, the line of each of its depths, what is doubtful about it, and the table it came from."""
+    """A reading, the line of each of its depths, what is suspect about it, and the table it came from."""
 
     reading: CasingReading
     lines: tuple[int, ...]

@@ -260,7 +260,7 @@ def calibration_from(content: dict[str, Any], where: str | Path) -> Calibration:
                 None if rig["errors_rad"] is None else _array(rig["errors_rad"]),
                 None if rig["errors_sd_rad"] is None else _array(rig["errors_sd_rad"]),
                 {n: (float(v["estimate_rad"]), float(v["uncertainty_rad"])) for n, v in rig["nuisance"].items()},
-                # tool files of before had none
+                # tool older files had none
                 np.array([np.inf if nu is None else nu for nu in rig.get("degrees_of_freedom", [None] * 3)]),
             ),
             Residuals(
@@ -269,7 +269,7 @@ def calibration_from(content: dict[str, Any], where: str | Path) -> Calibration:
                 {kind: _array(v) for kind, v in residuals["standardised"].items()},
                 _array(residuals["leverage"]),
             ),
-            # files of before have no notes
+            # older files have no notes
             (*uncoded(content["warnings"]), *uncoded(content.get("notes", ()), "note")),
             shares={
                 name: _array([[np.nan if v is None else v for v in row] for row in rows])
@@ -283,7 +283,7 @@ def calibration_from(content: dict[str, Any], where: str | Path) -> Calibration:
 
 
 def _freedom(block: Mapping[str, Any]) -> float | None:
-    """Effective degrees of freedom of a covariance: null is infinite, files of before say nothing."""
+    """Effective degrees of freedom of a covariance: null is infinite, older files say nothing."""
     found = block.get("degrees_of_freedom", np.nan)
     return np.inf if found is None else None if np.isnan(found) else float(found)
 

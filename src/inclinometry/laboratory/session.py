@@ -292,7 +292,7 @@ def capture(
 ) -> RecordedReading:
     """Record the reading of a position, from 1, added ones after the plan's; when this returns it survives a power cut.
 
-    `attempt` is the one the caller believes this is: given, a reading somebody else took meanwhile raises
+    `attempt` is the one the caller believes this is: given, a reading another user took meanwhile raises
     ConflictError.
     """
     if closing(ledger, session):

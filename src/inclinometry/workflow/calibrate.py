@@ -119,7 +119,7 @@ class Options:
     """What a user may state of a run; each method uses some of it. Angles in rad.
 
     rig_sd : of a setting of any dial. north : azimuth of the rig's zero from magnetic north.
-    accel_step and so on : of the converter in the unit of the signals; 0 for none, found when not given.
+    accel_step and so on : of the converter in the unit of the signals. 0 for none. Default: found.
     specific_force : the accelerometer reads -g at rest; for methods without a rig, which cannot find it.
     left_handed : the channels are left-handed, not the dials reversed; for methods with a rig.
     """

@@ -233,7 +233,7 @@ def laboratory(
     file
         lab.toml: name, address, country, accreditation, procedure and so on, and [[standards]].
     logo
-        PNG or SVG, up to 200 kB; the one recorded before is kept when not given.
+        PNG or SVG, up to 200 kB. Default: the one recorded before is kept.
     """
     if file is None and logo is not None:
         raise refused("input-needs", {"name": "--logo", "needed": ("lab.toml",)})

@@ -170,7 +170,7 @@ def list_logins(request: Request, _: Administrator) -> list[Open]:
 
 @router.delete("/logins/{login}", status_code=204)
 def end_login(_: Administrator, login: LoginId) -> None:
-    """End anybody's login."""
+    """End anyone's login."""
     _end(login, None)
 
 
