@@ -23,6 +23,7 @@ from inclinometry.calibration.likelihood import Model
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.start import fix_signs, starting_state
 from inclinometry.errors import InclinometryError, settled
+from inclinometry.findings import without_notes
 from inclinometry.simulate.bench import Rig, simulate_bench
 from inclinometry.simulate.tool import random_tool, realistic_tool
 
@@ -77,7 +78,7 @@ def fitted(readings):
         found = calibrate_joint(readings)
     except InclinometryError:
         return "refused"
-    return "named" if found.remarks else "silent"
+    return "named" if without_notes(found.findings) else "silent"
 
 
 def run(draws=10_000, fits=40):

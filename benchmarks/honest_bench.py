@@ -23,6 +23,7 @@ from inclinometry.calibration import plans
 from inclinometry.calibration.joint import calibrate_joint
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.errors import InclinometryError
+from inclinometry.findings import without_notes
 from inclinometry.sensors import angle_sensitivity
 
 FIELD, GRAVITY, DIP = 50000.0, 9.81, np.radians(70.0)
@@ -201,10 +202,10 @@ def one(plan: str, scene: Scene, seed: int) -> dict | None:
         "square": np.mean(off**2, axis=1),
         "stated": np.mean(u**2, axis=1),
         "inside": np.mean(np.abs(off) < 1.96 * u, axis=1),
-        "warned": bool(found.remarks),
+        "warned": bool(without_notes(found.findings)),
         "accused": bool(found.outliers),
         "causes": [name for one in found.findings for name in _causes(one.values)],
-        "said": [*found.remarks, *(str(one) for one in found.findings if one.severity == "note")],
+        "said": list(map(str, found.findings)),
     }
 
 

@@ -190,7 +190,7 @@ def held_out(name: str, train: np.ndarray, test: np.ndarray) -> dict:
         "spread_deg": float(np.sqrt(np.mean(apart**2))),
         "dip_sd_deg": float(np.degrees(np.arcsin(np.sum(down * b, axis=1))).std()),
         "pointing_deg": float(np.degrees(calibration.rig.nuisance["pointing"][0])),
-        "warnings": list(calibration.warnings),
+        "warnings": list(map(str, calibration.findings)),
         "seconds": seconds,
     }
 

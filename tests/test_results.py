@@ -324,7 +324,7 @@ def test_it_is_a_table(name: str) -> None:
 def test_it_prints_shortly(name: str) -> None:
     found = RESULTS[name]()
     lines = repr(found).splitlines()
-    warnings = len(getattr(found, "warnings", ()))
+    warnings = len(getattr(found, "warnings", ())) + len(getattr(found, "findings", ()))
     assert len(lines) <= 30 + warnings
     assert "array(" not in repr(found)
     html = found._repr_html_()

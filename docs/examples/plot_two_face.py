@@ -57,7 +57,7 @@ curves["joint fit, one face, zero carried"] = [
     for error in errors
 ]
 noisy = run(PLANS["one face"], 0.1, 1.0)
-print(*calibrate_joint(noisy, rig_sd=0.0).warnings, sep="\n")
+print(*calibrate_joint(noisy, rig_sd=0.0).findings, sep="\n")
 value, uncertainty = np.degrees(calibrate_joint(noisy, rig_sd=0.0, nuisance_sd=prior).rig.nuisance["inclination_zero"])
 print(f"carried: {value:+.4f} deg, standard uncertainty {uncertainty:.4f} deg")
 

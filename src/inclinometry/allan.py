@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike
 
 from inclinometry.arrays import Array, Index, finite, frozen
 from inclinometry.errors import not_among, out_of_range, refused, wrong_shape
+from inclinometry.findings import Finding
 from inclinometry.tabular import Column, Tabular, draw
 
 # How the points of an overlapping Allan curve vary together.
@@ -460,14 +461,14 @@ class NoiseRecord(Tabular):
     channels : in the order of the log's triads.
     dt, samples : sampling interval, s, and length of the log.
     inputs : name and digest of what was read.
-    warnings : sentences for the user.
+    findings : what the log and the fit give rise to say.
     """
 
     channels: Sequence[ChannelNoise]
     dt: float
     samples: int
     inputs: Mapping[str, str]
-    warnings: Sequence[str]
+    findings: tuple[Finding, ...] = ()
 
     @property
     def kinds(self) -> tuple[str, ...]:

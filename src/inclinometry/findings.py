@@ -7,7 +7,7 @@ gettext catalogues (catalogue/run.ru.po), whose context is the code. Nothing tes
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import cache
 from pathlib import Path
 from string import Formatter
@@ -53,6 +53,16 @@ class Finding(NamedTuple):
 def refused_if(when: object) -> Severity:
     """Severity of what is refused where it is large and else a warning."""
     return "refused" if when else "warning"
+
+
+def without_notes(found: Iterable[Finding]) -> tuple[Finding, ...]:
+    """Findings that ask for something."""
+    return tuple(one for one in found if one.severity != "note")
+
+
+def only_notes(found: Iterable[Finding]) -> tuple[Finding, ...]:
+    """Findings that ask for nothing."""
+    return tuple(one for one in found if one.severity == "note")
 
 
 class Rule(NamedTuple):

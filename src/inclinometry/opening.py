@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Final
 
 from inclinometry.errors import FileError
+from inclinometry.findings import Finding
 
 LARGEST_SETTINGS: Final = 2_000_000
 """Bytes of a TOML file, which people write."""
@@ -23,17 +24,17 @@ def opened(path: str | Path) -> Iterator[BufferedReader]:
         mode = os.stat(path).st_mode  # noqa: PTH116
         stream = Path(path).open("rb") if stat.S_ISREG(mode) else None  # noqa: SIM115
     except FileNotFoundError:
-        raise FileError("there is no such file; check the name", path=path) from None
+        raise FileError(Finding("file-absent"), path=path) from None
     except (OSError, ValueError) as error:  # ValueError: a zero byte in the name
-        raise FileError(f"cannot be read ({getattr(error, 'strerror', None) or error})", path=path) from None
+        reason = getattr(error, "strerror", None) or str(error)
+        raise FileError(Finding("file-unreadable", {"reason": reason}), path=path) from None
     if stream is None:
-        what = "a folder" if stat.S_ISDIR(mode) else "a pipe" if stat.S_ISFIFO(mode) else "a device, which has no end"
-        raise FileError(f"this is {what}; give the name of a file", path=path)
+        raise FileError(Finding("file-folder" if stat.S_ISDIR(mode) else "file-special"), path=path)
     with stream:
         yield stream
 
 
-def whole(path: str | Path, largest: int, remedy: str = "is it the right file?") -> bytes:
+def whole(path: str | Path, largest: int) -> bytes:
     """All bytes of a file; never more than `largest` are in memory.
 
     Raises
@@ -46,7 +47,24 @@ def whole(path: str | Path, largest: int, remedy: str = "is it the right file?")
         try:
             data = b"" if size > largest else stream.read()
         except OSError as error:
-            raise FileError(f"cannot be read ({error.strerror or error})", path=path) from None
+            reason = error.strerror or str(error)
+            raise FileError(Finding("file-unreadable", {"reason": reason}), path=path) from None
     if size > largest:
-        raise FileError(f"it has {size:,} bytes; allowed {largest:,}: {remedy}", path=path)
+        raise FileError(too_large("bytes", size, largest), path=path)
     return data
+
+
+def not_text(encoding: str, reason: str) -> Finding:
+    """Of bytes that are no text."""
+    return Finding("file-text", {"encoding": encoding, "reason": reason})
+
+
+def damaged(kind: str, reason: object) -> Finding:
+    """Of a file that the library of its format does not read; the first line of the reason."""
+    lines = str(reason).strip().splitlines() or [type(reason).__name__]
+    return Finding("file-format", {"format": kind, "reason": lines[0][:200]})
+
+
+def too_large(what: str, size: int, most: int) -> Finding:
+    """Of a file with more than can be read; `what` is a word of the catalogue."""
+    return Finding("file-large", {"what": what, "size": size, "most": most})

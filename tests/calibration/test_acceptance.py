@@ -1,10 +1,10 @@
 """Verification at independent positions: honest tools pass as often as stated, wrong ones fail."""
 
 import dataclasses
-import re
 
 import numpy as np
 import pytest
+from tests.refusals import coded, fits, refused
 
 from inclinometry.calibration import plans
 from inclinometry.calibration.acceptance import verify
@@ -99,7 +99,7 @@ class TestAgainstTheCertificate:
         for sd, said in ((0.0, False), (1.0, True)):
             rig = dataclasses.replace(calibration.rig, sd=np.full(3, np.radians(sd)))
             found = verify(readings, dataclasses.replace(calibration, rig=rig))
-            assert any("agreement proves little" in sentence for sentence in found.warnings) is said
+            assert ("verify-detects-little" in coded(found.findings)) is said
 
     def test_says_what_it_held_against_what(self, pair):
         calibration, _, _, readings = pair
@@ -109,13 +109,12 @@ class TestAgainstTheCertificate:
         assert found.tool == "SN 7"
         assert found.inputs == {"readings": readings.digest, "calibration readings": calibration.inputs["readings"]}
         inside = int(np.sum(np.abs(found.errors) <= 2.0 * found.u))
-        held = "all 24" if inside == 24 else f"{inside} of 24"
-        assert found.reasons[0] == f"{held} deviations are smaller than their expanded uncertainty (k = 2)"
+        assert found.findings[0].values == {"inside": inside, "total": 24, "k": 2.0}
         # two-sided 99 % over 24 judged errors: 0.005 / 24 in each tail, 3.53 standard deviations of a known rig
         known = dataclasses.replace(calibration.rig, freedom=np.full(3, np.inf))
         sure = verify(readings, dataclasses.replace(calibration, rig=known))
-        assert "no deviation exceeds 3.53 standard uncertainties" in sure.reasons[1]
-        assert "with a probability of 99 %" in sure.reasons[1]
+        assert sure.findings[1].code == "verify-within"
+        assert sure.findings[1].values["factor"] == pytest.approx(3.53, abs=0.005)
         assert 3.6 < agreement_factor(24, calibration.rig.freedom) < 4.5
         assert (found.coverage_factor, sure.coverage_factor) == (2.0, 2.0)
         assert {d for row in found.decision for d in row} == {"agrees"}
@@ -132,7 +131,7 @@ class TestAgainstTheCertificate:
         calibration, _, _, readings = pair
         found = verify(readings, with_tensor(calibration, kind, turned(np.radians(angle), axis)))
         assert found.verdict == "does not agree"
-        assert any(reason.startswith(f"{named}: ") and "worst at station" in reason for reason in found.reasons)
+        assert any(fits(one, ["verify-angle-deviates"], {"angle": named}) for one in found.findings)
 
     def test_another_tool_fails(self, bench, pair):
         calibration, _, rig, _ = pair
@@ -144,7 +143,9 @@ class TestAgainstTheCertificate:
         found = verify(bench(positions(1), tool, wrong, bits=12)[0], calibration)
         assert found.verdict == "does not agree"
         # the record says 3 degrees more than what was set, so the tool reads less
-        assert any("azimuth: 1 of 8 positions do not agree; worst at station 5, error -" in r for r in found.reasons)
+        one = next(one for one in found.findings if fits(one, ["verify-angle-deviates"], {"angle": "azimuth"}))
+        assert (one.values["count"], one.values["total"], one.values["station"]) == (1, 8, "5")
+        assert one.values["error_deg"] < 0.0
 
 
 class TestAgainstLimits:
@@ -167,7 +168,7 @@ class TestAgainstLimits:
         narrow = dataclasses.replace(WIDE, inclination=np.radians(0.3))
         found = verify(readings, with_tensor(calibration, "accelerometer", turned(np.radians(1.5), 1)), narrow)
         assert found.verdict == "fail"
-        assert found.reasons[0].startswith("inclination: ")
+        assert fits(found.findings[0], ["verify-angle-exceeds"], {"angle": "inclination"})
         free = verify(readings, calibration, dataclasses.replace(narrow, inclination=None))
         assert free.verdict == "pass"
         assert {row[0] for row in free.decision} == {"not judged"}
@@ -179,10 +180,8 @@ class TestAgainstLimits:
         hopeless = dataclasses.replace(WIDE, inclination=np.radians(0.001))
         # agreed before the readings were taken, they are decided on and warned of; else refused
         found = verify(readings, calibration, hopeless, agreed=True)
-        assert any(
-            w.startswith("inclination: ") and "smaller than the expanded uncertainty" in w for w in found.warnings
-        )
-        assert not any("smaller than" in w for w in verify(readings, calibration, WIDE).warnings)
+        assert any(fits(one, ["verify-uncertain"], {"angle": "inclination"}) for one in found.findings)
+        assert "verify-uncertain" not in coded(verify(readings, calibration, WIDE).findings)
 
     @pytest.mark.parametrize(("name", "share"), [("inclination", 0.4), ("azimuth", 0.9), ("toolface", 0.1)])
     def test_a_limit_the_stand_cannot_verify_is_refused_with_what_would_do(self, pair, name, share):
@@ -192,18 +191,23 @@ class TestAgainstLimits:
         expanded = 2.0 * float(verify(readings, calibration).u[:, column].max())
         limits = dataclasses.replace(WIDE, **dict.fromkeys(("inclination", "azimuth", "toolface")))
         for one in (1.99, share):
-            with pytest.raises(InputError, match=f"of {name} cannot be verified .U of the comparison is") as refused:
+            with refused("verify-limit-narrow") as raised:
                 verify(readings, calibration, dataclasses.replace(limits, **{name: one * expanded}))
-        give = float(re.search(r"give (\S+) deg or more", str(refused.value))[1])
+        (narrow,) = raised.value.finding.values["limits"]
+        assert narrow.values["angle"] == name
+        give = next(one.values["limit_deg"] for one in narrow.values["ways"] if one.code == "verify-way-limit")
         assert 2.0 <= np.radians(give) / expanded < 2.2
         found = verify(readings, calibration, dataclasses.replace(limits, **{name: float(np.radians(give))}))
         assert found.verdict == "pass"
         if name != "inclination":  # noise and calibration alone are more than half of such a limit
             return
         # a rig as good as named, the calibration's share unchanged, verifies a limit a little below
-        with pytest.raises(InputError, match="or use a rig of") as refused:
+        with refused("verify-limit-narrow") as raised:
             verify(readings, calibration, dataclasses.replace(limits, **{name: 1.9 * expanded}))
-        better = np.radians(float(re.search(r"use a rig of (\S+) deg", str(refused.value))[1]))
+        (narrow,) = raised.value.finding.values["limits"]
+        better = np.radians(
+            next(one.values["rig_deg"] for one in narrow.values["ways"] if one.code == "verify-way-rig")
+        )
         rig = dataclasses.replace(calibration.rig, sd=np.full(3, better))
         other = dataclasses.replace(calibration, rig=rig)
         assert verify(readings, other, dataclasses.replace(limits, **{name: 1.9 * expanded})).verdict == "pass"
@@ -264,41 +268,44 @@ def test_temperature_far_from_the_calibration_is_warned_of(bench):
     tool, rig = random_tool(3), Rig(setting_sd=np.radians(0.05))
     calibration = calibrate_joint(bench(plans.orthogonal(), tool, rig, bits=12, temperature=20.0)[0])
     warm = bench(positions(1), tool, rig, bits=12, seed=9, temperature=60.0)[0]
-    assert any("60.0 degC" in w for w in verify(warm, calibration).warnings)
+    assert any(
+        fits(one, ["verify-temperature"], {"here_high_degC": 60.0}) for one in verify(warm, calibration).findings
+    )
     near = bench(positions(1), tool, rig, bits=12, seed=9, temperature=22.0)[0]
-    assert not any("degC" in w for w in verify(near, calibration).warnings)
+    assert "verify-temperature" not in coded(verify(near, calibration).findings)
 
 
 class TestRefusals:
     def test_the_same_readings(self, bench):
         readings, _ = bench(plans.orthogonal(), random_tool(1), Rig(), bits=12)
-        with pytest.raises(InputError, match="independent positions"):
+        with refused("bench-readings-own"):
             verify(readings, calibrate_joint(readings))
 
     def test_part_of_the_same_readings(self, bench):
         readings, _ = bench(plans.orthogonal(), random_tool(1), Rig(), bits=12)
-        with pytest.raises(InputError, match="independent positions"):
+        with refused("bench-readings-own"):
             verify(readings.take(range(6)), calibrate_joint(readings))
 
     def test_another_number_of_sensors(self, bench, pair):
         other = random_tool(1, sensors={"accelerometer": 3, "magnetometer": 4})
-        with pytest.raises(InputError, match="4 magnetometer channels, the calibration 3"):
+        with refused("input-channels", kind="magnetometer", channels=4, calibrated=3):
             verify(bench(positions(1), other, Rig())[0], pair[0])
 
     def test_no_angles(self, pair):
         calibration, _, _, readings = pair
-        with pytest.raises(InputError, match="no rig angles"):
+        with refused("bench-no-angles"):
             verify(BenchReadings(readings.channels), calibration)
 
     def test_a_calibration_without_a_rig(self, pair):
         calibration, _, _, readings = pair
-        with pytest.raises(InputError, match="stand fitted or stated"):
+        with refused("verify-no-orientation"):
             verify(readings, dataclasses.replace(calibration, field_directions={}))
 
     @pytest.mark.parametrize("change", [{"inclination": -0.1}, {"azimuth": np.nan}, {"guard": "always"}])
     def test_limits_that_make_no_sense(self, change):
-        with pytest.raises(InputError, match=next(iter(change))):
+        with pytest.raises(InputError) as raised:
             dataclasses.replace(WIDE, **change)
+        assert next(iter(change)) in str(raised.value.finding.values)
 
 
 @pytest.mark.long

@@ -2,12 +2,12 @@
 
 import dataclasses
 import math
-import re
 from statistics import NormalDist
 
 import numpy as np
 import pytest
 from scipy.special import erf
+from tests.refusals import coded, fits, refused
 
 from inclinometry.calibration import plans
 from inclinometry.calibration.acceptance import OtherStand, planned, verify
@@ -18,7 +18,6 @@ from inclinometry.calibration.plans import Plan
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration, Residuals
 from inclinometry.calibration.result import Rig as RigFound
-from inclinometry.errors import InputError
 from inclinometry.orientation import angles
 from inclinometry.rotations import dcm, rotation_exp, rotation_z, wrap_signed
 from inclinometry.sensors import Tool, Triad
@@ -134,7 +133,10 @@ def test_a_perfect_tool_on_a_second_stand(bench):
     readings = bench(positions(1), tool, Rig(north_offset=np.radians(181.0)), seed=5)[0]
     same = verify(readings, calibration, WIDE)
     assert same.verdict == "fail"
-    assert any("a shift of the stand explains it" in note and "zero at 181.0" in note for note in same.notes)
+    assert any(
+        one.code == "verify-other-stand" and one.values["finding"].values["zero_deg"] == pytest.approx(181.0, abs=0.05)
+        for one in same.findings
+    )
     for stand in (OtherStand(), OtherStand(0.0), OtherStand(0.0, np.radians(181.0))):
         found = verify(readings, calibration, WIDE, stand=stand)
         assert found.verdict == "pass"
@@ -163,7 +165,7 @@ class TestWhatAFittedStandHides:
         found = verify(readings, wrong, WIDE, stand=OtherStand())
         assert found.verdict == "fail"
         assert np.degrees(np.abs(found.errors[:, 0])) == pytest.approx(1.5, abs=0.3)
-        assert any("of a constant error of inclination these positions would hide 0 %" in n for n in found.notes)
+        assert any(one.code == "verify-hidden" and one.values["inclination_percent"] < 0.5 for one in found.findings)
 
     def test_at_one_azimuth_it_is_hidden_and_said_so(self, bench):
         calibration, tool, _, more = made(bench, {"accelerometer": 3, "magnetometer": 3}, 3)
@@ -171,8 +173,8 @@ class TestWhatAFittedStandHides:
         readings = bench(plan, tool, Rig(north_offset=2.0), seed=4, **more)[0]
         found = verify(readings, tilted_tool(calibration, "y", 1.5), WIDE, stand=OtherStand())
         assert found.verdict == "pass"
-        assert any("would hide 100 %" in note for note in found.notes)
-        assert any("take positions at azimuths all round" in note for note in found.notes)
+        assert any(one.code == "verify-hidden" and one.values["inclination_percent"] > 99.5 for one in found.findings)
+        assert "verify-hidden-half" in coded(found.findings)
         # stated to be level, it is not hidden
         assert verify(readings, tilted_tool(calibration, "y", 1.5), WIDE, stand=OtherStand(0.0)).verdict == "fail"
 
@@ -187,7 +189,7 @@ class TestWhatAFittedStandHides:
         assert np.degrees(found.errors[:, 1]) == pytest.approx(5.0, abs=1.0)
 
     def test_a_north_without_a_level_is_refused(self):
-        with pytest.raises(InputError, match="state both, or neither"):
+        with refused("input-needs", name="north"):
             OtherStand(north=0.1)
 
 
@@ -197,25 +199,24 @@ class TestWhatIsSaid:
         found = verify(bench(positions(1), tool, rig, seed=7, **more)[0], calibration, WIDE)
         assert {row[1] for row in found.decision} == {"not judged"}
         assert np.isnan(found.errors[:, 1]).all()
-        assert any("no azimuth to judge" in note for note in found.notes)
-        assert not any("neither inclination nor azimuth" in note for note in found.notes)
+        assert "verify-no-azimuth" in coded(found.findings)
+        assert "verify-field-only" not in coded(found.findings)
 
     def test_a_magnetometer_alone_has_no_limits_of_inclination(self, bench):
         calibration, tool, rig, more = made(bench, {"magnetometer": 3}, 3)
         readings = bench(positions(1), tool, rig, seed=7, **more)[0]
-        with pytest.raises(InputError, match="a magnetometer alone gives none of them"):
+        with refused("verify-limits-angles"):
             verify(readings, calibration, WIDE)
         found = verify(readings, calibration)
         assert found.names == ("angle of the tool axis to the field", "azimuth", "toolface to the field")
-        assert any("neither inclination nor azimuth" in note for note in found.notes)
-        assert any("strength of the field" in note for note in found.notes)
+        assert {"verify-field-only", "verify-strength"} <= set(coded(found.findings))
 
     def test_one_sensor_is_judged_in_its_unit_too(self, bench):
         calibration, tool, rig, more = made(bench, {"accelerometer": 1}, 3)
         readings = bench(positions(1), tool, rig, seed=7, **more)[0]
         found = verify(readings, calibration)
         assert found.names[0] == "angle of the accelerometer to its field"
-        assert any("counts rms" in note for note in found.notes)
+        assert any(fits(one, ["verify-residual"], {"unit": "counts"}) for one in found.findings)
         other = random_tool(4, sensors={"accelerometer": 1}, bits=12)
         assert verify(bench(positions(1), other, rig, seed=7, **more)[0], calibration).verdict == "does not agree"
 
@@ -325,7 +326,7 @@ class TestOneSensor:
         # forward differences of 1e-5 over sines of 0.1 and more
         np.testing.assert_allclose(found.u[:, 0], S * np.abs(moved - angle()) / step, rtol=2e-3, atol=1e-3 * S)
         assert (found.coverage_factor, np.isinf(found.limits).all()) == (2.0, True)
-        assert f"no deviation exceeds {NormalDist().inv_cdf(1.0 - 0.005 / 8):.3g} standard" in found.reasons[1]
+        assert fits(found.findings[1], ["verify-within"], {"factor": NormalDist().inv_cdf(1.0 - 0.005 / 8)})
         assert found.verdict == "agrees"
 
     def test_along_its_field_it_knows_nothing_of_the_angle_and_is_not_judged(self):
@@ -348,18 +349,22 @@ class TestOneSensor:
         said = verify(dataclasses.replace(readings, channels={"accelerometer": off}, digest=""), calibration)
         assert said.errors[4, 0] == pytest.approx(np.arccos(np.cos(0.5) - 0.1) - 0.5)
         assert said.verdict == "does not agree"
-        assert any("largest against its uncertainty -0.1 (u 0.01) at station 5" in note for note in said.notes)
-        assert any(f"residual {np.hypot(0.1, 0.05) / np.sqrt(6.0):.4g} counts rms" in note for note in said.notes)
+        (one,) = (one for one in said.findings if one.code == "verify-residual")
+        assert one.values["rms"] == pytest.approx(np.hypot(0.1, 0.05) / np.sqrt(6.0))
+        assert (one.values["station"], one.values["unit"]) == ("5", "counts")
+        assert (one.values["off"], one.values["u"]) == pytest.approx((-0.1, 0.01))
         # less off, but the mean of so many readings that it is off by more of its standard deviations
         many = dataclasses.replace(readings, channels={"accelerometer": off}, digest="", count=[1, 1, 1, 1, 1, 25])
         found = verify(many, calibration)
-        assert any("largest against its uncertainty +0.05 (u 0.002) at station 6" in note for note in found.notes)
+        (one,) = (one for one in found.findings if one.code == "verify-residual")
+        assert one.values["station"] == "6"
+        assert (one.values["off"], one.values["u"]) == pytest.approx((0.05, 0.002))
 
     def test_neither_limits_nor_another_stand(self):
         calibration = known({"accelerometer": self.AXIS}, noise=S)
-        with pytest.raises(InputError, match="a single sensor gives none of them"):
+        with refused("verify-limits-angles"):
             verify(read(calibration, ROUND), calibration, WIDE)
-        with pytest.raises(InputError, match="does not tell where another stand stands"):
+        with refused("input-not-with", name="stand"):
             verify(read(calibration, ROUND), calibration, stand=OtherStand())
 
 
@@ -414,7 +419,7 @@ def test_the_stronger_the_field_of_another_stand_the_less_noise_matters():
     judged = [0, 2]
     np.testing.assert_allclose(strong.u[:-1, judged], usual.u[:-1, judged] / 2.0, rtol=1e-3)
     assert strong.u[-1, 0] == pytest.approx(usual.u[-1, 0] / 2.0, rel=1e-3)
-    assert any("mean 2.00000, largest deviation +1.00000" in note for note in strong.notes)
+    assert any(fits(one, ["verify-strength"], {"mean": 2.0, "off": 1.0}) for one in strong.findings)
     both = known({k: np.eye(3) for k in FIELDS}, noise=S)
     usual, strong = (verify(read(both, ROUND, strength), both, stand=OtherStand()) for strength in (1.0, 2.0))
     np.testing.assert_allclose(strong.u, usual.u / 2.0, rtol=1e-3)
@@ -426,8 +431,9 @@ def test_the_station_whose_field_is_least_like_the_others_is_named():
     readings = read(calibration, ROUND)
     weak = readings.channels["magnetometer"] * np.where(np.arange(8) == 2, 0.998, 1.0005)[:, None]
     found = verify(dataclasses.replace(readings, channels={"magnetometer": weak}, digest=""), calibration)
-    said = next(note for note in found.notes if "strength of the field" in note)
-    assert f"largest deviation -0.00200 (u {S:.5f}) at station 3" in said
+    (one,) = (one for one in found.findings if one.code == "verify-strength")
+    assert one.values["station"] == "3"
+    assert (one.values["off"], one.values["u"]) == pytest.approx((-0.002, S), abs=5e-6)
 
 
 @pytest.mark.parametrize(
@@ -506,7 +512,8 @@ def test_what_is_not_known_of_another_stand_adds_to_the_angle_it_moves():
         return found, found.u**2 / S**2
 
     plain, without = variance(0.0, 0.0, 0.0)
-    assert any("as good as those of the calibration's rig (0.0115, 0.0115, 0.0115 deg)" in n for n in plain.notes)
+    (one,) = (one for one in plain.findings if one.code == "verify-settings")
+    assert list(one.values.values()) == pytest.approx([0.0115] * 3, abs=5e-5)
     level = variance(3.0 * S, 0.0, 0.0)[1] - without
     np.testing.assert_allclose(level[:, 0], 9.0)  # a tilt in the direction of the hole
     np.testing.assert_allclose(level[:, 2], 9.0 / np.sin(plain.true_inclination) ** 2)  # and across it
@@ -515,15 +522,15 @@ def test_what_is_not_known_of_another_stand_adds_to_the_angle_it_moves():
     np.testing.assert_allclose(north, [[0.0, 9.0, 0.0]] * 8, atol=1e-9)
     stated, dials = variance(0.0, 0.0, 0.0, setting_sd=5.0 * S)
     np.testing.assert_allclose(dials - without, 25.0 - 4.0)
-    assert not any("as good as" in note for note in stated.notes)
+    assert "verify-settings" not in coded(stated.findings)
     # that of the dials is known from 15 degrees of freedom, or stated: 99 % of good tools pass all 24 angles
     draws = np.random.default_rng(6).chisquare(15.0, 400_000) / 15.0
     for found, nu, sizes in ((plain, 15.0, np.sqrt(draws)), (stated, np.inf, np.ones(1))):
         factor = agreement_factor(24, np.array([nu]))
         assert np.mean(erf(factor * sizes / np.sqrt(2.0)) ** 24) == pytest.approx(0.99, abs=5e-4)
-        assert f"no deviation exceeds {factor:.3g} standard uncertainties" in found.reasons[1]
-    assert any("errors are absolute" in note and "its zero at 0.000 deg from magnetic north" in note
-               for note in plain.notes)  # fmt: skip
+        assert fits(found.findings[1], ["verify-within"], {"factor": factor})
+    level = {"zero_deg": 0.0, "north": "magnetic north"}
+    assert any(fits(one, ["verify-level-north"], level) for one in plain.findings)
 
 
 def test_a_gyro_is_verified_with_what_gravity_does_to_it_taken_off(refused):
@@ -548,19 +555,18 @@ def test_what_was_found_of_another_stand_is_said(bench):
     calibration = calibrate_joint(bench(plans.orthogonal(), tool, Rig())[0], rig_sd=0.0)
     tilted = Rig(base_tilt=np.radians(3.0), tilt_axis=np.radians(90.0), north_offset=np.radians(50.0))
     readings = bench(positions(1), tool, tilted, seed=5)[0]
-    said = verify(readings, calibration, stand=OtherStand()).notes[0]
-    tilt, zero = (float(re.search(f"{words} (-?[0-9.]+)", said)[1]) for words in ("tilted by", "its zero at"))
-    assert "(3 angles)" in said
-    assert tilt == pytest.approx(3.0, abs=0.1)
+    seen = verify(readings, calibration, stand=OtherStand()).findings
+    (base,) = (one.values for one in seen if one.code == "verify-base-fitted")
+    assert base["tilt_deg"] == pytest.approx(3.0, abs=0.1)
     level = bench(positions(1), tool, Rig(north_offset=np.radians(50.0)), seed=5)[0]
-    said = verify(level, calibration, stand=OtherStand(1e-4)).notes[0]
-    found = re.search(r"found from these readings at (-?[0-9.]+) \+- ([0-9.]+) deg from magnetic north", said)
-    assert abs(float(found[1]) - 50.0) < 4.0 * float(found[2]) < 1.0
-    assert zero == pytest.approx(50.0, abs=4.0)  # on a tilted base the zero is where the base's x points
+    seen = verify(level, calibration, stand=OtherStand(1e-4)).findings
+    (zero,) = (one.values for one in seen if one.code == "verify-level-fitted")
+    assert zero["north"] == "magnetic north"
+    assert abs(zero["zero_deg"] - 50.0) < 4.0 * zero["u_zero_deg"] < 1.0
+    assert base["zero_deg"] == pytest.approx(50.0, abs=4.0)  # on a tilted base the zero is where the base's x points
     alone = known({"accelerometer": np.eye(3)}, noise=S)
     found = verify(read(alone, ROUND), alone, stand=OtherStand())
-    assert "(2 angles): tilted by 0.000 +-" in found.notes[0]
-    assert "north" not in found.notes[0]
+    assert any(fits(one, ["verify-tilt-fitted"], {"tilt_deg": pytest.approx(0.0, abs=5e-4)}) for one in found.findings)
 
 
 def test_two_accelerometers_are_judged_by_gravity_whatever_the_other_field_does():
@@ -569,9 +575,9 @@ def test_two_accelerometers_are_judged_by_gravity_whatever_the_other_field_does(
     calibration = known({"accelerometer": two, "magnetometer": np.eye(3)}, noise=S)
     found = verify(read(calibration, [*ROUND, [0.0, np.pi - 1.2, 0.3], [0.0, np.pi / 2.0, 0.3]]), calibration)
     assert [row[0] for row in found.decision] == ["agrees"] * 9 + ["not judged"]
-    assert any("two components of gravity are seen" in note for note in found.notes)
+    assert "verify-two-components" in coded(found.findings)
     full = known({kind: np.eye(3) for kind in FIELDS}, noise=S)
-    assert not any("components" in note for note in verify(read(full, ROUND), full).notes)
+    assert "verify-two-components" not in coded(verify(read(full, ROUND), full).findings)
     # on another stand too the side of the third component is where the stand puts it
     for stand in (OtherStand(1e-3, 0.0, gravity_sd=0.0), OtherStand(1e-3, gravity_sd=0.0), OtherStand(gravity_sd=0.0)):
         found = verify(read(calibration, ROUND), calibration, stand=stand)
@@ -594,7 +600,7 @@ def test_the_consumer_s_risk_of_an_angle_that_passed_is_that_of_a_normal_error()
     limit = verify(readings, calibration).u[:, 0].max()
     found = verify(readings, calibration, Limits("own", "this test", limit, None, None), agreed=True)
     beyond = 2.0 * NormalDist().cdf(-1.0)
-    assert any(f"with a probability of {100.0 * beyond:.2g} % at most (consumer's risk)" in n for n in found.notes)
+    assert any(fits(one, ["verify-risk"], {"risk_percent": 100.0 * beyond}) for one in found.findings)
 
 
 def test_zeros_of_dials_that_the_calibration_found_are_part_of_what_is_planned():

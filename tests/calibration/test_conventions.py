@@ -87,8 +87,7 @@ def test_converted_dials_are_the_settings_again(way):
     read = way.read(readings)
     for dial, want in zip(read.dials, (plan.azimuth, plan.inclination, plan.toolface), strict=True):
         np.testing.assert_allclose(dial, want, atol=1e-15)
-    assert bool(read.notes) == (way != Dials())
-    assert all(str(way.way) in note for note in read.notes)
+    assert [one.values["way"] for one in read.findings] == [way.way] * (way != Dials())
 
 
 @pytest.mark.long

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from tests.refusals import refused
 
 from inclinometry.calibration import plans
 from inclinometry.calibration.design import (
@@ -316,7 +317,7 @@ def test_next_positions_alone_make_a_plan_from_nothing():
 
 def test_a_captured_stand_has_no_next_position():
     stand = Stand(np.zeros(1), np.array([0.5]), np.array([0.0, 1.0]))
-    with pytest.raises(InputError, match="captured"):
+    with refused("plan-all-captured"):
         next_position(stand.positions(), stand=stand)
 
 
@@ -324,58 +325,59 @@ def test_a_captured_stand_has_no_next_position():
 
 
 def test_too_few_stations():
-    with pytest.raises(IdentifiabilityError, match="at least 6"):
+    with refused("plan-stations-few", error=IdentifiabilityError):
         optimal_plan(5, stand=COARSE)
     captured = settings_of(plans.twelve())[:3]
-    with pytest.raises(IdentifiabilityError, match="5 stations cannot determine"):
+    with refused("plan-stations-few", error=IdentifiabilityError):
         optimal_plan(2, stand=COARSE, start_from=captured)
     assert len(optimal_plan(6, stand=COARSE, restarts=1)) == 6
     assert len(optimal_plan(3, stand=COARSE, start_from=captured, restarts=1)) == 3
-    with pytest.raises(InputError, match="n is 0"):
+    with refused("input-value", name="n"):
         optimal_plan(0, stand=COARSE)
 
 
 def test_a_stand_that_only_rolls_cannot_calibrate():
     stand = stand_within(azimuth=(0.0, 0.0), inclination=(0.0, 0.0), candidates=50)
-    with pytest.raises(IdentifiabilityError, match="cannot see"):
+    with refused("plan-blind", error=IdentifiabilityError):
         optimal_plan(12, stand=stand)
 
 
 def test_a_plan_that_only_rolls_promises_nothing():
     rolls = np.stack([np.zeros(8), np.zeros(8), np.arange(8) * 45 * DEG], axis=1)
     assert plan_value(rolls) == np.inf
-    with pytest.raises(IdentifiabilityError, match="this plan"):
+    with refused("plan-blind", error=IdentifiabilityError):
         evaluate_plan(rolls)
 
 
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"inclination_range": (0.0, 0.5)}, "undefined in a vertical tool"),
-        ({"inclination_range": (10.0, 90.0)}, "allowed 0 to"),
-        ({"inclination_range": (1.0, 0.5)}, "must not exceed"),
+        ({"inclination_range": (0.0, 0.5)}, "inclination_range"),
+        ({"inclination_range": (10.0, 90.0)}, "inclination_range"),
+        ({"inclination_range": (1.0, 0.5)}, "inclination_range"),
         ({"rig_sd": -0.1}, "rig_sd"),
         ({"rig_sd": 31 * DEG}, "rig_sd"),
         ({"dip": 90 * DEG}, "dip"),
-        ({"noise": {"accelerometer": 1e-3}}, "noise of the magnetometer"),
+        ({"noise": {"accelerometer": 1e-3}}, "magnetometer"),
         ({"noise": {"accelerometer": 1e-3, "magnetometer": 0.0}}, "magnetometer noise"),
         ({"tool": Tool("", {"accelerometer": Triad("accelerometer", np.eye(3), np.zeros(3))})}, "magnetometer"),
         ({"restarts": 0}, "restarts"),
-        ({"stand": Stand(np.zeros(1), np.array([0.5, 1.0, 2.0]), np.array([0.0, 1.0, 2.0]))}, "9 positions"),
+        ({"stand": Stand(np.zeros(1), np.array([0.5, 1.0, 2.0]), np.array([0.0, 1.0, 2.0]))}, "<= 9"),
         ({"start_from": [[0.0, 90.0, 0.0]]}, "settings"),
-        ({"start_from": np.zeros((2, 2, 3))}, "shape"),
+        ({"start_from": np.zeros((2, 2, 3))}, "settings"),
     ],
 )
 def test_arguments_out_of_range(options, words):
-    with pytest.raises(InputError, match=words):
+    with pytest.raises(InputError) as raised:
         optimal_plan(12, **{"stand": COARSE, **options})
+    assert words in str(raised.value.finding.values)
 
 
 def test_azimuth_may_be_aimed_to_a_tenth_of_a_degree_from_the_vertical():
     for low, high in ((0.11, 30.0), (150.0, 179.89)):
         assert np.isfinite(plan_value(plans.twelve(), inclination_range=(low * DEG, high * DEG)))
     for low, high in ((0.09, 30.0), (150.0, 179.91)):
-        with pytest.raises(InputError, match=f"is {low:g} to {high:g} deg; azimuth is undefined in a vertical"):
+        with refused("input-value", name="inclination_range, deg"):
             plan_value(plans.twelve(), inclination_range=(low * DEG, high * DEG))
 
 
@@ -403,7 +405,7 @@ def test_positions_visited_twice_show_a_drift_that_the_plan_alone_hides():
         with_them = plan.repeated(2)
         assert len(with_them) == len(plan) + 2
         assert least_drift(with_them) < 0.6 * least_drift(plan)
-    with pytest.raises(InputError, match="allowed: 0, 1 or 2"):
+    with refused("input-value", name="repeats"):
         plans.twelve().repeated(3)
     assert plans.twelve().repeated(1).to_dict()["station"] == [str(n) for n in range(1, 14)]
 

@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from tests.refusals import refused
 
 from inclinometry.calibration import plans
 from inclinometry.calibration.direct import (
@@ -181,21 +182,21 @@ class TestClassical:
     def test_what_it_refuses(self, bench):
         tool = realistic_tool(1, bits=None)
         readings, _ = bench(plans.orthogonal(), tool, Rig(), noise={})
-        with pytest.raises(InputError, match="takes the conversion factors from a nameplate and none is given"):
+        with refused("input-needs", name="method classical"):
             calibrate_classical(readings)
-        with pytest.raises(InputError, match="has no magnetometer"):
+        with refused("input-missing", names=("nameplate.magnetometer",)):
             calibrate_classical(readings, nameplate=Tool("a", {"accelerometer": tool.triads["accelerometer"]}))
         volts = Triad("accelerometer", np.eye(3), np.zeros(3), "V")
-        with pytest.raises(InputError, match="in m/s\\^2, its nameplate in V"):
+        with refused("fit-units"):
             calibrate_classical(readings, nameplate=Tool("a", {**tool.triads, "accelerometer": volts}))
         four = realistic_tool(1, bits=None, sensors={"accelerometer": 4, "magnetometer": 3})
-        with pytest.raises(InputError, match="4 numbers, the readings 3 sensors"):
+        with refused("input-shape", name="conversion_factor"):
             calibrate_classical(readings, nameplate=four)
         nowhere = dataclasses.replace(readings, reference={})
-        with pytest.raises(InputError, match="b_nT of the site"):
+        with refused("input-missing", names=("b_nT",)):
             calibrate_classical(nowhere, nameplate=tool)
         small = {kind: dataclasses.replace(t, tensor=t.tensor / 800.0) for kind, t in tool.triads.items()}
-        with pytest.raises(InputError, match=r"swings .* times as far as its nameplate says"):
+        with refused("fit-nameplate-off"):
             calibrate_classical(readings, nameplate=Tool("another unit", small))
 
 
@@ -229,7 +230,7 @@ class TestRefusals:
     )
     def test_no_angles(self, method):
         bare = BenchReadings({"accelerometer": np.random.default_rng(1).normal(size=(24, 3))})
-        with pytest.raises(InputError, match="no rig angles"):
+        with refused("bench-no-angles"):
             method(bare, **({"nameplate": random_tool(1)} if method is calibrate_classical else {}))
 
     @pytest.mark.parametrize(
@@ -243,13 +244,14 @@ class TestRefusals:
     )
     def test_options(self, bench, options, words):
         readings, _ = bench(plans.orthogonal(), random_tool(1), Rig(), bits=12)
-        with pytest.raises(InputError, match=words):
+        with pytest.raises(InputError) as raised:
             calibrate_orthogonal(readings, **options)
+        assert words in str(raised.value.finding.values)
 
     def test_few_stations(self, bench):
         readings, _ = bench(plans.orthogonal(), random_tool(1), Rig(), bits=12)
         for count in (0, 1, 3):
-            with pytest.raises(IdentifiabilityError, match=f"{count} stations give"):
+            with refused("plan-stations-few", error=IdentifiabilityError):
                 calibrate_classical(readings.take(range(count)), nameplate=random_tool(1))
 
 

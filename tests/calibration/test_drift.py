@@ -4,6 +4,7 @@ import datetime
 
 import numpy as np
 import pytest
+from tests.refusals import refused
 
 from inclinometry.calibration import plans
 from inclinometry.calibration.drift import (
@@ -19,7 +20,6 @@ from inclinometry.calibration.drift import (
 )
 from inclinometry.calibration.drift_check import after_check, plan_information
 from inclinometry.constants import DIP
-from inclinometry.errors import InputError
 from inclinometry.history import ToolHistory
 from inclinometry.simulate.fleet import FleetScene, drift_variance, mounting_variance, shock_and_heat, simulate_fleet
 
@@ -141,19 +141,19 @@ def test_progress_and_interruption():
 def test_bad_histories_are_refused():
     day = datetime.date(2025, 1, 1)
     v = np.tile(1e-8 * np.eye(24), (2, 1, 1))
-    with pytest.raises(InputError, match="sort the calibrations by date"):
+    with refused("input-order"):
         ToolHistory("A", "X", [day, datetime.date(2024, 1, 1)], np.zeros((2, 24)), v)
-    with pytest.raises(InputError, match="negative variance"):
+    with refused("input-value", name="covariance"):
         ToolHistory("A", "X", [day, day], np.zeros((2, 24)), -v)
-    with pytest.raises(InputError, match="hours is -1"):
+    with refused("input-value", name="hours"):
         ToolHistory("A", "X", [day, day], np.zeros((2, 24)), v, hours=[0.0, -1.0])
     one = ToolHistory("A", "X", [day, day], np.zeros((2, 24)), v)
     other = ToolHistory("B", "Y", [day, day], np.zeros((2, 24)), v)
-    with pytest.raises(InputError, match="X, Y do not drift alike"):
+    with refused("drift-types"):
         fit_drift([one, other])
-    with pytest.raises(InputError, match="1 tools of type X"):
+    with refused("drift-tools-few"):
         fit_drift([one])
-    with pytest.raises(InputError, match="no operating hours"):
+    with refused("input-needs", name="calendar_share"):
         fit_drift([one] * 3, calendar_share=0.5)
 
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from tests.refusals import coded
 
 from inclinometry.calibration.expected import expected_uncertainty
 from inclinometry.calibration.norm import calibrate_norms
@@ -45,4 +46,4 @@ def test_a_fit_of_norms_alone_gives_no_angles_of_the_tool():
     found = calibrate_norms(BenchReadings({"accelerometer": signals + np.random.default_rng(2).normal(size=(40, 3))}))
     assert expected_uncertainty(found).angles == ()
     # how well the attitudes cover the sphere is said
-    assert any("distinct directions" in note for note in found.notes)
+    assert "fit-coverage" in coded(found.findings)

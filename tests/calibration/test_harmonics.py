@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
+from tests.refusals import fits, refused
 
 from inclinometry.calibration.dials import at_azimuth, groups, positive_inclination, unequal_steps
 from inclinometry.calibration.harmonics import harmonics
-from inclinometry.errors import InputError
 from inclinometry.rotations import dcm
 
 EXACT = 1e-14  # a few roundings of numbers of order one
@@ -57,22 +57,22 @@ def test_second_harmonic_is_kept_out_of_the_first():
 
 @pytest.mark.parametrize(("order", "steps"), [(0, 8), (4, 8), (2, 4)])
 def test_an_order_the_steps_do_not_determine_is_refused(order, steps):
-    with pytest.raises(InputError, match=f"{steps} equal steps determine harmonics 1 to"):
+    with refused("input-value", name="order"):
         harmonics(np.zeros((steps, 1)), 2 * np.pi * np.arange(steps) / steps, order)
 
 
 @pytest.mark.parametrize(
-    ("degrees", "words"),
+    ("degrees", "code", "name", "value"),
     [
-        ([0, 180], "at least 3"),
-        ([0, 120, 241], "one step is 1"),
-        ([0, 120, 120], "one step is 240"),
-        ([0, 0, 120, 240], "not equal steps of 90"),
+        ([0, 180], "plan-steps-few", "count", 2),
+        ([0, 120, 241], "plan-steps-unequal", "step_deg", 121.0),
+        ([0, 120, 120], "plan-steps-unequal", "step_deg", 240.0),
+        ([0, 0, 120, 240], "plan-steps-unequal", "wanted_deg", 90.0),
     ],
 )
-def test_unequal_steps_are_named(degrees, words):
-    assert words in unequal_steps(np.radians(degrees))
-    with pytest.raises(InputError, match="step"):
+def test_unequal_steps_are_named(degrees, code, name, value):
+    assert fits(unequal_steps(np.radians(degrees)), [code], {name: value})
+    with refused("plan-steps"):
         harmonics(np.zeros((len(degrees), 1)), np.radians(degrees))
 
 

@@ -5,6 +5,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from tests.refusals import refused
 
 from inclinometry.calibration import plans
 from inclinometry.calibration.joint import calibrate_joint
@@ -23,7 +24,7 @@ def readings(bench):
 
 
 def test_too_few_stations_with_numbers(readings):
-    with pytest.raises(IdentifiabilityError, match="4 stations give 12 readings of the accelerometer, fewer than"):
+    with refused("plan-stations-few", error=IdentifiabilityError):
         calibrate_joint(readings.take(range(4)))
 
 
@@ -38,7 +39,7 @@ def test_any_small_number_of_stations_is_an_error_or_a_finite_result(readings, c
 def test_more_stations_than_a_laptop_can_fit_are_refused_in_words():
     signals = np.tile(np.eye(3), (6667, 1))
     enough(BenchReadings({"accelerometer": signals[:20_000]}))
-    with pytest.raises(InputError, match="20001 stations; a fit takes up to 20000: average readings"):
+    with refused("fit-stations-many"):
         enough(BenchReadings({"accelerometer": signals}))
 
 
@@ -58,22 +59,22 @@ def test_as_many_readings_as_parameters_are_enough_to_begin_with(sensors):
     signals = np.random.default_rng(1).normal(size=(20, sensors))
     least = -(-(4 * sensors + 2) // sensors)
     enough(BenchReadings({"accelerometer": signals[:least]}))
-    with pytest.raises(IdentifiabilityError, match=f"its {4 * sensors + 2} parameters; take at least {least + 1}"):
+    with refused("plan-stations-few", error=IdentifiabilityError):
         enough(BenchReadings({"accelerometer": signals[: least - 1]}))
 
 
 def test_no_angles(readings):
     bare = BenchReadings(readings.channels)
-    with pytest.raises(InputError, match="no rig angles"):
+    with refused("bench-no-angles"):
         calibrate_joint(bare)
 
 
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"noise_sd": {"accelerometer": -1.0}}, "noise sd is"),
-        ({"noise_sd": {"accelerometer": 0.0}}, "must be positive"),
-        ({"noise_sd": {"accelerometer": np.nan}}, "nan"),
+        ({"noise_sd": {"accelerometer": -1.0}}, "noise sd"),
+        ({"noise_sd": {"accelerometer": 0.0}}, "noise sd"),
+        ({"noise_sd": {"accelerometer": np.nan}}, "noise sd"),
         ({"noise_sd": {"accelerometer": [1.0, 2.0]}}, "accelerometer noise sd"),
         ({"noise_sd": {"accelerator": 1.0}}, "accelerator"),
         ({"rig_sd": -0.1}, "rig_sd"),
@@ -83,7 +84,7 @@ def test_no_angles(readings):
         ({"nuisance_sd": {"inclination_zro": 0.1}}, "inclination_zro"),
         ({"nuisance_sd": {"inclination_zero": -0.1}}, "nuisance_sd"),
         ({"nuisance_sd": {"inclination_zero": 10.0}}, "nuisance_sd"),
-        ({"field_prior": {"magnetometer": ([0, 0, 0], 0.1)}}, "zero vector"),
+        ({"field_prior": {"magnetometer": ([0, 0, 0], 0.1)}}, "length of the field_prior"),
         ({"field_prior": {"magnetometer": ([0, 1], 0.1)}}, "shape"),
         ({"field_prior": {"magnetometer": ([0, 0, 1], -0.1)}}, "field_prior"),
         ({"field_prior": {"magnetometer": ([0, 0, 1], np.nan)}}, "field_prior"),
@@ -93,37 +94,39 @@ def test_no_angles(readings):
     ],
 )
 def test_options_that_cannot_be_used_are_one_clear_error(readings, options, words):
-    with pytest.raises((InputError, IdentifiabilityError), match=words):
+    with pytest.raises((InputError, IdentifiabilityError)) as raised:
         calibrate_joint(readings, **options)
+    assert words in str(raised.value.finding.values)
 
 
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"channels": {}}, "channels are"),
+        ({"channels": {}}, "channels"),
         ({"channels": {"compass": np.zeros((24, 3))}}, "compass"),
         ({"channels": {"gyro": np.zeros(24)}}, "shape"),
         (
             {"channels": {"gyro": np.zeros((24, 3)), "accelerometer": np.zeros((23, 3))}},
-            r"gyro has shape \(24, 3\); expected \(23, m\)",
+            "(24, 3)",
         ),
-        ({"channels": {"gyro": np.zeros((24, 2, 3))}}, r"gyro has shape \(24, 2, 3\); expected \(24, m\)"),
-        ({"channels": {"gyro": np.full((24, 3), np.nan)}}, r"gyro\[0, 0\] is nan"),
-        ({"azimuth": None}, "needed together"),
-        ({"azimuth": np.zeros(5)}, "azimuth has shape"),
+        ({"channels": {"gyro": np.zeros((24, 2, 3))}}, "(24, 2, 3)"),
+        ({"channels": {"gyro": np.full((24, 3), np.nan)}}, "gyro[0, 0]"),
+        ({"azimuth": None}, "azimuth"),
+        ({"azimuth": np.zeros(5)}, "azimuth"),
         ({"toolface": np.full(24, np.inf)}, "toolface"),
-        ({"inclination": np.full(24, 90.0)}, "looks like degrees"),
-        ({"station": ["a"]}, "station has 1"),
+        ({"inclination": np.full(24, 90.0)}, "inclination"),
+        ({"station": ["a"]}, "station"),
         ({"temperature": np.full(24, np.nan)}, "temperature"),
-        ({"count": np.zeros(3)}, "count has shape"),
-        ({"count": np.zeros(24)}, "count is 0 at a station"),
+        ({"count": np.zeros(3)}, "count"),
+        ({"count": np.zeros(24)}, "count"),
         ({"sd": {"accelerometer": np.zeros((3, 7))}}, "accelerometer sd"),
         ({"sd": {"accelerometer": np.full((24, 3), -1.0)}}, "accelerometer sd"),
     ],
 )
 def test_readings_that_do_not_go_together(readings, change, words):
-    with pytest.raises(InputError, match=words):
+    with pytest.raises(InputError) as raised:
         dataclasses.replace(readings, **change)
+    assert words in str(raised.value.finding.values)
 
 
 def test_a_dead_channel_is_named(readings):

@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from tests.refusals import coded, fits
 
 from inclinometry.calibration import plans
 from inclinometry.calibration.acceptance import OtherStand, verify
@@ -93,7 +94,7 @@ class TestDials:
             counted(bench(SPREAD, tool, moved, bits=12)[0], Dials(toolface_counts="counterclockwise")), calibration
         )
         assert found.verdict == "does not agree"
-        assert any("nother stand" in note and "toolface counterclockwise" in note for note in found.notes)
+        assert "verify-other-misread" in coded(found.findings)
 
 
 def turned(calibration, kind, change):
@@ -156,4 +157,4 @@ class TestToolsAtFault:
         found = verify(rewired(readings, accelerometer=flipped, magnetometer=flipped), calibration)
         assert found.verdict == "does not agree"
         way = Dials(azimuth_counts="counterclockwise", toolface_counts="counterclockwise").way
-        assert any(str(way) in note and "reversed or exchanged" in note for note in found.notes)
+        assert any(fits(one, ["bench-dials-or-channels"], {}) and way in one.values["ways"] for one in found.findings)

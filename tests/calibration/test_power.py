@@ -6,6 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from tests.refusals import coded, fits, refused
 
 from inclinometry.calibration import plans
 from inclinometry.calibration.acceptance import planned, verify
@@ -15,7 +16,7 @@ from inclinometry.calibration.likelihood import tangent_basis
 from inclinometry.calibration.power import Effects, power
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
-from inclinometry.errors import InputError
+from inclinometry.findings import without_notes
 from inclinometry.rotations import dcm
 from inclinometry.simulate.bench import Rig, simulate_bench
 from inclinometry.simulate.tool import realistic_tool
@@ -106,18 +107,18 @@ def test_more_positions_find_more_and_wide_limits_find_nothing(calibration: Cali
     assert few.power is not None
     assert enough.power is not None
     assert enough.power.factor < 3.5 < 4.0 < few.power.factor
-    assert enough.warnings == []
-    assert any("agreement proves little" in sentence for sentence in few.warnings)
+    assert without_notes(enough.findings) == ()
+    assert "verify-detects-little" in coded(few.findings)
     rig = dataclasses.replace(calibration.rig, freedom=np.full(3, 1.0))
     unknown = planned(plans.spread(), dataclasses.replace(calibration, rig=rig))
-    assert any("estimated with 1 degrees of freedom" in sentence for sentence in unknown.warnings)
+    assert any(fits(one, ["verify-freedom"], {"freedom": 1.0}) for one in unknown.findings)
     # agreed limits far beyond the tool are the customer's business: risks are small, and what a pass is worth is said
     wide = planned(plans.spread(), calibration, Limits("a", "b", *np.radians([2.0, 9.0, 2.0])))
-    assert len(wide.warnings) == 1
-    assert "the agreed limits are so wide that 12 positions detect (90 %)" in wide.warnings[0]
-    assert list(wide.reservations) == list(wide.warnings)
+    (one,) = without_notes(wide.findings)
+    assert fits(one, ["verify-detects-limits"], {"positions": 12})
+    assert wide.reservations == (one,)
     usual = planned(plans.spread(), calibration, Limits("a", "b", *np.radians([0.3, 0.9, 0.4])))
-    assert usual.warnings == []
+    assert without_notes(usual.findings) == ()
     assert wide.power is not None
     assert (wide.power.consumer, wide.power.producer) == (0.0, 0.0)
 
@@ -134,5 +135,5 @@ def test_a_guard_band_moves_the_risk_from_the_customer_to_the_laboratory(calibra
 
 
 def test_without_a_stand_nothing_is_foretold(calibration: Calibration) -> None:
-    with pytest.raises(InputError, match="does not know the orientation of a rig"):
+    with refused("verify-no-orientation"):
         planned(plans.spread(), dataclasses.replace(calibration, field_directions={}))

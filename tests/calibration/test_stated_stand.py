@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.refusals import refused
 
 from inclinometry.calibration import plans
 from inclinometry.calibration.direct import calibrate_rotations
 from inclinometry.calibration.joint import calibrate_joint
 from inclinometry.calibration.likelihood import StandAngle
 from inclinometry.calibration.readings import BenchReadings
-from inclinometry.errors import InputError
 from inclinometry.rotations import dcm, rotation_exp
 from inclinometry.simulate.bench import Rig, simulate_bench
 from inclinometry.simulate.tool import realistic_tool
@@ -112,17 +112,17 @@ class TestStated:
         assert azimuth_error(calibrate_rotations(readings, rig_sd=0.0), tool) < 1e-9
 
     @pytest.mark.parametrize(
-        ("sd", "words"),
+        ("sd", "code"),
         [
-            ({"latitude": 0.1}, "allowed: dip, north"),
-            ({"north": 0.1}, "none"),
-            ({"dip": -0.1}, "reference_sd of the dip"),
+            ({"latitude": 0.1}, "input-choice"),
+            ({"north": 0.1}, "input-needs"),
+            ({"dip": -0.1}, "input-value"),
         ],
     )
-    def test_refused(self, sd, words):
+    def test_refused(self, sd, code):
         signals = {"magnetometer": dcm(TURNS.azimuth, TURNS.inclination, TURNS.toolface) @ MAGNETIC}
         readings = BenchReadings(signals, TURNS.azimuth, TURNS.inclination, TURNS.toolface, reference={"dip": DIP})
-        with pytest.raises(InputError, match=words):
+        with refused(code):
             calibrate_joint(readings, reference_sd=sd)
 
 
@@ -196,7 +196,7 @@ class TestRounding:
         stated = BenchReadings({"accelerometer": skewed}, *settings, step={"accelerometer": 2.5})
         assert stated.take([0, 1]).step["accelerometer"].tolist() == [2.5, 2.5, 2.5]
         assert stated.rounding("accelerometer").min() >= 2.5 / np.sqrt(12.0)
-        with pytest.raises(InputError, match="one for each channel"):
+        with refused("input-shape", name="step of the accelerometer"):
             steps(skewed, step={"accelerometer": [1.0, 2.0]})
 
     def test_a_channel_in_another_unit_leaves_the_others_their_grid(self):

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.linalg import block_diag
 from scipy.optimize import minimize
+from tests.refusals import refused
 
 from inclinometry.calibration import plans
 from inclinometry.calibration.joint import calibrate_joint
@@ -25,7 +26,6 @@ from inclinometry.calibration.variance import (
     rig_guess,
     with_averaged_covariance,
 )
-from inclinometry.errors import InputError
 from inclinometry.simulate.bench import Rig
 from inclinometry.simulate.tool import random_tool
 
@@ -312,9 +312,9 @@ def test_where_the_search_for_the_variances_starts(twelve):
     assert sd[[0, 2]].tolist() == [0.001, 0.0]
     assert sd[1] == rig_guess(None)[0][1]
     assert rig_guess(np.radians(30.0))[1].all()
-    with pytest.raises(InputError, match="rig_sd"):
+    with refused("input-value", name="rig_sd"):
         rig_guess(np.radians(30.1))
-    with pytest.raises(InputError, match=r"rig_sd has shape \(2,\)"):
+    with refused("input-shape", name="rig_sd"):
         rig_guess([0.1, 0.1])
     residual = np.concatenate([np.full((12, 3), 6.0), np.full((12, 3), 30.0)], axis=1)
     sd, free = noise_guess(twelve, None, residual)
@@ -326,7 +326,7 @@ def test_where_the_search_for_the_variances_starts(twelve):
     sd, free = noise_guess(twelve, {"accelerometer": [1.0, 2.0, 3.0]}, residual)
     assert free == {"magnetometer"}
     np.testing.assert_allclose(sd[4], [1.0, 2.0, 3.0, 10.0, 10.0, 10.0])
-    with pytest.raises(InputError, match="noise_sd names 'compass'"):
+    with refused("input-choice", name="noise_sd"):
         noise_guess(twelve, {"compass": 1.0}, residual)
     # means with a scatter of their own, one of them without: as good as the others, and never better than their step
     own = {"accelerometer": np.where(np.arange(12)[:, None] == 5, 0.0, 3.0) * np.ones(3)}

@@ -79,7 +79,7 @@ def test_notes_on_weak_fields_and_wrong_zones(run):
         ("--height-m", "nan", "--height-m is nan"),
         ("--date", "2031-06-01", "[earth-date]"),
         ("--date", "yesterday", "--date is 'yesterday'"),
-        ("--crs", "EPSG:4326", "no map grid"),
+        ("--crs", "EPSG:4326", "record-grid-unknown"),
         ("--crs", "Gauss", "crs 'Gauss' is not known"),
         ("--model", "bggm", "bggm"),
     ],
@@ -177,10 +177,10 @@ def test_sites_no_model_or_grid_covers(tmp_path):
     with refused("earth-date", model="IGRF-14"):
         completed(site(tmp_path, *WHERE, "date = 1890-01-01"))
     for line, wanted in {
-        'crs = "EPSG:99999"': "site.toml: crs 'EPSG:99999' is not known",
-        'crs = "EPSG:4326"': "no map grid",
+        'crs = "EPSG:99999"': "record-grid-unknown",
+        'crs = "EPSG:4326"': "record-grid-unknown",
     }.items():
-        with pytest.raises(FileError, match=wanted):
+        with refused(wanted, error=FileError):
             site(tmp_path, line)
 
 

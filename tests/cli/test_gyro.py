@@ -167,8 +167,7 @@ def test_in_run_and_out_run_are_judged(run, simulated, heat):
         if not heat:
             table = [{k: v for k, v in row.items() if k != "temperature_degC"} for row in table]
         save(table, "raw.csv")
-        done = run(*NORTH, "-o", f"{name}.csv", "--hole", "down").ok()
-    assert "from the bottom up" in done.err
+        run(*NORTH, "-o", f"{name}.csv", "--hole", "down").ok()
     assert (np.diff(numbers(rows_of("out.csv"), "md_m")) > 0.0).all()
     done = run("gyro quality in.csv out.csv")
     assert (done.status, "PASS" in done.out) == (0, True), done.out + done.err

@@ -21,9 +21,9 @@ def survey(**more):
 
 
 def same(one, other, rtol=0.0, atol=2e-12):
-    """Whether all that is not notes, header and digest agrees; angles are written to 1e-10 deg, NaN equals NaN."""
+    """Whether all that is not findings, header and digest agrees; angles are written to 1e-10 deg, NaN equals NaN."""
     if isinstance(one, SurveyFile):
-        names = (field.name for field in fields(one) if field.name not in ("notes", "header", "digest"))
+        names = (field.name for field in fields(one) if field.name not in ("findings", "header", "digest"))
         return all(same(getattr(one, name), getattr(other, name), rtol, atol) for name in names)
     if isinstance(one, Mapping) and isinstance(other, Mapping):
         return one.keys() == other.keys() and all(same(one[k], other[k], rtol, atol) for k in one)

@@ -6,6 +6,7 @@ import json
 
 import numpy as np
 import pytest
+from tests.refusals import refused
 
 from inclinometry.allan import AllanCurve, ChannelNoise, Coefficient, NoiseModel, NoiseRecord
 from inclinometry.errors import FileError
@@ -45,17 +46,17 @@ def test_the_same_record_gives_the_same_bytes(tmp_path):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"schema": "inclinometry/tool"}, r"this is a calibration .*; needed is noise by Allan deviation"),
-        ({"version": 2}, "newer release"),
-        ({"samples": "many"}, r"\$.samples"),
-        ({"channels": []}, r"\$.channels"),
-        ({"surplus": 1}, "surplus"),
+        ({"schema": "inclinometry/tool"}, "record-kind"),
+        ({"version": 2}, "file-version"),
+        ({"samples": "many"}, "file-value"),
+        ({"channels": []}, "file-value"),
+        ({"input-unknown": 1}, "input-unknown"),
     ],
 )
 def test_other_content_is_refused(tmp_path, change, words):
     content = json.loads(json_codec.canonical(allan_content(record()))) | change
     (tmp_path / "allan.json").write_text(json.dumps(content))
-    with pytest.raises(FileError, match=words):
+    with refused(words, error=FileError):
         read_allan(tmp_path / "allan.json")
 
 

@@ -7,6 +7,7 @@ import re
 
 import numpy as np
 import pytest
+from tests.refusals import refused
 
 from inclinometry.constants import FOOT
 from inclinometry.errors import FileError
@@ -100,12 +101,12 @@ def test_an_option_against_the_names_few_depths_and_steps_that_are_almost_even(t
         read_casing(casing(tmp_path, A), "mm")
     assert len(read_casing(casing(tmp_path, A), "sin").lines) == 12
     assert len(read_casing(casing(tmp_path, A, np.arange(5))).lines) == 5
-    with pytest.raises(FileError, match="The casing has 4 depths; at least 5"):
+    with refused("holes-depths-few", error=FileError):
         read_casing(casing(tmp_path, A, np.arange(4)))
     # a tape is read to a millimetre or two
     assert len(read_casing(casing(tmp_path, A | {"depth_m": spoilt(DEPTH, 6, 3.508)})).lines) == 12
     # from the bottom up a depth turns back where it is deeper than the one before
-    with pytest.raises(FileError, match=r"line 6: Depth 5\.5 m follows 4\.5 m"):
+    with refused("holes-depth-order", error=FileError):
         read_casing(casing(tmp_path, A, [11, 10, 9, 8, 10, 7, 6, 5]))
 
 

@@ -7,8 +7,9 @@ import subprocess
 
 import numpy as np
 import pytest
+from tests.refusals import refused
 
-from inclinometry.errors import FileError, InputError
+from inclinometry.errors import FileError
 from inclinometry.files import json_codec
 from inclinometry.files.coefficients import coefficients, coefficients_c, coefficients_csv, coefficients_json
 from inclinometry.files.tool_json import write_truth
@@ -124,7 +125,7 @@ def test_the_header_compiles_and_reads(stored, tmp_path, tool):
 def test_at_a_temperature_and_without_a_range(stored):
     tool = realistic_tool(2, temperature_degree=1)
     path = stored(tool)
-    with pytest.raises(InputError, match="give --temperature-degC"):
+    with refused("input-missing", names=("--temperature-degC",)):
         coefficients(path)
     found = coefficients(path, 60.0)["triads"]["accelerometer"]
     assert found["firmware"]["W"].shape == (1, 3, 3)

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from tests.refusals import refused
 
 from inclinometry.conventions import current_name, named
 from inclinometry.errors import FileError
@@ -63,7 +64,7 @@ def test_an_old_verification_is_of_no_other_calibration(tmp_path: Path) -> None:
         content["triads"]["magnetometer"]["offset"][0] += 1e-9
         content["convention"] = name
         (tmp_path / "tool.json").write_text(json.dumps(content), encoding="utf-8")
-        with pytest.raises(FileError, match="another calibration"):
+        with refused("record-calibration-other", error=FileError):
             read_verification(OLD / "verify.json", read_calibration(tmp_path / "tool.json"))
 
 

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import re
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from tests.refusals import refused
 
 from inclinometry.constants import FOOT
 from inclinometry.errors import FileError, InputError
@@ -139,7 +138,7 @@ def renamed(old, new):
     ],
 )
 def test_what_is_no_run(tmp_path, header, rows, wanted):
-    with pytest.raises(FileError, match=rf"raw\.csv.*{re.escape(wanted)}"):
+    with refused("file-value", "file-column", "table-unit-other", "table-unit-missing", error=FileError):
         read_gyro_run(text_file(tmp_path, rows, header))
 
 

@@ -3,6 +3,7 @@
 import lasio
 import numpy as np
 import pytest
+from tests.refusals import refused
 
 from inclinometry.errors import FileError
 from inclinometry.files import las
@@ -127,7 +128,7 @@ def test_a_file_of_another_program(tmp_path):
     np.testing.assert_allclose(found.g[:, 2], 9.80665)
     assert found.extra["SQ"] == ("1", "")
     assert dict(found.header) == {"WELL": "WELL A-1", "RUN": "3", "MUD": "1.2 G/CC"}
-    with pytest.raises(FileError, match="azimuths without a north"):
+    with refused("table-north", error=FileError):
         read_las(tmp_path / "a.las")
 
 
@@ -138,10 +139,10 @@ def test_wrapped(tmp_path):
     found = read_las(saved(tmp_path / "a.las", wrapped), azimuth_reference="true")
     np.testing.assert_allclose(np.degrees(found.azimuth), [359.5, 1.5])
     for tail, words in (
-        ("9\n", "line 29: the last row has 1 values"),
-        ("9 8 7 6 5 4 3 2 1\n", "line 29: the row that"),
+        ("9\n", "table-row-width"),
+        ("9 8 7 6 5 4 3 2 1\n", "table-row-width"),
     ):
-        with pytest.raises(FileError, match=words):
+        with refused(words, error=FileError):
             read_las(saved(tmp_path / "a.las", wrapped + tail), azimuth_reference="true")
 
 
@@ -156,33 +157,33 @@ def test_a_header_with_fewer_digits_than_the_data(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        (FOREIGN.splitlines()[-1], "", "STOP 656, the data have 328; is the file"),
-        ("GX  .G ", "    .G ", "curve 4 has no mnemonic; name it"),
-        (FOREIGN[FOREIGN.index(" DEPT.F") : FOREIGN.index("~PARAM")], "", "no curves in the ~Curve section"),
-        (" SQ  .  ", " USED.  ", "line 26: column 'USED' is ''"),
-        ("-1.0000 -999.25\n", "\n", "line 26: this row has 5 values, there are 7 curves"),
-        ("STRT.F            328", "STRT.F            300", "STRT 300, the data have 328"),
-        ("STOP.F            656.0000", "STOP.F            ", "STOP is ''"),
-        ("-999.2500 : NULL", "         : NULL", "NULL is ''; a number is needed"),
-        (" 1.5000 ", " 1.5x00 ", "line 23: '1.5x00' of curve 'DEVI' is not a finite number"),
-        (" 1.5000 ", " NaN ", "line 23: 'NaN' of curve 'DEVI'"),
-        (" 1.5000 ", " 1_5 ", "line 23: '1_5' of curve 'DEVI'"),
-        (" 1.5000 ", " 200 ", "line 23: column 'DEVI \\(DEG\\)' is 200; allowed 0 to 180 deg"),
-        ("DEPT.F ", "DEPT.M ", "STRT is in 'F', the depth curve in 'M'"),
-        ("DEPT.F ", "DEPT.  ", "column 'DEPT' has no unit"),
-        ("GX  .G ", "GX  .V ", "column 'GX \\(V\\)' has the unit 'V'"),
-        ("DEPT.F ", "ETIM.F ", "no depth"),
-        (" 656.0000 -999", " 328.0000 -999", "the header says STOP 656, the data have 328"),
-        ("GY  .G ", "GX  .G ", "curve 'GX' appears twice"),
-        ("2.0 :", "3.0 :", "LAS version 3.0; allowed 1.2 and 2.0"),
-        ("~A  DEPT", "~X  DEPT", "no ~ASCII section"),
-        ("~", "-", "no section begins with ~"),
-        (" VERS. ", " ", "header is damaged|LAS version"),
+        (FOREIGN.splitlines()[-1], "", "file-differs"),
+        ("GX  .G ", "    .G ", "table-unnamed"),
+        (FOREIGN[FOREIGN.index(" DEPT.F") : FOREIGN.index("~PARAM")], "", "file-section"),
+        (" SQ  .  ", " USED.  ", "file-value"),
+        ("-1.0000 -999.25\n", "\n", "table-row-width"),
+        ("STRT.F            328", "STRT.F            300", "file-differs"),
+        ("STOP.F            656.0000", "STOP.F            ", "file-number"),
+        ("-999.2500 : NULL", "         : NULL", "file-number"),
+        (" 1.5000 ", " 1.5x00 ", "file-number"),
+        (" 1.5000 ", " NaN ", "file-number"),
+        (" 1.5000 ", " 1_5 ", "file-number"),
+        (" 1.5000 ", " 200 ", "file-value"),
+        ("DEPT.F ", "DEPT.M ", "table-units"),
+        ("DEPT.F ", "DEPT.  ", "table-unit-missing"),
+        ("GX  .G ", "GX  .V ", "table-unit"),
+        ("DEPT.F ", "ETIM.F ", "file-column"),
+        (" 656.0000 -999", " 328.0000 -999", "file-differs"),
+        ("GY  .G ", "GX  .G ", "table-twice"),
+        ("2.0 :", "3.0 :", "file-version"),
+        ("~A  DEPT", "~X  DEPT", "file-section"),
+        ("~", "-", "file-section"),
+        (" VERS. ", " ", "file-version"),
     ],
 )
 def test_damage(tmp_path, old, new, words):
     (tmp_path / "a.las").write_text(FOREIGN.replace(old, new, -1 if old == "~" else 1))
-    with pytest.raises(FileError, match=words):
+    with refused(words, error=FileError):
         read_las(tmp_path / "a.las", azimuth_reference="true")
 
 
@@ -200,13 +201,13 @@ def test_truncated_anywhere_is_one_error_or_all_there(tmp_path):
 
 
 def test_not_las(tmp_path):
-    for data, words in ((b"", "not a LAS"), (b"\0" * 50, "zero bytes"), (b"md_m\n1\n", "not a LAS")):
+    for data, words in ((b"", "file-section"), (b"\0" * 50, "file-text"), (b"md_m\n1\n", "file-section")):
         (tmp_path / "a.las").write_bytes(data)
-        with pytest.raises(FileError, match=words):
+        with refused(words, error=FileError):
             read_las(tmp_path / "a.las")
-    with pytest.raises(FileError, match="no such file"):
+    with refused("file-absent", error=FileError):
         read_las(tmp_path / "b.las")
-    with pytest.raises(FileError, match="this is a folder"):
+    with refused("file-folder", error=FileError):
         read_las(tmp_path)
 
 
@@ -218,9 +219,9 @@ def test_old_code_pages(tmp_path):
 def test_a_north_that_is_none(tmp_path):
     write_las(survey(), tmp_path / "a.las")
     text = (tmp_path / "a.las").read_text()
-    with pytest.raises(FileError, match="column 'azimuth_reference' is 'rig'; allowed: magnetic, true, grid"):
+    with refused("file-value", error=FileError, column="azimuth_reference"):
         read_las(saved(tmp_path / "b.las", text.replace("AZIREF. grid", "AZIREF. rig ")))
-    with pytest.raises(FileError, match="'well = A' in the ~Other section cannot be read"):
+    with refused("file-format", error=FileError):
         read_las(saved(tmp_path / "b.las", text.replace('{"well": "A: 1"}', "well = A")))
 
 
@@ -235,7 +236,7 @@ def test_contradictory_units_are_said_once(tmp_path, caplog):
     write_las(survey(), tmp_path / "a.las")
     text = (tmp_path / "a.las").read_text()
     start = next(line for line in text.splitlines() if line.startswith("STRT"))
-    with pytest.raises(FileError, match="STRT is in 'ft', the depth curve in 'm'"):
+    with refused("table-units", error=FileError):
         read_las(saved(tmp_path / "a.las", text.replace(start, start.replace(".m ", ".ft", 1))))
     assert caplog.records == []
 
@@ -251,14 +252,14 @@ def test_standard_uncertainties_have_a_unit(tmp_path):
 
 def test_a_header_of_a_hundred_thousand_curves_is_refused_at_once(tmp_path):
     curves = "".join(f"C{k}.m : x\n" for k in range(100_000))
-    with pytest.raises(FileError, match="the header has 100,004 lines; allowed 4,000"):
+    with refused("file-large", error=FileError):
         read_las(saved(tmp_path / "a.las", f"~V\nVERS. 2.0:\nWRAP. NO:\n~C\n{curves}~A\n1 2\n"))
 
 
 def test_a_header_of_repeated_items_is_refused_at_once(tmp_path):
     """The library that reads it compares each with all before it: a block pasted 300 times took a minute."""
     again = "COMP.  A : COMPANY\nDATE.  1 : DATE\n" * 300
-    with pytest.raises(FileError, match=r"line \d+: 'COMP': more than 100 items have a name that stands"):
+    with refused("file-large", error=FileError):
         read_las(saved(tmp_path / "a.las", FOREIGN.replace("~C", f"{again}~C", 1)), azimuth_reference="true")
 
 
@@ -281,5 +282,5 @@ def test_how_far_head_and_data_may_differ(tmp_path, stop, fits):
     if fits:
         assert read_las(tmp_path / "a.las").md[-1] == 10_000.0
         return
-    with pytest.raises(FileError, match=f"the header says STOP {stop}, the data have 10000; is the file truncated"):
+    with refused("file-differs", error=FileError, name="STOP"):
         read_las(tmp_path / "a.las")

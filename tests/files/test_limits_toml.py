@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from contextlib import suppress
 from importlib.resources import files
 from pathlib import Path
@@ -11,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tests.refusals import refused
 
 from inclinometry.errors import FileError, InputError
 from inclinometry.files.limits import limit_names, read_limits, read_quality_limits, read_repeat_limits
@@ -49,41 +49,41 @@ def test_a_file(tmp_path):
 @pytest.mark.parametrize(
     ("read", "name", "error", "words"),
     [
-        (read_limits, "rogatykh", InputError, "'rogatykh' are neither a file nor one of the presets: rogatykh-2018-f"),
-        (read_quality_limits, "welleng", InputError, "neither a file nor one of the presets: arrowell"),
-        (read_limits, "a\0b", InputError, "presets"),
-        (read_limits, "x" * 5000, InputError, "presets"),
-        (read_limits, "nowhere/limits.toml", FileError, "no such file"),
-        (read_limits, Path(), FileError, "this is a folder"),
+        (read_limits, "rogatykh", InputError, "input-choice"),
+        (read_quality_limits, "welleng", InputError, "input-choice"),
+        (read_limits, "a\0b", InputError, "input-choice"),
+        (read_limits, "x" * 5000, InputError, "input-choice"),
+        (read_limits, "nowhere/limits.toml", FileError, "file-absent"),
+        (read_limits, Path(), FileError, "file-folder"),
     ],
 )
 def test_an_unknown_name_lists_the_names(read, name, error, words):
-    with pytest.raises(error, match=words):
+    with refused(words, error=error):
         read(name)
 
 
 @pytest.mark.parametrize(
     ("text", "wanted"),
     [
-        (GOOD + "azimuth = 2\n", "key 'azimuth' is not known; unit missing: write azimuth_deg"),
-        (GOOD + "inclnation_deg = 2\n", "did you mean inclination_deg?"),
-        (GOOD + "zzz = 2\n", "allowed: source, inclination_deg"),
-        ("inclination_deg = 0.1\n", "key 'source' is missing"),
-        ('source = ""\ninclination_deg = 0.1\n', "source is ''; a text is needed"),
-        ('source = "x"\n', "there is no limit"),
-        ('source = "x"\nazimuth_deg = 0\n', "azimuth_deg is 0; a limit is positive"),
-        ('source = "x"\nazimuth_deg = -1\n', "azimuth_deg is -1; a number from 0 to 180"),
-        ('source = "x"\nazimuth_deg = nan\n', "azimuth_deg is nan"),
-        ('source = "x"\nazimuth_deg = true\n', "azimuth_deg is True"),
-        ('source = "x"\nazimuth_deg = "2"\n', "azimuth_deg is '2'"),
-        (GOOD + 'guard = "some"\n', 'guard is \'some\'; "none" or "expanded-uncertainty" is needed'),
-        (GOOD + "azimuth_deg\n", "line 4: not TOML"),
-        (GOOD + 'guard = "x', "line 4: not TOML"),
-        (b"\xff", "not UTF-8 text"),
+        (GOOD + "azimuth = 2\n", "record-key-unknown"),
+        (GOOD + "inclnation_deg = 2\n", "record-key-unknown"),
+        (GOOD + "zzz = 2\n", "input-unknown"),
+        ("inclination_deg = 0.1\n", "input-missing"),
+        ('source = ""\ninclination_deg = 0.1\n', "input-kind"),
+        ('source = "x"\n', "file-limits"),
+        ('source = "x"\nazimuth_deg = 0\n', "file-value"),
+        ('source = "x"\nazimuth_deg = -1\n', "input-value"),
+        ('source = "x"\nazimuth_deg = nan\n', "input-value"),
+        ('source = "x"\nazimuth_deg = true\n', "input-kind"),
+        ('source = "x"\nazimuth_deg = "2"\n', "input-kind"),
+        (GOOD + 'guard = "some"\n', "input-choice"),
+        (GOOD + "azimuth_deg\n", "file-format"),
+        (GOOD + 'guard = "x', "file-format"),
+        (b"\xff", "file-format"),
     ],
 )
 def test_limits_that_do_not_fit(tmp_path, text, wanted):
-    with pytest.raises(FileError, match=re.escape(wanted)):
+    with refused(wanted, error=FileError):
         read_limits(limits_file(tmp_path, text))
 
 
@@ -109,14 +109,14 @@ def test_limits_of_two_runs(tmp_path):
         (
             "azimuth_deg = 2\n",
             "",
-            "key 'azimuth_deg' is missing; all of inclination_deg, azimuth_deg, .*interval_m and",
+            "input-missing",
         ),
-        ("stations = 4", "stations = 4.5", "stations is 4.5; a whole number is needed"),
-        ("stations = 4", "stations = 0", "stations is 0; a number from 1 to"),
-        ("0.5", "0", "inclination_deg is 0; a number from 1e-06"),
-        ("12", "91", "steep_below_deg is 91; a number from 0 to 90"),
+        ("stations = 4", "stations = 4.5", "input-kind"),
+        ("stations = 4", "stations = 0", "input-value"),
+        ("0.5", "0", "input-value"),
+        ("12", "91", "input-value"),
     ):
-        with pytest.raises(FileError, match=words):
+        with refused(words, error=FileError):
             read_repeat_limits(limits_file(tmp_path, REPEAT.replace(old, new)))
 
 
@@ -147,9 +147,9 @@ def test_limits_of_fields(tmp_path):
     found = read_quality_limits(limits_file(tmp_path, 'source = "x"\ng_m_s2 = 0.02\ndip_deg = 0.3\n'))
     assert (found.g, found.b, found.dip) == (0.02, None, pytest.approx(np.radians(0.3)))
     for text, words in (
-        ('source = "x"\n', "there is no limit; give at least one of g_m_s2, b_nT, dip_deg"),
-        ('source = "x"\nb_nT = 0.3\n', "b_nT is 0.3; a number from 1 to"),
-        ('source = "x"\nb_nt = 300', "did you mean b_nT"),
+        ('source = "x"\n', "file-limits"),
+        ('source = "x"\nb_nT = 0.3\n', "input-value"),
+        ('source = "x"\nb_nt = 300', "record-key-unknown"),
     ):
-        with pytest.raises(FileError, match=words):
+        with refused(words, error=FileError):
             read_quality_limits(limits_file(tmp_path, text))

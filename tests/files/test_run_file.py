@@ -12,6 +12,7 @@ import pyarrow.parquet as pq
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tests.refusals import refused
 
 from inclinometry.digest import digest_file
 from inclinometry.errors import FileError
@@ -95,7 +96,7 @@ def test_the_dialects_of_csv(tmp_path):
     assert block.time.tolist() == [0.5, 1.0, 1.5]
     wanted = [[1.0, 2.25], [np.nan, np.nan], [np.nan, 3.0]]
     assert np.array_equal(block.channels["magnetometer"], wanted, equal_nan=True)
-    assert run.notes == ("column 'note' is not known and was not used",)
+    assert [(one.code, one.values["names"]) for one in run.findings] == [("table-unused", ("note",))]
 
 
 def long_csv(path, spoil, line=60_000, count=80_000):
@@ -107,20 +108,20 @@ def long_csv(path, spoil, line=60_000, count=80_000):
 
 
 SPOILT = {
-    "text": (lambda s: s.replace("0.25", "broken"), "line 60000: 'broken' in column 'accel_y' is not a number"),
-    "short": (lambda s: s.rsplit(",", 1)[0], "line 60000: this row has 3 cells and the header 4"),
-    "long": (lambda s: s + ",7", "line 60000: this row has 5 cells and the header 4"),
-    "infinite": (lambda s: s.replace("0.25", "inf"), "line 60000: column 'accel_y' is inf"),
-    "absurd": (lambda s: s.replace("0.25", "1e40"), "line 60000: column 'accel_y' is 1e\\+40; allowed"),
-    "back": (lambda s: "59.0" + s[s.index(",") :], "line 60000: time_s 59 is less than 59.997 before it"),
-    "no time": (lambda s: s[s.index(",") :], "line 60000: column 'time_s' is empty"),
-    "time nan": (lambda s: "nan" + s[s.index(",") :], "line 60000: column 'time_s' is empty"),
+    "text": (lambda s: s.replace("0.25", "broken"), "file-number"),
+    "short": (lambda s: s.rsplit(",", 1)[0], "table-row-width"),
+    "long": (lambda s: s + ",7", "table-row-width"),
+    "infinite": (lambda s: s.replace("0.25", "inf"), "input-finite"),
+    "absurd": (lambda s: s.replace("0.25", "1e40"), "file-value"),
+    "back": (lambda s: "59.0" + s[s.index(",") :], "input-backwards"),
+    "no time": (lambda s: s[s.index(",") :], "table-empty"),
+    "time nan": (lambda s: "nan" + s[s.index(",") :], "table-empty"),
 }
 
 
 def test_a_bad_line_soon_after_a_preamble_is_named(tmp_path):
     path = long_csv(tmp_path / "run.csv", lambda s: s.replace("0.25", "broken"), 5, 9)
-    with pytest.raises(FileError, match="line 7: 'broken' in column 'accel_y'"):
+    with refused("file-number", error=FileError, column="accel_y"):
         list(open_run(saved(path, "# run 3\n\n" + path.read_text())).blocks())
 
 
@@ -129,7 +130,7 @@ def test_a_row_that_may_be_a_comment_is_refused_in_every_block(tmp_path):
     rows = [f"{0.001 * k:.6f},9.81,0.25,-1.5" for k in range(80_000)]
     rows[60_000] = "#" + rows[60_000]
     (tmp_path / "run.csv").write_text("note,time_s,accel_x,accel_y,accel_z\n" + "".join(f"{r[:1]},{r}\n" for r in rows))
-    with pytest.raises(FileError, match="this comment has as many cells as a row") as caught:
+    with refused("table-comment", error=FileError) as caught:
         list(open_run(tmp_path / "run.csv").blocks())
     assert caught.value.line == 60_002
 
@@ -138,7 +139,7 @@ def test_a_row_that_may_be_a_comment_is_refused_in_every_block(tmp_path):
 @pytest.mark.parametrize("case", SPOILT)
 def test_a_bad_line_is_named(tmp_path, case):
     spoil, message = SPOILT[case]
-    with pytest.raises(FileError, match=message):
+    with refused(message, error=FileError):
         list(open_run(long_csv(tmp_path / "run.csv", spoil)).blocks())
 
 
@@ -154,14 +155,14 @@ def test_a_missing_reading_far_down_is_nan(tmp_path):
 def test_a_bad_row_of_parquet_is_named(tmp_path):
     data = samples(70_000)
     for name, value, message in (
-        ("mag_y", np.inf, "row 66001: column 'mag_y' is inf"),
-        ("time_s", 0.0, "row 66001: time_s 0 is less than 32.9995 before it"),
-        ("time_s", np.nan, "row 66001: column 'time_s' is empty"),
+        ("mag_y", np.inf, "input-finite"),
+        ("time_s", 0.0, "input-backwards"),
+        ("time_s", np.nan, "table-empty"),
     ):
         spoilt = {name: values.copy() for name, values in data.items()}
         spoilt[name][66_000] = value
         write(tmp_path / "run.parquet", spoilt)
-        with pytest.raises(FileError, match=message):
+        with refused(message, error=FileError):
             list(open_run(tmp_path / "run.parquet").blocks())
 
 
@@ -174,7 +175,7 @@ HEADERS = {
 
 @pytest.mark.parametrize("header", HEADERS)
 def test_a_header_that_cannot_be_used(tmp_path, header):
-    with pytest.raises(FileError, match=HEADERS[header]):
+    with refused("file-column", "table-unit-missing", error=FileError):
         open_run(saved(tmp_path / "run.csv", header + "\n1,2,3,4\n" if header else ""))
 
 
@@ -189,29 +190,29 @@ def test_units_in_the_metadata_of_parquet(tmp_path):
     assert open_run(parquet(tmp_path / "a.parquet", ["s", "°/s", "deg/s", "deg_s"])).units == {"gyro": "deg/s"}
     named = ("time_s", "gyro_x_deg_h", "gyro_y_deg_h", "gyro_z_deg_h")
     assert open_run(parquet(tmp_path / "b.parquet", ["s", "deg/h", "", "deg/h"], named)).units == {"gyro": "deg/h"}
-    with pytest.raises(FileError, match="'gyro_x_deg_h' has the unit 'rad/s', which its name contradicts"):
+    with refused("table-units", error=FileError):
         open_run(parquet(tmp_path / "c.parquet", ["s", "rad/s", "", ""], named))
-    with pytest.raises(FileError, match="'time_s' has the unit 'ms', which its name contradicts"):
+    with refused("table-units", error=FileError):
         open_run(parquet(tmp_path / "d.parquet", ["ms", "", "", ""]))
-    with pytest.raises(FileError, match="unit 'parsec', which is not known"):
+    with refused("table-unit", error=FileError):
         open_run(parquet(tmp_path / "e.parquet", ["s", "parsec", "", ""]))
 
 
 def test_parquet_that_cannot_be_used(tmp_path):
-    with pytest.raises(FileError, match="not a Parquet file"):
+    with refused("file-format", error=FileError):
         open_run(saved(tmp_path / "text.parquet", "time_s,mag_x\n"))
-    with pytest.raises(FileError, match="no such file"):
+    with refused("file-absent", error=FileError):
         open_run(tmp_path / "none.parquet")
     names = ("time_s", "gyro_x", "gyro_y", "gyro_z")
     values = [pa.array([1.0]), *[pa.array([True])] * 3]
     pq.write_table(pa.Table.from_arrays(values, names=list(names)), tmp_path / "b.parquet")
-    with pytest.raises(FileError, match="'True' in column 'gyro_x' is not a number"):
+    with refused("file-number", error=FileError, column="gyro_x"):
         list(open_run(tmp_path / "b.parquet").blocks())
     with writing(tmp_path / "empty.parquet", COLUMNS):
         pass
-    with pytest.raises(FileError, match="no rows"):
+    with refused("file-empty", error=FileError):
         list(open_run(tmp_path / "empty.parquet").blocks())
-    with pytest.raises(FileError, match="no rows"):
+    with refused("file-empty", error=FileError):
         list(open_run(saved(tmp_path / "empty.csv", HEADER + "\n")).blocks())
 
 
@@ -224,7 +225,7 @@ def test_nothing_is_left_of_a_write_that_fails(tmp_path):
     with pytest.raises(KeyboardInterrupt):
         interrupted()
     assert not list(tmp_path.iterdir())
-    with pytest.raises(FileError, match=r"ends in '.txt'; allowed: .parquet, .csv"), writing("run.txt", COLUMNS):
+    with refused("file-ending", error=FileError), writing("run.txt", COLUMNS):
         pass
 
 
@@ -245,14 +246,12 @@ def test_one_large_row_group_is_read_in_little_memory(tmp_path):
 def test_temperatures_that_no_sensor_has_and_rows_of_comments_only(tmp_path):
     path = tmp_path / "run.csv"
     path.write_text("time_s,mag_x,mag_y,temperature_degC\n# begin\n\n0,1,2,20\n1,2,3,401\n")
-    with pytest.raises(
-        FileError, match="column 'temperature_degC' is 401; allowed -100 to 400: is it in another"
-    ) as caught:
+    with refused("file-value", error=FileError, column="temperature_degC") as caught:
         list(open_run(path).blocks())
     assert caught.value.line == 5
     (block,) = open_run(saved(path, "time_s,mag_x,mag_y,temperature_degC\n0,1,2,-100\n1,2,3,400\n2,2,3,\n")).blocks()
     np.testing.assert_array_equal(block.temperature, [-100.0, 400.0, np.nan])
-    with pytest.raises(FileError, match="no rows"):
+    with refused("file-empty", error=FileError):
         list(open_run(saved(path, "time_s,mag_x,mag_y\n# nothing\n\n# more\n")).blocks())
 
 

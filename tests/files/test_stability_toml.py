@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from tests.refusals import refused
 
 from inclinometry.errors import FileError
 from inclinometry.files.stability_toml import read_stability, write_stability
@@ -39,14 +40,14 @@ def test_what_is_written_is_read(tmp_path, source):
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("accelerometer_scale = 1e-4\n", "", "key 'accelerometer_scale' is missing; give it, 0 where that does not"),
-        ('source = "own fleet"\n', "", "key 'source' is missing; say where the numbers come from"),
-        ("0.001", "9.81", "accelerometer_offset_m_s2 is 9.81; a number from 0 to 1 is needed"),
-        ("0.02", "-0.02", "magnetometer_axis_deg is -0.02; a number from 0 to 5"),
+        ("accelerometer_scale = 1e-4\n", "", "input-missing"),
+        ('source = "own fleet"\n', "", "input-missing"),
+        ("0.001", "9.81", "input-value"),
+        ("0.02", "-0.02", "input-value"),
     ],
 )
 def test_what_cannot_be(tmp_path, old, new, words):
-    with pytest.raises(FileError, match=words):
+    with refused(words, error=FileError):
         stability(tmp_path, TEXT.replace(old, new))
     # nothing moves, which one may say
     assert stability(tmp_path, TEXT.replace("0.001", "0")).accelerometer_offset == 0.0

@@ -8,9 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.refusals import refused
 
 from inclinometry.calibration.acceptance import Verification
 from inclinometry.calibration.decision import Limits
+from inclinometry.calibration.result import uncoded
 from inclinometry.errors import FileError
 from inclinometry.files.tool_json import read_calibration
 from inclinometry.files.verification_json import read_verification, write_verification
@@ -39,12 +41,10 @@ def verification():
         decision=(("pass", "pass", "not judged"), ("fail", "not judged", "not judged")),
         coverage_factor=2.0,
         verdict="fail",
-        reasons=("inclination at 2",),
         limits_name="mine",
         limits_source="works standard 7",
         inputs={"readings": "sha256:00"},
-        warnings=("few positions",),
-        notes=("level assumed",),
+        findings=(*uncoded(["inclination at 2", "level assumed"], "note"), *uncoded(["few positions"])),
     )
 
 
@@ -103,10 +103,10 @@ def test_a_file_of_version_1_without_agreed_limits_is_read_without_them(tmp_path
 def test_it_is_of_one_calibration_of_one_tool(tmp_path, calibration):
     path = tmp_path / "verify.json"
     write_verification(path, verification(), LIMITS, calibration)
-    with pytest.raises(FileError, match="was made with another calibration of the tool; verify again"):
-        read_verification(path, replace(calibration, warnings=("another",)))
+    with refused("record-calibration-other", error=FileError):
+        read_verification(path, replace(calibration, findings=uncoded(["another"])))
     other = replace(calibration, tool=replace(calibration.tool, name="another"))
-    with pytest.raises(FileError, match="the calibration of 'another'"):
+    with refused("record-tool-other", error=FileError):
         read_verification(path, other)
 
 
@@ -126,5 +126,5 @@ def test_what_is_judged_has_a_number(tmp_path, calibration, cells, lost):
     if not lost:
         assert read_verification(path, calibration)["verdict"] == "fail"
         return
-    with pytest.raises(FileError, match=r"azimuth of position '1' is judged .* without error or U; verify again"):
+    with refused("input-missing", error=FileError):
         read_verification(path, calibration)

@@ -11,7 +11,7 @@ import pytest
 
 from inclinometry.calibration import plans
 from inclinometry.errors import InputError
-from inclinometry.findings import rule
+from inclinometry.findings import rule, without_notes
 from inclinometry.laboratory.certificate.laboratory import Laboratory
 from inclinometry.laboratory.certificates import issue, status
 from inclinometry.laboratory.import_file import record_calibration
@@ -36,10 +36,10 @@ def test_the_warning_is_resolved_and_both_calibrations_stay(hall: Ledger, bench:
     """The numbers are those of a session that was opened with the site; who, when, why and the site are recorded."""
     before = bench.finished(hall)
     session = before.keys["session"]
-    assert calibration_of(before).warnings[0].startswith(rule("bench-sign-assumed").says[0].partition("{")[0])
+    assert str(calibration_of(before).findings[0]).startswith(rule("bench-sign-assumed").says[0].partition("{")[0])
     after = evaluate_again(hall, session, "hall", author="boris", reason="the dip was measured")
     found = calibration_of(after)
-    assert found.warnings == ()
+    assert without_notes(found.findings) == ()
     assert [one.id for one in hall.find("calibration", session=session)] == [before.id, after.id]
     assert after.body["readings"] == before.body["readings"]
     event = hall.latest("event", subject_kind="session", subject=session, action="evaluated again")

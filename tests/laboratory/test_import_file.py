@@ -47,7 +47,7 @@ def test_what_a_file_says_of_its_stand_reaches_a_verification_and_old_sessions_h
     old = {"settings": {"imported": record.body["settings"]["imported"]}}
     before = open_session(laboratory, "IN-7", plans.twelve(), rig="stand 1", author="anna", settings=old)
     readings = bench_readings(bench.take(laboratory, before, bench.sensors(realistic_tool(7), 1)))
-    assert (dict(readings.reference), readings.station[:2], readings.warnings) == ({}, ("1", "2"), ())
+    assert (dict(readings.reference), readings.station[:2], readings.findings) == ({}, ("1", "2"), ())
 
 
 @pytest.mark.long

@@ -205,7 +205,7 @@ def test_a_session_shows_and_keeps_what_the_dials_say(laboratory: Ledger, bench:
     np.testing.assert_allclose(np.mod(readings.inclination, 2 * np.pi), plan.inclination, atol=1e-9)
     record = finish_calibration(laboratory, session.id, author="a")
     found = calibration_of(record)
-    assert any("inclination from the horizontal" in note for note in found.notes)
+    assert any("inclination from the horizontal" in str(one) for one in found.findings)
     judged = begin_verification(laboratory, record.id, "spread-12", author="a")
     judged = bench.take(laboratory, judged, on_stand(bench, ODD, 2))
     assert finish_verification(laboratory, judged.id, record.id, author="a").body["verdict"] == "agrees"

@@ -13,6 +13,7 @@ from inclinometry.calibration.decision import Limits
 from inclinometry.calibration.plans import Plan
 from inclinometry.errors import InputError
 from inclinometry.files.limits import limit_names, read_limits
+from inclinometry.findings import without_notes
 from inclinometry.laboratory.ledger.ledger import Ledger, LedgerError
 from inclinometry.laboratory.registry import RegisteredRig, put_rig
 from inclinometry.laboratory.results import calibration_of, finish_calibration
@@ -175,10 +176,10 @@ def test_what_was_foreseen_stands_on_the_protocol(laboratory: Ledger, bench: Sim
     worth = foreseen(laboratory, calibration, "spread-12").power
     made = begin_verification(laboratory, calibration, "spread-12", author="anna")
     kept = load_session(laboratory, made.id)
-    assert kept.settings["settings"]["foreseen"] == worth.sentences
+    assert kept.settings["settings"]["foreseen"] == list(map(str, worth.findings))
     bench.take(laboratory, made, bench.sensors(realistic_tool(7), 5))
     said = finish_verification(laboratory, made.id, calibration, author="anna").body["report"]["reasons"]
-    assert [f"planned: {sentence}" for sentence in worth.sentences] == said[-len(worth.sentences) :]
+    assert [f"planned: {one}" for one in worth.findings] == said[-len(worth.findings) :]
 
 
 @pytest.mark.long
@@ -254,14 +255,14 @@ def test_what_a_protocol_will_find_is_known_before_it_is_opened(laboratory: Ledg
     first = next(iter(protocols()))
     told = foreseen(laboratory, record.id, first)
     assert laboratory.head() == head
-    assert told.warnings == []
+    assert without_notes(told.findings) == ()
     assert 1.0 < told.power.factor < 4.0
     many = foreseen(laboratory, record.id, "long").power
     assert many.factor < 0.9 * told.power.factor
     session = begin_verification(laboratory, record.id, first, author="anna")
     bench.take(laboratory, session, bench.sensors(realistic_tool(7), 5))
     found = judged(laboratory, session.id, record.id)
-    assert found.warnings == []
+    assert without_notes(found.findings) == ()
     # the same stand, the same positions, as many samples: the readings change the draws' last digits
     assert found.power.factor == pytest.approx(told.power.factor, rel=0.02)
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from tests.refusals import refused
 
 from inclinometry.errors import InputError
 from inclinometry.position.well import ellipsoid, hole_covariance, hole_sigmas, horizontal_ellipse
@@ -68,14 +69,14 @@ def test_points_and_lines_have_no_width():
 @pytest.mark.parametrize(
     ("covariance", "message"),
     [
-        (np.eye(4), r"expected \(..., 2, 2\) or \(..., 3, 3\)"),
-        (np.ones((2, 3)), "covariance has shape"),
-        (-np.eye(3), "negative variance"),
+        (np.eye(4), "input-shape"),
+        (np.ones((2, 3)), "input-shape"),
+        (-np.eye(3), "position-covariance"),
         (np.full((3, 3), np.nan), r"covariance\[0, 0\] is nan"),
     ],
 )
 def test_what_is_no_covariance(covariance, message):
-    with pytest.raises(InputError, match=message):
+    with refused(message):
         horizontal_ellipse(covariance)
 
 

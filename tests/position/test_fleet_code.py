@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from scipy.stats import chi2
+from tests.refusals import refused
 
 from inclinometry.calibration import plans
 from inclinometry.calibration.drift import DriftModel, fit_drift
@@ -102,7 +103,7 @@ def test_file_there_and_back(tmp_path):
 def test_refusals(tmp_path):
     with pytest.raises(InputError, match="interval is 30"):
         fleet_tool_code(model_of(drift_variance(), np.zeros((24, 24))), V12, 30.0, name="X")
-    with pytest.raises(InputError, match="without any error"):
+    with refused("position-fleet"):
         fleet_tool_code(model_of(np.zeros((24, 24)), np.zeros((24, 24))), np.zeros((24, 24)), 1.0, name="X")
     made = fleet_tool_code(model_of(drift_variance(), np.zeros((24, 24))), V12, 1.0, name="X")
     with pytest.raises(FileError):

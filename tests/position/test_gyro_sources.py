@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from tests.refusals import refused
 
 from inclinometry.earth.site import Site
-from inclinometry.errors import InputError
 from inclinometry.position.propagation import gyro_sources, propagate
 from inclinometry.position.well import well_survey
 from inclinometry.survey.reduce import Survey
@@ -79,12 +79,12 @@ def test_stations_of_the_well_above_the_run_are_left_alone():
 def test_wrong_input_is_named():
     well = well_survey(MD + 1.0, np.full(len(MD), 0.5), np.zeros(len(MD)), Site())
     parts = {"gyro": cause(0.0, AZI_SD, False)}
-    with pytest.raises(InputError, match="both need the same depths"):
+    with refused("position-depths"):
         gyro_sources(survey(0.5, 0.0, parts), well)
-    with pytest.raises(InputError, match="from magnetic north"):
+    with refused("input-choice", name="azimuth_reference"):
         gyro_sources(survey(0.5, 0.0, parts, "magnetic"), well)
     well = well_survey(MD, np.full(len(MD), 0.5), np.zeros(len(MD)), Site())
-    with pytest.raises(InputError, match="another run"):
+    with refused("position-direction"):
         gyro_sources(survey(0.8, 0.0, parts), well)
-    with pytest.raises(InputError, match="joint or the fixed"):
+    with refused("input-missing", names=("errors",)):
         gyro_sources(survey(0.5, 0.0, {}), well)

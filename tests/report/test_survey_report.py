@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from inclinometry.earth.site import Site
+from inclinometry.findings import Finding
 from inclinometry.orientation import fields
 from inclinometry.report.survey import survey_report
 from inclinometry.report.survey_figures import thinned
@@ -60,7 +61,7 @@ def test_without_a_second_field():
 def test_unknown_uncertainty_and_no_flags():
     found = survey(20)
     nothing = {name: np.zeros((20, 4)) for name in found.components}
-    clean = replace(found, components=nothing, flags=[[]] * 20, warnings=())
+    clean = replace(found, components=nothing, flags=[[]] * 20, findings=())
     words = check(survey_report(clean)).text
     assert "states no uncertainty" in words
     assert "No flags" in words
@@ -68,7 +69,13 @@ def test_unknown_uncertainty_and_no_flags():
 
 def test_hostile_names():
     evil = "</style><script>alert(1)</script>"
-    found = replace(survey(5), tool=evil, flags=[[evil]] * 5, warnings=[evil], inputs={evil: evil})
+    found = replace(
+        survey(5),
+        tool=evil,
+        flags=[[evil]] * 5,
+        findings=(Finding("survey-remark", {"remark": evil}),),
+        inputs={evil: evil},
+    )
     assert check(survey_report(found)).text.count(evil) >= 8
 
 

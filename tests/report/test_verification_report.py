@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from inclinometry.calibration.acceptance import Verification
+from inclinometry.calibration.result import uncoded
+from inclinometry.findings import example
 from inclinometry.report.verification import verification_report
 
 from .pages import check
@@ -26,7 +28,7 @@ def found():
     dials = random.uniform(0.0, 2.0, (size, 3))
     return Verification(
         [str(k) for k in range(size)], dials, dials[:, 1], 0.04 * u * random.standard_normal((size, 3)), u, limits,
-        decision, 2.0, "pass", ["all within"], "shop", "sheet 4", "A7", {"readings": "sha256:1"},
+        decision, 2.0, "pass", "shop", "sheet 4", "A7", {"readings": "sha256:1"},
     )  # fmt: skip
 
 
@@ -58,14 +60,14 @@ def test_nothing_judged(found):
 def test_hostile_names(found):
     evil = "<img src=x onerror=alert(1)>"
     sharp = replace(
-        found, station=[evil] * 12, tool=evil, limits_name=evil, limits_source=evil, reasons=[evil], warnings=[evil]
+        found, station=[evil] * 12, tool=evil, limits_name=evil, limits_source=evil, findings=uncoded([evil, evil])
     )
     assert check(verification_report(sharp)).text.count(evil) >= 12 + 5
 
 
 @pytest.mark.long
 def test_a_pass_with_warnings_is_not_green(found):
-    doubted = verification_report(replace(found, warnings=["4 positions verify little"]))
+    doubted = verification_report(replace(found, findings=(example("verify-few"),)))
     assert 'class="verdict good"' in verification_report(found)
     assert 'class="verdict warn"' in doubted
     assert "PASS, with reservations" in check(doubted).text

@@ -4,8 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.refusals import refused
 
-from inclinometry.errors import InputError
+from inclinometry.findings import Finding
 from inclinometry.orientation import angles, angles_jacobian, fields
 from inclinometry.survey.axial import SINGULAR, SOURCE, axial_correction
 from inclinometry.survey.multistation_priors import FieldReference
@@ -186,19 +187,21 @@ def test_near_horizontal_east_west_is_reported_and_left_alone():
     np.testing.assert_array_equal(found.stations.b[:2], run.b[:2])
     assert (found.check.verdict, found.check.stations) == ("not judged", (0, 1))
     assert found.check.value < SINGULAR
-    assert "gyro" in found.check.action
-    assert "left as measured: stations 1, 2" in found.stations.history[-1]
+    assert found.check.reason.code == "survey-axial-singular"
+    assert found.stations.history[-1].rows == (0, 1)
     left = found.stations.sources["axial interference"]
     assert left.by_field[:, 5, 0].tolist() == [1.0, 1.0, 0.0, 0.0]
     assert left.covariance[0, 0] == 220.0**2
 
 
+STEP = Finding("survey-step-no-gyro")
+
+
 def test_one_line_of_history_and_the_rest_untouched():
-    run = stations([35.0, 40.0], 55.0, axial=100.0, temperature=np.array([20.0, 30.0]), history=("read",))
+    run = stations([35.0, 40.0], 55.0, axial=100.0, temperature=np.array([20.0, 30.0]), history=(STEP,))
     done = axial_correction(run, reference()).stations
-    assert done.history[0] == "read"
-    assert len(done.history) == 2
-    assert "interference +100 to +100 nT" in done.history[1]
+    assert done.history[0] == STEP
+    assert [one.values["low_nT"] for one in done.history[1:]] == [pytest.approx(100.0)]
     np.testing.assert_array_equal(done.g, run.g)
     np.testing.assert_array_equal(done.b[:, :2], run.b[:, :2])
     assert (done.temperature == run.temperature).all()
@@ -206,5 +209,5 @@ def test_one_line_of_history_and_the_rest_untouched():
 
 def test_not_twice():
     done = axial_correction(stations([35.0], 55.0), reference()).stations
-    with pytest.raises(InputError, match="have been through an axial correction"):
+    with refused("survey-corrected"):
         axial_correction(done, reference())

@@ -4,13 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.refusals import coded, refused
 
 from inclinometry.earth.site import Site
-from inclinometry.errors import InputError
+from inclinometry.findings import Finding
 from inclinometry.rotations import wrap_signed
 from inclinometry.simulate.tool import random_tool
 from inclinometry.survey.from_stations import NOISE, survey_from_stations
-from inclinometry.survey.from_tool import NOTHING_STATED, stations_from_tool, stations_plain
+from inclinometry.survey.from_tool import stations_from_tool, stations_plain
 from inclinometry.survey.reduce import reduce_survey
 from inclinometry.survey.stations import Source
 from inclinometry.uncertainty import UNKNOWN
@@ -46,7 +47,7 @@ def test_the_same_as_from_the_raw_channels(degree, site):
         np.testing.assert_allclose(found.components[name], part, rtol=1e-8)
     assert found.azimuth_reference == raw.azimuth_reference
     assert [list(row) for row in found.flags] == [list(row) for row in raw.flags]
-    assert list(found.warnings) == list(raw.warnings)
+    assert found.findings == raw.findings
     assert found.history == stations.history
     assert found.tool == tool.name
 
@@ -60,6 +61,9 @@ def test_many_stations_are_as_few():
     np.testing.assert_allclose(one.u_azimuth[-3:], other.u_azimuth, rtol=1e-12)
 
 
+STEP = Finding("survey-step-no-gyro")
+
+
 def test_what_a_correction_leaves_is_a_component():
     stations = stations_plain(
         [0.0, 10.0], [[0, 0, 9.8], [-4.9, 0, 8.5]], [[2e4, 0, 4e4]] * 2, sigma_g=1e-9, sigma_b=10.0
@@ -67,8 +71,8 @@ def test_what_a_correction_leaves_is_a_component():
     by_field = np.zeros((2, 6, 1))
     by_field[:, 4] = 1.0  # of the field across the tool
     left = {"left": Source(by_field, np.array([[900.0]]))}
-    found = survey_from_stations(stations.corrected(stations.g, stations.b, "field across taken off", left))
-    assert found.history == ("field across taken off",)
+    found = survey_from_stations(stations.corrected(stations.g, stations.b, STEP, left))
+    assert found.history == (STEP,)
     assert set(found.components) == {"left", NOISE}
     # across the vertical plane of the tool: 30 nT of the horizontal field
     horizontal = 2e4 * np.cos(found.inclination[1]) + 4e4 * np.sin(found.inclination[1])
@@ -76,8 +80,8 @@ def test_what_a_correction_leaves_is_a_component():
     assert found.u_azimuth[0] == UNKNOWN  # exactly vertical
     assert found.flags[0] == ["vertical"]
     np.testing.assert_allclose(found.u("magnetic_toolface")[0], np.hypot(30.0, 10.0) / 2e4, rtol=1e-12)
-    clash = stations.corrected(stations.g, stations.b, "", {NOISE: left["left"]})
-    with pytest.raises(InputError, match="rename it"):
+    clash = stations.corrected(stations.g, stations.b, STEP, {NOISE: left["left"]})
+    with refused("survey-source-taken"):
         survey_from_stations(clash)
 
 
@@ -94,7 +98,7 @@ def test_a_certificate_without_covariance_is_said():
     tool = random_tool(4)
     true = surveyed(tool)
     found = survey_from_stations(stations_from_tool(true.md, true.signals, tool))
-    assert found.warnings[0] == NOTHING_STATED
+    assert found.findings[0].code == "survey-covariance-zero"
     assert set(found.components) == {NOISE}
 
 
@@ -103,4 +107,4 @@ def test_true_north_is_magnetic_and_declination():
     magnetic = survey_from_stations(stations)
     true = survey_from_stations(stations, site=Site(north_reference="true", declination=0.1))
     np.testing.assert_allclose(wrap_signed(true.azimuth - magnetic.azimuth), 0.1, rtol=1e-12)
-    assert any("declination is not stated" in sentence for sentence in true.warnings)
+    assert "survey-declination-sd" in coded(true.findings)

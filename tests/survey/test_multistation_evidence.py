@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from benchmarks.honest_survey import HOLES, SCENES, one
+from tests.refusals import coded
 
 from inclinometry.survey.multistation import multistation
 from inclinometry.survey.multistation_evidence import GUESSED, KEPT, STATED, averaged_over_sizes
@@ -58,8 +59,7 @@ def test_interference_across_the_tool_is_found_though_the_prior_is_70_nt(across)
     term = found.parameters["MBX"]
     assert abs(term.value - across) < 3.0 * term.u < 150.0
     assert rms(azimuth_error(found.corrected, azimuth)) < 2.0 * rms(azimuth_u(found.corrected)) < 1.0
-    assert any(text.startswith("MBX is") and "widened to what the run shows" in text for text in found.warnings)
-    assert any(text.startswith("MBX to MBY are together some") for text in found.warnings)
+    assert {"survey-priors-widened", "survey-prior-widened"} <= set(coded(found.findings))
     refuse_beyond(found.parameters)
 
 
@@ -73,7 +73,7 @@ def test_a_calibrated_tool_may_have_a_magnetised_collar():
 def test_a_clean_run_keeps_the_prior_across():
     found = multistation(run((60.0, -60.0, 0.0), 4)[1], REFERENCE)
     assert 70.0 <= found.parameters["MBX"].prior < 80.0
-    assert not any("its prior" in text for text in found.warnings)
+    assert not any("prior" in one.code for one in found.findings)
 
 
 def test_an_axial_sigma_that_is_stated_is_widened_only_against_odds():
@@ -125,6 +125,6 @@ def test_a_tool_three_times_as_bad_as_stated_is_named_and_its_priors_are_widened
     readings = true @ (np.eye(6) + np.tensordot(x, priors.gain, axes=1)).T + x @ priors.offset
     readings += np.random.default_rng(8).normal(size=true.shape) * NOISE
     found = multistation(stations(readings[:, :3], readings[:, 3:]), REFERENCE, priors)
-    assert any("times their priors, which are widened to what the run shows" in text for text in found.warnings)
+    assert "survey-priors-widened" in coded(found.findings)
     assert max(found.noise_factors) < 2.0  # and not taken for noise
     assert rms(azimuth_error(found.corrected, azimuth)) < 2.0 * rms(azimuth_u(found.corrected)) < 1.5

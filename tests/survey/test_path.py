@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from tests.refusals import refused
 
 from inclinometry.errors import InputError
 from inclinometry.survey import path as path_module
@@ -184,31 +185,31 @@ def test_columns_of_a_table_and_its_caller_stay_apart():
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"md": [0.0, np.nan, 60.0]}, r"md\[1\] is nan"),
-        ({"inclination": [0.0, 0.1, np.inf]}, r"inclination\[2\] is inf"),
-        ({"azimuth": [np.nan, 0.1, 0.2]}, r"azimuth\[0\] is nan"),
-        ({"md": [0.0, 30.0, 30.0]}, r"md\[2\] = 30 m is the same as md\[1\] = 30 m.*Remove"),
-        ({"md": [0.0, 60.0, 30.0]}, r"md\[2\] = 30 m lies above md\[1\] = 60 m"),
-        ({"inclination": [0.0, -0.1, 0.2]}, r"inclination\[1\] is -0.1 rad; allowed 0 to 3.14"),
-        ({"inclination": [0.0, 0.1, 3.2]}, r"inclination\[2\] is 3.2 rad"),
-        ({"azimuth": [0.0, 90.0, 90.0]}, r"azimuth\[1\] is 90 rad"),
-        ({"inclination": [0.3, 0.5, np.pi - 0.5], "azimuth": [1.0, 1.0, 1.0 + np.pi]}, "between rows 1 and 2"),
-        ({"inclination": [0.0, np.pi, np.pi]}, "between rows 0 and 1"),
-        ({"inclination": [0.0, 0.1]}, "one length"),
-        ({"start": [0.0, 0.0]}, "north, east and true vertical depth"),
-        ({"start": [0.0, np.nan, 0.0]}, r"start\[1\] is nan"),
+        ({"md": [0.0, np.nan, 60.0]}, "input-finite"),
+        ({"inclination": [0.0, 0.1, np.inf]}, "input-finite"),
+        ({"azimuth": [np.nan, 0.1, 0.2]}, "input-finite"),
+        ({"md": [0.0, 30.0, 30.0]}, "input-order"),
+        ({"md": [0.0, 60.0, 30.0]}, "input-order"),
+        ({"inclination": [0.0, -0.1, 0.2]}, "input-value"),
+        ({"inclination": [0.0, 0.1, 3.2]}, "input-value"),
+        ({"azimuth": [0.0, 90.0, 90.0]}, "input-value"),
+        ({"inclination": [0.3, 0.5, np.pi - 0.5], "azimuth": [1.0, 1.0, 1.0 + np.pi]}, "survey-half-turn"),
+        ({"inclination": [0.0, np.pi, np.pi]}, "survey-half-turn"),
+        ({"inclination": [0.0, 0.1]}, "input-shape"),
+        ({"start": [0.0, 0.0]}, "input-shape"),
+        ({"start": [0.0, np.nan, 0.0]}, "input-finite"),
     ],
 )
 def test_what_is_refused(change, message):
     given_ = {"md": [0.0, 30.0, 60.0], "inclination": [0.0, 0.1, 0.2], "azimuth": [0.0, 0.0, 0.0], **change}
     columns = [given_.pop(name) for name in ("md", "inclination", "azimuth")]
-    with pytest.raises(InputError, match=message):
+    with refused(message):
         minimum_curvature(*columns, **given_)
 
 
 @pytest.mark.parametrize("count", [0, 1])
 def test_too_few_stations(count):
-    with pytest.raises(InputError, match=f"{count} station.*at least 2"):
+    with refused("input-few", name="stations"):
         minimum_curvature(*np.zeros((3, count)))
 
 
@@ -216,7 +217,7 @@ def test_severity_per_thirty_metres_and_per_hundred_feet():
     path = minimum_curvature([0.0, 10.0, 30.0], np.radians([1.0, 2.0, 2.0]), [0.0, 0.0, 0.0])
     np.testing.assert_allclose(dogleg_severity_deg(path), [0.0, 3.0, 0.0], atol=1e-12)
     np.testing.assert_allclose(dogleg_severity_deg(path, 30.48), [0.0, 3.048, 0.0], atol=1e-12)
-    with pytest.raises(InputError, match="positive"):
+    with refused("input-value", name="length_m"):
         dogleg_severity_deg(path, 0.0)
 
 
@@ -255,8 +256,8 @@ TURN = st.floats(-4.0 * np.pi, 4.0 * np.pi)
 def test_two_stations_at_any_angle(inclination, azimuth, length):
     try:
         path = minimum_curvature([0.0, length], inclination, azimuth)
-    except InputError as refused:
-        assert "half a turn" in str(refused)  # noqa: PT017
+    except InputError as error:
+        assert error.finding.code == "survey-half-turn"  # noqa: PT017
         return
     chord = np.linalg.norm(positions(path)[1])
     # a chord is the arc times sin(b/2)/(b/2); near half a turn the direction loses up to six digits, the length none

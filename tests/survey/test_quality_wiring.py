@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+from tests.refusals import coded, refused
 
-from inclinometry.errors import InputError
 from inclinometry.orientation import dip_angle, fields
-from inclinometry.survey.quality_wiring import describe, wiring_check
+from inclinometry.survey.quality_wiring import mistakes, wiring_check
 from inclinometry.survey.stations import Stations
 
 DIP = np.radians(68.0)
@@ -18,28 +18,36 @@ def run(change=lambda b: b, turn=lambda g: g, count=12, noise_nt=40.0):
     return Stations(np.arange(count) * 30.0, 9.81 * turn(g), change(5e4 * b + random.normal(0, noise_nt, b.shape)))
 
 
+def fits_with(check):
+    """Corrections that fit, as lists of channels."""
+    return [
+        [found.values.get("channels", found.values.get("channel")) for found in way]
+        for way in check.reason.values["mistake"]
+    ]
+
+
 @pytest.mark.parametrize(
-    ("change", "words"),
+    ("change", "channels"),
     [
-        (lambda b: b[:, [1, 0, 2]], "x and y swapped"),
-        (lambda b: b[:, [0, 2, 1]], "y and z swapped"),
-        (lambda b: b * [1.0, 1.0, -1.0], "z reversed"),
-        (lambda b: b * [-1.0, 1.0, 1.0], "x reversed"),
-        (lambda b: -b, "x, y and z reversed (or specific force taken for gravity)"),
-        (lambda b: b[:, [1, 0, 2]] * [1.0, -1.0, 1.0], "x and y swapped and "),
+        (lambda b: b[:, [1, 0, 2]], [("x", "y")]),
+        (lambda b: b[:, [0, 2, 1]], [("y", "z")]),
+        (lambda b: b * [1.0, 1.0, -1.0], ["z"]),
+        (lambda b: b * [-1.0, 1.0, 1.0], ["x"]),
+        (lambda b: b[:, [1, 0, 2]] * [1.0, -1.0, 1.0], [("x", "y"), "y"]),
     ],
 )
-def test_each_mistake_is_named(change, words):
+def test_each_mistake_is_named(change, channels):
     check = wiring_check(run(change), DIP)
-    assert check.verdict == "fail"
-    assert words in check.reason
-    assert len(check.stations) == 12
-    assert "convention" in check.action
+    assert (check.verdict, check.reason.code, len(check.stations)) == ("fail", "survey-wiring-axes", 12)
+    assert channels in fits_with(check)
 
 
-def test_specific_force_is_named():
-    check = wiring_check(run(turn=lambda g: -g), DIP)
-    assert "specific force" in check.reason
+@pytest.mark.parametrize("stations", [run(lambda b: -b), run(turn=lambda g: -g)])
+def test_all_channels_reversed(stations):
+    """Specific force looks the same, and a dip of the wrong sign."""
+    check = wiring_check(stations, DIP)
+    assert (check.verdict, check.reason.code) == ("fail", "survey-wiring-dip")
+    assert ["x", "y", "z"] in fits_with(check)
 
 
 def test_right_axes_pass():
@@ -54,19 +62,15 @@ def test_the_trap_of_one_station():
 
 def test_too_few_or_too_similar_stations_are_not_judged():
     few = wiring_check(run(count=3), DIP)
-    assert few.verdict == "not judged"
-    assert "declination" in few.action
+    assert (few.verdict, few.reason.code) == ("not judged", "survey-wiring-few")
     g, b = fields(np.full(5, 0.8), np.radians(90.0), np.full(5, np.pi / 4), 0.0)
     alike = wiring_check(Stations(np.arange(5.0), 9.81 * g, 5e4 * b), 0.0)
-    assert alike.verdict == "not judged"
-    assert "too much alike" in alike.reason
+    assert (alike.verdict, alike.reason.code) == ("not judged", "survey-wiring-alike")
 
 
 def test_a_wrong_dip_of_the_site_is_no_mistake_of_wiring():
     check = wiring_check(run(), DIP - np.radians(5.0))
-    assert check.verdict == "fail"
-    assert "no exchange of axes or signs explains it" in check.reason
-    assert "site's dip" in check.action
+    assert (check.verdict, check.reason.code) == ("fail", "survey-wiring-unexplained")
 
 
 def test_a_rotation_common_to_both_triads_is_not_seen():
@@ -75,19 +79,17 @@ def test_a_rotation_common_to_both_triads_is_not_seen():
     assert wiring_check(run(b_y, g_y), DIP).verdict == "pass"
 
 
-def test_words():
-    assert describe(("+x", "+y", "+z")) == "as it is"
-    assert describe(("+y", "+z", "+x")) == "channels y, z, x taken for x, y, z"
-    assert describe(("-y", "+x", "+z")) == "x and y swapped and y reversed"
+def test_mistakes_of_a_mapping():
+    assert mistakes(("+x", "+y", "+z")) == ()
+    assert coded(mistakes(("+y", "+z", "+x"))) == ["run-channels-cycled"]
+    assert coded(mistakes(("-y", "+x", "+z"))) == ["run-channels-pair", "run-channels-reversed"]
 
 
 @pytest.mark.parametrize("degrees", [-91.0, 91.0])
 def test_a_dip_is_no_more_than_vertical(degrees):
-    with pytest.raises(InputError, match=r"allowed -1\.5708 to 1\.5708"):
+    with refused("input-value", name="dip"):
         wiring_check(run(), np.radians(degrees))
 
 
 def test_a_dip_of_the_wrong_sign_is_named_beside_reversed_axes():
-    check = wiring_check(run(), -DIP)
-    assert "x, y and z reversed" in check.reason
-    assert "the sign of the site's dip_deg" in check.action
+    assert wiring_check(run(), -DIP).reason.code == "survey-wiring-dip"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from tests.refusals import refused
 
 from inclinometry.errors import FileError, InputError
 from inclinometry.workflow.allan import noise_of_log
@@ -69,7 +70,7 @@ def test_a_tool_that_was_carried_about_has_no_noise(tmp_path):
     swing = (time > 60.0) & ((time < 150.0) | (time > 360.0))
     values[swing] += 2000.0 * np.sin(time[swing])[:, None]
     path = write(tmp_path, values)
-    with pytest.raises(FileError, match=r"at rest in 6\d % of the log; elsewhere gyro_[xy] varies") as caught:
+    with refused("work-moved-rest", error=FileError) as caught:
         noise_of_log(path)
     start, stop = (float(word) for word in str(caught.value).split("--start-s ")[1].split(" --stop-s "))
     assert (start, stop) == pytest.approx((150.0, 360.0), abs=1.0)
@@ -91,7 +92,7 @@ def test_vibration_is_noticed(tmp_path):
 def test_a_dead_channel_and_a_short_log_are_refused(tmp_path):
     values = still()
     values[:, 1] = 3.0
-    with pytest.raises(FileError, match="'gyro_y': the record does not vary"):
+    with refused("work-column", error=FileError):
         noise_of_log(write(tmp_path, values))
-    with pytest.raises(FileError, match="too few"):
+    with refused("work-column", error=FileError):
         noise_of_log(write(tmp_path, still()[:20]))

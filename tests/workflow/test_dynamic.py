@@ -85,7 +85,7 @@ def test_the_north_asked_for_and_its_uncertainty(path):
     np.testing.assert_allclose(found.rows.u_inclination, plain.rows.u_inclination, rtol=1e-12)
     assert {REFERENCES[n] for n in found.rows.north} == {"grid"}
     silent = reduced(path, site=replace(site, declination_sigma=None))
-    assert any("the uncertainty of the declination is not stated" in note for note in silent.notes)
+    assert any("uncertainty of the declination is not stated" in note for note in silent.notes)
 
 
 def test_a_gyro_is_never_turned_to_magnetic_north(path):

@@ -222,7 +222,7 @@ def test_the_direction_of_turning_is_stated(simulated):
         off = (found.north.azimuth - azimuth + np.pi) % (2.0 * np.pi) - np.pi
         assert np.abs(off).max() < 5.0 * found.north.u("azimuth").max()
     assert right.index_turns == "counterclockwise"
-    assert "index angles count counterclockwise looking down hole" in right.survey.notes
+    assert right.survey.findings[0].values["turns"] == "counterclockwise"
     with pytest.raises(InputError, match="index_turns is 'left'; allowed: clockwise, counterclockwise"):
         read_gyro_run(data.path, index_turns="left")
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from inclinometry.arrays import Array
 from inclinometry.calibration.norm import unit
+from inclinometry.findings import Finding
 from inclinometry.least_squares import Fit, Normal, inverse_spd, levenberg_marquardt
 
 RIDGE = 1e-2
@@ -412,18 +413,15 @@ def canonical(found: Estimate, flip: bool) -> tuple[Unknowns, Array]:
     return at, np.asarray(np.eye(problem.size) - np.outer(gauge, slope) / (slope @ gauge))
 
 
-def warn_axes(kinds: Sequence[str], at: Unknowns, flip: bool) -> list[str]:
-    """A sentence for each triad of three whose sensors do not lie near the tool axes of the same name."""
+def warn_axes(kinds: Sequence[str], at: Unknowns, flip: bool) -> list[Finding]:
+    """A warning for each triad of three whose sensors do not lie near the tool axes of the same name."""
     out = []
     for kind, tensor in zip(kinds, at.tensors, strict=True):
         if len(tensor) != 3:
             continue
         axes = unit(tensor) * (-1.0 if flip and kind == "accelerometer" else 1.0)
         if np.min(np.diagonal(axes)) < np.cos(np.radians(45.0)):
-            found = ", ".join(f"{i + 1} along {_nearest(axis)}" for i, axis in enumerate(axes))
-            out.append(
-                f"{kind}: sensors lie {found} of the tool; if this is not how it is built, check the axes mapping"
-            )
+            out.append(Finding("fit-axes", {"kind": kind, "axes": tuple(map(_nearest, axes))}))
     return out
 
 

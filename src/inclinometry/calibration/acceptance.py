@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -23,17 +23,25 @@ from inclinometry.calibration.likelihood import NUISANCE, orientation, tangent_b
 from inclinometry.calibration.orient import BaseFit, described, fields_seen, fit_base, gravity_elsewhere, leading_kinds
 from inclinometry.calibration.plans import Plan
 from inclinometry.calibration.plausibility import own_readings, repeated_noise
-from inclinometry.calibration.power import Effects, Power, power
+from inclinometry.calibration.power import Effects, Power, power, times
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
 from inclinometry.calibration.structured import MAGNETISED
 from inclinometry.constants import ANGLES, COVERAGE_FACTOR, DIALS
-from inclinometry.errors import InclinometryError, InputError, settled
+from inclinometry.errors import InclinometryError, InputError, refused, settled
+from inclinometry.findings import Finding, Value, without_notes
 from inclinometry.orientation import angles, angles_jacobian, attitude_jacobian, dip_angle, inclination_toolface
 from inclinometry.rotations import cross_matrix, wrap_signed
 from inclinometry.sensors import field_sensitivity
 from inclinometry.tabular import Column, Tabular, check_record, degrees, draw
 
+RESERVING: Final = frozenset(
+    ("verify-wide-agreement", "verify-wide-limit", "verify-detects-limits", "verify-detects-little")
+    + ("bench-residuals-recur",)
+)
+"""Findings with which a pass says little of the tool."""
+FITTED: Final = frozenset(("verify-field-fitted", "verify-tilt-fitted", "verify-base-fitted"))
+"""What was found of another stand."""
 NEAR_VERTICAL = np.radians(1.0)
 """Azimuth and toolface are never judged nearer to the vertical than this, rad."""
 
@@ -64,7 +72,7 @@ class OtherStand:
         if self.north is not None:
             within(self.north, "north", -2.0 * np.pi, 2.0 * np.pi, "rad")
             if self.level_sd is None:
-                raise InputError("the north of the stand is stated and not that it is level: state both, or neither")
+                raise refused("input-needs", {"name": "north", "needed": ("level_sd",)})
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -81,9 +89,8 @@ class Verification(Tabular):
         conformity: "agrees" or "does not agree" with the calibration
     limits_name, limits_source : of the agreed limits; "" without
     names : of what is judged: `ANGLES`, but of a tool without gravity's direction the angles to the fields it sees
-    notes : what was taken from where, and what this verification cannot see
+    findings : why, what was taken from where and what this verification cannot see, as notes; warnings
     power : which tools these positions find, and both risks; None on another stand than the calibration's
-    reservations : why a pass says little of the tool, also among the warnings
     """
 
     station: Sequence[str]
@@ -95,16 +102,13 @@ class Verification(Tabular):
     decision: Sequence[Sequence[str]]
     coverage_factor: float
     verdict: str
-    reasons: Sequence[str]
     limits_name: str
     limits_source: str
     tool: str = ""
     inputs: Mapping[str, str] = field(default_factory=dict)
-    warnings: Sequence[str] = ()
+    findings: tuple[Finding, ...] = ()
     names: Sequence[str] = ANGLES
-    notes: Sequence[str] = ()
     power: Power | None = None
-    reservations: Sequence[str] = ()
 
     @property
     def accepted(self) -> bool:
@@ -115,6 +119,11 @@ class Verification(Tabular):
     def judged(self) -> Array:
         """(K, 3) whether an error was decided on."""
         return np.asarray(np.array(self.decision) != "not judged")
+
+    @property
+    def reservations(self) -> tuple[Finding, ...]:
+        """Why a pass says little of the tool."""
+        return tuple(one for one in self.findings if one.code in RESERVING)
 
     @property
     def judgement(self) -> str:
@@ -203,8 +212,7 @@ def verify(
     check_record(calibration, Calibration, "verify")
     settled(own_readings(readings, calibration))
     found = _verified(readings, calibration, limits, stand, second, agreed=agreed)
-    again = [str(one) for one in repeated_noise(readings, calibration)] if stand is None else []
-    return replace(found, warnings=[*found.warnings, *again], reservations=[*found.reservations, *again])
+    return replace(found, findings=(*found.findings, *(repeated_noise(readings, calibration) if stand is None else ())))
 
 
 def _verified(
@@ -226,11 +234,8 @@ def _verified(
     of_field = ("angle of the tool axis to the field", "azimuth", "toolface to the field")
     names = ANGLES if kinds[0] == "accelerometer" else of_field
     if limits is not None and names is not ANGLES:
-        raise InputError(
-            f"the limits {limits.name!r} are of inclination, azimuth and toolface, and a {kinds[0]} alone gives none "
-            "of them: leave the limits out to compare the direction of the field in tool axes with its uncertainty"
-        )
-    misread = _misread(readings, calibration, _stand_fields(readings, calibration, kinds, stand))
+        raise refused("verify-limits-angles", {"limits": limits.name, "kinds": (kinds[0],)})
+    misread = settled(check_misread(readings, calibration, _stand_fields(readings, calibration, kinds, stand)))
     where = _expected(readings, calibration, kinds, stand)
     seen = fields_seen(readings, calibration, kinds, where.fields[kinds[0]], where.gravity[0])
     measured, wanted = _angles(seen, kinds), _angles(where.fields, kinds)
@@ -259,18 +264,14 @@ def _verified(
     if len(kinds) == 1:
         errors[:, 1], u[:, 1] = np.nan, np.pi / np.sqrt(3.0)
     found = _found(readings, calibration, limits, names, (dials, inclination, errors, u, bounds), factor)
-    notes = [*where.notes, *misread, *_unjudged(readings, calibration, kinds)]
+    more = [*where.findings, *misread, *_unjudged(readings, calibration, kinds)]
     if len(kinds) == 1:
-        notes += _strength(readings, calibration, kinds[0], seen)
+        more += _strength(readings, calibration, kinds[0], seen)
     if stand is None and not found.accepted:
-        notes += _elsewhere(readings, calibration, limits, second, found)
-    warnings = list(found.warnings)
+        more += _elsewhere(readings, calibration, limits, second, found)
     if stand is None and MAGNETISED in calibration.shares:
-        warnings.append(
-            "the calibration found that the cradle of this stand is magnetised: what it does to these readings is the "
-            "stand's error, not the tool's, and is not taken off; verify in another cradle"
-        )
-    found = replace(found, warnings=warnings, notes=[*notes, *found.notes])
+        more.append(Finding("verify-cradle"))
+    found = replace(found, findings=(*found.findings, *more))
     return _with_power(found, parts, calibration, limits, where, bounds, factor)
 
 
@@ -298,10 +299,7 @@ def planned(plan: Plan, calibration: Calibration, limits: Limits | None = None, 
     check_record(calibration, Calibration, "planned")
     tool, known = calibration.tool, calibration.field_directions
     if not known:
-        raise InputError(
-            f"this calibration (method {calibration.method}) does not know the orientation of a rig: what a "
-            "verification on another stand is worth is known when its readings are there"
-        )
+        raise refused("verify-no-orientation", {"method": calibration.method})
     zeros = [calibration.rig.nuisance.get(name, (0.0, 0.0))[0] for name in NUISANCE]
     dials = (plan.azimuth, plan.inclination, plan.toolface)
     matrix = orientation(np.stack(dials, axis=1), np.array(zeros))[0]
@@ -311,7 +309,8 @@ def planned(plan: Plan, calibration: Calibration, limits: Limits | None = None, 
     units = {kind: tool.triads[kind].unit for kind in seen}
     many = np.full(len(plan), within(count, "count", 1, 1e9))
     found = _verified(BenchReadings(seen, *dials, units=units, temperature=warm, count=many), calibration, limits)
-    return replace(found, notes=[] if found.power is None else found.power.sentences)
+    notes = () if found.power is None else found.power.findings
+    return replace(found, findings=(*without_notes(found.findings), *notes))
 
 
 def _with_power(
@@ -332,27 +331,13 @@ def _with_power(
     freedom = calibration.rig.freedom[np.isfinite(calibration.rig.freedom)]
     known = float(freedom.sum()) if freedom.size else np.inf
     worth = power(parts, found.names, bounds, accepted, limits is not None, known)
-    warnings, reserved = list(found.warnings), []
-    if worth.proves_little and limits is not None:
-        reserved.append(
-            f"the agreed limits are so wide that {len(found.station)} positions detect (90 %) only a tool with "
-            f"{worth.times} times its certified errors: a pass shows that the limits are kept, not that the tool meets "
-            "its certificate"
-        )
-    elif worth.proves_little:
-        reserved.append(
-            f"{len(found.station)} positions detect (90 %) only a tool with {worth.times} times its certified errors: "
-            "agreement proves little; take more positions, spread over the range of use, or a better stand"
-        )
-    warnings += reserved
+    more = list[Finding]()
+    if worth.proves_little:
+        code = "verify-detects-little" if limits is None else "verify-detects-limits"
+        more.append(Finding(code, {"positions": len(found.station), "times": times(worth.factor)}))
     if worth.proves_little and limits is None and freedom.size and freedom.min() < 10.0:
-        warnings.append(
-            f"deviations agree within {factor:.2g} standard uncertainties, as the setting of the dials was estimated "
-            f"with {freedom.min():.2g} degrees of freedom: state its standard deviation at the calibration"
-        )
-    reserved = [*found.reservations, *reserved]
-    notes = [*found.notes, *worth.sentences]
-    return replace(found, power=worth, warnings=warnings, reservations=reserved, notes=notes)
+        more.append(Finding("verify-freedom", {"factor": factor, "freedom": float(freedom.min())}))
+    return replace(found, power=worth, findings=(*found.findings, *more, *worth.findings))
 
 
 def _angles(seen: Mapping[str, Array], kinds: Sequence[str]) -> Array:
@@ -377,7 +362,7 @@ class _Where(NamedTuple):
     #: (3, 3) covariance of small turns of that base about north, east, down that is added to the errors'; negative
     #: where the turns were fitted to the same errors
     turn: Array
-    notes: Sequence[str]
+    findings: Sequence[Finding]
     #: in units of that at the calibration, and its sd: an error of |g| at the calibration cancels on its own stand
     gravity: tuple[float, float] = (1.0, 0.0)
 
@@ -389,10 +374,7 @@ def _expected(
     own, none = np.broadcast_to(calibration.rig.sd, (3,)), np.zeros((3, 3))
     if stand is None:
         if not set(kinds) <= set(calibration.field_directions):
-            raise InputError(
-                f"this calibration (method {calibration.method}) does not know the orientation of a rig: verify with "
-                "the orientation of the stand fitted or stated"
-            )
+            raise refused("verify-no-orientation", {"method": calibration.method})
         zeros = [calibration.rig.nuisance.get(name, (0.0, 0.0))[0] for name in NUISANCE]
         matrix, by_setting, by_nuisance = orientation(dials, np.array(zeros))
         directions = {k: calibration.field_directions[k] for k in kinds}
@@ -414,11 +396,8 @@ def _expected(
         )
     fields = {k: matrix @ a for k, a in directions.items()}
     if stand.setting_sd is None:
-        good = ", ".join(f"{x:.3g}" for x in np.degrees(own))
-        notes.append(
-            "settings of azimuth, inclination, toolface taken to be as good as those of the calibration's rig "
-            f"({good} deg)"
-        )
+        sds = dict(zip(("azimuth_deg", "inclination_deg", "toolface_deg"), np.degrees(own).tolist(), strict=True))
+        notes.append(Finding("verify-settings", sds, severity="note"))
     return _Where(matrix, by_setting, by_nuisance, directions, fields, own, base, turn, notes, (ratio, ratio_sd))
 
 
@@ -446,58 +425,46 @@ def _placed(
     stand: OtherStand,
     own: Array,
     gravity: tuple[float, float],
-) -> tuple[Array, Array, list[str]]:
-    """Base of another stand, the covariance of its turns that is added, and in words what was taken from where."""
+) -> tuple[Array, Array, list[Finding]]:
+    """Base of another stand, the covariance of its turns that is added, and what was taken from where."""
     both = len(kinds) == 2
     turn = np.zeros((3, 3))
     level = None if stand.level_sd is None else (np.eye(3), stand.level_sd)
     if level is not None:
         turn[0, 0] = turn[1, 1] = level[1] ** 2
-    north_of = {"magnetometer": "magnetic", "gyro": "true"}.get(kinds[-1], "")
+    north_of = "magnetic north" if kinds[-1] == "magnetometer" else "north"
     if kinds[0] != "accelerometer" and level is not None:
-        raise InputError(
-            f"a level stand says nothing of the field a {kinds[0]} alone sees: verify it with the stand fitted"
-        )
+        raise refused("input-not-with", {"name": "level_sd", "other": kinds[0]})
     if level is not None and (not both or stand.north is not None):
-        note = f"the stand is stated to be level to {np.degrees(level[1]):.3g} deg"
+        said = Finding("verify-level", {"level_sd_deg": float(np.degrees(level[1]))}, severity="note")
         if both:
             turn[2, 2] = stand.north_sd**2
-            note += (
-                f", its zero at {np.degrees(stand.north or 0.0):.3f} deg from {north_of} north to "
-                f"{np.degrees(stand.north_sd):.3g} deg"
-            )
-        note += ": errors are absolute"
+            zero = {"zero_deg": np.degrees(stand.north or 0.0), "zero_sd_deg": np.degrees(stand.north_sd)}
+            said = said._replace(code="verify-level-north", values={**said.values, **zero, "north": north_of})
         c, s = np.cos(stand.north or 0.0), np.sin(stand.north or 0.0)
-        return np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]), turn, [note]
+        return np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]), turn, [said]
     fit = fit_base(readings, calibration, kinds, setting_sd=own, level=level, gravity=gravity)
     free = [2] if level is not None else [0, 1, 2] if both else [0, 1]
     turn[np.ix_(free, free)] -= fit.covariance
     tilt, toward, north = described(fit.matrix)
-    notes = []
     if level is not None:
-        u = np.degrees(np.sqrt(fit.covariance[0, 0]))
-        notes.append(
-            f"the stand is stated to be level to {np.degrees(level[1]):.3g} deg; its zero was found from these "
-            f"readings at {np.degrees(north):.3f} +- {u:.3f} deg from {north_of} north: a constant error of azimuth is "
-            "not judged, inclination and toolface are absolute"
-        )
-        return fit.matrix, turn, notes
+        zero = {"zero_deg": np.degrees(north), "u_zero_deg": np.degrees(np.sqrt(fit.covariance[0, 0]))}
+        found = {"level_sd_deg": np.degrees(level[1]), **zero, "north": north_of}
+        return fit.matrix, turn, [Finding("verify-level-fitted", found, severity="note")]
     spread = np.degrees(np.sqrt(np.diagonal(fit.covariance)))
+    values: dict[str, Value] = {"tilt_deg": float(np.degrees(tilt)), "u_tilt_deg": float(spread[:2].max())}
     if kinds[0] != "accelerometer":
-        notes.append("the direction of the field on this stand was found from these readings: two angles")
+        said = Finding("verify-field-fitted", severity="note")
+    elif not both:
+        said = Finding("verify-tilt-fitted", values, severity="note")
     else:
-        note = f"tilted by {np.degrees(tilt):.3f} +- {spread[:2].max():.3f} deg"
-        if both:
-            note += (
-                f" toward azimuth {np.degrees(toward):.0f}, its zero at {np.degrees(north):.3f} +- {spread[2]:.3f} "
-                f"deg from {north_of} north"
-            )
-        notes.append(f"the orientation of the stand was found from these readings ({len(free)} angles): {note}")
-    notes += _hidden(readings, fit, both=both)
-    return fit.matrix, turn, notes
+        values |= {"toward_deg": float(np.degrees(toward)), "north": north_of}
+        values |= {"zero_deg": float(np.degrees(north)), "u_zero_deg": float(spread[2])}
+        said = Finding("verify-base-fitted", values, severity="note")
+    return fit.matrix, turn, [said, *_hidden(readings, fit, both=both)]
 
 
-def _hidden(readings: BenchReadings, fit: BaseFit, *, both: bool) -> list[str]:
+def _hidden(readings: BenchReadings, fit: BaseFit, *, both: bool) -> list[Finding]:
     """How much of a constant error of inclination and of toolface is taken for the orientation of the stand."""
     wanted = orientation(np.stack(readings.dials, axis=1), np.zeros(len(NUISANCE)))[0] @ fit.matrix
     level = np.hypot(wanted[:, 0, 2], wanted[:, 1, 2])
@@ -510,40 +477,29 @@ def _hidden(readings: BenchReadings, fit: BaseFit, *, both: bool) -> list[str]:
     for name, pattern in patterns.items():
         kept = float(np.linalg.norm(fit.left(pattern))) / max(float(np.linalg.norm(pattern)), 1e-12)
         shares[name] = 100.0 * max(0.0, 1.0 - kept)
-    sentence = "a constant error of azimuth is taken for the stand's and is not judged; " if both else ""
-    said = [
-        f"{sentence}of a constant error of inclination these positions would hide {shares['inclination']:.0f} %, of "
-        f"one of toolface {shares['toolface']:.0f} %"
-    ]
-    if shares["inclination"] > 50.0:
-        said.append(
-            "to judge the inclination itself take positions at azimuths all round, or state that the stand is level"
-        )
-    return said
+    values = {"inclination_percent": shares["inclination"], "toolface_percent": shares["toolface"]}
+    hidden = [Finding("verify-hidden", values, severity="note")]
+    hidden += [Finding("verify-azimuth-stand", severity="note")] if both else []
+    return hidden + ([Finding("verify-hidden-half", severity="note")] if shares["inclination"] > 50.0 else [])
 
 
-def _unjudged(readings: BenchReadings, calibration: Calibration, kinds: Sequence[str]) -> list[str]:
-    """What these sensors cannot be judged for, in true sentences."""
-    said = []
+def _unjudged(readings: BenchReadings, calibration: Calibration, kinds: Sequence[str]) -> list[Finding]:
+    """What these sensors cannot be judged for."""
+    found = []
     if len(kinds) == 1 and kinds[0] == "accelerometer":
-        said.append("the tool has no second field with three components: it has no azimuth to judge")
+        found.append(Finding("verify-no-azimuth", severity="note"))
     if kinds[0] != "accelerometer":
-        said.append(
-            f"a {kinds[0]} alone has neither inclination nor azimuth: judged is the field's direction in tool axes"
-        )
+        found.append(Finding("verify-field-only", {"kind": kinds[0]}, severity="note"))
     if not calibration.tool.triads[kinds[0]].full:
-        said.append(
-            "two components of gravity are seen; the third is from |g|, its sign from the rig, "
-            "so positions near the plane across the unseen axis are not judged"
-        )
+        found.append(Finding("verify-two-components", severity="note"))
     for kind in readings.channels:
         if kind not in kinds and not calibration.tool.triads[kind].full:
             rank = calibration.tool.triads[kind].rank
-            said.append(f"the {kind} sees {rank} component{'s' * (rank > 1)} and was not judged")
-    return said
+            found.append(Finding("verify-kind-idle", {"kind": kind, "rank": rank}, severity="note"))
+    return found
 
 
-def _strength(readings: BenchReadings, calibration: Calibration, kind: str, seen: Mapping[str, Array]) -> list[str]:
+def _strength(readings: BenchReadings, calibration: Calibration, kind: str, seen: Mapping[str, Array]) -> list[Finding]:
     """Strength of the one field against the calibration's: consistency, no part of the verdict."""
     if not calibration.tool.triads[kind].full:
         return []
@@ -552,35 +508,28 @@ def _strength(readings: BenchReadings, calibration: Calibration, kind: str, seen
     here = field_sensitivity(calibration.tool, (kind,), along, seen, readings.temperature)
     u = np.sqrt(sum(part[:, 0, 0] for part in here.components(calibration.tool).values()))
     worst = int(np.argmax(np.abs(length - 1.0)))
-    return [
-        f"strength of the field of the {kind} against the calibration's: mean {length.mean():.5f}, largest deviation "
-        f"{length[worst] - 1.0:+.5f} (u {u[worst]:.5f}) at station {readings.station[worst]}; no part of the verdict"
-    ]
-
-
-def _misread(readings: BenchReadings, calibration: Calibration, fields: Mapping[str, StandField]) -> list[str]:
-    """What is noted of dials that may count otherwise; InputError where they do."""
-    return [str(one) for one in settled(check_misread(readings, calibration, fields))]
+    values: dict[str, Value] = {"kind": kind, "mean": float(length.mean()), "station": readings.station[worst]}
+    values |= {"off": float(length[worst]) - 1.0, "u": float(u[worst])}
+    return [Finding("verify-strength", values, severity="note")]
 
 
 def _elsewhere(
     readings: BenchReadings, calibration: Calibration, limits: Limits | None, second: str | None, here: Verification
-) -> list[str]:
+) -> list[Finding]:
     """Whether another orientation of the stand explains a failure on what was taken for the calibration's own."""
     try:
         other = _verified(readings, calibration, limits, OtherStand(), second)
     except InclinometryError as error:
-        misread = error.finding is not None and error.finding.code == "bench-dials-otherwise"
-        return [f"taken as another stand than that of the calibration: {error}"] if misread else []
+        if error.finding is None or error.finding.code != "bench-dials-otherwise":
+            return []
+        return [Finding("verify-other-misread", {"finding": error.finding}, severity="note")]
     # a mere scatter of the errors is no shift, though a fit takes a little off it
     with np.errstate(invalid="ignore"):
         size, left = (np.sqrt(np.nanmean((one.errors / one.u) ** 2)) for one in (here, other))
     if not other.accepted or size < 2.0 * left:
         return []
-    return [
-        "a shift of the stand explains it: taken as another stand these readings are accepted. If the stand was moved "
-        f"or is another one, verify as on another stand, fitted or level; {other.notes[0]}"
-    ]
+    base = next(one for one in other.findings if one.code in FITTED)
+    return [Finding("verify-other-stand", {"finding": base}, severity="note")]
 
 
 def _single(readings: BenchReadings, calibration: Calibration) -> list[str]:
@@ -593,16 +542,11 @@ def _verify_single(
 ) -> Verification:
     """Single sensors: the angle of each to its field, from cos = (U - U0) / |n|."""
     if limits is not None:
-        raise InputError(
-            f"the limits {limits.name!r} are of inclination, azimuth and toolface, and a single sensor gives none of "
-            "them: leave the limits out to compare its angle to the field with its uncertainty"
-        )
+        raise refused("verify-limits-angles", {"limits": limits.name, "kinds": tuple(_single(readings, calibration))})
     if stand is not None:
-        raise InputError(
-            "a single sensor does not tell where another stand stands: verify it on that of its calibration"
-        )
+        raise refused("input-not-with", {"name": "stand", "other": "a single sensor"})
     kinds, tool = _single(readings, calibration), calibration.tool
-    misread = _misread(readings, calibration, _stand_fields(readings, calibration, kinds, None))
+    misread = settled(check_misread(readings, calibration, _stand_fields(readings, calibration, kinds, None)))
     where = _expected(readings, calibration, kinds, None)
     size = len(readings)
     errors, u, idle = (
@@ -610,7 +554,7 @@ def _verify_single(
         np.full((size, 3), np.pi / np.sqrt(3.0)),
         np.ones((size, 3), dtype=bool),
     )
-    notes, names = misread, ["-", "-", "-"]
+    notes, names = [*misread], ["-", "-", "-"]
     for column, kind in enumerate(kinds):
         triad, field_here = tool.triads[kind], where.fields[kind]
         names[column] = f"angle of the {kind} to its field"
@@ -628,16 +572,15 @@ def _verify_single(
         # along the field the signal does not change with the angle: judged where the angle has a linear error
         idle[:, column] = 3.0 * u[:, column] > sine
         worst = int(np.argmax(np.abs(off[:, 0]) / signal))
-        notes.append(
-            f"{kind}: residual {np.sqrt(np.mean(off**2)):.4g} {triad.unit} rms, largest against its uncertainty "
-            f"{off[worst, 0]:+.4g} (u {signal[worst]:.2g}) at station {readings.station[worst]}"
-        )
-    notes.append("a single sensor gives no inclination, azimuth or toolface: judged is its angle to the field")
+        values: dict[str, Value] = {"kind": kind, "unit": triad.unit, "rms": float(np.sqrt(np.mean(off**2)))}
+        values |= {"off": float(off[worst, 0]), "u": float(signal[worst]), "station": readings.station[worst]}
+        notes.append(Finding("verify-residual", values, severity="note"))
+    notes.append(Finding("verify-single", severity="note"))
     factor = agreement_factor(int(np.sum(~idle)), np.full(3, np.inf))
     bounds = np.where(idle, np.inf, factor * u)
     dials = np.stack(readings.dials, axis=1)
     found = _found(readings, calibration, None, names, (dials, dials[:, 1], errors, u, bounds), factor)
-    return replace(found, notes=notes)
+    return replace(found, findings=(*found.findings, *notes))
 
 
 def _signal_variance(readings: BenchReadings, calibration: Calibration, where: _Where, kind: str, axis: Array) -> Array:
@@ -683,15 +626,12 @@ def _found(
         said.decision,
         COVERAGE_FACTOR,
         said.verdict,
-        tuple(said.reasons),
         limits.name if limits else "",
         limits.source if limits else "",
         calibration.tool.name,
         {"readings": readings.digest, **{f"calibration {n}": d for n, d in calibration.inputs.items()}},
-        (*_warnings(readings, calibration), *said.warnings),
+        (*said.findings, *readings.findings, *_scope(readings, calibration)),
         names,
-        said.notes,
-        reservations=said.reservations,
     )
 
 
@@ -776,16 +716,13 @@ def _variance(parts: Effects) -> Array:
     return np.asarray(np.where(np.isfinite(total), np.maximum(total, 1e-24), np.pi**2 / 3.0))
 
 
-def _warnings(readings: BenchReadings, calibration: Calibration) -> list[str]:
-    sentences = list(readings.warnings)
-    few_positions = 6
+def _scope(readings: BenchReadings, calibration: Calibration) -> list[Finding]:
+    """What positions and temperature leave out."""
+    found, few_positions = list[Finding](), 6
     if len(readings) < few_positions:
-        sentences.append(
-            f"{len(readings)} positions verify little; take at least {few_positions}, spread over the range of use"
-        )
+        found.append(Finding("verify-few", {"positions": len(readings), "least": few_positions}))
     span, heat = calibration.tool.temperature_range, readings.temperature
     if span and heat is not None and (heat.min() < span[0] - 5.0 or heat.max() > span[1] + 5.0):
-        sentences.append(
-            f"verified at {heat.min():.1f} to {heat.max():.1f} degC, calibrated at {span[0]:.1f} to {span[1]:.1f} degC"
-        )
-    return sentences
+        here = {"here_low_degC": float(heat.min()), "here_high_degC": float(heat.max())}
+        found.append(Finding("verify-temperature", here | {"low_degC": span[0], "high_degC": span[1]}))
+    return found

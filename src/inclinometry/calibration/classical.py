@@ -14,7 +14,8 @@ from inclinometry.arrays import Array, finite
 from inclinometry.calibration.closed import ClosedForm
 from inclinometry.calibration.dials import three_dials
 from inclinometry.calibration.twelve import DOWN, unit_direction
-from inclinometry.errors import IdentifiabilityError, InputError
+from inclinometry.errors import IdentifiabilityError, out_of_range, refused, wrong_shape
+from inclinometry.findings import Finding, Value
 from inclinometry.rotations import dcm
 
 
@@ -39,20 +40,15 @@ def solve_classical(
     design = np.column_stack([dcm(*dials) @ a, np.ones(len(dials[0]))])
     size = np.linalg.svd(design, compute_uv=False)
     if len(size) < 4 or size[-1] < 1e-6 * size[0]:
-        raise IdentifiabilityError(
-            f"these {len(design)} settings do not show the field from four sides; add stations at other inclinations "
-            "and toolfaces"
-        )
+        raise IdentifiabilityError(Finding("plan-settings-few", {"settings": len(design)}))
     spread = np.linalg.inv(design.T @ design)
     free = np.swapaxes(spread @ design.T @ values, -1, -2)  # (..., m, 4), the fit without a nameplate
     nominal = nominal_axes(free[..., :3])
     k = finite(conversion_factor, "conversion_factor")
     if not (k > 0.0).all():
-        raise InputError(f"conversion_factor is {k.tolist()}; it must be positive, the sense is found")
+        raise out_of_range("conversion_factor", float(np.min(k)), "> 0")
     if k.shape not in ((), (1,), (values.shape[-1],)):
-        raise InputError(
-            f"conversion_factor has {len(k)} numbers, the readings {values.shape[-1]} sensors: not the same tool"
-        )
+        raise wrong_shape("conversion_factor", k.shape, f"({values.shape[-1]},)")
     # least squares with the component along the nominal axis held at k: move there along the fit's own covariance
     short = k - (free[..., :3] * nominal).sum(axis=-1)
     along = np.abs(nominal) @ spread[:3]
@@ -70,14 +66,12 @@ def nominal_axes(tensor: ArrayLike, most_degrees: float = 20.0) -> Array:
     np.put_along_axis(nominal, place, np.sign(np.take_along_axis(n, place, axis=-1)), axis=-1)
     main = (n * nominal).sum(axis=-1)
     if not (main > 0.0).all():
-        raise InputError("a sensor does not change with the field; is it connected?")
+        raise refused("fit-signals-constant")
     off = np.degrees(np.arctan2(np.linalg.norm(n - nominal * main[..., None], axis=-1), main))
     if off.max() > most_degrees:
         sensor = int(np.unravel_index(np.argmax(off), off.shape)[-1])
-        raise InputError(
-            f"the axis of sensor {sensor + 1} is {off.max():.1f} degrees from the nearest axis of the tool; the "
-            f"small-angle description holds to {most_degrees:g}: use a method that assumes no axes"
-        )
+        facts: dict[str, Value] = {"sensor": sensor + 1, "off_deg": float(off.max()), "allowed_deg": most_degrees}
+        raise refused("fit-axis-off", facts)
     return nominal
 
 

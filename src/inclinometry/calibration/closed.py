@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from inclinometry.arrays import Array, finite
 from inclinometry.calibration.dials import three_dials
-from inclinometry.errors import InputError
+from inclinometry.errors import wrong_shape
 from inclinometry.rotations import dcm, dcm_derivatives
 from inclinometry.sensors import Triad
 
@@ -33,7 +33,7 @@ class ClosedForm:
     def triad(self, kind: str, unit: str = "counts", field_strength: float | None = None) -> Triad:
         """The same as a Triad; for a single calibration, not a batch."""
         if self.tensor.ndim != 2:
-            raise InputError(f"this is a batch of shape {self.tensor.shape[:-2]}; index its arrays and take one")
+            raise wrong_shape("tensor", self.tensor.shape, "(m, 3)")
         return Triad(kind, self.tensor, self.offset, unit, field_strength)
 
     def signals(self, azimuth: ArrayLike, inclination: ArrayLike, toolface: ArrayLike) -> Array:
@@ -57,7 +57,7 @@ def sensitivity(solver: Solver, signals: ArrayLike) -> Array:
     """
     values = finite(signals, "signals", (None, None))
     if values.ndim != 2:
-        raise InputError(f"signals has shape {values.shape}; expected (K, m), one triad")
+        raise wrong_shape("signals", values.shape, "(K, m)")
     step = 1e-4 * float(np.ptp(values))
     moves = step * np.eye(values.size).reshape(values.size, *values.shape)
     high, low = solver(values + moves).parameters, solver(values - moves).parameters
@@ -75,7 +75,7 @@ def covariance(solvers: Sequence[Solver], signals: Sequence[Array], readings: Ar
     total, stations = sum(sizes), len(signals[0])
     spread = finite(readings, "covariance of the readings", (stations, total, total))
     if len(solvers) != len(signals):
-        raise InputError(f"{len(solvers)} solvers for the signals of {len(signals)} triads; give one each")
+        raise wrong_shape("solvers", (len(solvers),), f"({len(signals)},)")
     joint = np.zeros((4 * total, stations, total))
     place = 0
     for solver, values, size in zip(solvers, signals, sizes, strict=True):

@@ -11,7 +11,7 @@ from inclinometry.arrays import Array
 from inclinometry.calibration.expected import azimuth_triad, expected_uncertainty, field_dip
 from inclinometry.calibration.result import Calibration
 from inclinometry.constants import DIP, FIELD_UNITS, INCLINATIONS, KIND_PREFIX, LATITUDE, STEPS
-from inclinometry.errors import InputError
+from inclinometry.errors import refused
 from inclinometry.orientation import angles, fields, inclination_toolface
 from inclinometry.rotations import wrap_signed
 from inclinometry.sensors import Tool, in_field_of, relative_scales, strength_ratio
@@ -112,17 +112,13 @@ def compare_calibrations(
 def _refuse_unlike(first: Tool, second: Tool) -> None:
     """Two calibrations that cannot be of one tool."""
     if set(first.triads) != set(second.triads):
-        raise InputError(f"one calibration has {', '.join(first.triads)}, the other {', '.join(second.triads)}")
+        raise refused("fit-triads-unlike", {"first": tuple(first.triads), "second": tuple(second.triads)})
     for kind, triad in first.triads.items():
         other = second.triads[kind]
         if triad.count != other.count:
-            raise InputError(
-                f"{triad.count} {kind} channels in one calibration, {other.count} in the other: not one tool"
-            )
+            raise refused("fit-channels-unlike", {"kind": kind, "first": triad.count, "second": other.count})
         if triad.unit != other.unit:
-            raise InputError(
-                f"the {kind} is in {triad.unit} in one calibration, in {other.unit} in the other: convert one"
-            )
+            raise refused("fit-units", {"kind": kind, "unit": triad.unit, "other": other.unit})
 
 
 def _coefficients(kind: str, first: Tool, second: Tool, *, same_field: bool) -> list[Coefficient]:

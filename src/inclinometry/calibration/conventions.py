@@ -30,7 +30,7 @@ from inclinometry.calibration.likelihood import NUISANCE, Model, State, orientat
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
 from inclinometry.calibration.start import FIELD_ANGLE, handedness, linear_start, nearest_axes
-from inclinometry.errors import InputError
+from inclinometry.errors import not_among
 from inclinometry.findings import Finding, Severity, Value, refused_if
 from inclinometry.orientation import dip_angle
 from inclinometry.rotations import dcm
@@ -60,7 +60,7 @@ class Dials:
         for name, allowed in (("inclination_from", InclinationFrom), ("azimuth_counts", Counts),
                               ("toolface_counts", Counts), ("base", Base)):  # fmt: skip
             if getattr(self, name) not in get_args(allowed):
-                raise InputError(f"{name} is {getattr(self, name)!r}; allowed: {', '.join(get_args(allowed))}")
+                raise not_among(name, getattr(self, name), get_args(allowed))
 
     def settings(self, azimuth: Array, inclination: Array, toolface: Array) -> tuple[Array, Array, Array]:
         """Azimuth, inclination and toolface of the conventions for what the dials say, rad."""
@@ -97,13 +97,12 @@ class Dials:
         if self == USUAL:
             return readings
         azimuth, inclination, toolface = self.settings(*readings.dials)
-        note = f"the dials were read as stated ({self.way}) and converted"
         return replace(
             readings,
             azimuth=azimuth,
             inclination=inclination,
             toolface=toolface,
-            notes=(*readings.notes, note),
+            findings=(*readings.findings, Finding("bench-dials-read", {"way": self.way}, severity="note")),
             counted=tuple(vars(self).values()),
         )
 

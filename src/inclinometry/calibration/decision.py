@@ -10,7 +10,8 @@ import numpy as np
 
 from inclinometry.arrays import Array, within
 from inclinometry.constants import ANGLES, COVERAGE_FACTOR
-from inclinometry.errors import InputError
+from inclinometry.errors import not_among, refused
+from inclinometry.findings import Finding, Value
 from inclinometry.tabular import Column, Tabular, degrees
 
 GUARDS = ("none", "expanded-uncertainty")
@@ -48,7 +49,7 @@ class Limits(Tabular):
                 within(getattr(self, name), f"limit of {name}", 1e-9, np.pi, "rad")
         within(self.min_inclination_for_azimuth, "min_inclination_for_azimuth", 0.0, np.pi / 2, "rad")
         if self.guard not in GUARDS:
-            raise InputError(f"guard is {self.guard!r}; allowed: {', '.join(GUARDS)}")
+            raise not_among("guard", self.guard, GUARDS)
 
     def to_dict(self) -> dict[str, Column]:
         """One row an angle: the largest error it may have, and the inclination from which on it is judged."""
@@ -61,14 +62,11 @@ class Limits(Tabular):
 
 
 class Decided(NamedTuple):
-    """Decision of each error, verdict, and in words: reasons, notes, warnings, why a pass or agreement says little."""
+    """Decision of each error, verdict, and why."""
 
     decision: list[list[str]]
     verdict: str
-    reasons: list[str]
-    notes: list[str]
-    warnings: list[str]
-    reservations: list[str]
+    findings: list[Finding]
 
 
 def decided(
@@ -94,42 +92,39 @@ def decided(
     judged = np.isfinite(bounds)
     if limits is None:
         if not judged.any():
-            raise InputError("none of these positions can be judged: take others, inclined ones")
+            raise refused("verify-none-judged")
         words = {"pass": AGREES, "fail": DISAGREES}
         decision = [[words.get(one, one) for one in row] for row in decision]
         good, bad = AGREES, DISAGREES
     else:
         good, bad = "pass", "fail"
     wrong = judged & (np.array(decision) != good)
-    reasons = [] if limits is not None else _agreement(errors, expanded, judged, wrong, factor)
-    # the worst position of each angle that was not accepted, a word when all were, and what was not judged
+    found = [] if limits is not None else _agreement(errors, expanded, judged, wrong, factor)
+    # the worst position of each angle that was not accepted, a note when all were, and what was not judged
     for column in np.flatnonzero(wrong.any(axis=0)).tolist():
         worst = int(np.argmax(np.where(wrong[:, column], np.abs(errors[:, column]) / bounds[:, column], 0.0)))
-        many, error = int(wrong[:, column].sum()), np.degrees(errors[worst, column])
+        values: dict[str, Value] = {
+            "angle": names[column],
+            "count": int(wrong[:, column].sum()),
+            "total": len(errors),
+            "station": station[worst],
+            "error_deg": float(np.degrees(errors[worst, column])),
+        }
         if limits is None:
-            reasons.append(
-                f"{names[column]}: {many} of {len(errors)} positions do not agree; worst at station {station[worst]}, "
-                f"error {error:+.3f} deg, U {np.degrees(expanded[worst, column]):.3f} deg"
-            )
+            values["expanded_deg"] = float(np.degrees(expanded[worst, column]))
+            found.append(Finding("verify-angle-deviates", values, severity="note"))
         else:
-            reasons.append(
-                f"{names[column]}: {many} of {len(errors)} positions not accepted; worst at station {station[worst]}, "
-                f"error {error:+.3f} deg, limit {np.degrees(bounds[worst, column]):.3f} deg"
-            )
+            values["limit_deg"] = float(np.degrees(bounds[worst, column]))
+            found.append(Finding("verify-angle-exceeds", values, severity="note"))
     if limits is not None and not wrong.any():
-        reasons.append("every judged angle is within its limit at every position")
-    idle = [name for column, name in enumerate(names) if name != "-" and not judged[:, column].any()]
+        found.append(Finding("verify-all-within", severity="note"))
+    idle = tuple(name for column, name in enumerate(names) if name != "-" and not judged[:, column].any())
     if idle:
-        reasons.append(f"not judged at any position, the verdict does not cover: {', '.join(idle)}")
-    wide = _too_wide(names, inclination, bounds, limits)
-    return Decided(
-        decision,
-        bad if wrong.any() else good,
-        reasons,
-        [] if limits is None else _passed_wrongly(errors, u, bounds, judged & ~wrong),
-        [*([] if limits is None else _too_narrow(expanded, bounds)), *wide],
-        wide,
-    )
+        found.append(Finding("verify-not-covered", {"angles": idle}, severity="note"))
+    if limits is not None:
+        found += [*_passed_wrongly(errors, u, bounds, judged & ~wrong), *_too_narrow(expanded, bounds)]
+    found += _too_wide(names, inclination, bounds, limits)
+    return Decided(decision, bad if wrong.any() else good, found)
 
 
 def _judged(error: float, limit: float, guard: float) -> str:
@@ -140,29 +135,16 @@ def _judged(error: float, limit: float, guard: float) -> str:
     return "inconclusive" if error > limit - guard else "pass"
 
 
-def _agreement(errors: Array, expanded: Array, judged: Array, wrong: Array, factor: float) -> list[str]:
+def _agreement(errors: Array, expanded: Array, judged: Array, wrong: Array, factor: float) -> list[Finding]:
     """How many deviations are within U, and whether all are within what a tool that meets its calibration shows."""
     count, inside = int(judged.sum()), int(np.sum((np.abs(errors) <= expanded)[judged != 0]))
-    k = f"{COVERAGE_FACTOR:g}"
-    said = [
-        f"all {count} deviations are smaller than their expanded uncertainty (k = {k})"
-        if inside == count
-        else f"{inside} of {count} deviations are smaller than their expanded uncertainty (k = {k})"
+    return [
+        Finding("verify-inside", {"inside": inside, "total": count, "k": COVERAGE_FACTOR}, severity="note"),
+        Finding("verify-beyond" if wrong.any() else "verify-within", {"factor": factor}, severity="note"),
     ]
-    if wrong.any():
-        said.append(
-            f"a deviation exceeds {factor:.3g} standard uncertainties: a tool that meets its calibration shows this "
-            "with a probability of 1 %"
-        )
-    else:
-        said.append(
-            f"no deviation exceeds {factor:.3g} standard uncertainties: a tool that meets its calibration stays within "
-            "with a probability of 99 %"
-        )
-    return said
 
 
-def _too_wide(names: Sequence[str], inclination: Array, bounds: Array, limits: Limits | None) -> list[str]:
+def _too_wide(names: Sequence[str], inclination: Array, bounds: Array, limits: Limits | None) -> list[Finding]:
     """A reservation where bounds are wider than any inclinometer needs, of the worst angle."""
     away = np.minimum(inclination, np.pi - inclination)
     # nearer to either vertical azimuth and toolface are uncertain by any tool
@@ -175,44 +157,31 @@ def _too_wide(names: Sequence[str], inclination: Array, bounds: Array, limits: L
     worst = int(np.argmax(widest / wide))
     if widest[worst] <= wide[worst]:
         return []
-    size, most = np.degrees(widest[worst]), np.degrees(wide[worst])
-    if limits is None:
-        return [
-            f"{ANGLES[worst]} agrees within {size:.3g} deg, more than the {most:.0f} deg that any level or compass "
-            "keeps: this says nothing of the tool; look for what went wrong in its calibration"
-        ]
-    return [
-        f"the limit of {ANGLES[worst]} is {size:.3g} deg, more than the {most:.0f} deg that any level or compass "
-        "keeps: a pass says nothing of this tool; state narrower limits"
-    ]
+    size, most = (float(np.degrees(of[worst])) for of in (widest, wide))
+    values: dict[str, Value] = {"angle": ANGLES[worst], "limit_deg": size, "usual_deg": most}
+    return [Finding("verify-wide-agreement" if limits is None else "verify-wide-limit", values)]
 
 
-def _too_narrow(expanded: Array, bounds: Array) -> list[str]:
+def _too_narrow(expanded: Array, bounds: Array) -> list[Finding]:
     """Positions where the readings turned out so uncertain that the limit cannot be decided, whatever the tool does."""
-    sentences = []
+    found = []
     for column, name in enumerate(ANGLES):
         judged = np.isfinite(bounds[:, column])
         hopeless = int(np.sum(expanded[judged, column] > bounds[judged, column]))
         if hopeless:
-            sentences.append(
-                f"{name}: at {hopeless} of {int(judged.sum())} positions the limit is smaller than the expanded "
-                "uncertainty of the comparison itself (calibration, noise, rig): a better rig or more readings"
-            )
-    return sentences
+            found.append(Finding("verify-uncertain", {"angle": name, "count": hopeless, "total": int(judged.sum())}))
+    return found
 
 
-def _passed_wrongly(errors: Array, u: Array, bounds: Array, passed: Array) -> list[str]:
-    """Consumer's risk of an angle that passed, in words: JCGM 106:2012, 9.3.2, errors normal."""
+def _passed_wrongly(errors: Array, u: Array, bounds: Array, passed: Array) -> list[Finding]:
+    """Consumer's risk of an angle that passed: JCGM 106:2012, 9.3.2, errors normal."""
     from scipy.special import ndtr
 
     if not passed.any():
         return []
     error, spread, limit = np.abs(errors[passed]), u[passed], bounds[passed]
     beyond = 1.0 - (ndtr((limit - error) / spread) - ndtr((-limit - error) / spread))
-    return [
-        f"an angle that passed is beyond its limit with a probability of {100.0 * float(beyond.max()):.2g} % at most "
-        "(consumer's risk)"
-    ]
+    return [Finding("verify-risk", {"risk_percent": 100.0 * float(beyond.max())}, severity="note")]
 
 
 def refuse_unverifiable(
@@ -222,7 +191,7 @@ def refuse_unverifiable(
 
     `u` (K, 3) of each error, `by_dial` (K, 3, 3) what the setting of each dial brings of it, `rig_sd` (3,), all rad.
     """
-    said, away = [], np.minimum(inclination, np.pi - inclination)
+    narrow, away = list[Finding](), np.minimum(inclination, np.pi - inclination)
     for column, name in enumerate(ANGLES):
         limit = getattr(limits, name)
         if limit is None or not judged[:, column].any():
@@ -234,37 +203,25 @@ def refuse_unverifiable(
         # what a better rig may still add beside calibration and noise
         by_rig = float(np.sum(dial**2))
         room = (LARGEST_SHARE * limit / COVERAGE_FACTOR) ** 2 - (u[worst, column] ** 2 - by_rig)
-        give = _digits(np.degrees(expanded / LARGEST_SHARE), up=True)
-        rig = None
+        ways = [Finding("verify-way-limit", {"limit_deg": _digits(np.degrees(expanded / LARGEST_SHARE), up=True)})]
         if room > 0.0:
             rig = _digits(np.degrees(float(rig_sd[np.argmax(dial**2)]) * np.sqrt(room / by_rig)), up=False)
+            ways.append(Finding("verify-way-rig", {"rig_deg": rig}))
         steep = away[judged[:, column] & (COVERAGE_FACTOR * u[:, column] > LARGEST_SHARE * limit)].max()
-        above = _digits(np.degrees(steep), up=True)
-        spared = name != "inclination" and bool(np.any(judged[:, column] & (away > steep)))
-        if rig is not None and spared:
-            remedy = (
-                f"give {give} deg or more, or use a rig of {rig} deg, or judge it from an inclination above {above} "
-                "deg on"
-            )
-        elif rig is not None:
-            remedy = f"give {give} deg or more, or use a rig of {rig} deg"
-        elif spared:
-            remedy = f"give {give} deg or more, or judge it from an inclination above {above} deg on"
-        else:
-            remedy = f"give {give} deg or more"
-        said.append(
-            f"limit {np.degrees(limit):.3g} deg of {name} cannot be verified (U of the comparison is "
-            f"{_digits(np.degrees(expanded), up=True)} deg): {remedy}"
-        )
-    if said:
-        raise InputError("; ".join(said))
+        if name != "inclination" and np.any(judged[:, column] & (away > steep)):
+            ways.append(Finding("verify-way-steep", {"from_deg": _digits(np.degrees(steep), up=True)}))
+        values: dict[str, Value] = {"angle": name, "limit_deg": float(np.degrees(limit)), "ways": tuple(ways)}
+        values["expanded_deg"] = _digits(np.degrees(expanded), up=True)
+        narrow.append(Finding("verify-limit", values))
+    if narrow:
+        raise refused("verify-limit-narrow", {"limits": tuple(narrow)})
 
 
-def _digits(value: float, *, up: bool) -> str:
+def _digits(value: float, *, up: bool) -> float:
     """Two digits, rounded to the side that is safe."""
     unit = 10.0 ** (np.floor(np.log10(value)) - 1.0)
     # what is but rounding above two digits is not the next number
-    return f"{(np.ceil(value / unit - 1e-6) if up else np.floor(value / unit + 1e-6)) * unit:.2g}"
+    return float(f"{(np.ceil(value / unit - 1e-6) if up else np.floor(value / unit + 1e-6)) * unit:.2g}")
 
 
 def agreement_factor(judged: int, freedom: Array) -> float:

@@ -21,7 +21,8 @@ from inclinometry.calibration.likelihood import NUISANCE, Model, State
 from inclinometry.calibration.plans import Plan
 from inclinometry.calibration.start import Stand, stand_within
 from inclinometry.constants import DIP, INCLINATION_RANGE, SHORT_INCLINATIONS, VECTORS
-from inclinometry.errors import IdentifiabilityError, InputError
+from inclinometry.errors import IdentifiabilityError, out_of_range, refused, wrong_shape
+from inclinometry.findings import Finding
 from inclinometry.orientation import fields
 from inclinometry.sensors import Tool, Triad, angle_sensitivity
 from inclinometry.tabular import check_record
@@ -100,10 +101,10 @@ def information(rig_sd: float | Array, noise: Mapping[str, float], dip: float, t
     """The checked description of tool and stand; a tool of orthogonal unit axes when none is given."""
     absent = [k for k in VECTORS if tool is not None and (k not in tool.triads or not tool.triads[k].full)]
     if absent:
-        raise InputError(f"the {absent[0]} with three seen components is needed to aim a plan")
+        raise refused("input-triads", {"lacking": tuple(absent), "needed": VECTORS})
     missing = [k for k in VECTORS if k not in noise]
     if missing:
-        raise InputError(f"noise of the {missing[0]} is missing; give it relative to the full field, e.g. 4e-4")
+        raise refused("input-missing", {"names": tuple(f"noise.{kind}" for kind in missing)})
     triads, full, spread = {}, [], []
     for kind in VECTORS:
         given = Triad(kind, np.eye(3), np.zeros(3)) if tool is None else tool.triads[kind]
@@ -416,7 +417,7 @@ def optimal_plan(
     InputError
         Arguments out of range, or more stations than the stand has positions.
     IdentifiabilityError
-        Too few stations, or a stand that cannot show every parameter, in words.
+        Too few stations, or a stand that cannot show every parameter.
 
     Notes
     -----
@@ -436,14 +437,14 @@ def optimal_plan(
     captured, candidates = _settings(start_from), stand.positions()
     problem = _problem(about, criterion, inclination_range, captured, candidates)
     _enough(about, n, len(captured), int(problem.allowed.sum()))
-    _determined(about, np.concatenate([captured, candidates]), "a stand with these limits")
+    _determined(about, np.concatenate([captured, candidates]))
     if restarts is None:
         # a search takes longer with more stations but varies less; together these take 2 to 4 s up to 30 stations
         restarts = max(3, min(12, 144 // n))
     elif restarts < 1:
-        raise InputError(f"restarts is {restarts}; allowed: 1 or more")
+        raise out_of_range("restarts", restarts, ">= 1")
     chosen = candidates[search(problem, n, seed, restarts, progress)]
-    _determined(about, np.concatenate([captured, chosen]), f"{n} such stations")
+    _determined(about, np.concatenate([captured, chosen]))
     # in the operator's order, roll sets named
     # rounded, so that settings equal but for the last digit sort and group together
     rounded = chosen.round(9)
@@ -471,7 +472,7 @@ def next_position(
     done, candidates = _settings(captured), (stand_within() if stand is None else stand).positions()
     problem = _problem(about, criterion, inclination_range, done, candidates)
     if not problem.allowed.any():
-        raise InputError(f"all {len(candidates)} positions of the stand are captured; allow more settings")
+        raise refused("plan-all-captured", {"positions": len(candidates)})
     chosen = candidates[best_addition(problem, problem.fixed, [], 7)]
     before, after = (
         _worst(about, problem.gradients, settings) for settings in (done, np.concatenate([done, chosen[None]]))
@@ -532,7 +533,7 @@ def evaluate_plan(
     InputError
         Arguments out of range.
     IdentifiabilityError
-        A plan that does not determine the tool, in words.
+        A plan that does not determine the tool.
 
     Examples
     --------
@@ -544,7 +545,7 @@ def evaluate_plan(
     check_record(plan, (Plan, np.ndarray, list, tuple), "evaluate_plan")
     about = information(rig_sd, noise, dip, tool)
     settings = _settings(plan)
-    _determined(about, settings, "this plan")
+    _determined(about, settings)
     covariance = np.linalg.inv(_information_of(about, settings)) * np.outer(about.scale, about.scale)
     expected = Tool("expected", about.tool.triads, covariance[:-4, :-4])
     return expected_uncertainty(expected, inclination, about.dip)
@@ -600,13 +601,10 @@ def _range(inclination_range: tuple[float, float], criterion: Criterion) -> Arra
     """Inclinations at which the criterion is judged."""
     low, high = within(finite(inclination_range, "inclination_range", (2,)), "inclination_range", 0.0, np.pi, "rad")
     if low > high:
-        raise InputError(f"inclination_range is {low:g} to {high:g} rad; the first must not exceed the second")
+        raise out_of_range("inclination_range", float(low), f"<= {high:g}")
     nearest_plumb = np.radians(0.1)
     if criterion.rows != INCLINATION.rows and (low < nearest_plumb or high > np.pi - nearest_plumb):
-        raise InputError(
-            f"inclination_range is {np.degrees(low):g} to {np.degrees(high):g} deg; azimuth is undefined in a vertical "
-            "tool, keep 0.1 deg or more away from 0 and 180, or take the criterion inclination"
-        )
+        raise out_of_range("inclination_range, deg", f"{np.degrees(low):g} .. {np.degrees(high):g}", "0.1 .. 179.9")
     return inclination_grid(float(low), float(high))
 
 
@@ -617,7 +615,7 @@ def _settings(given: Settings) -> Array:
         return np.zeros((0, 3))
     settings = within(finite(given, "settings", (None, 3)), "settings", -2.0 * np.pi, 2.0 * np.pi, "rad")
     if settings.ndim != 2:
-        raise InputError(f"settings have shape {settings.shape}; expected (K, 3)")
+        raise wrong_shape("settings", settings.shape, "(K, 3)")
     return settings
 
 
@@ -631,20 +629,16 @@ def _captured(candidates: Array, captured: Array) -> Mask:
 
 def _enough(about: Information, n: int, captured: int, positions: int) -> None:
     if n != int(n) or n < 1:
-        raise InputError(f"n is {n}; allowed: a whole number of stations, 1 or more")
+        raise out_of_range("n", n, "1, 2, 3, ...")
     least = max(-(-(4 * t.count + 2) // t.count) + 1 for t in about.tool.triads.values())
     if n + captured < least:
-        raise IdentifiabilityError(
-            f"{n + captured} stations cannot determine a tensor, an offset and a field direction for each triad; "
-            f"take at least {least}, 12 or more for a good result"
-        )
+        raise IdentifiabilityError(Finding("plan-stations-few", {"stations": n + captured, "least": least}))
     if n > positions:
-        raise InputError(f"n is {n}, but the stand has {positions} positions to choose from; allow more settings")
+        raise out_of_range("n", n, f"<= {positions}")
 
 
-def _determined(about: Information, settings: Array, what: str) -> None:
+def _determined(about: Information, settings: Array) -> None:
     """Refuse settings that leave parameters undetermined, naming them."""
     blind = null_space(*about.model(settings))
     if not blind.complete:
-        words = "; ".join(f"this plan cannot see {one}" for one in blind.unseen)
-        raise IdentifiabilityError(f"{what}: {words}; add stations, or allow further inclinations and toolfaces")
+        raise IdentifiabilityError(Finding("plan-blind", {"stations": len(settings), "unseen": blind.unseen}))

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from inclinometry.arrays import Array, finite
-from inclinometry.errors import InputError
+from inclinometry.errors import wrong_shape
+from inclinometry.findings import Finding
 from inclinometry.rotations import TAU, wrap_positive, wrap_signed
 
 Rows: TypeAlias = NDArray[np.intp]
@@ -23,7 +24,7 @@ def three_dials(azimuth: ArrayLike, inclination: ArrayLike, toolface: ArrayLike)
     named = (("azimuth", azimuth), ("inclination", inclination), ("toolface", toolface))
     a, i, t = (finite(value, name, (None,)) for name, value in named)
     if not a.shape == i.shape == t.shape or a.ndim != 1:
-        raise InputError(f"azimuth {a.shape}, inclination {i.shape}, toolface {t.shape}; expected three times (K,)")
+        raise wrong_shape("azimuth, inclination, toolface", f"{a.shape}, {i.shape}, {t.shape}", "(K,)")
     return a, i, t
 
 
@@ -38,11 +39,11 @@ def same(angle: ArrayLike, place: float) -> NDArray[np.bool_]:
     return np.asarray(np.abs(wrap_signed(np.asarray(angle) - place)) <= ANGLE_TOLERANCE)
 
 
-def unequal_steps(angle: ArrayLike) -> str | None:
+def unequal_steps(angle: ArrayLike) -> Finding | None:
     """Why the angles are not p >= 3 equal steps of a full turn (in any order, from any start); None when they are."""
     angles = finite(angle, "angle", (None,))
     if len(angles) < 3:
-        return f"{len(angles)} settings; a harmonic needs at least 3 equal steps of a turn"
+        return Finding("plan-steps-few", {"count": len(angles)})
     # measured from one of them, so that rounding at 0/360 degrees does not part equal settings
     turned = np.sort(wrap_signed(angles - angles[0]))
     steps = np.diff(turned, append=turned[0] + TAU)
@@ -50,10 +51,8 @@ def unequal_steps(angle: ArrayLike) -> str | None:
     worst = steps[np.argmax(np.abs(steps - wanted))]
     if abs(worst - wanted) <= 2.0 * ANGLE_TOLERANCE:
         return None
-    return (
-        f"{len(angles)} settings are not equal steps of {np.degrees(wanted):.8g} degrees: "
-        f"one step is {np.degrees(worst):.8g}"
-    )
+    steps_deg = {"wanted_deg": float(np.degrees(wanted)), "step_deg": float(np.degrees(worst))}
+    return Finding("plan-steps-unequal", {"count": len(angles), **steps_deg})
 
 
 def groups(angle: ArrayLike) -> list[Rows]:

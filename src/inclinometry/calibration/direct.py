@@ -25,7 +25,7 @@ from inclinometry.calibration.start import enough, fix_signs
 from inclinometry.calibration.twelve import DOWN, find_direction, solve_orthogonal, solve_rotations, solve_twelve
 from inclinometry.calibration.variance import Fitted, expected_variances, fit_with_variances
 from inclinometry.constants import EARTH_RATE, STANDARD_GRAVITY
-from inclinometry.errors import InputError, settled
+from inclinometry.errors import refused, settled
 from inclinometry.findings import Finding
 from inclinometry.sensors import Tool
 from inclinometry.tabular import check_record
@@ -117,11 +117,7 @@ def calibrate_classical(
             continue  # refused below
         swing = float(np.median(np.sqrt(3.0) * readings.channels[kind].std(axis=0) / factor))
         if not 1.0 / nameplate_off < swing < nameplate_off:
-            raise InputError(
-                f"the {kind} swings {swing:.3g} times as far as its nameplate says ({float(factor.mean()):.6g} "
-                f"for the field at the stand): allowed 1/{nameplate_off:g} to {nameplate_off:g}; are readings and "
-                "nameplate in one unit?"
-            )
+            raise refused("fit-nameplate-off", {"kind": kind, "times": swing, "allowed": nameplate_off})
 
     def solver(kind: str, direction: Array) -> ClosedSolver:
         stated = _stated(kind, readings)
@@ -134,14 +130,11 @@ def calibrate_classical(
 def _conversion_factor(kind: str, readings: BenchReadings, nameplate: Tool | None) -> Array:
     """k of the nameplate (m,), signal for the field at the stand."""
     if nameplate is None:
-        raise InputError(
-            "method classical takes the conversion factors from a nameplate and none is given: give a "
-            "nameplate, a data sheet (see the command datasheet) or a tool.json"
-        )
+        raise refused("input-needs", {"name": "method classical", "needed": ("nameplate",)})
     triad = nameplate.triads.get(kind)
     if triad is None:
-        raise InputError(f"the nameplate of {nameplate.name} has no {kind}; the readings have one")
-    same_units(readings.units, nameplate, "its nameplate")
+        raise refused("input-missing", {"names": (f"nameplate.{kind}",)})
+    same_units(readings.units, nameplate)
     length = np.linalg.norm(triad.tensor[0], axis=1)
     if triad.field_strength is None:
         return np.asarray(length)
@@ -149,10 +142,7 @@ def _conversion_factor(kind: str, readings: BenchReadings, nameplate: Tool | Non
     usual = {"accelerometer": STANDARD_GRAVITY, "gyro": EARTH_RATE}
     strength = readings.reference.get({"accelerometer": "g", "magnetometer": "b"}.get(kind, ""), usual.get(kind))
     if strength is None:
-        raise InputError(
-            "a nameplate says what a magnetometer gives per nT: state the field at the stand, b_nT of the site or "
-            "the column reference_b_nT"
-        )
+        raise refused("input-missing", {"names": ("b_nT",)})
     return np.asarray(length * (strength / triad.field_strength))
 
 

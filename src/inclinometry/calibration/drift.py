@@ -20,7 +20,7 @@ import numpy as np
 from inclinometry.arrays import Array, Mask, frozen, within
 from inclinometry.constants import DIP
 from inclinometry.digest import digest_bytes
-from inclinometry.errors import InputError
+from inclinometry.errors import refused
 from inclinometry.history import PARAMETERS, ToolHistory
 from inclinometry.orientation import fields
 from inclinometry.sensors import Tool, Triad, angle_sensitivity
@@ -265,15 +265,12 @@ def _usable(histories: Sequence[ToolHistory]) -> tuple[str, list[ToolHistory]]:
         check_record(one, ToolHistory, "fit_drift")
     kinds = sorted({h.type for h in histories})
     if len(kinds) > 1:
-        raise InputError(f"tools of the types {', '.join(kinds)} do not drift alike; fit one type at a time")
+        raise refused("drift-types", {"types": tuple(kinds)})
     # runs say where a tool stands, not how its type drifts: moments of what they leave open would drown it
     used = [h.calibrations for h in histories if len(h.calibrations) > 1]
     least_tools = 3
     if len(used) < least_tools:
-        raise InputError(
-            f"{len(used)} tools of type {kinds[0] if kinds else '?'} have two calibrations or more; at least "
-            f"{least_tools} are needed, and some ten for figures that hold"
-        )
+        raise refused("drift-tools-few", {"tools": len(used), "least": least_tools})
     return kinds[0], used
 
 
@@ -334,7 +331,7 @@ def fit_drift(
     share = float(within(calendar_share, "calendar_share", 0.0, 1.0))
     hours, years = sum(float(np.sum(np.asarray(h.hours)[1:])) for h in used), sum(float(h.years[-1]) for h in used)
     if share < 1.0 and not hours > 0.0:
-        raise InputError(f"calendar_share is {share:g}, but no operating hours are recorded; give them, or leave it 1")
+        raise refused("input-needs", {"name": "calendar_share", "needed": ("hours",)})
     per_year = hours / years if hours > 0.0 and years > 0.0 else 1.0
     data = batch(used, share, per_year)
     acts = bool(data.doses.any()) if effects is None else effects

@@ -17,7 +17,8 @@ import numpy as np
 from inclinometry.arrays import Array, Mask, within
 from inclinometry.calibration.drift import DriftModel, DriftState, drift_states, fit_drift, part_of
 from inclinometry.constants import VECTORS
-from inclinometry.errors import InputError
+from inclinometry.errors import refused
+from inclinometry.findings import Finding, Value
 from inclinometry.history import PARAMETERS, ToolHistory
 
 FALSE_ALARMS: Final = 1e-3
@@ -185,7 +186,7 @@ def p_values(statistic: Array, past: Array) -> Array:
     past = np.sort(np.asarray(past, dtype=np.float64))
     n = len(past)
     if n < FEWEST:
-        raise InputError(f"{n} past calibrations; a fleet's own threshold needs {FEWEST}: take the simulated one")
+        raise refused("drift-past-few", {"calibrations": n, "least": FEWEST})
     rank = (1.0 + n - np.searchsorted(past, statistic, side="left")) / (n + 1.0)
     start, scale, shape = _pareto(past)
     beyond = np.maximum(np.asarray(statistic) - start, 0.0)
@@ -221,24 +222,10 @@ def threshold(past: Array, false_alarms: float = FALSE_ALARMS, *, tail: bool = T
         place = int(np.ceil((1.0 - a) * (len(past) + 1)))
         return float(past[place - 1]) if place <= len(past) else float("inf")
     if len(past) < FEWEST:
-        raise InputError(
-            f"{len(past)} past calibrations; a fleet's own threshold needs {FEWEST}: take the simulated one"
-        )
+        raise refused("drift-past-few", {"calibrations": len(past), "least": FEWEST})
     start, scale, shape = _pareto(past)
     ratio = _TAIL / a
     return float(start + (scale * np.log(ratio) if shape < 1e-6 else scale / shape * (ratio**shape - 1.0)))
-
-
-def amount(cause: str, size: float, u: float) -> str:
-    """How much of a cause, and its standard uncertainty, in the unit of its kind.
-
-    Examples
-    --------
-    >>> amount("magnetometer x offset", 8e-3, 5e-4), amount("package turned about z", 2e-3, 1e-4)
-    ('+8 thousandths of the field (u 0.5)', '+0.115 deg (u 0.0057)')
-    """
-    factor, unit = amount_unit(cause)
-    return f"{factor * size:+.3g} {unit} (u {factor * u:.2g})"
 
 
 def amount_unit(cause: str) -> tuple[float, str]:
@@ -271,10 +258,14 @@ class Alarm:
     p_value: float
 
     @property
-    def sentence(self) -> str:
+    def finding(self) -> Finding:
         """What a person reads."""
-        size, odds = amount(self.cause, self.size, self.u), f"p {odds_of(self.p_value)}"
-        return f"{self.cause}: {size}, {odds}" if self.raised else f"fits the history ({odds})"
+        p = max(self.p_value, 1e-12)  # that of normal tails means nothing below
+        if not self.raised:
+            return Finding("drift-fits", {"p": p}, severity="note")
+        factor, unit = amount_unit(self.cause)
+        values: dict[str, Value] = {"cause": self.cause, "size": factor * self.size, "u": factor * self.u, "p": p}
+        return Finding("drift-cause", values | {"unit": unit})
 
 
 def judged(test: CauseTest, past: Array, false_alarms: float = FALSE_ALARMS) -> list[Alarm]:

@@ -27,7 +27,8 @@ from inclinometry.calibration.start import stand_within
 from inclinometry.calibration.temperature import powers_of
 from inclinometry.calibration.variance import fit, noise_guess, rig_guess
 from inclinometry.constants import DIP, FIELD_NAME, INCLINATION_RANGE, VECTORS
-from inclinometry.errors import InputError
+from inclinometry.errors import out_of_range, refused
+from inclinometry.findings import Finding, Value
 from inclinometry.history import PARAMETERS, UNSEEN, scale_unseen, tool_from_relative
 from inclinometry.least_squares import Normal
 from inclinometry.rotations import dcm
@@ -96,7 +97,7 @@ def chosen_positions(
     """
     about: Information = information(rig_sd, noise, dip, None)
     if not 1 <= count <= 60:
-        raise InputError(f"count is {count}; allowed: 1 to 60 positions")
+        raise out_of_range("count", count, "1 .. 60")
     candidates = stand_within(candidates=400).positions()
     fixed = about.prior()
     fixed[:24, :24] += np.linalg.inv(prior)
@@ -150,14 +151,9 @@ class DriftCheck:
     covariance: Array
 
     @property
-    def refusal(self) -> str:
-        """Why there is no calibration; empty where there is one."""
-        if not self.alarm.raised:
-            return ""
-        return (
-            f"the tool does not fit its history ({self.alarm.sentence}); a check of few positions rests on it: make a "
-            "full calibration, for example of twelve positions"
-        )
+    def refusal(self) -> Finding:
+        """Why there is no calibration after an alarm."""
+        return Finding("drift-contradicts", {"alarm": self.alarm.finding}, severity="refused")
 
 
 def check_with_prior(
@@ -208,11 +204,11 @@ def check_with_prior(
     """
     check_record(readings, BenchReadings, "check_with_prior")
     for kind in VECTORS:
-        if kind not in readings.channels or reference.triads[kind].count != readings.channels[kind].shape[1]:
-            raise InputError(
-                f"the {kind} of the readings is not that of {reference.name or 'the tool'}: check the file"
-            )
-    same_units(readings.units, reference, "the tool's history")
+        have = readings.channels[kind].shape[1] if kind in readings.channels else 0
+        if have != reference.triads[kind].count:
+            calibrated = reference.triads[kind].count
+            raise refused("input-channels", {"kind": kind, "channels": have, "calibrated": calibrated})
+    same_units(readings.units, reference)
     tool = tool_from_relative(reference, prior.mean, prior.covariance, reference.name)
     # tensors are for the field of the reference, readings for that of this stand
     here = {kind: replace(reference.triads[kind], field_strength=readings.reference.get(FIELD_NAME[kind]))
@@ -267,12 +263,11 @@ def check_with_prior(
 
 def _with_history(record: Calibration, readings: BenchReadings, model: DriftModel, alarm: Alarm) -> Calibration:
     """The record with where its prior is from."""
-    note = (
-        f"{len(readings)} positions and the tool's history: drift of type {model.type} from {model.tools} tools, "
-        f"{model.calibrations} calibrations, {model.first} to {model.last}; {alarm.sentence}"
-    )
+    values: dict[str, Value] = {"positions": len(readings), "type": model.type, "tools": model.tools}
+    values |= {"calibrations": model.calibrations, "first": str(model.first), "last": str(model.last)}
+    note = Finding("drift-history", values | {"alarm": alarm.finding}, severity="note")
     inputs = {**record.inputs, "histories of the type": model.digest}
-    return replace(record, inputs=inputs, notes=(*record.notes, note), warnings=tuple(readings.warnings))
+    return replace(record, inputs=inputs, findings=(*record.findings, note))
 
 
 def _joined(whole: Array, tool: Array, rows: Index, gain: Array) -> Array:
@@ -291,7 +286,7 @@ def _start(tool: Tool, readings: BenchReadings, settings: Array) -> tuple[State,
     powers = np.ones((len(settings), 1))
     if degree:
         if readings.temperature is None:
-            raise InputError("this tool's calibration depends on temperature; give temperature_degC with the readings")
+            raise refused("input-temperature", {"kind": VECTORS[0]})
         powers = powers_of(readings.temperature, first.reference_temperature, degree)
     directions, coefficients = {}, {}
     turned = dcm(*settings.T)
@@ -340,7 +335,7 @@ def _noise(
         if kind in stated or (kind in readings.sd and (readings.sd[kind] > 0.0).any()):
             continue
         if not (reference.noise[kind] > 0.0).all():
-            raise InputError(f"the noise of the {kind} is not known; so few readings do not tell it: state it")
+            raise refused("input-missing", {"names": (f"noise_sd.{kind}",)})
         count = np.ones(len(readings)) if readings.count is None else readings.count
         mean = reference.noise[kind] / np.sqrt(count)[:, None]
         stated[kind] = np.maximum(mean, readings.rounding(kind))

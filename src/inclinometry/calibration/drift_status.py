@@ -26,7 +26,7 @@ from inclinometry.calibration.drift_alarm import (
 )
 from inclinometry.calibration.drift_check import after_check, plan_information
 from inclinometry.calibration.interval import Due, Requirement, due_date
-from inclinometry.errors import InputError
+from inclinometry.errors import refused
 from inclinometry.history import DAYS_PER_YEAR, ToolHistory
 from inclinometry.tabular import Column, Tabular, check_record
 
@@ -135,7 +135,7 @@ def fleet_status(
     asked = Requirement() if requirement is None else requirement
     twice = {h.serial for k, h in enumerate(histories) if h.serial in [other.serial for other in histories[:k]]}
     if twice:
-        raise InputError(f"two histories have the serial number {sorted(twice)[0]}; a tool has one")
+        raise refused("input-repeated", {"name": "serial number", "value": sorted(twice)[0]})
     model, past = fit_without_jumps(histories, false_alarms=false_alarms, progress=progress, dip=asked.dip, **options)
     today = max(h.date[-1] for h in histories) if day is None else day
     states = drift_states(histories, model)

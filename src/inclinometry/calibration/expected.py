@@ -17,7 +17,7 @@ from inclinometry.arrays import Array, within
 from inclinometry.calibration.result import Calibration
 from inclinometry.constants import COVERAGE_FACTOR, DIP, GRAVITY_SPREAD, LATITUDE, SHORT_INCLINATIONS, STEPS
 from inclinometry.earth.gravity import stated_gravity_sd
-from inclinometry.errors import InputError
+from inclinometry.errors import out_of_range
 from inclinometry.findings import Finding, Value
 from inclinometry.orientation import dip_angle, fields
 from inclinometry.sensors import Tool, angle_sensitivity
@@ -210,8 +210,9 @@ def expected_uncertainty(
         directions, tool = tool.field_directions, tool.tool
         # a tool without covariance is a truth that is known; a calibration without one says nothing of itself
         silent |= not np.any(np.diagonal(tool.covariance))
-    if azimuths < 1 or toolfaces < 1:
-        raise InputError(f"azimuths is {azimuths}, toolfaces {toolfaces}; at least 1 of each is needed")
+    for name, count in (("azimuths", azimuths), ("toolfaces", toolfaces)):
+        if count < 1:
+            raise out_of_range(name, count, ">= 1")
     values = np.atleast_1d(within(inclination, "inclination", 1e-6, np.pi - 1e-6, "rad"))
     second = azimuth_triad(tool)
     found, source = _dip(second, directions, dip, stated_dip)

@@ -26,7 +26,8 @@ from inclinometry.calibration.norm import algebraic_ellipsoid, require_coverage,
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import LEAST_REDUNDANCY, Calibration, Residuals, Rig
 from inclinometry.constants import FIELD_NAME
-from inclinometry.errors import ConvergenceError, IdentifiabilityError, InputError
+from inclinometry.errors import ConvergenceError, IdentifiabilityError, refused
+from inclinometry.findings import Finding, Value
 from inclinometry.least_squares import Fit, inverse_spd
 from inclinometry.sensors import Tool, Triad
 from inclinometry.tabular import check_record
@@ -138,7 +139,7 @@ def assemble(
     at: Unknowns,
     projection: Array,
     scales: Sequence[float],
-    notes: Sequence[str],
+    findings: Sequence[Finding],
 ) -> Calibration:
     """Scale everything back and put it together."""
     problem, shots = found.problem, found.problem.shots
@@ -173,8 +174,7 @@ def assemble(
         frozen(covariance[:kept, :kept]),
         _rig(found, at.dip, float(np.sqrt(covariance[shots.tool, shots.tool])), both=both),
         _residuals(readings, problem, at, scales, found),
-        (*readings.warnings, *notes),
-        notes=tuple(readings.notes),
+        (*readings.findings, *findings),
     )
 
 
@@ -279,65 +279,52 @@ def calibrate_field(
         float(within(axis_angle_sd, "axis_angle_sd", 1e-4, 1.0, "rad")),
         float(within(scale_spread_sd, "scale_spread_sd", 1e-4, 1.0)),
     )
-    notes: list[str] = []
-    shots, scales, names = _shots(readings, notes)
-    begin, flip = _begin(shots, prior, readings.reference, specific_force, notes)
+    found_so: list[Finding] = []
+    shots, scales, names = _shots(readings, found_so)
+    begin, flip = _begin(shots, prior, readings.reference, specific_force, found_so)
     problem = FieldProblem(shots, prior, first_levels(len(shots.kinds), shots.member))
     found = estimate(problem, begin)
     _require_information(found, names)
     at, projection = canonical(found, flip)
-    # sentences that name the shots that do not fit, and the components the shots cannot tell
-    out = []
+    kinds = found.problem.shots.kinds
     for k, group in bad_shots(found):
-        if group < len(found.problem.shots.kinds):
-            what = f"its {found.problem.shots.kinds[group]} reading does not fit (disturbed field, moved, or mistyped)"
+        values: dict[str, Value] = {"station": readings.station[k], "weight": float(found.weight[k, group])}
+        if group < len(kinds):
+            found_so.append(Finding("fit-shot-odd", values | {"kind": kinds[group]}, (k,)))
         else:
-            what = "it was not pointed like the others of its roll set"
-        out.append(f"station {readings.station[k]}: {what}; its weight is {found.weight[k, group]:.2f}, repeat it")
-    for component in found.blind:
-        out.append(f"too few shots to estimate the noise of {component}; an expected value is used")
-    notes += out
+            found_so.append(Finding("fit-shot-pointed", values, (k,)))
+    found_so += [Finding("fit-noise-expected", {"of": of}, severity="note") for of in found.blind]
     if len(shots.kinds) == 2 and (shots.member >= 0).all() and "dip" not in readings.reference:
-        notes.append(
-            "rolls alone and no dip stated: one such calibration in a hundred is wrong by tens of degrees and does not "
-            "show it; add two free shots in other attitudes, or state the dip"
-        )
-    notes += warn_axes(shots.kinds, at, flip)
-    return assemble(readings, name, found, at, projection, scales, notes)
+        found_so.append(Finding("fit-rolls-alone"))
+    found_so += warn_axes(shots.kinds, at, flip)
+    return assemble(readings, name, found, at, projection, scales, found_so)
 
 
-def _shots(readings: BenchReadings, notes: list[str]) -> tuple[Shots, list[float], tuple[str, ...]]:
+def _shots(readings: BenchReadings, findings: list[Finding]) -> tuple[Shots, list[float], tuple[str, ...]]:
     """Readings in units of the full field, the conversion factors, and the roll sets' membership."""
     kinds = [k for k in ("accelerometer", "magnetometer") if k in readings.channels]
     if not kinds:
-        raise InputError("a field calibration needs an accelerometer or a magnetometer; these readings have neither")
+        raise refused("input-one-of", {"names": ("accelerometer", "magnetometer")})
     if "gyro" in readings.channels:
-        notes.append("gyro readings are ignored: without a rig the field method has nothing to compare them with")
+        findings.append(Finding("fit-gyro-unused", severity="note"))
     for kind in kinds:
         sensors = readings.channels[kind].shape[1]
         if sensors < 3:
-            raise InputError(
-                f"{kind}: {sensors} sensors; the field method needs at least 3, a rig method will do with 2"
-            )
+            raise refused("input-few", {"name": f"{kind} channels", "count": sensors, "least": 3})
     sets = [s for s in dict.fromkeys(readings.roll_set) if s]
     lone = [s for s in sets if list(readings.roll_set).count(s) < 2]
     if lone:
-        notes.append(
-            f"roll set {', '.join(lone)}: a single station tells nothing of the tool axis; used as a free shot"
-        )
+        findings.append(Finding("fit-roll-single", {"sets": tuple(lone)}))
     sets = [s for s in sets if s not in lone]
     if not sets:
-        raise IdentifiabilityError(
-            "no roll set: constant strength and dip never show where the tool axis is; roll the tool about its axis at "
-            "one target and name these stations in roll_set, or fit one triad in its own axes by its norm"
-        )
+        raise IdentifiabilityError(Finding("fit-no-rolls"))
     member = np.array([sets.index(s) if s in sets else -1 for s in readings.roll_set])
     signals, relative, scales = [], [], []
     for kind in kinds:
         y = readings.channels[kind]
         tensor, _, proper = triad_start(y)
         if not proper:
-            notes.append(f"{kind}: the readings lie on no algebraic ellipsoid, started from a sphere; add attitudes")
+            findings.append(Finding("fit-sphere", {"kind": kind}))
         scales.append(float(np.linalg.norm(tensor) / np.sqrt(3.0)))
         signals.append(y / scales[-1])
         sd = readings.sd.get(kind)
@@ -352,7 +339,7 @@ def _begin(
     prior: tuple[float, float],
     reference: Mapping[str, float],
     specific_force: bool | None,
-    notes: list[str],
+    findings: list[Finding],
 ) -> tuple[Unknowns, bool]:
     """Starting point of least cost among the rotations the dip allows, and whether the accelerometer is flipped."""
     triads, fields = [], []
@@ -367,7 +354,6 @@ def _begin(
     betweens = rotations_between(fields[0], fields[1]) if both else [np.eye(3)]
     problem = FieldProblem(shots, prior, first_levels(len(shots.kinds), shots.member))
     fits: list[tuple[Fit[Unknowns], bool]] = []
-    trouble = ""
     for between in betweens:
         turned = [fields[0], fields[1] @ between.T] if both else fields
         axis = _axis(shots, turned)
@@ -381,10 +367,10 @@ def _begin(
         start = [(-tensor if flip else tensor, offset), *others]
         try:
             fits.append((problem.solve(unknowns(shots, start, between, axis), 1e-6), flip))
-        except ConvergenceError as error:
-            trouble = str(error)
+        except ConvergenceError:
+            continue
     if not fits:
-        raise IdentifiabilityError(f"no start leads to a fit ({trouble}); check the axes and that the dip was constant")
+        raise IdentifiabilityError(Finding("fit-no-start"))
     fit, flip = min(fits, key=lambda one: one[0].cost)
     # tool z on the side where the third sensor of the first triad points, or the one most along it
     at = fit.estimate
@@ -394,19 +380,13 @@ def _begin(
         at = reversed_z(at)
     # say how the sign was decided where it could be doubted
     if specific_force is None and not (both and "dip" in reference) and "accelerometer" in shots.kinds:
-        notes.append(
-            "the accelerometer is taken to read gravity, positive downwards, as nothing says otherwise: if it reads "
-            "+1 g upwards (specific force) say so, or inclinations come out as 180 deg minus themselves"
-        )
+        findings.append(Finding("fit-gravity-assumed"))
     if both and "dip" in reference:
         if specific_force is None and flip:
-            notes.append("the accelerometer is taken to read specific force, because of the sign of the reference dip")
+            findings.append(Finding("fit-force-assumed", severity="note"))
         if abs(at.dip - reference["dip"]) > np.radians(10.0):
-            found, stated = np.degrees([at.dip, reference["dip"]])
-            notes.append(
-                f"dip comes out as {found:.1f} deg, the reference is {stated:.1f} deg; "
-                "check the axes of the magnetometer (one mirrored?) and the accelerometer's sign"
-            )
+            found, stated = np.degrees([at.dip, reference["dip"]]).tolist()
+            findings.append(Finding("fit-dip-off", {"found_deg": found, "stated_deg": stated}))
     return at, flip
 
 
@@ -415,15 +395,12 @@ def _axis(shots: Shots, fields: Sequence[Array]) -> Array:
     axis, singular = tool_axis(fields, shots.member, shots.sets)
     # the second singular value is the width of the circle the fields drew; 0.2 is some 10 deg of roll
     if singular[1] < 0.2:
-        raise IdentifiabilityError(
-            "the rolls of the roll sets do not show the tool axis: they span too little, or a single triad was rolled "
-            "only once; roll through a full turn in three or more steps"
-        )
+        raise IdentifiabilityError(Finding("fit-rolls-narrow"))
     return axis
 
 
 def _require_information(found: Estimate, sets: Sequence[str]) -> None:
-    """Raise in words when, priors aside, the shots leave a direction of the tool's parameters open."""
+    """Refuse shots that, priors aside, do not determine a direction of the tool's parameters."""
     problem, shots = found.problem, found.problem.shots
     alone = FieldProblem(shots, (1e6, 1e6), problem.levels)
     covariance = inverse_spd(alone.normal(found.at).hessian)[: shots.tool, : shots.tool]
@@ -437,8 +414,7 @@ def _require_information(found: Estimate, sets: Sequence[str]) -> None:
     index = int(np.argmax(np.abs(vectors[:, -1])))
     kind = next(k for k, c in zip(shots.kinds, shots.columns, strict=True) if c.start <= index < c.stop)
     sensor, place = divmod(index - shots.columns[list(shots.kinds).index(kind)].start, 4)
-    what = f"offset of sensor {sensor + 1}" if place == 3 else f"sensor {sensor + 1} along {'xyz'[place]}"
-    raise IdentifiabilityError(
-        f"{len(shots.member)} shots and roll sets {', '.join(sets)} leave a parameter open ({kind}, mostly {what}): "
-        f"known to {100 * sd:.0f} % of the full field only; add free shots in other attitudes and another roll set"
-    )
+    own: dict[str, Value] = {"kind": kind, "sensor": sensor + 1}
+    what = Finding("bench-offset", own) if place == 3 else Finding("bench-element", own | {"axis": "xyz"[place]})
+    facts: dict[str, Value] = {"shots": len(shots.member), "sets": tuple(sets), "parameter": what}
+    raise IdentifiabilityError(Finding("fit-shots-few", facts | {"u_percent": 100.0 * sd}))

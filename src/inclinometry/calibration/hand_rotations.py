@@ -6,7 +6,6 @@ Between two rests the calibrated gyro must turn the direction of gravity seen be
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Final, NamedTuple
@@ -19,7 +18,8 @@ from inclinometry.calibration.norm import NormFit, calibrate_norm, norm_residual
 from inclinometry.calibration.result import Calibration, Residuals, Rig
 from inclinometry.calibration.stillness import StillIntervals, runs, sd_of_mean, still_intervals
 from inclinometry.constants import EARTH_RATE, PER_RADIAN, STANDARD_GRAVITY
-from inclinometry.errors import ConvergenceError, IdentifiabilityError, InputError
+from inclinometry.errors import ConvergenceError, IdentifiabilityError, refused, wrong_shape
+from inclinometry.findings import Finding, Value
 from inclinometry.least_squares import Normal, levenberg_marquardt
 from inclinometry.rotations import dcm_from_quaternion, quaternion_multiply
 from inclinometry.sensors import Tool, Triad, parameter_names
@@ -72,8 +72,7 @@ class HandRotations:
     chi_square_ratio: float
     rests: StillIntervals  #: of both triads' channels
     means: Array  #: (n, 3) of the accelerometer over each rest, signal units
-    notes: Sequence[str] = ()
-    warnings: Sequence[str] = ()
+    findings: tuple[Finding, ...] = ()
 
     @property
     def rms(self) -> float:
@@ -175,28 +174,22 @@ def calibrate_hand_rotations(
     """
     log = _Log(finite(time, "time", (None,)), finite(accelerometer, "accelerometer", (3,)), finite(gyro, "gyro", (3,)))
     if not log.time.shape == log.force.shape[:-1] == log.gyro.shape[:-1]:
-        shapes = f"{log.time.shape}, {log.force.shape} and {log.gyro.shape}"
-        raise InputError(f"time, accelerometer and gyro have shapes {shapes}; expected (N,), (N, 3) and (N, 3)")
+        raise wrong_shape("gyro", log.gyro.shape, f"({len(log.time)}, 3)")
     within(gravity, "gravity", 1e-6, 1e6, "m/s^2")
     still = [axis for axis, range_ in zip("xyz", np.ptp(log.gyro, axis=0), strict=True) if range_ == 0.0]
     if still:
-        names = ", ".join(f"gyro_{axis}" for axis in still)
-        raise InputError(f"{names} never changes; a gyro that works is needed for a calibration by hand rotations")
+        raise refused("fit-gyro-constant", {"channels": tuple(f"gyro_{axis}" for axis in still)})
     rests = still_intervals(log.time, np.hstack([log.force, log.gyro]), window=window, shortest=shortest)
     if len(rests) < LEAST_ROTATIONS + 1:
-        raise IdentifiabilityError(
-            f"{len(rests)} rests of {shortest:g} s in the log; at least {LEAST_ROTATIONS + 1} are needed, with a "
-            "rotation between each two: put the tool down still in more attitudes, all over the sphere"
-        )
+        few: dict[str, Value] = {"count": len(rests), "least": LEAST_ROTATIONS + 1, "rest_s": shortest}
+        raise IdentifiabilityError(Finding("fit-rests-few", few))
     pairs = rests.pairs()
-    fit = calibrate_norm([log.force[a:b].mean(axis=0) for a, b in pairs], gravity)
+    fit = calibrate_norm([log.force[a:b].mean(axis=0) for a, b in pairs], gravity, kind="accelerometer")
     stated = None if bias is None else finite(bias, "bias", (3,))
     work = _Fit(log, rests, fit, stated)
     if len(work.legs) < LEAST_ROTATIONS:
-        raise IdentifiabilityError(
-            f"{len(work.legs)} rotations between rests; at least {LEAST_ROTATIONS} are needed: "
-            + ("; ".join(work.dropped[:3]) or "turn the tool further between the rests")
-        )
+        lost: dict[str, Value] = {"count": len(work.legs), "least": LEAST_ROTATIONS, "dropped": len(work.dropped)}
+        raise IdentifiabilityError(Finding("fit-rotations-none", lost))
     return work.result(work.start(gyro_unit))
 
 
@@ -221,7 +214,7 @@ class _Fit:
         self.down = unit(fit.field(force))
         # rad: noise of the mean, and what the model of the accelerometer leaves
         self.down_variance = (np.mean(sd**2, axis=1) + fit.rms**2) / fit.strength**2
-        self.dropped: list[str] = []
+        self.dropped: list[Finding] = []
         self.legs = self._legs()
         if self.legs:
             self._prepare()
@@ -237,17 +230,20 @@ class _Fit:
         found = []
         for rest, ((_, b), (c, _)) in enumerate(pairwise(self.rests.pairs())):
             start = b - 1
-            times = f"rotation at {self.log.time[start]:.6g} to {self.log.time[c]:.6g} s"
             lasts = float(self.log.time[c] - self.log.time[start])
             if np.any((gaps >= start) & (gaps < c)):
-                self.dropped.append(f"{times} left out: the log has a gap there")
+                self._drop(start, "gap in the log")
             elif clipped[start:c].any():
-                self.dropped.append(f"{times} left out: the gyro is out of range; turn the tool more slowly")
+                self._drop(start, "gyro out of range")
             elif lasts > longest:
-                self.dropped.append(f"{times} left out: longer than {longest:g} s, the bias drifts meanwhile")
+                self._drop(start, "too long")
             else:
                 found.append((rest, start, c))
         return found
+
+    def _drop(self, sample: int, why: str) -> None:
+        values: dict[str, Value] = {"time_s": float(self.log.time[sample]), "why": why}
+        self.dropped.append(Finding("fit-rotation-dropped", values, severity="note"))
 
     def _prepare(self) -> None:
         """Arrays of the legs that are used."""
@@ -303,15 +299,7 @@ class _Fit:
             left = np.median(np.linalg.norm(miss, axis=-1), axis=-1)
             if left.min() < near:
                 return np.asarray(tried[int(left.argmin())])
-        said = f"of gyro signals in {gyro_unit}" if gyro_unit in PER_RADIAN else "and no scale factor"
-        self._refuse_poor(f"no order and sign of the axes {said} turns gravity as the accelerometer saw it turn")
-        raise AssertionError  # pragma: no cover
-
-    def _refuse_poor(self, what: str) -> None:
-        raise IdentifiabilityError(
-            f"{what}: gyro and accelerometer are not of one tool or not on one clock, the gyro was out of range, or "
-            "its unit is another than stated"
-        )
+        raise IdentifiabilityError(Finding("fit-gyro-other", {"off_deg": float(np.degrees(left.min()))}))
 
     def _model(self, gain: Array) -> tuple[Array, Array, Array, Array]:
         """Residuals (K, 3), their derivatives by the gain (K, 3, 9) and bias (K, 3, 3), and end attitudes (K, 3, 3)."""
@@ -363,8 +351,8 @@ class _Fit:
 
             try:
                 fit = levenberg_marquardt(normal, gain.ravel() / size, lambda theta, step: theta + step, tolerance=1e-6)
-            except ConvergenceError as error:
-                raise IdentifiabilityError(f"no gyro fits the rotations ({error})") from None
+            except ConvergenceError:
+                raise IdentifiabilityError(Finding("fit-gyro-none")) from None
             change = np.linalg.norm(fit.estimate * size - gain.ravel()) / np.linalg.norm(gain)
             gain = fit.estimate.reshape(3, 3) * size
             self.whiten = whiten
@@ -379,7 +367,6 @@ class _Fit:
 
     def result(self, start: Array) -> HandRotations:
         """Fit, without rotations at odds with the others, and everything that is to be known of it."""
-        notes = list(self.rests.report())
         gain, information = self.solve(start)
         for _ in range(3):
             residual, d_gain, _, end = self._model(gain)
@@ -392,19 +379,19 @@ class _Fit:
             if not odd.any() or len(self.legs) - odd.sum() < LEAST_ROTATIONS:
                 break
             for _, last, _ in (leg for leg, one in zip(self.legs, odd, strict=True) if one):
-                at = self.log.time[last]
-                self.dropped.append(f"rotation at {at:.6g} s left out: at odds with the others (a knock, or a slip)")
+                self._drop(last, "does not fit the others")
             self.legs = [leg for leg, one in zip(self.legs, odd, strict=True) if not one]
             self._prepare()
             gain, information = self.solve(gain)
         angle = np.arctan2(np.linalg.norm(np.cross(self.u1, self.u1 - residual), axis=1), 1.0)
         largest = np.radians(10.0)  # rms angle between predicted and seen gravity of a gyro that is not this tool's
-        if float(np.sqrt(np.mean(angle**2))) > largest:
-            self._refuse_poor(f"predicted and seen gravity are {np.degrees(np.sqrt(np.mean(angle**2))):.0f} deg apart")
+        rms = float(np.sqrt(np.mean(angle**2)))
+        if rms > largest:
+            raise IdentifiabilityError(Finding("fit-gyro-other", {"off_deg": float(np.degrees(rms))}))
         freedom = 2 * len(self.legs) - 9
         ratio = float(np.sum(scaled**2)) / freedom
         covariance, bias, scatter = self._covariance(information, ratio * freedom / (freedom - 2.0), d_gain, end)
-        notes += [*self.dropped, f"{len(self.legs)} rotations used"]
+        used = Finding("fit-rotations-used", {"count": len(self.legs)}, severity="note")
         return HandRotations(
             self.fit,
             frozen(gain),
@@ -416,8 +403,7 @@ class _Fit:
             ratio,
             self.rests,
             frozen(self.force),
-            tuple(notes),
-            self._warnings(gain, ratio),
+            (*self.rests.findings, *self.dropped, used, *self._warnings(gain, ratio)),
         )
 
     def _covariance(self, information: Array, ratio: float, d_gain: Array, end: Array) -> tuple[Array, Array, Array]:
@@ -450,29 +436,20 @@ class _Fit:
             return
         share = np.sum(vectors[:, unseen] ** 2, axis=1).reshape(3, 3)
         gyros = [f"gyro_{axis}" for axis, part in zip("xyz", share.sum(axis=0), strict=True) if part > 0.3]
-        raise IdentifiabilityError(
-            f"the rotations do not show scale and misalignment of {', '.join(gyros) or 'the gyro'}: turn the tool "
-            "about each of its axes, with that axis away from the vertical"
-        )
+        raise IdentifiabilityError(Finding("fit-gyro-unseen", {"channels": tuple(gyros) or ("gyro",)}))
 
-    def _warnings(self, gain: Array, ratio: float) -> tuple[str, ...]:
-        found = [f"accelerometer: {sentence}" for sentence in self.fit.warnings]
+    def _warnings(self, gain: Array, ratio: float) -> list[Finding]:
+        found = list(self.fit.findings)
         main = np.argmax(np.abs(gain), axis=0)
         signs = [gain[i, j] > 0.0 for j, i in enumerate(main)]
-        axes = ", ".join(
-            f"gyro_{name} along {'+' if sign else '-'}{'xyz'[i]}"
-            for name, i, sign in zip("xyz", main, signs, strict=True)
-        )
+        axes = tuple(f"{'+' if sign else '-'}{'xyz'[i]}" for i, sign in zip(main, signs, strict=True))
         if tuple(main) != (0, 1, 2) or not all(signs):
-            found.append(f"the gyro's channels do not lie along the accelerometer's: {axes} of the accelerometer")
+            found.append(Finding("fit-gyro-axes", {"axes": axes}))
         if ratio > 4.0:
-            found.append(
-                f"the rotations scatter {np.sqrt(ratio):.1f} times more than noise and drift of the bias explain: a "
-                "non-linear gyro, knocks, or a clock that is not the accelerometer's; the uncertainty says so"
-            )
+            found.append(Finding("fit-rotations-scatter", {"times": float(np.sqrt(ratio))}))
         if len(self.legs) < 2 * LEAST_ROTATIONS:
-            found.append(f"{len(self.legs)} rotations for nine parameters: {2 * LEAST_ROTATIONS} or more check the fit")
-        return tuple(found)
+            found.append(Finding("fit-rotations-few", {"count": len(self.legs), "least": 2 * LEAST_ROTATIONS}))
+        return found
 
 
 def _out_of_range(signals: Array, middle: Array, noise: Array) -> NDArray[np.bool_]:
@@ -537,10 +514,5 @@ def hand_rotations_calibration(
             {"accelerometer": scaled},
             np.full(count, min(1.0, 9.0 / count)),
         ),
-        (
-            "hand rotations: the rotation from the accelerometer's axes to the tool's is unknown; use a rig or roll "
-            "sets for angles",
-            *found.warnings,
-        ),
-        notes=found.notes,
+        (Finding("fit-own-axes"), *found.findings),
     )

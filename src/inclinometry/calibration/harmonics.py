@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from inclinometry.arrays import Array, finite
 from inclinometry.calibration.dials import unequal_steps
-from inclinometry.errors import InputError
+from inclinometry.errors import out_of_range, refused
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +36,7 @@ def harmonic_weights(angle: ArrayLike, order: int = 1) -> Array:
     angles = finite(angle, "angle", (None,))
     count = len(angles)
     if order < 1 or 2 * order >= count:
-        raise InputError(f"order is {order}; {count} equal steps determine harmonics 1 to {(count - 1) // 2}")
+        raise out_of_range("order", order, f"1 .. {(count - 1) // 2}")
     turn = order * angles
     return np.asarray(np.stack([2.0 * np.cos(turn), 2.0 * np.sin(turn), np.ones(count)]) / count)
 
@@ -47,9 +47,8 @@ def harmonics(signals: ArrayLike, angle: ArrayLike, order: int = 1) -> Harmonic:
     For any order and start of the steps. At equal steps the sums are the fit of least squares. Order 1 is the field
     itself; order 2 shows non-linearity and unequal turning.
     """
-    reason = unequal_steps(angle)
-    if reason is not None:
-        raise InputError(reason)
+    if (why := unequal_steps(angle)) is not None:
+        raise refused("plan-steps", {"why": why})
     weights = harmonic_weights(angle, order)
     values = finite(signals, "signals", (weights.shape[1], None))
     cosine, sine, mean = np.moveaxis(weights @ values, -2, 0)

@@ -43,7 +43,14 @@ from inclinometry.calibration.variance import (
     with_averaged_covariance,
 )
 from inclinometry.constants import KINDS
-from inclinometry.errors import ConvergenceError, IdentifiabilityError, InputError, settled
+from inclinometry.errors import (
+    ConvergenceError,
+    IdentifiabilityError,
+    not_among,
+    out_of_range,
+    refused,
+    settled,
+)
 from inclinometry.findings import Finding, Value
 
 LEVEL, NORTH, DIP = np.radians([0.2, 0.5, 0.5])
@@ -215,7 +222,7 @@ def result(done: Fit, name: str) -> Calibration:
 def _nuisance_sd(given: Mapping[str, float] | None) -> Array:
     unknown = set(given or {}) - set(NUISANCE)
     if unknown:
-        raise InputError(f"nuisance parameter {sorted(unknown)[0]!r} is unknown; allowed: {', '.join(NUISANCE)}")
+        raise not_among("nuisance_sd", sorted(unknown)[0], NUISANCE)
     values = np.array([(given or {}).get(n, 0.0) for n in NUISANCE])
     return within(values, "nuisance_sd", 0.0, np.radians(30.0), "rad")
 
@@ -226,7 +233,7 @@ def _field_prior(
     """Direction and precision of each prior on a field of these readings."""
     unknown = set(given or {}) - set(KINDS)
     if unknown:
-        raise InputError(f"field_prior names {sorted(unknown)[0]!r}; allowed: {', '.join(KINDS)}")
+        raise not_among("field_prior", sorted(unknown)[0], KINDS)
     priors = {}
     for kind, (direction, sd) in (given or {}).items():
         spread = max(float(within(sd, f"sd of the field_prior of the {kind}", 0.0, np.pi, "rad")), LEAST_SD)
@@ -234,7 +241,7 @@ def _field_prior(
             stated = finite(direction, f"field_prior of the {kind}", (3,))
             length = float(np.linalg.norm(stated))
             if length == 0.0:
-                raise InputError(f"field_prior of the {kind} is the zero vector; give a direction")
+                raise out_of_range(f"length of the field_prior of the {kind}", length, "> 0")
             priors[kind] = (stated / length, np.eye(3) / spread**2)
     return priors
 
@@ -245,9 +252,9 @@ def _stand_angles(readings: BenchReadings, given: Mapping[str, float] | None) ->
     vague_north = np.radians(30.0)  # a north known no better than this decides signs but does not enter the fit, rad
     for name, value in (given or {}).items():
         if name not in ("dip", "north"):
-            raise InputError(f"reference_sd names {name!r}; allowed: dip, north")
+            raise not_among("reference_sd", name, ("dip", "north"))
         if name not in readings.reference:
-            raise InputError(f"reference_sd gives the uncertainty of the {name}, but the readings' reference has none")
+            raise refused("input-needs", {"name": f"reference_sd {name}", "needed": (name,)})
         sd = float(within(value, f"reference_sd of the {name}", 0.0, np.pi, "rad"))
         if "magnetometer" in readings.channels and not (name == "north" and sd >= vague_north):
             angles.append(StandAngle(name, readings.reference[name], max(sd, LEAST_SD)))
@@ -292,7 +299,7 @@ def with_assumed_stand(begun: Start) -> tuple[Start, list[Finding]]:
     left = null_space(cured, start)
     if not left.complete:
         values: dict[str, Value] = {"rank": left.rank, "size": left.size, "unseen": left.unseen[0]}
-        raise IdentifiabilityError(Finding("bench-plan-blind", values, severity="refused"))
+        raise IdentifiabilityError(Finding("bench-plan-blind", values))
     found = Finding("bench-stand-needed", {"unseen": blind.unseen})
     if said:
         found = Finding("bench-stand-assumed", {"unseen": blind.unseen, "taken": tuple(said)})

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -13,7 +12,8 @@ from inclinometry.arrays import Array, finite, frozen
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration, Residuals, Rig
 from inclinometry.constants import STANDARD_GRAVITY
-from inclinometry.errors import ConvergenceError, IdentifiabilityError, InputError
+from inclinometry.errors import ConvergenceError, IdentifiabilityError, out_of_range, refused, wrong_shape
+from inclinometry.findings import Finding, Value
 from inclinometry.least_squares import Normal, levenberg_marquardt
 from inclinometry.sensors import Tool, Triad, parameter_names
 from inclinometry.tabular import check_record
@@ -56,20 +56,15 @@ def one_sided(directions: Array) -> Array | None:
 
 
 def require_coverage(kind: str, directions: Array, needed: int) -> int:
-    """Raise in words when directions are too few or all on one side; return the number of distinct ones."""
+    """Refuse directions that are too few or all on one side; return the number of distinct ones."""
     count = distinct(directions)
     if count < needed:
-        raise IdentifiabilityError(
-            f"{kind}: {count} distinct field directions (5 deg apart); at least {needed} are needed: "
-            "put the tool into more attitudes, all over the sphere"
-        )
+        raise IdentifiabilityError(Finding("fit-directions", {"kind": kind, "count": count, "least": needed}))
     side = one_sided(directions)
     if side is not None:
         axis = int(np.argmax(np.abs(side)))
-        raise IdentifiabilityError(
-            f"{kind}: all {len(directions)} field directions lie on one side (mostly {'+-'[int(side[axis] < 0)]}"
-            f"{'xyz'[axis]}); offset and scale cannot be told apart there: add attitudes turned the other way up"
-        )
+        axes = f"{'+-'[int(side[axis] < 0)]}{'xyz'[axis]}"
+        raise IdentifiabilityError(Finding("fit-one-side", {"kind": kind, "axis": axes}))
     return count
 
 
@@ -166,7 +161,7 @@ class NormFit:
     rms: float  #: root mean square of `residual`
     cost: float  #: half the weighted sum of squares of `residual`
     distinct: int  #: number of distinct field directions (5 deg apart)
-    warnings: Sequence[str] = ()  #: sentences a person can act on
+    findings: tuple[Finding, ...] = ()
 
     @property
     def scale(self) -> Array:
@@ -229,7 +224,9 @@ class NormFit:
         return np.asarray((finite(signals, "signals", (3,)) - self.bias) @ self.inverse.T)
 
 
-def calibrate_norm(signals: ArrayLike, strength: float = 1.0, weight: ArrayLike | None = None) -> NormFit:
+def calibrate_norm(
+    signals: ArrayLike, strength: float = 1.0, weight: ArrayLike | None = None, *, kind: str = "signals"
+) -> NormFit:
     """Find the nine parameters of a triad from readings of a field of constant strength, by Levenberg-Marquardt.
 
     Parameters
@@ -240,6 +237,8 @@ def calibrate_norm(signals: ArrayLike, strength: float = 1.0, weight: ArrayLike 
         Length of the field in the unit wanted, e.g. 9.80665 m/s^2.
     weight : (K,) array_like, optional
         Inverse variances up to a factor, e.g. the number of samples in each mean; 1 when not given.
+    kind : str
+        What its findings call the triad.
 
     Returns
     -------
@@ -268,31 +267,24 @@ def calibrate_norm(signals: ArrayLike, strength: float = 1.0, weight: ArrayLike 
     """
     y = finite(signals, "signals", (None, 3))
     if y.ndim != 2:
-        raise InputError(f"signals has shape {y.shape}; expected (K, 3)")
+        raise wrong_shape("signals", y.shape, "(K, 3)")
     if not (np.isfinite(strength) and strength > 0.0):
-        raise InputError(f"strength is {strength}; it must be positive")
+        raise out_of_range("strength", strength, "> 0")
     w = np.ones(len(y)) if weight is None else finite(weight, "weight", (len(y),))
     if np.any(w < 0.0) or not np.any(w > 0.0):
-        raise InputError("weight has negative values or is zero throughout; give inverse variances")
+        raise out_of_range("weight", float(w.min()), ">= 0")
     if len(y) < DIRECTIONS_NEEDED:
-        raise IdentifiabilityError(
-            f"{len(y)} readings; a norm-only fit needs at least {DIRECTIONS_NEEDED} distinct field directions"
-        )
+        few: dict[str, Value] = {"kind": kind, "count": len(y), "least": DIRECTIONS_NEEDED}
+        raise IdentifiabilityError(Finding("fit-directions", few))
     start = algebraic_ellipsoid(y)
     # coverage is judged in the fitted ellipsoid where there is one: raw signals with a large offset all point one way
-    count = require_coverage("signals", (y - start.centre) @ start.inverse.T, DIRECTIONS_NEEDED)
-    warnings = () if start.proper else (_NOT_AN_ELLIPSOID,)
-    theta, information = _refine(y, w, start.inverse, start.centre, proper=start.proper)
-    return _result(y, w, strength, theta, information, count, warnings)
+    count = require_coverage(kind, (y - start.centre) @ start.inverse.T, DIRECTIONS_NEEDED)
+    findings = [] if start.proper else [Finding("fit-sphere", {"kind": kind})]
+    theta, information = _refine(y, w, start.inverse, start.centre, kind)
+    return _result(y, w, strength, theta, information, count, findings, kind)
 
 
-_NOT_AN_ELLIPSOID = (
-    "the readings lie on no algebraic ellipsoid (it comes out as a hyperboloid or thinner than 10 to 1): too few "
-    "attitudes or a field that was not constant; started from a sphere instead, check the residuals"
-)
-
-
-def _refine(y: Array, w: Array, inverse: Array, centre: Array, *, proper: bool) -> tuple[Array, Array]:
+def _refine(y: Array, w: Array, inverse: Array, centre: Array, kind: str) -> tuple[Array, Array]:
     """Parameters (upper triangle in units of 1/size, centre in units of size) and their information, unit strength."""
     size = 1.0 / np.cbrt(np.linalg.det(inverse))
     x = (y - centre) / size
@@ -307,11 +299,11 @@ def _refine(y: Array, w: Array, inverse: Array, centre: Array, *, proper: bool) 
 
     try:
         fit = levenberg_marquardt(normal, start, lambda theta, step: theta + step)
-    except ConvergenceError as error:
-        raise IdentifiabilityError(f"no ellipsoid fits the readings ({error}); {_NOT_AN_ELLIPSOID}") from None
+    except ConvergenceError:
+        raise IdentifiabilityError(Finding("fit-no-ellipsoid", {"kind": kind})) from None
     information = normal(fit.estimate).hessian
     if np.any(fit.estimate[[0, 3, 5]] <= 0.0) or np.linalg.cond(information) > 1e10:
-        raise IdentifiabilityError(f"the readings do not determine an ellipsoid; {_NOT_AN_ELLIPSOID}")
+        raise IdentifiabilityError(Finding("fit-no-ellipsoid", {"kind": kind}))
     # back to the signals' own unit
     unitless = np.concatenate([np.full(6, size), np.full(3, 1.0 / size)])
     theta = fit.estimate / unitless
@@ -339,7 +331,14 @@ def _linearise(theta: Array, x: Array) -> tuple[Array, Array]:
 
 
 def _result(
-    y: Array, w: Array, strength: float, theta: Array, information: Array, count: int, warnings: Sequence[str]
+    y: Array,
+    w: Array,
+    strength: float,
+    theta: Array,
+    information: Array,
+    count: int,
+    findings: list[Finding],
+    kind: str,
 ) -> NormFit:
     """Everything in the field's unit."""
     inverse = strength * _upper(theta)
@@ -350,24 +349,18 @@ def _result(
     # about one attitude, which fits a small ellipsoid of its own, scatters by 0.42 in three dimensions
     largest_scatter = 0.1
     if scatter > largest_scatter:
-        raise IdentifiabilityError(
-            f"the lengths of the field scatter by {100.0 * scatter:.0f} % of it (allowed {100.0 * largest_scatter:g} "
-            "%): this is the noise of a tool at rest in one attitude, or of a field that was not constant, no "
-            f"ellipsoid of {DIRECTIONS_NEEDED} or more directions; turn the tool into attitudes all over the sphere"
-        )
+        shares = {"scatter_percent": 100.0 * scatter, "allowed_percent": 100.0 * largest_scatter}
+        raise IdentifiabilityError(Finding("fit-scatter", {"kind": kind, **shares}))
     relative = w / w.mean()
     freedom = max(len(y) - 9, 1)
     variance = float(relative @ (residual / strength) ** 2) / freedom
     to_field = np.concatenate([np.full(6, strength), np.ones(3)])
     covariance = np.linalg.inv(information) * variance * np.outer(to_field, to_field)
-    notes = list(warnings)
     if count < 2 * DIRECTIONS_NEEDED:
-        notes.append(
-            f"{count} distinct field directions (5 deg apart) for nine parameters: take {2 * DIRECTIONS_NEEDED} or "
-            "more, all over the sphere, for residuals that check the fit"
-        )
+        few: dict[str, Value] = {"kind": kind, "count": count, "least": 2 * DIRECTIONS_NEEDED}
+        findings.append(Finding("fit-directions-few", few))
     if len(y) == 9:
-        notes.append("nine readings leave nothing over: residuals and uncertainties are zero and mean nothing")
+        findings.append(Finding("fit-no-redundancy", {"count": 9}))
     return NormFit(
         frozen(inverse),
         frozen(theta[6:]),
@@ -377,7 +370,7 @@ def _result(
         float(np.sqrt(np.mean(residual**2))),
         0.5 * float(w @ residual**2),
         count,
-        tuple(notes),
+        tuple(findings),
     )
 
 
@@ -414,12 +407,12 @@ def calibrate_norms(
     """
     check_record(readings, BenchReadings, "calibrate_norms")
     if set(readings.channels) - {"accelerometer", "magnetometer"}:
-        raise InputError("a gyro at rest sees no constant field of use; drop its columns for a norm-only fit")
+        raise refused("input-not-with", {"name": "gyro", "other": "method norm"})
     fits, triads, noise, size = {}, {}, {}, 0
     for kind, signals in readings.channels.items():
         strength = readings.reference.get("g", gravity) if kind == "accelerometer" else readings.reference.get("b", 1.0)
         # unweighted: what errs at one pose is common to all its samples, so a longer rest is not a better one
-        fit = calibrate_norm(signals, strength)
+        fit = calibrate_norm(signals, strength, kind=kind)
         fits[kind] = fit
         triads[kind] = fit.triad(kind, readings.units[kind], specific_force=specific_force and kind == "accelerometer")
         noise[kind] = fit.rms / strength * np.linalg.norm(fit.tensor, axis=1)
@@ -432,13 +425,11 @@ def calibrate_norms(
     heat = readings.temperature
     span = None if heat is None else (float(heat.min()), float(heat.max()))
     tool = Tool(name, triads, covariance, noise, span)
-    warnings = ["norm-only fit: the rotation from sensor to tool axes is unknown; use a rig or roll sets for angles"]
-    warnings += [f"{kind}: {sentence}" for kind, fit in fits.items() for sentence in fit.warnings]
-    coverage = [
-        f"{kind}: {fit.distinct} distinct directions (5 deg apart) in {len(readings)} readings, the lengths of "
-        f"the field scatter by {100.0 * fit.rms / fit.strength:.2g} %"
-        for kind, fit in fits.items()
-    ]
+    findings = [Finding("fit-own-axes")]
+    for kind, fit in fits.items():
+        found: dict[str, Value] = {"kind": kind, "directions": fit.distinct, "readings": len(readings)}
+        found["scatter_percent"] = 100.0 * fit.rms / fit.strength
+        findings += [*fit.findings, Finding("fit-coverage", found, severity="note")]
     return Calibration(
         tool,
         "norm",
@@ -448,8 +439,7 @@ def calibrate_norms(
         covariance,
         Rig(np.zeros(3)),
         _residuals(readings, fits),
-        (*readings.warnings, *warnings),
-        notes=(*readings.notes, *coverage),
+        (*readings.findings, *findings),
     )
 
 

@@ -21,7 +21,8 @@ from inclinometry.calibration.result import Calibration, same_units
 from inclinometry.calibration.twelve import DOWN
 from inclinometry.constants import GRAVITY_SPREAD
 from inclinometry.earth.gravity import relative_gravity
-from inclinometry.errors import IdentifiabilityError, InputError
+from inclinometry.errors import IdentifiabilityError, not_among, refused
+from inclinometry.findings import Finding, Value
 from inclinometry.orientation import angles, attitude_jacobian
 from inclinometry.rotations import cross_matrix, dcm, rotation_exp, rotation_log, wrap_positive, wrap_signed
 from inclinometry.sensors import Sensitivity, Tool, field_sensitivity
@@ -51,7 +52,7 @@ class RigOrientation(Tabular):
     residual: Array  #: (K,) turn between each attitude measured and fitted, rad
     tool: str = ""
     inputs: Mapping[str, str] = field(default_factory=dict)
-    warnings: Sequence[str] = ()  #: sentences a person can act on
+    findings: tuple[Finding, ...] = ()
 
     def to_dict(self) -> dict[str, Column]:
         """One row an angle: tilt, where it leans, north and the zeros of the dials, with standard uncertainties."""
@@ -124,17 +125,14 @@ def orient_rig(
     check_record(calibration, Calibration, "orient_rig")
     kinds = leading_kinds(readings, calibration, second)
     if kinds[0] != "accelerometer":
-        raise InputError(
-            f"these readings have no accelerometer, which the tilt and the zeros are found by (there is a {kinds[0]}): "
-            "put its columns in"
-        )
+        raise refused("input-missing", {"names": ("accelerometer",)})
     *gravity, said = gravity_elsewhere(readings, calibration, gravity_sd)
     fit, lost = _seen_base(readings, calibration, kinds, setting_sd, (gravity[0], gravity[1]))
-    warnings = [*readings.warnings, *said, *lost]
+    findings = [*readings.findings, *said, *lost]
     tilt = described(fit.matrix)[0]
     _refuse_far(fit, tilt)
     if len(readings) == 1:
-        warnings.append("one setting leaves nothing over: nothing here is checked by another reading")
+        findings.append(Finding("fit-no-redundancy", {"count": 1}))
     both = len(kinds) == 2
 
     def after(step: Array) -> Array:
@@ -171,7 +169,7 @@ def orient_rig(
         residual=np.linalg.norm(fit.residual, axis=1),
         tool=calibration.tool.name,
         inputs={"readings": readings.digest, **{f"calibration {n}": d for n, d in calibration.inputs.items()}},
-        warnings=warnings,
+        findings=tuple(findings),
     )
 
 
@@ -181,34 +179,28 @@ def _seen_base(
     kinds: Sequence[str],
     setting_sd: float | None,
     gravity: tuple[float, float],
-) -> tuple[BaseFit, list[str]]:
+) -> tuple[BaseFit, list[Finding]]:
     """The base with the constant errors of dials that the settings tell, and a warning for each that they do not."""
-    zeros, lost = list(NUISANCE[:2]), list[str]()
+    zeros, lost = list(NUISANCE[:2]), list[Finding]()
     while True:
         try:
             return fit_base(readings, calibration, kinds, zeros=zeros, setting_sd=setting_sd, gravity=gravity), lost
         except IdentifiabilityError:
             if not zeros:
                 raise
-            lost.append(
-                f"these settings cannot tell the {zeros.pop().replace('_', ' ')} of the dial from the tilt and the "
-                "north of the base: it is taken to be 0; add settings at other azimuths and inclinations"
-            )
+            lost.append(Finding("fit-zero-assumed", {"zero": zeros.pop().replace("_", " ")}))
 
 
 def _refuse_far(fit: BaseFit, tilt: float) -> None:
     """Refuse a base, dials or a scatter that no rig has."""
     for value, largest, what in (
-        (np.abs(fit.nuisance).max(), 20.0, "zero of a dial"),  # one that is off by more counts from somewhere else
+        (np.abs(fit.nuisance).max(), 20.0, "dial zero"),  # one that is off by more counts from somewhere else
         (tilt, 90.0, "tilt of the base"),
-        (fit.setting_sd, 3.0, "scatter from setting to setting"),
+        (fit.setting_sd, 3.0, "scatter of settings"),
     ):
         if np.degrees(value) > largest:
-            raise InputError(
-                f"tool and dials agree only with a {what} of {np.degrees(value):.1f} deg (allowed to {largest:g}): "
-                "a dial counts another way than this program (azimuth and toolface clockwise, inclination from the "
-                "vertical), columns are exchanged, or this is not the calibrated tool"
-            )
+            found: dict[str, Value] = {"what": what, "found_deg": float(np.degrees(value)), "allowed_deg": largest}
+            raise refused("fit-base-far", found)
 
 
 def described(base: Array) -> tuple[float, float, float]:
@@ -236,31 +228,29 @@ def leading_kinds(readings: BenchReadings, calibration: Calibration, second: str
     tool = calibration.tool
     for kind in readings.channels:
         if kind not in tool.triads:
-            raise InputError(f"the readings have a {kind}, the calibration has none: drop its columns or calibrate it")
+            raise refused("input-uncalibrated", {"kind": kind})
         have, want = readings.channels[kind].shape[1], tool.triads[kind].count
         if have != want:
-            raise InputError(f"the readings have {have} {kind} channels, the calibration {want}: not the same tool")
+            raise refused("input-channels", {"kind": kind, "channels": have, "calibrated": want})
     same_units(readings.units, calibration.tool)
     if second is not None:
         if second not in ("magnetometer", "gyro"):
-            raise InputError(f"second is {second!r}; allowed: magnetometer, gyro")
+            raise not_among("second", second, ("magnetometer", "gyro"))
         if second not in readings.channels or not tool.triads[second].full:
-            raise InputError(f"no {second} that sees three components in readings and calibration to take north from")
+            raise refused("input-triads", {"lacking": (second,), "needed": ("accelerometer", second)})
     ranks = {kind: tool.triads[kind].rank for kind in readings.channels}
     north = [second] if second else [k for k in ("magnetometer", "gyro") if ranks.get(k) == 3]
     if ranks.get("accelerometer", 0) >= 2:
         return ("accelerometer", *north[:1])
     if north:
         return (north[0],)
-    raise InputError(
-        "no triad of the readings sees a direction: two sensors of gravity, or three of the magnetic field, are needed"
-    )
+    raise refused("fit-no-direction")
 
 
 def gravity_elsewhere(
     readings: BenchReadings, calibration: Calibration, stated_sd: float | None = None
-) -> tuple[float, float, list[str]]:
-    """Gravity on another stand in units of that at the calibration, its standard uncertainty, and that in words.
+) -> tuple[float, float, list[Finding]]:
+    """Gravity on another stand in units of that at the calibration, its standard uncertainty, and what to say of it.
 
     Only two accelerometers hang on it; for all others it is 1, exactly.
     """
@@ -272,19 +262,10 @@ def gravity_elsewhere(
     here, there = readings.reference.get("g"), triad.field_strength
     ratio, sd = relative_gravity(here, there)
     sd = sd if stated_sd is None else stated_sd
-    known = "taken to be" if here is None or there is None else f"here {here:.5f} m/s^2, {ratio:.5f} of"
-    said = (
-        f"two accelerometers: the third component is from |g|, {known} that at the calibration, to {100.0 * sd:.2g} %"
-    )
-    if stated_sd is not None:
-        return ratio, sd, [f"{said} as stated"]
-    if sd < GRAVITY_SPREAD:
-        return ratio, sd, [f"{said}, two places assumed"]
-    remedy = (
-        "give g of both stands (reference_g_m_s2), better than a textbook's value, or an uncertainty of 0 if both "
-        "stand at one place, where an error of |g| cancels"
-    )
-    return ratio, sd, [f"{said} as between two places of which nothing is known: {remedy}"]
+    values: dict[str, Value] = {"ratio": ratio, "u_percent": 100.0 * sd}
+    if stated_sd is not None or sd < GRAVITY_SPREAD:
+        return ratio, sd, [Finding("fit-gravity-ratio", values, severity="note")]
+    return ratio, sd, [Finding("fit-gravity-unknown", values)]
 
 
 def fields_seen(
@@ -376,10 +357,7 @@ def fit_base(
         scale = np.sqrt(np.maximum(np.diagonal(told), 1e-300))
         # least eigenvalue of the scaled information with which two angles count as told apart
         if np.linalg.eigvalsh(told / np.outer(scale, scale))[0] < 1e-6:
-            raise IdentifiabilityError(
-                f"{len(design)} settings do not tell the orientation of the base: take readings at other inclinations "
-                "and azimuths"
-            )
+            raise IdentifiabilityError(Finding("plan-settings-few", {"settings": len(design)}))
         system = _System(design, latent, rows @ noise @ np.swapaxes(rows, 1, 2), rows @ np.stack(own_turns, axis=2))
         sd = system.setting_sd((rows @ residual[..., None])[..., 0]) if setting_sd is None else setting_sd
         step, covariance = system.solve((rows @ residual[..., None])[..., 0], sd)

@@ -10,7 +10,7 @@ import numpy as np
 
 from inclinometry.arrays import Array, finite, frozen, not_degrees
 from inclinometry.constants import DIALS
-from inclinometry.errors import InputError
+from inclinometry.errors import out_of_range, wrong_shape
 from inclinometry.tabular import Column, Tabular, in_degrees
 
 PlanName: TypeAlias = Literal["twelve", "orthogonal", "half", "two-face", "rotations", "six", "spread"]
@@ -30,7 +30,9 @@ class Plan(Tabular):
         for name in ("azimuth", "inclination", "toolface"):
             object.__setattr__(self, name, frozen(finite(getattr(self, name), name, (None,))))
         if not len(self.azimuth) == len(self.inclination) == len(self.toolface):
-            raise InputError("azimuth, inclination and toolface of a plan differ in length")
+            raise wrong_shape(
+                "azimuth, inclination, toolface", str(tuple(len(getattr(self, n)) for n in DIALS)), "(K,)"
+            )
         not_degrees(self.inclination, "inclination")
 
     def __len__(self) -> int:
@@ -45,7 +47,7 @@ class Plan(Tabular):
         array([  0., 120.])
         """
         if count not in (0, 1, 2):
-            raise InputError(f"repeats is {count}; allowed: 0, 1 or 2 positions visited once more")
+            raise out_of_range("repeats", count, "0 .. 2")
         rows = np.concatenate([np.arange(len(self)), np.array([0, len(self) // 2])[:count]])
         own = (*self.roll_set, *[""] * count) if self.roll_set else ()
         return Plan(self.name, self.azimuth[rows], self.inclination[rows], self.toolface[rows], own)
@@ -64,8 +66,9 @@ def _from_degrees(name: str, rows: Sequence[tuple[float, float, float]], roll_se
 
 def twelve(rolls: int = 3, azimuths: int = 3) -> Plan:
     """The twelve positions of Rogatykh 2018, Table 1, or more: a roll set upright, then one per azimuth at 90."""
-    if rolls < 3 or azimuths < 3:
-        raise InputError(f"rolls {rolls} and azimuths {azimuths}: a harmonic needs at least 3 equal steps")
+    for name, count in (("rolls", rolls), ("azimuths", azimuths)):
+        if count < 3:
+            raise out_of_range(name, count, ">= 3")
     turns = [(0.0, 0.0)] + [(360.0 * i / azimuths, 90.0) for i in range(azimuths)]
     rows = [(a, i, 360.0 * r / rolls) for a, i in turns for r in range(rolls)]
     return _from_degrees("twelve", rows, [str(k + 1) for k in range(len(turns)) for _ in range(rolls)])
@@ -111,7 +114,7 @@ def rotations(first_inclination: float = FIRST_INCLINATION, azimuth: float = 0.0
     azimuth 180.
     """
     if rolls < 3:
-        raise InputError(f"rolls is {rolls}; a harmonic needs at least 3 equal steps")
+        raise out_of_range("rolls", rolls, ">= 3")
     first, turn = np.degrees(first_inclination), np.degrees(azimuth)
     rows = [(turn, i, 360.0 * r / rolls) for i in (first, first + 90.0) for r in range(rolls)]
     return _from_degrees("rotations", rows, ["1"] * rolls + ["2"] * rolls)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inclinometry.arrays import Array
+from inclinometry.findings import Finding
 
 PROBABILITY: Final = 0.9
 """With which a degraded tool is to be found."""
@@ -55,11 +56,6 @@ class Power:
     consumer: float | None
 
     @property
-    def times(self) -> str:
-        """The factor in words."""
-        return _times(self.factor)
-
-    @property
     def proves_little(self) -> bool:
         """Whether a pass says little of the tool: only a much worse tool is found.
 
@@ -69,30 +65,24 @@ class Power:
         return self.factor > (4.0 if self.consumer is None else 10.0)
 
     @property
-    def sentences(self) -> list[str]:
-        """The same in words."""
-        said = [f"this check detects (90 %) a tool with {self.times} times its certified errors"]
-        said += [f"from {name} only: {_times(factor)} times" for name, factor in self.by_angle.items()]
+    def findings(self) -> tuple[Finding, ...]:
+        """The same, as notes."""
+        found = [Finding("verify-power", {"times": times(self.factor)}, severity="note")]
+        for name, factor in self.by_angle.items():
+            found.append(Finding("verify-power-angle", {"angle": name, "times": times(factor)}, severity="note"))
+        risks = {"verify-power-producer": self.producer, "verify-power-consumer": self.consumer}
         if self.consumer is None:
-            return [
-                *said,
-                f"a tool with twice its certified errors agrees with a probability of {_percent(self.twice)} %",
-                f"a tool that meets its certificate does not agree with a probability of {_percent(self.producer)} %",
-            ]
-        return [
-            *said,
-            f"producer's risk: {_percent(self.producer)} % (a tool that meets its certificate and the limits fails)",
-            f"consumer's risk: {_percent(self.consumer)} % (a tool with certified errors exceeds a limit and passes)",
-        ]
+            risks = {"verify-power-twice": self.twice, "verify-power-meets": self.producer}
+        for code, risk in risks.items():
+            # as far as so many draws determine it
+            percent = 100.0 * risk if risk is not None and risk >= 2.0 / DRAWS else "<0.1 %"
+            found.append(Finding(code, {"risk_percent": percent}, severity="note"))
+        return tuple(found)
 
 
-def _times(factor: float) -> str:
-    return f"{factor:.2g}" if factor < 100.0 else ">100"
-
-
-def _percent(probability: float) -> str:
-    """As far as so many draws tell it."""
-    return f"{100.0 * probability:.2g}" if probability >= 2.0 / DRAWS else "<0.1"
+def times(factor: float) -> float | str:
+    """A factor as a finding states it: above 100 it is not searched for."""
+    return factor if factor < 100.0 else ">100"
 
 
 def power(

@@ -16,7 +16,8 @@ from inclinometry.calibration.result import Calibration
 from inclinometry.calibration.temperature import HIGHEST_DEGREE, powers_of, soaks
 from inclinometry.constants import EARTH_RATE
 from inclinometry.earth.rate import earth_rate
-from inclinometry.errors import IdentifiabilityError, InputError
+from inclinometry.errors import IdentifiabilityError, out_of_range, refused, wrong_shape
+from inclinometry.findings import Finding, Value
 from inclinometry.rotations import dcm
 from inclinometry.sensors import Tool, Triad, parameter_names
 from inclinometry.tabular import Column, Tabular, check_record
@@ -37,13 +38,13 @@ def design(rates: Array, gravity: Array | None, temperature: Array | None, refer
     return columns if gravity is None else np.concatenate([columns, gravity], axis=1)
 
 
-def names(degree: int, gravity: bool) -> list[str]:
-    """What each column of `design` stands for, in words."""
+def names(degree: int, gravity: bool) -> list[Finding]:
+    """What each column of `design` stands for, as part of a sentence."""
     found = []
     for power in range(degree + 1):
-        tail = f" x T^{power}" if power else ""
-        found += [f"response to rate about {axis}{tail}" for axis in "xyz"] + [f"offset{tail}"]
-    return found + ([f"g-sensitivity along {axis}" for axis in "xyz"] if gravity else [])
+        found += [Finding("fit-rate-response", {"axis": axis, "power": power}) for axis in "xyz"]
+        found.append(Finding("fit-rate-offset", {"power": power}))
+    return found + [Finding("fit-g-response", {"axis": axis}) for axis in "xyz" if gravity]
 
 
 def check_plan(
@@ -52,42 +53,26 @@ def check_plan(
     """Raise IdentifiabilityError naming what the steps lack; `matrix` is the design with columns of like size."""
     count, unknown = matrix.shape
     if degree and temperature is not None and soaks(temperature) <= degree:
-        raise IdentifiabilityError(
-            f"temperature degree {degree} needs {degree + 1} distinct temperatures; the steps have {soaks(temperature)}"
-        )
+        values: dict[str, Value] = {"degree": degree, "temperatures": soaks(temperature), "least": degree + 1}
+        raise IdentifiabilityError(Finding("fit-temperatures-few", values))
     unseen = _unseen(rates)
     if unseen:
-        raise IdentifiabilityError(
-            f"the rate about {unseen} never changes, so the gyros' response to it cannot be told from their offset: "
-            "mount the tool with that axis along the table's and turn it both ways"
-        )
+        raise IdentifiabilityError(Finding("fit-rate-constant", {"axis": unseen}))
     unseen = None if gravity is None else _unseen(gravity)
     if unseen:
-        raise IdentifiabilityError(
-            f"gravity along {unseen} never changes, so the g-sensitivity cannot be told from the offset: "
-            "mount the tool in more attitudes, or leave the g-sensitivity out"
-        )
+        raise IdentifiabilityError(Finding("fit-gravity-constant", {"axis": unseen}))
     if count < unknown + spare:
-        raise IdentifiabilityError(
-            f"{count} steps for {unknown} unknowns of each gyro; at least {unknown + spare} are needed"
-            + (" where the noise is not stated" if spare else "")
-        )
-    values, vectors = np.linalg.svd(matrix, full_matrices=False)[1:]
-    if values[-1] < BLIND * values[0]:
+        raise IdentifiabilityError(Finding("fit-steps-few", {"steps": count, "least": unknown + spare}))
+    singular, vectors = np.linalg.svd(matrix, full_matrices=False)[1:]
+    if singular[-1] < BLIND * singular[0]:
         vector = np.abs(vectors[-1])
-        mixed = [
-            word
-            for word, share in zip(names(degree, gravity is not None), vector, strict=True)
-            if share > 0.2 * vector.max()
-        ]
-        raise IdentifiabilityError(
-            f"these steps cannot tell apart: {', '.join(mixed)}; add steps at other rates, both ways, about every axis"
-            + (", at every temperature" if any("T^" in word for word in mixed) else "")
-        )
+        every = names(degree, gravity is not None)
+        mixed = tuple(one for one, share in zip(every, vector, strict=True) if share > 0.2 * vector.max())
+        raise IdentifiabilityError(Finding("fit-steps-mixed", {"parameters": mixed}))
 
 
 def _unseen(vectors: Array) -> str | None:
-    """The direction in which vectors (K, 3) never change, in words; None when they span all three."""
+    """Tool axis or direction in which vectors (K, 3) never change; None when they span all three."""
     centred = vectors - vectors.mean(axis=0)
     largest = float(np.abs(vectors).max(initial=0.0))
     values, directions = np.linalg.svd(np.concatenate([centred, np.zeros((3, 3))]), full_matrices=False)[1:]
@@ -97,9 +82,7 @@ def _unseen(vectors: Array) -> str | None:
     if np.abs(away).max() > 0.98 or values[1] <= BLIND * largest:
         # two axes or all three unseen: any of them is a true answer; name the one that changes least
         return "xyz"[int(np.argmin(np.abs(centred).max(axis=0)))]
-    return "the direction ({:.2f}, {:.2f}, {:.2f}) of the tool".format(
-        *(np.round(away, 2) * np.sign(away[np.abs(away).argmax()]) + 0.0)
-    )
+    return "({:.2f}, {:.2f}, {:.2f})".format(*(np.round(away, 2) * np.sign(away[np.abs(away).argmax()]) + 0.0))
 
 
 class Fit(NamedTuple):
@@ -176,27 +159,24 @@ def chance_of(fit: Fit) -> float:
 
 def chance_unasked(
     u: Array, w: Array, g: Array | None, heat: Array | None, reference: float, degree: int, spread: Array | None
-) -> tuple[float | None, str]:
-    """The same where none is asked for: None where gravity or the steps cannot tell; a sentence where it matters."""
+) -> tuple[float | None, Finding | None]:
+    """The same where none is asked for: None where gravity or the steps cannot tell; a finding where it matters."""
     if g is None:
-        return None, ""
+        return None, None
     try:
         fit = fit_rates(u, w, g, heat, reference, degree, spread)
     except IdentifiabilityError:
-        return None, ""
+        return None, None
     chance = chance_of(fit)
     if chance >= SIGNIFICANT:
-        return chance, ""
+        return chance, None
     response, pull = fit.coefficients[:3], fit.coefficients[-3:]
     common = float(np.sum(response * pull) / np.sum(response**2))
     # share of a g-sensitivity that is common to all gyros along their own axes from which the rates are in doubt
     if common**2 * np.sum(response**2) > 0.9 * np.sum(pull**2):
-        return chance, (
-            f"the signals change with attitude as if the Earth turned {-common * np.degrees(3600.0) * EARTH_RATE:+.2g} "
-            f"deg/h faster upwards (probability by chance {chance:.1g}): check the latitude, the table's rate and its "
-            "sign; only where they are right is it a g-sensitivity, to be fitted too"
-        )
-    return chance, f"gravity moves the gyros' signals (probability by chance {chance:.1g}): fit the g-sensitivity too"
+        rate = -common * float(np.degrees(3600.0)) * EARTH_RATE
+        return chance, Finding("fit-rate-off", {"rate_deg_h": rate, "chance": chance})
+    return chance, Finding("fit-g-needed", {"chance": chance})
 
 
 # Steps of a rate table that the others contradict.
@@ -302,7 +282,7 @@ class RateCalibration(Tabular):
     #: probability that a g-sensitivity as large arises by chance alone; None where gravity is not known
     chance: float | None
     temperature_range: tuple[float, float] | None  #: degC
-    notes: Sequence[str] = ()  #: sentences for the user
+    findings: tuple[Finding, ...] = ()
     #: steps that the others contradict, worst first, as (row, {gyro: reading minus what the others say}); they are in
     #: the fit
     suspects: Sequence[Suspect] = ()
@@ -339,13 +319,13 @@ def calibrate_rates(
 
     Rates in rad/s and gravity in g, both in tool axes. One weighted linear regression for each gyro; whether G is real
     is judged by Fisher's F (chi-square where `sd` is given) on the three components of each gyro, the least probability
-    counted m times. Where gravity is given but G is not asked for, the same test goes into `notes`, unless single steps
-    stand out (externally studentised residuals, Rosner 1983): they come first, in `suspects`.
+    counted m times. Where gravity is given but G is not asked for, the same test goes into `findings`, unless single
+    steps stand out (externally studentised residuals, Rosner 1983): they come first, in `suspects`.
     """
     u, w, g, heat, spread = _checked(signals, rates, gravity, temperature, degree, sd, g_sensitive)
     reference = 20.0 if heat is None else float(np.round(heat.mean(), 3))
     fit = fit_rates(u, w, g if g_sensitive else None, heat, reference, degree, spread)
-    chance, doubt = (chance_of(fit), "") if g_sensitive else chance_unasked(u, w, g, heat, reference, degree, spread)
+    chance, doubt = (chance_of(fit), None) if g_sensitive else chance_unasked(u, w, g, heat, reference, degree, spread)
     fitted, fuller = (scaled_design(w, pull, heat, reference, degree)[0] for pull in (g if g_sensitive else None, g))
     doubted = suspects(u, fitted, fuller, spread)
     count, blocks = u.shape[1], fit.coefficients[: 4 * (degree + 1)].T.reshape(u.shape[1], degree + 1, 4)
@@ -389,8 +369,7 @@ def table_rates(
     leaning, face, turn, heading = np.broadcast_arrays(*given, heading)
     rest = turn == 0.0
     if (rest & ~np.isfinite(heading)).any():
-        at = [int(i) for i in np.argwhere(rest & ~np.isfinite(heading))[0]]
-        raise InputError(f"the table is at rest at step{at if at else ''}; give its azimuth from true north")
+        raise refused("input-missing", {"names": ("azimuth",)})
     fixed = earth_rate(latitude)
     local = np.where(rest[..., None], fixed, np.stack([0.0 * turn, 0.0 * turn, turn + fixed[2]], axis=-1))
     return np.asarray((dcm(np.where(rest, heading, 0.0), leaning, face) @ local[..., None])[..., 0])
@@ -407,50 +386,46 @@ def _checked(
 ) -> tuple[Array, Array, Array | None, Array | None, Array | None]:
     u = finite(signals, "signals", (None, None))
     if u.ndim != 2:
-        raise InputError(f"signals has shape {u.shape}; expected (K, m)")
+        raise wrong_shape("signals", u.shape, "(K, m)")
     size = len(u)
     w = finite(rates, "rates", (size, 3))
     g = None if gravity is None else within(finite(gravity, "gravity", (size, 3)), "gravity", -1.1, 1.1, "g")
     heat = None if temperature is None else finite(temperature, "temperature", (size,))
     if not 0 <= degree <= HIGHEST_DEGREE:
-        raise InputError(f"temperature degree is {degree}; allowed 0 to {HIGHEST_DEGREE}")
+        raise out_of_range("temperature degree", degree, f"0 .. {HIGHEST_DEGREE}")
     if degree and heat is None:
-        raise InputError(f"temperature degree {degree} asked for, but the steps have no temperature: give it")
+        raise refused("input-needs", {"name": "temperature degree", "needed": ("temperature",)})
     if g_sensitive and g is None:
-        raise InputError("g-sensitivity asked for, but gravity is not given: give its direction in tool axes")
+        raise refused("input-needs", {"name": "g-sensitivity", "needed": ("gravity",)})
     if sd is None:
         return u, w, g, heat, None
     spread = finite(sd, "sd")
-    if spread.shape not in ((), u.shape[1:], u.shape) or (spread <= 0.0).any():
-        raise InputError(f"sd has shape {spread.shape}; it must be positive, one value, ({u.shape[1]},) or {u.shape}")
+    if spread.shape not in ((), u.shape[1:], u.shape):
+        raise wrong_shape("sd", spread.shape, str(u.shape))
+    if (spread <= 0.0).any():
+        raise out_of_range("sd", float(spread.min()), "> 0")
     return u, w, g, heat, np.broadcast_to(spread, u.shape)
 
 
-def _gravity_notes(triad: Triad, fit: Fit, chance: float | None, doubt: str) -> list[str]:
+def _gravity_notes(triad: Triad, fit: Fit, chance: float | None, doubt: Finding | None) -> list[Finding]:
     if triad.g_sensitivity is None or chance is None:
         return [doubt] if doubt else []
     sd = np.sqrt(np.diagonal(fit.covariances, axis1=1, axis2=2)[:, -3:])
     sensor, axis = np.unravel_index(int(np.argmax(np.abs(triad.g_sensitivity))), sd.shape)
-    largest = f"{triad.g_sensitivity[sensor, axis]:.3g} +- {sd[sensor, axis]:.2g} {triad.unit} per g"
-    where = f"largest of gyro {sensor + 1} along {'xyz'[axis]}, {largest}"
-    kept = "its uncertainty is not part of the tool's covariance"
-    if chance < SIGNIFICANT:
-        return [f"the g-sensitivity is significant (probability by chance {chance:.1g}; {where}); {kept}"]
-    return [f"the g-sensitivity is not significant (probability by chance {chance:.2g}; {where}): better leave it out"]
+    values: dict[str, Value] = {"chance": chance, "sensor": int(sensor) + 1, "axis": "xyz"[axis], "unit": triad.unit}
+    values |= {"largest": float(triad.g_sensitivity[sensor, axis]), "u": float(sd[sensor, axis])}
+    return [Finding("fit-g-significant" if chance < SIGNIFICANT else "fit-g-insignificant", values)]
 
 
-def _misfit(chi_square: float, dof: int, fit: Fit) -> list[str]:
+def _misfit(chi_square: float, dof: int, fit: Fit) -> list[Finding]:
     from scipy.special import chdtrc
 
     if fit.estimated or dof == 0 or float(chdtrc(dof, chi_square)) > SIGNIFICANT / 10.0:
         return []
-    return [
-        f"the residuals are {np.sqrt(chi_square / dof):.2g} times what the stated noise allows: "
-        "rates, mounting, g-sensitivity or temperature are not as described; the uncertainties are too small"
-    ]
+    return [Finding("fit-rates-misfit", {"times": float(np.sqrt(chi_square / dof))})]
 
 
-def _uneven(fit: Fit) -> list[str]:
+def _uneven(fit: Fit) -> list[Finding]:
     """Gyros whose residuals scatter far more than those of the quieter half, as rates."""
     from scipy.special import fdtrc
 
@@ -463,9 +438,7 @@ def _uneven(fit: Fit) -> list[str]:
     for gyro, ratio in enumerate(spread / max(usual, floor)):
         # a gyro that scatters as many times more than the others is named
         if ratio > 3.0 and len(spread) * float(fdtrc(fit.dof, fit.dof, ratio**2)) < SIGNIFICANT / 10.0:
-            found.append(
-                f"gyro {gyro + 1} scatters {ratio:.2g} times as much as the others: look at it and at its connections"
-            )
+            found.append(Finding("fit-gyro-noisy", {"sensor": gyro + 1, "times": float(ratio)}))
     return found
 
 
@@ -504,7 +477,10 @@ def g_sensitivity_at_stand(readings: BenchReadings, calibration: Calibration, la
     check_record(calibration, Calibration, "g_sensitivity_at_stand")
     found = calibration.field_directions
     if not {"gyro", "accelerometer"} <= set(found) or "gyro" not in readings.channels:
-        raise InputError("a g-sensitivity needs gyro and accelerometer in the readings and in their calibration")
+        lacking = tuple(
+            kind for kind in ("gyro", "accelerometer") if kind not in found or kind not in readings.channels
+        )
+        raise refused("input-triads", {"lacking": lacking, "needed": ("gyro", "accelerometer")})
     # rows of the readings that the calibration used, in its order
     place = {name: row for row, name in enumerate(readings.station)}
     kept = calibration.residuals.station
@@ -512,9 +488,7 @@ def g_sensitivity_at_stand(readings: BenchReadings, calibration: Calibration, la
         rows = list(range(len(readings)))
     else:
         if len(place) < len(readings) or not set(kept) <= set(place):
-            raise InputError(
-                "the stations of the calibration are not found in the readings; give those it was made from"
-            )
+            raise refused("fit-stations-other")
         rows = [place[name] for name in kept]
     used = readings.take(rows)
     errors = calibration.rig.errors

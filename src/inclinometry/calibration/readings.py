@@ -14,7 +14,8 @@ from inclinometry.arrays import Array, Index, finite, frozen, not_degrees, withi
 from inclinometry.calibration.result import readings_text
 from inclinometry.constants import DIALS, KINDS
 from inclinometry.digest import digest_bytes
-from inclinometry.errors import InputError
+from inclinometry.errors import not_among, out_of_range, refused, wrong_shape
+from inclinometry.findings import Finding
 from inclinometry.tabular import Column, Tabular, channel_columns, draw, in_degrees
 
 LARGEST = 1e15
@@ -46,15 +47,14 @@ class BenchReadings(Tabular):
     reference : mapping
         What is known of the fields at the stand, constants over the run: "g" (m/s^2), "b" (nT), "dip",
         "latitude" and "north", the azimuth of the rig's zero from magnetic north (rad).
-    notes : sequence of str
-        What the reader did that belongs into the record (averaged repeats, still intervals of a log).
+    findings : tuple of Finding
+        What the reader did that belongs into the record, as notes (averaged repeats, still intervals of a log), and
+        what may be wrong with the readings (saturated channel, column not used).
     step : mapping of kind to float or (m,) array_like
         Step of the converter, in the unit of the signals; 0 for none. What is not given is found channel by channel
         where the readings clearly lie on a grid, see `converter_steps`.
     digest : str, optional
         SHA-256 of the source file, or of the arrays when built in memory.
-    warnings : sequence of str
-        What may be wrong with the readings (saturated channel, column not used).
     counted : sequence of str
         How the dials themselves count, where azimuth, inclination and toolface were converted from them: the fields of
         `inclinometry.calibration.conventions.Dials`, which sets it.
@@ -77,46 +77,44 @@ class BenchReadings(Tabular):
     roll_set: Sequence[str] = ()
     units: Mapping[str, str] = field(default_factory=dict)
     reference: Mapping[str, float] = field(default_factory=dict)
-    notes: Sequence[str] = ()
+    findings: tuple[Finding, ...] = ()
     digest: str = ""
     step: Mapping[str, ArrayLike] = field(default_factory=dict)
-    warnings: Sequence[str] = ()
     counted: Sequence[str] = ()
 
     def __post_init__(self) -> None:
         if not self.channels or set(self.channels) - set(KINDS):
-            raise InputError(f"channels are {sorted(self.channels)}; allowed: one or more of {', '.join(KINDS)}")
+            raise not_among("channels", ", ".join(sorted(self.channels)), KINDS)
         given = {k: finite(self.channels[k], k, (None, None)) for k in KINDS if k in self.channels}
         channels = {k: frozen(within(values, k, -LARGEST, LARGEST)) for k, values in given.items()}
         size = len(next(iter(channels.values())))
         for kind, values in channels.items():
             if values.ndim != 2 or len(values) != size:
-                raise InputError(f"{kind} has shape {values.shape}; expected ({size}, m)")
+                raise wrong_shape(kind, values.shape, f"({size}, m)")
         put = object.__setattr__
         put(self, "channels", MappingProxyType(channels))
         for name in ("azimuth", "inclination", "toolface", "temperature", "count"):
             value = getattr(self, name)
             if value is not None:
                 put(self, name, frozen(finite(value, name, (size,))))
-        dials = [self.azimuth is None, self.inclination is None, self.toolface is None]
-        if any(dials) and not all(dials):
-            raise InputError("azimuth, inclination and toolface are needed together, or none of them")
+        lacking = tuple(name for name in DIALS if getattr(self, name) is None)
+        if 0 < len(lacking) < 3:
+            raise refused("input-missing", {"names": lacking})
         if self.inclination is not None:
             not_degrees(self.inclination, "inclination")
         sd = {k: _spread(v, k, channels[k].shape) for k, v in self.sd.items() if k in channels}
         if self.count is not None and (self.count < 1.0).any():
-            raise InputError(f"count is {self.count.min():g} at a station; each row is the mean of at least 1 reading")
+            raise out_of_range("count", float(self.count.min()), ">= 1")
         put(self, "sd", MappingProxyType({k: frozen(v) for k, v in sd.items()}))
         put(self, "station", tuple(self.station) or tuple(str(i + 1) for i in range(size)))
         put(self, "roll_set", tuple(self.roll_set))
         for name, names in (("station", self.station), ("roll_set", self.roll_set)):
             if names and len(names) != size:
-                raise InputError(f"{name} has {len(names)} entries; expected {size}")
+                raise wrong_shape(name, (len(names),), f"({size},)")
         put(self, "step", MappingProxyType({k: frozen(_step(k, v, self.step.get(k))) for k, v in channels.items()}))
         put(self, "units", MappingProxyType({k: self.units.get(k, "counts") for k in channels}))
         put(self, "reference", MappingProxyType(dict(self.reference)))
-        put(self, "notes", tuple(self.notes))
-        put(self, "warnings", tuple(self.warnings))
+        put(self, "findings", tuple(self.findings))
         if not self.digest:
             put(self, "digest", digest_bytes(b"".join(v.tobytes() for v in self._arrays())))
 
@@ -134,10 +132,7 @@ class BenchReadings(Tabular):
     def dials(self) -> tuple[Array, Array, Array]:
         """Azimuth, inclination, toolface as dialled, rad; an error when the readings have none."""
         if self.azimuth is None or self.inclination is None or self.toolface is None:
-            raise InputError(
-                "these readings have no rig angles; give azimuth, inclination and toolface (columns azimuth_deg, "
-                "inclination_deg, toolface_deg); the field method does without them, by roll sets"
-            )
+            raise refused("bench-no-angles")
         return self.azimuth, self.inclination, self.toolface
 
     def take(self, rows: Sequence[int] | Index) -> BenchReadings:
@@ -159,10 +154,9 @@ class BenchReadings(Tabular):
             [self.roll_set[i] for i in index] if self.roll_set else (),
             self.units,
             self.reference,
-            self.notes,
+            self.findings,
             self.digest,
             self.step,
-            self.warnings,
             self.counted,
         )
 
@@ -198,7 +192,7 @@ class BenchReadings(Tabular):
         """Signals of one triad, the first where none is named, by station on matplotlib axes, which are returned."""
         kind = kind or next(iter(self.channels))
         if kind not in self.channels:
-            raise InputError(f"these readings have no {kind}; there are: {', '.join(self.channels)}")
+            raise not_among("kind", kind, self.channels)
         columns = channel_columns({kind: self.channels[kind]}, {})
         number = np.arange(1, len(self) + 1)
         lines = {name: (number, column) for name, column in columns.items()}
@@ -231,7 +225,7 @@ def _step(kind: str, values: Array, given: ArrayLike | None) -> Array:
         return converter_steps(values)
     step = within(given, f"step of the {kind}", 0.0, LARGEST)
     if step.shape not in ((), values.shape[1:]):
-        raise InputError(f"step of the {kind} has shape {step.shape}; give one value, or one for each channel")
+        raise wrong_shape(f"step of the {kind}", step.shape, str(values.shape[1:]))
     return np.broadcast_to(step, values.shape[1:])
 
 
@@ -239,9 +233,9 @@ def _spread(value: ArrayLike, kind: str, shape: tuple[int, ...]) -> Array:
     """Standard deviations (K, m), none of them negative."""
     sd = finite(value, f"{kind} sd")
     if sd.max(initial=0.0) > LARGEST:
-        raise InputError(f"{kind} sd reaches {sd.max():g}; allowed 0 to {LARGEST:g}")
-    if sd.shape not in ((), shape[1:], shape) or (sd < 0.0).any():
-        raise InputError(
-            f"{kind} sd has shape {sd.shape} and least value {sd.min(initial=0.0):g}; expected {shape}, >= 0"
-        )
+        raise out_of_range(f"{kind} sd", float(sd.max()), f"0 .. {LARGEST:g}")
+    if sd.shape not in ((), shape[1:], shape):
+        raise wrong_shape(f"{kind} sd", sd.shape, str(shape))
+    if (sd < 0.0).any():
+        raise out_of_range(f"{kind} sd", float(sd.min()), ">= 0")
     return np.broadcast_to(sd, shape)

@@ -37,8 +37,7 @@ def joint_calibration(
         fitted.covariance[:stated, :stated],
         _rig(fitted),
         _residuals(used, fitted),
-        tuple(readings.warnings),
-        notes=tuple(readings.notes),
+        readings.findings,
         freedom=freedom,
     )
 
@@ -58,10 +57,8 @@ def closed_calibration(
         tool.covariance,
         Rig(fitted.model.rig_sd.copy()),
         _residuals(readings, fitted),
-        tuple(readings.warnings),
-        notes=tuple(readings.notes),
+        (*readings.findings, *findings),
         freedom=freedom,
-        findings=tuple(findings),
     )
 
 

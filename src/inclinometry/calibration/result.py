@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from inclinometry.arrays import Array
-from inclinometry.errors import InputError
-from inclinometry.findings import Finding
+from inclinometry.errors import refused
+from inclinometry.findings import Finding, Severity, without_notes
 from inclinometry.orientation import dip_angle
 from inclinometry.sensors import Tool
 from inclinometry.tabular import Column, Tabular, aligned, channel_columns, draw
@@ -57,7 +57,7 @@ def calibration_text(found: Calibration) -> str:
     lines += [
         f"{title}: {np.degrees(v):+.4f} ± {np.degrees(s):.4f} deg" for title, (v, s) in found.rig.nuisance.items()
     ]
-    return "\n".join([*lines, *(f"warning: {sentence}" for sentence in found.remarks)])
+    return "\n".join([*lines, *(f"{one.severity}: {one}" for one in without_notes(found.findings))])
 
 
 def readings_text(readings: BenchReadings) -> str:
@@ -67,8 +67,13 @@ def readings_text(readings: BenchReadings) -> str:
     heat = readings.temperature
     span = "" if heat is None else f", {heat.min():.1f} to {heat.max():.1f} degC"
     return "\n".join(
-        [f"BenchReadings: {len(readings)} stations {dials}{span}; {channels}", *readings.notes, *readings.warnings]
+        [f"BenchReadings: {len(readings)} stations {dials}{span}; {channels}", *map(str, readings.findings)]
     )
+
+
+def uncoded(texts: Iterable[str], severity: Severity = "warning") -> tuple[Finding, ...]:
+    """Sentences that a file keeps without their codes."""
+    return tuple(Finding("fit-stored", {"text": text}, severity=severity) for text in texts)
 
 
 LEAST_REDUNDANCY: Final = 1e-3
@@ -131,8 +136,6 @@ class Calibration(Tabular):
     parameter_names, covariance : the joint covariance of tool parameters, field directions (two tangent angles each,
         rad) and nuisance parameters. It is the inverse Fisher information; it holds when the noise and rig model hold
         and is meaningless along directions named in `findings` as invisible to the plan.
-    warnings : sentences a person can act on, of readings and of methods that have no findings yet.
-    notes : sentences for the record: what was done, with nothing to be settled.
     findings : what the readings and the fit give rise to say; tool.json keeps them as sentences.
     outliers : station -> finding, of stations at odds with the others (also among `findings`); not kept in tool.json.
     causes : of a joint fit, cause -> covariance that it brings to the tool's parameters, for `causes.error_budget`; and
@@ -155,20 +158,13 @@ class Calibration(Tabular):
     covariance: Array
     rig: Rig
     residuals: Residuals
-    warnings: Sequence[str] = ()
+    findings: tuple[Finding, ...] = ()
     outliers: Mapping[str, Finding] = field(default_factory=dict)
-    notes: Sequence[str] = ()
     causes: Mapping[str, Array] = field(default_factory=dict)
     response: Array = field(default_factory=lambda: np.zeros((0, 0)))
     bent: Mapping[str, Array] = field(default_factory=dict)
     shares: Mapping[str, Array] = field(default_factory=dict)
     freedom: float | None = None
-    findings: tuple[Finding, ...] = ()
-
-    @property
-    def remarks(self) -> list[str]:
-        """Warnings and findings that are no notes as English sentences, for files."""
-        return [*self.warnings, *(str(one) for one in self.findings if one.severity != "note")]
 
     @property
     def dip(self) -> float | None:
@@ -207,7 +203,7 @@ class Calibration(Tabular):
         return self.residuals.plot(ax)
 
 
-def same_units(units: Mapping[str, str], tool: Tool, whose: str = "the calibration") -> None:
+def same_units(units: Mapping[str, str], tool: Tool) -> None:
     """Refuse signals stated in another unit than the tool's; nothing is converted unasked.
 
     A unit that is not stated ("counts") is taken for the tool's own.
@@ -215,7 +211,7 @@ def same_units(units: Mapping[str, str], tool: Tool, whose: str = "the calibrati
     for kind, triad in tool.triads.items():
         have = units.get(kind, UNSTATED)
         if UNSTATED not in (have, triad.unit) and have != triad.unit:
-            raise InputError(f"the {kind} is in {have}, {whose} in {triad.unit}: convert one of them")
+            raise refused("fit-units", {"kind": kind, "unit": have, "other": triad.unit})
 
 
 UNSTATED = "counts"

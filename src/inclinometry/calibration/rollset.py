@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from inclinometry.arrays import Array, Index, finite, frozen
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.variance import least_noise
-from inclinometry.errors import IdentifiabilityError, InputError
+from inclinometry.errors import IdentifiabilityError, wrong_shape
 from inclinometry.findings import Finding, Value
 from inclinometry.rotations import wrap_positive
 from inclinometry.tabular import Column, Tabular, degrees
@@ -89,16 +89,17 @@ def roll_harmonics(roll: ArrayLike, signal: ArrayLike) -> RollHarmonics:
     """
     angle, values = finite(roll, "roll", (None,)), finite(signal, "signal", (None,))
     if angle.ndim != 1 or angle.shape != values.shape:
-        raise InputError(f"roll has shape {angle.shape} and signal {values.shape}; expected (K,) each")
+        raise wrong_shape("signal", values.shape, f"({len(angle)},)")
     distinct = len(np.unique(np.round(np.mod(angle, 2.0 * np.pi), 6)))
     if distinct < 3:
-        raise IdentifiabilityError(f"{distinct} distinct rolls; offset, amplitude and phase need at least 3")
+        raise IdentifiabilityError(
+            Finding("fit-rolls", {"count": distinct, "span_deg": float(np.degrees(np.ptp(angle)))})
+        )
     design = _design(angle, 1)
     solution, _, _, singular = np.linalg.lstsq(design, values)
     if singular[-1] < 1e-3 * singular[0]:
-        span = np.degrees(np.ptp(angle))
         raise IdentifiabilityError(
-            f"the rolls span only {span:.3g} deg; offset and amplitude cannot be told apart: turn the tool through more"
+            Finding("fit-rolls", {"count": distinct, "span_deg": float(np.degrees(np.ptp(angle)))})
         )
     residual = values - design @ solution
     freedom = len(values) - 3

@@ -13,7 +13,7 @@ from inclinometry.calibration.likelihood import Model, State, tangent_basis
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.twelve import DOWN
 from inclinometry.constants import DIALS, KINDS
-from inclinometry.errors import IdentifiabilityError, InputError
+from inclinometry.errors import IdentifiabilityError, InputError, out_of_range, refused, wrong_shape
 from inclinometry.findings import Finding, Value
 from inclinometry.orientation import dip_angle
 from inclinometry.rotations import TAU, dcm, wrap_positive, wrap_signed
@@ -223,7 +223,7 @@ class Stand:
         for name in DIALS:
             values = within(finite(getattr(self, name), name, (None,)), name, -TAU, TAU, "rad")
             if values.ndim != 1 or not len(values):
-                raise InputError(f"{name} of the stand has shape {values.shape}; give at least one setting, (n,)")
+                raise wrong_shape(name, values.shape, "(n,)")
             object.__setattr__(self, name, frozen(values))
 
     def positions(self) -> Array:
@@ -267,7 +267,7 @@ def stand_within(
     """
     limits = [_limits(pair, name) for pair, name in zip((azimuth, inclination, toolface), DIALS, strict=True)]
     if candidates < 1:
-        raise InputError(f"candidates is {candidates}; allowed: 1 or more")
+        raise out_of_range("candidates", candidates, ">= 1")
     level = [0, 0, 0]
     found = _stand(limits, level)
     while True:
@@ -287,7 +287,7 @@ def stand_within(
 def _limits(pair: Range, name: str) -> Range:
     low, high = within(finite(pair, f"{name} limits", (2,)), f"{name} limits", -TAU, TAU, "rad")
     if low > high:
-        raise InputError(f"{name} limits are {low:g} to {high:g} rad; the first must not exceed the second")
+        raise out_of_range(f"{name} limits", float(low), f"<= {high:g}")
     return float(low), float(high)
 
 
@@ -329,18 +329,13 @@ def enough(readings: BenchReadings) -> None:
     """Raise IdentifiabilityError for fewer readings than parameters, InputError for more than can be handled."""
     most_stations = 20_000  # stations a fit takes, for the memory and the patience of a laptop
     if len(readings) > most_stations:
-        raise InputError(
-            f"{len(readings)} stations; a fit takes up to {most_stations}: average readings taken at the same settings "
-            "(give them one station name), or find the still stations of a log first"
-        )
+        raise refused("fit-stations-many", {"stations": len(readings), "most": most_stations})
     for kind, values in readings.channels.items():
         stations, sensors = values.shape
         unknown = 4 * sensors + 2
         if stations * sensors < unknown:
-            raise IdentifiabilityError(
-                f"{stations} stations give {stations * sensors} readings of the {kind}, fewer than its {unknown} "
-                f"parameters; take at least {-(-unknown // sensors) + 1} stations, 12 or 24 for a good result"
-            )
+            least = -(-unknown // sensors) + 1
+            raise IdentifiabilityError(Finding("plan-stations-few", {"stations": stations, "least": least}))
         _plausible(kind, values, readings)
 
 

@@ -13,7 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 from inclinometry.arrays import Array, finite, frozen, within
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.constants import KINDS
-from inclinometry.errors import InputError
+from inclinometry.errors import not_among, refused, wrong_shape
+from inclinometry.findings import Finding, Value
 from inclinometry.tabular import Column, Tabular
 
 # Moving windows over a log: variances in one pass, the noise floor, runs of quiet samples.
@@ -33,10 +34,10 @@ def sampling_period(time: Array) -> tuple[float, NDArray[np.int64]]:
     """Median step of the time column, s, and where steps of more than five of these leave a gap."""
     steps = np.diff(time)
     if len(steps) == 0:
-        raise InputError("the log has fewer than two samples")
+        raise refused("input-few", {"name": "samples", "count": len(time), "least": 2})
     if np.any(steps <= 0.0):
         at = int(np.argmax(steps <= 0.0)) + 1
-        raise InputError(f"time[{at}] is {time[at]:.10g} after {time[at - 1]:.10g}; times must increase: sort the log")
+        raise refused("input-backwards", {"time_s": float(time[at]), "before_s": float(time[at - 1])})
     period = float(np.median(steps))
     return period, np.flatnonzero(steps > 5.0 * period).astype(np.int64) + 1
 
@@ -83,7 +84,7 @@ def noise_floor(variance: Array, ratio: float) -> Array:
     """
     usable = variance[np.isfinite(variance).all(axis=1)]
     if len(usable) == 0:
-        raise InputError("the log is all gaps: no stretch is as long as one window")
+        raise refused("fit-log-gaps")
     # a tenth of a million windows tell the floor as well as all of them
     sample = usable[:: max(len(usable) // 50_000, 1)]
     floor = np.maximum(np.quantile(sample, 0.02, axis=0), np.finfo(float).tiny)
@@ -125,7 +126,7 @@ class StillIntervals(Tabular):
     """What was found in a log and what was dropped."""
 
     intervals: NDArray[np.int64]  #: (n, 2) first sample and one past the last of each still interval, in order
-    dropped: Sequence[tuple[int, int, str]]  #: (start, stop, reason) of every other stretch that was quiet for a while
+    dropped: Sequence[tuple[int, int, Finding]]  #: (start, stop, why) of every other stretch that was quiet for a while
     noise_sd: Array  #: (c,) standard deviation of each channel at rest, estimated from the log; in the channel's unit
     period: float  #: s, sampling interval
     samples: int  #: length of the log
@@ -137,16 +138,13 @@ class StillIntervals(Tabular):
         """The intervals as (start, stop) of int, ready for slicing."""
         return [(int(a), int(b)) for a, b in self.intervals]
 
-    def report(self) -> tuple[str, ...]:
-        """Sentences: what was found, and what was dropped and why."""
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What was found, and what was dropped and why, as notes."""
         still = int(sum(b - a for a, b in self.pairs()))
-        share = 100.0 * still / self.samples
-        lines = [
-            f"{len(self)} still stations in {self.samples} samples ({self.samples * self.period:.1f} s, "
-            f"{1.0 / self.period:.4g} Hz); still {share:.0f} % of the time"
-        ]
-        lines += [f"samples {a} to {b} dropped: {reason}" for a, b, reason in self.dropped]
-        return tuple(lines)
+        values: dict[str, Value] = {"stations": len(self), "span_s": self.samples * self.period}
+        values |= {"rate_Hz": 1.0 / self.period, "still_percent": 100.0 * still / self.samples}
+        return Finding("fit-still", values, severity="note"), *(why for _, _, why in self.dropped)
 
     def to_dict(self) -> dict[str, Column]:
         """One row a still interval: its first sample, one past its last, its length."""
@@ -172,21 +170,19 @@ def still_intervals(
     t = finite(time, "time", (None,))
     x = finite(channels, "channels", (None, None))
     if t.ndim != 1 or x.ndim != 2 or len(x) != len(t):
-        raise InputError(f"time has shape {t.shape} and channels {x.shape}; expected (N,) and (N, c)")
+        raise wrong_shape("channels", x.shape, f"({len(t)}, c)")
     within(window, "window", 0.0, 3600.0, "s")
     within(shortest, "shortest", 0.0, 86400.0, "s")
     within(ratio, "ratio", 1.5, 1e6)
     period, gaps = sampling_period(t)
     half = max(round(window / period) // 2, 2)
     if len(t) < 4 * half + 2:
-        raise InputError(
-            f"the log has {len(t)} samples; at least {4 * half + 2} are needed for a window of {window:g} s"
-        )
+        raise refused("input-few", {"name": "samples", "count": len(t), "least": 4 * half + 2})
     windows = Windows(half, gaps)
     rounding = quantisation_variance(x)
     alive = np.ptp(x, axis=0) > 0.0
     if not alive.any():
-        raise InputError("no channel ever changes; the log holds no measurement")
+        raise refused("fit-signals-constant")
     variance = np.maximum(moving_variance(x[:, alive], windows), rounding[alive])
     floor = noise_floor(variance, ratio)
     activity = np.mean(variance / floor, axis=1)
@@ -204,7 +200,7 @@ def _judge(
     activity: Array,
     ratio: float,
     shortest: float,
-) -> tuple[list[Run], list[tuple[int, int, str]]]:
+) -> tuple[list[Run], list[tuple[int, int, Finding]]]:
     """Rests at the noise of rest; then rests that only shake (a hand); what remains is dropped with a reason."""
     calm = [run for run in runs(activity < ratio, gaps) if time[run[1] - 1] - time[run[0]] >= shortest]
     largest = np.ptp(signals, axis=0)
@@ -220,7 +216,7 @@ def _judge(
                 found[-1] = (found[-1][0], rest[1])
                 continue
         found.append(rest)
-    dropped: list[tuple[int, int, str]] = []
+    dropped: list[tuple[int, int, Finding]] = []
     limit = max(ratio, otsu(activity))
     for run in runs(activity < limit, gaps):
         if any(start < run[1] and stop > run[0] for start, stop in calm):
@@ -233,9 +229,11 @@ def _judge(
         if lasts < 0.25 * shortest:
             continue  # a flicker: the turning point of a motion, not a rest
         if lasts < shortest:
-            dropped.append((*run, f"quiet for {lasts:.2f} s only; at least {shortest:g} s are needed"))
+            values: dict[str, Value] = {"first": begin, "last": end, "lasts_s": lasts, "least_s": shortest}
+            dropped.append((*run, Finding("fit-rest-short", values, severity="note")))
         elif moved > 0.01:  # of a channel's range over the log: more is a motion, no shaky rest
-            dropped.append((*run, f"turning slowly: a channel moves by {100 * moved:.1f} % of its range"))
+            values = {"first": begin, "last": end, "moved_percent": 100.0 * moved}
+            dropped.append((*run, Finding("fit-rest-turning", values, severity="note")))
         else:
             found.append(run)
     return sorted(found), dropped
@@ -269,7 +267,7 @@ def stations_from_log(
     -------
     BenchReadings
         Without rig angles. `sd` is the standard deviation of each mean, from the scatter of the means of up to ten
-        blocks where that is more than white noise gives; `count` the samples averaged; `notes` the report.
+        blocks where that is more than white noise gives; `count` the samples averaged; `findings` of the intervals.
     StillIntervals
         Where the rows come from and what was dropped.
 
@@ -289,17 +287,15 @@ def stations_from_log(
     """
     arrays = {kind: finite(channels[kind], kind, (None, None)) for kind in KINDS if kind in channels}
     if not arrays or set(channels) - set(KINDS):
-        raise InputError(f"channels are {sorted(channels)}; allowed: one or more of {', '.join(KINDS)}")
+        raise not_among("channels", ", ".join(sorted(channels)), KINDS)
     length = len(finite(time, "time", (None,)))
     for kind, values in arrays.items():
         if values.shape[:-1] != (length,):
-            raise InputError(f"{kind} has shape {values.shape}; expected ({length}, m)")
+            raise wrong_shape(kind, values.shape, f"({length}, m)")
     found = still_intervals(time, np.hstack(list(arrays.values())), window=window, shortest=shortest, ratio=ratio)
     pairs = found.pairs()
     if not pairs:
-        raise InputError(
-            f"the tool is never still for {shortest:g} s in this log; rest longer at each station, or lower `shortest`"
-        )
+        raise refused("fit-never-still", {"least_s": shortest})
     degrees = None if temperature is None else finite(temperature, "temperature", (length,))
     readings = BenchReadings(
         {kind: np.array([values[a:b].mean(axis=0) for a, b in pairs]) for kind, values in arrays.items()},
@@ -307,7 +303,7 @@ def stations_from_log(
         count=np.array([float(b - a) for a, b in pairs]),
         temperature=None if degrees is None else np.array([degrees[a:b].mean() for a, b in pairs]),
         units=units or {},
-        notes=found.report(),
+        findings=found.findings,
     )
     return readings, found
 

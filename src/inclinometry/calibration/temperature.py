@@ -8,7 +8,8 @@ from inclinometry.arrays import Array
 from inclinometry.calibration.likelihood import Model, State
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.variance import fit_with_variances
-from inclinometry.errors import IdentifiabilityError, InputError
+from inclinometry.errors import IdentifiabilityError, out_of_range, refused
+from inclinometry.findings import Finding, Value
 
 HIGHEST_DEGREE = 3
 
@@ -33,18 +34,17 @@ def choose_powers(readings: BenchReadings, model: Model, start: State, degree: i
     """
     temperature = readings.temperature
     if degree is not None and not 0 <= degree <= HIGHEST_DEGREE:
-        raise InputError(f"temperature degree is {degree}; allowed 0 to {HIGHEST_DEGREE}")
+        raise out_of_range("temperature degree", degree, f"0 .. {HIGHEST_DEGREE}")
     if temperature is None:
         if degree:
-            raise InputError(f"temperature degree {degree} asked for, but the readings have no temperature_degC")
+            raise refused("input-needs", {"name": "temperature degree", "needed": ("temperature_degC",)})
         return np.ones((len(readings), 1)), 20.0
     reference = float(np.round(temperature.mean(), 3))
     most = min(HIGHEST_DEGREE, soaks(temperature) - 1)
     if degree is not None:
         if degree > most:
-            raise IdentifiabilityError(
-                f"temperature degree {degree} needs {degree + 1} distinct temperatures; the readings have {most + 1}"
-            )
+            values: dict[str, Value] = {"degree": degree, "temperatures": most + 1, "least": degree + 1}
+            raise IdentifiabilityError(Finding("fit-temperatures-few", values))
         return powers_of(temperature, reference, degree), reference
     # each further power has to be seen by more readings than it has parameters
     sensors = sum(v.shape[1] for v in model.signals.values())

@@ -24,7 +24,8 @@ from inclinometry.calibration.dials import (
     unequal_steps,
 )
 from inclinometry.calibration.harmonics import harmonic_weights, harmonics
-from inclinometry.errors import IdentifiabilityError, InputError
+from inclinometry.errors import IdentifiabilityError, InputError, refused, wrong_kind, wrong_shape
+from inclinometry.findings import Finding, Value
 from inclinometry.rotations import dcm
 
 # From moments of the signals to a triad: the product of a sensor's vector and the field's direction, taken apart.
@@ -73,7 +74,7 @@ def unit_direction(value: ArrayLike, name: str) -> Array:
     vector = finite(value, name, (3,))
     length = float(np.linalg.norm(vector))
     if vector.ndim != 1 or length == 0.0:
-        raise InputError(f"{name} is {np.asarray(value).tolist()}; expected one direction of three components")
+        raise wrong_kind(name, str(np.asarray(value).tolist()), "unit vector")
     return np.asarray(vector / length)
 
 
@@ -104,7 +105,7 @@ def solve_moments(
         sums = np.stack([np.einsum("rb,rb->b", vectors[i], vectors[j]) for i, j in pairs])
         total = sums[:3].sum(axis=0)
         if not (total > 0.0).all():
-            raise IdentifiabilityError("the signals do not change over the plan; are the sensors connected?")
+            raise IdentifiabilityError(Finding("fit-signals-constant"))
         sums = np.asarray(sums / total)
         a = signed(_leading(sums), hint) if known is None else np.repeat(known[:, None], level.shape[1], axis=1)
         _check_share(sums, a)
@@ -123,10 +124,7 @@ def signed(a: Array, hint: Array) -> Array:
     """
     along = hint @ a
     if np.abs(along).min() < 0.01:
-        raise IdentifiabilityError(
-            "the field is within 0.6 degrees of a right angle to sign_hint, which cannot tell its sign; give a "
-            "direction in rig axes nearer the field (for a magnetometer: cos dip, 0, sin dip)"
-        )
+        raise IdentifiabilityError(Finding("fit-sign-open"))
     return np.asarray(np.where(along < 0.0, -a, a))
 
 
@@ -137,12 +135,13 @@ def _check_share(sums: Array, a: Array) -> None:
     worst = int(np.argmin(share))
     least_share = 0.9  # of the power along one direction; less is not a calibration but a mix-up
     if share[worst] < least_share:
-        raise IdentifiabilityError(
-            f"the signals do not follow one field along {a[:, worst].round(3).tolist()} in rig axes: "
-            f"{100.0 * (1.0 - share[worst]):.0f} % of their power is elsewhere (allowed "
-            f"{100.0 * (1.0 - least_share):.0f}); check the dial settings, the order of the stations, the channels "
-            "and the direction if one was given"
-        )
+        raise _elsewhere(a[:, worst], 1.0 - float(share[worst]), 1.0 - least_share)
+
+
+def _elsewhere(direction: Array, share: float, most: float) -> IdentifiabilityError:
+    """The refusal of signals that follow another direction of the field."""
+    shares = {"left_percent": 100.0 * share, "allowed_percent": 100.0 * most}
+    return IdentifiabilityError(Finding("fit-share", {"direction": str(direction.round(3).tolist()), **shares}))
 
 
 def _leading(sums: Array) -> Array:
@@ -230,30 +229,28 @@ def _layout(azimuth: ArrayLike, inclination: ArrayLike, toolface: ArrayLike) -> 
     up, flat = same(i, 0.0), same(i, np.pi / 2.0)
     other = np.flatnonzero(~(up | flat))
     if len(other):
-        at = np.degrees(i[other[0]])
-        raise InputError(
-            f"not a twelve-position plan: row {other[0] + 1} has inclination {at:.8g} degrees; this plan uses 0 and 90 "
-            "only"
-        )
+        facts: dict[str, Value] = {"row": int(other[0]) + 1, "inclination_deg": float(np.degrees(i[other[0]]))}
+        raise _not_of("twelve", Finding("plan-inclination-other", facts))
     upright, rows = np.flatnonzero(up), np.flatnonzero(flat)
-    reason = unequal_steps((a + t)[upright])
-    if reason is not None:
-        raise InputError(f"not a twelve-position plan: upright: {reason}")
+    if (why := unequal_steps((a + t)[upright])) is not None:
+        raise _not_of("twelve", Finding("plan-part", {"part": "upright rolls", "why": why}))
     rolls = [rows[members] for members in groups(a[rows])]
-    reason = unequal_steps(np.array([a[members[0]] for members in rolls]))
-    if reason is not None:
-        raise InputError(f"not a twelve-position plan: azimuths at inclination 90: {reason}")
+    if (why := unequal_steps(np.array([a[members[0]] for members in rolls]))) is not None:
+        raise _not_of("twelve", Finding("plan-part", {"part": "azimuths at inclination 90 deg", "why": why}))
     for members in rolls:
-        reason = unequal_steps(t[members])
-        if reason is not None:
-            raise InputError(
-                f"not a twelve-position plan: rolls at azimuth {np.degrees(a[members[0]]):.8g} degrees: {reason}"
-            )
+        if (why := unequal_steps(t[members])) is not None:
+            at = float(np.degrees(a[members[0]]))
+            raise _not_of("twelve", Finding("plan-rolls", {"dial": "azimuth", "at_deg": at, "why": why}))
     return a, t, upright, rolls
 
 
-def why_not_orthogonal(azimuth: ArrayLike, inclination: ArrayLike, toolface: ArrayLike) -> str | None:
-    """Why the settings are not an orthogonal plan, in words; None when they are.
+def _not_of(method: str, why: Finding) -> InputError:
+    """The refusal of settings that a method has no closed form for."""
+    return refused("plan-not-method", {"method": method, "why": why})
+
+
+def why_not_orthogonal(azimuth: ArrayLike, inclination: ArrayLike, toolface: ArrayLike) -> Finding | None:
+    """Why the settings are not an orthogonal plan; None when they are.
 
     What makes the closed form exact is asked for, not a list of positions: the orientations C_k must sum to nothing and
     their elements be uncorrelated, sum_k C_ij C_lm = K/3 for equal elements and 0 otherwise. The rotations of a cube,
@@ -261,20 +258,18 @@ def why_not_orthogonal(azimuth: ArrayLike, inclination: ArrayLike, toolface: Arr
     """
     turns = _orientations(azimuth, inclination, toolface)
     if len(turns) < 12:
-        return f"{len(turns)} stations; an orthogonal plan has 24, or the 12 of its half"
+        return Finding("plan-stations", {"stations": len(turns)})
     mean = turns.mean(axis=0)
     if np.abs(mean).max() > ANGLE_TOLERANCE:
         tool, rig = (int(i) for i in np.unravel_index(np.argmax(np.abs(mean)), (3, 3)))
-        return (
-            f"tool axis {'xyz'[tool]} does not point equally often both ways along rig axis {'xyz'[rig]}: "
-            f"its mean there is {mean[tool, rig]:.3g}, not 0"
-        )
+        facts: dict[str, Value] = {"axis": "xyz"[tool], "rig_axis": "xyz"[rig], "mean": float(mean[tool, rig])}
+        return Finding("plan-axis-uneven", facts)
     flat = turns.reshape(len(turns), 9)
     unequal = np.abs(flat.T @ flat / len(turns) - np.eye(9) / 3.0)
     if unequal.max() > 2.0 * ANGLE_TOLERANCE:
         one, two = (int(i) for i in np.unravel_index(np.argmax(unequal), (9, 9)))
-        names = [f"C[{'xyz'[i // 3]},{'xyz'[i % 3]}]" for i in (one, two)]
-        return f"the orientations are not those of a cube's rotations: sum of {names[0]} {names[1]} is out of balance"
+        names = tuple(f"C[{'xyz'[i // 3]},{'xyz'[i % 3]}]" for i in (one, two))
+        return Finding("plan-orientations", {"elements": names})
     return None
 
 
@@ -294,9 +289,8 @@ def solve_orthogonal(
     1 - cos(error). Not seen: an error e of the stand's inclination zero, which moves the z offset by 2/3 sin e of the
     field unless the plan is the two-face one.
     """
-    reason = why_not_orthogonal(azimuth, inclination, toolface)
-    if reason is not None:
-        raise InputError(f"not an orthogonal plan: {reason}")
+    if (why := why_not_orthogonal(azimuth, inclination, toolface)) is not None:
+        raise _not_of("orthogonal", why)
     turns = _orientations(azimuth, inclination, toolface)
     count = len(turns)
     # row 3 j + l: the element C[l, j] that carries n_l a_j
@@ -330,11 +324,8 @@ def solve_rotations(
     hc, hr, hz = dcm(heading, lean, 0.0) @ a
     least_axial = 0.2  # |Hc - Hz|: axial errors grow by sqrt2 over this number
     if abs(hc - hz) < least_axial:
-        raise IdentifiabilityError(
-            f"the axial field is {hz:.3g} of the full field at inclination {np.degrees(lean):.8g} degrees "
-            f"and {hc:.3g} in the second turn (allowed: {least_axial} apart or more); the axial scale cannot be told "
-            "from the offset: turn at 45 and 135 degrees, or at 0 and 90 with azimuth 180"
-        )
+        facts = {"inclination_deg": float(np.degrees(lean)), "first": float(hz), "second": float(hc)}
+        raise IdentifiabilityError(Finding("plan-axial", {**facts, "apart": least_axial}))
     values = finite(signals, "signals", (sum(map(len, rows)), None))
     one, two = (harmonics(values[..., r, :], t) for r, t in zip(rows, rolls, strict=True))
     w1, w2 = (float(len(own)) for own in rows)
@@ -348,10 +339,7 @@ def solve_rotations(
     total = sum(w * np.square([t.cosine, t.sine]).sum(axis=(0, -1)) for w, t in ((w1, one), (w2, two)))
     most_misfit = 0.05  # share of the harmonics' power: 13 degrees, more than any rig stands wrong
     if not (misfit <= most_misfit * total).all():
-        raise IdentifiabilityError(
-            f"{100.0 * np.max(misfit / total):.0f} % of the signals' harmonics do not follow the known direction "
-            f"{a.round(3).tolist()} (allowed {100.0 * most_misfit:.0f}); check it, the dial settings and the channels"
-        )
+        raise _elsewhere(a, float(np.max(misfit / total)), most_misfit)
     n3 = (two.mean - one.mean) / (hc - hz)
     offset = (one.mean * hc - two.mean * hz) / (hc - hz)
     tensor = np.stack([n1, n2, n3], axis=-1)
@@ -375,18 +363,15 @@ def find_direction(
     heading, lean, rows, rolls = _turns(azimuth, inclination, toolface)
     values = finite(signals, "signals", (sum(map(len, rows)), None))
     if values.ndim != 2:
-        raise InputError(f"signals has shape {values.shape}; expected (K, m), one triad")
+        raise wrong_shape("signals", values.shape, "(K, m)")
     one, two = (harmonics(values[r], t) for r, t in zip(rows, rolls, strict=True))
     z1, z2 = one.cosine - 1j * one.sine, two.cosine - 1j * two.sine
     system = np.stack([z2, 1j * (z1 - z2), z1], axis=-1)
     _, strength, axes = np.linalg.svd(np.concatenate([system.real, system.imag]))
     least_separation = 0.05  # second of the singular values over the first, where the direction is to be found
     if strength[1] <= least_separation * strength[0]:
-        raise IdentifiabilityError(
-            f"the two turns do not show the field's direction: singular value ratio {strength[1] / strength[0]:.2g}, "
-            f"allowed {least_separation} or more; give the dip (and the azimuth of the rig's zero), or turn at "
-            "another inclination"
-        )
+        ratio = float(strength[1] / strength[0])
+        raise IdentifiabilityError(Finding("plan-direction-unseen", {"ratio": ratio, "least": least_separation}))
     a = dcm(heading, lean, 0.0).T @ axes[2]
     return signed(a[:, None], unit_direction(sign_hint, "sign_hint"))[:, 0]
 
@@ -405,35 +390,26 @@ def _turns(
     # the azimuth of a station that stands upright says nothing; any other fixes the plane
     leaning = np.flatnonzero(~(same(i, 0.0) | same(i, np.pi)))
     if not len(leaning):
-        raise InputError("not a plan of two rotations: every station is upright")
+        raise _not_of("rotations", Finding("plan-all-upright"))
     wanted = float(a[leaning[0]])
     a, i, t = at_azimuth(a, i, t, wanted)
     elsewhere = np.flatnonzero(~same(a, wanted))
     if len(elsewhere):
-        row = elsewhere[0]
-        raise InputError(
-            f"not a plan of two rotations: row {row + 1} has azimuth {np.degrees(a[row]):.8g} degrees, the others "
-            f"{np.degrees(wanted):.8g}"
-        )
+        row = int(elsewhere[0])
+        at = {"azimuth_deg": float(np.degrees(a[row])), "others_deg": float(np.degrees(wanted))}
+        raise _not_of("rotations", Finding("plan-azimuth-other", {"row": row + 1, **at}))
     turns = groups(i)
     if len(turns) != 2:
-        raise InputError(
-            f"not a plan of two rotations: {len(turns)} different inclinations; this plan has two, 90 degrees apart"
-        )
+        raise _not_of("rotations", Finding("plan-inclinations", {"count": len(turns)}))
     one, two = turns
     if same(i[one[0]] - i[two[0]], np.pi / 2.0):
         one, two = two, one
     d1, d2 = float(i[one[0]]), float(i[two[0]])
     if not same(d2 - d1, np.pi / 2.0):
-        at = f"{np.degrees(d1):.8g} and {np.degrees(d2):.8g}"
-        raise InputError(
-            f"not a plan of two rotations: the inclinations are {at} degrees; the second turn must be 90 degrees from "
-            "the first"
-        )
+        at = {"first_deg": float(np.degrees(d1)), "second_deg": float(np.degrees(d2))}
+        raise _not_of("rotations", Finding("plan-turns-apart", at))
     for rows in (one, two):
-        reason = unequal_steps(t[rows])
-        if reason is not None:
-            raise InputError(
-                f"not a plan of two rotations: rolls at inclination {np.degrees(i[rows[0]]):.8g} degrees: {reason}"
-            )
+        if (why := unequal_steps(t[rows])) is not None:
+            turn = float(np.degrees(i[rows[0]]))
+            raise _not_of("rotations", Finding("plan-rolls", {"dial": "inclination", "at_deg": turn, "why": why}))
     return wanted, d1, (one, two), (t[one], t[two])

@@ -19,7 +19,7 @@ from inclinometry.arrays import Array, Index, Mask, finite, within
 from inclinometry.calibration.likelihood import Linear, Model, State
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.constants import KINDS
-from inclinometry.errors import InputError
+from inclinometry.errors import not_among, out_of_range, wrong_shape
 from inclinometry.least_squares import levenberg_marquardt
 
 
@@ -498,7 +498,7 @@ def rig_guess(given: ArrayLike | None) -> tuple[Array, Mask]:
     """Standard deviations (3,) of a setting to start with, rad, and which of them were stated; NaN is not."""
     sd = np.asarray(np.nan if given is None else given, dtype=np.float64)
     if sd.shape not in ((), (3,)):
-        raise InputError(f"rig_sd has shape {sd.shape}; give one value, or three for azimuth, inclination, toolface")
+        raise wrong_shape("rig_sd", sd.shape, "(3,)")
     known = np.broadcast_to(~np.isnan(sd) | (given is not None and sd.ndim == 0), (3,))
     # where the search for the rig's standard deviation starts, rad
     found = within(np.where(known, sd, np.radians(0.1)), "rig_sd", 0.0, np.radians(30.0), "rad")
@@ -515,7 +515,7 @@ def noise_guess(
     """
     unknown = set(given or {}) - set(KINDS)
     if unknown:
-        raise InputError(f"noise_sd names {sorted(unknown)[0]!r}; allowed: {', '.join(KINDS)}")
+        raise not_among("noise_sd", sorted(unknown)[0], KINDS)
     columns, free, start = [], [], 0
     size = len(readings)
     for kind, values in readings.channels.items():
@@ -525,10 +525,10 @@ def noise_guess(
         least = least_noise(values)
         if given is not None and kind in given:
             sd = finite(given[kind], f"{kind} noise sd")  # type: ignore[arg-type]
-            if sd.shape not in ((), (count,), (size, count)) or (sd <= 0.0).any():
-                raise InputError(
-                    f"{kind} noise sd is {sd}; it must be positive, one value or one for each of {count} sensors"
-                )
+            if sd.shape not in ((), (count,), (size, count)):
+                raise wrong_shape(f"{kind} noise sd", sd.shape, f"({count},)")
+            if (sd <= 0.0).any():
+                raise out_of_range(f"{kind} noise sd", float(sd.min()), "> 0")
             columns.append(np.broadcast_to(sd, (size, count)))
         elif kind in readings.sd and (readings.sd[kind] > 0.0).any():
             # a mean of identical readings is still only known to the converter's step

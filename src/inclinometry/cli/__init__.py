@@ -10,7 +10,7 @@ import warnings
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from inclinometry.findings import Finding
+    from inclinometry.errors import InclinometryError
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -86,13 +86,13 @@ def _run(arguments: list[str]) -> int:
         _say(f"inclinometry: {_one_line(str(error))} (see --help)")
         return 2
     except CycloptsError as error:
-        # a quantity refuses a value with a sentence of its own
-        said = str(error.__cause__) if isinstance(error.__cause__, InclinometryError) else f"{error} (see --help)"
-        _say(f"inclinometry: {_one_line(said)}")
+        # a quantity refuses a value with a finding of its own
+        if isinstance(error.__cause__, InclinometryError):
+            return _refused(error.__cause__, arguments)
+        _say(f"inclinometry: {_one_line(str(error))} (see --help)")
         return 2
     except InclinometryError as error:
-        _say(f"inclinometry: {_one_line(str(error))}{_code(error.finding, arguments)}")
-        return 2
+        return _refused(error, arguments)
     except ImportError as error:
         from inclinometry.cli.extras import missing
 
@@ -108,15 +108,19 @@ def _traceback() -> bool:
     return os.environ.get("INCLINOMETRY_TRACEBACK") == "1"
 
 
-def _code(found: Finding | None, arguments: list[str]) -> str:
-    """Code of a refusal, and how to go on in spite of it; with --json it is printed as data too."""
-    if found is None:
-        return ""
-    if "--json" in arguments:
+def _refused(error: InclinometryError, arguments: list[str]) -> int:
+    """Say a refusal with its code, and how to accept the file in spite of it; with --json as data too."""
+    from inclinometry.errors import FileError
+
+    found = error.finding
+    if found is not None and "--json" in arguments:
         from inclinometry.cli.output import print_json
 
-        print_json({"findings": [found.plain()]})
-    return f" [{found.code}; --ignore {found.code} accepts the file]" if found.group else f" [{found.code}]"
+        where = {"file": error.path, "line": error.line} if isinstance(error, FileError) else {}
+        print_json({"findings": [found.plain() | where]})
+    accepts = "" if found is None or not found.group else f"; --ignore {found.code} accepts the file"
+    _say(f"inclinometry: {_one_line(str(error))}" + ("" if found is None else f" [{found.code}{accepts}]"))
+    return 2
 
 
 def _one_line(text: str) -> str:

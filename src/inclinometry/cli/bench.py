@@ -27,8 +27,9 @@ from inclinometry.cli import options, output
 from inclinometry.cli.stand import UNKNOWN, USUAL_DIALS, USUAL_FIT, DialOptions, FitOptions, LeftHanded, StandOptions
 from inclinometry.constants import ANGLES, UNIT_LABELS
 from inclinometry.digest import digest_file
-from inclinometry.errors import InputError
+from inclinometry.errors import FileError, refused
 from inclinometry.files.tool_json import read_calibration, read_tool, write_calibration
+from inclinometry.findings import Finding, only_notes, without_notes
 from inclinometry.uncertainty import shares
 from inclinometry.workflow.calibrate import (
     METHODS,
@@ -95,7 +96,7 @@ def show_two(
         )
     with output.reported(report, "comparison:two_report", found):
         said = content(found)
-    output.warnings(said["warnings"])
+    output.findings([one for c in found.calibrations for one in c.findings])
     if json:
         output.print_json(said)
         return
@@ -198,7 +199,10 @@ def calibrate(
         **vars(stand),
     )
     if method != "hand-rotations" and (gyro_log or gyro_profile):
-        raise InputError("--gyro-log and --gyro-profile are for --method hand-rotations; leave them out")
+        raise refused(
+            "input-needs",
+            {"name": "--gyro-log" if gyro_log else "--gyro-profile", "needed": ("--method hand-rotations",)},
+        )
     by_hand = None
     with output.reading(readings) as progress:
         if method == "hand-rotations":
@@ -222,8 +226,6 @@ def calibrate(
     with output.reported(report, "calibration:calibration_report", found, readings=data):
         if output_ is not None:
             write_calibration(found, output_, created=created)
-    output.notes(found.notes)
-    output.warnings(found.warnings)
     output.findings(found.findings)
     expected = expected_uncertainty(found, stated_dip=data.reference.get("dip"))
     if json:
@@ -294,11 +296,9 @@ def _summary(found: Calibration, expected: ExpectedUncertainty, data: BenchReadi
         },
         "parameters": asdict_parameters(found),
         "expected_u_deg": named_degrees(expected),
-        "notes": list(found.notes),
         "budget": _budget(found, expected, data),
         "second_harmonics": None if second is None else _harmonics(second),
         "findings": [one.plain() for one in found.findings],
-        "warnings": list(found.warnings),
     }
 
 
@@ -427,7 +427,7 @@ def compare(
         data = readings_at(readings, _site(site), progress, dials.dials())
     if methods is not None or report is not None:
         option = "--methods" if methods is not None else "--report"
-        raise InputError(f"{option} is for two files of one tool; give a second file, or leave it out")
+        raise refused("input-needs", {"name": option, "needed": ("SECOND",)})
     known = None if truth is None else read_tool(truth)
     sheet = _nameplate(nameplate)
     with output.busy("running every method"):
@@ -437,14 +437,13 @@ def compare(
             {
                 "method": a.method,
                 "applicable": a.calibration is not None,
-                "reason": a.reason,
+                "reason": a.reason.plain() if isinstance(a.reason, Finding) else None,
                 "expected_u_deg": None
                 if a.method not in found.uncertainty
                 else named_degrees(found.uncertainty[a.method]),
                 "true_error_deg": _angles_of(found.error[a.method]) if a.method in found.error else None,
                 "parameters": None if a.calibration is None else asdict_parameters(a.calibration),
                 "findings": [] if a.calibration is None else [one.plain() for one in a.calibration.findings],
-                "warnings": [] if a.calibration is None else list(a.calibration.warnings),
             }
             for a in found.attempts
         ]
@@ -509,10 +508,9 @@ def show_comparison(found: Comparison, title: str = "") -> None:
         _by_method("true error of azimuth, rms, deg, at inclination", methods, found.inclination, wrong)
     for attempt in found.attempts:
         if attempt.calibration is None:
-            output.say(f"{attempt.method} is not applicable: {attempt.reason}")
+            output.say(f"{attempt.method}: not applicable. {attempt.reason}".rstrip())
     for attempt in found.attempts:
         if attempt.calibration is not None and attempt.method == "joint":
-            output.warnings(attempt.calibration.warnings)
             output.findings(attempt.calibration.findings)
 
 
@@ -588,13 +586,12 @@ def verify(
     )
     if planned:
         if stand != "same" or report is not None:
-            raise InputError(
-                "--planned is before any reading, on the stand of the calibration: leave out --report and --stand; "
-                "-o writes what is planned"
+            raise refused(
+                "input-not-with", {"name": "--report" if report is not None else "--stand", "other": "--planned"}
             )
         return _verify_planned(readings, calibration, limits, output_, 1 if count is None else count, json)
     if count is not None:
-        raise InputError("--count is of --planned: readings say themselves of how many they are the mean")
+        raise refused("input-needs", {"name": "--count", "needed": ("--planned",)})
     with output.reading(readings) as progress:
         data = readings_at(readings, progress=progress, dials=dials.dials())
     tool, bounds = read_calibration(calibration), None if limits is None else read_limits(limits)
@@ -603,14 +600,11 @@ def verify(
     with output.reported(report, "verification:verification_report", found):
         if output_ is not None:
             if tuple(found.names) != ANGLES:
-                raise InputError(
-                    "--output writes what a certificate states, errors of inclination, azimuth and toolface; this tool "
-                    "has none of them: use --report or --json"
-                )
+                raise refused("option-angles", {"name": "--output"})
             from inclinometry.files.verification_json import write_verification
 
             write_verification(output_, found, bounds, tool)
-    output.warnings(found.warnings)
+    output.findings(without_notes(found.findings))
     if json:
         output.print_json(_verification(found))
     else:
@@ -626,9 +620,8 @@ def _verification(found: Verification) -> dict[str, Any]:
     angles = {name: place for place, name in enumerate(found.names) if name != "-"}
     return {
         "verdict": found.verdict,
-        "reservations": found.reservations,
-        "reasons": found.reasons,
-        "notes": found.notes,
+        "reservations": [one.plain() for one in found.reservations],
+        "findings": [one.plain() for one in found.findings],
         "limits": _agreed(found),
         "coverage_factor": found.coverage_factor,
         "stations": [
@@ -654,10 +647,9 @@ def _other_stand(
         useless |= {"--rig-sd-deg": rig_sd is not None, "--gravity-sd-percent": gravity_sd is not None}
     name = next((option for option, there in useless.items() if there and stand != "level"), None)
     if name is not None:
-        known = "is known from the calibration" if stand == "same" else "is found from the readings"
-        raise InputError(f"{name} says nothing of --stand {stand}, which {known}: leave it out, or use --stand level")
+        raise refused("input-not-with", {"name": name, "other": f"--stand {stand}"})
     if north_sd and north is None:
-        raise InputError("--north-sd-deg without --north-deg: give the north it is the uncertainty of")
+        raise refused("input-needs", {"name": "--north-sd-deg", "needed": ("--north-deg",)})
     if stand == "same":
         return None
     return OtherStand(level_sd if stand == "level" else None, north, north_sd, rig_sd, gravity_sd)
@@ -675,14 +667,12 @@ def _verify_planned(
     bounds = None if limits is None else read_limits(limits)
     tool = read_calibration(calibration)
     found = planned(read_plan(plan), tool, bounds, count=count)
-    output.warnings(found.warnings)
+    output.findings(without_notes(found.findings))
     if found.power is None:
-        raise InputError(f"{calibration} states no uncertainty of the tool: what a verification finds cannot be said")
+        raise FileError(Finding("work-no-uncertainty"), path=calibration)
     if target is not None:
         if tuple(found.names) != ANGLES:
-            raise InputError(
-                "-o writes limits of inclination, azimuth and toolface; this tool has none of them: use --json"
-            )
+            raise refused("option-angles", {"name": "--output"})
         write_planned(target, found, bounds, tool)
     if json:
         output.print_json(
@@ -691,7 +681,7 @@ def _verify_planned(
                 "limits": _agreed(found),
                 "coverage_factor": found.coverage_factor,
                 **worth_of(found),
-                "warnings": found.warnings,
+                "findings": [one.plain() for one in found.findings],
             }
         )
         return 0
@@ -708,8 +698,8 @@ def _verify_planned(
         rows,
         found.limits_source,
     )
-    for sentence in found.notes:
-        output.say(sentence)
+    for one in only_notes(found.findings):
+        output.say(str(one))
     if target is not None:
         output.written(target)
     return 0
@@ -749,6 +739,6 @@ def show_verification(found: Verification) -> None:
         rows,
         found.limits_source,
     )
-    for sentence in (*found.reasons, *found.notes):
-        output.say(sentence)
+    for one in only_notes(found.findings):
+        output.say(str(one))
     output.say(f"{found.judgement}: {'; '.join(said)}")

@@ -50,10 +50,12 @@ def check(
             {
                 "layout": seen.layout,
                 "rows": seen.rows,
-                "columns": [{**column._asdict(), "here": column.here or None} for column in seen.columns],
-                "notes": list(seen.notes),
+                "columns": [
+                    {**column._asdict(), "here": column.here or None, "remark": str(column.remark or "")}
+                    for column in seen.columns
+                ],
                 "conventions": [candidate._asdict() for candidate in seen.candidates],
-                "uses": {command: lacking or "yes" for command, lacking in seen.uses.items()},
+                "uses": {command: lacking and lacking.plain() for command, lacking in seen.uses.items()},
                 "refused": list(seen.refused),
                 "findings": [one.plain() for one in seen.findings],
             }
@@ -61,12 +63,12 @@ def check(
         return status
     _show(file, seen)
     able = [command for command, lacking in seen.uses.items() if not lacking]
-    taken = f"taken by {'; '.join(able)}" if able else "taken by no command as it is"
+    taken = f"accepted by {'; '.join(able)}" if able else "accepted by no command as it is"
     refused = f"; refused: {', '.join(seen.refused)}" if seen.refused else ""
     output.say(f"{seen.layout}; {seen.rows:,} rows; {taken}{refused}")
     if output_ is not None:
         output.say(f"draft of a profile written to {output_}: complete it, then give --profile {output_}")
-    elif "" not in seen.uses.values():
+    elif not able:
         again = file if output.named(str(file)) == str(file) else "-"
         output.say(f"write a draft of a profile: inclinometry check {again} -o profile.toml")
     return status
@@ -78,10 +80,10 @@ def _show(file: Path, seen: Look) -> None:
     rows = []
     for column in seen.columns:
         low, high = (f"{value:.6g}" if np.isfinite(value) else "" for value in (column.low, column.high))
-        rows.append([column.name, column.here or "not known", low, high, column.remark])
+        rows.append([column.name, column.here or "not known", low, high, str(column.remark or "")])
     output.table("columns", ["in the file", "taken as", "lowest", "highest", "remark"], rows)
-    for note in (*seen.notes, *(f"{one.severity}: {one} [{one.code}]" for one in seen.findings)):
-        output.say(note)
+    for one in seen.findings:
+        output.say(f"{one.severity}: {one} [{one.code}]")
     if seen.candidates:
         header = ["convention", "dip deg", "scatter deg", "z points down"]
         fits = [
@@ -89,7 +91,7 @@ def _show(file: Path, seen: Look) -> None:
         ]
         output.table("how each convention of axes fits", header, fits)
     for command, lacking in seen.uses.items():
-        output.say(f"{command}: {lacking or 'can take it as it is'}")
+        output.say(f"{command}: {lacking or 'accepted'}")
 
 
 def list_(

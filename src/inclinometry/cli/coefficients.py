@@ -9,7 +9,8 @@ from cyclopts import Parameter
 
 from inclinometry.cli import options, output
 from inclinometry.cli.options import OutputOrNone
-from inclinometry.errors import InputError
+from inclinometry.errors import FileError
+from inclinometry.findings import Finding
 
 
 def coefficients(
@@ -45,9 +46,7 @@ def coefficients(
     endings = {".json": "json", ".h": "c", ".csv": "csv"}
     chosen = format_ or (endings.get(output_.suffix.lower(), "table") if output_ else "table")
     if chosen == "table" and output_ is not None:
-        raise InputError(
-            f"--output {output_}: the table is for the terminal; end the name in .json, .h or .csv, or give --format"
-        )
+        raise FileError(Finding("option-ending", {"ending": output_.suffix, "needed": tuple(endings)}), path=output_)
     content = read_coefficients(tool, temperature)
     if chosen == "table":
         show_coefficients(content)

@@ -9,7 +9,7 @@ from cyclopts import Parameter
 
 from inclinometry.cli import options, output
 from inclinometry.cli.options import Convention, Flag, Ignore, InputOrNone, Json
-from inclinometry.errors import InputError
+from inclinometry.errors import refused
 from inclinometry.workflow.convert import Conversion
 from inclinometry.workflow.convert import convert as convert_file
 
@@ -63,7 +63,7 @@ def convert(
         Judge the run as a whole: units, axes, depths, single stations; one that cannot be true is refused.
     """
     if ignore and not check:
-        raise InputError("--ignore needs --check")
+        raise refused("input-needs", {"name": "--ignore", "needed": ("--check",)})
     output.claim({"the target": target}, {"the source": source, "--map": map_})
     with output.busy(f"converting {source.name}"):
         done = convert_file(
@@ -84,20 +84,18 @@ def convert(
 
 def _show(done: Conversion, target: Path, json: bool) -> None:
     """What was written, what the reader found and what the target does not hold."""
-    output.findings(done.findings)
-    output.warnings(done.survey.notes)
+    found = (*done.survey.findings, *done.findings)
+    output.findings((*found, *done.lost))
     if json:
         output.print_json(
             {
                 "stations": len(done.survey),
                 "from": done.source,
                 "to": done.target,
-                "lost": done.lost,
-                "notes": done.survey.notes,
-                "findings": [one.plain() for one in done.findings],
+                "lost": [one.plain() for one in done.lost],
+                "findings": [one.plain() for one in found],
                 "output": target,
             }
         )
         return
-    output.warnings([f"not carried by {done.target}: {sentence}" for sentence in done.lost])
     output.say(f"{output.counted(len(done.survey), 'station')} written to {target}")

@@ -8,7 +8,7 @@ from inclinometry.cli import output
 from inclinometry.cli.bench import show_parameters
 from inclinometry.cli.options import Flag, Json, Output
 from inclinometry.digest import digest_file
-from inclinometry.errors import InputError
+from inclinometry.errors import refused
 from inclinometry.files.datasheet_toml import TEMPLATE, read_datasheet
 from inclinometry.files.tool_json import write_calibration
 from inclinometry.files.writing import write_text
@@ -28,14 +28,14 @@ def datasheet(sheet: Path | None = None, /, *, output_: Output, template: Flag =
     """
     output.claim({"--output": output_}, {"the data sheet": sheet})
     if (sheet is None) != template:
-        raise InputError("give a data sheet, or --template to have one to fill in")
+        raise refused("input-one-of", {"names": ("SHEET", "--template")})
     if sheet is None:
         write_text(TEMPLATE, output_)
         output.say(f"template written to {output_}")
         return
     found = read_datasheet(sheet)
     write_calibration(found, output_)
-    output.warnings(found.warnings)
+    output.findings(found.findings)
     if json:
         output.print_json({"tool": found.tool.name, "output": output_, "digest": digest_file(output_)})
         return

@@ -12,6 +12,7 @@ from inclinometry.cli.extras import need
 from inclinometry.cli.options import Json, Output
 from inclinometry.cli.survey import show_survey
 from inclinometry.errors import FileError
+from inclinometry.findings import Finding
 from inclinometry.workflow.demo import (
     HOT_RUNS,
     HOT_SEED,
@@ -39,7 +40,7 @@ def demo(*, output_: Output = Path("demo-output"), json: Json = False) -> None:
         output_.mkdir(parents=True, exist_ok=True)
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
-        raise FileError(f"no folder can be made here ({reason}); choose another", path=output_) from None
+        raise FileError(Finding("file-unwritable", {"reason": reason}), path=output_) from None
     for title, step in steps():
         with output.step(title):
             step(found)

@@ -13,7 +13,7 @@ from inclinometry.constants import RPM, STRING_INTERFERENCE
 from inclinometry.conventions import Axes, axes_matrix
 from inclinometry.digest import digest_file
 from inclinometry.earth.site import REFERENCES
-from inclinometry.errors import InputError
+from inclinometry.errors import InputError, out_of_range
 from inclinometry.files.allan_json import read_allan
 from inclinometry.files.run_file import checked_ending, open_run
 from inclinometry.files.site_toml import read_site
@@ -137,7 +137,7 @@ def _axes(text: str | None, option: str) -> Axes | None:
     try:
         axes_matrix(found)  # type: ignore[arg-type]
     except InputError:
-        raise InputError(f"{option} is {text!r}; give x, y and z once each, a sign before each, as -y,x,z") from None
+        raise out_of_range(option, text, "±x,±y,±z") from None
     return found  # type: ignore[return-value]
 
 
@@ -173,7 +173,6 @@ def summary(found: DynamicRun, path: Path) -> dict[str, object]:
             for row in zip(*(np.asarray(column).tolist() for column in means.values()), strict=True)
         ],
         "inputs": dict(found.inputs),
-        "notes": list(found.notes),
         "findings": [one.plain() for one in found.findings],
         "output": path,
     }
@@ -200,8 +199,6 @@ def show_dynamic(found: DynamicRun, most: int = 12) -> None:
         counts = {name: int((rows.flags[rows.refused] >> k & 1).sum()) for k, name in enumerate(FLAGS)}
         reasons = [f"{name} {n}" for name, n in sorted(counts.items(), key=lambda pair: -pair[1]) if n]
         output.say(f"{output.counted(refused, 'window')} refused: {', '.join(reasons)}")
-    for note in found.notes:
-        output.say(f"note: {note}")
     output.findings(found.findings)
 
 

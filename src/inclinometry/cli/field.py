@@ -10,7 +10,7 @@ from cyclopts import Parameter
 
 from inclinometry.cli import options, output
 from inclinometry.cli.options import Json
-from inclinometry.errors import InputError
+from inclinometry.errors import wrong_kind
 
 if TYPE_CHECKING:
     from inclinometry.earth.magnetic import MagneticField
@@ -48,8 +48,8 @@ def field(
     from inclinometry.workflow.field import field_at
 
     chosen = None if model is None else MODELS[model]
-    site, field, scale, notes = field_at(latitude, longitude, height, _date(date), chosen, crs)
-    output.warnings(notes)
+    site, field, scale, found = field_at(latitude, longitude, height, _date(date), chosen, crs)
+    output.findings(found)
     if json:
         shown = {n: {"value": v, "u": u, "unit": unit} for n, v, u, unit, _, _ in _quantities(site, field, scale)}
         output.print_json(
@@ -62,7 +62,7 @@ def field(
                 "date": date,
                 "crs": site.crs,
                 "field": shown,
-                "notes": notes,
+                "findings": [one.plain() for one in found],
             }
         )
         return
@@ -116,5 +116,5 @@ def _date(text: str) -> datetime.date | float:
     except ValueError:
         year = np.nan
     if not np.isfinite(year):
-        raise InputError(f"--date is {text!r}; write year, month and day, as in 2026-05-01, or a decimal year")
+        raise wrong_kind("--date", text, "date")
     return year

@@ -16,7 +16,8 @@ from typing import Annotated, Any, Literal, TypeAlias
 from cyclopts import App, Parameter
 
 from inclinometry.cli.app import app
-from inclinometry.errors import FileError, InputError
+from inclinometry.errors import FileError, refused
+from inclinometry.findings import Finding
 
 _HYPHEN = "\0"
 """What the parser, which would take a hyphen for an option, reads in its place."""
@@ -76,14 +77,14 @@ def run(
         option = "--output" if words[:2] == ("fleet", "report") else "--report"
         page: Path | None = bound.arguments.get("output_" if option == "--output" else "report")
         if open_ and page is None:
-            raise InputError(f"--open shows a report; name it with {option}")
+            raise refused("input-needs", {"name": "--open", "needed": (option,)})
         if language is not None and "language" in bound.signature.parameters:
             bound.arguments["language"] = language  # of a certificate, or of a user of the ledger
         elif language is not None:
             from inclinometry.language import speaking
 
             if page is None and words[:1] != ("demo",):
-                raise InputError(f"--language {language} is the language of a report; name it with {option}")
+                raise refused("input-needs", {"name": "--language", "needed": (option,)})
             stack.enter_context(speaking(language))
         stack.enter_context(_tables(profile, units, null))
         status = command(*bound.args, **bound.kwargs)
@@ -106,8 +107,9 @@ def _tables(profile: str, units: str, null: float) -> Iterator[None]:
     with reading_with(profile or None, units or None, None if isnan(null) else null) as used:
         yield
     if not used:
-        names = " and ".join(name for name, given in stated.items() if given)
-        print(f"warning: {names} had no table to be used for", file=sys.stderr)  # noqa: T201
+        from inclinometry.cli.output import findings
+
+        findings([Finding("option-unused", {"names": tuple(name for name, given in stated.items() if given)})])
 
 
 @contextmanager
@@ -142,17 +144,17 @@ def _streams(given: Mapping[str, Any], stack: ExitStack) -> Iterator[tuple[str, 
         for one in value if isinstance(value, tuple) else (value,):
             if one == Path(_HYPHEN) and name == "output_":
                 if not os.path.exists("/dev/stdout"):  # noqa: PTH110
-                    raise InputError("-o -: this system has no file for standard output; give a name")
+                    raise FileError(Finding("file-unwritable", {"reason": "no /dev/stdout"}), path=one)
                 found.append(Path("/dev/stdout"))
             elif one == Path(_HYPHEN) and copy is not None:
-                raise InputError("- is given twice; standard input can be read once")
+                raise refused("input-repeated", {"name": "standard input", "value": "-"})
             elif one == Path(_HYPHEN):
                 copy = Path(stack.enter_context(tempfile.TemporaryDirectory()), "stdin.txt")
                 with copy.open("wb") as out:
                     while piece := sys.stdin.buffer.read(1 << 20):
                         out.write(piece)
                         if out.tell() > most:
-                            raise FileError(f"more than {most:,} bytes came; name a file", path="standard input")
+                            raise FileError(Finding("option-piped", {"most": most}), path="standard input")
                 stack.enter_context(called(copy, "standard input"))
                 found.append(copy)
             else:

@@ -137,9 +137,7 @@ def north(
             own = survey.md, survey.inclination, survey.azimuth, survey.azimuth_reference
             write_errors(RunErrors(*own, survey.errors, found.tool, found.inputs), errors)
         write_run(found, output_)
-    output.notes(survey.notes)
     output.findings(survey.findings)
-    output.warnings(survey.warnings)
     if json:
         output.print_json(_summary(found, output_))
         return
@@ -195,13 +193,10 @@ def scale(
     record = found.record()
     from inclinometry.language import said
 
-    notes = [*said(found.survey.findings), *found.survey.warnings]
-    beside = {"md": found.md, "tool": found.tool, "notes": notes}
+    beside = {"md": found.md, "tool": found.tool, "notes": said(found.survey.findings)}
     with output.reported(report, "gyro:scale_report", found.track, **beside):
         write_scale(record, output_)
-    output.notes(found.survey.notes)
     output.findings(found.survey.findings)
-    output.warnings(found.survey.warnings)
     if json:
         known = record.belief
         output.print_json(
@@ -241,12 +236,8 @@ def _summary(found: GyroRun, path: Path) -> dict[str, object]:
         "azimuth_reference": found.survey.azimuth_reference,
         "index_turns": found.index_turns,
         "flagged": sum(bool(row) for row in found.survey.flags),
-        "checks": [
-            {"name": c.name, "verdict": c.verdict, "reason": str(c.reason), "action": c.action} for c in found.checks
-        ],
+        "checks": [{"name": c.name, "verdict": c.verdict, "reason": str(c.reason)} for c in found.checks],
         "findings": [one.plain() for one in found.survey.findings],
-        "notes": found.survey.notes,
-        "warnings": found.survey.warnings,
         "output": path,
     }
 

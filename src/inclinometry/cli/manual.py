@@ -11,6 +11,7 @@ from cyclopts import Parameter
 from inclinometry.cli import output
 from inclinometry.cli.options import OUTPUT, Flag, Json
 from inclinometry.errors import FileError
+from inclinometry.findings import Finding
 
 
 def manual(*, where: Annotated[Flag, Parameter(group=OUTPUT)] = False, json: Json = False) -> None:
@@ -23,11 +24,7 @@ def manual(*, where: Annotated[Flag, Parameter(group=OUTPUT)] = False, json: Jso
     """
     page = Path(str(files("inclinometry"))) / "manual" / "index.html"
     if not page.is_file():
-        raise FileError(
-            "the manual is not built into this installation; make docs builds it in a copy of the repository and puts "
-            "it there, and it is part of a wheel made after that",
-            path=page.parent,
-        )
+        raise FileError(Finding("option-manual"), path=page.parent)
     if json:
         output.print_json({"manual": page})
         return

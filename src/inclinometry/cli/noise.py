@@ -46,7 +46,7 @@ def allan(
         found = noise_of_log(log, start=start, stop=stop, progress=progress)
     with output.reported(report, "allan:allan_report", found):
         write_allan(found, output_)
-    output.warnings(found.warnings)
+    output.findings(found.findings)
     if json:
         output.print_json(allan_content(found))
         return

@@ -14,7 +14,7 @@ from typing import Annotated, Any, Final, Literal, TypeAlias, get_args
 
 from cyclopts import Group, Parameter, Token, convert
 
-from inclinometry.errors import InputError
+from inclinometry.errors import out_of_range, wrong_kind
 
 INPUT = Group("Input", sort_key=1)
 STAND = Group("Stand", sort_key=2)
@@ -39,9 +39,8 @@ def quantity(unit: str, low: float = -inf, high: float = inf, *, above: bool = F
     def si(type_: Any, tokens: Sequence[Token]) -> float:
         value = float(tokens[0].value)
         if (high < inf and not (low < value if above else low <= value)) or not value <= high:
-            allowed = f"more than {low:g}, up to {high:g}" if above else f"{low:g} to {high:g}"
-            said = " degrees" if unit == "deg" else ""
-            raise InputError(f"{tokens[0].keyword} is {value:g}{said}; allowed {allowed}{said}")
+            allowed = f"> {low:g}, <= {high:g}" if above else f"{low:g} .. {high:g}"
+            raise out_of_range(tokens[0].keyword or "", value, allowed)
         return value * factor
 
     return Parameter(
@@ -183,8 +182,7 @@ def _day_or_time(type_: Any, tokens: Sequence[Token]) -> str:
     try:
         datetime.fromisoformat(tokens[0].value)
     except ValueError:
-        problem = f"{tokens[0].keyword} is {tokens[0].value!r}; give a date as YYYY-MM-DD or as ISO 8601 with the time"
-        raise InputError(problem) from None
+        raise wrong_kind(tokens[0].keyword or "", tokens[0].value, "date and time") from None
     return tokens[0].value
 
 
@@ -233,4 +231,4 @@ def day(text: str, option: str) -> date:
     try:
         return date.fromisoformat(text)
     except ValueError:
-        raise InputError(f"{option} is {text!r}; write YYYY-MM-DD") from None
+        raise wrong_kind(option, text, "date") from None

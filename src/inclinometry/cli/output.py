@@ -21,7 +21,7 @@ from rich.table import Table
 from rich.text import Text
 
 from inclinometry.cli.extras import need_for
-from inclinometry.errors import FileError, InclinometryError
+from inclinometry.errors import FileError, in_file
 from inclinometry.findings import Finding
 
 # no markup: names of files, tools and stations are printed as they are, brackets and colons included
@@ -45,9 +45,10 @@ def called(path: Path, name: str) -> Iterator[None]:
     _aliases[str(path)] = name
     try:
         yield
-    except InclinometryError as error:
-        error.args = tuple(named(str(part)) for part in error.args)
-        raise
+    except FileError as error:
+        if error.path != path:
+            raise
+        raise in_file(error, name, error.line) from error
     finally:
         del _aliases[str(path)]
 
@@ -97,24 +98,26 @@ def claim(outputs: Mapping[str, Path | None], inputs: Mapping[str, Path | None])
         try:
             target = path.resolve()
             if target.is_dir():
-                raise FileError("this is a folder; give the name of a file", path=path)
+                raise FileError(Finding("file-folder"), path=path)
             if not target.parent.is_dir():
-                raise FileError(f"folder {str(target.parent)!r} does not exist; create it first", path=path)
+                raise FileError(Finding("file-absent"), path=target.parent)
             stream = target.exists() and not target.is_file()
         except (OSError, ValueError, RuntimeError) as error:
             if isinstance(error, FileError):
                 raise
-            raise FileError(f"cannot be written ({error}); choose another name", path=path) from None
+            raise FileError(
+                Finding("file-unwritable", {"reason": getattr(error, "strerror", None) or str(error)}), path=path
+            ) from None
         if not stream and not os.access(target.parent, os.W_OK):
-            raise FileError("cannot be written (its folder is read-only); choose another folder", path=path)
+            raise FileError(Finding("file-unwritable", {"reason": "read-only folder"}), path=path)
         if stream:
             continue
         for other, there in taken:
             if _same(path, there):
-                raise FileError(f"{name} is the same file as {other}; give it another name", path=path)
+                raise FileError(Finding("option-same-file", {"name": name, "other": other}), path=path)
         taken.append((name, path))
         if name == "--report" and path.suffix.lower() not in (".html", ".htm"):
-            raise FileError("a report is an HTML page; give a name that ends in .html", path=path)
+            raise FileError(Finding("option-ending", {"ending": path.suffix, "needed": (".html",)}), path=path)
 
 
 def _exists(path: Path) -> bool:

@@ -12,7 +12,7 @@ from cyclopts import Parameter, Token
 from inclinometry.calibration.plans import PlanName
 from inclinometry.cli import options, output
 from inclinometry.cli.options import InputOrNone, Json, Output
-from inclinometry.errors import InputError
+from inclinometry.errors import out_of_range
 from inclinometry.files.bench_csv import write_bench, write_plan
 
 
@@ -20,9 +20,7 @@ def _range(type_: Any, tokens: Sequence[Token]) -> tuple[float, float]:
     """Two inclinations in rad, the lower first."""
     low, high = (float(token.value) for token in tokens)
     if not 0.0 <= low < high <= 180.0:
-        raise InputError(
-            f"{tokens[0].keyword} is {low:g} to {high:g}; allowed within 0 to 180 degrees, the lower inclination first"
-        )
+        raise out_of_range(tokens[0].keyword or "", f"{low:g} .. {high:g}", "0 <= LOW < HIGH <= 180")
     return radians(low), radians(high)
 
 
@@ -99,9 +97,10 @@ def plan(
     whole = found.repeated(repeats)
     gain = gain_of_repeats(found, repeats) if repeats and name != "six" else ""
     write_plan(whole, output_)
-    output.warnings(advice(name))
+    output.findings(advice(name))
     if json:
-        told = {"plan": found.name, "stations": len(whole), "output": output_, "warnings": advice(name)}
+        findings = [one.plain() for one in advice(name)]
+        told = {"plan": found.name, "stations": len(whole), "output": output_, "findings": findings}
         output.print_json(told | ({"repeats": gain} if gain else {}))
         return
     output.say(f"{found.name}: {output.counted(len(whole), 'station')} written to {output_}")
@@ -145,8 +144,10 @@ def readings(
         found, intervals = readings_of_log(log, plan=positions, window=window, shortest=shortest, progress=progress)
     write_bench(found, output_)
     if json:
-        output.print_json({"stations": len(found), "output": output_, "notes": found.notes})
+        output.print_json(
+            {"stations": len(found), "output": output_, "findings": [one.plain() for one in found.findings]}
+        )
         return
     output.say(f"{output.counted(len(found), 'still station')} written to {output_}")
-    for sentence in intervals.report():
-        output.say(f"  {sentence}")
+    for one in intervals.findings:
+        output.say(f"  {one}")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 from cyclopts import Parameter
 
 from inclinometry.cli import options, output
-from inclinometry.errors import InputError
+from inclinometry.errors import out_of_range, refused
 
 
 def _metres(low: float) -> Parameter:
@@ -17,7 +17,7 @@ def _metres(low: float) -> Parameter:
     def check(type_: object, values: tuple[float, float, float] | None) -> None:
         for value in values or ():
             if not low <= value <= 1e8:
-                raise ValueError(f"{value:g} is not allowed: {low:g} to 1e+08 m")
+                raise out_of_range("m", value, f"{low:g} .. 1e8")
 
     return Parameter(negative="", validator=check)
 
@@ -103,15 +103,15 @@ def position(
     read |= {"--corrections": corrections, "--errors": errors, "--stability": stability, **code}
     output.claim({"--output": output_, "--report": report, "--sources": sources}, read)
     if corrections is not None and raw is None:
-        raise InputError("--corrections needs --raw, the raw channels of the run it was made from, and --calibration")
+        raise refused("input-needs", {"name": "--corrections", "needed": ("--raw", "--calibration")})
     if raw is not None and calibration is None:
-        raise InputError("--raw serves --calibration alone; give the tool's calibration too")
+        raise refused("input-needs", {"name": "--raw", "needed": ("--calibration",)})
     if calibration is None and (age_days is not None or stability is not None):
-        raise InputError("--age-days and --stability are of a calibration; give --calibration, or leave them out")
+        raise refused("input-needs", {"name": "--age-days, --stability", "needed": ("--calibration",)})
     if errors is not None and calibration is not None:
-        raise InputError("--errors holds all that a gyro run says of its tool; leave --calibration out")
+        raise refused("input-not-with", {"name": "--calibration", "other": "--errors"})
     if sources is not None and tool_code is None and calibration is None and errors is None:
-        raise InputError("--sources needs an error model: give --tool-code, --calibration or --errors")
+        raise refused("input-needs", {"name": "--sources", "needed": ("--tool-code | --calibration | --errors",)})
     with (
         reading_with(None if azimuth_reference is None else with_constants(azimuth_reference=azimuth_reference)),
         output.reading(survey) as progress,
@@ -134,12 +134,9 @@ def position(
         )
     _write(found, output_, report, sources)
     output.findings(found.findings)
-    output.warnings(found.warnings)
     if json:
         output.print_json(_content(found, output_))
         return
-    for sentence in found.notes:
-        output.say(sentence)
     show_position(found)
     output.written(output_, report, what=output.counted(len(found.path), "station"), sources=sources)
 
@@ -147,10 +144,8 @@ def position(
 def _write(found: WellPosition, target: Path | None, report: Path | None, sources: Path | None) -> None:
     """All files, the report composed before the first is written."""
     from inclinometry.files.position_csv import write_position_csv, write_sources_csv
-    from inclinometry.language import said
 
-    told = found.told | {"warnings": [*said(found.findings), *found.warnings]}
-    with output.reported(report, "position:position_report", found.path, found.survey, found.uncertainty, **told):
+    with output.reported(report, "position:position_report", found.path, found.survey, found.uncertainty, **found.told):
         if target is not None:
             ignored = [f"ignored {one.code}: {one}" for one in found.findings if one.severity == "ignored"]
             write_position_csv(target, found.path, found.uncertainty, found.survey.north, ignored)
@@ -196,8 +191,6 @@ def _content(found: WellPosition, target: Path | None) -> dict[str, Any]:
         "error_model": model or ({"run": "errors"} if found.uncertainty else None),
         "last_station": last,
         "sources": _sources(found),
-        "notes": found.notes,
-        "warnings": found.warnings,
         "findings": [one.plain() for one in found.findings],
         "inputs": dict(found.inputs),
         "output": target,

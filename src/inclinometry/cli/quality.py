@@ -13,6 +13,7 @@ from inclinometry.cli import options, output
 from inclinometry.cli.options import InputOrNone, Json
 from inclinometry.files.limits import GYRO_REPEAT
 from inclinometry.files.site_toml import read_site
+from inclinometry.findings import Finding
 from inclinometry.survey.flags import Check, worst
 from inclinometry.survey.gyro import Comparison
 from inclinometry.workflow.gyro_quality import check_json, compare_run_files, comparison_json, run_checks
@@ -45,14 +46,14 @@ def quality(
         site.toml with the correction between the runs' norths; needed only where these differ.
     """
     place = None if site is None else read_site(site)
-    checks, notes = _runs(in_run, out_run)
+    checks, told = _runs(in_run, out_run)
     found = None if out_run is None else compare_run_files(in_run, out_run, place, limits)
     if found is not None:
-        checks, notes = [*found.checks, *checks], [*found.notes, *notes]
+        checks, told = [*found.checks, *checks], [*found.findings, *told]
     verdict = worst(checks)
     if found is not None and verdict == "pass":
         verdict = found.verdict
-    output.warnings(notes)
+    output.findings(told)
     if json:
         compared = None if found is None else comparison_json(found)
         output.print_json({"verdict": verdict, "checks": list(map(check_json, checks)), "comparison": compared})
@@ -63,22 +64,22 @@ def quality(
     return 0 if verdict == "pass" else 1
 
 
-def _runs(in_run: Path, out_run: Path | None) -> tuple[list[Check], list[str]]:
-    """Checks and notes on each run by itself; which run is said where there are two."""
+def _runs(in_run: Path, out_run: Path | None) -> tuple[list[Check], list[Finding]]:
+    """Checks of and findings on each run by itself; a check names its run where there are two."""
     from dataclasses import replace
 
     if out_run is None:
         return run_checks(in_run)
-    checks, notes = [], []
+    checks, told = [], []
     for name, path in (("in-run", in_run), ("out-run", out_run)):
-        own, said = run_checks(path)
+        own, found = run_checks(path)
         checks += [replace(check, name=f"{name}: {check.name}") for check in own]
-        notes += [f"{name}: {sentence}" for sentence in said]
-    return checks, notes
+        told += found
+    return checks, told
 
 
 def show_checks(title: str, checks: Sequence[Check]) -> None:
-    """Every check with its verdict; reason and action of those that did not pass."""
+    """Every check with its verdict; the reason of those that did not pass."""
     rows = []
     for shown in map(check_json, checks):
         # what was not judged has no figures
@@ -87,7 +88,7 @@ def show_checks(title: str, checks: Sequence[Check]) -> None:
     output.table(title, ["check", "value", "limit", "unit", "verdict"], rows)
     for check in checks:
         if check.verdict != "pass":
-            output.say(f"{check.name}: {check.reason}" + (f"; {check.action}" if check.action else ""))
+            output.say(f"{check.name}: {check.reason} [{check.reason.code}]")
 
 
 def show_comparison(found: Comparison) -> None:

@@ -54,7 +54,7 @@ def table(
     place = read_site(site)
     with output.reading(steps) as progress:
         data = read_rate_steps(steps, progress=progress)
-    rates, calibrated, notes, used = calibrate_on_table(
+    rates, calibrated, findings, used = calibrate_on_table(
         data,
         place,
         calibration=calibration,
@@ -63,7 +63,7 @@ def table(
         name=tool,
     )
     write_calibration(calibrated, output_, created=created)
-    output.warnings(notes)
+    output.findings(findings)
     if json:
         content = {
             "tool": calibrated.tool.name,
@@ -77,7 +77,7 @@ def table(
             "g_sensitivity": rates.g_sensitivity,
             "g_sensitivity_by_chance": rates.chance,
             "uncertainty": rates.uncertainty,
-            "warnings": calibrated.warnings,
+            "findings": [one.plain() for one in calibrated.findings],
             "output": output_,
         }
         output.print_json(content)

@@ -15,6 +15,7 @@ from inclinometry.earth.site import Site
 from inclinometry.files.bench_csv import read_bench
 from inclinometry.files.site_toml import read_site
 from inclinometry.files.tool_json import read_calibration
+from inclinometry.findings import Finding
 from inclinometry.rotations import wrap_positive
 from inclinometry.workflow.field import completed
 
@@ -52,14 +53,14 @@ def orient(
         second=azimuth_from,
         gravity_sd=gravity_sd,
     )
-    place, notes = (Site(), []) if site is None else completed(read_site(site))
+    place, said = (Site(), list[Finding]()) if site is None else completed(read_site(site))
     rows = _rows(found, place)
-    warnings = list(found.warnings)
+    said += found.findings
     if site is not None and found.north_of == "magnetic" and place.declination_sigma is None:
-        warnings.append("the uncertainty of the declination is not stated and not in the azimuth from true north")
+        said.append(Finding("work-declination-sigma"))
     if found.tilt < COVERAGE_FACTOR * found.u["tilt"]:
-        warnings.append("the tilt is within its own uncertainty: where it leans to means nothing")
-    output.warnings(warnings)
+        said.append(Finding("work-tilt-small", {"tilt_deg": float(np.degrees(found.tilt))}, severity="note"))
+    output.findings(said)
     if json:
         output.print_json(
             {
@@ -70,13 +71,10 @@ def orient(
                 "residual_deg": np.degrees(found.residual),
                 "matrix": found.matrix,
                 "inputs": dict(found.inputs),
-                "notes": notes,
-                "warnings": warnings,
+                "findings": [one.plain() for one in said],
             }
         )
         return
-    for sentence in notes:
-        output.say(sentence)
     cells = [[words, f"{v:.3f}", f"{u:.3f}", f"{min(COVERAGE_FACTOR * u, 180.0):.3f}"] for _, words, v, u in rows]
     output.table(f"how the rig stands, by tool {found.tool}", ["", "deg", "u deg", "U (k = 2) deg"], cells)
     output.say("the true angle of a dial is what it shows plus its zero")

@@ -8,6 +8,7 @@ from pathlib import Path
 from inclinometry.cli import output
 from inclinometry.cli.options import Convention, FieldSite, Flag, InputOrNone, Json, ModelOrTool, SixAxisForm
 from inclinometry.cli.quality import show_checks
+from inclinometry.findings import Finding
 from inclinometry.survey.flags import Check, worst
 from inclinometry.workflow.gyro_quality import check_json
 from inclinometry.workflow.shots import APART_M, depth_check, read_shots, repeat_checks, rotation_checks
@@ -32,8 +33,7 @@ def rotation(
         Four or more shots with toolfaces all round, as for `quality`; in CSV the depth may repeat.
     """
     run = read_shots(raw, site, calibration, form=from_, convention=convention)
-    output.warnings(run.warnings)
-    return _answer(raw.name, rotation_checks(run), run.notes, json)
+    return _answer(raw.name, rotation_checks(run), run.findings, json)
 
 
 def repeat(
@@ -72,8 +72,8 @@ def repeat(
         for path, tool in ((first, calibration), (second, second_calibration or calibration))
     )
     checks = repeat_checks(one, two, other_tool=other_tool, apart_m=apart_m)
-    output.warnings(list(dict.fromkeys((*one.warnings, *two.warnings))))
-    return _answer(f"{first.name} and {second.name}", checks, list(dict.fromkeys((*one.notes, *two.notes))), json)
+    told = [*one.findings, *(found for found in two.findings if found not in one.findings)]
+    return _answer(f"{first.name} and {second.name}", checks, told, json)
 
 
 def dual_depth(first: Path, second: Path, /, *, sigma_first_m: float, sigma_second_m: float, json: Json = False) -> int:
@@ -94,13 +94,13 @@ def dual_depth(first: Path, second: Path, /, *, sigma_first_m: float, sigma_seco
     return _answer(f"{first.name} and {second.name}", [check], (), json)
 
 
-def _answer(what: str, checks: Sequence[Check], notes: Sequence[str], json: bool) -> int:
+def _answer(what: str, checks: Sequence[Check], findings: Sequence[Finding], json: bool) -> int:
     """Print the verdict and give the exit status."""
     verdict = worst(checks)
+    output.findings(findings)
     if json:
-        output.print_json({"verdict": verdict, "checks": list(map(check_json, checks)), "notes": notes})
+        told = [one.plain() for one in findings]
+        output.print_json({"verdict": verdict, "checks": list(map(check_json, checks)), "findings": told})
     else:
         show_checks(f"{verdict.upper()}: {what}", checks)
-        for sentence in notes:
-            output.say(sentence)
     return 0 if verdict == "pass" else 1

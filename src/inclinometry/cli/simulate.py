@@ -11,7 +11,7 @@ from cyclopts import Parameter
 
 from inclinometry.cli import options, output
 from inclinometry.constants import DEG_PER_HOUR, DIP
-from inclinometry.errors import InputError
+from inclinometry.errors import out_of_range, refused
 
 if TYPE_CHECKING:
     from inclinometry.simulate.sensing import Characteristic
@@ -138,7 +138,7 @@ def bench(
     again = None if tool is None else use.read_visited(tool)
     if other_stand:
         if again is None:
-            raise InputError("--other-stand is for a tool visited again: give --tool truth.json")
+            raise refused("input-needs", {"name": "--other-stand", "needed": ("--tool",)})
         again = (again[0], rig)
     readings, drawn, extras = use.bench(
         places,
@@ -156,7 +156,7 @@ def bench(
     write_bench(readings, output_)
     if truth is not None:
         write_truth(drawn, extras, truth)
-    output.warnings(readings.warnings)
+    output.findings(readings.findings)
     _done(
         output.counted(len(readings), "station"), json, {"stations": len(readings), "output": output_, "truth": truth}
     )
@@ -329,9 +329,9 @@ def gyro(
 
     output.claim({"--output": output_, "--truth": truth, "--site": site}, {})
     if axes == 3 and gyros == 1:
-        raise InputError("--axes 3 goes with --gyros 2: a gyro along the tool beside two across")
+        raise refused("input-needs", {"name": "--axes 3", "needed": ("--gyros 2",)})
     if not 2 <= stations <= 100_000:
-        raise InputError(f"--stations is {stations}; allowed 2 to 100000")
+        raise out_of_range("--stations", stations, "2 .. 100000")
     run = use.gyro_run(
         seed,
         noise_seed,
@@ -363,9 +363,9 @@ def _spike(text: str, stations: int, positions: int) -> tuple[int, int, float]:
         station, position, size = text.split(":")
         found = int(station), int(position), float(size)
     except ValueError:
-        raise InputError(f"--spike is {text!r}; write STATION:POSITION:DEG_H, e.g. 3:2:5") from None
+        raise out_of_range("--spike", text, "STATION:POSITION:DEG_H") from None
     if not (1 <= found[0] <= stations and 1 <= found[1] <= positions and np.isfinite(found[2])):
-        raise InputError(f"--spike is {text!r}; stations 1 to {stations}, positions 1 to {positions}")
+        raise out_of_range("--spike", text, f"1 .. {stations}:1 .. {positions}:DEG_H")
     return found[0] - 1, found[1] - 1, found[2] * DEG_PER_HOUR
 
 

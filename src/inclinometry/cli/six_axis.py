@@ -10,7 +10,7 @@ from cyclopts import Parameter
 
 from inclinometry.cli import options, output
 from inclinometry.cli.quality import show_checks
-from inclinometry.errors import InputError
+from inclinometry.errors import refused
 from inclinometry.files.corrections_json import write_corrections
 from inclinometry.files.limits import read_quality_limits
 from inclinometry.survey.quality import QUANTITIES, FieldQuality
@@ -51,8 +51,7 @@ def quality(
             raw, site, calibration, form=from_, convention=convention, ignored=ignore, progress=progress
         )
     judged = six_axis.quality(run.stations, run.site, fixed)
-    output.findings(run.findings)
-    output.warnings(run.warnings)
+    output.findings((*run.findings, *judged.quality.findings))
     if json:
         output.print_json(
             {
@@ -60,16 +59,12 @@ def quality(
                 "limits": None if fixed is None else {"name": fixed.name, "source": fixed.source},
                 "checks": list(map(check_json, judged.checks)),
                 "stations": [station_json(judged.quality, row) for row in range(len(run.stations))],
-                "notes": [*run.notes, *judged.quality.notes],
-                "warnings": run.warnings,
-                "findings": [one.plain() for one in run.findings],
+                "findings": [one.plain() for one in (*run.findings, *judged.quality.findings)],
             }
         )
     else:
         show_checks(f"{judged.verdict.upper()}: {raw.name}", judged.checks)
         show_failures(judged.quality)
-        for sentence in (*run.notes, *judged.quality.notes):
-            output.say(sentence)
         failed = [check.name for check in judged.checks if check.verdict == "fail"]
         left = [check.name for check in judged.checks if check.verdict not in ("pass", "fail")]
         said = [f"{what}: {', '.join(names)}" for what, names in (("failed", failed), ("not judged", left)) if names]
@@ -92,8 +87,7 @@ def station_json(found: FieldQuality, row: int) -> dict[str, object]:
         "distance_sigma": found.distance[row],
         "distance_limit_sigma": found.distance_limit[row],
         "undetected_azimuth_deg": np.degrees(found.undetected_azimuth[row]),
-        "reason": found.reasons[row],
-        "action": found.actions[row],
+        "off": found.off(row),
     }
 
 
@@ -146,33 +140,27 @@ def msa(
     axial_sigma
         Standard deviation of the axial magnetic interference, nT; 2000 when not given.
     """
-    from inclinometry import language
 
     output.claim(
         {"--output": output_, "--report": report},
         {"the raw channels": raw, "--calibration": calibration, "--site": site},
     )
     if priors is not None and calibration is not None:
-        raise InputError("--priors is given with --calibration, whose covariance is the prior; leave one of them out")
+        raise refused("input-not-with", {"name": "--priors", "other": "--calibration"})
     with output.reading(raw) as progress:
         run = read_six_axis(
             raw, site, calibration, form=from_, convention=convention, ignored=ignore, progress=progress
         )
     with output.busy(f"analysing {output.counted(len(run.stations), 'station')}"):
         done = six_axis.msa(run, priors or "iscwsa", axial_sigma)
-    beside = {"tool": done.correction.tool, "notes": run.notes, "inputs": run.inputs}
-    said = [*language.said(run.findings), *run.warnings]
-    with output.reported(
-        report, "msa:msa_report", done.found, run.stations, done.judged.quality, **beside, warnings=said
-    ):
+    beside = {"tool": done.correction.tool, "findings": run.findings, "inputs": run.inputs}
+    with output.reported(report, "msa:msa_report", done.found, run.stations, done.judged.quality, **beside):
         write_corrections(done.correction, output_)
-    output.findings(run.findings)
-    output.warnings((*run.warnings, *done.warnings))
+    output.findings((*run.findings, *done.findings))
     if json:
         output.print_json(_summary(run, done, output_))
         return
-    for sentence in (*run.notes, done.found.corrected.history[-1]):
-        output.say(sentence)
+    output.say(str(done.found.corrected.history[-1]))
     show_parameters(done)
 
 
@@ -185,9 +173,7 @@ def _summary(run: SixAxis, done: Analysis, path: Path) -> dict[str, object]:
         "degrees_of_freedom": found.freedom,
         "priors": found.priors,
         "influence_deg": np.degrees(found.influence),
-        "notes": run.notes,
-        "warnings": [*run.warnings, *done.warnings],
-        "findings": [one.plain() for one in run.findings],
+        "findings": [one.plain() for one in (*run.findings, *done.findings)],
         "output": path,
     }
 

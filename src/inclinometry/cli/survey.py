@@ -10,7 +10,7 @@ from cyclopts import Parameter
 
 from inclinometry.cli import options, output
 from inclinometry.constants import ANGLES
-from inclinometry.errors import InputError
+from inclinometry.errors import refused
 from inclinometry.orientation import SWITCH
 from inclinometry.survey.reduce import Survey
 from inclinometry.workflow.age import Age
@@ -67,7 +67,7 @@ def survey(
     inputs = {**_inputs(raw, calibration, site, bha, correct), "--stability": stability}
     output.claim({"--output": output_, "--report": report}, inputs)
     if calibration is None and (age_days is not None or stability is not None):
-        raise InputError("--age-days and --stability are of a calibration; give --calibration, or leave them out")
+        raise refused("input-needs", {"name": "--age-days, --stability", "needed": ("--calibration",)})
     with output.reading(raw) as progress:
         done = survey_file(
             raw,
@@ -87,18 +87,17 @@ def survey(
         )
     found, place = done.survey, None if site is None else done.site
     quality, before = (None if judged is None else judged.quality for judged in (done.judged, done.before))
-    beside = {"site": place, "quality": quality, "before": before, "notes": done.notes}
+    beside = {"site": place, "quality": quality, "before": before}
     with output.reported(report, "survey:survey_report", found, **beside):
         if output_ is not None:
             with output.busy(f"writing {output.counted(len(found), 'station')}"):
                 write_survey(found, output_, switch=switch)
     output.findings(found.findings)
-    output.warnings(found.warnings)
     if json:
         output.print_json(_summary(done, output_))
     else:
-        for sentence in (*done.notes, *found.history):
-            output.say(sentence)
+        for step in found.history:
+            output.say(str(step))
         show_survey(found)
         output.written(output_, report, what=output.counted(len(found), "station"))
         output.say(_in_a_line(found))
@@ -132,9 +131,7 @@ def _summary(done: SixAxisSurvey, path: Path | None) -> dict[str, object]:
         "coverage_factor": found.coverage_factor,
         "flagged": sum(bool(row) for row in found.flags),
         "quality": None if done.judged is None else done.judged.verdict,
-        "history": found.history,
-        "notes": done.notes,
-        "warnings": found.warnings,
+        "history": [one.plain() for one in found.history],
         "findings": [one.plain() for one in found.findings],
         "output": path,
     }

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Final, Literal, TypeAlias
 import numpy as np
 
 from inclinometry.arrays import Array
-from inclinometry.errors import InputError
+from inclinometry.errors import not_among
 
 if TYPE_CHECKING:
     from inclinometry.calibration.plans import Plan
@@ -27,7 +27,7 @@ def print_template(words: Sequence[str]) -> int:
         A command that reads no table of its own.
     """
     if not words or words[0] not in TEMPLATES:
-        raise InputError(f"--template is for {', '.join(TEMPLATES)}")
+        raise not_among("--template", words[0] if words else "", TEMPLATES)
     about, make = TEMPLATES[words[0]]
     columns = make()
     rows = zip(*columns.values(), strict=True)

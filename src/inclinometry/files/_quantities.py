@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from inclinometry.arrays import Array
-from inclinometry.errors import InputError
+from inclinometry.errors import InputError, refused
 from inclinometry.files.columns import PARTS, channel, closest
 
 EXTRA = "extra_"
@@ -24,14 +24,6 @@ Candidates: TypeAlias = tuple[tuple[str, str | None], ...]
 """Keys a name may mean, each with the north the name says."""
 
 _BETWEEN = re.compile(r"[\s_\-.,]+")
-
-
-class ColumnError(InputError):
-    """A column whose unit cannot be used; `lack` says what of it."""
-
-    def __init__(self, name: str, lack: str, remedy: str) -> None:
-        super().__init__(f"column {name!r} has {lack}{remedy}")
-        self.lack = lack
 
 
 class Unit(NamedTuple):
@@ -182,7 +174,7 @@ def meaning(name: str, stated: str | None = None, beside: Collection[str] = ()) 
     if split is None:
         near = closest(name, [q.column for q in quantities().values()], 0.9)
         if near:
-            raise InputError(f"column {name!r} is not known; did you mean {near}?")
+            raise refused("table-near", {"name": name, "right": near})
         return None
     candidates, written = split
     if written is not None and written.endswith("sd") and channel(name) is not None:
@@ -192,15 +184,13 @@ def meaning(name: str, stated: str | None = None, beside: Collection[str] = ()) 
         written = _contract(name, beside)
     # the one candidate whose dimension has the unit
     known = quantities()
-    columns = " or ".join(known[key].column for key, _ in candidates)
     if written is None:
-        raise ColumnError(name, "no unit", f"; write {columns} or the like")
+        raise refused("table-unit-missing", {"name": name, "right": tuple(known[key].column for key, _ in candidates)})
     fits = [(key, north, _unit(written, known[key].dimension)) for key, north in candidates]
     fits = [fit for fit in fits if fit[2] is not None]
     if len(fits) != 1:
         allowed = dict.fromkeys(u.label for key, _ in candidates for u in _units(known[key].dimension).values())
-        other = f"(if it is something else, rename it to {EXTRA}{_BETWEEN.sub('_', name)})"
-        raise ColumnError(name, f"the unit {written!r}", f"; allowed: {', '.join(allowed)} {other}")
+        raise refused("table-unit", {"column": name, "unit": written, "allowed": tuple(allowed)})
     return Meaning(*fits[0][:1], fits[0][2], fits[0][1])
 
 
@@ -219,7 +209,7 @@ def _one_unit(name: str, written: str | None, stated: str | None) -> str | None:
     if not (written and stated):
         return written or stated or None
     if not same_unit(written, stated):
-        raise InputError(f"column {name!r} has the unit {stated!r}, which its name contradicts; correct one of them")
+        raise refused("table-units", {"column": name, "units": (written, stated)})
     return stated
 
 
@@ -254,7 +244,7 @@ def unit_factor(unit: str, own: str) -> tuple[float, float]:
         one, two = _unit(unit, dimension), _unit(own, dimension)
         if one is not None and two is not None:
             return one.factor / two.factor, (one.offset - two.offset) / two.factor
-    raise InputError(f"{unit!r} cannot be converted to {own!r}; give a unit of the same quantity")
+    raise refused("table-unit-convert", {"unit": unit, "own": own})
 
 
 def to_si(unit: str) -> tuple[str, float]:
@@ -296,14 +286,11 @@ def factor_of(name: str, names: Collection[str], own: str, stated: Collection[st
         unit = next((word for word in stated if dimension_of(word) == dimension_of(own)), "")
     usual = "deg" if own == "rad" else own
     if not unit:
-        raise InputError(
-            f"column {name!r} has no unit; write {_BETWEEN.sub('_', name).lower()}_{usual} or the like, or state "
-            f"--units {usual}"
-        )
+        raise refused("table-unit-missing", {"name": name, "right": (f"{_BETWEEN.sub('_', name).lower()}_{usual}",)})
     try:
         return unit_factor(unit, own)[0]
     except InputError:
-        raise InputError(f"column {name!r} has the unit {unit!r}; give one such as {usual}") from None
+        raise refused("table-unit", {"column": name, "unit": unit, "allowed": (usual,)}) from None
 
 
 def seconds_of(name: str, stated: Collection[str] = ()) -> float | None:

@@ -75,7 +75,7 @@ def allan_content(record: NoiseRecord) -> dict[str, Any]:
         "sampling_interval_s": record.dt,
         "samples": record.samples,
         "channels": [_channel_content(channel) for channel in record.channels],
-        "warnings": list(record.warnings),
+        "warnings": list(map(str, record.findings)),
     }
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from inclinometry.arrays import Array
 from inclinometry.constants import RPM
 from inclinometry.earth.site import REFERENCES
-from inclinometry.errors import FileError
+from inclinometry.errors import in_file, not_among
 from inclinometry.files import writing
 from inclinometry.files.parquet import write_table
 from inclinometry.files.run_file import checked_ending
@@ -138,11 +138,11 @@ def _places(texts: Any, known: tuple[str, ...], path: Path, column: str) -> Any:
     place = {name: n for n, name in enumerate(known)}
     lost = next((text for text in texts if text not in place), None)
     if lost is not None:
-        raise FileError(f"{column} is {lost!r}; allowed: {', '.join(known)}", path=path)
+        raise in_file(not_among(column, f"{lost!r:.60}", known), path)
     return np.array([place[text] for text in texts], dtype=np.int64)
 
 
 def _bit(path: Path, name: str) -> int:
     if name not in BITS:
-        raise FileError(f"flag {name!r} is not known; allowed: {', '.join(BITS)}", path=path)
+        raise in_file(not_among("flags", f"{name!r:.60}", BITS), path)
     return BITS[name]

@@ -14,14 +14,16 @@ from inclinometry.arrays import Array
 from inclinometry.calibration.plans import Plan
 from inclinometry.calibration.readings import BenchReadings, converter_steps
 from inclinometry.constants import DIALS
-from inclinometry.errors import FileError, InputError
+from inclinometry.errors import FileError, InputError, in_file
 from inclinometry.files import writing
-from inclinometry.files.columns import BENCH, PLAN, REFERENCES, numbers_among
+from inclinometry.files.columns import ANGLES, BENCH, PLAN, REFERENCES, numbers_among
 from inclinometry.files.frame import Frame
 from inclinometry.files.profile import current
 from inclinometry.files.signals import Signals, need_settings, read_settings, read_signals, read_temperature
+from inclinometry.files.survey_csv import differs
 from inclinometry.files.table import read_table
 from inclinometry.files.text import Progress
+from inclinometry.findings import Finding, Value
 from inclinometry.rotations import dcm, wrap_signed
 from inclinometry.tabular import channel_columns, check_record
 
@@ -105,7 +107,7 @@ def improbably_equal(values: Array, channel: int, at: NDArray[np.bool_], basis: 
 # own standard deviations and 2 % of half the span, at two or more of these stations; or
 # 3. there are no angles, five stations or more read it, and no other value of the channel occurs more than twice.
 #
-# Where the rig's angles are known, a weaker sentence names an extreme read at three stations or more when the other
+# Where the rig's angles are known, a weaker finding names an extreme read at three stations or more when the other
 # stations predict more in the field direction that fits all channels (rule 2 with this basis; kinds other than the
 # accelerometer), or when stations at one gravity direction scatter so much that exact agreement is improbable.
 #
@@ -121,39 +123,38 @@ def improbably_equal(values: Array, channel: int, at: NDArray[np.bool_], basis: 
 Settings = tuple[Array, Array, Array]
 
 
-def constant_channel(values: Array, names: Sequence[str], settings: Settings | None) -> tuple[str, bool] | None:
-    """A channel (n, m) stuck at one value: what to say, and whether it is an error rather than a note."""
+def constant_channel(kind: str, values: Array, names: Sequence[str], settings: Settings | None) -> Finding | None:
+    """A channel (n, m) stuck at one value: refused, but where the attitudes may leave it so."""
     stuck = np.flatnonzero((values == values[0]).all(axis=0)) if len(values) >= 3 else np.empty(0, dtype=int)
     if stuck.size == 0:
         return None
-    name, value = names[int(stuck[0])], f"{values[0, int(stuck[0])]:.12g}"
-    said = f"{name} reads {value} at every station"
+    facts: dict[str, Value] = {"sensor": names[int(stuck[0])], "value": float(values[0, int(stuck[0])])}
     if settings is not None and all(np.ptp(angle) == 0.0 for angle in settings[:2]):
-        return f"{said}: right only for an axis along the hole, as inclination and azimuth never change", False
-    return f"{said}: a channel that never changes cannot be identified; check its wiring or remove its triad", True
+        return Finding("readings-channel-constant", facts)
+    return Finding("bench-channel-dead", {**facts, "kind": kind}, severity="refused")
 
 
-def saturation_notes(
+def saturation(
     kind: str, values: Array, names: Sequence[str], settings: Settings | None, station: NDArray[np.intp]
-) -> list[str]:
-    """One sentence for each channel of (n, m) readings that rests on a rail; the rule is in the module's docstring.
+) -> list[Finding]:
+    """A finding for each channel of (n, m) readings that rests on a rail; the rule is in the module's docstring.
 
     `station` (n,) tells which rows are one station, so that a repeated reading is not taken for a rail.
     """
-    notes: list[str] = []
+    notes: list[Finding] = []
     basis: Array | None = None
     unsigned = bool(values.min() >= 0.0)  # of all channels: one alone may well lie on one side of zero
-    most = 20_000  # stations; the weaker sentence is for calibrations, which are not larger
+    most = 20_000  # stations; the weaker finding is for calibrations, which are not larger
     for index, (column, name) in enumerate(zip(values.T, names, strict=True)):
         for extreme, sign in ((float(column.max()), 1.0), (float(column.min()), -1.0)):
             at = column == extreme
             count = len(np.unique(station[at])) if at.sum() >= 2 else 0
             if count < 2 or at.all():
                 continue
-            read = f"{name} reads exactly {extreme + 0.0:.12g} in {count} stations"
+            facts: dict[str, Value] = {"channel": name, "value": extreme + 0.0, "count": count}
             weakly = settings is not None and len(values) <= most and _alone(values, kind, index, station)
             if count < 3:
-                notes += [f"{read}: saturation cannot be excluded"] if weakly else []
+                notes += [Finding("readings-saturated-maybe", facts)] if weakly else []
                 continue
             if settings is not None and basis is None:
                 # what a linear sensor sees at each setting, and a one for its offset: (n, 4) for gravity, else (n, 10)
@@ -170,9 +171,9 @@ def saturation_notes(
                     and _predicted_beyond(column, at, inner, basis, sign) is not False
                 )
             if clipped:
-                notes.append(f"{read}: saturated?")
+                notes.append(Finding("readings-saturated", facts))
             elif weakly or (basis is not None and len(values) <= most and _suspicious(values, index, at, basis, sign)):
-                notes.append(f"{read}: saturation cannot be excluded")
+                notes.append(Finding("readings-saturated-maybe", facts))
     if notes or settings is None or len(values) > most:
         return notes
     return _common_end(values, names, station) or _short_channel(values, names, settings, station)
@@ -199,7 +200,7 @@ def _rests(values: Array, names: Sequence[str], station: NDArray[np.intp]) -> di
     return found
 
 
-def _common_end(values: Array, names: Sequence[str], station: NDArray[np.intp]) -> list[str]:
+def _common_end(values: Array, names: Sequence[str], station: NDArray[np.intp]) -> list[Finding]:
     """Several channels whose extremes are one number, or it and its negative or complement."""
     ends = _rests(values, names, station)
     for top in {abs(end) for _, end in ends}:
@@ -208,16 +209,13 @@ def _common_end(values: Array, names: Sequence[str], station: NDArray[np.intp]) 
         # each further end lies within 3 % of the first, somewhere
         if len(channels) < 2 or (0.03 * top) ** (len(alike) - 1) < 1e3:
             continue
-        named = ", ".join(names[k] for k in channels)
-        read = " or ".join(f"{end:.12g}" for end in sorted({end for _, end in alike}))
-        return [
-            f"{named} read exactly {read} at {len(alike)} of their {2 * len(channels)} ends, as channels of different "
-            "gains do not: saturated? widen the range"
-        ]
+        read = tuple(f"{end:.12g}" for end in sorted({end for _, end in alike}))
+        facts: dict[str, Value] = {"channels": tuple(names[k] for k in channels), "values": read}
+        return [Finding("readings-ends-alike", {**facts, "ends": len(alike), "total": 2 * len(channels)})]
     return []
 
 
-def _short_channel(values: Array, names: Sequence[str], settings: Settings, station: NDArray[np.intp]) -> list[str]:
+def _short_channel(values: Array, names: Sequence[str], settings: Settings, station: NDArray[np.intp]) -> list[Finding]:
     """A channel that rests at a number and its negative, of a gain far below those beside it."""
     ends = _rests(values, names, station)
     both = [
@@ -233,11 +231,9 @@ def _short_channel(values: Array, names: Sequence[str], settings: Settings, stat
     for k in both:
         share = float(gain[k] / np.delete(gain, k).min())
         if share < 0.87:  # two sensors of a triad differ by a few per cent
-            low, high = values[:, k].min(), values[:, k].max()
-            notes.append(
-                f"{names[k]} reads exactly {low:.12g} or {high:.12g} in {ends[k, low] + ends[k, high]} stations and is "
-                f"{share:.2g} times as sensitive as the channels beside it: saturated? widen the range"
-            )
+            low, high = float(values[:, k].min()), float(values[:, k].max())
+            facts: dict[str, Value] = {"channel": names[k], "low": low, "high": high, "share": share}
+            notes.append(Finding("readings-ends-gain", {**facts, "count": ends[k, low] + ends[k, high]}))
     return notes
 
 
@@ -318,13 +314,13 @@ class Repeats(NamedTuple):
     first : (k,) first row of each averaged station, in the file's order.
     group : (n,) the averaged station each row belongs to.
     size : (k,) rows in each.
-    notes : what was averaged.
+    findings : what was averaged, and what was not.
     """
 
     first: NDArray[np.intp]
     group: NDArray[np.intp]
     size: NDArray[np.intp]
-    notes: tuple[str, ...]
+    findings: tuple[Finding, ...]
 
     def mean(self, values: Array) -> Array:
         """Mean over the rows of each station: (n, ...) -> (k, ...)."""
@@ -378,12 +374,13 @@ def find_repeats(
     for row, name in enumerate(station):
         rows_of.setdefault(name, []).append(row)
     group = np.arange(len(station))
-    notes: list[str] = []
+    averaged: list[str] = []
+    kept: list[str] = []
     for name, rows in rows_of.items():
         if len(rows) == 1:
             continue
         if settings is None:
-            notes.append(f"station {name} appears {len(rows)} times; without rig angles each row is kept")
+            kept.append(name)
             continue
         _check(table, name, rows, settings, roll_set)
         # rows of one name that were taken at one setting and one temperature
@@ -398,34 +395,29 @@ def find_repeats(
         for cluster in clusters:
             group[cluster] = cluster[0]
             if len(cluster) > 1:
-                notes.append(f"station {name} was read {len(cluster)} times; mean used")
+                averaged.append(name)
     first, group = np.unique(group, return_inverse=True)
-    return Repeats(first, group, np.bincount(group, minlength=len(first)), _shortened(notes))
+    most = 10  # names that a sentence lists
+    findings = [
+        Finding(code, {"total": len(stations), "stations": tuple(stations[:most])}, severity="note")
+        for code, stations in (("readings-averaged", averaged), ("readings-rows-kept", kept))
+        if stations
+    ]
+    return Repeats(first, group, np.bincount(group, minlength=len(first)), tuple(findings))
 
 
 def _check(
     table: Frame, name: str, rows: list[int], settings: tuple[Array, Array, Array], roll_set: Sequence[str]
 ) -> None:
-    def shown(row: int) -> str:
-        angles = ", ".join(f"{np.degrees(a[row]):.6g}" for a in settings)
-        return f"azimuth, inclination, toolface {angles} deg in line {table.lines[row]}"
-
-    index = np.array(rows)
-    apart = np.any([np.abs(wrap_signed(a[index] - a[rows[0]])) > np.radians(0.5) for a in settings], axis=0)
+    index, first = np.array(rows), rows[0]
+    apart = np.array([np.abs(wrap_signed(a[index] - a[first])) > np.radians(0.5) for a in settings])
     if apart.any():
-        row = int(index[apart.argmax()])
-        problem = f"station {name!r} is repeated with contradictory angles: {shown(rows[0])}, {shown(row)}"
-        raise table.error(f"{problem}; correct one or rename it", row)
-    other = next((row for row in rows if roll_set and roll_set[row] != roll_set[rows[0]]), None)
+        place, dial = np.argwhere(apart.T)[0].tolist()
+        row, angle = rows[place], np.degrees(settings[dial])
+        raise table.error(differs(table, ANGLES[dial], float(angle[row]), float(angle[first]), first, name), row)
+    other = next((row for row in rows if roll_set and roll_set[row] != roll_set[first]), None)
     if other is not None:
-        problem = f"station {name!r} is in roll set {roll_set[rows[0]]!r} in line {table.lines[rows[0]]}"
-        raise table.error(f"{problem} and in {roll_set[other]!r} here; correct one", other)
-
-
-def _shortened(notes: list[str], most: int = 10) -> tuple[str, ...]:
-    if len(notes) <= most:
-        return tuple(notes)
-    return (*notes[:most], f"and {len(notes) - most} more repeated stations likewise")
+        raise table.error(differs(table, "roll_set", roll_set[other], roll_set[first], first, name), other)
 
 
 def read_bench(path: str | Path, *, progress: Progress | None = None) -> BenchReadings:
@@ -451,7 +443,7 @@ def read_bench(path: str | Path, *, progress: Progress | None = None) -> BenchRe
     Raises
     ------
     FileError
-        With file, line, value and remedy; see the rules of `table`, `find_repeats` and `saturation_notes`.
+        With file, line, value and remedy; see the rules of `table`, `find_repeats` and `saturation`.
 
     Examples
     --------
@@ -467,6 +459,7 @@ def read_bench(path: str | Path, *, progress: Progress | None = None) -> BenchRe
     table = read_table(path, progress, numeric=numbers_among(BENCH))
     unused = table.unknown(BENCH)
     signals, settings = read_signals(table), read_settings(table)
+    warned = [*signals.findings, *unused]
     temperature, count = read_temperature(table), _count(table)
     station = _stations(table)
     roll_set = table.text("roll_set") if "roll_set" in table else ()
@@ -479,29 +472,26 @@ def read_bench(path: str | Path, *, progress: Progress | None = None) -> BenchRe
                 for row in range(1, rows + 1)
             )
         else:
-            unused.append(
-                f"the roll sets of the profile are those of {rows} rows, these are {len(table)}: not used; state yours "
-                "in a column roll_set or a profile of your own"
-            )
+            warned.append(Finding("readings-sets-unused", {"rows": len(table), "expected": rows}))
     try:
         with np.errstate(over="raise", invalid="raise"):
             repeats = find_repeats(table, station, settings, temperature, roll_set)
-            # notes on channels that rest on a rail; FileError for one that never changes
-            notes: list[str] = []
+            # channels that rest on a rail; FileError for one that never changes
             for kind, values in signals.values.items():
                 names = signals.names[kind]
-                stuck = constant_channel(values, names, settings)
+                stuck = constant_channel(kind, values, names, settings)
                 if stuck is not None:
-                    if stuck[1]:
-                        raise table.error(stuck[0])
-                    notes.append(stuck[0])
-                notes += saturation_notes(kind, values, names, settings, repeats.group)
-            warned = [*signals.notes, *unused, *notes]
+                    if stuck.severity == "refused":
+                        raise table.error(stuck)
+                    warned.append(stuck)
+                warned += saturation(kind, values, names, settings, repeats.group)
             return _merged(table, signals, settings, temperature, count, station, roll_set, repeats, warned)
-    except (InputError, FloatingPointError) as error:
-        if isinstance(error, FileError):
-            raise
-        raise FileError(f"these readings cannot be used: {error}", path=path) from None
+    except FileError:
+        raise
+    except InputError as error:
+        raise in_file(error, path) from None
+    except FloatingPointError:
+        raise FileError(Finding("input-overflow", {"name": "readings"}), path=path) from None
 
 
 def _merged(
@@ -513,7 +503,7 @@ def _merged(
     station: Sequence[str],
     roll_set: Sequence[str],
     repeats: Repeats,
-    warnings: Sequence[str],
+    warned: Sequence[Finding],
 ) -> BenchReadings:
     averaged = len(repeats.first) < len(table)
     if count is None and averaged:
@@ -539,9 +529,8 @@ def _merged(
         [roll_set[i] for i in repeats.first] if any(roll_set) else (),
         signals.units,
         _reference(table),
-        repeats.notes,
+        (*repeats.findings, *warned),
         table.digest,
-        warnings=warnings,
     )
 
 
@@ -550,7 +539,7 @@ def _stations(table: Frame) -> tuple[str, ...]:
         return tuple(str(i + 1) for i in range(len(table)))
     names = table.text("station")
     if "" in names:
-        raise table.error("station is empty; give it a name or remove the row", names.index(""))
+        raise table.error(Finding("input-empty", {"name": "station"}), names.index(""))
     return names
 
 
@@ -561,14 +550,15 @@ def _count(table: Frame) -> Array | None:
     bad = (values < 1.0) | (values != np.floor(values))
     if bad.any():
         row = int(np.flatnonzero(bad)[0])
-        raise table.error(f"count is {values[row]:g}; it must be a whole number from 1", row)
+        facts: dict[str, Value] = {"column": "count", "value": float(values[row]), "allowed": "1, 2, 3, .."}
+        raise table.error(Finding("file-value", facts), row)
     return values
 
 
 def _reference(table: Frame) -> dict[str, float]:
     """The fields at the stand, SI (nT for b) and radians."""
     reference: dict[str, float] = {}
-    limits = ((9.5, 10.0, " m/s^2"), (1e3, 1e6, " nT"), (-90.0, 90.0, " deg"))
+    limits = ((9.5, 10.0), (1e3, 1e6), (-90.0, 90.0))
     for name, key, limit in zip(REFERENCES, ("g", "b", "dip"), limits, strict=True):
         if name not in table:
             continue
@@ -576,8 +566,7 @@ def _reference(table: Frame) -> dict[str, float]:
         other = np.flatnonzero(values != values[0])
         if other.size:
             row = int(other[0])
-            problem = f"{name} is {values[0]:.10g} in line {table.lines[0]} and {values[row]:.10g} here"
-            raise table.error(f"{problem}; it must be the same in the whole file", row)
+            raise table.error(differs(table, name, float(values[row]), float(values[0]), 0), row)
         value = float(table.within(name, *limit)[0])
         reference[key] = float(np.radians(value)) if key == "dip" else value
     return reference

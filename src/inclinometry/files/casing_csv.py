@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
 
 from inclinometry.arrays import Array, Index, frozen
-from inclinometry.errors import FileError, InputError
+from inclinometry.errors import InputError, in_file
 from inclinometry.files._quantities import factor_of, hole_names
 from inclinometry.files.frame import Frame
+from inclinometry.files.holes_csv import same
 from inclinometry.files.profile import current
 from inclinometry.files.table import TableFile
 from inclinometry.files.writing import joined, write_columns
@@ -71,12 +72,11 @@ def read_casing(path: str | Path, unit: str | None = None) -> CasingFile:
             elif (factor := factor_of(name, hole_names("casing"), "m", stated)) is not None:
                 depths[name] = factor
     except InputError as error:
-        raise FileError(str(error), path=path) from None
+        raise in_file(error, path) from None
     table = opened.read(lambda name: name in depths or name in columns)
     if len(depths) != 1:
-        what = f"{len(depths)} columns are depths ({', '.join(depths)})" if depths else "no column is the depth"
-        raise table.error(f"{what}; one is needed, such as depth_m; columns found: {', '.join(names)}")
-    _runs(table, list(columns.values()))
+        raise table.error(same(tuple(depths)) if depths else table.lacking("depth_m"))
+    _runs(table, columns)
     (name, factor), = depths.items()  # fmt: skip
     depth = table.number(name) * factor
     order = _order(table, depth)
@@ -90,26 +90,24 @@ def read_casing(path: str | Path, unit: str | None = None) -> CasingFile:
     try:
         said = tuple(check_reading(reading))
     except InputError as error:
-        raise table.error(error.finding or str(error)) from None
+        raise in_file(error, path) from None
     return CasingFile(reading, tuple(table.lines[order].tolist()), said, table)
 
 
-def _runs(table: Frame, found: Sequence[Face]) -> None:
+def _runs(table: Frame, found: Mapping[str, Face]) -> None:
     """FileError unless the runs are those of one way to read: A, or A and B, each once or each in both runs."""
-    runs = {axis: sorted(run for of, run, _ in found if of == axis) for axis in "ab"}
-    if not runs["a"]:
-        raise table.error(f"column 'a0' is missing; columns found: {', '.join(table.names[:20])}")
-    for axis in "ab":
-        if len(runs[axis]) > len(set(runs[axis])):
-            raise table.error(f"a run of axis {axis.upper()} stands in two columns; remove one")
-        if runs[axis] == [1]:
-            raise table.error(f"column '{axis}180' has no '{axis}0' beside it; add the run")
-    if runs["b"] and runs["a"] != runs["b"]:
-        raise table.error("one axis has run 180 and the other has not; add the run, or remove the other's")
-    units = {unit for _, _, unit in found}
+    named: dict[tuple[str, int], str] = {}
+    for name, (axis, run, _) in found.items():
+        if (axis, run) in named:
+            raise table.error(same((named[axis, run], name)))
+        named[axis, run] = name
+    wanted = {"a", *(axis for axis, _ in named)}, {0, *(run for _, run in named)}
+    lost = [f"{axis}{180 * run}" for axis in sorted(wanted[0]) for run in sorted(wanted[1]) if (axis, run) not in named]
+    if lost:
+        raise table.error(table.lacking(*lost))
+    units = tuple(sorted({f"{unit!r:.40}" for _, _, unit in found.values()}))
     if len(units) > 1:
-        several = " and ".join(f"{unit!r:.40}" for unit in sorted(units)[:5])
-        raise table.error(f"the runs are in {several}; give them in one unit")
+        raise table.error(Finding("table-units", {"column": ", ".join(found), "units": units}))
 
 
 def _order(table: Frame, depth: Array) -> Index:
@@ -140,13 +138,10 @@ def _order(table: Frame, depth: Array) -> Index:
 
 def _sines(table: Frame, name: str, written: str, stated: str | None, step: float) -> Array:
     if written and stated and written != stated:
-        raise table.error(f"column {name!r} is in {written!r}, and --unit says {stated!r}; leave the option out")
+        raise table.error(Finding("table-units", {"column": name, "units": (written, stated)}))
     unit = written or stated
     if unit not in UNITS:
-        what = f"the unit {unit!r}, which is not known" if unit else "no unit"
-        raise table.error(
-            f"column {name!r} has {what}; state --unit {', '.join(UNITS)}, or name it {name}_mm or the like"
-        )
+        raise table.error(Finding("readings-unit-unstated", {"column": name, "unit": unit or "", "allowed": UNITS}))
     values = table.number(name)
     if unit == "deg":
         sines = np.where(np.abs(values) <= 90.0, np.sin(np.radians(values)), 2.0)

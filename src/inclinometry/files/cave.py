@@ -17,9 +17,10 @@ from typing import Final, TypeAlias
 import numpy as np
 
 from inclinometry.constants import FOOT
-from inclinometry.errors import InputError
+from inclinometry.errors import InputError, refused
 from inclinometry.files.exchange import SurveyFile
 from inclinometry.files.writing import write_bytes, write_text
+from inclinometry.findings import Finding
 from inclinometry.survey.path import minimum_curvature
 
 HELD: Final = ("md_m", "inclination_deg", "azimuth_deg", "azimuth_reference", "declination_deg")
@@ -33,15 +34,15 @@ Leg: TypeAlias = tuple[str, str, float, float, float, float]
 def legs(survey: SurveyFile) -> list[Leg]:
     """Legs between the stations that are used: chords of minimum curvature."""
     if survey.inclination is None or survey.azimuth is None:
-        raise InputError("legs need inclination and azimuth at every station; the survey lacks one of them")
+        raise refused("input-missing", {"names": ("inclination_deg", "azimuth_deg")})
     rows = np.arange(len(survey)) if survey.used is None else np.flatnonzero(survey.used)
     angles = survey.inclination[rows], survey.azimuth[rows]
     for name, values in zip(("inclination", "azimuth"), angles, strict=True):
         if np.isnan(values).any():
-            row = rows[int(np.argmax(np.isnan(values)))]
-            raise InputError(f"{name} is empty at {survey.md[row]:.12g} m; fill it in or remove the station")
+            row = int(rows[int(np.argmax(np.isnan(values)))])
+            raise InputError(Finding("table-empty", {"column": f"{name}_deg"}, (row,)))
     if len(rows) < 2:
-        raise InputError("a leg needs two stations; the survey has one")
+        raise refused("input-few", {"name": "stations", "count": len(rows), "least": 2})
     path = minimum_curvature(survey.md[rows], *angles)
     north, east, down = (np.diff(part) for part in (path.north, path.east, path.tvd))
     flat = np.hypot(north, east)
@@ -127,8 +128,5 @@ def _declination(file: SurveyFile) -> float | None:
         return None
     values = np.degrees(known[~np.isnan(known)])
     if np.ptp(values) > 0.005:
-        raise InputError(
-            f"the declination goes from {values.min():.4g} to {values.max():.4g} deg; one is needed: convert the "
-            "azimuths to true north first"
-        )
+        raise refused("table-declination", {"from_deg": float(values.min()), "to_deg": float(values.max())})
     return float(values[0])

@@ -13,7 +13,7 @@ import numpy as np
 from inclinometry.arrays import Array
 from inclinometry.constants import FIELD_UNITS, KIND_PREFIX
 from inclinometry.digest import digest_file
-from inclinometry.errors import InputError
+from inclinometry.errors import refused
 from inclinometry.files import json_codec
 from inclinometry.files.tool_json import read_tool
 from inclinometry.sensors import Tool, Triad, classical_view
@@ -88,9 +88,7 @@ def _powers(tool: Tool, triad: Triad, temperature: float | None) -> tuple[Array,
         at = triad.reference_temperature if temperature is None else temperature
         return (triad.basis(at) @ triad.offset)[None], triad.inverse(at)[None]
     if tool.temperature_range is None:
-        raise InputError(
-            f"the {triad.kind} depends on temperature and the calibration states no range: give --temperature-degC"
-        )
+        raise refused("input-missing", {"names": ("--temperature-degC",)})
     inverse = triad.inverse_powers(*tool.temperature_range)
     offset = np.zeros((max(len(inverse), triad.degree + 1), triad.count))
     offset[: triad.degree + 1] = triad.offset

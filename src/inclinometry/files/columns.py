@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from inclinometry.constants import KIND_PREFIX as KIND_PREFIX
 from inclinometry.constants import PREFIXES as PREFIXES
 from inclinometry.constants import UNIT_LABELS as UNIT_LABELS
+from inclinometry.findings import Finding
 
 TEXT = ("station", "roll_set", "azimuth_reference", "flags")
 ANGLES = ("azimuth_deg", "inclination_deg", "toolface_deg")
@@ -92,41 +93,42 @@ def numbers_among(names: Iterable[str]) -> Callable[[str], bool]:
     return lambda name: name in known or channel(name) is not None
 
 
-def advice(name: str, known: Iterable[str]) -> str | None:
-    """What to write instead of a name that is nearly a known one; None when it is simply another column.
+def advice(name: str, known: Iterable[str]) -> Finding | None:
+    """What is wrong with a name that is nearly a known one; None when it is simply another column.
 
-    >>> advice("inclination_rad", ["inclination_deg"]), advice("operator", ["azimuth_deg"])
-    ('unit not accepted: convert it and write inclination_deg', None)
+    >>> str(advice("inclination_rad", ["inclination_deg"])), advice("operator", ["azimuth_deg"])
+    ('Unit not accepted: inclination_rad. Convert it, and write inclination_deg.', None)
     """
     names = list(known)
     bases = {_SUFFIX.sub("", k).lower(): k for k in reversed(names) if _SUFFIX.search(k)}
     lowered = name.lower()
     if lowered in bases:
-        return f"unit missing: write {bases[lowered]}"
+        return Finding("table-unit-missing", {"name": name, "right": (bases[lowered],)})
     if (base := _SUFFIX.sub("", lowered)) != lowered and base in bases and name not in names:
-        right = bases[base]
-        return (
-            f"did you mean {right}?" if lowered == right.lower() else f"unit not accepted: convert it and write {right}"
-        )
-    near = closest(name, names, 0.9)
-    return f"did you mean {near}?" if near else None
+        near = lowered == bases[base].lower()
+        return Finding("table-near" if near else "table-unit-other", {"name": name, "right": bases[base]})
+    return _nearly(name, closest(name, names, 0.9))
 
 
-def channel_advice(name: str) -> str | None:
-    """What to write instead of a name that begins as a channel's and ends in no unit known here; else None.
+def _nearly(name: str, right: str | None) -> Finding | None:
+    return Finding("table-near", {"name": name, "right": right}) if right else None
 
-    >>> channel_advice("accel_x_bananas")
-    "unit 'bananas' is not known: use counts, V, mV, g, mg, m_s2, nT, uT, rad_s, deg_s, deg_h or no unit (counts)"
+
+def channel_advice(name: str) -> Finding | None:
+    """What is wrong with a name that begins as a channel's and ends in no unit known here; else None.
+
+    >>> channel_advice("accel_x_bananas").code, channel_advice("Accel_X").values["right"]
+    ('table-unit', 'accel_x')
     """
     if channel(name.lower()):
-        return f"did you mean {name.lower()}?"
+        return _nearly(name, name.lower())
     found = _WITH_UNIT.fullmatch(name)
     if found is None:
         return None
     exact = {unit.lower(): unit for unit in UNIT_LABELS}.get(found["unit"].lower())
     if exact:
-        return f"did you mean {found['start'].lower()}_{exact}{found['sd'] or ''}?"
-    return f"unit {found['unit']!r} is not known: use {', '.join(UNIT_LABELS)} or no unit (counts)"
+        return _nearly(name, f"{found['start'].lower()}_{exact}{found['sd'] or ''}")
+    return Finding("table-unit", {"column": name, "unit": found["unit"], "allowed": tuple(UNIT_LABELS)})
 
 
 def closest(name: str, names: Sequence[str], cutoff: float = 0.6) -> str | None:

@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 
 from inclinometry.arrays import Array
-from inclinometry.errors import FileError, InputError
+from inclinometry.errors import FileError, InputError, in_file
 from inclinometry.files import json_codec
 from inclinometry.files.tool_json import covariance
+from inclinometry.findings import Finding
 from inclinometry.survey.multistation import Parameter
 from inclinometry.survey.multistation_priors import FieldReference
 from inclinometry.survey.reduce import SensorCorrection
@@ -85,7 +86,8 @@ def read_corrections(path: str | Path) -> SensorCorrection:
     entries, run = content["parameters"], content["run"]
     names = [entry["name"] for entry in entries]
     if content["covariance"]["parameters"] != names or len(set(names)) < len(names):
-        raise FileError("$.covariance.parameters are not the names of $.parameters, each once", path=path)
+        places = {"place": "$.covariance.parameters", "other": "$.parameters"}
+        raise FileError(Finding("record-names", places), path=path)
     matrix = covariance(content["covariance"], path, "$.covariance")
     noise = covariance(
         {"parameters": ["gx", "gy", "gz", "bx", "by", "bz"], "matrix": content["noise"]}, path, "$.noise"
@@ -97,7 +99,8 @@ def read_corrections(path: str | Path) -> SensorCorrection:
         alone["score"] = np.array(content["stations_alone"]["score"], dtype=np.float64)
     sensors = [entry for entry in entries if "offset" in entry]
     if entries[: len(sensors)] != sensors or len(entries) != len(sensors) + 3:
-        raise FileError("$.parameters must end in the three of the reference, which have no offset", path=path)
+        places = {"place": "$.parameters", "other": "$.reference"}
+        raise FileError(Finding("record-names", places), path=path)
     values = [
         float(np.radians(content["reference"][key])) if key.endswith("_deg") else content["reference"][key]
         for key in _KEYS
@@ -124,7 +127,7 @@ def read_corrections(path: str | Path) -> SensorCorrection:
             **alone,
         )
     except InputError as error:
-        raise FileError(str(error), path=path) from None
+        raise in_file(error, path) from None
 
 
 def _gain(places: Sequence[tuple[int, int, float]]) -> Array:

@@ -12,10 +12,11 @@ from inclinometry.arrays import Array
 from inclinometry.calibration.result import Calibration, Residuals, Rig
 from inclinometry.constants import EARTH_RATE, FIELD_UNITS, KINDS, STANDARD_GRAVITY
 from inclinometry.digest import digest_file
-from inclinometry.errors import FileError, InputError
+from inclinometry.errors import FileError, InputError, in_file, out_of_range, refused, wrong_kind, wrong_shape
 from inclinometry.files import toml_keys
 from inclinometry.files._quantities import unit_factor
 from inclinometry.files.tool_json import read_tool
+from inclinometry.findings import Finding
 from inclinometry.sensors import Tool, Triad
 
 # strength of the field that N is stated for, in SI, and the units a data sheet may be written in;
@@ -76,23 +77,24 @@ def read_datasheet(path: str | Path) -> Calibration:
     settings = toml_keys.load(path, ("tool", *KINDS))
     name = settings.text("tool")
     if name is None:
-        raise FileError('tool is missing; write tool = "its serial number"', path=path)
+        raise settings.missing("tool")
     kinds = [kind for kind in KINDS if kind in settings.content]
     if not kinds:
-        raise FileError(f"no sensors; write a section [{'], ['.join(KINDS)}]", path=path)
+        raise FileError(Finding("file-empty", {"what": "sensors"}), path=path)
     triads: dict[str, Triad] = {}
     noise: dict[str, Array] = {}
     blocks: list[Array] = []
-    warnings = ["entered from a data sheet: nothing was measured"]
+    findings = [Finding("record-datasheet")]
     for kind in kinds:
         try:
             triads[kind], block, noise[kind] = _triad(kind, settings.content[kind], path)
+        except FileError:
+            raise
         except InputError as error:
-            problem = error.problem if isinstance(error, FileError) else error
-            raise FileError(f"[{kind}] {problem}", path=path) from None
+            raise in_file(error, path) from None
         blocks += list(block)
         if not block.any():
-            warnings.append(f"no uncertainty is stated for the {kind}: angles are given as if its values were exact")
+            findings.append(Finding("record-exact", {"kind": kind}))
     size = sum(len(block) for block in blocks)
     covariance = np.zeros((size, size))
     for number, block in enumerate(blocks):
@@ -108,30 +110,30 @@ def read_datasheet(path: str | Path) -> Calibration:
         tool.covariance,
         Rig(np.zeros(3)),
         Residuals((), empty, empty, np.zeros(0)),
-        tuple(warnings),
+        findings=tuple(findings),
     )
 
 
 def _triad(kind: str, content: Any, path: str | Path) -> tuple[Triad, Array, Array]:
     """Triad, covariance (m, 4, 4) of each sensor's parameters, noise (m,)."""
     if not isinstance(content, dict):
-        raise InputError(f"is {content!r}; a section with unit, per, scale and offset is needed")
-    settings = toml_keys.Settings(path, content, ("unit", "per", *RANGES))
+        raise wrong_kind(kind, f"{content!r:.60}", "table")
+    settings = toml_keys.Settings(path, content, ("unit", "per", *RANGES), kind)
     strength, units = _FIELD[kind]
     unit, per = settings.text("unit"), settings.text("per", units)
     for key, value in (("unit", unit), ("per", per), ("scale", content.get("scale"))):
         if value is None:
-            raise InputError(f"{key} is missing")
+            raise settings.missing(key)
     field = strength / unit_factor(str(per), FIELD_UNITS[kind])[0]  # the field, in the data sheet's unit
     count = max((len(v) for v in content.values() if isinstance(v, list)), default=3)
-    axes = _axes(content, count)
-    scale = _numbers(content, "scale", count)
-    offset = _either(content, "offset", "bias", scale)
+    axes = _axes(settings, count)
+    scale = _numbers(settings, "scale", count)
+    offset = _either(settings, "offset", "bias", scale)
     if offset is None:
-        raise InputError('offset is missing; give it in the unit of the signals, or bias in that of "per"')
-    u_offset = _either(content, "u_offset", "u_bias", scale)
-    u_scale = _numbers(content, "u_scale_percent", count) / 100.0
-    u_axis = np.radians(_numbers(content, "u_axes_deg", count))
+        raise refused("input-one-of", {"names": (settings.name("offset"), settings.name("bias"))})
+    u_offset = _either(settings, "u_offset", "u_bias", scale)
+    u_scale = _numbers(settings, "u_scale_percent", count) / 100.0
+    u_axis = np.radians(_numbers(settings, "u_axes_deg", count))
     size = scale * field
     along = axes[:, :, None] * axes[:, None, :]
     block = np.zeros((count, 4, 4))
@@ -139,61 +141,60 @@ def _triad(kind: str, content: Any, path: str | Path) -> tuple[Triad, Array, Arr
     block[:, :3, :3] = (size**2)[:, None, None] * spread
     block[:, 3, 3] = 0.0 if u_offset is None else u_offset**2
     triad = Triad(kind, size[:, None] * axes, offset, str(unit), strength)
-    return triad, block, _numbers(content, "noise", count)
+    return triad, block, _numbers(settings, "noise", count)
 
 
-def _either(content: dict[str, Any], signal: str, field: str, scale: Array) -> Array | None:
+def _either(settings: toml_keys.Settings, signal: str, field: str, scale: Array) -> Array | None:
     """A value stated as a signal, or as a field; (m,) as a signal, None where it is not stated."""
-    if signal in content and field in content:
-        raise InputError(f"both {signal} and {field} are given; leave one of them out")
-    if field in content:
-        return scale * _numbers(content, field, len(scale))
-    return _numbers(content, signal, len(scale)) if signal in content else None
+    if signal in settings.content and field in settings.content:
+        raise refused("input-one-of", {"names": (settings.name(signal), settings.name(field))})
+    if field in settings.content:
+        return scale * _numbers(settings, field, len(scale))
+    return _numbers(settings, signal, len(scale)) if signal in settings.content else None
 
 
-def _numbers(content: dict[str, Any], key: str, count: int) -> Array:
+def _numbers(settings: toml_keys.Settings, key: str, count: int) -> Array:
     """One number for all, or one for each sensor, within the key's range; zero where nothing is stated."""
-    value = content.get(key, 0.0)
-    items = value if isinstance(value, list) else [value] * count
+    value = settings.content.get(key, 0.0)
+    return _in_range(settings, key, value if isinstance(value, list) else [value] * count, count)
+
+
+def _in_range(settings: toml_keys.Settings, key: str, items: list[Any], count: int) -> Array:
+    name, (low, high) = settings.name(key), RANGES[key]
     if len(items) != count:
-        raise InputError(f"{key} has {len(items)} numbers; {count} sensors are described, give one number or {count}")
+        raise wrong_shape(name, (len(items),), f"({count},)")
     for item in items:
-        # InputError where a value is no number of the key's range
-        low, high = RANGES[key]
+        if isinstance(item, bool) or not isinstance(item, int | float):
+            raise wrong_kind(name, f"{item!r:.60}", "number")
         # a whole number of any length is compared as it is: it need not fit into a float
-        number = isinstance(item, int | float) and not isinstance(item, bool)
-        if not (number and low <= item <= high):
-            hint = ": turn the axis of a sensor that counts back" if key == "scale" and number and item < 0 else ""
-            hint = ": give axes instead" if key == "misalignment_deg" and number else hint
-            raise InputError(f"{key} is {item!r:.40}; a number from {low:g} to {high:g} is needed{hint}")
+        if not low <= item <= high:
+            raise out_of_range(name, f"{item!r:.40}", f"{low:g} .. {high:g}")
     return np.array(items, dtype=np.float64)
 
 
-def _axes(content: dict[str, Any], count: int) -> Array:
+def _axes(settings: toml_keys.Settings, count: int) -> Array:
     """Sensitive axes (m, 3), unit vectors in tool axes."""
-    if "axes" in content and "misalignment_deg" in content:
-        raise InputError("both axes and misalignment_deg are given; leave one of them out")
-    if "axes" in content:
-        rows = _rows(content, "axes", count, 3)
+    name, other = settings.name("axes"), settings.name("misalignment_deg")
+    if "axes" in settings.content and "misalignment_deg" in settings.content:
+        raise refused("input-one-of", {"names": (name, other)})
+    if "axes" in settings.content:
+        rows = _rows(settings, "axes", count, 3)
         length = np.linalg.norm(rows, axis=1)
         if (np.abs(length - 1.0) > 0.01).any():
             worst = int(np.argmax(np.abs(length - 1.0)))
-            raise InputError(
-                f"axes: the cosines of sensor {worst + 1} have length {length[worst]:.4g}; 1 is needed, the conversion "
-                "factor belongs to scale"
-            )
-        return _spread(rows / length[:, None], "axes")
+            raise out_of_range(f"|{name}[{worst}]|", f"{length[worst]:.4g}", "0.99 .. 1.01")
+        return _spread(rows / length[:, None], name)
     if count not in (2, 3):
-        raise InputError(f"{count} sensors are described; give axes, their direction cosines")
+        raise refused("input-missing", {"names": (name,)})
     axes = np.eye(3)[:count]
-    if "misalignment_deg" in content:
-        angles = _rows(content, "misalignment_deg", count, 2)
+    if "misalignment_deg" in settings.content:
+        angles = _rows(settings, "misalignment_deg", count, 2)
         for sensor in range(count):
             axes[sensor, [axis for axis in range(3) if axis != sensor]] = np.tan(np.radians(angles[sensor]))
-    return _spread(axes / np.linalg.norm(axes, axis=1, keepdims=True), "misalignment_deg")
+    return _spread(axes / np.linalg.norm(axes, axis=1, keepdims=True), other)
 
 
-def _spread(axes: Array, key: str) -> Array:
+def _spread(axes: Array, name: str) -> Array:
     """The axes (m, 3), when they see all three components, or two where there are two sensors; else InputError."""
     seen = min(len(axes), 3)
     # least singular value of the axes: two sensors 4 degrees apart, or three so near to one plane
@@ -204,22 +205,15 @@ def _spread(axes: Array, key: str) -> Array:
     one, other = sorted(int(place) for place in np.unravel_index(lines.argmax(), lines.shape))
     apart = float(np.degrees(np.arctan2(np.linalg.norm(np.cross(axes[one], axes[other])), lines[one, other])))
     if len(axes) > 3 or apart > 10.0:
-        raise InputError(f"{key}: the axes of the {len(axes)} sensors lie in one plane; one must point out of it")
-    raise InputError(
-        f"{key}: the axes of sensors {one + 1} and {other + 1} lie along one line within {apart:.1f} deg; 4 deg or "
-        "more between them are needed: see that each row is that of its own sensor"
-    )
+        raise refused("record-axes-plane", {"name": name, "sensors": len(axes)})
+    raise refused("record-axes-line", {"name": name, "first": one + 1, "second": other + 1, "apart_deg": apart})
 
 
-def _rows(content: dict[str, Any], key: str, count: int, width: int) -> Array:
-    rows = content[key]
-    if (
-        not isinstance(rows, list)
-        or len(rows) != count
-        or not all(isinstance(r, list) and len(r) == width for r in rows)
-    ):
-        raise InputError(f"{key} is {rows!r}; {count} rows of {width} numbers are needed")
-    return np.stack([_numbers({key: row}, key, width) for row in rows])
+def _rows(settings: toml_keys.Settings, key: str, count: int, width: int) -> Array:
+    rows = settings.content[key]
+    if not isinstance(rows, list) or len(rows) != count or not all(isinstance(r, list) for r in rows):
+        raise wrong_kind(settings.name(key), f"{rows!r:.60}", "array of numbers")
+    return np.stack([_in_range(settings, key, row, width) for row in rows])
 
 
 def read_nameplate(path: str | Path) -> Tool:

@@ -9,9 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from inclinometry.arrays import Array, frozen
-from inclinometry.errors import FileError, InputError
+from inclinometry.errors import FileError, InputError, in_file, refused, wrong_shape
 from inclinometry.files import json_codec
 from inclinometry.files.writing import degrees
+from inclinometry.findings import Finding, Value
 from inclinometry.uncertainty import AngleErrors, covariance_matrix
 
 
@@ -44,9 +45,7 @@ def write_errors(run: RunErrors, path: str | Path) -> None:
         A run of which no causes are known.
     """
     if not run.errors:
-        raise InputError(
-            "what the errors of these stations share is not known of this method; --errors needs --scale joint or fixed"
-        )
+        raise refused("record-errors-unknown")
     kept = np.isfinite(run.inclination) & np.isfinite(run.azimuth)
     content = {
         "tool": run.tool,
@@ -81,17 +80,24 @@ def read_errors(path: str | Path) -> RunErrors:
     content = json_codec.stored(path, "errors")
     stations, errors = content["stations"], {}
     size = len(stations["md_m"])
-    if any(len(values) != size for values in stations.values()):
-        raise FileError("$.stations has columns of different lengths; write the file again", path=path)
+    for name, values in stations.items():
+        if len(values) != size:
+            facts: dict[str, Value] = {"place": f"$.stations.{name}", "count": len(values), "expected": size}
+            raise FileError(Finding("record-size", facts), path=path)
     for k, one in enumerate(content["errors"]):
         where = f"$.errors[{k}]"
         try:
             covariance = covariance_matrix(one["covariance"], f"{where}.covariance")
             by = np.stack([np.array(one["by_parameter"][row], dtype=np.float64) for row in _ROWS], axis=1)
-            if by.shape != (size, 4, len(covariance)) or one["cause"] in errors:
-                raise InputError(f"{where}.by_parameter is not of {size} stations and {len(covariance)} parameters")
-        except (InputError, ValueError) as error:
-            raise FileError(f"{where}: {error}", path=path) from None
+        except InputError as error:
+            raise in_file(error, path) from None
+        except ValueError as error:
+            raise FileError(Finding("file-format", {"format": where, "reason": str(error)}), path=path) from None
+        if by.shape != (size, 4, len(covariance)):
+            shape = str((size, 4, len(covariance)))
+            raise in_file(wrong_shape(f"{where}.by_parameter", by.shape, shape), path)
+        if one["cause"] in errors:
+            raise FileError(Finding("input-repeated", {"name": f"{where}.cause", "value": one["cause"]}), path=path)
         errors[one["cause"]] = AngleErrors(frozen(by), frozen(covariance), one["shared"])
     return RunErrors(
         frozen(stations["md_m"]),

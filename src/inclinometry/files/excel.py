@@ -12,11 +12,12 @@ from itertools import zip_longest
 from pathlib import Path
 from typing import Any, Final
 
-from inclinometry.errors import FileError, InputError
+from inclinometry.errors import FileError, InputError, refused
 from inclinometry.files.exchange import SurveyFile, columns_of
-from inclinometry.files.text import Block
+from inclinometry.files.text import OLD_EXCEL, Block
 from inclinometry.files.writing import replacing
-from inclinometry.opening import opened
+from inclinometry.findings import Finding
+from inclinometry.opening import damaged, opened, too_large
 
 SHEET, HEADER = "survey", "header"
 ROWS: Final = 1_048_576
@@ -39,7 +40,8 @@ def sheet_blocks(path: Path, sheet: str | None = None) -> Iterator[Block]:
         book = stack.enter_context(_workbook(path, values=True))
         titles = book.sheetnames
         if not titles or sheet not in (None, *titles):
-            raise FileError(f"there is no sheet {sheet!r}; there are: {', '.join(titles)}", path=path)
+            choice = Finding("input-choice", {"name": "sheet", "value": sheet or "-", "allowed": tuple(titles)})
+            raise FileError(choice, path=path)
         title = sheet or titles[0]
         header = _header(book[HEADER]) if HEADER in titles and title != HEADER else {}
         rows, written = _rows(book[title], path), None
@@ -50,15 +52,14 @@ def sheet_blocks(path: Path, sheet: str | None = None) -> Iterator[Block]:
         for (index, row), (at, cells) in pairs:
             # a row of formulas alone is none of values
             if index != at or any(v is None and str(cell)[:1] == "=" for v, cell in zip(row, cells, strict=False)):
-                problem = "a formula without a result; open the workbook in Excel and save it"
-                raise FileError(problem, path=path, row=at)
+                raise FileError(Finding("table-formula"), path=path, row=at)
             if len(held) >= BLOCK:
                 yield Block(first, held, header)
                 first, held = first + len(held), []
             held += [[]] * (index - first - len(held))
             held.append([cell if type(cell) in (int, float, bool) else _text(cell) for cell in row])
         if not held:
-            raise FileError(f"sheet {title!r} is empty; a row of names and rows of values are needed", path=path)
+            raise FileError(Finding("file-empty", {"what": "rows"}), path=path)
         yield Block(first, held, header)
 
 
@@ -93,8 +94,7 @@ def _workbook(path: Path, *, values: bool) -> Iterator[Any]:
     except (InputError, MemoryError):
         raise
     except Exception as error:  # zip, XML, key, value errors: any of them means the same to a user
-        reason = (str(error).strip().splitlines() or [type(error).__name__])[0][:200]
-        raise FileError(f"this workbook is damaged ({reason}); save it again", path=path) from None
+        raise FileError(damaged(".xlsx", error), path=path) from None
     finally:
         if book is not None:
             book.close()
@@ -102,34 +102,35 @@ def _workbook(path: Path, *, values: bool) -> Iterator[Any]:
 
 def _check(path: Path) -> None:
     """FileError for what is no workbook, before the library sees it."""
-    old = b"\xd0\xcf\x11\xe0"
     try:
         with opened(path) as stream:
             start = stream.read(8)
-            if start.startswith(old):
-                raise FileError("an old .xls or an encrypted workbook; save it as .xlsx without a password", path=path)
+            if start.startswith(OLD_EXCEL):
+                kind = Finding("file-kind", {"format": ".xls / encrypted .xlsx", "wanted": (".xlsx", ".csv")})
+                raise FileError(kind, path=path)
             if not zipfile.is_zipfile(stream):
-                raise FileError("not an .xlsx workbook, or a damaged one; save it again", path=path)
+                raise FileError(damaged(".xlsx", "no zip archive"), path=path)
             with zipfile.ZipFile(stream) as archive:
                 size = sum(entry.file_size for entry in archive.infolist())
                 packed = sum(entry.compress_size for entry in archive.infolist())
     except FileError:
         raise
     except (OSError, ValueError, RuntimeError, zipfile.BadZipFile) as error:  # RuntimeError: a version of zip unknown
-        raise FileError(f"cannot be read ({getattr(error, 'strerror', None) or error})", path=path) from None
+        reason = getattr(error, "strerror", None) or str(error)
+        raise FileError(Finding("file-unreadable", {"reason": reason}), path=path) from None
     # blanks pack a thousand times; numbers hardly ten
     if size > _UNPACKED or (size > 200e6 and size > 60 * packed):
-        raise FileError(f"this workbook unpacks to {size / 1e9:.1f} GB; split it, or use Parquet", path=path)
+        raise FileError(too_large("bytes", size, _UNPACKED), path=path)
 
 
 def _rows(sheet: Any, path: Path) -> Iterator[tuple[int, tuple[Any, ...]]]:
     """Rows that hold something, numbered from 1 as Excel does."""
     if not hasattr(sheet, "iter_rows") or not hasattr(sheet, "reset_dimensions"):
-        raise FileError("this sheet is a chart, not a table; name another", path=path)
+        raise FileError(Finding("table-chart"), path=path)
     sheet.reset_dimensions()  # the size a writer stated may be wrong
     for index, row in enumerate(sheet.iter_rows(values_only=True), 1):
         if index > ROWS:
-            raise FileError(f"a row beyond the {ROWS:,} of a sheet; save the workbook again", path=path)
+            raise FileError(too_large("rows", index, ROWS), path=path)
         if any(cell is not None and cell != "" for cell in row):
             yield index, row
 
@@ -147,7 +148,7 @@ def _has_formulas(path: Path) -> bool:
                                 return True
                             tail = piece[-16:]
     except (OSError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error) as error:
-        raise FileError(f"damaged inside ({str(error)[:100]}); save the workbook again", path=path) from None
+        raise FileError(damaged(".xlsx", error), path=path) from None
     return False
 
 
@@ -159,7 +160,7 @@ def write_excel(file: SurveyFile, path: str | Path) -> None:
     from openpyxl import Workbook
 
     if len(file) >= ROWS:
-        raise InputError(f"{len(file)} stations do not fit into a sheet of {ROWS} rows; use Parquet or CSV")
+        raise InputError(too_large("rows", len(file) + 1, ROWS))
     columns = columns_of(file)
     book = Workbook(write_only=True)
     sheet = book.create_sheet(SHEET)
@@ -183,9 +184,9 @@ def _safe(sheet: Any, text: str) -> Any:
     from openpyxl.cell.cell import ILLEGAL_CHARACTERS_RE
 
     if len(text) > LONGEST_TEXT:
-        raise InputError(f"a text of {len(text)} characters does not fit into a cell; allowed {LONGEST_TEXT}")
+        raise InputError(too_large("characters of a cell", len(text), LONGEST_TEXT))
     if ILLEGAL_CHARACTERS_RE.search(text):
-        raise InputError(f"{text[:40]!r} has a control character, which a workbook cannot hold; remove it")
+        raise refused("file-characters", {"format": ".xlsx", "text": text[:40]})
     dangerous = ("=", "+", "-", "@", "#", "\t", "\r")
     if not text.startswith(dangerous):
         return text

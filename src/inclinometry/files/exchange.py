@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from datetime import datetime
 from types import MappingProxyType
@@ -15,11 +15,12 @@ from inclinometry.constants import ANGLES
 from inclinometry.conventions import Convention, named
 from inclinometry.earth.site import REFERENCES
 from inclinometry.earth.site import REFERENCES as NORTHS
-from inclinometry.errors import InputError
+from inclinometry.errors import InputError, not_among, refused, wrong_kind, wrong_shape
 from inclinometry.files import writing
 from inclinometry.files._quantities import EXTRA, Meaning, Quantity, from_si, meaning, quantities
 from inclinometry.files.columns import closest
 from inclinometry.files.frame import Column, Frame
+from inclinometry.findings import Finding
 from inclinometry.tabular import Column as TableColumn
 from inclinometry.tabular import Tabular
 
@@ -61,13 +62,13 @@ class SurveyFile(Tabular):
     temperature: Array | None = None
     extra: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     header: Mapping[str, str] = field(default_factory=dict)
-    notes: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
     digest: str = ""
 
     def __post_init__(self) -> None:
         size = len(finite(self.md, "md", (None,)))
         if not size:
-            raise InputError("a survey without stations; give one at least")
+            raise refused("input-few", {"name": "stations", "count": 0, "least": 1})
         keep: dict[str, Any] = {"md": frozen(self.md), "used": self.used, "valid": self.valid}
         for name in ("used", "valid"):
             if keep[name] is not None:
@@ -91,15 +92,15 @@ class SurveyFile(Tabular):
             values = getattr(self, name)
             unknown = sorted(set(values) - set(names))
             if unknown:
-                raise InputError(f"{name} {unknown} unknown; allowed: {', '.join(names)}")
+                values = {"names": tuple(f"{name}.{one}" for one in unknown), "known": names}
+                raise refused("input-unknown", values)
             spread = {k: np.full(size, v, dtype=np.float64) if np.ndim(v) == 0 else v for k, v in values.items()}
             keep[name] = MappingProxyType({k: frozen(_shaped(v, f"{name} {k}", (size,))) for k, v in spread.items()})
         for name, texts in (("times", self.times), *self.extra.items()):
             if texts is not None and len(texts) != size:
-                raise InputError(f"{name} has {len(texts)} texts; md has {size} stations")
+                raise wrong_shape(name, (len(texts),), f"({size},)")
         if self.azimuth_reference not in (None, *NORTHS) or (self.azimuth is not None and not self.azimuth_reference):
-            found = f"{self.azimuth_reference!r} as a north" if self.azimuth_reference else "azimuths without a north"
-            raise InputError(f"{found}; give azimuth_reference: {', '.join(NORTHS)}")
+            raise not_among("azimuth_reference", str(self.azimuth_reference), NORTHS)
         for name in ("extra", "header"):
             keep[name] = MappingProxyType(dict(getattr(self, name)))
         for name, value in keep.items():
@@ -117,20 +118,19 @@ def _shaped(value: Any, name: str, shape: tuple[int, ...]) -> Any:
     """The value as an array of the shape; NaN stands for what is unknown, infinity for nothing."""
     try:
         array = np.asarray(value, dtype=np.bool_ if name in ("used", "valid") else np.float64)
-    except (TypeError, ValueError) as error:
-        raise InputError(f"{name} cannot be read as numbers: {error}") from None
+    except (TypeError, ValueError):
+        raise wrong_kind(name, str(value)[:60], "array of numbers") from None
     if array.shape != shape:
-        raise InputError(f"{name} has shape {array.shape}; expected {shape}")
+        raise wrong_shape(name, array.shape, str(shape))
     if np.isinf(array).any():
-        raise InputError(f"{name} is infinite at station {np.argwhere(np.isinf(array))[0, 0] + 1}; use NaN for unknown")
+        raise refused("input-finite", {"name": name})
     return array
 
 
 def _increasing(md: Array, used: Mask | None) -> None:
     row = first_not_increasing(md, used)
     if row is not None:
-        before = md[:row] if used is None else md[:row][used[:row]]
-        raise InputError(f"md is {md[row]:.12g} m at station {row + 1} after {before[-1]:.12g} m; it must increase")
+        raise refused("input-order", {"name": "md", "row": row + 1})
 
 
 def first_not_increasing(md: Array, used: Mask | None = None) -> int | None:
@@ -160,11 +160,11 @@ def survey_of(frame: Frame, *, convention: str = "native", azimuth_reference: st
         try:
             what = meaning(name, None, frame.columns.keys())
         except InputError as error:
-            raise frame.error(str(error)) from None
+            raise frame.error(error.finding or str(error)) from None
         if what is None:
             continue
         if what.key in taken:
-            raise frame.error(f"columns {taken[what.key]!r} and {name!r} both give {what.key}; remove one")
+            raise frame.error(Finding("table-same", {"columns": (taken[what.key], name)}))
         taken[what.key] = name
         meanings[name] = what
     found: dict[str, Array] = {}
@@ -177,10 +177,9 @@ def survey_of(frame: Frame, *, convention: str = "native", azimuth_reference: st
     texts = {what.key: name for name, what in meanings.items() if what.unit is None}
     if "md" not in found:
         near = closest("md_m", list(frame.columns))
-        hint = f" (is it {near!r}?)" if near else ""
-        raise frame.error(f"no depth; add a column md_m or md_ft{hint}; columns found: {frame.shown}")
+        raise frame.error(Finding("table-near", {"name": near, "right": "md_m"}) if near else frame.lacking("md_m"))
     if len(found) == 1:
-        raise frame.error(f"nothing besides the depth is known; columns found: {frame.shown}")
+        raise frame.error(Finding("table-depth-only", {"present": frame.names[:20]}))
     flags = {key: _flags(frame, texts[key]) for key in ("used", "valid") if key in texts}
     _depths(frame, found["md"], flags.get("used"))
     extra, times = _texts(frame, meanings, texts.get("times"))
@@ -194,7 +193,7 @@ def survey_of(frame: Frame, *, convention: str = "native", azimuth_reference: st
         times=times,
         extra=extra,
         header=dict(frame.header),
-        notes=_doubts(parts.get("g"), parts.get("b")),
+        findings=tuple(_strengths(parts.get("g"), parts.get("b"))),
         digest=frame.digest,
     )
 
@@ -204,12 +203,12 @@ def _numbers(frame: Frame, name: str, what: Meaning) -> Array:
     values, quantity = frame.columns[name], quantities()[what.key]
     if isinstance(values, tuple):
         row = next((i for i, text in enumerate(values) if text), 0)
-        raise frame.error(f"{values[row]!r} in column {name!r} is not a number; correct it", row)
+        raise frame.error(Finding("file-number", {"column": name, "value": values[row]}), row)
     if what.unit is None:
         return values
     infinite = np.isinf(values)
     if infinite.any():
-        raise frame.error(f"column {name!r} is infinite; correct it or leave it empty", int(np.argmax(infinite)))
+        raise frame.error(Finding("input-finite", {"name": name}), int(np.argmax(infinite)))
     turned = values if what.unit[1:] == (1.0, 0.0) else values * what.unit.factor + what.unit.offset
     _within(frame, name, values, turned, quantity)
     return turned
@@ -222,19 +221,17 @@ def _within(frame: Frame, name: str, values: Array, turned: Array, quantity: Qua
     bad = (turned < (quantity.low - slack) * unit.factor) | (turned > (quantity.high + slack) * unit.factor)
     if bad.any():
         row = int(np.argmax(bad))
-        allowed = f"{quantity.low:g} to {quantity.high:g} {unit.label}"
-        raise frame.error(f"column {name!r} is {values[row]:.10g}; allowed {allowed}: is the unit right?", row)
+        allowed = f"{quantity.low:g} .. {quantity.high:g} {unit.label}"
+        value = float(values[row])
+        raise frame.error(Finding("file-value", {"column": name, "value": value, "allowed": allowed}), row)
 
 
 def _depths(frame: Frame, md: Array, used: Mask | None) -> None:
     if np.isnan(md).any():
-        raise frame.error("the depth is empty; fill it in or remove the row", int(np.argmax(np.isnan(md))))
+        raise frame.error(Finding("table-empty", {"column": "md"}), int(np.argmax(np.isnan(md))))
     row = first_not_increasing(md, used)
     if row is not None:
-        last = int(np.flatnonzero(np.ones(row, bool) if used is None else used[:row])[-1])
-        how = "repeats" if md[row] == md[last] else "is less than"
-        problem = f"the depth {md[row]:.12g} m {how} {md[last]:.12g} m in {frame.word} {frame.lines[last]}"
-        raise frame.error(f"{problem}; it must increase: sort the rows and keep one of each", row)
+        raise frame.error(Finding("input-order", {"name": "md", "row": int(frame.lines[row])}), row)
 
 
 def _flags(frame: Frame, name: str) -> Mask | None:
@@ -246,7 +243,8 @@ def _flags(frame: Frame, name: str) -> Mask | None:
     yes_no = {"1": True, "true": True, "yes": True, "y": True, "0": False, "false": False, "no": False, "n": False}
     for row, text in enumerate(texts):
         if text.strip().lower() not in yes_no:
-            raise frame.error(f"column {name!r} is {text!r}; allowed: 1, 0, true, false, yes, no", row)
+            allowed = "1, 0, true, false, yes, no"
+            raise frame.error(Finding("file-value", {"column": name, "value": text, "allowed": allowed}), row)
     return np.array([yes_no[text.strip().lower()] for text in texts], dtype=np.bool_)
 
 
@@ -283,20 +281,21 @@ def _north(
 ) -> str | None:
     """The north of the azimuths, from its column, the name of the azimuths, or the caller; they may not disagree."""
     if given is not None and given not in REFERENCES:
-        raise InputError(f"azimuth reference {given!r} is not known; allowed: {', '.join(REFERENCES)}")
+        raise not_among("azimuth_reference", given, REFERENCES)
     in_name = next((what.north for what in meanings.values() if what.north), None)
     stated = None if column is None else _one_north(frame, column)
     if frame.north is not None and frame.north not in REFERENCES:
-        raise frame.error(f"azimuth reference is {frame.north!r}; allowed: {', '.join(REFERENCES)}")
+        raise frame.error(_no_north("azimuth_reference", frame.north))
     found = list(dict.fromkeys(n for n in (stated, in_name, frame.north, given) if n))
     if len(found) > 1:
-        raise frame.error(f"azimuths are said to be from {' and from '.join(found)} north; correct one of them")
+        raise frame.error(Finding("input-north", {"norths": tuple(found)}))
     if needed and not found:
-        allowed = ", ".join(REFERENCES)
-        raise frame.error(
-            f"azimuths without a north; add a column azimuth_reference ({allowed}) or give --azimuth-reference"
-        )
+        raise frame.error(Finding("table-north", {"allowed": REFERENCES}))
     return found[0] if found else None
+
+
+def _no_north(column: str, text: str) -> Finding:
+    return Finding("file-value", {"column": column, "value": text, "allowed": ", ".join(REFERENCES)})
 
 
 def _one_north(frame: Frame, column: str) -> str | None:
@@ -306,9 +305,9 @@ def _one_north(frame: Frame, column: str) -> str | None:
     for row, text in enumerate(texts):
         north = text.strip().lower()
         if north and north not in REFERENCES:
-            raise frame.error(f"column {column!r} is {text!r}; allowed: {', '.join(REFERENCES)}", row)
+            raise frame.error(_no_north(column, text), row)
         if first and north and north != first:
-            raise frame.error(f"the azimuths are from {first} north above and from {north} north here; use one", row)
+            raise frame.error(Finding("input-north", {"norths": (first, north)}), row)
         first = first or north or None
     return first
 
@@ -332,7 +331,7 @@ def _parts(frame: Frame, found: Mapping[str, Array], there: Collection[str], ven
     for group in (*VECTORS, "covariance"):
         lacking = [q.column for k, q in quantities().items() if k.startswith(f"{group}.") and k not in there]
         if group in parts and lacking:
-            raise frame.error(f"column {lacking[0]!r} is missing; a triad or covariance is given whole or not at all")
+            raise frame.error(frame.lacking(*lacking))
     for group in VECTORS:
         if group in parts:
             parts[group] = _turned(parts[group], vendor.matrix(KINDS[group]))
@@ -346,19 +345,18 @@ def _turned(values: Array, matrix: Array) -> Array:
     return np.asarray(turned)
 
 
-def _doubts(g: Array | None, b: Array | None) -> tuple[str, ...]:
+def _strengths(g: Array | None, b: Array | None) -> Iterator[Finding]:
     """Fields of a strength the Earth has nowhere: the unit may be wrong, or the channels not calibrated."""
-    notes = []
-    for field_, name, low, high, unit in ((g, "gravity", 9.0, 10.6, "m/s^2"), (b, "magnetic field", 15e3, 90e3, "nT")):
-        if field_ is None:
-            continue
-        strength = np.linalg.norm(field_, axis=1)
-        if np.isfinite(strength).any() and not low <= (middle := float(np.nanmedian(strength))) <= high:
-            notes.append(
-                f"the {name} comes out at {middle:.5g} {unit} (median); the Earth's is {low:g} to {high:g}: is the "
-                "unit in the header right, are the channels calibrated?"
-            )
-    return tuple(notes)
+    if not 9.0 <= (gravity := _median(g)) <= 10.6 and not np.isnan(gravity):
+        yield Finding("table-gravity", {"gravity_m_s2": gravity})
+    if not 15e3 <= (strength := _median(b)) <= 90e3 and not np.isnan(strength):
+        yield Finding("table-field", {"field_nT": strength})
+
+
+def _median(vectors: Array | None) -> float:
+    """Of the strengths; NaN where there are none."""
+    strength = np.empty(0) if vectors is None else np.linalg.norm(vectors, axis=1)
+    return float(np.nanmedian(strength)) if np.isfinite(strength).any() else np.nan
 
 
 # From a survey to the columns of a table: names with units, numbers in them, texts; what is unknown is left out.

@@ -22,11 +22,12 @@ import numpy as np
 
 from inclinometry.arrays import Array
 from inclinometry.constants import UNIT_LABELS
-from inclinometry.errors import FileError, InputError
+from inclinometry.errors import FileError, InputError, in_file
 from inclinometry.files.frame import Column, Frame
 from inclinometry.files.profile import with_unit
 from inclinometry.files.text import Block, Progress
-from inclinometry.opening import opened, whole
+from inclinometry.findings import Finding
+from inclinometry.opening import damaged, opened, too_large, whole
 
 if TYPE_CHECKING:
     from inclinometry.files.exchange import SurveyFile
@@ -68,7 +69,7 @@ def foreign_pieces(
     first: Any = next(pieces)
     width = len(first.columns if isinstance(first, Frame) else first.lines[0])
     if width > MOST_COLUMNS:
-        raise FileError(f"{width:,} columns; allowed {MOST_COLUMNS:,}", path=path)
+        raise FileError(too_large("columns", width, MOST_COLUMNS), path=path)
     return _counted(path, chain([first], pieces), digest)
 
 
@@ -111,14 +112,14 @@ def _unpacked(path: Path, read: Read) -> Iterator[Any]:
                 for _ in range(MOST_UNPACKED >> 20):
                     out.write(stream.read(1 << 20))
                 if stream.read(1):
-                    raise FileError(f"it unpacks to more than {MOST_UNPACKED:,} bytes; unpack and split it", path=path)
+                    raise FileError(too_large("bytes", MOST_UNPACKED + 1, MOST_UNPACKED), path=path)
         except (OSError, EOFError, zlib.error) as error:
-            raise FileError(f"damaged where it is compressed ({error}); copy it again", path=path) from None
+            raise FileError(damaged("gzip", error), path=path) from None
         try:
             for piece in read(copy):
                 yield replace(piece, path=path) if isinstance(piece, Frame) else piece
         except FileError as error:
-            raise FileError(error.problem, path=path, line=error.line) from None
+            raise in_file(error, path, error.line) from None
 
 
 def _arrays(path: Path, found: Mapping[str, Any]) -> Iterator[Frame]:
@@ -133,24 +134,28 @@ def _arrays(path: Path, found: Mapping[str, Any]) -> Iterator[Frame]:
         arrays[name] = arrays[name][0]
     lengths = [len(array) for array in arrays.values()]
     if not lengths:
-        raise FileError("no columns of values are in it; arrays of n, or of n rows, are needed", path=path)
+        raise FileError(Finding("file-empty", {"what": "columns"}), path=path)
     rows = max(set(lengths), key=lambda n: (lengths.count(n), n))
     columns: dict[str, Array] = {}
     for name, array in arrays.items():
         if len(array) != rows:
             if 2 * len(array) > rows:
-                raise FileError(f"{name!r} has {len(array)} rows, others {rows}; make them equal", path=path)
+                raise FileError(_other_shape(name, str(array.shape), str((rows, *array.shape[1:]))), path=path)
             continue
         if array.ndim == 1:
             columns[name] = array
             continue
         if array.shape[1] > MOST_COLUMNS:
-            raise FileError(f"{name!r} has {array.shape[1]:,} columns; allowed {MOST_COLUMNS:,}", path=path)
+            raise FileError(too_large("columns", array.shape[1], MOST_COLUMNS), path=path)
         ends = "xyz" if array.shape[1] == 3 else [str(k + 1) for k in range(array.shape[1])]
         columns |= {_of_axis(name, end): array[:, k] for k, end in enumerate(ends)}
     if rows * len(columns) > MOST_VALUES:
-        raise FileError(f"{rows * len(columns):,} values; allowed {MOST_VALUES:,}: split the file", path=path)
+        raise FileError(too_large("values", rows * len(columns), MOST_VALUES), path=path)
     yield Frame(path, {name: _column(array) for name, array in columns.items()}, np.arange(1, rows + 1), word="row")
+
+
+def _other_shape(name: str, shape: str, expected: str) -> Finding:
+    return Finding("input-shape", {"name": name, "shape": shape, "expected": expected})
 
 
 def _column(array: Array) -> Column:
@@ -177,19 +182,19 @@ def _of_axis(name: str, axis: str) -> str:
 def _json(path: Path) -> Pieces:
     """An object of arrays, or an array of objects; null is an empty cell."""
     # in memory JSON takes twenty times as much
-    text = whole(path, 50_000_000, "save the table as CSV or Parquet")
+    text = whole(path, 50_000_000)
     try:
         content = json.loads(text)
     except (ValueError, RecursionError) as error:
         # one object a line, as loggers write them
         if not str(error).startswith("Extra data"):
-            raise FileError(f"not JSON, or damaged ({error})", path=path) from None
+            raise FileError(damaged("JSON", error), path=path) from None
         content = [_json_line(line, path, k) for k, line in enumerate(text.splitlines(), 1) if line.strip()]
     if isinstance(content, list) and content and all(isinstance(row, dict) for row in content):
         names = list(dict.fromkeys(name for row in content for name in row))
         content = {name: [row.get(name) for row in content] for name in names}
     if not isinstance(content, dict):
-        raise FileError("an object of arrays is needed: {name: [values], ...}", path=path)
+        raise FileError(Finding("table-json"), path=path)
     found: dict[str, Any] = {}
     for name, value in content.items():
         if not isinstance(value, list):
@@ -197,7 +202,7 @@ def _json(path: Path) -> Pieces:
         try:
             array = np.array([np.nan if v is None else v for v in value])
         except ValueError:
-            raise FileError(f"{name!r} has rows of different lengths; make them equal", path=path) from None
+            raise FileError(_other_shape(name, f"({len(value)}, ..)", f"({len(value)}, n)"), path=path) from None
         found[name] = array
     # instruments fill their sets up with NaN: rows that hold nothing anywhere
     numbers = [
@@ -213,9 +218,9 @@ def _json_line(line: bytes, path: Path, number: int) -> dict[str, Any]:
     try:
         row = json.loads(line)
     except (ValueError, RecursionError) as error:
-        raise FileError(f"not JSON, or damaged ({error})", path=path, line=number) from None
+        raise FileError(damaged("JSON", error), path=path, line=number) from None
     if not isinstance(row, dict):
-        raise FileError("an object is needed on every line: {name: value, ...}", path=path, line=number)
+        raise FileError(Finding("table-json"), path=path, line=number)
     return row
 
 
@@ -229,7 +234,7 @@ def _zipped(path: Path) -> Pieces:
         with np.load(path, allow_pickle=False) as stored:
             arrays = {name: stored[name] for name in stored.files}
     except _DAMAGED as error:
-        raise FileError(f"not an archive of numpy's, or damaged ({error})", path=path) from None
+        raise FileError(damaged("NumPy .npz", error), path=path) from None
     return _arrays(path, arrays)
 
 
@@ -249,7 +254,8 @@ def _of_numpy(path: Path) -> bool:
 
 def _mat(path: Path) -> Pieces:
     """Not read: scipy's reader ends the interpreter on damaged files; from version 7.3 on the format is HDF5."""
-    raise FileError("a MATLAB file of a version before 7.3; save it again with save(..., '-v7.3')", path=path)
+    kind = Finding("file-kind", {"format": "MATLAB 5", "wanted": ("MATLAB 7.3 (-v7.3)", ".csv")})
+    raise FileError(kind, path=path)
 
 
 def _hdf5(path: Path) -> Pieces:
@@ -269,14 +275,14 @@ def _hdf5(path: Path) -> Pieces:
         with h5py.File(path, "r") as stored:
             stored.visititems(take)
     except (OSError, RuntimeError, KeyError, ValueError, TypeError) as error:
-        raise FileError(f"not HDF5, or damaged ({error})", path=path) from None
+        raise FileError(damaged("HDF5", error), path=path) from None
     last = [name.rsplit("/", 1)[-1] for name in found]
     # by the last part of the name where that tells them apart
     names = last if len(set(last)) == len(last) else [name.replace("/", "_") for name in found]
     try:
         columns = {with_unit(name, unit): array for name, (array, unit) in zip(names, found.values(), strict=True)}
     except InputError as error:
-        raise FileError(str(error), path=path) from None
+        raise in_file(error, path) from None
     return _arrays(path, columns)
 
 
@@ -303,7 +309,7 @@ def _p7(path: Path) -> Pieces:
 
     surveys = read_p7(path).surveys
     if len(surveys) != 1:
-        raise FileError(f"it holds {len(surveys)} surveys; take one out by `inclinometry convert --sheet`", path=path)
+        raise FileError(Finding("file-surveys", {"count": len(surveys)}), path=path)
     return _survey(path, next(iter(surveys.values())))
 
 

@@ -59,22 +59,24 @@ class Frame:
         self.require([name])
         column = self.columns[name]
         if isinstance(column, tuple):
-            raise self.error(f"column {name!r} is text; numbers are needed")
+            raise self.error(Finding("file-number", {"column": name, "value": column[0] if column else ""}))
         return column
 
-    def within(self, name: str, low: float, high: float, unit: str = "", remedy: str = "") -> Array:
+    def within(self, name: str, low: float, high: float) -> Array:
         """A column of numbers from `low` to `high`; FileError for the first that is not, NaN let through."""
         values = self.number(name)
         bad = (values < low) | (values > high)
         if bad.any():
             row = int(np.argmax(bad))
-            raise self.error(f"{name} is {values[row]:g}; allowed {low:g} to {high:g}{unit}{remedy}", row)
+            allowed = f"{low:g} .. {high:g}"
+            value = float(values[row])
+            raise self.error(Finding("file-value", {"column": name, "value": value, "allowed": allowed}), row)
         return values
 
     def depth(self) -> tuple[str, Array]:
         """Name and metres of the column md_m or md_ft; FileError for both or neither."""
         if "md_m" in self and "md_ft" in self:
-            raise self.error("both 'md_m' and 'md_ft' give the depth; remove one")
+            raise self.error(Finding("table-same", {"columns": ("md_m", "md_ft")}))
         name = "md_ft" if "md_ft" in self else "md_m"
         return name, frozen(self.number(name) * FOOT) if name == "md_ft" else self.number(name)
 
@@ -96,33 +98,38 @@ class Frame:
         """FileError for the first of `names` that is missing, with the likely remedy."""
         for name in names:
             if name not in self.columns:
-                hints = [(found, advice(found, [name])) for found in self.columns]
-                hint = next((f" ({found!r}: {text})" for found, text in hints if text), "")
+                hint = next(filter(None, (advice(found, [name]) for found in self.columns)), None)
                 bare = next((found for found in self.columns if name in columns_called(found)), None)
-                if not hint and bare is not None:
-                    hint = f" ({bare!r} has no unit: state --units, or write {name})"
-                if not hint and (near := closest(name, [n for n in self.columns if n not in KNOWN and not channel(n)])):
-                    hint = f" (is it {near!r}? then rename it)"
-                raise self.error(f"column {name!r} is missing{hint}; columns found: {self.shown}")
+                if hint is None and bare is not None:
+                    hint = Finding("table-unit-missing", {"name": bare, "right": (name,)})
+                others = [n for n in self.columns if n not in KNOWN and not channel(n)]
+                if hint is None and (near := closest(name, others)):
+                    hint = Finding("table-near", {"name": near, "right": name})
+                raise self.error(hint or self.lacking(name))
 
-    @property
-    def shown(self) -> str:
-        """The names of the columns for a message."""
-        return ", ".join(self.names[:20]) + (", ..." if len(self.names) > 20 else "")
+    def lacking(self, *names: str) -> Finding:
+        """Columns that are missing, and those that are there."""
+        return Finding("file-column", {"columns": names, "present": self.names[:20]})
 
-    def unknown(self, known: Collection[str]) -> list[str]:
-        """A note on each column neither known nor a channel; FileError for one that is nearly one or lacks its unit."""
+    def unknown(self, known: Collection[str]) -> tuple[Finding, ...]:
+        """Columns neither known nor channels, as a note; FileError for one that is nearly one or lacks its unit."""
         found = [n for n in self.columns if n not in known and channel(n) is None]
         lacking = [name for name in known if name not in self.columns]
         for name in found:
             if hint := advice(name, lacking) or channel_advice(name):
-                raise self.error(f"column {name!r} is not known; {hint}")
-        return [f"column {name!r} is not known and was not used" for name in found]
+                raise self.error(hint)
+        return unused(found)
 
     def error(self, problem: Finding | str, row: int | None = None) -> FileError:
         """An error about one row, or about the names."""
         number = self.header_line if row is None else int(self.lines[row])
         return row_error(self.path, problem, number, self.word)
+
+
+def unused(names: Iterable[str]) -> tuple[Finding, ...]:
+    """A note on columns that are not read, where there are any."""
+    names = tuple(names)
+    return (Finding("table-unused", {"names": names}, severity="note"),) if names else ()
 
 
 def row_error(path: str | Path, problem: Finding | str, row: int | None, word: str = "row") -> FileError:

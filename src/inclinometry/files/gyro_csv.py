@@ -12,15 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inclinometry.arrays import Array, Index, frozen
-from inclinometry.constants import KINDS
-from inclinometry.errors import InputError
+from inclinometry.errors import not_among
 from inclinometry.files import writing
 from inclinometry.files.columns import GYRO_RUN, KIND_PREFIX, PARTS, UNIT_LABELS, channel, numbers_among
-from inclinometry.files.frame import Frame
+from inclinometry.files.frame import Frame, unused
 from inclinometry.files.signals import Signals, read_signals, read_temperature
-from inclinometry.files.survey_csv import survey_cells
+from inclinometry.files.survey_csv import differs, out_of_order, survey_cells
 from inclinometry.files.table import read_table
 from inclinometry.files.text import Progress
+from inclinometry.findings import Finding, Value
 from inclinometry.gyro.indexing import IndexTurns
 from inclinometry.tabular import Column, Tabular, channel_columns, in_degrees
 
@@ -51,7 +51,7 @@ class GyroReadings(Tabular):
     units: Mapping[str, str]
     temperature: Array | None
     time: Array | None
-    notes: tuple[str, ...]
+    findings: tuple[Finding, ...]
     lines: NDArray[np.int64]
     path: Path
     digest: str
@@ -59,6 +59,11 @@ class GyroReadings(Tabular):
 
     def __len__(self) -> int:
         return len(self.labels)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """The findings as sentences, for what still takes them so."""
+        return tuple(map(str, self.findings))
 
     @property
     def clockwise(self) -> Array:
@@ -113,18 +118,18 @@ def read_gyro_run(
     (1, 'x', 'deg/h')
     """
     if index_turns not in get_args(IndexTurns):
-        raise InputError(f"index_turns is {index_turns!r}; allowed: {', '.join(get_args(IndexTurns))}")
+        raise not_among("index_turns", str(index_turns), get_args(IndexTurns))
     table = read_table(path, progress, numeric=numbers_among(GYRO_RUN), timed=True)
-    unused = table.unknown(GYRO_RUN)
+    findings = table.unknown(GYRO_RUN)
     station, labels = _stations(table)
     md = _depths(table, station)
-    unused += [f"column {n!r} is not used in a gyro run" for n in table.names if n.startswith("mag_") and channel(n)]
+    findings += unused(n for n in table.names if n.startswith("mag_") and channel(n))
     wanted = {"accelerometer": "accel", "gyro": "gyro"}
     found = read_signals(table, tuple(wanted))
     letters: dict[str, str] = {}
     for kind, prefix in wanted.items():
         if kind not in found.values:
-            raise table.error(f"no {kind}; add columns {prefix}_x and {prefix}_y")
+            raise table.error(table.lacking(f"{prefix}_x", f"{prefix}_y"))
         axes = "".join(name.split("_")[1] for name in found.names[kind])
         letters[kind] = axes if axes.isalpha() else ""
     return GyroReadings(
@@ -138,7 +143,7 @@ def read_gyro_run(
         MappingProxyType(found.units),
         read_temperature(table),
         table.number("time_s") if "time_s" in table else None,
-        tuple(unused),
+        findings,
         table.lines,
         table.path,
         table.digest,
@@ -151,8 +156,8 @@ def _positive(table: Frame, found: Signals) -> dict[str, Array]:
     for kind, sd in found.sd.items():
         if (sd <= 0.0).any():
             row, column = np.argwhere(sd <= 0.0)[0].tolist()
-            name = f"{found.names[kind][column]}_sd"
-            raise table.error(f"{name} is 0; a reading has some noise: give it, or leave out the column", row)
+            values: dict[str, Value] = {"column": f"{found.names[kind][column]}_sd", "value": 0, "allowed": "> 0"}
+            raise table.error(Finding("file-value", values), row)
     return found.sd
 
 
@@ -160,20 +165,17 @@ def _stations(table: Frame) -> tuple[Index, tuple[str, ...]]:
     """Number of the station of each row, and the labels; the rows of a station must stand together."""
     names = table.text("station")
     labels: list[str] = []
-    seen: dict[str, int] = {}
+    seen: set[str] = set()
     numbers = np.empty(len(names), dtype=np.intp)
     for row, name in enumerate(names):
         if row and name == names[row - 1]:
             numbers[row] = numbers[row - 1]
             continue
         if name in seen:
-            first = int(table.lines[seen[name]])
-            raise table.error(
-                f"station {name!r} was already in line {first}; keep its rows together, one name each", row
-            )
+            raise table.error(Finding("gyro-station-again", {"station": name}), row)
         if not name.strip():
-            raise table.error("the station has no name; number the stations", row)
-        seen[name] = row
+            raise table.error(Finding("input-empty", {"name": "station"}), row)
+        seen.add(name)
         numbers[row] = len(labels)
         labels.append(name)
     return numbers, tuple(labels)
@@ -187,22 +189,22 @@ def _depths(table: Frame, station: Index) -> Array:
     off = values != md[station]
     if off.any():
         row = int(np.argmax(off))
-        raise table.error(f"{name} {values[row]:g} differs from {md[station[row]]:g} of the same station above it", row)
+        value, other, where = float(values[row]), float(md[station[row]]), int(first[station[row]])
+        raise table.error(differs(table, name, value, other, where, table.text("station")[row]), row)
     steps = np.diff(md)
     wrong = (steps == 0.0) | (np.sign(steps) != np.sign(steps[0] if steps.size else 1.0))
     if wrong.any():
         at = int(np.argmax(wrong)) + 1
-        how = "repeats" if steps[at - 1] == 0.0 else "turns back"
-        problem = f"{name} {md[at]:.12g} {how} after {md[at - 1]:.12g} in line {table.lines[first[at - 1]]}"
-        raise table.error(f"{problem}; a run goes one way: sort the stations and keep one of each", int(first[at]))
+        row = int(first[at])
+        raise table.error(out_of_order(table, name, values, int(first[at - 1]), row), row)
     return frozen(metres[first])
 
 
 def _index(table: Frame) -> Array:
-    values = table.within("index_deg", -36000.0, 36000.0, " deg")
+    values = table.within("index_deg", -36000.0, 36000.0)
     spread = float(np.ptp(values))
     if 0.0 < spread <= 2.0 * np.pi + 1e-6 and not np.allclose(values, np.round(values), atol=1e-6):
-        raise table.error(f"index_deg spans {spread:.4g} only, as radians would; give degrees")
+        raise table.error(Finding("table-radians", {"columns": ("index_deg",), "most": float(np.abs(values).max())}))
     return values
 
 
@@ -262,12 +264,17 @@ class RateSteps:
     unit: str
     names: tuple[str, ...]
     lines: tuple[int, ...]
-    notes: tuple[str, ...]
+    findings: tuple[Finding, ...]
     path: Path
     digest: str
 
     def __len__(self) -> int:
         return len(self.rate)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """The findings as sentences, for what still takes them so."""
+        return tuple(map(str, self.findings))
 
     @property
     def axes(self) -> str | None:
@@ -289,7 +296,7 @@ def read_rate_steps(path: str | Path, *, progress: Progress | None = None) -> Ra
     # columns of the steps of a rate table, besides the gyros'
     rate_steps = ("station", "inclination_deg", "toolface_deg", "azimuth_deg", "rate_deg_s", "temperature_degC")
     table = read_table(path, progress, numeric=numbers_among(rate_steps), gaps=("azimuth_deg",))
-    unused = table.unknown(rate_steps)
+    findings = table.unknown(rate_steps)
     fastest = 3600.0  # deg/s; no table turns a tool faster
     limits = {"inclination_deg": 180.0, "toolface_deg": 360.0, "azimuth_deg": 360.0, "rate_deg_s": fastest}
     degrees = {
@@ -297,17 +304,16 @@ def read_rate_steps(path: str | Path, *, progress: Progress | None = None) -> Ra
     }
     rate = degrees["rate_deg_s"]
     if looks_like_radians(rate):
-        reach = f"largest {np.abs(rate).max():.5g}"
-        raise table.error(f"rate_deg_s looks like radians per second ({reach}); convert it to degrees per second")
+        raise table.error(Finding("table-radians", {"columns": ("rate_deg_s",), "most": float(np.abs(rate).max())}))
     azimuth = degrees.get("azimuth_deg", np.full(len(table), np.nan))
     lost = np.flatnonzero((rate == 0.0) & np.isnan(azimuth))
     if lost.size:
-        raise table.error("the table is at rest here; give azimuth_deg, from true north", int(lost[0]))
+        needed: dict[str, Value] = {"name": "rate_deg_s = 0", "needed": ("azimuth_deg",)}
+        raise table.error(Finding("input-needs", needed), int(lost[0]))
     signals = read_signals(table)
     if "gyro" not in signals.values:
-        raise table.error("no gyro columns; add gyro_x, gyro_y, gyro_z, with a unit where there is one (gyro_x_deg_h)")
-    others = [kind for kind in KINDS if kind in signals.values and kind != "gyro"]
-    notes = [*signals.notes, *unused, *(f"{kind} columns are not used on a rate table" for kind in others)]
+        raise table.error(table.lacking("gyro_x", "gyro_y", "gyro_z"))
+    findings += unused(name for kind, names in signals.names.items() if kind != "gyro" for name in names)
     station = table.text("station") if "station" in table else tuple(str(i + 1) for i in range(len(table)))
     found = signals.sd.get("gyro")
     return RateSteps(
@@ -322,7 +328,7 @@ def read_rate_steps(path: str | Path, *, progress: Progress | None = None) -> Ra
         signals.units["gyro"],
         signals.names["gyro"],
         tuple(table.lines.tolist()),
-        tuple(notes),
+        (*signals.findings, *findings),
         table.path,
         table.digest,
     )

@@ -10,14 +10,14 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from inclinometry.arrays import Array, Index
-from inclinometry.errors import FileError, InputError
+from inclinometry.errors import FileError, InputError, in_file
 from inclinometry.files._quantities import factor_of, hole_names
-from inclinometry.files.columns import closest
 from inclinometry.files.frame import Frame
 from inclinometry.files.profile import current
 from inclinometry.files.table import TableFile
 from inclinometry.files.text import Progress
 from inclinometry.files.writing import joined, write_columns
+from inclinometry.findings import Finding
 from inclinometry.survey.path import Path as HolePath
 from inclinometry.survey.path import dogleg_severity_deg
 from inclinometry.tabular import in_degrees
@@ -63,10 +63,9 @@ def read_shots(path: str | Path, progress: Progress | None = None) -> Shots:
     table, rows, found = _by_hole(path, _UNITS, progress)
     for name in ("depth", "azimuth"):
         if name not in found:
-            raise table.error(f"column '{name}' is missing; columns found: {', '.join(table.names[:20])}")
+            raise table.error(table.lacking(name))
     if ("dip" in found) == ("inclination" in found):
-        what = "both dip and inclination are there" if "dip" in found else "column 'dip' is missing"
-        raise table.error(f"{what}; give the dip from the horizontal, or the inclination from the vertical")
+        raise table.error(Finding("input-one-of", {"names": ("dip", "inclination")}))
     return Shots(rows, found["depth"], found.get("dip"), found.get("inclination"), found["azimuth"], table)
 
 
@@ -96,13 +95,18 @@ def read_collars(path: str | Path) -> tuple[dict[str, list[Collar]], Frame]:
     table, rows, found = _by_hole(path, dict.fromkeys(("x", "y", "z", "end"), "m"), None)
     for name in ("x", "y", "z"):
         if name not in found:
-            raise table.error(f"column '{name}' is missing; columns found: {', '.join(table.names[:20])}")
+            raise table.error(table.lacking(name))
         if (bad := np.flatnonzero(np.isnan(found[name]))).size:
-            raise table.error(f"{name} is empty; fill it in or remove the row", int(bad[0]))
+            raise table.error(Finding("input-empty", {"name": name}), int(bad[0]))
     end = found.get("end", np.full(len(table), np.nan))
     columns = (found["x"], found["y"], found["z"], end)
     places = list(map(Collar, *(values.tolist() for values in columns), table.lines.tolist()))
     return {hole: [places[row] for row in of] for hole, of in rows.items()}, table
+
+
+def same(columns: tuple[str, ...]) -> Finding:
+    """The refusal of columns that hold one quantity."""
+    return Finding("table-same", {"columns": columns})
 
 
 def _by_hole(
@@ -113,10 +117,8 @@ def _by_hole(
     names, known = opened.names, hole_names("hole")
     ids = [name for name in names if "".join(filter(str.isalnum, name)).lower() in known]
     if len(ids) != 1:
-        near = next((name for name in names if closest(name, known)), None)
-        what = f"{len(ids)} columns name the hole ({', '.join(ids)})" if ids else "no column names the hole"
-        hint = f"; is it {near!r}? then rename it to hole" if near and not ids else ""
-        raise FileError(f"{what}{hint}; columns found: {', '.join(names[:20])}", path=path)
+        lacking = Finding("file-column", {"columns": ("hole",), "present": tuple(names[:20])})
+        raise FileError(same(tuple(ids)) if ids else lacking, path=path)
     found: dict[str, tuple[str, float]] = {}
     try:
         for name in names:
@@ -125,16 +127,18 @@ def _by_hole(
                 if factor is None:
                     continue
                 if what in found:
-                    raise InputError(f"columns {found[what][0]!r} and {name!r} are both the {what}; remove one")
+                    raise FileError(same((found[what][0], name)), path=path)
                 found[what] = (name, factor)
+    except FileError:
+        raise
     except InputError as error:
-        raise FileError(str(error), path=path) from None
+        raise in_file(error, path) from None
     numbers = {name for name, _ in found.values()}
     table = opened.read(lambda name: name in numbers, numbers)
     rows: dict[str, list[int]] = {}
     for row, hole in enumerate(table.text(ids[0])):
         if not hole:
-            raise table.error(f"column {ids[0]!r} is empty; every row needs the name of its hole", row)
+            raise table.error(Finding("input-empty", {"name": ids[0]}), row)
         rows.setdefault(hole, []).append(row)
     places = {hole: np.array(of, dtype=np.intp) for hole, of in rows.items()}
     return table, places, {what: table.number(name) * factor for what, (name, factor) in found.items()}

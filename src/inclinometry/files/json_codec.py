@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from inclinometry.errors import FileError, InputError
+from inclinometry.errors import FileError, in_file, refused, wrong_kind
 from inclinometry.files.writing import write_bytes
+from inclinometry.findings import Finding, Value
 from inclinometry.opening import whole
 
 if TYPE_CHECKING:
@@ -32,7 +33,7 @@ def canonical(content: Mapping[str, Any]) -> bytes:
     try:
         return text.encode("utf-8")
     except UnicodeEncodeError as error:
-        raise InputError(f"a text for the file is not Unicode ({error.reason})") from None
+        raise refused("file-format", {"format": "UTF-8", "reason": error.reason}) from None
 
 
 def _dump(value: Any, path: str, depth: int) -> str:
@@ -41,7 +42,7 @@ def _dump(value: Any, path: str, depth: int) -> str:
     if isinstance(value, Mapping):
         keys = sorted(str(key) for key in value)
         if len(set(keys)) < len(value) or any(not isinstance(key, str) for key in value):
-            raise InputError(f"{path}: the keys {list(value)} are not distinct texts")
+            raise wrong_kind(path, f"{list(value)!r:.60}", "text")
         cells = [
             f"{json.dumps(key, ensure_ascii=False)}: {_dump(value[key], f'{path}.{key}', depth + 1)}" for key in keys
         ]
@@ -51,10 +52,10 @@ def _dump(value: Any, path: str, depth: int) -> str:
         plain = all(not isinstance(item, Mapping | Sequence | np.ndarray) or isinstance(item, str) for item in value)
         return f"[{', '.join(cells)}]" if plain else _wrap("[", cells, "]", depth)
     if isinstance(value, float) and not math.isfinite(value):
-        raise InputError(f"{path} is {value}; a file holds finite numbers only")
+        raise refused("input-finite", {"name": path})
     if value is None or isinstance(value, str | float | int):
         return json.dumps(value, ensure_ascii=False)
-    raise InputError(f"{path} is a {type(value).__name__}; numbers, texts, lists and mappings can be written")
+    raise wrong_kind(path, type(value).__name__, "number")
 
 
 def _wrap(start: str, cells: list[str], end: str, depth: int) -> str:
@@ -70,15 +71,17 @@ def load(path: str | Path) -> Json:
         # in memory a record takes up to twenty times as much
         text = whole(path, 20_000_000).decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise FileError(f"not UTF-8 text (byte {error.start}); a JSON file is needed", path=path) from None
+        reason = f"{error.reason} (byte {error.start})"
+        raise FileError(Finding("file-format", {"format": "UTF-8", "reason": reason}), path=path) from None
     try:
         content = parse(text)
     except json.JSONDecodeError as error:
-        raise FileError(f"not JSON: {error.msg} (column {error.colno})", path=path, line=error.lineno) from None
+        found = Finding("file-format", {"format": "JSON", "reason": f"{error.msg} (column {error.colno})"})
+        raise FileError(found, path=path, line=error.lineno) from None
     except (ValueError, RecursionError) as error:
-        raise FileError(f"not usable JSON: {error}", path=path) from None
+        raise FileError(Finding("file-format", {"format": "JSON", "reason": str(error)}), path=path) from None
     if not isinstance(content, dict):
-        raise FileError(f"holds {shown(content)}; an object of JSON is needed", path=path)
+        raise in_file(wrong_kind("$", shown(content), "table"), path)
     return content
 
 
@@ -132,42 +135,40 @@ def validate(content: Json, name: str, path: str | Path) -> None:
     if error is None:
         return
     where = "$" + "".join(f"[{p}]" if isinstance(p, int) else f".{p}" for p in error.absolute_path)
-    if "propertyNames" in error.absolute_schema_path:
-        raise FileError(
-            f"{where} has {shown(error.instance)}; the names must be {error.schema['description']}", path=path
-        )
     if error.validator == "required":
         lost = next(key for key in error.validator_value if key not in error.instance)
-        raise FileError(f"{where} has no {shown(lost)}; add it", path=path)
-    if error.validator == "additionalProperties":
-        allowed = list(error.schema["properties"])
+        found = Finding("input-missing", {"names": (f"{where}.{lost:.60}",)})
+    elif error.validator == "additionalProperties":
+        allowed = tuple(error.schema["properties"])
         surplus = next(key for key in error.instance if key not in allowed)
-        raise FileError(f"{where} has {shown(surplus)}, which is not known; allowed: {', '.join(allowed)}", path=path)
-    wanted = str(error.schema.get("description", error.message)).removeprefix("must be ")
-    if error.validator == "uniqueItems":
+        found = Finding("input-unknown", {"names": (f"{where}.{surplus:.60}",), "known": allowed})
+    elif error.validator == "uniqueItems":
         twice = next(v for i, v in enumerate(error.instance) if v in error.instance[:i])
-        raise FileError(f"{where} has {shown(twice)} twice; it must be {wanted}", path=path)
-    raise FileError(f"{where} is {shown(error.instance)}; it must be {wanted}", path=path)
+        found = Finding("input-repeated", {"name": where, "value": shown(twice)})
+    else:
+        wanted = str(error.schema.get("description", error.message)).removeprefix("must be ")
+        found = Finding("file-value", {"column": where, "value": shown(error.instance), "allowed": wanted})
+    raise FileError(found, path=path)
 
 
 _KINDS: Final = {
     "inclinometry/allan": ("noise by Allan deviation", "allan -o"),
-    "inclinometry/attitude": ("an attitude while drilling", "dynamic -o"),
-    "inclinometry/certificate": ("the record of a certificate", "certificate --record"),
-    "inclinometry/certificate-status": ("a statement how certificates stand", "ledger status -o"),
+    "inclinometry/attitude": ("attitude while drilling", "dynamic -o"),
+    "inclinometry/certificate": ("record of a certificate", "certificate --record"),
+    "inclinometry/certificate-status": ("status of certificates", "ledger status -o"),
     "inclinometry/coefficients": ("coefficients for a firmware", "coefficients -o"),
     "inclinometry/corrections": ("corrections of a survey", "msa -o"),
     "inclinometry/errors": ("errors of a gyro run", "gyro north --errors"),
-    "inclinometry/gyro-truth": ("the truth of a simulated gyro run", "simulate gyro --truth"),
-    "inclinometry/ledger-head": ("a signed head of a ledger", "ledger head -o"),
-    "inclinometry/planned-verification": ("what a verification will find", "verify --planned -o"),
+    "inclinometry/gyro-truth": ("truth of a simulated gyro run", "simulate gyro --truth"),
+    "inclinometry/ledger-head": ("signed head of a ledger", "ledger head -o"),
+    "inclinometry/planned-verification": ("plan of a verification", "verify --planned -o"),
     "inclinometry/scale": ("scale factors of a gyro", "gyro scale -o"),
-    "inclinometry/tool": ("a calibration", "calibrate -o"),
-    "inclinometry/tool-code": ("a tool code", "position --tool-code"),
-    "inclinometry/truth": ("the truth of a simulation", "simulate bench --truth"),
-    "inclinometry/verification": ("a verification", "verify -o"),
+    "inclinometry/tool": ("calibration", "calibrate -o"),
+    "inclinometry/tool-code": ("tool code", "position --tool-code"),
+    "inclinometry/truth": ("truth of a simulation", "simulate bench --truth"),
+    "inclinometry/verification": ("verification", "verify -o"),
 }
-"""Schema -> what a file is that states it, and the command that writes or takes it."""
+"""Schema -> what a file is that states it, a word of the catalogue, and the command that writes or takes it."""
 
 
 def of_kind(content: Json, where: str | Path, *kinds: str, version: int = 1) -> Json:
@@ -176,21 +177,16 @@ def of_kind(content: Json, where: str | Path, *kinds: str, version: int = 1) -> 
     version : the newest that is read; older ones keep their own schemas for ever.
     """
     kind, found = content.get("schema"), content.get("version")
+    values: dict[str, Value]
     if kind not in kinds:
-        if isinstance(kind, str) and kind in _KINDS:
-            what, command = _KINDS[kind]
-            said = f"this is {what} (`{command}`)"
-        elif kind is None:
-            said = "this is JSON that does not say what it is: it states no schema"
-        else:
-            named = str(kind)[:60].replace('"', "'")
-            said = f'this is JSON of a kind that is not known: its schema is "{named}"'
-        wanted = " or ".join(_KINDS[one][0] for one in kinds)
-        commands = " or ".join(f"`{_KINDS[one][1]}`" for one in kinds)
-        raise FileError(f"{said}; needed is {wanted}: choose the file that {commands} writes", path=where)
+        what = _KINDS.get(str(kind), ("JSON of an unknown schema", ""))[0]
+        wanted, commands = zip(*(_KINDS[one] for one in kinds), strict=True)
+        values = {"what": what, "schema": shown(kind), "wanted": wanted, "commands": commands}
+        raise FileError(Finding("record-kind", values), path=where)
     if isinstance(found, int) and found > version:
-        problem = f"$.version is {found}, written by a newer release; this one reads version {version}"
-        raise FileError(f"{problem}: update inclinometry", path=where)
+        known = tuple(str(one) for one in range(1, version + 1))
+        values = {"format": f"{kind.rpartition('/')[2]}.json", "version": str(found), "known": known}
+        raise FileError(Finding("file-version", values), path=where)
     own = found if type(found) is int and 1 <= found < version else version
     validate(content, f"{kind.rpartition('/')[2]}-{own}", where)
     return content

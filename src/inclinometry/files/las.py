@@ -14,15 +14,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inclinometry.arrays import Array
-from inclinometry.errors import FileError, InputError
+from inclinometry.errors import FileError, InputError, in_file
 from inclinometry.files import writing
 from inclinometry.files._quantities import meaning, quantities_by_column, same_unit
 from inclinometry.files.exchange import SurveyFile, columns_of
 from inclinometry.files.frame import Column, Frame
+from inclinometry.files.layout import row_width
 from inclinometry.files.profile import with_unit
 from inclinometry.files.text import NULLS
-from inclinometry.files.writing import number, write_text
-from inclinometry.opening import whole
+from inclinometry.files.writing import write_text
+from inclinometry.findings import Finding
+from inclinometry.opening import damaged, not_text, too_large, whole
 
 # The ~ASCII section of a LAS file: every row checked for its length and its numbers.
 
@@ -47,9 +49,9 @@ def split_at_data(path: str | Path, text: str) -> tuple[str, Sequence[str], int]
     lines = text.splitlines()
     start = next((i for i, line in enumerate(lines) if line.lstrip()[:2].upper() == "~A"), None)
     if not any(line.lstrip().startswith("~") for line in lines):
-        raise FileError("not a LAS file: no section begins with ~", path=path)
+        raise FileError(Finding("file-section", {"section": "~Version"}), path=path)
     if start is None:
-        raise FileError("no ~ASCII section with data; is the file truncated?", path=path, line=len(lines))
+        raise FileError(Finding("file-section", {"section": "~ASCII"}), path=path, line=len(lines))
     return "\n".join(lines[:start]) + "\n", lines[start + 1 :], start + 2
 
 
@@ -83,7 +85,7 @@ def read_data(
             else:
                 texts[index] += [("" if _float(cell) == null else cell) for cell in cells]
     if not places:
-        raise FileError("there are no data after ~ASCII; is the file truncated?", path=path)
+        raise FileError(Finding("file-empty", {"what": "rows"}), path=path)
     columns: dict[str, Column] = {
         name: np.concatenate(numbers[i]) if numeric[i] else tuple(texts[i]) for i, name in enumerate(names)
     }
@@ -102,8 +104,7 @@ def _rows(path: Path, lines: Numbered, width: int) -> Iterator[tuple[int, list[s
     for place, line in lines:
         cells = line.split()
         if len(cells) != width:
-            problem = f"this row has {len(cells)} values, there are {width} curves; is the file truncated?"
-            raise FileError(problem, path=path, line=place)
+            raise FileError(row_width(len(cells), width), path=path, line=place)
         yield place, cells
 
 
@@ -115,14 +116,12 @@ def _unwrapped(path: Path, lines: Numbered, width: int) -> Iterator[tuple[int, l
         start = start if row else place
         row += line.split()
         if len(row) > width:
-            problem = f"the row that begins in line {start} has {len(row)} values, there are {width} curves"
-            raise FileError(problem, path=path, line=place)
+            raise FileError(row_width(len(row), width), path=path, line=place)
         if len(row) == width:
             yield start, row
             row = []
     if row:
-        problem = f"the last row has {len(row)} values, there are {width} curves; is the file truncated?"
-        raise FileError(problem, path=path, line=place)
+        raise FileError(row_width(len(row), width), path=path, line=place)
 
 
 def _blocks(rows: Iterator[tuple[int, list[str]]]) -> Iterator[list[tuple[int, list[str]]]]:
@@ -144,8 +143,8 @@ def _floats(path: Path, cells: Sequence[str], name: str, rows: Sequence[int], nu
     wrong = ~np.isfinite(values)
     if wrong.any() or "_" in "".join(cells):
         at = int(np.argmax(wrong)) if wrong.any() else next(i for i, cell in enumerate(cells) if "_" in cell)
-        problem = f"{cells[at]!r} of curve {name!r} is not a finite number; correct it, or write {number(null)}"
-        raise FileError(problem, path=path, line=int(rows[at]))
+        wrong_cell = Finding("file-number", {"column": name, "value": cells[at]})
+        raise FileError(wrong_cell, path=path, line=int(rows[at]))
     return np.where(values == null, np.nan, values)
 
 
@@ -174,9 +173,9 @@ def las_frame(where: Path) -> Frame:
     names = [str(curve.original_mnemonic).strip() for curve in las.curves]
     for place, name in enumerate(names, 1):
         if not name:
-            raise FileError(f"curve {place} has no mnemonic; name it", path=where)
+            raise FileError(Finding("table-unnamed", {"place": place}), path=where)
         if names.index(name) < place - 1:
-            raise FileError(f"curve {name!r} appears twice; remove one", path=where)
+            raise FileError(Finding("table-twice", {"column": name}), path=where)
     wrap = str(_value(las.version, "WRAP") or "NO").strip().upper() == "YES"
     units = {name: str(curve.unit) for name, curve in zip(names, las.curves, strict=True) if curve.unit}
     columns, rows = read_data(where, numbered(lines, first), names, units, _null(where, las), wrap)
@@ -187,32 +186,30 @@ def las_frame(where: Path) -> Frame:
         for item in las.well:
             name, unit = str(item.original_mnemonic).upper(), str(item.unit).strip()
             if name in ("STRT", "STOP") and unit and index_unit and not same_unit(unit, index_unit):
-                raise FileError(
-                    f"{name} is in {unit!r}, the depth curve in {index_unit!r}; correct one of them", path=where
-                )
+                raise FileError(Finding("table-units", {"column": name, "units": (unit, index_unit)}), path=where)
         for name, found, line in (("STRT", depth[0], None), ("STOP", depth[-1], int(rows[-1]))):
             value = _value(las.well, name)
             try:
                 wanted = float(value)
             except (TypeError, ValueError):
-                raise FileError(f"{name} is {value!r}; the depth is needed in the ~Well section", path=where) from None
+                raise FileError(Finding("file-number", {"column": name, "value": str(value)}), path=where) from None
             # headers are often printed with fewer digits than the data
             if not abs(wanted - found) <= 0.006 + 1e-6 * abs(found):
-                problem = f"the header says {name} {wanted:.10g}, the data have {found:.10g}; is the file truncated?"
-                raise FileError(problem, path=where, line=line)
+                apart = Finding("file-differs", {"name": name, "stated": wanted, "there": float(found)})
+                raise FileError(apart, path=where, line=line)
     header, north = _head_texts(where, las)
     try:
         bare = {with_unit(name, units.get(name)): name for name in columns}
     except InputError as error:
-        raise FileError(str(error), path=where) from None
+        raise in_file(error, where) from None
     named = {name: columns[own] for name, own in bare.items()}
     return Frame(where, named, rows, bare=bare, north=north, header=header)
 
 
 def _text(path: Path) -> str:
-    data = whole(path, LARGEST, "save the table as CSV or Parquet")
+    data = whole(path, LARGEST)
     if b"\0" in data[:100_000]:
-        raise FileError("not a LAS file (it holds zero bytes)", path=path)
+        raise FileError(not_text("utf-8", "0x00"), path=path)
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError:
@@ -226,7 +223,7 @@ def _header(path: Path, head: str) -> Any:
     # the library compares each curve with all before it, and those of one name again with all of theirs
     lines = list(numbered(head.splitlines(), 1))
     if len(lines) > MOST_HEAD:
-        raise FileError(f"the header has {len(lines):,} lines; allowed {MOST_HEAD:,}: leave curves out", path=path)
+        raise FileError(too_large("lines of the header", len(lines), MOST_HEAD), path=path)
     section, seen, again = "", set[str](), 0
     for place, line in lines:
         if line.lstrip().startswith("~"):
@@ -235,21 +232,20 @@ def _header(path: Path, head: str) -> Any:
         again += name in seen and section != "O"
         seen.add(name)
         if again > MOST_AGAIN:
-            problem = f"{name!r}: more than {MOST_AGAIN} items have a name that stands before them in the section"
-            raise FileError(f"{problem}; give each its own", path=path, line=place)
+            raise FileError(too_large("items of one name", again, MOST_AGAIN), path=path, line=place)
     try:
         with _quiet("lasio"):
             las = lasio.read(io.StringIO(head), ignore_data=True, mnemonic_case="preserve")
     except MemoryError:
         raise
     except Exception as error:  # LASHeaderError, but also key and index errors of what it did not foresee
-        reason = (str(error).strip().splitlines() or [type(error).__name__])[0]
-        raise FileError(f"the header is damaged ({reason[:200]}); write it again", path=path) from None
+        raise FileError(damaged("LAS", error), path=path) from None
     version = str(_value(las.version, "VERS") or "").strip()
     if version not in ("1.2", "1.20", "2.0", "2", "2.00"):
-        raise FileError(f"LAS version {version or 'not stated'}; allowed 1.2 and 2.0: export it so", path=path)
+        known = Finding("file-version", {"format": "LAS", "version": version, "known": ("1.2", "2.0")})
+        raise FileError(known, path=path)
     if not len(las.curves):
-        raise FileError("no curves in the ~Curve section; a depth and one more are needed", path=path)
+        raise FileError(Finding("file-section", {"section": "~Curve"}), path=path)
     return las
 
 
@@ -275,9 +271,7 @@ def _null(path: Path, las: Any) -> float:
     try:
         return float(value)
     except (TypeError, ValueError):
-        raise FileError(
-            f"NULL is {value!r}; a number is needed in the ~Well section, e.g. -999.25", path=path
-        ) from None
+        raise FileError(Finding("file-number", {"column": "NULL", "value": str(value)}), path=path) from None
 
 
 def _head_texts(path: Path, las: Any) -> tuple[dict[str, str], str | None]:
@@ -291,7 +285,7 @@ def _head_texts(path: Path, las: Any) -> tuple[dict[str, str], str | None]:
             try:
                 found |= {str(k): str(v) for k, v in json.loads(line).items()}
             except (ValueError, AttributeError):
-                raise FileError(f"{line[:60]!r} in the ~Other section cannot be read; remove it", path=path) from None
+                raise FileError(damaged("JSON", line), path=path) from None
         return found, north
     items = [*las.well, *las.params]
     grid = ("STRT", "STOP", "STEP", "NULL")

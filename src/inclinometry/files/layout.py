@@ -15,10 +15,12 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from inclinometry.errors import FileError, InputError
+from inclinometry.errors import FileError, InputError, in_file
 from inclinometry.files._quantities import dimension_of
 from inclinometry.files.profile import PLAIN, SEPARATORS, Profile, describes, with_unit
 from inclinometry.files.text import Block, Cells
+from inclinometry.findings import Finding
+from inclinometry.opening import damaged
 
 NUMBER: Final = re.compile(r"[+-]?(\d+[.,]?\d*|[.,]\d+)([eE][+-]?\d+)?")
 RULE: Final = re.compile(r"[\s+|]*([-=]{2,}[\s+|]*)+")
@@ -54,9 +56,7 @@ def refuse_legs(lines: list[str], path: Path, first: int = 1) -> None:
     """FileError for the shots of a cave from station to station, which are no stations along a hole."""
     for row, line in enumerate(lines[:LOOKED]):
         if LEGS.fullmatch(line.strip()):
-            problem = "legs of a cave (from, to, tape, compass, clino), which Survex, Therion and Compass take"
-            remedy = "a cave instrument is calibrated by its calibration shots, with --profile topodroid or sap6"
-            raise FileError(f"{problem}; {remedy}", path=path, line=first + row)
+            raise FileError(Finding("table-legs"), path=path, line=first + row)
 
 
 def find_layout(lines: list[str]) -> tuple[Profile, str]:
@@ -169,7 +169,7 @@ class TextTable:
             self._laid = self._layout(first, given)
             self._find_names()
         if not self.line:
-            raise FileError("the file is empty; a line of column names and rows of values are needed", path=path)
+            raise FileError(Finding("file-empty", {"what": "rows"}), path=path)
 
     def _layout(self, first: Block, given: Profile) -> Profile | None:
         """How the lines are cut, as it is stated or as it is plain to see; None for a plain table.
@@ -228,8 +228,8 @@ class TextTable:
         marks = {",": "comma", ";": "semicolon", "\t": "tab"}
         found = [mark for mark in marks if mark in outside] if isinstance(line, str) else []
         if len(found) > 1:
-            kinds = " and ".join(marks[mark] for mark in found)
-            raise FileError(f"the column names are separated by {kinds}; use one", path=self.path, line=number)
+            several = Finding("table-separators", {"separators": tuple(marks[mark] for mark in found)})
+            raise FileError(several, path=self.path, line=number)
         self.mark = found[0] if found else ","
         self.names = [str(name).strip() for name in self._split([line], number)[0]]
         while self.names and not self.names[-1]:
@@ -278,10 +278,9 @@ class TextTable:
         try:
             rows = list(csv.reader(lines, delimiter=self.mark, skipinitialspace=True))
         except csv.Error as error:
-            raise FileError(f"cannot be split into cells ({error})", path=self.path, line=first) from None
+            raise FileError(damaged("CSV", error), path=self.path, line=first) from None
         if len(rows) != len(lines):
-            raise FileError("a quoted cell does not end on its line; close the quote", path=self.path,
-                            line=first + _open_quote(lines, self.mark))  # fmt: skip
+            raise FileError(Finding("table-quote"), path=self.path, line=first + _open_quote(lines, self.mark))
         return rows
 
     def _is_row(self, row: Sequence[Any], raw: Any, line: int) -> bool:
@@ -294,20 +293,21 @@ class TextTable:
             self._check_comment(row, line)
             return False
         if len(row) < width or any(map(_filled, row[width:])):
-            problem = f"this row has {len(row)} cells and the header {width}; "
-            comma = self.mark == "," and len(row) > width
-            remedy = "with a decimal comma separate columns by semicolons" if comma else "complete or remove it"
-            raise FileError(problem + remedy, path=self.path, line=line)
+            raise FileError(row_width(len(row), width), path=self.path, line=line)
         return True
 
     def _check_comment(self, row: Sequence[Any], line: int) -> None:
         if len(row) == len(self.names) > 1:
-            problem = "this comment has as many cells as a row; delete it, or quote the cell that begins with #"
-            raise FileError(problem, path=self.path, line=line)
+            raise FileError(Finding("table-comment"), path=self.path, line=line)
 
     def _cut(self, line: Any) -> Sequence[Any]:
         # the last cells of a row of a sheet may be missing
         return cut(line, self.mark) if isinstance(line, str) else [*line, *[""] * (len(self.names) - len(line))]
+
+
+def row_width(cells: int, columns: int) -> Finding:
+    """Of a row with more or fewer cells than there are columns."""
+    return Finding("table-row-width", {"cells": cells, "columns": columns})
 
 
 def _drawn(text: str) -> bool:
@@ -325,7 +325,7 @@ def _with_units(names: list[str], cells: list[str], profile: Profile, path: Path
                 profile.check_unit(name, unit, name)
             found.append(name if name in profile.columns or describes(name) else with_unit(name, unit))
         except InputError as error:
-            raise FileError(str(error), path=path, line=line) from None
+            raise in_file(error, path, line) from None
     return found
 
 

@@ -9,8 +9,9 @@ from typing import Final
 import numpy as np
 
 from inclinometry.calibration.decision import GUARDS, Limits
-from inclinometry.errors import FileError, InputError
+from inclinometry.errors import FileError, not_among
 from inclinometry.files import toml_keys
+from inclinometry.findings import Finding
 from inclinometry.survey.gyro import RepeatLimits
 from inclinometry.survey.quality import FieldLimits
 
@@ -49,9 +50,10 @@ def read_limits(name_or_path: str | Path) -> Limits:
     settings, source, values = _read("limits", name_or_path, keys, ("guard",))
     lowest = values.pop("min_inclination_deg_for_azimuth", 0.0)
     if zero := [key for key, value in values.items() if value == 0.0]:
-        raise FileError(f"{zero[0]} is 0; a limit is positive", path=settings.path)
+        wrong = Finding("file-value", {"column": zero[0], "value": 0.0, "allowed": "> 0"})
+        raise FileError(wrong, path=settings.path)
     if not values:
-        raise FileError("there is no limit; give at least inclination_deg", path=settings.path)
+        raise FileError(Finding("file-limits", {"names": tuple(_ANGLES)}), path=settings.path)
     inclination, azimuth, toolface = (values.get(key) for key in _ANGLES)
     guard = settings.text("guard", GUARDS) or "none"
     return Limits(Path(settings.path).stem, source, inclination, azimuth, toolface, lowest, guard)
@@ -61,7 +63,7 @@ def read_quality_limits(name_or_path: str | Path) -> FieldLimits:
     """Fixed limits of |g|, |b| and dip, as `read_limits`. Keys: `source`, `g_m_s2`, `b_nT`, `dip_deg`."""
     settings, source, values = _read("quality_limits", name_or_path, _FIELDS)
     if not values:
-        raise FileError(f"there is no limit; give at least one of {', '.join(_FIELDS)}", path=settings.path)
+        raise FileError(Finding("file-limits", {"names": tuple(_FIELDS)}), path=settings.path)
     return FieldLimits(Path(settings.path).stem, source, *map(values.get, _FIELDS))
 
 
@@ -73,11 +75,11 @@ def read_repeat_limits(name_or_path: str | Path = GYRO_REPEAT) -> RepeatLimits:
     """
     settings, source, values = _read("repeat_limits", name_or_path, _REPEATS)
     if missing := [key for key in _REPEATS if key not in values]:
-        needed = f"all of {', '.join(_REPEATS)} and source are needed"
-        raise FileError(f"key {missing[0]!r} is missing; {needed}", path=settings.path)
+        raise FileError(Finding("input-missing", {"names": tuple(missing)}), path=settings.path)
     inclination, azimuth, steep, below, stations, interval = (values[key] for key in _REPEATS)
     if stations % 1.0:
-        raise FileError(f"stations is {stations:g}; a whole number is needed", path=settings.path)
+        kind = Finding("input-kind", {"name": "stations", "value": stations, "expected": "whole number"})
+        raise FileError(kind, path=settings.path)
     name = Path(settings.path).stem
     return RepeatLimits(name, source, inclination, azimuth, steep, below, int(stations), interval)
 
@@ -91,13 +93,12 @@ def _read(
         with as_file(files("inclinometry.files").joinpath(folder, f"{name}.toml")) as shipped:
             settings = toml_keys.load(shipped, ("source", *numbers, *texts))
     elif path.suffix == "" and len(path.parts) <= 1 and not _exists(path):
-        presets = ", ".join(limit_names(folder))
-        raise InputError(f"limits {name!r} are neither a file nor one of the presets: {presets}")
+        raise not_among("limits", name, (*limit_names(folder), "*.toml"))
     else:
         settings = toml_keys.load(path, ("source", *numbers, *texts))
     source = settings.text("source")
     if source is None:
-        raise FileError("key 'source' is missing; name the document the figures come from", path=path)
+        raise FileError(Finding("input-missing", {"names": ("source",)}), path=path)
     given = {key: settings.number(key, *bounds) for key, bounds in numbers.items()}
     stated = {key: value for key, value in given.items() if value is not None}
     return settings, source, {k: float(np.radians(v)) if "_deg" in k else v for k, v in stated.items()}

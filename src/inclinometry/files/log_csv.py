@@ -17,6 +17,7 @@ from inclinometry.files.signals import read_signals, read_temperature
 from inclinometry.files.survey_csv import check_increasing
 from inclinometry.files.table import read_table
 from inclinometry.files.text import Progress
+from inclinometry.findings import Finding
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,7 +25,7 @@ class Log:
     """Samples in the order of time.
 
     time : (n,) s, strictly increasing. channels : kind -> (n, m) in `units`. temperature : (n,) degC, or None.
-    notes : findings of the reader. digest : SHA-256 of the file. names : kind -> the m channels, e.g. "gyro_x".
+    findings : of the reader. digest : SHA-256 of the file. names : kind -> the m channels, e.g. "gyro_x".
     dt : s, of an evenly sampled log.
     """
 
@@ -32,13 +33,18 @@ class Log:
     channels: Mapping[str, Array]
     temperature: Array | None
     units: Mapping[str, str]
-    notes: tuple[str, ...]
+    findings: tuple[Finding, ...]
     digest: str
     names: Mapping[str, tuple[str, ...]]
     dt: float = np.nan
 
     def __len__(self) -> int:
         return len(self.time)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """The findings as sentences, for what still takes them so."""
+        return tuple(map(str, self.findings))
 
 
 def read_log(path: str | Path, *, progress: Progress | None = None) -> Log:
@@ -62,15 +68,14 @@ def read_log(path: str | Path, *, progress: Progress | None = None) -> Log:
 
 def _log(path: str | Path, progress: Progress | None) -> tuple[Log, Frame]:
     table = read_table(path, progress, numeric=numbers_among(LOG), timed=True)
-    unused = table.unknown(LOG)
     time, signals = table.number("time_s"), read_signals(table)
     check_increasing(table, "time_s", time)
     found = {kind: [channel(name) for name in names] for kind, names in signals.names.items()}
     names = {kind: tuple(f"{KIND_PREFIX[kind]}_{c.axis}" for c in of if c is not None) for kind, of in found.items()}
     channels = MappingProxyType({kind: frozen(values) for kind, values in signals.values.items()})
-    notes = (*signals.notes, *unused)
+    findings = (*signals.findings, *table.unknown(LOG))
     units = MappingProxyType(signals.units)
-    return Log(time, channels, read_temperature(table), units, notes, table.digest, MappingProxyType(names)), table
+    return Log(time, channels, read_temperature(table), units, findings, table.digest, MappingProxyType(names)), table
 
 
 def read_even_log(path: str | Path, *, progress: Progress | None = None) -> Log:
@@ -81,7 +86,7 @@ def read_even_log(path: str | Path, *, progress: Progress | None = None) -> Log:
         log,
         channels=MappingProxyType({kind: frozen(v * turned[kind][1]) for kind, v in log.channels.items()}),
         units=MappingProxyType({kind: unit for kind, (unit, _) in turned.items()}),
-        notes=tuple(table.unknown(LOG)),
+        findings=table.unknown(LOG),
         dt=_interval(table, log.time),
     )
 
@@ -89,7 +94,7 @@ def read_even_log(path: str | Path, *, progress: Progress | None = None) -> Log:
 def _interval(table: Frame, time: Array) -> float:
     """The sampling interval, s; FileError where there is none."""
     if len(time) < 3:
-        raise table.error(f"{len(time)} rows; an even sampling interval needs 3 or more", len(time) - 1)
+        raise table.error(Finding("input-few", {"name": "rows", "count": len(time), "least": 3}), len(time) - 1)
     steps = np.diff(time)
     usual = float(np.median(steps))
     # departure of one interval from the usual one, as a share of it: stamps rounded to a digit of the interval pass
@@ -98,14 +103,15 @@ def _interval(table: Frame, time: Array) -> float:
     odd = np.flatnonzero(np.abs(steps - usual) > most_jitter * usual * (1.0 + 1e-6))
     if odd.size:
         row = int(odd[0]) + 1
-        what = f"{steps[row - 1]:.6g} s after the row before it; the samples are {usual:.6g} s apart"
-        remedy = "cut the log at the gap and use the longer part, or resample it"
-        raise table.error(f"time_s {time[row]:.12g} is {what}: {remedy}", row)
+        raise table.error(_uneven(row, time, (steps[row - 1] - usual) / usual), row)
     dt = float((time[-1] - time[0]) / (len(time) - 1))
     off = (time - time[0]) / dt - np.arange(len(time))
     most_drift = 1.0  # departure of a sample from the even grid, in intervals
     if np.abs(off).max() > most_drift:
         row = int(np.argmax(np.abs(off)))
-        what = f"{abs(off[row]):.3g} samples off an even spacing of {dt:.6g} s"
-        raise table.error(f"time_s {time[row]:.12g} is {what}; use a log whose sampling rate does not change", row)
+        raise table.error(_uneven(row, time, off[row]), row)
     return dt
+
+
+def _uneven(row: int, time: Array, off: float) -> Finding:
+    return Finding("input-uneven", {"row": row + 1, "time_s": float(time[row]), "off": abs(float(off))})

@@ -17,13 +17,15 @@ from typing import Final
 
 import numpy as np
 
-from inclinometry.errors import FileError, InputError
+from inclinometry.errors import FileError, refused, wrong_kind
 from inclinometry.files import writing
 from inclinometry.files._quantities import quantities, unit_factor
 from inclinometry.files.exchange import SurveyFile, survey_of, to_vendor, values_of
 from inclinometry.files.frame import Column, Frame
+from inclinometry.files.layout import row_width
 from inclinometry.files.text import LineReader, NumberReader
 from inclinometry.files.writing import write_text
+from inclinometry.findings import Finding
 
 # Fields of the P7/17 records M7 and G7, and what the header says of their units and north.
 
@@ -82,12 +84,12 @@ def survey_details(cells: list[str], line: int, path: str) -> tuple[int, str | N
     if tuple(cells[:4]) != ("H7", "1", "5", "1"):
         return None
     if len(cells) < 14 or not cells[5].isdigit():
-        problem = f"Survey Details has {len(cells)} fields, survey number {cells[5:6]}; 23 and a number are needed"
-        raise FileError(problem, path=path, line=line)
+        raise FileError(row_width(len(cells), 23), path=path, line=line)
     unit = UNITS.get(cells[6])
     if unit is None:
-        allowed = ", ".join(f"{k} ({v})" for k, v in UNITS.items())
-        raise FileError(f"the unit of depth is {cells[6]!r}; allowed: {allowed}", path=path, line=line)
+        allowed = tuple(f"{k} ({v})" for k, v in UNITS.items())
+        wrong = Finding("table-unit", {"column": "md", "unit": cells[6], "allowed": allowed})
+        raise FileError(wrong, path=path, line=line)
     return int(cells[5]), unit, NORTHS.get(cells[12])
 
 
@@ -123,11 +125,11 @@ def read_p7(
     """
     others, rows, details, digest = _sorted_lines(Path(path))
     if not rows:
-        raise FileError("no M7 or G7 record; the file has no raw survey data", path=path)
+        raise FileError(Finding("file-section", {"section": "M7, G7"}), path=path)
     surveys = {}
     for number, (kind, mine) in rows.items():
         unit, north = details.get(number, (None, None))
-        unit = _agreed(path, mine[0][0], "unit of depth", unit, depth_unit)
+        unit = _agreed(path, mine[0][0], unit, depth_unit)
         frame = _frame(Path(path), kind, mine, unit, digest)
         frame = replace(frame, north=north, header={"survey": str(number), "record": kind, "depth_unit": unit})
         survey = survey_of(frame, convention=convention, azimuth_reference=azimuth_reference)
@@ -152,8 +154,7 @@ def _sorted_lines(
         for line, text in enumerate(block.lines, block.first):
             cells = [cell.strip() for cell in text.split(",")]
             if line == 1 and (cells[0] != "IOGP" or cells[2:3] != ["7"]):
-                shown = text[:40]
-                raise FileError(f"not a P7/17 file: begins {shown!r}; 'IOGP, ..., 7' is needed", path=path, line=1)
+                raise FileError(Finding("file-section", {"section": "IOGP, ..., 7"}), path=path, line=1)
             if cells[0] not in FIELDS:
                 others.append(text)
                 found = survey_details(cells, line, str(path))
@@ -162,34 +163,29 @@ def _sorted_lines(
                 continue
             wanted = len(FIELDS[cells[0]]) + 1
             if len(cells) != wanted:
-                problem = (
-                    f"{cells[0]} has {len(cells)} fields; {wanted} are needed: is the file truncated, or a draft's?"
-                )
-                raise FileError(problem, path=path, line=line)
+                raise FileError(row_width(len(cells), wanted), path=path, line=line)
             used = cells[1 + FIELDS[cells[0]].index("used")]
             if used not in ("0", "1"):
-                problem = (
-                    f"the flag for used is {used!r}; 0 or 1 is needed (drafts of the format order the fields otherwise)"
-                )
-                raise FileError(problem, path=path, line=line)
+                flag = Finding("file-value", {"column": "used", "value": used, "allowed": "0, 1"})
+                raise FileError(flag, path=path, line=line)
             if not (cells[2].isascii() and cells[2].isdigit()):
-                raise FileError(f"the survey's number is {cells[2]!r}; a whole number is needed", path=path, line=line)
+                raise FileError(Finding("file-number", {"column": "survey", "value": cells[2]}), path=path, line=line)
             number = int(cells[2])
             kind, mine = rows.setdefault(number, (cells[0], []))
             if kind != cells[0]:
-                raise FileError(f"survey {number} has M7 and G7 records; give each its own", path=path, line=line)
+                raise FileError(Finding("input-one-of", {"names": ("M7", "G7")}), path=path, line=line)
             mine.append((line, cells[1:]))
     if not others:
-        raise FileError("the file is empty; 'IOGP, ..., 7' is needed in line 1", path=path)
+        raise FileError(Finding("file-section", {"section": "IOGP, ..., 7"}), path=path)
     return others, rows, details, reader.digest
 
 
-def _agreed(path: str | Path, line: int, what: str, stated: str | None, given: str | None) -> str:
+def _agreed(path: str | Path, line: int, stated: str | None, given: str | None) -> str:
+    """The unit of depth, from Survey Details (H7,1,5,1) or the caller."""
     if stated and given and stated != given:
-        raise FileError(f"the {what} is {stated}, not {given}; leave one of them out", path=path, line=line)
+        raise FileError(Finding("table-units", {"column": "md", "units": (stated, given)}), path=path, line=line)
     if not (stated or given):
-        problem = f"no {what}: the survey has no Survey Details (H7,1,5,1); give the {what}: m, ft or ftUS"
-        raise FileError(problem, path=path, line=line)
+        raise FileError(Finding("input-missing", {"names": ("--depth-unit",)}), path=path, line=line)
     return stated or given or ""
 
 
@@ -211,7 +207,9 @@ def _frame(path: Path, kind: str, rows: Sequence[tuple[int, list[str]]], unit: s
     for line, text in zip(lines, columns.pop("time"), strict=True):
         time = iso_time(str(text))
         if time is None:
-            raise FileError(f"date and time is {text!r}; YYYY:MM:DD:hh:mm:ss is needed", path=path, line=line)
+            allowed = "YYYY:MM:DD:hh:mm:ss"
+            wrong = Finding("file-value", {"column": "time", "value": str(text), "allowed": allowed})
+            raise FileError(wrong, path=path, line=line)
         found.append(time)
     columns["time"] = tuple(found)
     del columns["survey"]
@@ -235,8 +233,7 @@ def p7_file(survey: SurveyFile, *, number: int = 1) -> P7File:
 
 def _kind(survey: SurveyFile) -> str:
     if (survey.b is None) == (survey.w is None):
-        have = "neither b nor w" if survey.b is None else "both b and w"
-        raise InputError(f"the survey has {have}; M7 takes gravity with b, G7 with w: give one of them")
+        raise refused("input-one-of", {"names": ("b", "w")})
     return "G7" if survey.b is None else "M7"
 
 
@@ -252,7 +249,7 @@ def write_p7(file: P7File, path: str | Path, *, convention: str = "iscwsa") -> N
     for number, survey in file.surveys.items():
         unit = units.get(number)
         if unit is None:
-            raise InputError(f"survey {number} has no Survey Details (H7,1,5,1) among the records; add it")
+            raise refused("file-section", {"section": f"H7,1,5,1 ({number})"})
         kind, size = _kind(survey), len(survey)
         columns = values_of(to_vendor(survey, convention))
         factor, _ = unit_factor(unit, "m")
@@ -269,7 +266,7 @@ def write_p7(file: P7File, path: str | Path, *, convention: str = "iscwsa") -> N
         lines += [",".join((kind, *row)) for row in zip(*cells, strict=True)]
     bad = next((text for text in lines if "\n" in text or "\r" in text), None)
     if bad is not None:
-        raise InputError(f"the record {bad[:60]!r} has a line break; write it on one line")
+        raise refused("file-characters", {"format": "P7/17", "text": bad[:60]})
     write_text("".join(f"{text}\n" for text in lines), path)
 
 
@@ -284,11 +281,11 @@ def _texts(survey: SurveyFile, key: str, number: int) -> Sequence[str]:
         stamps = [p7_time(text) for text in survey.times or ("",) * size]
         if None in stamps:
             wrong = (survey.times or ())[stamps.index(None)]
-            raise InputError(f"time {wrong!r} at station {stamps.index(None) + 1}; ISO 8601 in UTC is needed")
+            raise wrong_kind("time", wrong, "date and time")
         return [stamp or "" for stamp in stamps]
     default = {"version": ["0"] * size, "record": [str(i + 1) for i in range(size)], "transmitted": ["0"] * size}
     found = survey.extra.get(f"{_ASIDE}{key}", default.get(key, [""] * size))
     comma = next((text for text in found if "," in text), None)
     if comma is not None:
-        raise InputError(f"the text {comma!r} of {key} has a comma; P7/17 has no way to write it: use a semicolon")
+        raise refused("file-characters", {"format": "P7/17", "text": comma[:60]})
     return found

@@ -11,13 +11,15 @@ from typing import Any, Final
 import numpy as np
 
 from inclinometry.arrays import Array
-from inclinometry.errors import FileError, InputError
+from inclinometry.errors import FileError, InputError, in_file, wrong_kind
 from inclinometry.files._quantities import quantities_by_column
 from inclinometry.files.exchange import SurveyFile, columns_of
 from inclinometry.files.frame import Column, Frame
 from inclinometry.files.profile import with_unit
 from inclinometry.files.text import Progress
 from inclinometry.files.writing import replacing
+from inclinometry.findings import Finding
+from inclinometry.opening import damaged, not_text
 
 _HEADER: Final = b"inclinometry.header"
 
@@ -36,7 +38,7 @@ def parquet_pieces(path: Path, progress: Progress | None = None) -> Iterator[Fra
         fields = list(stored.schema_arrow)
         twice = next((f.name for place, f in enumerate(fields) if f.name in [g.name for g in fields[:place]]), None)
         if twice is not None:
-            raise FileError(f"column {twice!r} appears twice; remove one", path=path)
+            raise FileError(Finding("table-twice", {"column": twice}), path=path)
         bare = {with_unit(field.name, _unit(field)): field.name for field in fields}
         header = _header(stored.schema_arrow.metadata or {})
         total, done = stored.metadata.num_rows, 0
@@ -53,12 +55,11 @@ def parquet_pieces(path: Path, progress: Progress | None = None) -> Iterator[Fra
     except FileError:
         raise
     except InputError as error:
-        raise FileError(str(error), path=path) from None
+        raise in_file(error, path) from None
     except UnicodeDecodeError as error:
-        raise FileError(f"a text in it is no UTF-8 ({error.reason}); the file is damaged", path=path) from None
+        raise FileError(not_text("utf-8", error.reason), path=path) from None
     except (pa.ArrowException, OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or (str(error).strip().splitlines() or ["no more is known"])[0]
-        raise FileError(f"not a Parquet file, or a damaged one ({reason[:200]}); write it again", path=path) from None
+        raise FileError(damaged("Parquet", getattr(error, "strerror", None) or error), path=path) from None
 
 
 def _unit(field: Any) -> str | None:
@@ -76,7 +77,7 @@ def _column(name: str, values: Any) -> Column:
     if types.is_floating(kind) or types.is_integer(kind) or types.is_decimal(kind) or types.is_null(kind):
         return np.array(values.cast("float64").to_numpy(zero_copy_only=False), dtype=np.float64)
     if types.is_nested(kind) or types.is_binary(kind) or types.is_large_binary(kind):
-        raise InputError(f"column {name!r} is of type {kind}; texts or numbers are needed: remove it")
+        raise wrong_kind(name, str(kind), "number")
     cells = ["" if v is None else v.isoformat() if hasattr(v, "isoformat") else v for v in values.to_pylist()]
     if types.is_boolean(kind):
         return np.array(cells, dtype=np.object_)
@@ -87,9 +88,9 @@ def _header(metadata: Mapping[bytes, bytes]) -> dict[str, str]:
     try:
         found = json.loads(metadata.get(_HEADER, b"{}"))
     except ValueError as error:
-        raise InputError(f"the header in the schema's metadata is damaged ({error})") from None
+        raise InputError(damaged("JSON", error)) from None
     if not isinstance(found, dict):
-        raise InputError("the header in the schema's metadata is not a mapping of texts")
+        raise wrong_kind("inclinometry.header", str(found)[:40], "table")
     return {str(key): str(value) for key, value in found.items()}
 
 

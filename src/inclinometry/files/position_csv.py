@@ -20,9 +20,10 @@ from inclinometry.files.columns import PARTS, SURVEY, numbers_among
 from inclinometry.files.frame import Frame
 from inclinometry.files.gyro_csv import STATION
 from inclinometry.files.profile import current
-from inclinometry.files.survey_csv import check_increasing
+from inclinometry.files.survey_csv import check_increasing, differs
 from inclinometry.files.table import read_table
 from inclinometry.files.text import NULLS, NumberReader, Progress
+from inclinometry.findings import Finding, Value
 from inclinometry.position.propagation import PositionUncertainty
 from inclinometry.position.well import hole_sigmas, horizontal_ellipse
 from inclinometry.survey.path import REVERSAL, directions, dogleg_severity_deg
@@ -114,11 +115,12 @@ def read_well(path: str | Path, *, progress: Progress | None = None) -> WellStat
     wrong = (metres < 0.0) | (metres > deepest)
     if wrong.any():
         row = int(np.argmax(wrong))
-        remedy = "depths in feet belong in a column md_ft" if name == "md_m" else "check the unit"
-        allowed = f"allowed 0 to {deepest if name == 'md_m' else deepest / FOOT:.0f}"
-        raise table.error(f"{name} is {values[row]:.10g}; {allowed} (no well is longer): {remedy}", row)
+        allowed = f"0 .. {deepest if name == 'md_m' else deepest / FOOT:.0f}"
+        facts: dict[str, Value] = {"column": name, "value": float(values[row]), "allowed": allowed}
+        feet = name == "md_m" and values[row] > 0.0
+        raise table.error(_in_another_unit(facts, "md_ft") if feet else Finding("file-value", facts), row)
     if len(metres) < 2:
-        raise table.error(f"the file has {len(metres)} station; a path needs two or more")
+        raise table.error(Finding("input-few", {"name": "stations", "count": len(metres), "least": 2}))
     md = frozen(metres)
     inclination, azimuth = _angle(table, "inclination_deg", 0.0, 180.0), _angle(table, "azimuth_deg", -360.0, 360.0)
     reference = _reference(table)
@@ -128,9 +130,8 @@ def read_well(path: str | Path, *, progress: Progress | None = None) -> WellStat
     dogleg = 2.0 * np.arctan2(apart, together)
     if dogleg.max() > np.pi - REVERSAL:
         row = int(np.argmax(dogleg > np.pi - REVERSAL)) + 1
-        problem = f"the hole turns by {np.degrees(dogleg[row - 1]):.4f} deg from line {table.lines[row - 1]} to here"
-        span = f"md {md[row - 1]:.10g} to {md[row]:.10g} m"
-        raise table.error(f"{problem} ({span}); no arc can be chosen for half a turn: correct one of the two", row)
+        facts = {"turn_deg": float(np.degrees(dogleg[row - 1])), "from_m": float(md[row - 1]), "to_m": float(md[row])}
+        raise table.error(Finding("readings-turn-half", facts), row)
     toolface = frozen(np.radians(table.number("toolface_deg"))) if "toolface_deg" in table else None
     temperature = frozen(table.number("temperature_degC")) if "temperature_degC" in table else None
     listed, unread = _listed(table)
@@ -152,19 +153,15 @@ def read_well(path: str | Path, *, progress: Progress | None = None) -> WellStat
 
 def _reference(table: Frame) -> str:
     """The north of all azimuths."""
-    allowed = ", ".join(REFERENCES)
     if "azimuth_reference" not in table:
-        raise table.error(
-            f"column 'azimuth_reference' is missing: which north azimuth_deg counts from is not guessed; add it with "
-            f"one of {allowed} in every row"
-        )
+        raise table.error(Finding("readings-north-missing", {"allowed": REFERENCES}))
     cells = [cell.strip() for cell in table.text("azimuth_reference")]
     for row, cell in enumerate(cells):
         if cell not in REFERENCES:
-            raise table.error(f"azimuth_reference is {cell!r}; allowed: {allowed}", row)
+            facts: dict[str, Value] = {"name": "azimuth_reference", "value": f"{cell!r:.60}", "allowed": REFERENCES}
+            raise table.error(Finding("input-choice", facts), row)
         if cell != cells[0]:
-            above = f"{cells[0]!r} in line {table.lines[0]}"
-            raise table.error(f"azimuth_reference is {cell!r} after {above}; one north for all stations", row)
+            raise table.error(differs(table, "azimuth_reference", cell, cells[0], 0), row)
     return cells[0]
 
 
@@ -196,20 +193,24 @@ def _listed(table: Frame) -> tuple[tuple[Listed, ...], tuple[str, ...]]:
     return tuple(found), tuple(unread)
 
 
-def _remedy(table: Frame, name: str, row: int) -> str:
+def _in_another_unit(facts: dict[str, Value], right: str) -> Finding:
+    return Finding("readings-unit-other", {**facts, "right": right})
+
+
+def _out_of_range(table: Frame, name: str, row: int, allowed: str) -> Finding:
     """What an angle out of range may be meant as."""
     values, azimuths = table.number(name), table.number("azimuth_deg")
     value, upright = float(values[row]), name == "inclination_deg" and len(values) > 2
+    facts: dict[str, Value] = {"column": name, "value": value}
     if abs(value) >= 900.0:
-        return f"; if it stands for an empty cell, state --null {value:g}"
+        return Finding("readings-null", facts)
     if upright and -90.0 <= value < 0.0 and (np.abs(values) <= 90.0).all():
-        return (
-            "; of a dip from the horizontal give 90 plus it where down is negative, 90 minus it where down is positive"
-        )
+        return Finding("readings-dip", facts)
     turned = (values >= 0.0).all() and np.mean(values > 180.0) > 0.1 and ((azimuths >= 0.0) & (azimuths <= 180.0)).all()
     if upright and turned:
-        return ": are the columns of inclination and azimuth exchanged?"
-    return "" if value < 0.0 else f"; grads belong in a column {name.replace('_deg', '_gon')}"
+        return Finding("readings-exchanged", facts)
+    facts["allowed"] = allowed
+    return Finding("file-value", facts) if value < 0.0 else _in_another_unit(facts, name.replace("_deg", "_gon"))
 
 
 def _angle(table: Frame, name: str, low: float, high: float) -> Array:
@@ -218,10 +219,8 @@ def _angle(table: Frame, name: str, low: float, high: float) -> Array:
     if wrong.any():
         row = int(np.argmax(wrong))
         if np.isnan(values[row]):
-            raise table.error(f"{name} is empty; a path needs it at every station: give it or remove the row", row)
-        raise table.error(
-            f"{name} is {values[row]:.10g}; allowed {low:g} to {high:g} deg{_remedy(table, name, row)}", row
-        )
+            raise table.error(Finding("input-empty", {"name": name}), row)
+        raise table.error(_out_of_range(table, name, row, f"{low:g} .. {high:g}"), row)
     return frozen(np.radians(values))
 
 

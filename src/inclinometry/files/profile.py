@@ -12,11 +12,11 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 from inclinometry.conventions import named
-from inclinometry.errors import FileError, InputError
+from inclinometry.errors import FileError, InputError, in_file, not_among, out_of_range, refused, wrong_kind
 from inclinometry.files._quantities import dimension_of, meaning, quantities, same_unit, seconds_of, unit_factor
 from inclinometry.files.columns import KIND_PREFIX, PREFIXES, TEXT, UNIT_LABELS, channel, is_number
 from inclinometry.files.toml_keys import Settings, parsed
-from inclinometry.opening import LARGEST_SETTINGS, whole
+from inclinometry.opening import LARGEST_SETTINGS, damaged, not_text, whole
 
 SEPARATORS: Final = {"comma": ",", "semicolon": ";", "tab": "\t", "space": " "}
 
@@ -86,18 +86,15 @@ class Profile:
             return Reading("time_s", factor)
         found = {r for stated in (None, *self.units) if (r := self._known(name, stated, numeric)) is not None}
         if len(found) > 1:
-            names = " or ".join(sorted(reading.name for reading in found))
-            raise InputError(f"column {name!r} may be {names} by the units stated; name it in a profile")
+            readings = tuple(sorted(reading.name for reading in found))
+            raise refused("table-ambiguous", {"column": name, "readings": readings})
         return self._turned(found.pop()) if found else Reading(name)
 
     def check_unit(self, name: str, stated: str | None, key: str) -> None:
         """InputError where the file states a unit of a column that the profile contradicts."""
         here = self.given.get(key) or _own_unit(self.columns[key])
         if stated and here and not same_unit(stated, here):
-            raise InputError(
-                f"column {name!r} is in {stated!r}, the profile says {here!r}: leave the column out of the profile, or "
-                "give its unit there"
-            )
+            raise refused("table-units", {"column": name, "units": (stated, here)})
 
     def _known(self, name: str, stated: str | None, numeric: Callable[[str], bool]) -> Reading | None:
         """A column by the vocabulary of survey files, its unit in its name or stated for all of its dimension."""
@@ -175,15 +172,14 @@ def with_unit(name: str, unit: str | None) -> str:
         return name
     if own is not None:
         if not same_unit(own, unit) and dimension_of(unit) is not None:
-            raise InputError(f"column {name!r} has the unit {unit!r}, which its name contradicts; correct one of them")
+            raise refused("table-units", {"column": name, "units": (own, unit)})
         return name
     if channel(name) is None:
         return f"{name} ({unit})"
     plain = unit if dimension_of(unit) else unit.lower()
     found = next((end for end in UNIT_LABELS if same_unit(end, unit) or plain == end.lower()), None)
     if found is None:
-        known = ", ".join(UNIT_LABELS.values())
-        raise InputError(f"column {name!r} has the unit {unit!r}, which is not known; use {known}")
+        raise refused("table-unit", {"column": name, "unit": unit, "allowed": tuple(UNIT_LABELS.values())})
     return name if found == "counts" else f"{name.removesuffix('_sd')}_{found}{'_sd' * name.endswith('_sd')}"
 
 
@@ -201,7 +197,7 @@ def _converted(name: str, unit: str | None) -> Reading:
         return Reading(name)
     own = _own_unit(name)
     if own is None:
-        raise InputError(f"{name!r} states no unit; {unit!r} cannot be converted into it: give the name with its unit")
+        raise refused("table-unit-missing", {"name": name, "right": (f"{name}_{unit}",)})
     factor, offset = unit_factor(unit, own)
     return Reading(name, factor, offset)
 
@@ -243,10 +239,7 @@ def reading_with(
         words = tuple(word.strip() for word in units.split(",") if word.strip())
         for word in words:
             if dimension_of(word) is None:
-                raise InputError(
-                    f"unit {word!r} is not known, or of two quantities; give units such as m, ft, deg, rad, g, mg, nT, "
-                    "uT, gauss, degC"
-                )
+                raise refused("table-unit-unknown", {"unit": word})
         found = replace(found, units=(*words, *found.units))
     if null is not None:
         found = replace(found, null=null)
@@ -287,18 +280,20 @@ def read_profile(name: str | Path) -> Profile:
     if str(name) in shipped():
         text = (files("inclinometry.files") / "profiles" / f"{name}.toml").read_text(encoding="utf-8")
     elif path.suffix.lower() != ".toml":
-        raise InputError(f"profile {str(name)!r} is not known; shipped: {', '.join(shipped())}, or give a .toml file")
+        raise not_among("profile", str(name), (*shipped(), "*.toml"))
     else:
         try:
             text = whole(path, LARGEST_SETTINGS).decode("utf-8")
         except UnicodeDecodeError as error:
-            raise FileError(f"cannot be read ({error})", path=path) from None
+            raise FileError(not_text("utf-8", error.reason), path=path) from None
     try:
         return _profile(Settings(path, parsed(text), _TYPES).content)
     except FileError:
         raise
-    except (InputError, tomllib.TOMLDecodeError) as error:
-        raise FileError(str(error), path=path) from None
+    except InputError as error:
+        raise in_file(error, path) from None
+    except tomllib.TOMLDecodeError as error:
+        raise FileError(damaged("TOML", error), path=path) from None
 
 
 _TYPES: Final[Mapping[str, type | tuple[type, ...]]] = {
@@ -312,20 +307,20 @@ def _profile(content: dict[str, Any]) -> Profile:
     for key, value in content.items():
         wanted = _TYPES[key]
         if not isinstance(value, wanted) or (isinstance(value, bool) and wanted is not bool):
-            raise InputError(f"{key} is {value!r}; {_kind(wanted)} is needed")
+            raise wrong_kind(key, str(value), _KINDS.get(wanted, "number"))
     separator = content.get("separator")
     if separator is not None and separator not in SEPARATORS:
-        raise InputError(f"separator {separator!r} is not known; allowed: {', '.join(SEPARATORS)}")
+        raise not_among("separator", separator, SEPARATORS)
     if content.get("skip", 0) < 0:
-        raise InputError(f"skip is {content['skip']}; a number of lines is needed")
+        raise out_of_range("skip", content["skip"], ">= 0")
     rate = content.get("rate_hz")
     if rate is not None and not 0.0 < rate < 1e6:
-        raise InputError(f"rate_hz is {rate!r}; allowed 0 to 1e6 rows a second")
+        raise out_of_range("rate_hz", rate, "> 0, < 1e6")
     columns, given, blank = _columns(content.get("columns", {}))
     units = tuple(map(str, content.get("units", [])))
     for unit in units:
         if dimension_of(unit) is None:
-            raise InputError(f"unit {unit!r} is not known")
+            raise refused("table-unit-unknown", {"unit": unit})
     return Profile(
         title=content.get("title", ""),
         separator=None if separator is None else SEPARATORS[separator],
@@ -352,10 +347,8 @@ def _columns(entries: dict[str, Any]) -> tuple[dict[str, str], dict[str, str], d
     for name, entry in entries.items():
         here = entry.get("name") if isinstance(entry, dict) else entry
         if not isinstance(here, str) or (isinstance(entry, dict) and set(entry) - {"name", "unit", "blank"}):
-            raise InputError(
-                f'columns: {name!r} is {entry!r}; write "accel_x_g", or {{ name = "mag_x_nT", unit = "gauss", blank = '
-                '"-9999" }'
-            )
+            pattern = '{ name = "mag_x_nT", unit = "gauss", blank = "-9999" }'
+            raise _entry(f"columns.{name}", entry, pattern)
         columns[name] = here
         if isinstance(entry, dict) and "unit" in entry:
             given[name] = str(entry["unit"])
@@ -368,7 +361,7 @@ def _columns(entries: dict[str, Any]) -> tuple[dict[str, str], dict[str, str], d
 def _constants(content: dict[str, Any]) -> dict[str, float | str]:
     for name, value in content.items():
         if isinstance(value, bool) or not isinstance(value, str | int | float) or value != value:
-            raise InputError(f"constants: {name} is {value!r}; a number or a text is needed")
+            raise wrong_kind(f"constants.{name}", str(value), "number")
     return {name: value if isinstance(value, str) else float(value) for name, value in content.items()}
 
 
@@ -377,23 +370,25 @@ def _roll_sets(content: dict[str, Any]) -> dict[str, tuple[int, int]]:
     before = 0
     for name, rows in content.items():
         if not isinstance(rows, list) or [type(row) for row in rows] != [int, int] or not before < rows[0] < rows[1]:
-            raise InputError(
-                f"roll_sets: {name} = {rows!r}; write its first and last row, [9, 16], behind those of the set before"
-            )
+            raise _entry(f"roll_sets.{name}", rows, f"[{before + 1}, {before + 8}]")
         before = rows[1]
     return {name: (first, last) for name, (first, last) in content.items()}
 
 
-def _kind(wanted: type | tuple[type, ...]) -> str:
-    words = {str: "a text", int: "a whole number", bool: "true or false", dict: "a table", list: "a list"}
-    return words[wanted] if isinstance(wanted, type) else "a number"
+def _entry(name: str, value: object, pattern: str) -> InputError:
+    return refused("table-profile-entry", {"name": name, "value": str(value), "pattern": pattern})
+
+
+_KINDS: Final[Mapping[object, str]] = {
+    str: "text", int: "whole number", bool: "true or false", dict: "table", list: "list",
+}  # fmt: skip
 
 
 def _axes(content: dict[str, Any]) -> dict[str, tuple[str, ...]]:
     """From the three axes of each kind, or from a named convention."""
     found: dict[str, tuple[str, ...]] = {}
     if "convention" in content and "axes" in content:
-        raise InputError("convention and axes both say how the sensors point; give one")
+        raise refused("input-one-of", {"names": ("convention", "axes")})
     if "convention" in content:
         vendor = named(content["convention"])
         for kind in PREFIXES.values():
@@ -404,9 +399,7 @@ def _axes(content: dict[str, Any]) -> dict[str, tuple[str, ...]]:
         kind = PREFIXES.get(prefix, prefix)
         letters = [str(axis).removeprefix("+").removeprefix("-") for axis in axes] if isinstance(axes, list) else []
         if kind not in PREFIXES.values() or sorted(letters) != ["x", "y", "z"]:
-            raise InputError(
-                f'axes: {prefix} = {axes!r}; write accelerometer = ["y", "-x", "z"]: each axis once, with its sign'
-            )
+            raise _entry(f"axes.{prefix}", axes, '["y", "-x", "z"]')
         found[kind] = tuple(str(axis).removeprefix("+") for axis in axes)
     return found
 

@@ -16,27 +16,25 @@ from inclinometry.arrays import Array
 from inclinometry.calibration.readings import LARGEST
 from inclinometry.errors import FileError
 from inclinometry.files.columns import LOG, channel, numbers_among
-from inclinometry.files.frame import Frame, row_error
+from inclinometry.files.frame import Frame, row_error, unused
 from inclinometry.files.parquet import parquet_pieces
 from inclinometry.files.signals import COLDEST, HOTTEST, read_signals
 from inclinometry.files.table import TableFile
 from inclinometry.files.text import Progress
 from inclinometry.files.writing import joined, replacing
+from inclinometry.findings import Finding
 
 
-def _backward(time: Array, last: float) -> tuple[int, str] | None:
+def _backward(time: Array, last: float) -> tuple[int, Finding] | None:
     before = np.concatenate([[last], time[:-1]])
     back = time < before
     if not back.any():
         return None
     row = int(np.argmax(back))
-    return row, (
-        f"time_s {time[row]:.12g} is less than {before[row]:.12g} before it; time must not run backwards: sort the "
-        "rows, or cut the run where the clock was set"
-    )
+    return row, Finding("input-backwards", {"time_s": float(time[row]), "before_s": float(before[row])})
 
 
-def _of_column(name: str, values: Array) -> tuple[int, str] | None:
+def _of_column(name: str, values: Array) -> tuple[int, Finding] | None:
     if name == "temperature_degC":
         low, high = COLDEST, HOTTEST
     else:
@@ -47,13 +45,12 @@ def _of_column(name: str, values: Array) -> tuple[int, str] | None:
     if not bad.any():
         return None
     row = int(np.argmax(bad))
-    value = values[row]
+    value = float(values[row])
     if np.isnan(value):
-        return row, f"column {name!r} is empty; every row needs its time: fill it in or remove the row"
+        return row, Finding("table-empty", {"column": name})
     if np.isinf(value):
-        return row, f"column {name!r} is {value}; a value must be finite: correct it or leave it empty"
-    doubt = ": is it in another unit?" if name == "temperature_degC" else ": correct it or leave it empty"
-    return row, f"column {name!r} is {value:g}; allowed {low:g} to {high:g}{doubt}"
+        return row, Finding("input-finite", {"name": name})
+    return row, Finding("file-value", {"column": name, "value": value, "allowed": f"{low:g} .. {high:g}"})
 
 
 BLOCK: Final = 1 << 15
@@ -78,13 +75,13 @@ class RunFile:
     """A run whose header has been read and whose rows have not.
 
     names : kind -> its columns, x, y, z or 1 to m. units : kind -> unit label, "counts" where the columns state none.
-    notes : what a person should know about the columns. wanted : every column that is read, time first.
+    findings : columns that are not read. wanted : every column that is read, time first.
     """
 
     path: Path
     names: Mapping[str, tuple[str, ...]]
     units: Mapping[str, str]
-    notes: tuple[str, ...]
+    findings: tuple[Finding, ...]
     wanted: tuple[str, ...]
     _table: TableFile
 
@@ -101,7 +98,7 @@ class RunFile:
         held.flush()
         yield from map(self._block, ready)
         if empty:
-            raise FileError("there are column names but no rows of values", path=self.path)
+            raise FileError(Finding("file-empty", {"what": "rows"}), path=self.path)
 
     def _pieces(self) -> Iterator[dict[str, Array]]:
         """Column -> (n,) piece by piece; FileError for a value that no sensor reports and a time that goes back."""
@@ -111,7 +108,7 @@ class RunFile:
             columns = {name: scaled[name] for name in wanted}
             problems = [_of_column(name, values) for name, values in columns.items()]
             problems.append(_backward(columns["time_s"], last))
-            first = min((problem for problem in problems if problem is not None), default=None)
+            first = min(filter(None, problems), key=lambda problem: problem[0], default=None)
             if first is not None:
                 raise row_error(table.path, first[1], int(lines[first[0]]), table.word)
             last = float(columns["time_s"][-1])
@@ -169,15 +166,15 @@ def open_run(path: str | Path, *, progress: Progress | None = None) -> RunFile:
     names = table.take(numbers_among(LOG))
     nothing = np.empty(0, dtype=np.int64)
     frame = Frame(where, dict.fromkeys(names, np.empty(0)), nothing, table.line, word=table.word)
-    unused = frame.unknown(LOG)
+    unknown = frame.unknown(LOG)
     frame.require(["time_s"])
     signals = read_signals(frame)
-    unused += [f"column {c.name!r} was not used" for c in map(channel, names) if c is not None and c.sd]
+    left = unused(c.name for c in map(channel, names) if c is not None and c.sd)
     channels = [name for kind in signals.names.values() for name in kind]
     wanted = ("time_s", *channels, *["temperature_degC"] * ("temperature_degC" in names))
     table.log("a run", wanted)
     kinds, units = MappingProxyType(signals.names), MappingProxyType(signals.units)
-    return RunFile(where, kinds, units, tuple(unused), wanted, table)
+    return RunFile(where, kinds, units, (*unknown, *left), wanted, table)
 
 
 # Long tables written block by block, whole or not at all: Parquet for anything long, CSV for the eye.
@@ -217,9 +214,9 @@ def writing(path: str | Path, columns: Sequence[OutField], header: Mapping[str, 
 def checked_ending(path: str | Path) -> str:
     """The ending of a table's name; FileError where it is not one that can be written."""
     ending = Path(path).suffix.lower()
-    endings = (".parquet", ".csv")
-    if ending not in endings:
-        raise FileError(f"the name ends in {ending or 'nothing'!r}; allowed: {', '.join(endings)}", path=path)
+    if ending not in (".parquet", ".csv"):
+        wrong = Finding("file-ending", {"ending": ending or "''", "allowed": (".parquet", ".csv")})
+        raise FileError(wrong, path=path)
     return ending
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from inclinometry.errors import FileError, InputError
+from inclinometry.errors import InputError, in_file, wrong_kind
 from inclinometry.files import toml_keys
 from inclinometry.survey.sag import MATERIALS, Bha, Element, Stabiliser
 
@@ -40,63 +40,34 @@ def read_bha(path: str | Path) -> Bha:
     settings = toml_keys.load(path, ("name", *_WHOLE, "element", "stabiliser"))
     values: dict[str, Any] = {}
     for key, (name, low, high, needed) in _WHOLE.items():
-        value = settings.number(key, low, high)
-        if value is None and needed:
-            raise FileError(f"key {key!r} is missing; give it", path=path)
+        value = settings.needed(key, low, high) if needed else settings.number(key, low, high)
         if value is not None:
             values[name] = value
     elements = tuple(_element(one, path, k + 1) for k, one in enumerate(_tables(settings, "element")))
     if not elements:
-        raise FileError("there is no [[element]]; give one for each piece, from the bit up", path=path)
+        raise settings.missing("element")
     blades = tuple(_stabiliser(one, path, k + 1) for k, one in enumerate(_tables(settings, "stabiliser")))
     try:
         return Bha(elements=elements, stabilisers=blades, name=settings.text("name") or "", **values)
     except InputError as error:
-        raise FileError(str(error), path=path) from None
+        raise in_file(error, path) from None
 
 
 def _tables(settings: toml_keys.Settings, key: str) -> list[dict[str, Any]]:
     """The tables [[key]] of a file."""
     found = settings.content.get(key, [])
     if not isinstance(found, list) or not all(isinstance(one, dict) for one in found):
-        raise FileError(f"{key} is {found!r}; write [[{key}]] above the keys of each", path=settings.path)
-    return found
-
-
-def _numbers(
-    content: dict[str, Any],
-    path: str | Path,
-    label: str,
-    numbers: dict[str, tuple[float, float]],
-    texts: tuple[str, ...],
-) -> tuple[toml_keys.Settings, dict[str, float | None]]:
-    try:
-        settings = toml_keys.Settings(path, content, (*numbers, *texts))
-        return settings, {key: settings.number(key, *bounds) for key, bounds in numbers.items()}
-    except FileError as error:
-        raise FileError(f"{label}: {error.problem}", path=path) from None
-
-
-def _needed(values: dict[str, float | None], keys: tuple[str, ...], path: str | Path, label: str) -> list[float]:
-    found = []
-    for key in keys:
-        value = values[key]
-        if value is None:
-            raise FileError(f"{label}: key {key!r} is missing; give it", path=path)
-        found.append(value)
+        raise in_file(wrong_kind(f"[[{key}]]", f"{found!r:.60}", "table"), settings.path)
     return found
 
 
 def _element(content: dict[str, Any], path: str | Path, place: int) -> Element:
     label = f"element {place}"
-    settings, values = _numbers(content, path, label, _ELEMENT, ("name", "material"))
-    length, outer, inner = _needed(values, ("length_m", "od_m", "id_m"), path, label)
-    try:
-        material = MATERIALS[settings.text("material", MATERIALS) or "steel"]
-        name = settings.text("name") or label
-    except FileError as error:
-        raise FileError(f"{label}: {error.problem}", path=path) from None
-    density, young, weight = values["density_kg_m3"], values["young_gpa"], values["weight_kg"]
+    settings = toml_keys.Settings(path, content, (*_ELEMENT, "name", "material"), label)
+    length, outer, inner = (settings.needed(key, *_ELEMENT[key]) for key in ("length_m", "od_m", "id_m"))
+    others = ("density_kg_m3", "young_gpa", "weight_kg")
+    density, young, weight = (settings.number(key, *_ELEMENT[key]) for key in others)
+    material = MATERIALS[settings.text("material", MATERIALS) or "steel"]
     density = material.density if density is None else density
     per_metre = density * np.pi / 4.0 * (outer**2 - inner**2) if weight is None else weight / length
     try:
@@ -107,14 +78,13 @@ def _element(content: dict[str, Any], path: str | Path, place: int) -> Element:
             weight=per_metre,
             young=material.young if young is None else young * 1e9,
             density=density,
-            name=name,
+            name=settings.text("name") or label,
         )
     except InputError as error:
-        raise FileError(f"{label}: {error}", path=path) from None
+        raise in_file(error, path) from None
 
 
 def _stabiliser(content: dict[str, Any], path: str | Path, place: int) -> Stabiliser:
-    label = f"stabiliser {place}"
     stabiliser = {"to_bit_m": (0.0, 1e3), "blade_od_m": (1e-2, 2.0)}
-    _, values = _numbers(content, path, label, stabiliser, ())
-    return Stabiliser(*_needed(values, ("to_bit_m", "blade_od_m"), path, label))
+    settings = toml_keys.Settings(path, content, stabiliser, f"stabiliser {place}")
+    return Stabiliser(*(settings.needed(key, *bounds) for key, bounds in stabiliser.items()))

@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 
 from inclinometry.arrays import Array, frozen
-from inclinometry.errors import FileError, InputError
+from inclinometry.errors import FileError, InputError, in_file
 from inclinometry.files import json_codec
+from inclinometry.findings import Finding, Value
 from inclinometry.gyro.tracking import ScaleBelief
 
 
@@ -74,9 +75,11 @@ def read_scale(path: str | Path) -> ScaleRecord:
     content = json_codec.stored(path, "scale", 2)
     belief: dict[str, Any] = content["belief"]
     stations: dict[str, Any] = content["stations"]
-    sizes = {name: len(values) for name, values in stations.items()}
-    if len(set(sizes.values())) > 1:
-        raise FileError(f"$.stations has columns of different lengths: {sizes}", path=path)
+    size = len(stations["md_m"])
+    for name, values in stations.items():
+        if len(values) != size:
+            facts: dict[str, Value] = {"place": f"$.stations.{name}", "count": len(values), "expected": size}
+            raise FileError(Finding("record-size", facts), path=path)
     span = belief["temperature_range_degC"]
     try:
         mean, spread = np.array(belief["coefficients"]), np.array(belief["covariance"])
@@ -87,8 +90,10 @@ def read_scale(path: str | Path) -> ScaleRecord:
         known = ScaleBelief(
             mean, spread, belief["reference_temperature_degC"], None if span is None else (span[0], span[1])
         )
-    except (InputError, ValueError) as error:
-        raise FileError(f"$.belief: {error}", path=path) from None
+    except InputError as error:
+        raise in_file(error, path) from None
+    except ValueError as error:
+        raise FileError(Finding("file-format", {"format": "$.belief", "reason": str(error)}), path=path) from None
     columns = {own: frozen(stations[name]) for own, name in _COLUMNS.items()}
     learnt, inputs = tuple(stations["learnt"]), content["inputs"]
     return ScaleRecord(tool=content["tool"], belief=known, learnt=learnt, inputs=inputs, **columns)

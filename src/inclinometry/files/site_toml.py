@@ -13,8 +13,9 @@ from numpy.typing import ArrayLike
 
 from inclinometry.arrays import Array, within
 from inclinometry.earth.site import REFERENCES, Site
-from inclinometry.errors import FileError, InputError
+from inclinometry.errors import FileError, InputError, in_file, refused, wrong_kind
 from inclinometry.files import toml_keys
+from inclinometry.findings import Finding
 
 if TYPE_CHECKING:
     from pyproj import CRS
@@ -48,8 +49,8 @@ def grid_convergence(crs: str, latitude: ArrayLike, longitude: ArrayLike) -> Gri
     good = np.isfinite(convergence) & (scale < 100.0)
     if not good.all():
         where = tuple(np.argwhere(~good)[0])
-        place = f"latitude {np.degrees(phi[where]):.6g}, longitude {np.degrees(lam[where]):.6g} deg"
-        raise InputError(f"{crs} cannot show {place}; check the zone of the grid and the sign of the longitude")
+        place = {"latitude_deg": math.degrees(phi[where]), "longitude_deg": math.degrees(lam[where])}
+        raise refused("record-grid-point", {"grid": crs, **place})
     return Grid(np.asarray(convergence), scale)
 
 
@@ -70,14 +71,14 @@ def map_grid(crs: str) -> CRS:
         try:
             found = CRS.from_user_input(crs)
         except CRSError:
-            raise InputError(f'crs {crs!r} is not known; write it as in crs = "EPSG:32632"') from None
+            raise refused("record-grid-unknown", {"grid": crs}) from None
     if not found.is_projected:
-        raise InputError(f"crs {crs!r} ({found.name}) is no map grid and has no grid north; name a projected one")
+        raise refused("record-grid-unknown", {"grid": f"{crs} ({found.name})"})
     return found
 
 
-def out_of_area(crs: str, latitude: float, longitude: float) -> str | None:
-    """A sentence when a point, rad, lies outside the area a grid is made for; None when it lies inside.
+def out_of_area(crs: str, latitude: float, longitude: float) -> Finding | None:
+    """What to say when a point, rad, lies outside the area a grid is made for; None when it lies inside.
 
     >>> out_of_area("EPSG:32632", np.radians(60.0), np.radians(10.0)) is None
     True
@@ -91,8 +92,8 @@ def out_of_area(crs: str, latitude: float, longitude: float) -> str | None:
     inside = (lon - west) % 360.0 <= ((east - west) % 360.0 or 360.0) and area.south <= lat <= area.north
     if inside:
         return None
-    reach = f"latitude {area.south:g} to {area.north:g}, longitude {west:g} to {east:g} deg"
-    return f"the site is outside the area of {crs} ({reach}): check the zone of the grid and the signs of the position"
+    reach = {"south_deg": area.south, "north_deg": area.north, "west_deg": west, "east_deg": east}
+    return Finding("record-grid-outside", {"grid": crs, **reach})
 
 
 # key of the file -> name in Site, lowest and highest value in the file's unit
@@ -146,8 +147,8 @@ def read_site(path: str | Path) -> Site:
     reference = settings.text("north_reference", REFERENCES)
     for key, (name, _, _) in _NUMBERS.items():
         if name.endswith("_sigma") and values[name] is not None and values[name.removesuffix("_sigma")] is None:
-            problem = f"{key} is given without {key.removeprefix('sigma_')}; give both or neither"
-            raise FileError(problem, path=path)
+            lacking = (key.removeprefix("sigma_"),)
+            raise FileError(Finding("input-needs", {"name": key, "needed": lacking}), path=path)
     crs = settings.text("crs")
     try:
         if crs is not None:
@@ -156,7 +157,7 @@ def read_site(path: str | Path) -> Site:
     except FileError:
         raise
     except InputError as error:
-        raise FileError(str(error), path=path) from None
+        raise in_file(error, path) from None
 
 
 def _date(settings: toml_keys.Settings) -> datetime.date | None:
@@ -168,5 +169,4 @@ def _date(settings: toml_keys.Settings) -> datetime.date | None:
     try:
         return datetime.date.fromisoformat(value)
     except (TypeError, ValueError):
-        problem = f"date is {value!r}; year, month and day are needed, as in date = 2024-05-01"
-        raise FileError(problem, path=settings.path) from None
+        raise in_file(wrong_kind("date", f"{value!r:.60}", "date"), settings.path) from None

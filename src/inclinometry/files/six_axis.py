@@ -20,6 +20,7 @@ from inclinometry.files.las import las_frame
 from inclinometry.files.parquet import parquet_pieces
 from inclinometry.files.table import TableFile
 from inclinometry.files.text import Progress
+from inclinometry.findings import Finding
 
 
 def read_survey(
@@ -122,14 +123,14 @@ def read_six_axis(
     (array([[0.     , 0.     , 9.80665]]), array([[20000.,     0., 45000.]]))
     """
     found = read_survey(path, convention=convention, azimuth_reference=azimuth_reference, progress=progress)
-    for field, columns in (("g", "gx_m_s2, gy_m_s2, gz_m_s2"), ("b", "bx_nT, by_nT, bz_nT")):
+    for field, columns in (("g", ("gx_m_s2", "gy_m_s2", "gz_m_s2")), ("b", ("bx_nT", "by_nT", "bz_nT"))):
         values = getattr(found, field)
         if values is None:
-            raise FileError(f"no six axes; columns {columns}, or others with their units, are needed", path=path)
-        empty = np.isnan(values).any(axis=1)
-        if empty.any():
-            depth = found.md[int(np.argmax(empty))]
-            raise FileError(f"one of {columns} is empty at {depth:.12g} m; fill it in or remove the row", path=path)
+            raise FileError(Finding("input-missing", {"names": columns}), path=path)
+        empty = np.argwhere(np.isnan(values))
+        if empty.size:
+            row, column = empty[0].tolist()
+            raise FileError(Finding("input-empty", {"name": columns[column]}), path=path, row=row + 1)
     return found
 
 

@@ -8,7 +8,6 @@ from typing import Final
 
 import numpy as np
 
-from inclinometry.errors import FileError
 from inclinometry.files import toml_keys
 from inclinometry.files.writing import write_text
 from inclinometry.stability import Stability
@@ -31,11 +30,11 @@ def read_stability(path: str | Path) -> Stability:
     for key, (name, most, unit) in _KEYS.items():
         value = settings.number(key, 0.0, most)
         if value is None and not key.endswith("_axis_deg"):
-            raise FileError(f"key {key!r} is missing; give it, 0 where that does not move", path=path)
+            raise settings.missing(key)
         values[name] = (value or 0.0) * unit
     source = settings.text("source")
     if source is None:
-        raise FileError("key 'source' is missing; say where the numbers come from", path=path)
+        raise settings.missing("source")
     return Stability(**values, source=source)
 
 

@@ -11,13 +11,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from inclinometry.arrays import Array, frozen
-from inclinometry.errors import InputError
+from inclinometry.errors import refused, wrong_shape
 from inclinometry.files import writing
 from inclinometry.files.columns import RAW_SURVEY, SURVEY, SURVEY_QUANTITIES, numbers_among
 from inclinometry.files.frame import Frame
 from inclinometry.files.signals import read_signals, read_temperature
 from inclinometry.files.table import TableFile, read_table
 from inclinometry.files.text import Progress
+from inclinometry.findings import Finding, Value
 from inclinometry.tabular import Column, Tabular, channel_columns
 
 
@@ -26,7 +27,7 @@ class RawSurvey(Tabular):
     """Raw stations of one run, in the order of depth.
 
     md : (n,) m, strictly increasing. channels : kind -> (n, m) in `units`. temperature : (n,) degC, or None.
-    extra : other columns of the file, as text. notes : findings of the reader.
+    extra : other columns of the file, as text. findings : of the reader.
     lines : (n,) line of the file of each station. digest : SHA-256 of the file.
     """
 
@@ -35,12 +36,17 @@ class RawSurvey(Tabular):
     temperature: Array | None
     units: Mapping[str, str]
     extra: Mapping[str, tuple[str, ...]]
-    notes: tuple[str, ...]
+    findings: tuple[Finding, ...]
     lines: NDArray[np.int64]
     digest: str
 
     def __len__(self) -> int:
         return len(self.md)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """The findings as sentences, for what still takes them so."""
+        return tuple(map(str, self.findings))
 
     def to_dict(self) -> dict[str, Column]:
         """One row a station: depth, channels and temperature, under the names they have in a file."""
@@ -80,7 +86,7 @@ def read_raw_survey(path: str | Path | TableFile, *, progress: Progress | None =
         temperature,
         MappingProxyType(signals.units),
         MappingProxyType({name: cells for name, cells in table.columns.items() if isinstance(cells, tuple)}),
-        signals.notes,
+        signals.findings,
         table.lines,
         table.digest,
     )
@@ -91,10 +97,21 @@ def check_increasing(table: Frame, name: str, values: Array) -> None:
     back = np.flatnonzero(np.diff(values) <= 0.0)
     if back.size:
         row = int(back[0]) + 1
-        how = "repeats" if values[row] == values[row - 1] else "is less than"
-        before = f"{values[row - 1]:.12g} in line {table.lines[row - 1]}"
-        problem = f"{name} {values[row]:.12g} {how} {before}; it must increase from row to row"
-        raise table.error(f"{problem}: sort the rows and keep one of each", row)
+        raise table.error(out_of_order(table, name, values, row - 1, row), row)
+
+
+def out_of_order(table: Frame, name: str, values: Array, before: int, row: int) -> Finding:
+    """The refusal of a value, in a row, that turns back or repeats the one of a row before."""
+    facts: dict[str, Value] = {"name": name, "value": float(values[row]), "before": float(values[before])}
+    return Finding("readings-order", {**facts, "line": int(table.lines[before])})
+
+
+def differs(table: Frame, name: str, value: Value, other: Value, before: int, station: str | None = None) -> Finding:
+    """The refusal of a value other than that in a row before, of the same station or of all."""
+    facts: dict[str, Value] = {"name": name, "value": value, "other": other, "line": int(table.lines[before])}
+    if station is None:
+        return Finding("readings-constant-differs", facts)
+    return Finding("readings-station-differs", {"station": station, **facts})
 
 
 def write_survey_csv(path: str | Path, columns: Mapping[str, ArrayLike | Sequence[str] | str]) -> None:
@@ -113,8 +130,9 @@ def survey_cells(
     """The columns of a survey file; parameters and errors as `write_survey_csv`."""
     unknown = sorted(set(columns) - set(SURVEY_QUANTITIES))
     if unknown or "md" not in columns:
-        problem = f"unknown survey columns {unknown}" if unknown else "no column 'md'"
-        raise InputError(f"{problem}; allowed: {', '.join(SURVEY_QUANTITIES)}")
+        if unknown:
+            raise refused("input-unknown", {"names": tuple(unknown), "known": tuple(SURVEY_QUANTITIES)})
+        raise refused("input-missing", {"names": ("md",)})
     size = int(np.size(np.asarray(columns["md"], dtype=np.float64)))
     return {column: _cells(name, column, columns.get(name), size) for name, column in SURVEY_QUANTITIES.items()}
 
@@ -128,13 +146,13 @@ def _cells(name: str, column: str, value: ArrayLike | Sequence[str] | str | None
     else:
         found = np.asarray(value, dtype=np.float64).ravel()
         if np.isinf(found).any():
-            raise InputError(f"{name} is infinite at station {int(np.isinf(found).argmax())}; use NaN for unknown")
+            raise refused("input-finite", {"name": name})
         if column.endswith("_deg"):
             found = writing.degrees(found)
         if name in ("azimuth", "toolface", "magnetic_toolface"):
             found = np.where(found == 360.0, 0.0, found)  # 360 - 1e-12 rounds up to what is printed as 0
     if len(found) != size:
-        raise InputError(f"{name} has {len(found)} values; md has {size}")
+        raise wrong_shape(name, (len(found),), f"({size},)")
     return found
 
 

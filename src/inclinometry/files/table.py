@@ -21,6 +21,8 @@ from inclinometry.files.layout import Piece, TextTable
 from inclinometry.files.profile import Reading, current, stated_unit
 from inclinometry.files.text import NULLS, ArrowNumbers, Cells, LineReader, NumberReader, Progress, texts_of
 from inclinometry.files.timestamps import Clock, part_of_time
+from inclinometry.findings import Finding
+from inclinometry.opening import too_large
 
 
 def read_table(
@@ -99,8 +101,8 @@ class TableFile:
         """Of the bytes read so far: of the file once its rows are read."""
         return self._lines.digest
 
-    def _error(self, problem: str, line: int | None) -> FileError:
-        return row_error(self.path, problem, line, self.word)
+    def _error(self, found: Finding, line: int | None) -> FileError:
+        return row_error(self.path, found, line, self.word)
 
     def _chosen(self, cells: Sequence[Any]) -> list[Any]:
         """Of what is said of each column, that of those that are read and of those that are added."""
@@ -108,19 +110,14 @@ class TableFile:
 
     def _check_names(self, names: Sequence[str]) -> None:
         if len(names) > MOST_COLUMNS:
-            raise self._error(f"{len(names):,} columns; allowed {MOST_COLUMNS:,}", self.line)
+            raise self._error(too_large("columns", len(names), MOST_COLUMNS), self.line)
         for place, name in enumerate(names, 1):
             if not name:
-                raise self._error(f"column {place} has no name; give it one or remove it", self.line)
-            if (first := names.index(name)) < place - 1:
-                raise self._error(
-                    f"column {name!r} appears twice (columns {first + 1} and {place}); remove one", self.line
-                )
+                raise self._error(Finding("table-unnamed", {"place": place}), self.line)
+            if names.index(name) < place - 1:
+                raise self._error(Finding("table-twice", {"column": name}), self.line)
         if names and all(name.lstrip("+-").replace(".", "", 1).isdigit() for name in names):
-            shown = ", ".join(names[:3])
-            raise self._error(
-                f"numbers ({shown}) stand where the column names should be; add a line of names", self.line
-            )
+            raise self._error(Finding("table-names-numbers", {"names": tuple(names[:3])}), self.line)
 
     def _readings(self, numeric: Callable[[str], bool]) -> list[Reading]:
         """What each column is; a name is only translated into one the file does not have itself."""
@@ -132,7 +129,7 @@ class TableFile:
                     Reading(bare) if name.startswith(f"{bare} (") and numeric(bare) else profile.reading(name, numeric)
                 )
             except InputError as error:
-                raise self._error(str(error), self.line) from None
+                raise row_error(self.path, error.finding or str(error), self.line, self.word) from None
             stated = name in profile.columns or name.startswith("column ") or bool(profile.axes)
             found.append(reading if stated or reading.name not in self.written else Reading(name))
         return found
@@ -266,10 +263,10 @@ class TableFile:
             for name, more in cells.items():
                 texts[name] += more
         if not places:
-            raise self._error("there are column names but no rows of values", self.line)
+            raise self._error(Finding("file-empty", {"what": "rows"}), self.line)
         lines = np.concatenate(places)
         if self._text is None and len(lines) * len(self.names) > MOST_VALUES:
-            raise self._error(f"{len(lines) * len(self.names):,} values; allowed {MOST_VALUES:,}: split the file", None)
+            raise self._error(too_large("values", len(lines) * len(self.names), MOST_VALUES), None)
         # each column twice only while it is put together
         found = {name: np.concatenate(parts.pop(name)) for name in numbers}
         self._take_nulls(found, empty, lines)
@@ -281,8 +278,7 @@ class TableFile:
             stated = columns.setdefault("azimuth_reference", (north,) * len(lines))
             for row, cell in enumerate(stated):
                 if cell != north:
-                    problem = f"the azimuths count from {north} north by the name of their column"
-                    raise self._error(f"{problem}, from {cell!r} here; correct one of them", int(lines[row]))
+                    raise self._error(Finding("input-north", {"norths": (north, str(cell))}), int(lines[row]))
         self.log(f"{len(lines):,} rows", numbers)
         return Frame(
             self.path,
@@ -306,18 +302,15 @@ class TableFile:
             if self._profile.null is not None:
                 empty = values == self._profile.null
                 if empty.any() and name not in gaps:
-                    problem = f"column {name!r} is {self._profile.null:g}, which is declared to be empty"
-                    line = int(lines[np.argmax(empty)])
-                    raise self._error(f"{problem}; fill it in or remove the row", line)
+                    raise self._error(Finding("table-empty", {"column": name}), int(lines[np.argmax(empty)]))
                 values[empty] = np.nan
             elif np.nanmin(values, initial=0.0) <= NULLS[0]:
                 suspects += np.isin(values, NULLS) * np.int16(2 if name in self.degrees else 1)
         if (suspects > 1).any():
             row = int(np.argmax(suspects > 1))
             name = next(name for name, values in numbers.items() if values[row] in NULLS)
-            shown = f"{numbers[name][row]:.10g}"
-            problem = f"column {name!r} is {shown}, by which many files say that there is nothing"
-            raise self._error(f"{problem}; state --null {shown}, or correct it", int(lines[row]))
+            marked = Finding("table-null", {"column": name, "value": float(numbers[name][row])})
+            raise self._error(marked, int(lines[row]))
 
 
 def _filled(lines: NDArray[np.int64], columns: list[Cells]) -> tuple[NDArray[np.int64], list[Cells]]:

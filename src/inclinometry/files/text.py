@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 from inclinometry.arrays import Array
 from inclinometry.errors import FileError
 from inclinometry.files.frame import row_error
-from inclinometry.opening import opened
+from inclinometry.findings import Finding
+from inclinometry.opening import damaged, not_text, opened, too_large
 
 # Numbers as people write them: one strict rule for points, commas, blanks and text.
 
@@ -112,12 +113,12 @@ class NumberReader:
             return
         line, name, text = self._comma
         if self._point is not None:
-            where = f"{self._point[2]!r} in {self._word} {self._point[0]} has a decimal point"
-            problem = f"{text!r} in column {name!r} has a decimal comma, but {where}; use one of them throughout"
-            raise self._error(problem, line)
+            row, _, other = self._point
+            mixed = Finding("table-decimal-mixed", {"column": name, "value": text, "row": row, "other": other})
+            raise self._error(mixed, line)
         if not self._proved:
-            problem = f"{text!r} in column {name!r} may mean {text.replace(',', '')} or {text.replace(',', '.')}"
-            raise self._error(f"{problem}; write numbers with a decimal point", line)
+            readings = (text.replace(",", ""), text.replace(",", "."))
+            raise self._error(Finding("table-decimal", {"column": name, "value": text, "readings": readings}), line)
 
     def _fast(self, cells: Sequence[str]) -> Array | None:
         try:
@@ -158,23 +159,22 @@ class NumberReader:
 
     def _refuse(self, text: str, name: str, line: int, degrees: bool = False) -> FileError:
         shown = text if len(text) <= 40 else text[:37] + "..."
+        found = Finding("file-number", {"column": name, "value": shown})
         if not text:
-            problem = f"column {name!r} is empty; fill it in or remove the row"
+            found = Finding("table-empty", {"column": name})
         elif text.lower().lstrip("+-") in ("nan", "inf", "infinity") or NUMBER.fullmatch(text):
-            problem = f"column {name!r} is {shown}; every value must be finite: correct it or remove the row"
+            found = Finding("input-finite", {"name": name})
         elif degrees and (parts := _PERHAPS_MINUTES.fullmatch(text)):
             whole, minutes, seconds = parts.groups()
             value = _in_degrees(whole[: whole[0] in "+-"], whole.lstrip("+-"), minutes, seconds)
             marked = f"{whole}°{minutes}'" + (f'{seconds}"' if seconds else "")
-            problem = f"{shown!r} in column {name!r} may be degrees and minutes; write {value:.8g} or {marked}"
+            found = Finding("table-minutes", {"column": name, "value": shown, "decimal": value, "marked": marked})
         elif "," in text and not set(text) - set("+-0123456789.,"):
-            problem = f"{shown!r} in column {name!r} has a thousands separator; write digits and one decimal point"
-        else:
-            problem = f"{shown!r} in column {name!r} is not a number; correct it or remove the row"
-        return self._error(problem, line)
+            found = Finding("table-thousands", {"column": name, "value": shown})
+        return self._error(found, line)
 
-    def _error(self, problem: str, line: int) -> FileError:
-        return row_error(self._path, problem, line, self._word)
+    def _error(self, found: Finding, line: int) -> FileError:
+        return row_error(self._path, found, line, self._word)
 
 
 def _in_degrees(sign: str, degrees: str, minutes: str | None, seconds: str | None) -> float:
@@ -194,10 +194,9 @@ CHUNK = 1 << 20
 LONGEST_LINE = 1 << 20
 Progress = Callable[[int], None]
 
-_MAGIC = {
-    b"%PDF": "a PDF document, which is no table; export its table as CSV or Excel where it was made",
-    b"\xd0\xcf\x11\xe0": "a workbook of Excel before 2007 (.xls); save it as .xlsx or CSV",
-}
+OLD_EXCEL: Final = b"\xd0\xcf\x11\xe0"
+"""Begins a workbook of before 2007, and one with a password."""
+_MAGIC = {b"%PDF": "PDF", OLD_EXCEL: "Excel 97 (.xls)"}
 
 
 class Block(NamedTuple):
@@ -230,9 +229,8 @@ class LineReader:
         for text in self._texts():
             *lines, carry = (carry + text).replace("\r\n", "\n").replace("\r", "\n").split("\n")
             if len(carry) > LONGEST_LINE:
-                raise FileError(
-                    f"this line is longer than {LONGEST_LINE} characters; no table", path=self.path, line=line
-                )
+                found = too_large("characters of a line", len(carry), LONGEST_LINE)
+                raise FileError(found, path=self.path, line=line)
             if lines:
                 yield Block(line, lines)
                 line += len(lines)
@@ -251,7 +249,7 @@ class LineReader:
             except UnicodeDecodeError as error:
                 raise _not_text(error, chunk, lines, self.path) from None
             if "\0" in text:
-                raise FileError("not a text file (it holds zero bytes); save it as CSV, UTF-8", path=self.path)
+                raise FileError(not_text("utf-8", "0x00"), path=self.path)
             held = "\r" if chunk and text.endswith("\r") else ""
             lines += text.count("\n")
             yield text[: len(text) - len(held)]
@@ -278,23 +276,24 @@ class LineReader:
                             yield piece
                         rest = packed.unconsumed_tail or packed.unused_data
                 if packed is not None and not packed.eof:
-                    raise FileError("the compressed file ends early; copy it again", path=self.path)
+                    raise FileError(damaged("gzip", "unexpected end"), path=self.path)
         except zlib.error as error:
-            raise FileError(f"damaged where it is compressed ({error}); copy it again", path=self.path) from None
+            raise FileError(damaged("gzip", error), path=self.path) from None
         except OSError as error:
-            raise FileError(f"cannot be read ({error.strerror or error})", path=self.path) from None
+            reason = error.strerror or str(error)
+            raise FileError(Finding("file-unreadable", {"reason": reason}), path=self.path) from None
         yield b""
 
 
 def _encoding(start: bytes, path: Path) -> str:
     """UTF-8 unless a byte-order mark says otherwise."""
     if start.startswith((codecs.BOM_UTF32_LE, codecs.BOM_UTF32_BE)):
-        raise FileError("UTF-32 text is not read; save it as UTF-8", path=path)
+        raise FileError(not_text("utf-8", "UTF-32"), path=path)
     if start.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return "utf-16"
     for magic, what in _MAGIC.items():
         if start.startswith(magic):
-            raise FileError(f"this is {what}", path=path)
+            raise FileError(Finding("file-kind", {"format": what, "wanted": (".xlsx", ".csv")}), path=path)
     if set(start) - _ASCII and set(start) - _ASCII <= set("°²µ".encode("latin-1")):
         return "latin-1"  # signs of units alone, by a program that knows no UTF-8
     return "cp1252" if _western(start) else "utf-8-sig"
@@ -319,8 +318,8 @@ def _not_text(error: UnicodeDecodeError, chunk: bytes, line: int, path: Path) ->
     """The error's position refers to the decoder's buffer, which may begin with bytes kept from the chunk before."""
     piece = bytes(error.object)
     line += piece[: error.start].count(b"\n")
-    value = f"byte 0x{piece[error.start]:02x}" if piece else "its end"
-    return FileError(f"not {error.encoding} text ({value}, {error.reason}); save it as UTF-8", path=path, line=line)
+    value = f", 0x{piece[error.start]:02x}" if piece else ""
+    return FileError(not_text(error.encoding, f"{error.reason}{value}"), path=path, line=line)
 
 
 class ArrowNumbers:

@@ -11,8 +11,9 @@ from typing import Final
 import numpy as np
 
 from inclinometry.arrays import Array
-from inclinometry.errors import FileError
+from inclinometry.errors import FileError, InputError, in_file, refused
 from inclinometry.files._quantities import seconds_of
+from inclinometry.findings import Finding
 
 Seconds = Callable[[Sequence[str]], float]
 """Seconds since the first row, by the cells of the columns of time."""
@@ -69,14 +70,13 @@ class Clock:
             texts = [cell.strip() for cell in cells]
             try:
                 times.append(round(self._seconds(texts) * 1e6) / 1e6)
-            except (ValueError, OverflowError) as error:
-                raise FileError(self._problem(texts, error), path=self._path, line=int(line)) from None
+            except InputError as error:
+                raise in_file(error, self._path, int(line)) from None
+            except (ValueError, OverflowError):
+                names = tuple(self._names[k].strip() for k in self.places)
+                wrong = Finding("table-time", {"columns": names, "value": " ".join(texts)[:60]})
+                raise FileError(wrong, path=self._path, line=int(line)) from None
         return np.array(times)
-
-    def _problem(self, texts: Sequence[str], error: Exception) -> str:
-        names = ", ".join(repr(self._names[k].strip()) for k in self.places)
-        why = str(error) if "first" in str(error) else "correct it or remove the row"
-        return f"{' '.join(texts)[:60]!r} in column {names} is no date and time such as 2026-05-01 12:30:00.5; {why}"
 
 
 def _found(header: Sequence[str], cells: Sequence[str]) -> tuple[list[int], Seconds] | None:
@@ -183,6 +183,6 @@ class _Stamps:
         a, b = int(one), int(two)
         order = "day" if mark == "." or a > 12 else "month" if b > 12 else self._order or "either"
         if self._days and "either" in (order, self._order):
-            raise ValueError("the day or the month may stand first: write 2026-05-01")
+            raise refused("table-date", {"value": text})
         self._order = order
         return datetime(year, *((b, a) if order == "day" else (a, b))).toordinal()

@@ -9,34 +9,53 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, Final
 
-from inclinometry.errors import FileError
-from inclinometry.files.columns import advice, closest
+from inclinometry.errors import FileError, in_file, not_among, out_of_range, wrong_kind
+from inclinometry.files.columns import closest
+from inclinometry.findings import Finding
 from inclinometry.opening import LARGEST_SETTINGS, whole
 
 
 class Settings:
-    """The keys of one file, taken one by one with their checks."""
+    """The keys of one file or of one table in it, whose name is `table`, taken one by one with their checks."""
 
-    def __init__(self, path: str | Path, content: dict[str, Any], keys: Iterable[str]) -> None:
-        self.path, self.content, known = path, content, list(keys)
+    def __init__(self, path: str | Path, content: dict[str, Any], keys: Iterable[str], table: str = "") -> None:
+        self.path, self.content, self._table, known = path, content, table, list(keys)
         for key in content:
             if key not in known:
-                hint = advice(key, known)
                 near = closest(key, known)
-                hint = hint or (f"did you mean {near}?" if near else f"allowed: {', '.join(known)}")
-                raise FileError(f"key {key!r:.80} is not known; {hint}", path=path)
+                name = f"{self.name(key):.80}"
+                raise FileError(
+                    Finding("record-key-unknown", {"name": name, "nearest": near})
+                    if near
+                    else Finding("input-unknown", {"names": (name,), "known": tuple(known)}),
+                    path=path,
+                )
+
+    def name(self, key: str) -> str:
+        """A key with the table it is in."""
+        return f"{self._table}.{key}" if self._table else key
 
     def number(self, key: str, low: float, high: float) -> float | None:
         """A finite number in [low, high], or None when the key is not there."""
         if key not in self.content:
             return None
         value = self.content[key]
-        allowed = f"a number from {low:g} to {high:g} is needed"
         if isinstance(value, bool) or not isinstance(value, int | float):
-            raise FileError(f"{key} is {value!r}; {allowed}", path=self.path)
+            raise in_file(wrong_kind(self.name(key), f"{value!r:.60}", "number"), self.path)
         if not (math.isfinite(value) and low <= value <= high):
-            raise FileError(f"{key} is {value}; {allowed}", path=self.path)
+            raise in_file(out_of_range(self.name(key), f"{value!r:.60}", f"{low:g} .. {high:g}"), self.path)
         return float(value)
+
+    def needed(self, key: str, low: float, high: float) -> float:
+        """A finite number in [low, high] that must be there."""
+        value = self.number(key, low, high)
+        if value is None:
+            raise self.missing(key)
+        return value
+
+    def missing(self, key: str) -> FileError:
+        """The error of a key that is not there."""
+        return FileError(Finding("input-missing", {"names": (self.name(key),)}), path=self.path)
 
     def text(self, key: str, choices: Iterable[str] = ()) -> str | None:
         """A text that is not empty, one of `choices` where given, or None when the key is not there."""
@@ -44,8 +63,8 @@ class Settings:
             return None
         value, allowed = self.content[key], list(choices)
         if not isinstance(value, str) or not value.strip() or (allowed and value not in allowed):
-            wanted = " or ".join(f'"{c}"' for c in allowed) if allowed else "a text"
-            raise FileError(f"{key} is {value!r}; {wanted} is needed", path=self.path)
+            name, found = self.name(key), f"{value!r:.60}"
+            raise in_file(not_among(name, found, allowed) if allowed else wrong_kind(name, found, "text"), self.path)
         return value
 
 
@@ -78,10 +97,12 @@ def load(path: str | Path, keys: Iterable[str]) -> Settings:
     except tomllib.TOMLDecodeError as error:
         place = re.search(r"line (\d+)", str(error))
         line = int(place[1]) if place else text.count("\n") + 1
-        raise FileError(f"not TOML: {error}; a line reads key = value", path=path, line=line) from None
+        found = Finding("file-format", {"format": "TOML", "reason": str(error)})
+        raise FileError(found, path=path, line=line) from None
     except UnicodeDecodeError as error:
-        raise FileError(f"not UTF-8 text (byte {error.start}); save it as UTF-8", path=path) from None
+        reason = f"{error.reason} (byte {error.start})"
+        raise FileError(Finding("file-format", {"format": "UTF-8", "reason": reason}), path=path) from None
     except FileError:
         raise
     except (ValueError, RecursionError) as error:
-        raise FileError(f"cannot be read ({error})", path=path) from None
+        raise FileError(Finding("file-format", {"format": "TOML", "reason": str(error)}), path=path) from None

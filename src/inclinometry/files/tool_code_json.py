@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 
 from inclinometry.constants import FOOT
-from inclinometry.errors import FileError, InputError
+from inclinometry.errors import InputError, in_file, not_among, out_of_range
 from inclinometry.files import json_codec
 from inclinometry.position.tool_code import Term, ToolCode, term
 from inclinometry.tabular import check_record
@@ -83,8 +83,7 @@ def load_tool_code(name_or_path: str | Path) -> ToolCode:
     except (OSError, ValueError):
         missing = True
     if missing:
-        names = ", ".join(tool_code_names())
-        raise InputError(f"tool code {str(name_or_path)!r} is neither a file nor one of those shipped: {names}")
+        raise not_among("--tool-code", str(name_or_path), tool_code_names())
     return _read(path)
 
 
@@ -111,7 +110,7 @@ def _read(path: Path) -> ToolCode:
             continuous_above=None if continuous is None else float(continuous),
         )
     except InputError as error:
-        raise FileError(str(error), path=path) from None
+        raise in_file(error, path) from None
 
 
 def _without_extensions(content: dict[str, Any]) -> dict[str, Any]:
@@ -139,7 +138,7 @@ def _term(cells: Mapping[str, Any], where: str, path: Path) -> Term:
     course = cells.get("course", cells["name"] in ("XCLA", "XCLH"))
     for key in ("depth_factor", "inclination_factor", "azimuth_factor"):
         if cells.get(key, 1) not in (0, 1):  # published files mark with 0 and 1 what the formulas say anyway
-            raise FileError(f"{where}.{key} is {cells[key]}; write it into the formula, and leave it out", path=path)
+            raise in_file(out_of_range(f"{where}.{key}", json_codec.shown(cells[key]), "0, 1"), path)
     if cells["name"] == "XCLA" and "course" not in cells:
         singular = list(_COURSE_SINGULAR)
     weights = ("depth_formula", "inclination_formula", "azimuth_formula")
@@ -159,7 +158,7 @@ def _term(cells: Mapping[str, Any], where: str, path: Path) -> Term:
             source=cells.get("source", ""),
         )
     except InputError as error:
-        raise FileError(f"{where}: {error}", path=path) from None
+        raise in_file(error, path) from None
 
 
 def write_tool_code(code: ToolCode, path: str | Path, evidence: Mapping[str, object] | None = None) -> None:

@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 
 from inclinometry.arrays import Array, frozen
-from inclinometry.calibration.result import Calibration, Residuals, Rig
+from inclinometry.calibration.result import Calibration, Residuals, Rig, uncoded
 from inclinometry.constants import FIELD_UNITS, SHORT_INCLINATIONS
-from inclinometry.errors import FileError, InputError
+from inclinometry.errors import FileError, InputError, in_file, not_among, out_of_range
 from inclinometry.files import json_codec
 from inclinometry.files.json_codec import Json, shown
+from inclinometry.findings import Finding, Value, only_notes, without_notes
 from inclinometry.sensors import Tool, Triad
 from inclinometry.tabular import check_record
 
@@ -32,17 +33,13 @@ def check_arrays(content: Json, path: str | Path) -> None:
         for i, term in enumerate(entry.get("temperature_coefficients", [])):
             parts += [(f"{where}.temperature_coefficients[{i}].{name}", term[name]) for name in ("tensor", "offset")]
         for place, values in parts:
-            if len(values) != count:
-                problem = f"{place} has {len(values)} entries; it must have {count}, one a row of {where}.tensor"
-                raise FileError(problem, path=path)
+            _check_count(values, count, place, path)
     kept = content.get("residuals", {})
     for name in ("values", "standardised"):
         for kind, rows in kept.get(name, {}).items():
             where = f"$.residuals.{name}.{kind}"
             _check_rows(rows, where, path)
-            if len(rows) != len(kept["station"]):
-                problem = f"{where} has {len(rows)} rows; it must have {len(kept['station'])}, one a station"
-                raise FileError(problem, path=path)
+            _check_count(rows, len(kept["station"]), where, path)
 
 
 def _check_size(value: Any, where: str, path: str | Path) -> None:
@@ -53,14 +50,18 @@ def _check_size(value: Any, where: str, path: str | Path) -> None:
         for i, item in enumerate(value):
             _check_size(item, f"{where}[{i}]", path)
     elif isinstance(value, int | float) and abs(value) > LARGEST:
-        raise FileError(f"{where} is {shown(value)}; it must be within -{LARGEST:g} to {LARGEST:g}", path=path)
+        raise in_file(out_of_range(where, shown(value), f"-{LARGEST:g} .. {LARGEST:g}"), path)
+
+
+def _check_count(values: list[Any], count: int, place: str, path: str | Path) -> None:
+    if len(values) != count:
+        facts: dict[str, Value] = {"place": place, "count": len(values), "expected": count}
+        raise FileError(Finding("record-size", facts), path=path)
 
 
 def _check_rows(rows: list[list[float]], where: str, path: str | Path, width: int | None = None) -> None:
-    width = len(rows[0]) if width is None and rows else width
     for i, row in enumerate(rows):
-        if len(row) != width:
-            raise FileError(f"{where}[{i}] has {len(row)} entries; it must have {width}", path=path)
+        _check_count(row, len(rows[0]) if width is None else width, f"{where}[{i}]", path)
 
 
 def check_directions(entries: Mapping[str, list[float]], path: str | Path) -> dict[str, Array]:
@@ -70,7 +71,7 @@ def check_directions(entries: Mapping[str, list[float]], path: str | Path) -> di
     for kind, vector in found.items():
         length = float(np.linalg.norm(vector))
         if not abs(length - 1.0) <= unit:
-            raise FileError(f"$.field_directions.{kind} has length {length:.9g}; it must be a unit vector", path=path)
+            raise in_file(out_of_range(f"|$.field_directions.{kind}|", f"{length:.9g}", "1"), path)
     return found
 
 
@@ -78,16 +79,14 @@ def covariance(entry: Mapping[str, Any], path: str | Path, where: str) -> Array:
     """The matrix of a covariance entry, square, symmetric and positive semidefinite; FileError otherwise."""
     names, place = entry["parameters"], f"{where}.matrix"
     size = len(names)
-    if len(entry["matrix"]) != size:
-        problem = f"{place} has {len(entry['matrix'])} rows; it must have {size}, one a name in {where}.parameters"
-        raise FileError(problem, path=path)
+    _check_count(entry["matrix"], size, place, path)
     _check_rows(entry["matrix"], place, path, size)
     matrix = np.array(entry["matrix"], dtype=np.float64).reshape(size, size)
     variance = np.diagonal(matrix)
     if (variance < 0.0).any():
         k = int(np.argmin(variance))
-        problem = f"{place}[{k}][{k}] is {variance[k]:g}; a variance must be 0 or more"
-        raise FileError(f"{problem}: repeat the calibration", path=path)
+        facts: dict[str, Value] = {"place": f"{place}[{k}][{k}]", "fault": "negative variance"}
+        raise FileError(Finding("record-covariance", facts), path=path)
     gap = np.abs(matrix - matrix.T)
     uneven = gap > SYMMETRIC * np.maximum(np.abs(matrix), np.abs(matrix.T))
     # entries that are rounding beside their variances need not agree
@@ -95,13 +94,13 @@ def covariance(entry: Mapping[str, Any], path: str | Path, where: str) -> Array:
     uneven &= gap > SYMMETRIC * np.outer(sd, sd)
     if uneven.any():
         i, j = np.argwhere(uneven)[0].tolist()
-        problem = f"{place}[{i}][{j}] is {matrix[i, j]:g} and [{j}][{i}] is {matrix[j, i]:g}"
-        raise FileError(f"{problem}; a covariance must be symmetric: repeat the calibration", path=path)
+        facts = {"place": f"{place}[{i}][{j}]", "fault": "not symmetric"}
+        raise FileError(Finding("record-covariance", facts), path=path)
     scale = np.where(sd > 0.0, sd, 1.0)
     least = float(np.linalg.eigvalsh(matrix / scale / scale[:, None]).min(initial=0.0))
     if least < -1e-6:
-        problem = f"{place} has an eigenvalue of {least:.3g} as a matrix of correlations; it must be 0 or more"
-        raise FileError(f"{problem}: repeat the calibration", path=path)
+        facts = {"place": place, "fault": "negative eigenvalue"}
+        raise FileError(Finding("record-covariance", facts), path=path)
     return frozen(matrix)
 
 
@@ -163,8 +162,8 @@ def calibration_content(calibration: Calibration, created: str | None = None) ->
             "leverage": residuals.leverage,
         },
         "temperature_range_degC": tool.temperature_range,
-        "warnings": calibration.remarks,
-        "notes": [*calibration.notes, *(str(one) for one in calibration.findings if one.severity == "note")],
+        "warnings": list(map(str, without_notes(calibration.findings))),
+        "notes": list(map(str, only_notes(calibration.findings))),
     }
     if np.isfinite(rig.freedom).any():
         content["rig"]["degrees_of_freedom"] = [float(nu) if np.isfinite(nu) else None for nu in rig.freedom]
@@ -270,9 +269,8 @@ def calibration_from(content: dict[str, Any], where: str | Path) -> Calibration:
                 {kind: _array(v) for kind, v in residuals["standardised"].items()},
                 _array(residuals["leverage"]),
             ),
-            tuple(content["warnings"]),
-            # files of before have none
-            notes=tuple(content.get("notes", ())),
+            # files of before have no notes
+            (*uncoded(content["warnings"]), *uncoded(content.get("notes", ()), "note")),
             shares={
                 name: _array([[np.nan if v is None else v for v in row] for row in rows])
                 for name, rows in content.get("calibration_shares", {}).get("causes", {}).items()
@@ -334,19 +332,17 @@ def _tool(content: dict[str, Any], path: str | Path) -> Tool:
     matrix = covariance(content[key], path, f"$.{key}")
     inside = _block(content[key]["parameters"], matrix, tool.parameter_names)
     if inside is None:
-        lost = next(name for name in tool.parameter_names if name not in content[key]["parameters"])
-        raise FileError(f"$.{key}.parameters lacks {lost!r}, a parameter of $.triads; add its row", path=path)
+        raise FileError(Finding("record-names", {"place": f"$.{key}.parameters", "other": "$.triads"}), path=path)
     return Tool(tool.name, triads, inside, noise, limits)
 
 
 def _triad(kind: str, entry: dict[str, Any], path: str | Path) -> Triad:
     higher = entry.get("temperature_coefficients", [])
     if [term["power"] for term in higher] != list(range(1, len(higher) + 1)):
-        where = f"$.triads.{kind}.temperature_coefficients"
-        raise FileError(f"{where}: the powers must be 1, 2, .. in this order", path=path)
+        powers = ", ".join(str(term["power"]) for term in higher[:5])
+        raise in_file(out_of_range(f"$.triads.{kind}.temperature_coefficients.power", powers, "1, 2, .."), path)
     if entry.get("field_unit", FIELD_UNITS[kind]) != FIELD_UNITS[kind]:
-        where = f"$.triads.{kind}.field_unit"
-        raise FileError(f"{where} is {entry['field_unit']!r}; expected {FIELD_UNITS[kind]!r}", path=path)
+        raise in_file(not_among(f"$.triads.{kind}.field_unit", shown(entry["field_unit"]), [FIELD_UNITS[kind]]), path)
     strength, sensitivity = entry.get("field_strength"), entry.get("g_sensitivity")
     return Triad(
         kind,
@@ -366,5 +362,6 @@ def _array(value: Any) -> Array:
 def _refused(error: Exception, path: str | Path) -> FileError:
     if isinstance(error, FileError):
         return error
-    reason = str(error) if isinstance(error, InputError) else f"its arrays do not go together ({error})"
-    return FileError(f"this tool cannot be used: {reason}", path=path)
+    if isinstance(error, InputError):
+        return in_file(error, path)
+    return FileError(Finding("file-format", {"format": "tool.json", "reason": str(error)}), path=path)

@@ -19,6 +19,7 @@ from inclinometry.errors import FileError
 from inclinometry.files import json_codec
 from inclinometry.files.tool_json import calibration_content
 from inclinometry.files.writing import program
+from inclinometry.findings import Finding, only_notes, without_notes
 
 
 def calibration_digest(calibration: Calibration) -> str:
@@ -70,8 +71,8 @@ def write_planned(path: str | Path, found: Verification, limits: Limits | None, 
         "coverage_factor": found.coverage_factor,
         "positions": judged,
         "worth": worth_of(found),
-        "said": found.notes,
-        "warnings": list(found.warnings),
+        "said": list(map(str, only_notes(found.findings))),
+        "warnings": list(map(str, without_notes(found.findings))),
         "program": program(),
     }
     json_codec.store(content, path, "planned-verification", 2)
@@ -109,8 +110,8 @@ def judged_positions(found: Verification) -> dict[str, Any]:
     return {
         "coverage_factor": found.coverage_factor,
         "positions": rows,
-        "reasons": [*found.reasons, *found.notes],
-        "warnings": list(found.warnings),
+        "reasons": list(map(str, only_notes(found.findings))),
+        "warnings": list(map(str, without_notes(found.findings))),
     }
 
 
@@ -169,17 +170,16 @@ def read_verification(path: str | Path, calibration: Calibration) -> dict[str, A
     """Read verify.json; one of another tool or of another calibration is refused."""
     content = without_conformity(json_codec.stored(path, "verification", 2))
     if content["tool"] != calibration.tool.name:
-        raise FileError(
-            f"this verification is of tool {content['tool']!r:.60}, the calibration of {calibration.tool.name!r:.60}",
-            path=path,
-        )
+        tools = {"tool": f"{content['tool']:.60}", "calibrated": f"{calibration.tool.name:.60}"}
+        raise FileError(Finding("record-tool-other", tools), path=path)
     if content["calibration"] not in _digests(calibration):
-        raise FileError("this verification was made with another calibration of the tool; verify again", path=path)
-    for row in content["report"]["positions"]:
+        raise FileError(Finding("record-calibration-other"), path=path)
+    for place, row in enumerate(content["report"]["positions"]):
         for name in ANGLES:
             one = row[name]
             judged = one["decision"] != "not judged" and (content["limits"] is None or one["limit_deg"] is not None)
             if judged and None in (one["error_deg"], one["U_deg"]):
-                problem = f"{name} of position {row['position']!r:.40} is judged ({one['decision']}) without error or U"
-                raise FileError(f"{problem}; verify again", path=path)
+                where = f"$.report.positions[{place}].{name}"
+                lacking = tuple(f"{where}.{key}" for key in ("error_deg", "U_deg") if one[key] is None)
+                raise FileError(Finding("input-missing", {"names": lacking}), path=path)
     return content

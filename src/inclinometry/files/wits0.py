@@ -7,7 +7,7 @@ likes; so nothing is read without a map. `record_7` is that of the survey record
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from datetime import datetime
 from pathlib import Path
@@ -18,7 +18,7 @@ import numpy as np
 
 from inclinometry.conventions import named
 from inclinometry.earth.site import REFERENCES
-from inclinometry.errors import FileError, InputError
+from inclinometry.errors import FileError, InputError, in_file, not_among, out_of_range, refused, wrong_kind
 from inclinometry.files import writing
 from inclinometry.files._quantities import Meaning, meaning, quantities
 from inclinometry.files.exchange import SurveyFile, survey_of, to_vendor, values_of
@@ -26,6 +26,8 @@ from inclinometry.files.frame import Column, Frame
 from inclinometry.files.text import NUMBER, LineReader
 from inclinometry.files.toml_keys import load
 from inclinometry.files.writing import write_text
+from inclinometry.findings import Finding
+from inclinometry.opening import too_large
 
 # Frames of a WITS level 0 stream: && on a line, items of four digits and a value, !! on a line.
 
@@ -41,57 +43,56 @@ class WitsFrame(NamedTuple):
     lines: dict[str, int]
 
 
-def read_frames(path: str | Path) -> tuple[list[WitsFrame], list[tuple[int, str]], str]:
+def read_frames(path: str | Path) -> tuple[list[WitsFrame], list[tuple[int, Finding]], str]:
     """The frames of a stream, line and reason of those that are broken and left out, and the digest of the file.
 
     Lines between frames are not looked at.
     """
     reader = LineReader(Path(path))
     whole: list[WitsFrame] = []
-    broken: list[tuple[int, str]] = []
+    broken: list[tuple[int, Finding]] = []
     frame: WitsFrame | None = None
-    why: tuple[int, str] | None = None
+    why: tuple[int, Finding] | None = None
 
-    def close(unended: str = "") -> None:
+    def close(ended: bool) -> None:
         if frame is None:
             return
-        wrong = why or (
-            (frame.line, unended) if unended else None if frame.items else (frame.line, "the frame is empty")
-        )
-        if wrong is None:
+        if why is not None:
+            broken.append(why)
+        elif ended and frame.items:
             whole.append(frame)
         else:
-            broken.append(wrong)
+            broken.append((frame.line, Finding("wits-frame", {"lacking": "0000 .. 9999" if ended else END})))
 
     for block in reader.blocks():
         for line, text in enumerate(map(str.strip, block.lines), block.first):
             if text == BEGIN:
-                close("the frame does not end (!! is missing)")
+                close(False)
                 frame, why = WitsFrame(line, {}, {}), None
             elif text == END and frame is not None:
-                close()
+                close(True)
                 frame, why = None, None
             elif text == END:
-                broken.append((line, "the end of a frame (!!) without its beginning (&&)"))
+                broken.append((line, Finding("wits-frame", {"lacking": BEGIN})))
             elif frame is not None and text and why is None:
                 wrong = take_item(frame, line, text)
                 why = None if wrong is None else (line, wrong)
-    close("the frame does not end (!! is missing): truncated?")
+    close(False)
     if not whole and not broken:
-        raise FileError("no frame (&& to !!); this is no WITS level 0 stream", path=path)
+        raise FileError(Finding("file-section", {"section": f"{BEGIN} .. {END}"}), path=path)
     return whole, broken, reader.digest
 
 
-def take_item(frame: WitsFrame, line: int, text: str) -> str | None:
+def take_item(frame: WitsFrame, line: int, text: str) -> Finding | None:
     """Add one item; what is wrong with it, or None."""
     item = re.fullmatch(r"([0-9]{4})(.*)", text)
     if item is None:
-        return f"{text[:40]!r} is no item (four digits and a value)"
+        return Finding("wits-item", {"text": text[:40]})
     if item[1] in frame.items:
-        return f"item {item[1]} appears twice in one frame"
+        return Finding("table-twice", {"column": item[1]})
     largest = 10_000  # items of one frame; 25 records of 99 items are defined
     if len(frame.items) >= largest:
-        return f"more than {largest} items in one frame"
+        return too_large("items of a frame", len(frame.items) + 1, largest)
     frame.items[item[1]] = item[2].strip()
     frame.lines[item[1]] = line
     return None
@@ -113,23 +114,20 @@ class Wits0Map:
     def __post_init__(self) -> None:
         object.__setattr__(self, "convention", named(self.convention).name)
         if self.azimuth_reference not in (None, *REFERENCES):
-            raise InputError(f"azimuth reference {self.azimuth_reference!r}; allowed: {', '.join(REFERENCES)}")
+            raise not_among("azimuth_reference", str(self.azimuth_reference), REFERENCES)
         found: dict[str, Meaning] = {}
         for item, name in self.channels.items():
             if not re.fullmatch(r"[0-9]{4}", item):
-                raise InputError(f"item {item!r} is not four digits; give record and item, e.g. 0713")
-            try:
-                what = meaning(name)
-            except InputError as error:
-                raise InputError(f"item {item}: {error}") from None
+                raise out_of_range("item", item, "0000 .. 9999")
+            what = meaning(name)
             if what is None or what.unit is None:
-                raise InputError(f"item {item}: {name!r} is no quantity with a unit; write e.g. inclination_deg, gx_g")
+                raise refused("table-unit-missing", {"name": name, "right": ("inclination_deg", "gx_g")})
             twice = next((other for other, seen in found.items() if seen.key == what.key), None)
             if twice is not None:
-                raise InputError(f"items {twice} and {item} both give {what.key}; remove one")
+                raise refused("table-same", {"columns": (twice, item)})
             found[item] = what
         if "md" not in [what.key for what in found.values()]:
-            raise InputError("the map has no depth; map an item to md_m or md_ft, e.g. 0708")
+            raise refused("input-missing", {"names": ("md_m",)})
         object.__setattr__(self, "channels", MappingProxyType(dict(self.channels)))
         object.__setattr__(self, "meanings", MappingProxyType(found))
 
@@ -159,19 +157,19 @@ def read_wits0_map(path: str | Path) -> Wits0Map:
     settings = load(path, ("convention", "azimuth_reference", "channels"))
     channels = settings.content.get("channels")
     if not isinstance(channels, dict) or not all(isinstance(name, str) for name in channels.values()):
-        raise FileError('a table [channels] of lines like 0713 = "inclination_deg" is needed', path=path)
+        raise in_file(wrong_kind("channels", str(channels)[:60], "table"), path)
     convention = settings.text("convention") or "native"
     try:
         return Wits0Map(channels, convention, settings.text("azimuth_reference", REFERENCES))
     except InputError as error:
-        raise FileError(str(error), path=path) from None
+        raise in_file(error, path) from None
 
 
 def read_wits0(path: str | Path, channels: Wits0Map) -> SurveyFile:
     """Read the survey stations of a WITS level 0 stream; items that are not mapped are in `extra` under their number.
 
     A frame with the depth and another mapped item is a station; a station sent again unchanged is one station. Other
-    frames are passed over. Broken frames do not stop the reading: they are counted in `header` and named in `notes`.
+    frames are passed over. Broken frames do not stop the reading: they are counted in `header` and a finding.
     """
     whole, broken, digest = read_frames(path)
     stations: list[WitsFrame] = []
@@ -180,8 +178,8 @@ def read_wits0(path: str | Path, channels: Wits0Map) -> SurveyFile:
         mine = [item for item in channels.meanings if _there(frame, item)]
         wrong = next((item for item in mine if not NUMBER.fullmatch(frame.items[item])), None)
         if wrong is not None:
-            why = f"{frame.items[wrong][:40]!r} of item {wrong} ({channels.channels[wrong]}) is not a number"
-            broken.append((frame.lines[wrong], why))
+            why = {"column": channels.channels[wrong], "value": frame.items[wrong][:40]}
+            broken.append((frame.lines[wrong], Finding("file-number", why)))
         elif channels.depth_item not in mine or len(mine) < 2:
             passed += 1
         elif any(
@@ -191,9 +189,8 @@ def read_wits0(path: str | Path, channels: Wits0Map) -> SurveyFile:
         else:
             stations.append(frame)
     if not stations:
-        reason = f"; the first broken one, line {broken[0][0]}: {broken[0][1]}" if broken else ""
-        problem = f"no frame has item {channels.depth_item} and another mapped item; {len(broken)} frames are broken"
-        raise FileError(problem + reason, path=path)
+        none = Finding("wits-none", {"item": channels.depth_item, "broken": len(broken)})
+        raise FileError(none, path=path, line=broken[0][0] if broken else None)
     total = len(stations) + len(broken) + passed + again
     counts = {"frames": total, "frames_broken": len(broken), "frames_passed_over": passed, "frames_repeated": again}
     header = {name: str(count) for name, count in counts.items()}
@@ -212,19 +209,16 @@ def read_wits0(path: str | Path, channels: Wits0Map) -> SurveyFile:
     rows = np.array([frame.lines[channels.depth_item] for frame in stations])
     table = Frame(Path(path), columns, rows, header=header, digest=digest)
     survey = survey_of(table, convention=channels.convention, azimuth_reference=channels.azimuth_reference)
-    return replace(survey, notes=(*survey.notes, *_broken_notes(sorted(broken))))
+    if not broken:
+        return survey
+    line, first = min(broken, key=lambda one: one[0])
+    left = Finding("wits-broken", {"broken": len(broken), "line": line, "finding": first})
+    return replace(survey, findings=(*survey.findings, left))
 
 
 def _there(frame: WitsFrame, item: str) -> bool:
     text = frame.items.get(item, "")
     return bool(text) and not (NUMBER.fullmatch(text) and f"{float(text):g}" in ("-9999", "-8888"))
-
-
-def _broken_notes(broken: Sequence[tuple[int, str]]) -> list[str]:
-    notes = [f"line {line}: broken frame left out: {why}" for line, why in broken[:20]]
-    if len(broken) > 20:
-        notes.append(f"{len(broken) - 20} more broken frames were left out")
-    return notes
 
 
 def _time(frame: WitsFrame, record: str) -> str:
@@ -245,7 +239,7 @@ def write_wits0(survey: SurveyFile, path: str | Path, channels: Wits0Map) -> Non
     norths = (survey.azimuth_reference, channels.azimuth_reference)
     azimuths = "azimuth" in [what.key for what in channels.meanings.values()] and survey.azimuth is not None
     if azimuths and norths[0] != norths[1]:
-        raise InputError(f"azimuths are from {norths[0]} north, the map says {norths[1]}; convert one of them")
+        raise refused("input-north", {"norths": tuple(map(str, norths))})
     known = values_of(to_vendor(survey, channels.convention))
     texts: dict[str, list[str]] = {}
     for item, what in channels.meanings.items():
@@ -257,7 +251,7 @@ def write_wits0(survey: SurveyFile, path: str | Path, channels: Wits0Map) -> Non
                 values = np.round(values, 10) + 0.0
             texts[item] = writing.column(values)
     if len(texts) < 2:
-        raise InputError("nothing that is mapped besides the depth is in the survey; map one of its quantities")
+        raise refused("table-depth-only", {"present": tuple(known)})
     frames = []
     for row in range(len(survey)):
         items = [f"{item}{cells[row]}" for item, cells in sorted(texts.items()) if cells[row]]
@@ -272,5 +266,5 @@ def _stamp(survey: SurveyFile, row: int, record: str) -> list[str]:
     try:
         time = datetime.fromisoformat(text)
     except ValueError:
-        raise InputError(f"time {text!r} at station {row + 1}; ISO 8601 is needed") from None
+        raise wrong_kind("time", text, "date and time") from None
     return [f"{record}05{time:%y%m%d}", f"{record}06{time:%H%M%S}"]

@@ -24,14 +24,15 @@ import numpy as np
 from inclinometry.arrays import Array
 from inclinometry.conventions import named
 from inclinometry.digest import digest_bytes
-from inclinometry.errors import FileError, InputError
+from inclinometry.errors import FileError, InputError, in_file, refused, wrong_kind
 from inclinometry.files import writing
 from inclinometry.files._quantities import quantities
 from inclinometry.files.exchange import SurveyFile, corrections_to_native, survey_of, to_vendor, values_of
-from inclinometry.files.frame import Column, Frame
+from inclinometry.files.frame import Column, Frame, unused
 from inclinometry.files.text import NUMBER
 from inclinometry.files.writing import write_bytes
-from inclinometry.opening import whole
+from inclinometry.findings import Finding
+from inclinometry.opening import damaged, whole
 from inclinometry.rotations import wrap_signed
 
 # What is known of WITSML 1.4.1.1 trajectories: elements, their order and units, from witsml_1411.toml.
@@ -60,13 +61,11 @@ def _station_texts() -> tuple[str, ...]:
     return tuple(_data()["texts"]["station"])
 
 
-def _factor(kind: str, uom: str | None) -> float:
+def _factor(name: str, kind: str, uom: str | None) -> float:
     """SI (rad, nT) of one unit of a kind; units are never assumed."""
     known = _data()["uom"][kind]
-    if uom is None:
-        raise InputError(f"has no uom; add one of {', '.join(known)}")
-    if uom not in known:
-        raise InputError(f"has uom {uom!r:.60}; allowed: {', '.join(known)}")
+    if uom is None or uom not in known:
+        raise refused("table-unit", {"column": name, "unit": "-" if uom is None else uom[:60], "allowed": tuple(known)})
     return float(known[uom])
 
 
@@ -78,31 +77,27 @@ def load(path: Path) -> tuple[Any, bytes]:
     """The root element `trajectorys`, checked for namespace and version, and the bytes of the file."""
     from lxml import etree
 
-    data = whole(path, LARGEST, "split it by trajectory")
+    data = whole(path, LARGEST)
     # a document type is where entities are declared; no WITSML document has one
     if b"<!DOCTYPE" in data or b"<!ENTITY" in data:
         line = data[: max(data.find(b"<!DOCTYPE"), data.find(b"<!ENTITY"))].count(b"\n") + 1
-        raise FileError("a document type or entity is declared; remove it, WITSML has none", path=path, line=line)
+        raise FileError(damaged("WITSML", "DOCTYPE or ENTITY"), path=path, line=line)
     parser = etree.XMLParser(
         resolve_entities=False, no_network=True, load_dtd=False, huge_tree=False, remove_comments=True, remove_pis=True
     )
     try:
         root: Any = etree.fromstring(data, parser)
     except etree.XMLSyntaxError as error:
-        line = error.lineno or 1
-        raise FileError(
-            f"not well-formed XML: {error.msg:.200}; is the file truncated?", path=path, line=line
-        ) from None
+        raise FileError(damaged("XML", error.msg), path=path, line=error.lineno or 1) from None
     if root.getroottree().docinfo.internalDTD is not None:
-        raise FileError("a document type is declared; remove it, WITSML has none", path=path, line=1)
+        raise FileError(damaged("WITSML", "DOCTYPE"), path=path, line=1)
     wanted = f"{{{_data()['namespace']}}}trajectorys"
     if root.tag != wanted:
-        problem = f"the root is {root.tag!r:.100}; {wanted!r} (WITSML {_data()['version']}) is needed"
-        raise FileError(problem, path=path, line=root.sourceline)
+        raise FileError(Finding("file-section", {"section": wanted}), path=path, line=root.sourceline)
     if root.get("version") != _data()["version"]:
-        found = root.get("version")
-        problem = f"version is {found!r:.60}; {_data()['version']!r} is needed: export it so"
-        raise FileError(problem, path=path, line=root.sourceline)
+        found = str(root.get("version"))[:60]
+        known = Finding("file-version", {"format": "WITSML", "version": found, "known": (_data()["version"],)})
+        raise FileError(known, path=path, line=root.sourceline)
     return root, data
 
 
@@ -123,12 +118,12 @@ def quantity_of(path: Path, name: str, element: Any, kind: str) -> float:
     """Value in SI (rad, nT); FileError naming element and line for what is no finite number or has no such unit."""
     text = text_of(element)
     if not NUMBER.fullmatch(text):
-        problem = f"{name} is {text[:40]!r}; a finite number is needed: correct it or remove the element"
-        raise FileError(problem, path=path, line=element.sourceline)
+        wrong = Finding("file-number", {"column": name, "value": text[:40]})
+        raise FileError(wrong, path=path, line=element.sourceline)
     try:
-        return float(text) * _factor(kind, element.get("uom"))
+        return float(text) * _factor(name, kind, element.get("uom"))
     except InputError as error:
-        raise FileError(f"{name} {error}", path=path, line=element.sourceline) from None
+        raise in_file(error, path, element.sourceline) from None
 
 
 # From a survey to the bytes of a WITSML 1.4.1.1 document.
@@ -156,7 +151,8 @@ def document(survey: SurveyFile, convention: str) -> bytes:
     cells = {key: writing.column(values) for key, values in values_of(turned).items()}
     uids = survey.extra.get("uid") or tuple(str(i + 1) for i in range(len(survey)))
     if len(set(uids)) < len(uids) or not all(uids):
-        raise InputError("the stations' uids are not each another; correct extra['uid'] or remove it")
+        twice = next(uid for uid in uids if not uid or uids.count(uid) > 1)
+        raise refused("input-repeated", {"name": "uid", "value": twice})
     for row, uid in enumerate(uids):
         station = etree.SubElement(trajectory, _tag("trajectoryStation"))
         _set(station, "uid", uid)
@@ -172,7 +168,7 @@ def _set(element: Any, name: str, text: str) -> None:
     try:
         element.set(name, text)
     except ValueError:
-        raise InputError(f"{name} {text[:40]!r} holds characters XML cannot; remove them") from None
+        raise refused("file-characters", {"format": "XML", "text": text[:40]}) from None
 
 
 def _add(parent: Any, name: str, text: str, uom: str = "") -> None:
@@ -182,7 +178,7 @@ def _add(parent: Any, name: str, text: str, uom: str = "") -> None:
     try:
         child.text = text
     except ValueError:
-        raise InputError(f"{name} {text[:40]!r} holds characters XML cannot; remove them") from None
+        raise refused("file-characters", {"format": "XML", "text": text[:40]}) from None
     if uom:
         child.set("uom", uom)
 
@@ -216,14 +212,14 @@ def _texts(survey: SurveyFile, row: int) -> dict[str, str]:
         kind = "gyro north seeking" if survey.w is not None else "magnetic MWD" if survey.b is not None else "unknown"
         found["typeTrajStation"] = kind
     if survey.times and survey.times[row]:
-        found["dTimStn"] = _time(survey.times[row], row)
+        found["dTimStn"] = _time(survey.times[row])
     if survey.used is not None:
         said = found.get("statusTrajStation", "position")
         found["statusTrajStation"] = (said if said != "rejected" else "position") if survey.used[row] else "rejected"
     return found
 
 
-def _time(text: str, row: int) -> str:
+def _time(text: str) -> str:
     """Date and time as the schema has them: always both, with T between and a zone; UTC where none is stated."""
     if re.fullmatch(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(\.\d+)?(Z|[+-]\d\d:\d\d)", text, re.ASCII):
         return text
@@ -231,7 +227,7 @@ def _time(text: str, row: int) -> str:
         time = datetime.fromisoformat(text)
         return time.isoformat() + ("Z" if time.tzinfo is None else "")
     except ValueError:
-        raise InputError(f"time {text!r} at station {row + 1}; ISO 8601 is needed") from None
+        raise wrong_kind("time", text, "date and time") from None
 
 
 def read_witsml(
@@ -257,9 +253,10 @@ def read_witsml(
     ]
     fits = [child for child, name in zip(found, names, strict=True) if trajectory is None or trajectory in name]
     if len(fits) != 1:
-        there = ", ".join(f"{uid!r:.60} ({name:.60})" for uid, name in names[:20]) or "none"
-        problem = f"trajectory {trajectory!r:.60} fits {len(fits)}; give the uid of one. There are: {there}"
-        raise FileError(problem, path=where, line=root.sourceline)
+        there = tuple(f"{uid:.60} ({name:.60})" for uid, name in names[:20])
+        asked = (trajectory or "-")[:60]
+        choice = Finding("input-choice", {"name": "trajectory", "value": asked, "allowed": there})
+        raise FileError(choice, path=where, line=root.sourceline)
     chosen = fits[0]
     # texts of the trajectory, the north of its azimuths, and the values it states for all stations
     header = {name: str(chosen.get(name)) for name in ("uid", "uidWell", "uidWellbore") if chosen.get(name)}
@@ -269,26 +266,26 @@ def read_witsml(
         if name == "trajectoryStation" or len(child):
             continue
         if name in header:
-            raise FileError(f"{name} appears twice in the trajectory; remove one", path=where, line=child.sourceline)
+            raise FileError(Finding("table-twice", {"column": name}), path=where, line=child.sourceline)
         header[name] = f"{text_of(child)} {child.get('uom', '')}".strip()
         if name == "aziRef":
             known = (*NORTHS, "unknown")
             if text_of(child) not in known:
-                problem = f"aziRef is {text_of(child)!r:.60}; allowed: {', '.join(known)}"
-                raise FileError(problem, path=where, line=child.sourceline)
+                value = text_of(child)[:60]
+                wrong = Finding("file-value", {"column": "aziRef", "value": value, "allowed": ", ".join(known)})
+                raise FileError(wrong, path=where, line=child.sourceline)
             north = NORTHS.get(text_of(child))
         if name in of_all:
             shared[of_all[name]] = quantity_of(where, name, child, "angle")
     stations = [_station(where, child) for name, child in children(chosen) if name == "trajectoryStation"]
     if not stations:
-        raise FileError("the trajectory has no trajectoryStation", path=path, line=chosen.sourceline)
+        raise FileError(Finding("file-empty", {"what": "stations"}), path=path, line=chosen.sourceline)
     frame = _frame(where, stations, shared, convention)
     frame = replace(frame, north=north, header=header, digest=digest_bytes(data))
     survey = survey_of(frame, convention=convention, azimuth_reference=azimuth_reference)
     _depth_units(where, chosen, stations)
-    unread = sorted({name for station in stations for name in station.unread})
-    notes = [f"not read: {', '.join(unread)}"] if unread else []
-    return replace(survey, notes=(*survey.notes, *notes, *_toolface_notes(survey, convention)))
+    unread = unused(sorted({name for station in stations for name in station.unread}))
+    return replace(survey, findings=(*survey.findings, *unread, *_toolfaces(survey, convention)))
 
 
 class _Station:
@@ -307,7 +304,7 @@ def _station(path: Path, element: Any) -> _Station:
     kept = {*_station_texts(), "dTimStn"}
     for name, child in children(element):
         if name in station.texts or name in station.values:
-            raise FileError(f"{name} appears twice in a station; remove one", path=path, line=child.sourceline)
+            raise FileError(Finding("table-twice", {"column": name}), path=path, line=child.sourceline)
         if name in GROUPS:
             _quantities_of(path, station, name, children(child))
         elif name in kept:
@@ -317,7 +314,7 @@ def _station(path: Path, element: Any) -> _Station:
             if name == "md":
                 station.md_uom, station.md_line = child.get("uom", ""), child.sourceline
     if "md" not in station.values:
-        raise FileError("a station without md; add it or remove the station", path=path, line=station.line)
+        raise FileError(Finding("input-missing", {"names": ("md",)}), path=path, line=station.line)
     return station
 
 
@@ -327,7 +324,7 @@ def _quantities_of(path: Path, station: _Station, group: str, found: Any) -> Non
         if name not in known:
             station.unread.add(name)
         elif name in station.values:
-            raise FileError(f"{name} appears twice in a station; remove one", path=path, line=child.sourceline)
+            raise FileError(Finding("table-twice", {"column": name}), path=path, line=child.sourceline)
         else:
             station.values[name] = quantity_of(path, name, child, known[name][1])
 
@@ -335,11 +332,11 @@ def _quantities_of(path: Path, station: _Station, group: str, found: Any) -> Non
 def _depth_units(path: Path, chosen: Any, stations: list[_Station]) -> None:
     """FileError where one trajectory's depths are in two units, or its mdMn and mdMx are not its stations'."""
     first = stations[0]
-    for count, station in enumerate(stations, 1):
+    for station in stations:
         if station.md_uom != first.md_uom:
-            problem = f"md of station {count} is in {station.md_uom!r:.60}, of the first in {first.md_uom!r:.60}"
-            raise FileError(f"{problem}; use one unit in a trajectory", path=path, line=station.md_line)
-    unit = _factor("length", first.md_uom)
+            several = Finding("table-units", {"column": "md", "units": (first.md_uom[:60], station.md_uom[:60])})
+            raise FileError(several, path=path, line=station.md_line)
+    unit = _factor("md", "length", first.md_uom)
     kept = [station.values["md"] for station in stations if station.texts.get("statusTrajStation") != "rejected"]
     for name, child in children(chosen):
         if name in ("mdMn", "mdMx"):
@@ -353,11 +350,9 @@ def _depth_units(path: Path, chosen: Any, stations: list[_Station]) -> None:
             found = min(ends, key=lambda end: abs(end - stated))
             # a head may be rounded to whole units; a wrong unit is far beyond that
             if abs(stated - found) > 0.501 * unit + 1e-3 * abs(found):
-                said = (
-                    f"{name} is {text_of(child)} {child.get('uom')}, the stations' {found / unit:.10g} {first.md_uom}"
-                )
-                problem = f"{said}: is a unit wrong, is the file cut? Correct {name} or remove it"
-                raise FileError(problem, path=path, line=child.sourceline)
+                given, there = stated / unit, found / unit
+                apart = Finding("file-differs", {"name": name, "stated": given, "there": there})
+                raise FileError(apart, path=path, line=child.sourceline)
 
 
 def _frame(path: Path, stations: list[_Station], shared: dict[str, float], convention: str) -> Frame:
@@ -403,25 +398,21 @@ def _joined(path: Path, stations: list[_Station], name: str, before: Array, valu
     apart = both & (np.abs(before - values) > 1e-9)
     if apart.any():
         line = stations[int(np.argmax(apart))].line
-        problem = f"{name} contradicts its deprecated form; they have one sign: remove one of them"
-        raise FileError(problem, path=path, line=line)
+        raise FileError(Finding("table-same", {"columns": ("stnGridConUsed", "stnGridCorUsed")}), path=path, line=line)
     return np.where(np.isnan(values), before, values)
 
 
-def _toolface_notes(survey: SurveyFile, convention: str) -> list[str]:
-    """A note where the raw data's toolface is not the one stated."""
+def _toolfaces(survey: SurveyFile, convention: str) -> tuple[Finding, ...]:
+    """A warning where the raw data's toolface is not the one stated."""
     if survey.g is None or survey.toolface is None:
-        return []
+        return ()
     apart = np.degrees(np.abs(wrap_signed(np.arctan2(survey.g[:, 1], -survey.g[:, 0]) - survey.toolface)))
     tilted = np.hypot(survey.g[:, 0], survey.g[:, 1]) > 0.5  # below 3 deg the toolface is noise
     apart = apart[tilted & np.isfinite(apart)]
     # a turned convention makes 90 deg or more, noise less than 5
     if not apart.size or float(np.median(apart)) < 5.0:
-        return []
-    return [
-        f"the toolfaces of the raw data are {float(np.median(apart)):.0f} deg (median) from gtf: are their axes in "
-        f"another convention than {convention!r}?"
-    ]
+        return ()
+    return (Finding("wits-toolface", {"off_deg": float(np.median(apart)), "convention": convention}),)
 
 
 def write_witsml(survey: SurveyFile, path: str | Path, *, convention: str = "iscwsa") -> None:

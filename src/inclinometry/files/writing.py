@@ -15,7 +15,9 @@ from typing import BinaryIO
 import numpy as np
 
 from inclinometry.arrays import Array
-from inclinometry.errors import FileError, InputError
+from inclinometry.errors import FileError, refused
+from inclinometry.findings import Finding
+from inclinometry.opening import not_text
 from inclinometry.tabular import degrees as degrees
 
 
@@ -31,13 +33,13 @@ def replacing(path: str | Path) -> Iterator[BinaryIO]:
     try:
         target = Path(path).resolve()
         if target.is_dir():
-            raise FileError("this is a folder; give the name of a file", path=path)
+            raise FileError(Finding("file-folder"), path=path)
         if not target.parent.is_dir():
-            raise FileError(f"folder {str(target.parent)!r} does not exist; create it first", path=path)
+            raise FileError(Finding("file-folder-absent", {"folder": str(target.parent)}), path=path)
     except (OSError, ValueError, RuntimeError) as error:
         if isinstance(error, FileError):
             raise
-        raise FileError(f"cannot be written ({error}); choose another name", path=path) from None
+        raise FileError(Finding("file-unwritable", {"reason": str(error)}), path=path) from None
     if target.exists() and not target.is_file():
         with _readable(path), target.open("wb") as stream:
             yield stream
@@ -73,7 +75,7 @@ def _readable(path: str | Path) -> Iterator[None]:
         yield
     except OSError as error:
         reason = error.strerror or str(error)
-        raise FileError(f"cannot be written ({reason}); choose a folder you may write to", path=path) from None
+        raise FileError(Finding("file-unwritable", {"reason": reason}), path=path) from None
 
 
 def write_bytes(data: bytes, path: str | Path) -> None:
@@ -87,7 +89,7 @@ def write_text(text: str, path: str | Path) -> None:
     try:
         data = text.encode("utf-8")
     except UnicodeEncodeError as error:
-        raise FileError(f"the text cannot be written as UTF-8 ({error.reason})", path=path) from None
+        raise FileError(not_text("utf-8", error.reason), path=path) from None
     write_bytes(data, path)
 
 
@@ -141,8 +143,9 @@ def write_columns(
             for start in range(0, len(first), 10_000):
                 part = slice(start, start + 10_000)
                 cells = [column(v[part]) if isinstance(v, np.ndarray) else v[part] for v in kept.values()]
-                if any("\n" in cell or "\r" in cell for texts in cells for cell in texts):
-                    raise InputError("a text for a table has a line break; write it on one line")
+                broken = next((cell for texts in cells for cell in texts if "\n" in cell or "\r" in cell), None)
+                if broken is not None:
+                    raise refused("file-characters", {"format": "CSV", "text": " ".join(broken[:60].split())})
                 writer.writerows(zip(*cells, strict=True))
         finally:
             text.detach()

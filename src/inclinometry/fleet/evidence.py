@@ -110,11 +110,11 @@ def evidence(
     seen = int(np.sum(np.linalg.eigvalsh(covariance) < (0.1 * UNSEEN) ** 2))
     if json:
         content = {"tool": tool, "run": run, "date": day.isoformat(), "stations": found.stations}
-        content |= {"verdict": alarm.sentence, "cause": alarm.cause if alarm.raised else None}
+        content |= {"verdict": str(alarm.finding), "cause": alarm.cause if alarm.raised else None}
         output.print_json(content | {"parameters_seen": seen, "recorded": record and not alarm.raised})
         return 1 if alarm.raised else 0
     shown = f"{found.stations} stations show {seen} of {len(values)} directions"
-    output.say(f"{tool}, run {run} of {day}: {alarm.sentence}; {shown}")
+    output.say(f"{tool}, run {run} of {day}: {alarm.finding}; {shown}")
     if alarm.raised:
         output.say("it contradicts the history and is not taken in: make a full calibration")
     elif record:
@@ -149,7 +149,7 @@ def _analysed(
     priors = priors_from_tool(run.tool, axial_sigma=axial_sigma)
     with output.busy(f"analysing {output.counted(len(run.stations), 'station')}"):
         done = multistation(run.stations, reference, priors)
-    output.warnings((*run.warnings, *done.warnings))
+    output.findings((*run.findings, *done.findings))
     return calibration, correction_of(done, reference, priors, run.tool.name, run.inputs)
 
 

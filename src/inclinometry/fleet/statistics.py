@@ -227,7 +227,7 @@ def report(
     )
     output.say(f"{len(overdue)} overdue, {len(alarmed)} with an alarm")
     for tool in alarmed:
-        output.say(f"  {tool.history.serial}: {tool.alarm.sentence if tool.alarm else ''}; make a full calibration")
+        output.say(f"  {tool.history.serial}: {tool.alarm.finding if tool.alarm else ''}; make a full calibration")
     for rig in off:
         output.say(f"  {rig.rig} is off: {rig.cause}, p {rig.p_value:.1g}")
     if output_ is not None:
@@ -322,7 +322,8 @@ def check(
     if found.calibration is not None and known.history.reference is not None:
         u = azimuth_sd(relative_parameters(found.calibration.tool, known.history.reference)[1])
     if json:
-        content: dict[str, Any] = {"tool": tool, "refused": found.refusal or None, "verdict": found.alarm.sentence}
+        refusal = str(found.refusal) if found.alarm.raised else None
+        content: dict[str, Any] = {"tool": tool, "refused": refusal, "verdict": str(found.alarm.finding)}
         content |= {
             "cause": found.alarm.cause if found.alarm.raised else None,
             "u_azimuth_deg": None if u is None else np.degrees(u),
@@ -332,7 +333,7 @@ def check(
     if u is None:
         output.say(f"{tool}: refused: {found.refusal}")
         return 1
-    output.say(f"{tool}: {found.alarm.sentence}")
+    output.say(f"{tool}: {found.alarm.finding}")
     shown = ", ".join(f"{x:.3f}" for x in np.degrees(u))
     output.say(f"standard uncertainty of azimuth at inclination 5, 30, 60, 90: {shown} deg")
     if made is not None:

@@ -160,7 +160,6 @@ class North(Tabular):
     dof: Array
     flags: Sequence[Sequence[str]]  #: per station, names of `FLAGS`
     method: str  #: "joint", "fixed", "patent" or "tracked"
-    notes: Sequence[str] = ()
     # how inclination, azimuth, and the hole's direction to north and east (rows) follow "gravity" and "rate" in tool
     # axes, (n, 4, 3), per m/s^2 and rad/s, the expected 1/scale, "prior", and the latitude, "latitude", (n, 4, 1); of
     # the joint and the fixed estimate only

@@ -242,7 +242,7 @@ def put_fit(ledger: Ledger, status: FleetStatus, *, author: str) -> Record:
         tool.history.serial: {
             "due": tool.due.date.isoformat(),
             "last": tool.last.isoformat(),
-            "alarm": tool.alarm.sentence if tool.alarm is not None and tool.alarm.raised else "",
+            "alarm": str(tool.alarm.finding) if tool.alarm is not None and tool.alarm.raised else "",
             "now_deg": float(np.degrees(tool.now[SIXTY])),
             "six_deg": float(np.degrees(tool.checked[SIXTY])),
         }

@@ -18,7 +18,7 @@ from inclinometry.errors import InclinometryError, InputError
 from inclinometry.files.json_codec import canonical
 from inclinometry.files.tool_json import calibration_content, calibration_from, tool_of
 from inclinometry.files.writing import program
-from inclinometry.findings import Finding
+from inclinometry.findings import Finding, without_notes
 from inclinometry.laboratory.attitude import Judge, earlier_calibration
 from inclinometry.laboratory.certificate.budget import expanded_columns
 from inclinometry.laboratory.ledger.ledger import Draft, Ledger, LedgerError, Record
@@ -125,7 +125,8 @@ def calibration_body(
 ) -> dict[str, Any]:
     """The body of the record of a calibration; `content` is that of its tool.json, `more` goes into the summary."""
     values = [[name, *pair] for name, pair in parameters(found.tool).items()]
-    about = {"rig": rig, "plan": plan, "positions": positions, "warnings": found.remarks, "parameters": values}
+    warned = list(map(str, without_notes(found.findings)))
+    about = {"rig": rig, "plan": plan, "positions": positions, "warnings": warned, "parameters": values}
     return {
         "tool_json": content,
         "method": found.method,

@@ -12,8 +12,10 @@ from inclinometry.arrays import Array, finite, within
 from inclinometry.calibration.conventions import USUAL, Dials
 from inclinometry.calibration.plans import Plan
 from inclinometry.calibration.readings import LARGEST, BenchReadings
+from inclinometry.calibration.result import uncoded
 from inclinometry.constants import KINDS
 from inclinometry.errors import InputError
+from inclinometry.findings import only_notes, without_notes
 from inclinometry.laboratory.ledger.ledger import ConflictError, Draft, Ledger, LedgerError, Record
 from inclinometry.laboratory.placeholders import stated
 from inclinometry.laboratory.registry import (
@@ -347,7 +349,8 @@ def unless_closed(session: str, message: str = "this session is closed already")
 def file_statements(readings: BenchReadings) -> dict[str, Any]:
     """What a file says beside its readings, as the settings of a session keep it; `bench_readings` takes it up."""
     reference = {_FIELDS[name][0]: value / _FIELDS[name][1] for name, value in readings.reference.items()}
-    said = {"reference": reference, "notes": list(readings.notes), "warnings": list(readings.warnings)}
+    noted, warned = (list(map(str, of(readings.findings))) for of in (only_notes, without_notes))
+    said = {"reference": reference, "notes": noted, "warnings": warned}
     return {"station": list(readings.station), **{name: value for name, value in said.items() if value}}
 
 
@@ -400,8 +403,7 @@ def bench_readings(session: Session) -> BenchReadings:
         roll_set=roll_set if any(roll_set) else (),
         units=dict(rows[0].capture.units),
         reference={kept[name]: value * _FIELDS[kept[name]][1] for name, value in said.get("reference", {}).items()},
-        notes=said.get("notes", ()),
-        warnings=said.get("warnings", ()),
+        findings=(*uncoded(said.get("notes", ()), "note"), *uncoded(said.get("warnings", ()))),
         digest=said.get("imported", "") if imported else "",
     )
     return at_site(session.dials.read(readings), session.site)

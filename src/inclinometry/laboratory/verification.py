@@ -216,7 +216,7 @@ def begin_verification(
     # what is said before the first reading is kept, and stands on the protocol beside what was found
     worth = foreseen(ledger, calibration, protocol_name, limits).power
     if worth is not None:
-        kept["foreseen"] = worth.sentences
+        kept["foreseen"] = list(map(str, worth.findings))
     if kept:
         settings["settings"] = kept
     if site := site_of(ledger, made):

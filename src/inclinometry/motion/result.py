@@ -582,11 +582,10 @@ class DynamicRun(Tabular):
     method: str  #: as asked for, a key of `workflow.dynamic_methods.METHODS`
     window: float  #: wanted length of a window, s
     north: str  #: what azimuths are to be counted from; single rows have their own
-    notes: tuple[str, ...] = ()  #: sentences of the site and the file's columns
     inputs: Mapping[str, str] = field(default_factory=dict)  #: name -> digest
     tool: str = ""  #: name of the calibrated tool, "" without a calibration
     switch: float = SWITCH  #: rad, inclination below which rows are steered by the magnetic toolface
-    findings: tuple[Finding, ...] = ()  #: of stamps, sensors, windows and methods
+    findings: tuple[Finding, ...] = ()  #: of site, columns, stamps, sensors, windows and methods
 
     def to_dict(self) -> dict[str, Column]:
         """One row a window, as `rows`."""

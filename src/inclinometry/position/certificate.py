@@ -13,7 +13,8 @@ from numpy.typing import ArrayLike
 from inclinometry.arrays import Array, Index, finite, within
 from inclinometry.constants import VECTORS
 from inclinometry.earth.site import Site, convert_azimuth
-from inclinometry.errors import InputError, SiteError
+from inclinometry.errors import SiteError, not_among, refused
+from inclinometry.findings import Finding
 from inclinometry.orientation import angles, angles_jacobian, axis_jacobian, fields
 from inclinometry.position.propagation import MatrixSource, check_directions, rows_of
 from inclinometry.position.tool_code import ToolCode
@@ -41,12 +42,12 @@ def error_model(
     toolface (n,), rad, so it is needed. Temperature (n,), degC, where the parameters depend on it.
     """
     site = survey.site
-    known = {"gravity (or the latitude)": site.gravity, "b": site.b, "dip": site.dip, "declination": site.declination}
-    lacking = [name for name, value in known.items() if value is None]
+    known = {
+        "latitude_deg": site.gravity, "b_nT": site.b, "dip_deg": site.dip, "declination_deg": site.declination,
+    }  # fmt: skip
+    lacking = tuple(name for name, value in known.items() if value is None)
     if lacking:
-        raise SiteError(
-            f"the site has no {lacking[0]}; what the tool saw is computed from it: give it, or raw channels"
-        )
+        raise SiteError(Finding("input-missing", {"names": lacking}))
     strengths = dict(zip(VECTORS, (float(site.gravity or 0.0), float(site.b or 0.0)), strict=True))
     azimuth = convert_azimuth(survey.true_azimuth, "true", "magnetic", survey.site)
     angle = finite(toolface, "toolface", (len(survey),))
@@ -73,7 +74,7 @@ def calibration_sources(
     of `angles_jacobian`; near the vertical d(direction)/dp with J of `axis_jacobian`, turned to true north.
     """
     if propagation not in ("systematic", "well", "global"):
-        raise InputError(f"propagation is {propagation!r}; what stations share is systematic, well or global")
+        raise not_among("propagation", propagation, ("systematic", "well", "global"))
     rows = rows_of(survey, stations.md)
     seen = angles(stations.g, stations.b)
     check_directions(survey, rows, stations.md, seen.inclination, seen.azimuth + _declination(survey.site))
@@ -99,16 +100,13 @@ def calibration_sources(
         parts = (by_angles @ root, by_direction @ root)
         found.append(_placed(NOISE, parts, np.eye(6), "random", rows, len(survey)))
     if not found:
-        raise InputError(
-            "the certificate states no uncertainty: neither covariance nor noise is known of these stations; calibrate "
-            "with a method that gives a covariance, or take a tool code"
-        )
+        raise refused("position-certificate")
     return tuple(found)
 
 
 def _declination(site: Site) -> float:
     if site.declination is None:
-        raise SiteError("the site has no declination; a magnetic tool's azimuths need it: give the declination")
+        raise SiteError(Finding("input-missing", {"names": ("declination_deg",)}))
     return site.declination
 
 
@@ -151,12 +149,12 @@ def with_terms(code: ToolCode, names: Sequence[str], magnitudes: Mapping[str, fl
     sigmas = dict(magnitudes or {})
     for name in (*names, *sigmas):
         if name not in own:
-            raise InputError(f"tool code {code.name} has no term {name!r}; it has {', '.join(own)}")
+            raise not_among(f"term of {code.name}", name, own)
         if is_sensor_term(name):
-            raise InputError(f"term {name} is about the sensors, of which the certificate tells; leave it out")
-    lost = [name for name in sigmas if name not in names]
+            raise refused("input-not-with", {"name": name, "other": "calibration"})
+    lost = tuple(name for name in sigmas if name not in names)
     if lost:
-        raise InputError(f"a magnitude is given for {lost[0]}, which is not among the terms; add it or leave it out")
+        raise refused("input-needs", {"name": "magnitudes", "needed": lost})
     terms = [
         replace(own[name], magnitude=float(within(sigmas.get(name, own[name].magnitude), name, 0.0, 1e9)))
         for name in dict.fromkeys(names)
@@ -182,14 +180,7 @@ def is_sensor_term(name: str) -> bool:
 
 def fits_certificate(code: ToolCode) -> None:
     """Refuse a gyro's code, or one for axially corrected surveys, beside the certificate of a magnetic tool."""
-    if any(one.unit in ("deg/hr", "deg/sqr(hr)") for one in code.terms):
-        raise InputError(
-            f"tool code {code.name} is of a gyro; the certificate of a magnetic tool says nothing of it: give one of "
-            "the two"
-        )
+    gyro = [one.name for one in code.terms if one.unit in ("deg/hr", "deg/sqr(hr)")]
     axial = [one.name for one in code.terms if (found := SENSOR_TERMS.match(one.name)) and found[1]]
-    if axial:
-        raise InputError(
-            f"tool code {code.name} is for surveys corrected for axial interference ({axial[0]} ...); the certificate "
-            "is of the tool as it is: give the code without that correction"
-        )
+    if gyro or axial:
+        raise refused("position-code-certificate", {"code": code.name, "term": (*gyro, *axial)[0]})

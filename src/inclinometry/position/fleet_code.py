@@ -19,7 +19,7 @@ import numpy as np
 
 from inclinometry.arrays import Array, within
 from inclinometry.calibration.drift import DriftModel
-from inclinometry.errors import InputError
+from inclinometry.errors import refused
 from inclinometry.history import PARAMETERS
 from inclinometry.position.certificate import is_sensor_term
 from inclinometry.position.tool_code import ToolCode, term
@@ -131,9 +131,7 @@ def fleet_tool_code(
     by_name = back @ turned @ back.T
     sd = np.sqrt(np.diagonal(by_name))
     if not sd.all():
-        raise InputError(
-            f"the fleet of type {model.type} has a parameter without any error; give certificates or drift"
-        )
+        raise refused("position-fleet", {"type": model.type})
     root = np.linalg.cholesky(by_name / np.outer(sd, sd) + 1e-12 * np.eye(len(sd)))
     leads = np.diagonal(root)
     terms = []
@@ -152,9 +150,7 @@ def fleet_tool_code(
     others = () if beside is None else tuple(one for one in beside.terms if not is_sensor_term(one.name))
     twins = {one.name for one in others} & {one.name for one in terms}
     if twins:
-        raise InputError(
-            f"tool code {beside and beside.name} has a term {sorted(twins)[0]} of its own; leave it out there"
-        )
+        raise refused("input-repeated", {"name": "terms", "value": min(twins)})
     evidence = {
         **model.basis,
         "interval_years": years,

@@ -12,7 +12,8 @@ import numpy as np
 
 from inclinometry.arrays import Array, Index, Mask, finite, frozen
 from inclinometry.earth.site import convert_azimuth
-from inclinometry.errors import InputError
+from inclinometry.errors import not_among, out_of_range, refused, wrong_shape
+from inclinometry.findings import Value
 from inclinometry.position.tool_code import PROPAGATIONS, Evaluator, Levers, ToolCode, Weights, levers
 from inclinometry.position.well import WellSurvey, hole_sigmas, horizontal_ellipse
 from inclinometry.survey.path import SurveyRun, directions
@@ -39,19 +40,17 @@ class MatrixSource:
 
     def __post_init__(self) -> None:
         if self.propagation not in PROPAGATIONS:
-            allowed = ", ".join(PROPAGATIONS)
-            raise InputError(f"source {self.name!r} has propagation {self.propagation!r}; allowed: {allowed}")
+            raise not_among(f"propagation of {self.name}", self.propagation, PROPAGATIONS)
         derivatives = np.asarray(self.by_angles, dtype=np.float64)
         covariance = finite(self.covariance, f"covariance of {self.name!r}", (None, None))
         size = derivatives.shape[2:] * 2
-        if derivatives.ndim != 3 or derivatives.shape[1] != 3 or covariance.shape != size:
-            raise InputError(
-                f"source {self.name!r} has derivatives {derivatives.shape} with a covariance {covariance.shape}; "
-                "expected (n, 3, p) and (p, p)"
-            )
+        if derivatives.ndim != 3 or derivatives.shape[1] != 3:
+            raise wrong_shape(f"by_angles of {self.name}", derivatives.shape, "(n, 3, p)")
+        if covariance.shape != size:
+            raise wrong_shape(f"covariance of {self.name}", covariance.shape, str(size))
         direction = None if self.by_direction is None else np.asarray(self.by_direction, dtype=np.float64)
         if direction is not None and direction.shape != derivatives.shape:
-            raise InputError(f"source {self.name!r}: by_direction is {direction.shape}, by_angles {derivatives.shape}")
+            raise wrong_shape(f"by_direction of {self.name}", direction.shape, str(derivatives.shape))
         replaced = self._replaced(direction, len(derivatives))
         # where the direction stands in for them the derivatives of the angles may be infinite
         angles = np.array(derivatives)
@@ -76,7 +75,7 @@ class MatrixSource:
             Other stations than the survey's, a covariance that is none.
         """
         if len(self.by_angles) != len(survey):
-            raise InputError(f"source {self.name!r} has {len(self.by_angles)} stations, the survey {len(survey)}")
+            raise wrong_shape(f"by_angles of {self.name}", self.by_angles.shape, f"({len(survey)}, 3, p)")
         # f (p, r) with F F^T = covariance, for what of it is not zero
         covariance = self.covariance
         sigma = np.sqrt(np.clip(np.diagonal(covariance), 0.0, None))
@@ -86,7 +85,7 @@ class MatrixSource:
         values, vectors = np.linalg.eigh(0.5 * (correlation + correlation.T))
         uneven = np.abs(correlation - correlation.T).max(initial=0.0) > 1e-9
         if uneven or (len(values) and values[0] < -1e-9) or (np.diagonal(covariance) < 0.0).any():
-            raise InputError(f"the covariance of source {self.name!r} is not symmetric or has negative variances")
+            raise refused("position-covariance", {"name": self.name})
         kept = values > 1e-14 * max(len(values), 1)
         factor = np.asarray(scale[:, None] * vectors[:, kept] * np.sqrt(values[kept]))
         angles = np.transpose(self.by_angles @ factor, (2, 1, 0))
@@ -151,12 +150,9 @@ def gyro_sources(run: AngleRun, well: WellSurvey) -> tuple[MatrixSource, ...]:
     """
     check_record(well, WellSurvey, "gyro_sources")
     if run.azimuth_reference == "magnetic":
-        raise InputError("the azimuths are from magnetic north; a magnetic tool's errors come from its certificate")
+        raise not_among("azimuth_reference", run.azimuth_reference, ("true", "grid"))
     if not run.errors:
-        raise InputError(
-            "nothing is known of what the errors of these stations share; give a run of `north_run` by the joint or "
-            "the fixed method"
-        )
+        raise refused("input-missing", {"names": ("errors",)})
     rows = rows_of(well, run.md)
     turned = convert_azimuth(run.azimuth, run.azimuth_reference, "true", well.site)
     check_directions(well, rows, run.md, run.inclination, turned)
@@ -182,11 +178,7 @@ def rows_of(survey: WellSurvey, md: Array) -> Index:
     wrong = np.abs(there[:shared] - md[:shared]) > 0.005  # depths are written to the centimetre
     if wrong.any() or shared < len(md):
         k = int(np.argmax(wrong)) if wrong.any() else shared
-        has = f"{survey.md[first + k]:.10g} m" if k < shared else "no more"
-        raise InputError(
-            f"station {k + 1} of the tool stands at md {md[k]:.10g} m where the survey has {has}; both need the same "
-            "depths"
-        )
+        raise refused("position-depths", {"station": k + 1, "md_m": float(md[k])})
     return np.arange(first, first + shared)
 
 
@@ -197,10 +189,8 @@ def check_directions(survey: WellSurvey, rows: Index, md: Array, inclination: Ar
     # more than corrections make, less than a wrong north does
     if apart.max() > np.radians(5.0):
         k = int(apart.argmax())
-        raise InputError(
-            f"station {k + 1} at md {md[k]:.10g} m: what the tool measured lies {np.degrees(apart[k]):.1f} deg from "
-            "the survey's direction; another run, or an azimuth from another north (declination and convergence)?"
-        )
+        off = float(np.degrees(apart[k]))
+        raise refused("position-direction", {"station": k + 1, "md_m": float(md[k]), "off_deg": off})
 
 
 PAIRS: Final = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
@@ -258,7 +248,7 @@ class SourceUncertainty:
         """
         weights = [part.weights() for part in self.parts]
         if len({len(one) for one in weights}) > 1:
-            raise InputError(f"source {self.name!r} differs between runs in its parameters; rename one of them")
+            raise refused("position-source-differs", {"source": self.name})
         for runs in zip(*weights, strict=True):
             errors = [part.errors(one) for part, one in zip(self.parts, runs, strict=True)]
             own, both = reduce(np.add, errors)
@@ -422,13 +412,12 @@ def propagate_runs(survey: WellSurvey, runs: Sequence[Run]) -> PositionUncertain
     expected = 0
     for number, run in enumerate(runs, 1):
         if run.first != expected or run.last < run.first or run.last >= len(survey):
-            raise InputError(
-                f"run {number} has stations {run.first + 1} to {run.last + 1}; it must begin at {expected + 1} and end "
-                f"by {len(survey)}"
+            raise out_of_range(
+                f"stations of run {number}", f"{run.first + 1} .. {run.last + 1}", f"{expected + 1} .. {len(survey)}"
             )
         expected = run.last + 1
     if expected != len(survey):
-        raise InputError(f"the runs end at station {expected} of {len(survey)}; the last must end with the survey")
+        raise out_of_range("last station of the runs", expected, str(len(survey)))
     pieces: dict[str, list[SourceUncertainty]] = {}
     for number, run in enumerate(runs, 1):
         mask = np.zeros(len(survey))
@@ -438,7 +427,7 @@ def propagate_runs(survey: WellSurvey, runs: Sequence[Run]) -> PositionUncertain
             pieces.setdefault(one.name if shared else f"run {number}: {one.name}", []).append(one)
     sources = {name: _joined(name, parts) for name, parts in pieces.items()}
     if not sources:
-        raise InputError("there is no source of error; give a tool code, a calibration or other sources")
+        raise refused("input-one-of", {"names": ("tool_code", "sources")})
     total = _covariance(sources.values(), len(survey)) + survey.tie
     return PositionUncertainty(survey, MappingProxyType(sources), total)
 
@@ -456,17 +445,16 @@ def _run_sources(survey: WellSurvey, run: Run, mask: Array | None) -> list[Sourc
         bad = (here < low) | (here > high)
         if bad.any():
             row = run.first + int(np.argmax(bad))
-            raise InputError(
-                f"station {row + 1} has inclination {np.degrees(survey.inclination[row]):.2f} deg; tool code "
-                f"{code.name} is made for {np.degrees(low):g} to {np.degrees(high):g} deg"
-            )
+            limits = {"low_deg": float(np.degrees(low)), "high_deg": float(np.degrees(high))}
+            at: dict[str, Value] = {"station": row + 1, "inclination_deg": float(np.degrees(survey.inclination[row]))}
+            raise refused("position-code-range", limits | at | {"code": code.name})
         evaluator = Evaluator(survey, code, run.first, run.last)
         named += [(one.name, one.propagation, partial(evaluator.realisations, one), np.inf) for one in code.terms]
     named += [(one.name, one.propagation, partial(one.weights, survey), one.degrees_of_freedom) for one in run.sources]
     names = [name for name, *_ in named]
     twice = next((name for i, name in enumerate(names) if name in names[:i]), None)
     if twice is not None:
-        raise InputError(f"two sources of one run are called {twice!r}; names must differ")
+        raise refused("input-repeated", {"name": "sources", "value": twice})
     turn = (survey.site.convergence or 0.0) if survey.north == "grid" else 0.0
     return [
         SourceUncertainty(name, kind, (_Part(weights, arms, mask, turn),), freedom)
@@ -477,7 +465,7 @@ def _run_sources(survey: WellSurvey, run: Run, mask: Array | None) -> list[Sourc
 def _joined(name: str, parts: Sequence[SourceUncertainty]) -> SourceUncertainty:
     """One source of all the runs that share it."""
     if len({part.propagation for part in parts}) > 1:
-        raise InputError(f"source {name!r} differs between runs in propagation; rename one of them")
+        raise refused("position-source-differs", {"source": name})
     return replace(parts[0], parts=tuple(part for one in parts for part in one.parts))
 
 
@@ -526,12 +514,12 @@ def relative_covariance(
     check_record(first, PositionUncertainty, "relative_covariance")
     check_record(second, PositionUncertainty, "relative_covariance")
     if first.survey.north != second.survey.north:
-        raise InputError(f"one well counts from {first.survey.north}, the other from {second.survey.north} north")
+        raise refused("input-north", {"norths": (first.survey.north, second.survey.north)})
     total = first.covariance[i] + second.covariance[j]
     for name in _common(first.sources, second.sources, common):
         one, other = first.sources[name], second.sources[name]
         if len(one.vectors) != len(other.vectors):
-            raise InputError(f"source {name!r} has different parameters in the two wells; rename one of them")
+            raise refused("position-source-differs", {"source": name})
         cross = one.vectors[:, i].T @ other.vectors[:, j]
         total = total - cross - cross.T
     return finite(total, "covariance")
@@ -544,13 +532,12 @@ def _common(
     both = [name for name in first if name in second]
     if isinstance(names, str):
         if names not in ("geomagnetic", "global"):
-            raise InputError(f"common is {names!r}; allowed: geomagnetic, global or a list of names")
+            raise not_among("common", names, ("geomagnetic", "global"))
         shared = [name for name in both if first[name].propagation == second[name].propagation == "global"]
         return [name for name in shared if names == "global" or name in GEOMAGNETIC]
     for name in names:
         if name not in first and name not in second:
-            allowed = ", ".join(dict.fromkeys((*first, *second)))
-            raise InputError(f"common term {name!r} is in neither well; allowed: {allowed}")
+            raise not_among("common", name, dict.fromkeys((*first, *second)))
         if any(of[name].propagation == "random" for of in (first, second) if name in of):
-            raise InputError(f"source {name!r} is random; it is never common to two wells: remove it from common")
+            raise refused("input-not-with", {"name": name, "other": "common"})
     return [name for name in both if name in names]

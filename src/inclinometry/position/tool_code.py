@@ -16,7 +16,8 @@ from typing import Any, Final, NamedTuple, TypeAlias
 import numpy as np
 
 from inclinometry.arrays import Array, Mask, finite
-from inclinometry.errors import InputError, SiteError
+from inclinometry.errors import InputError, SiteError, not_among, out_of_range, refused
+from inclinometry.findings import Finding, Value
 from inclinometry.position.well import WellSurvey
 
 Compute: TypeAlias = Callable[[Mapping[str, Any], dict[str, Any]], Any]
@@ -73,7 +74,7 @@ class Formula:
         """Value for lower-case variable names; `memory` keeps values of calls for formulas of the same variables."""
         missing = sorted(self.names - set(variables))
         if missing:
-            raise InputError(f"formula {self.text!r} needs {', '.join(missing)}, of which nothing is known")
+            raise refused("input-missing", {"names": tuple(missing)})
         with np.errstate(all="ignore"):  # infinities are judged where it is known which stations count
             return self._value(variables, {} if memory is None else memory)
 
@@ -86,18 +87,21 @@ def parse(text: str | float, variables: frozenset[str] | None = None) -> Formula
     longest = 2000  # characters; a longer one is not a weighting function
     source = str(text)
     if len(source) > longest:
-        raise InputError(f"a formula has {len(source)} characters; up to {longest} are allowed")
+        raise out_of_range("length of the formula", len(source), f"<= {longest}")
     try:
         tree = ast.parse(source.strip().replace("^", "**"), mode="eval").body
     except (SyntaxError, ValueError, RecursionError, MemoryError):
-        raise InputError(f"formula {source!r} cannot be read; check its brackets and operators") from None
+        raise _invalid(source, source) from None
     names: set[str] = set()
     compute = _compiled(tree, source, names)
     unknown = sorted(names - variables) if variables is not None else []
     if unknown:
-        known = ", ".join(sorted(variables or ()))
-        raise InputError(f"formula {source!r} has the unknown variable {unknown[0]!r}; known: {known}")
+        raise _invalid(source, unknown[0])
     return Formula(source, frozenset(names), compute)
+
+
+def _invalid(formula: str, part: str) -> InputError:
+    return refused("position-formula", {"formula": formula, "part": part})
 
 
 def _compiled(node: ast.expr, source: str, names: set[str]) -> Compute:
@@ -105,7 +109,7 @@ def _compiled(node: ast.expr, source: str, names: set[str]) -> Compute:
     constants, largest = {"pi": np.pi, "rad": np.pi / 180.0}, 1e100
     if isinstance(node, ast.Constant) and isinstance(node.value, int | float) and not isinstance(node.value, bool):
         if abs(node.value) > largest:
-            raise InputError(f"formula {source!r} has a number beyond {largest:g}; no weight is so large")
+            raise _invalid(source, f"{node.value:g}")
         number = np.float64(str(node.value))  # integers would overflow silently, or refuse negative powers
         return lambda variables, memory: number
     if isinstance(node, ast.Name):
@@ -120,14 +124,10 @@ def _compiled(node: ast.expr, source: str, names: set[str]) -> Compute:
         parts = [_compiled(part, source, names) for part in nodes]
         return lambda variables, memory: operator(*(part(variables, memory) for part in parts))
     if not (isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and not node.keywords):
-        raise InputError(f"formula {source!r} has {ast.unparse(node)!r}, which is not arithmetic on numbers")
+        raise _invalid(source, ast.unparse(node))
     function = node.func.id.lower()
-    if function not in FUNCTIONS:
-        raise InputError(f"formula {source!r} calls {node.func.id!r}; allowed: {', '.join(FUNCTIONS)}")
-    if not (len(node.args) == 1 if function in _ONE else len(node.args) >= 2):
-        wanted = "one argument" if function in _ONE else "two arguments or more"
-        calls = f"{node.func.id} with {len(node.args)} arguments"
-        raise InputError(f"formula {source!r} calls {calls}; it takes {wanted}")
+    if function not in FUNCTIONS or not (len(node.args) == 1 if function in _ONE else len(node.args) >= 2):
+        raise _invalid(source, ast.unparse(node))
     arguments = [_compiled(part, source, names) for part in node.args]
     key = ast.unparse(node).lower()
 
@@ -215,19 +215,18 @@ class Term:
 
     def __post_init__(self) -> None:
         if self.unit not in UNITS:
-            raise InputError(f"term {self.name} has the unit {self.unit!r}; known: {', '.join(UNITS)}")
+            raise not_among(f"unit of {self.name}", self.unit, UNITS)
         if self.propagation not in PROPAGATIONS:
-            allowed = ", ".join(PROPAGATIONS)
-            raise InputError(f"term {self.name} has the propagation {self.propagation!r}; allowed: {allowed}")
+            raise not_among(f"propagation of {self.name}", self.propagation, PROPAGATIONS)
         if float(finite(self.magnitude, f"magnitude of {self.name}")) < 0.0:
-            raise InputError(f"term {self.name} has magnitude {self.magnitude}; a standard deviation is not negative")
+            raise out_of_range(f"magnitude of {self.name}", self.magnitude, ">= 0")
         if all(formula.is_zero for formula in self.formulas) and not self.course:
-            raise InputError(f"term {self.name} has no formula that is not 0; say what it does, or leave it out")
+            raise refused("input-empty", {"name": f"formulas of {self.name}"})
         if not self.inclinations[0] <= self.inclinations[1]:
-            low, high = np.degrees(self.inclinations)
-            raise InputError(f"term {self.name} is for inclinations {low:g} to {high:g} deg; the lower comes first")
+            low, high = np.degrees(self.inclinations).tolist()
+            raise out_of_range(f"inclinations of {self.name}", low, f"<= {high:g}")
         if self.hold and self.start:
-            raise InputError(f"term {self.name} both holds its last and keeps its first weight; choose one")
+            raise refused("input-not-with", {"name": f"hold of {self.name}", "other": "start"})
 
     @property
     def sigma(self) -> float:
@@ -255,11 +254,8 @@ def term(
     **options: object,
 ) -> Term:
     """A `Term` from the text of its formulas: weights of depth, inclination, azimuth; three singular ones."""
-    try:
-        depth, inclination, azimuth = (parse(text, VARIABLES) for text in weights)
-        vertical = None if singular is None else tuple(parse(text, VARIABLES) for text in singular)
-    except InputError as error:
-        raise InputError(f"term {name}: {error}") from None
+    depth, inclination, azimuth = (parse(text, VARIABLES) for text in weights)
+    vertical = None if singular is None else tuple(parse(text, VARIABLES) for text in singular)
     return Term(
         name=name,
         magnitude=magnitude,
@@ -301,13 +297,11 @@ class ToolCode:
         names = [one.name for one in self.terms]
         twice = next((name for i, name in enumerate(names) if name in names[:i]), None)
         if twice is not None:
-            raise InputError(f"tool code {self.name} has the term {twice} twice; names must differ")
+            raise refused("input-repeated", {"name": f"terms of {self.name}", "value": twice})
         if not self.terms:
-            raise InputError(f"tool code {self.name} has no terms; an error model needs at least one")
-        unknown = sorted(set(self.parameters) - PARAMETERS)
-        if unknown:
-            allowed = ", ".join(sorted(PARAMETERS))
-            raise InputError(f"tool code {self.name} sets the unknown parameter {unknown[0]!r}; known: {allowed}")
+            raise refused("input-empty", {"name": f"terms of {self.name}"})
+        if unknown := sorted(set(self.parameters) - PARAMETERS):
+            raise refused("input-unknown", {"names": tuple(unknown), "known": tuple(sorted(PARAMETERS))})
         for one in self.terms:
             self._complete(one)
         object.__setattr__(self, "parameters", MappingProxyType(dict(self.parameters)))
@@ -316,15 +310,9 @@ class ToolCode:
         for formula in one.formulas:
             lost = sorted((formula.names & PARAMETERS) - set(self.parameters))
             if lost:
-                raise InputError(
-                    f"tool code {self.name}, term {one.name}: formula {formula.text!r} needs the parameter {lost[0]}, "
-                    "which the tool code does not set; add it"
-                )
+                raise refused("input-needs", {"name": one.name, "needed": tuple(lost)})
         if one.state is not None and self.continuous_above is None and not np.isfinite(one.inclinations).any():
-            raise InputError(
-                f"tool code {self.name}, term {one.name} accumulates, but from which inclination on is not said; "
-                "set continuous_above or the term's inclinations"
-            )
+            raise refused("input-needs", {"name": one.name, "needed": ("continuous_above",)})
 
 
 # How far an error of depth, inclination or azimuth at a station moves the courses beside it.
@@ -481,23 +469,19 @@ class Evaluator:
         bad = used & ~(np.abs(value) < 1e12)
         if bad.any():
             row = int(np.argmax(bad))
-            raise InputError(
-                f"tool code {self.code.name}, term {term.name}: formula {formula.text!r} is {value[row]:g} at station "
-                f"{row + 1} (inclination {np.degrees(self.known['inc'][row]):.4f} deg), outside what the tool code is "
-                "made for"
-            )
+            at: dict[str, Value] = {"station": row + 1, "inclination_deg": float(np.degrees(self.known["inc"][row]))}
+            of = {"code": self.code.name, "term": term.name, "formula": formula.text}
+            raise refused("position-weight", of | at)
         return value * term.sigma if used.all() else np.where(used, value, 0.0) * term.sigma
 
     def _evaluate(self, term: Term, formula: Formula, known: Mapping[str, Any], memory: dict[str, Any] | None) -> Any:
         missing = sorted(formula.names - set(known))
         if missing:
-            remedies = {"azm": "declination", "azmprev": "declination"}
-            remedies |= {"gfield": "gravity or latitude", "bfield": "field strength"}
-            wanted = ", ".join(sorted({remedies.get(name, name) for name in missing}))
-            raise SiteError(
-                f"tool code {self.code.name}, term {term.name}: formula {formula.text!r} needs {', '.join(missing)}; "
-                f"give the site's {wanted}, or choose another tool code"
-            )
+            keys = {"azm": "declination_deg", "azmprev": "declination_deg", "dip": "dip_deg", "bfield": "b_nT"}
+            keys |= {"gfield": "latitude_deg", "latitude": "latitude_deg", "earthrate": "latitude_deg"}
+            lacking = tuple(sorted({keys.get(name, name) for name in missing}))
+            of: dict[str, Value] = {"code": self.code.name, "term": term.name, "names": lacking}
+            raise SiteError(Finding("position-site", of))
         return formula.evaluate(known, memory)
 
     def _accumulated(self, term: Term, state: str, inside: Mask) -> list[Weights]:

@@ -13,7 +13,8 @@ from numpy.typing import ArrayLike
 from inclinometry.arrays import Array, finite, frozen, within
 from inclinometry.constants import EARTH_RATE
 from inclinometry.earth.site import Site, convert_azimuth
-from inclinometry.errors import InputError, SiteError
+from inclinometry.errors import SiteError, not_among, refused, wrong_shape
+from inclinometry.findings import Finding
 from inclinometry.rotations import dcm, wrap_positive, wrap_signed
 from inclinometry.survey.path import minimum_curvature
 from inclinometry.tabular import Column, Tabular, in_degrees
@@ -137,10 +138,9 @@ def hole_sigmas(covariance: ArrayLike, inclination: ArrayLike, azimuth: ArrayLik
 def _covariance(value: ArrayLike, sizes: tuple[int, ...]) -> Array:
     matrix = finite(value, "covariance", (None, None))
     if matrix.shape[-1] != matrix.shape[-2] or matrix.shape[-1] not in sizes:
-        wanted = " or ".join(f"(..., {size}, {size})" for size in sizes)
-        raise InputError(f"covariance has shape {matrix.shape}; expected {wanted}")
+        raise wrong_shape("covariance", matrix.shape, ", ".join(f"(..., {size}, {size})" for size in sizes))
     if (np.diagonal(matrix, axis1=-2, axis2=-1) < 0.0).any():
-        raise InputError("covariance has a negative variance on its diagonal; give variances in m^2")
+        raise refused("position-covariance", {"name": "covariance"})
     return matrix
 
 
@@ -174,10 +174,9 @@ class WellSurvey(Tabular):
     def __post_init__(self) -> None:
         md = finite(self.md, "md", (None,))
         if len(md) < 2:
-            raise InputError(f"the survey has {len(md)} station; a path needs two or more")
+            raise refused("input-few", {"name": "stations", "count": len(md), "least": 2})
         if (np.diff(md) <= 0.0).any():
-            row = int(np.argmax(np.diff(md) <= 0.0))
-            raise InputError(f"md goes from {md[row]:g} to {md[row + 1]:g} m at station {row + 2}; it must increase")
+            raise refused("input-order", {"name": "md", "row": int(np.argmax(np.diff(md) <= 0.0)) + 2})
         columns = {
             "md": md,
             "inclination": within(self.inclination, "inclination", 0.0, np.pi, "rad"),
@@ -186,11 +185,11 @@ class WellSurvey(Tabular):
         }
         for name, column in columns.items():
             if column.shape != md.shape:
-                raise InputError(f"{name} has shape {column.shape}, md has {md.shape}; one value a station is needed")
+                raise wrong_shape(name, column.shape, str(md.shape))
             object.__setattr__(self, name, frozen(column))
         for name in ("north", "reference"):
             if getattr(self, name) not in ("true", "grid"):
-                raise InputError(f"{name} is {getattr(self, name)!r}; allowed: true, grid")
+                raise not_among(name, getattr(self, name), ("true", "grid"))
         object.__setattr__(self, "tie", frozen(finite(self.tie, "tie", (3, 3))))
 
     def __len__(self) -> int:
@@ -299,7 +298,7 @@ def well_survey(
     kept = "grid" if reference == target == "grid" and site.convergence is None else "true"
     angle = angle if reference == kept else convert_azimuth(angle, reference, kept, site)
     if kept == "true" and target == "grid" and site.convergence is None:
-        raise SiteError("the site has no convergence; positions from grid north need it: give the convergence")
+        raise SiteError(Finding("input-missing", {"names": ("convergence_deg",)}))
     depths = finite(md, "md", (None,))
     if tvd is None:
         first = float(depths[0]) if len(depths) else 0.0

@@ -9,7 +9,7 @@ import numpy as np
 from inclinometry.allan import ChannelNoise, Coefficient, NoiseRecord
 from inclinometry.constants import COVERAGE_FACTOR
 from inclinometry.files.allan_json import COEFFICIENTS, PlottedCurve, coefficients_of, units_of
-from inclinometry.language import label, number
+from inclinometry.language import label, number, said
 from inclinometry.report.calibration import log_scale
 from inclinometry.report.figure import DASHES, INK, SERIES, legend_above, new_figure, styled
 from inclinometry.report.page import Section, Table, TableRow, picture, report
@@ -57,7 +57,7 @@ def allan_figure(channel: ChannelNoise) -> Figure:
 
 def allan_report(record: NoiseRecord) -> str:
     """The noise of an instrument as one self-contained HTML page: coefficients, curves, what was analysed."""
-    troubles = len(record.warnings)
+    troubles = len(record.findings)
     tables = []
     for kind in record.kinds:
         units, body = units_of(record.of(kind)[0]), []
@@ -104,7 +104,7 @@ def allan_report(record: NoiseRecord) -> str:
             "Coefficients as in IEEE Std 952-1997: the Allan variance over a time t is N²/t + 0.441 B² + K² t/3. "
             "Where a record is too short to see one, its upper limit (95 %) stands instead."
         ],
-        warnings=record.warnings,
+        warnings=said(record.findings),
         inputs=record.inputs,
     )
 

@@ -12,6 +12,7 @@ from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
 from inclinometry.calibration.rollset import SecondHarmonics, second_harmonics
 from inclinometry.constants import DIALS
+from inclinometry.findings import only_notes, without_notes
 from inclinometry.language import label, said
 from inclinometry.report import calibration_tables as tables
 from inclinometry.report import words
@@ -218,9 +219,8 @@ def calibration_report(
     place, where = found.dip, _place(found)
     tests = words.calibration_tests(calibration)
     failed, open_ = (sum(test.passed is found for test in tests) for found in (False, None))
-    told = [one for one in calibration.findings if one.severity != "note"]
-    noted = [one for one in calibration.findings if one.severity == "note"]
-    troubles = len(calibration.warnings) + len(told)
+    told = without_notes(calibration.findings)
+    troubles = len(told)
     rig_table = tables.rig_table(calibration, readings)
     second = None if readings is None else second_harmonics(readings)
     captions = {
@@ -241,8 +241,8 @@ def calibration_report(
         if open_
         else "No warnings, every test passed",
         verdict=words.verdict(calibration, at_once),
-        notes=[line for line in (where, words.covers(calibration), *said(noted)) if line],
-        warnings=[*said(told), *calibration.warnings],
+        notes=[line for line in (where, words.covers(calibration), *said(only_notes(calibration.findings))) if line],
+        warnings=said(told),
         expected=tables.expected_tables(short),
         expected_figures=_expected_figures(found),
         budget=None if readings is None else tables.budget_table(calibration, readings, short),

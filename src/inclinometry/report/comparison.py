@@ -12,8 +12,9 @@ from inclinometry.arrays import Array, finite
 from inclinometry.calibration.comparison import TwoCalibrations
 from inclinometry.calibration.expected import FROM_CALIBRATION
 from inclinometry.calibration.result import rounded
-from inclinometry.errors import InputError
-from inclinometry.language import label
+from inclinometry.errors import refused, wrong_shape
+from inclinometry.findings import without_notes
+from inclinometry.language import label, said
 from inclinometry.report.calibration import log_scale
 from inclinometry.report.figure import INK, legend_above, look, new_figure, panel, styled
 from inclinometry.report.page import CONVENTIONS, Table, TableRow, picture, render
@@ -63,7 +64,11 @@ def two_report(found: TwoCalibrations) -> str:
         badge="Differ" if far else "Agree",
         verdict=f"{(differ if far else agree).capitalize()}.",
         notes=["The two are taken to be independent; each coefficient is at its calibration's reference temperature."],
-        warnings=[f"{n}: {w}" for n, c in zip(found.names, found.calibrations, strict=True) for w in c.remarks],
+        warnings=[
+            f"{n}: {one}"
+            for n, c in zip(found.names, found.calibrations, strict=True)
+            for one in said(without_notes(c.findings))
+        ],
         tables=tables,
         figures=[
             picture(
@@ -120,7 +125,7 @@ class MethodCurve(NamedTuple):
 def comparison_figure(rows: Sequence[MethodCurve], *, title: str = "") -> Figure:
     """Expected error of inclination and azimuth over inclination, logarithmic; the first method is drawn strongest."""
     if not rows:
-        raise InputError("no method to compare; give at least one")
+        raise refused("input-empty", {"name": "rows"})
     figure = new_figure(3.9, width=9.0)
     panels = figure.subplots(1, 2)
     for axes, name, column in zip(panels, ("inclination", "azimuth"), (2, 3), strict=True):
@@ -130,7 +135,7 @@ def comparison_figure(rows: Sequence[MethodCurve], *, title: str = "") -> Figure
             x = np.degrees(finite(row.inclination, f"inclination of {row.name}", (None,)))
             y = np.degrees(finite(row[column], f"error of {row.name}", (None,)))
             if x.shape != y.shape:
-                raise InputError(f"{row.name}: {x.shape[0]} inclinations and {y.shape[0]} errors; give one for each")
+                raise wrong_shape(f"error of {row.name}", y.shape, str(x.shape))
             levels.append(y[y > 0.0])
             every, width = (n % 3, 3) if len(x) > 12 else None, 2.4 if n == 0 else 1.6
             handles += axes.plot(x, y, markevery=every, linewidth=width, label=row.name, **look(n))

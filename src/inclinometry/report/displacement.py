@@ -176,4 +176,4 @@ def _table(found: Displacement) -> Table:
     head = ["depth, m"]
     for axis in found.axes:
         head += [label("{upper}, mm", upper=axis.upper()), "U, mm"]
-    return Table(label("Displacement; U: k = {k:g}", k=COVERAGE_FACTOR), [*head, "check-sum"], rows)
+    return Table(label("Displacement; U: k = {k:g}", k=COVERAGE_FACTOR), [*head, "Check-sum"], rows)

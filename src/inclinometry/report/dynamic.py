@@ -11,6 +11,7 @@ from inclinometry.arrays import Array, Mask
 from inclinometry.constants import ANGLES, COVERAGE_FACTOR, RPM, STANDARD_GRAVITY
 from inclinometry.earth.site import REFERENCES
 from inclinometry.errors import InputError
+from inclinometry.findings import Finding
 from inclinometry.language import label, said
 from inclinometry.motion import result
 from inclinometry.motion.average import average_windows
@@ -342,7 +343,7 @@ CHANNEL_WORDS: Final = {"accel": "apparent gravity", "mag": "magnetic field", "g
 def dynamic_report(run: result.DynamicRun) -> str:
     """Attitude of a moving tool as one self-contained HTML page."""
     if not len(run.rows):
-        raise InputError("the run has no window to report; give a longer run or shorter windows")
+        raise InputError(Finding("input-empty", {"name": "run.rows"}))
     rows = run.rows
     refused, size = int(rows.refused.sum()), len(rows)
     flagged = int((rows.flags != 0).sum())
@@ -586,7 +587,7 @@ def _methods(run: result.DynamicRun) -> Section:
     asked = label("Asked for: {method}.", method=run.method)
     return Section(
         "Methods, and why",
-        [asked, *run.notes, *said(run.findings)],
+        [asked, *said(run.findings)],
         [Table("Methods taken", head, body, text_columns=2)],
     )
 

@@ -12,8 +12,7 @@ from numpy.typing import ArrayLike
 from inclinometry.arrays import Array, Index, Mask, finite
 from inclinometry.constants import ANGLES, COVERAGE_FACTOR, DEG_PER_HOUR
 from inclinometry.earth.site import Site
-from inclinometry.errors import InputError
-from inclinometry.findings import Finding
+from inclinometry.errors import out_of_range, refused, wrong_shape
 from inclinometry.gyro.result import FLAGS, North
 from inclinometry.gyro.tracking import SPAN, ScaleTrack
 from inclinometry.language import label, said
@@ -172,11 +171,11 @@ def hot_run_figure(
     """
     size = len(temperature)
     if not errors or not u:
-        raise InputError("no azimuth errors or no uncertainty to draw; give at least one of each")
+        raise refused("input-empty", {"name": "errors, u"})
     own = {"inclination": inclination, "scale_true": scale_true, "track": track.scale}
     for name, value in (*own.items(), *errors.items(), *u.items()):
         if len(value) != size:
-            raise InputError(f"{name} has {len(value)} stations, temperature {size}; give one value for each station")
+            raise wrong_shape(name, (len(value),), f"({size},)")
     figure = new_figure(8.2, width=9.0)
     top, middle, low = figure.subplots(3, 1, sharex=True, height_ratios=(5, 4, 1.6))
     named = {}
@@ -220,7 +219,7 @@ def scale_report(track: ScaleTrack, *, md: ArrayLike | None = None, tool: str = 
     """A scale factor followed over temperature as one self-contained HTML page; without `md` stations are numbered."""
     depth = None if md is None else finite(md, "md", (None,))
     if depth is not None and len(depth) != len(track):
-        raise InputError(f"md has {len(depth)} depths, the track {len(track)} stations; give one depth a station")
+        raise wrong_shape("md", depth.shape, f"({len(track)},)")
     left = int((~track.learnt).sum())
     learnt = learnt_sentences(track)
     belief = track.belief
@@ -394,7 +393,7 @@ def gyro_report(
         about="What was reduced",
         heading=subject if survey.tool else "Gyro survey",
         conventions=f"{label(CONVENTIONS)} {label(SCALE_CONVENTIONS)}",
-        states=_states(flagged, size, checks, bool(told or survey.warnings)),
+        states=_states(flagged, size, checks, bool(told)),
         notes=[
             label(
                 "Azimuth counts from {azimuth_reference} north. Included in the uncertainty: {named}. Not "
@@ -404,7 +403,7 @@ def gyro_report(
                 missing=missing,
             )
         ],
-        warnings=[*said(told), *survey.warnings],
+        warnings=said(told),
         inputs=survey.inputs,
     )
 
@@ -427,10 +426,10 @@ def _in_order(
     sizes |= {} if track is None else {"track": len(track)}
     for name, size in sizes.items():
         if size != len(depth):
-            raise InputError(f"{name} has {size} stations, md {len(depth)}; give the same stations")
+            raise wrong_shape(name, (size,), f"({len(depth)},)")
     order = np.argsort(depth, kind="stable")
-    if not np.array_equal(depth[order], survey.md):
-        raise InputError("md holds other depths than the survey; give the depths from which the survey was made")
+    if (odd := depth[order][depth[order] != survey.md]).size:
+        raise out_of_range("md", float(odd[0]), "= survey.md")
     turned = {name: _taken(other, order) for name, other in others.items()}
     return _taken(north, order), None if heat is None else heat[order], turned
 
@@ -523,19 +522,15 @@ def _methods(survey: Survey, north: North, others: Mapping[str, North], heat: Ar
 
 
 def _check_table(checks: Sequence[Check]) -> Table:
-    head = ["check", "verdict", "reason", "next", "value", "limit"]
+    head = ["check", "verdict", "reason", "value", "limit"]
     body = [
         TableRow(
-            [c.name, c.verdict, _reason(c), c.action, _measure(c.value, c.unit), _measure(c.limit, c.unit)],
+            [c.name, c.verdict, said([c.reason])[0], _measure(c.value, c.unit), _measure(c.limit, c.unit)],
             {"pass": "", "not judged": "warn", "fail": "bad"}.get(c.verdict, ""),
         )
         for c in checks
     ]
-    return Table("Checks of the run", head, body, text_columns=4)
-
-
-def _reason(check: Check) -> str:
-    return said([check.reason])[0] if isinstance(check.reason, Finding) else check.reason
+    return Table("Checks of the run", head, body, text_columns=3)
 
 
 def _measure(value: float, unit: str) -> str:
@@ -591,4 +586,4 @@ def _facts(
         facts.append(
             ("Scale learnt from", label("{sum} of {count} stations", sum=int(track.learnt.sum()), count=len(track)))
         )
-    return facts + [("Note", sentence) for sentence in survey.notes]
+    return facts

@@ -10,7 +10,8 @@ import numpy as np
 
 from inclinometry.arrays import Array
 from inclinometry.constants import COVERAGE_FACTOR
-from inclinometry.language import label, number
+from inclinometry.findings import Finding
+from inclinometry.language import label, number, said
 from inclinometry.orientation import angles, angles_jacobian
 from inclinometry.report.figure import BAD, INK, SERIES, legend_above, matrix_axes, new_figure, panel, styled
 from inclinometry.report.page import Section, Table, TableRow, cut, picture, report
@@ -229,15 +230,16 @@ def msa_report(
     quality: FieldQuality,
     *,
     tool: str = "",
-    notes: Sequence[str] = (),
-    warnings: Sequence[str] = (),
+    findings: Sequence[Finding] = (),
     inputs: Mapping[str, str] | None = None,
 ) -> str:
     """A multi-station analysis as one self-contained HTML page; `before`, `quality`: of its input stations."""
     after = judge_fields(found.corrected, quality.reference, k=quality.k, limits=quality.limits)
     u_before, u_after = (azimuth_u(stations) for stations in (before, found.corrected))
     names = labels(found)
-    said = [*warnings, *found.warnings]
+    noted, told = (
+        said(f for f in (*findings, *found.findings) if (f.severity == "note") is note) for note in (True, False)
+    )
     shift = np.array([found.parameters[f"reference {name}"].value for name in ("g", "b", "dip")])
     signs = "Correlation after the analysis: blue positive, orange negative; area by size, blank below 0.05"
     reference, md = quality.reference, found.corrected.md
@@ -287,7 +289,7 @@ def msa_report(
         heading=label("Sensor errors of {tool} in one run", tool=tool) if tool else "Sensor errors of one run",
         states=[
             (after.verdict == "fail", "bad", "The corrected stations fail the tests of the field"),
-            (said, "warn", "Read the warnings"),
+            (told, "warn", "Read the warnings"),
             (after.verdict != "pass", "warn", "The tests of the field are not decided"),
             (
                 left,
@@ -301,8 +303,8 @@ def msa_report(
             ),
             (True, "good", label("{count} stations, every test passed", count=count)),
         ],
-        notes=notes,
-        warnings=said,
+        notes=noted,
+        warnings=told,
         inputs=inputs,
     )
 

@@ -10,7 +10,8 @@ import numpy as np
 
 from inclinometry.arrays import Array, Index
 from inclinometry.earth.site import convert_azimuth
-from inclinometry.language import label, number
+from inclinometry.findings import Finding
+from inclinometry.language import label, number, said
 from inclinometry.position.propagation import PositionUncertainty
 from inclinometry.position.tool_code import ToolCode
 from inclinometry.position.well import WellSurvey, ellipsoid, hole_sigmas, horizontal_ellipse
@@ -532,8 +533,8 @@ def position_report(
     azimuth_reference: str,
     tool_code: ToolCode | None = None,
     calibration: str | None = None,
+    findings: Sequence[Finding] = (),
     notes: Sequence[str] = (),
-    warnings: Sequence[str] = (),
     inputs: Mapping[str, str] | None = None,
 ) -> str:
     """A well's path and its uncertainty as one self-contained HTML page; its picture in space turns without a network.
@@ -563,6 +564,7 @@ def position_report(
         major = horizontal_ellipse(uncertainty.covariance).major
         found.append(picture(sigma_figure(path.md, sigmas, major), "sigma", "One standard deviation of position"))
     row = int(np.argmax(np.sin(survey.inclination) + 1e-9 * np.arange(len(survey))))
+    noted, warnings = (said(f for f in findings if (f.severity == "note") is note) for note in (True, False))
     return render(
         "position.html",
         title="Position of the well",
@@ -577,8 +579,8 @@ def position_report(
             + ("" if uncertainty is not None else label(", uncertainty not known"))
         ),
         verdict=_verdict(path, survey, uncertainty),
-        notes=list(notes),
-        warnings=list(warnings),
+        notes=[*notes, *noted],
+        warnings=warnings,
         bottom=bottom_table(path, survey, uncertainty),
         plans=[
             picture(
@@ -684,10 +686,10 @@ def _sources_picture(uncertainty: PositionUncertainty | None, code: ToolCode | N
     if uncertainty is None:
         return []
     parts = contributions(uncertainty)[:14]
-    said = {one.name: one.description for one in (() if code is None else code.terms) if one.description}
+    described = {one.name: one.description for one in (() if code is None else code.terms) if one.description}
     # its name with the code behind, as long as the figure is wide
     names = [
-        f"{shorten(label(said[name]), 46 - len(name), placeholder=' …')} ({name})" if name in said else name
+        f"{shorten(label(described[name]), 46 - len(name), placeholder=' …')} ({name})" if name in described else name
         for name in (part.name for part in parts)
     ]
     figure = source_figure(names, [p.major for p in parts], [p.propagation for p in parts])

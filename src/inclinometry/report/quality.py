@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from inclinometry.arrays import Array, Mask
-from inclinometry.language import label
+from inclinometry.language import label, said
 from inclinometry.report.figure import BAD, INK, SERIES, legend_above, panel
 from inclinometry.report.page import Picture, Table, TableRow, picture
 from inclinometry.report.survey_figures import thinned
@@ -96,7 +96,7 @@ def _crosses(axes: Any, quality: FieldQuality, values: Array, failed: Mask) -> N
 
 
 def check_table(checks: Sequence[Check]) -> Table:
-    """Every check with its figures, reason and next action."""
+    """Every check with its figures and its reason."""
     states = {"pass": "", "not judged": "warn", "fail": "bad"}
     body = []
     units = {"rad": ("deg", 180.0 / np.pi), "rad/s": ("deg/h", 180.0 / np.pi * 3600.0), "m/s^2": ("m/s²", 1.0)}
@@ -104,11 +104,10 @@ def check_table(checks: Sequence[Check]) -> Table:
         unit, factor = units.get(check.unit, (check.unit, 1.0))
         sizes = (check.value * factor, check.limit * factor)
         value, limit = (significant(size, 3) if np.isfinite(size) else "-" for size in sizes)
-        action = check.action if check.verdict != "pass" else ""
-        cells = [check.name, check.verdict, str(check.reason), action, value, limit, unit]
+        cells = [check.name, check.verdict, said([check.reason])[0], value, limit, unit]
         body.append(TableRow(cells, states[check.verdict]))
-    head = ["check", "verdict", "what was found", "what to do", "value", "limit", "unit"]
-    return Table("Checks of the run", head, body, text_columns=4)
+    head = ["check", "verdict", "what was found", "value", "limit", "unit"]
+    return Table("Checks of the run", head, body, text_columns=3)
 
 
 def _cells(quality: FieldQuality, row: int, column: int, quantity: Quantity) -> list[str]:

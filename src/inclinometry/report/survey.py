@@ -50,12 +50,13 @@ def survey_report(
     missing += [] if SAG in seen else ["sag"]
     missing += [] if seen & {AXIAL, ANALYSIS, SENSORS} else ["magnetic interference"]
     subject = label("Survey with {value}", value=survey.tool or "a tool")
+    told = [one for one in survey.findings if one.severity != "note"]
     return report(
         "Survey report",
         subject,
         _sentence(survey),
         [
-            Section("What was done to the stations", steps=list(survey.history)),
+            Section("What was done to the stations", steps=said(survey.history)),
             Section(
                 "Angles and their uncertainty",
                 tables=[summary_table(survey, _known(survey)) if len(survey) else None],
@@ -84,7 +85,7 @@ def survey_report(
                     value=0 if quality is None else len(quality.checks),
                 ),
             ),
-            (survey.findings or survey.warnings, "warn", "Read the warnings"),
+            (told, "warn", "Read the warnings"),
             (True, "good", "No flags"),
         ],
         notes=[
@@ -95,8 +96,9 @@ def survey_report(
             ),
             label("Azimuth counts from {north} north.", north=survey.azimuth_reference),
             *notes,
+            *said(one for one in survey.findings if one.severity == "note"),
         ],
-        warnings=[*said(survey.findings), *survey.warnings],
+        warnings=said(told),
         inputs=survey.inputs,
     )
 

@@ -10,7 +10,8 @@ import numpy as np
 from inclinometry.calibration.acceptance import Verification
 from inclinometry.calibration.decision import AGREES, DISAGREES
 from inclinometry.constants import COVERAGE_FACTOR
-from inclinometry.language import label
+from inclinometry.findings import only_notes, without_notes
+from inclinometry.language import label, said
 from inclinometry.report.figure import BAD, INK, SERIES, panel, station_axis
 from inclinometry.report.page import Section, Table, TableRow, cut, picture, report
 from inclinometry.report.words import plain, rounded, significant
@@ -141,7 +142,7 @@ def verification_report(verification: Verification) -> str:
         *([("Source of the limits", verification.limits_source or "not stated")] if agreed else []),
         ("Coverage factor", f"k = {verification.coverage_factor:.3g}"),
     ]
-    word = verification.verdict.upper()
+    word, warned = verification.verdict.upper(), without_notes(verification.findings)
     return report(
         "Verification report",
         label("Verification of {value}", value=verification.tool or "a tool"),
@@ -162,11 +163,11 @@ def verification_report(verification: Verification) -> str:
         # green only when nothing below speaks against relying on it
         states=[
             (not passed, "bad", word),
-            (verification.warnings, "warn", label("{word}, with reservations", word=word)),
+            (warned, "warn", label("{word}, with reservations", word=word)),
             (True, "good", word),
         ],
-        notes=[f"{said[:1].upper()}{said[1:]}." for said in (*verification.reasons, *verification.notes)],
-        warnings=verification.warnings,
+        notes=said(only_notes(verification.findings)),
+        warnings=said(warned),
         inputs=verification.inputs,
     )
 

@@ -16,6 +16,7 @@ from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
 from inclinometry.calibration.start import zero_from_north
 from inclinometry.constants import COVERAGE_FACTOR, DIALS
+from inclinometry.findings import without_notes
 from inclinometry.language import label, number
 from inclinometry.rotations import wrap_positive, wrap_signed
 
@@ -178,7 +179,7 @@ def verdict(calibration: Calibration, found: ExpectedUncertainty) -> str:
             ", |g| known to {gravity_percent:.2g} % of that at the calibration and the way of the hole stated",
             gravity_percent=100.0 * found.gravity_sd,
         )
-    condition = label("; settle the warnings below before relying on it") if calibration.remarks else ""
+    condition = label("; settle the warnings below before relying on it") if without_notes(calibration.findings) else ""
     return label(
         "One reading of {tool} gives {parts} (expanded, k = {k:g}, about 95 %) {where}{condition}.",
         tool=tool,
@@ -252,7 +253,6 @@ def run_facts(calibration: Calibration, readings: BenchReadings | None) -> list[
         shown |= dict.fromkeys(("dip", "latitude", "north"), lambda v: f"{np.degrees(v):.2f}°")
         stated = [(n, shown[n](v) if n in shown else f"{v:g}") for n, v in readings.reference.items()]
         facts += [(label("Stated at the stand: {name}", name=name), text) for name, text in stated]
-    facts += [("Note", sentence) for sentence in calibration.notes]
     return facts + [(label("Digest of {name}", name=name), digest) for name, digest in calibration.inputs.items()]
 
 
@@ -402,7 +402,7 @@ def calibration_tests(calibration: Calibration) -> list[Test]:
     blocks = calibration.residuals.standardised.values()
     values = np.concatenate([np.zeros(0), *(np.asarray(v).ravel() for v in blocks)])
     judged = values[np.isfinite(values)]
-    warned = len(calibration.remarks)
+    warned = len(without_notes(calibration.findings))
     tests = [Test("warnings", str(warned), "none", warned == 0)]
     if judged.size:
         largest, bound = float(np.abs(judged).max()), float(norm.isf(0.005 / judged.size))

@@ -9,7 +9,8 @@ from typing import Final
 import numpy as np
 
 from inclinometry.arrays import Array, Mask, within
-from inclinometry.errors import InputError
+from inclinometry.errors import refused
+from inclinometry.findings import Finding, Value
 from inclinometry.orientation import angles_jacobian
 from inclinometry.survey.flags import Check
 from inclinometry.survey.multistation_priors import FieldReference
@@ -72,7 +73,7 @@ def axial_correction(
     tan D + s cos A) / (B (1 - s^2 sin^2 A)). `interference_sigma`, nT, is what singular stations keep (AMIL: 220).
     """
     if SOURCE in stations.sources:
-        raise InputError("these stations have been through an axial correction; give the stations before it")
+        raise refused("survey-corrected", {"correction": SOURCE})
     within(interference_sigma, "interference_sigma", 0.0, 1e5, "nT")
     horizontal, vertical = reference.b * np.cos(reference.dip), reference.b * np.sin(reference.dip)
     geometry = _geometry(stations.g, stations.b)
@@ -96,7 +97,7 @@ def axial_correction(
         left[singular, 5] = 1.0
         sources["axial interference"] = Source(left, np.array([[interference_sigma**2]]))
     check = _check(interference, observability, singular)
-    done = stations.corrected(stations.g, b, _line(reference, interference, singular), sources, noise)
+    done = stations.corrected(stations.g, b, _step(reference, interference, singular), sources, noise)
     by_bz = np.asarray(angles_jacobian(stations.g, corrected)[:, 1, 5])
     down = np.sum(corrected * stations.g, axis=1) / np.linalg.norm(stations.g, axis=1)
     level = np.hypot(sine * bz - direction[:, 2] * high, across)
@@ -203,25 +204,20 @@ def _derivatives(
 def _check(interference: Array, observability: Array, singular: Mask) -> Check:
     name, worst = "axial correction", int(np.argmin(observability))
     if not singular.any():
-        reason = f"interference {np.median(interference):+.0f} nT (median); weakest at station {worst + 1}"
-        return Check(name, "pass", float(observability[worst]), SINGULAR, (), reason, unit="-")
-    reason = (
-        f"{int(singular.sum())} of {len(singular)} stations lie too near to horizontal east-west (1 - sin^2 I sin^2 A "
-        f"down to {observability[worst]:.3f}, needed {SINGULAR:.3f}) and keep the measured axial field"
-    )
-    action = "use a multi-station analysis with stations of another direction, more non-magnetic collars, or a gyro"
+        values: dict[str, Value] = {"median_nT": float(np.median(interference)), "station": worst + 1}
+        reason = Finding("survey-axial-corrected", values)
+        return Check(name, "pass", float(observability[worst]), SINGULAR, (), reason, "-")
     rows = tuple(np.flatnonzero(singular).tolist())
-    return Check(name, "not judged", float(observability[worst]), SINGULAR, rows, reason, action, "-")
+    values = {"count": len(rows), "total": len(singular), "least": float(observability[worst]), "needed": SINGULAR}
+    reason = Finding("survey-axial-singular", values, rows)
+    return Check(name, "not judged", float(observability[worst]), SINGULAR, rows, reason, "-")
 
 
-def _line(reference: FieldReference, interference: Array, singular: Mask) -> str:
+def _step(reference: FieldReference, interference: Array, singular: Mask) -> Finding:
     done = interference[~singular]
-    text = (
-        f"axial correction to b {reference.b:.0f} nT, dip {np.degrees(reference.dip):.3f} deg: "
-        f"{len(done)} of {len(singular)} stations"
-    )
-    if len(done):
-        text += f", interference {done.min():+.0f} to {done.max():+.0f} nT"
-    if singular.any():
-        text += f"; singular and left as measured: stations {', '.join(str(r + 1) for r in np.flatnonzero(singular))}"
-    return text
+    values: dict[str, Value] = {
+        "b_nT": reference.b, "dip_deg": float(np.degrees(reference.dip)), "count": len(done), "total": len(singular),
+        "low_nT": float(done.min()) if len(done) else 0.0,
+        "high_nT": float(done.max()) if len(done) else 0.0,
+    }  # fmt: skip
+    return Finding("survey-step-axial", values, tuple(np.flatnonzero(singular).tolist()), "note")

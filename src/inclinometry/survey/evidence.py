@@ -17,7 +17,7 @@ import numpy as np
 
 from inclinometry.arrays import Array
 from inclinometry.constants import VECTORS
-from inclinometry.errors import InputError
+from inclinometry.errors import refused
 from inclinometry.history import PARAMETERS, UNSEEN
 from inclinometry.sensors import Tool
 from inclinometry.survey.multistation_priors import priors_from_tool
@@ -33,22 +33,16 @@ def run_evidence(correction: SensorCorrection, calibration: Tool) -> tuple[Array
     the errors of the reference and the interference are as large as was stated.
     """
     if any(calibration.triads[kind].degree for kind in VECTORS if kind in calibration.triads):
-        raise InputError(
-            f"the calibration of {calibration.name} depends on temperature: what a run at other temperatures says of "
-            "it is not taken as evidence"
-        )
+        raise refused("survey-evidence-temperature", {"tool": calibration.name})
     priors = priors_from_tool(calibration)
     names = tuple(correction.parameters)
     size = len(PARAMETERS)
     if names[:-3] != priors.names or correction.priors != priors.source or not correction.score.size:
-        raise InputError(
-            f"the analysis was made with the priors {correction.priors!r}, not with the {priors.source}, or by an "
-            "earlier version: analyse the raw channels again with --calibration"
-        )
+        raise refused("survey-evidence-priors", {"priors": correction.priors, "needed": priors.source})
     known = priors.covariance[:size, :size]
     scale = np.sqrt(np.diagonal(known))
     if not scale.all() or np.linalg.eigvalsh(known / np.outer(scale, scale))[0] < 1e-12:
-        raise InputError(f"the calibration of {calibration.name} states no full covariance; take the joint method")
+        raise refused("survey-evidence-covariance", {"tool": calibration.name})
     root = scale[:, None] * np.linalg.cholesky(known / np.outer(scale, scale))
     back = np.eye(len(names))
     back[:size, :size] = root
@@ -70,10 +64,7 @@ def run_evidence(correction: SensorCorrection, calibration: Tool) -> tuple[Array
     pull = np.sum(of_each / (values[shown_at_all] * (1.0 + values[shown_at_all])))
     limit = float(chi_square_limit(0.999, max(correction.freedom - int(shown_at_all.sum()), 1)))
     if correction.chi_square - pull > limit:
-        raise InputError(
-            f"the stations contradict each other (chi-square {correction.chi_square - pull:.0f}, limit {limit:.0f}): "
-            "the covariance would be too small to be evidence; look at the stations and at the noise stated"
-        )
+        raise refused("survey-evidence-scatter", {"chi_square": float(correction.chi_square - pull), "limit": limit})
     # by the relative parameters: E = N^-1 dN, o = N^-1 dU0
     turn = np.zeros((size, size))
     for place, kind in enumerate(VECTORS):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
@@ -11,7 +11,7 @@ import numpy as np
 from inclinometry.arrays import Array, Index, Mask
 from inclinometry.constants import EARTH_RATE
 from inclinometry.earth.site import Site
-from inclinometry.findings import Finding
+from inclinometry.findings import Finding, Severity, Value
 from inclinometry.orientation import Angles, dip_angle, dip_jacobian
 from inclinometry.sensors import Tool
 
@@ -26,8 +26,7 @@ class Check:
     verdict : "pass", "fail" or, where the stations cannot support the check, "not judged". value : the worst where
     stations are judged one by one; NaN where nothing could be judged. limit : in the same `unit` ("rad", "rad/s",
     "stations", "sigma"). stations : rows (from 0) beyond the limit, or those judged where the run is judged as a whole.
-    reason : a sentence with the figures in the units of the user, or a finding, which has what to do next in it.
-    action : what to do next, "" for nothing.
+    reason : the figures in the units of the user and, where it did not pass, what to do next.
     """
 
     name: str
@@ -35,40 +34,67 @@ class Check:
     value: float
     limit: float
     stations: Sequence[int]
-    reason: Finding | str
-    action: str = ""
+    reason: Finding
     unit: str = "rad"
 
 
 def worst(checks: Iterable[Check]) -> str:
     """The verdict on all of them: a failure counts more than a pass, "not judged" only where nothing passed.
 
-    >>> worst([Check("a", "pass", 0.0, 1.0, (), "fits"), Check("b", "not judged", 0.0, 1.0, (), "")]), worst([])
+    >>> blank = Finding("survey-unjudged-azimuth")
+    >>> worst([Check("a", "pass", 0.0, 1.0, (), blank), Check("b", "not judged", 0.0, 1.0, (), blank)]), worst([])
     ('pass', 'not judged')
     """
     found = {check.verdict for check in checks}
     return "fail" if "fail" in found else "pass" if "pass" in found else "not judged"
 
 
+OFF: Final = {
+    "few": "survey-off-few",
+    "g": "survey-off-accelerometer",
+    "b": "survey-off-field",
+    "bd": "survey-off-field",
+    "d": "survey-off-dip",
+    "gd": "survey-off-accelerometer-sign",
+    "gb": "survey-off-units",
+    "gbd": "survey-off-units",
+    "": "survey-off-together",
+    "toolface": "survey-off-toolface",
+    "repeat": "survey-off-repeat",
+    "depth": "survey-off-depth",
+    "gyro few": "survey-off-gyro-few",
+    "gyro": "survey-off-gyro",
+}
+"""Code of a failure by what to do: which of gravity, magnetic field and dip are off, or what was compared."""
+
+_SHOWN: Final = {"rad": ("deg", 180.0 / np.pi), "m/s^2": ("m/s2", 1.0)}
+
+
 def sizes_check(
     name: str,
+    quantity: str,
     unit: str,
     order: Array,
     sizes: tuple[Array, Array],
     failed: Mask,
-    shown: Callable[[int], str],
-    action: str,
+    remedy: str,
     rows: Index | None = None,
 ) -> Check:
     """A check of differences against limits, `sizes` (n,) both, by the worst: the largest of `order`, -1 if not judged.
 
-    shown : row -> the difference in words. rows : stations that are compared, where not all.
+    remedy : key of `OFF`. rows : stations that are compared, where not all.
     """
     worst_of = int(np.argmax(order))
-    bad = tuple((np.arange(len(order)) if rows is None else rows)[failed].tolist())
-    reason = f"{len(bad)} of {int((order >= 0.0).sum())} stations off; worst {shown(worst_of)}"
-    value, limit = (float(abs(one[worst_of])) for one in sizes)
-    return Check(name, "fail" if bad else "pass", value, limit, bad, reason, action if bad else "", unit)
+    places = np.arange(len(order)) if rows is None else rows
+    bad = tuple(places[failed].tolist())
+    value, limit = (float(one[worst_of]) for one in sizes)
+    shown, factor = _SHOWN.get(unit, (unit, 1.0))
+    values: dict[str, Value] = {
+        "quantity": quantity, "count": len(bad), "total": int((order >= 0.0).sum()),
+        "station": int(places[worst_of]) + 1, "off": factor * value, "limit": factor * limit, "unit": shown,
+    }  # fmt: skip
+    reason = Finding(OFF[remedy] if bad else "survey-check-fits", values, bad)
+    return Check(name, "fail" if bad else "pass", abs(value), abs(limit), bad, reason, unit)
 
 
 FLAGS = {
@@ -82,8 +108,7 @@ FLAGS = {
     "overruled": "a finding of the whole run was ignored (--ignore); the findings of the run say which",
     "no-azimuth": "no second field to take the azimuth from",
     "g-in-plane": "gravity lies in the plane of the two accelerometers, which tell nothing of the component across "
-    "it: the "
-    "inclination may be wrong by more than is stated",
+    "it: the inclination may be wrong by more than is stated",
 }
 """What a flag means and what to do about it."""
 
@@ -147,42 +172,24 @@ def _opposite(seen: Array, stated: float | None) -> float | None:
     return None if middle * stated > 0.0 or abs(middle) < np.radians(10.0) else middle
 
 
-def reversed_field(dip: Array, site: Site | None) -> list[str]:
-    """A warning when the dips (n,) measured have the opposite sign of the site's: azimuths are then half a turn off."""
+def reversed_field(dip: Array, site: Site | None) -> list[Finding]:
+    """Whether the dips (n,) measured have the opposite sign of the site's: azimuths are then half a turn off."""
     middle = None if site is None else _opposite(dip, site.dip)
     if site is None or site.dip is None or middle is None:
         return []
-    seen, stated = np.degrees(middle), np.degrees(site.dip)
+    values = {"dip_deg": float(np.degrees(middle)), "stated_deg": float(np.degrees(site.dip))}
     if site.latitude is None or abs(site.latitude) < np.radians(20.0):
-        return [
-            f"the dip comes out at {seen:+.1f} deg, the site has {stated:+.1f}: either the site's dip_deg has the "
-            "wrong sign (positive where the field points down, as in the north), or all channels of one triad are "
-            "reversed and azimuths are off by half a turn: state the axes with --convention or calibrate again with "
-            "the stand's dip stated"
-        ]
-    if middle * site.latitude > 0.0:
-        return [
-            f"the dip comes out at {seen:+.1f} deg, as at the site's latitude, the site has {stated:+.1f}: its dip_deg "
-            "has the wrong sign (positive where the field points down, as in the north): put it right"
-        ]
-    return [
-        f"the dip comes out at {seen:+.1f} deg, the site has {stated:+.1f}, as at its latitude: all channels of one "
-        "triad are reversed, azimuths are off by half a turn: state the axes with --convention or calibrate again with "
-        "the stand's dip stated"
-    ]
+        return [Finding("survey-dip-sign", values)]
+    return [Finding("survey-dip-sign-site" if middle * site.latitude > 0.0 else "survey-dip-sign-triad", values)]
 
 
-def reversed_rate(latitude: Array, site: Site | None) -> list[str]:
-    """A warning when the latitudes (n,) measured have the opposite sign of the site's: one of three signs is wrong."""
+def reversed_rate(latitude: Array, site: Site | None) -> list[Finding]:
+    """Whether the latitudes (n,) measured have the opposite sign of the site's: one of three signs is wrong."""
     middle = None if site is None else _opposite(latitude, site.latitude)
     if site is None or site.latitude is None or middle is None:
         return []
-    return [
-        f"gravity and the Earth rate give a latitude of {np.degrees(middle):+.1f} deg, the site has "
-        f"{np.degrees(site.latitude):+.1f}: the sign of the site's latitude, of the gyro (azimuths are then half a "
-        "turn off) or of the accelerometer (specific force taken for gravity; inclinations are then counted from the "
-        "wrong end) is reversed. The readings cannot tell which; check the three"
-    ]
+    values = {"latitude_deg": float(np.degrees(middle)), "stated_deg": float(np.degrees(site.latitude))}
+    return [Finding("survey-latitude-sign", values)]
 
 
 TOLERANCE = 3.0
@@ -261,10 +268,24 @@ def reference_in(units: Mapping[str, float], site: Site | None, calibration_dip:
     return Reference(strength, None if calibration_dip is None else (calibration_dip, np.radians(3.0)), latitude)
 
 
-def summary(flags: Sequence[Sequence[str]], meanings: Mapping[str, str] = FLAGS) -> list[str]:
-    """One sentence for each kind of flag that occurs, in the order of the `meanings`."""
-    return [
-        f"{sum(name in row for row in flags)} of {len(flags)} stations flagged {name}: {meaning}"
-        for name, meaning in meanings.items()
-        if any(name in row for row in flags)
-    ]
+ORDINARY: Final = ("vertical", "no-azimuth")
+"""Flags that are no news of a vertical hole, or of readings without a second field."""
+
+
+def flagged(name: str, rows: Sequence[int], total: int, meanings: Mapping[str, str] = FLAGS) -> Finding:
+    """The finding on a flag at some of the stations; one that the `meanings` lack is of another version."""
+    severity: Severity = "note" if name in ORDINARY else "warning"
+    meaning = meanings.get(name, "not a flag of this version")
+    values: dict[str, Value] = {"count": len(rows), "total": total, "flag": name, "meaning": meaning}
+    return Finding("survey-flagged", values, tuple(rows), severity)
+
+
+def summary(flags: Sequence[Sequence[str]], meanings: Mapping[str, str] = FLAGS) -> list[Finding]:
+    """One finding for each kind of flag that occurs, in the order of the `meanings`."""
+    where = {name: [row for row, names in enumerate(flags) if name in names] for name in meanings}
+    return [flagged(name, rows, len(flags), meanings) for name, rows in where.items() if rows]
+
+
+def remarks(sentences: Iterable[str]) -> list[Finding]:
+    """Remarks that a file holds as English text."""
+    return [Finding("survey-remark", {"remark": sentence}) for sentence in sentences]

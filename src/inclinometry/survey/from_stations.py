@@ -9,7 +9,7 @@ import numpy as np
 from inclinometry.arrays import within
 from inclinometry.constants import STANDARD_GRAVITY
 from inclinometry.earth.site import Site
-from inclinometry.errors import InputError
+from inclinometry.errors import refused
 from inclinometry.orientation import angles, angles_jacobian, dip_angle, dip_jacobian
 from inclinometry.sensors import Tool
 from inclinometry.survey.flags import Magnitudes, reference_in, reversed_field, station_flags, summary
@@ -43,7 +43,7 @@ def survey_from_stations(
     found = angles(stations.g, stations.b)
     taken = {NOISE, "declination", "convergence"} & set(stations.sources)
     if taken:
-        raise InputError(f"a source of the stations is called {min(taken)!r}, which the survey adds itself; rename it")
+        raise refused("survey-source-taken", {"source": min(taken)})
     parts = {name: np.empty((len(stations), 4)) for name in (*stations.sources, NOISE)}
     common, random = np.zeros((len(stations), 2, 2)), np.zeros((len(stations), 2, 2))
     for start in range(0, len(stations), BLOCK):
@@ -56,7 +56,7 @@ def survey_from_stations(
         parts[NOISE][here] = np.sum((jacobian @ stations.noise[here]) * jacobian, axis=2)
         random[here] = jacobian[:, :2] @ stations.noise[here] @ np.swapaxes(jacobian[:, :2], 1, 2)
     own = set(parts)
-    azimuth, parts, north, warnings = turned_to_north(found.azimuth, parts, site, "magnetic")
+    azimuth, parts, north, told = turned_to_north(found.azimuth, parts, site, "magnetic")
     common[:, 1, 1] += sum(parts[name][:, 1] for name in set(parts) - own)
     size = _magnitudes(stations)
     inclination_sd = np.sqrt(np.asarray(sum(part[:, 0] for part in parts.values())))
@@ -65,7 +65,7 @@ def survey_from_stations(
         # as for a tool: gravity varies by half a per cent over the Earth
         reference.strength["accelerometer"] = (STANDARD_GRAVITY, 0.002 * STANDARD_GRAVITY)
     flags = station_flags(found, inclination_sd, size, tool, stations.temperature, reference)
-    unsaid = [NOTHING_STATED] if NOTHING_STATED in stations.history else []
+    unsaid = [one for one in stations.history if one == NOTHING_STATED]
     unknown = np.full(len(stations), np.nan)
     return Survey(
         stations.md,
@@ -81,12 +81,12 @@ def survey_from_stations(
         flags,
         "" if tool is None else tool.name,
         dict(inputs or {}),
-        (*unsaid, *warnings, *reversed_field(size.dip, site), *summary(flags)),
         unknown,
         unknown,
         stations.history,
         common=common,
         random=random,
+        findings=(*unsaid, *told, *reversed_field(size.dip, site), *summary(flags)),
     )
 
 

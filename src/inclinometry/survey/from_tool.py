@@ -10,13 +10,14 @@ from numpy.typing import ArrayLike
 
 from inclinometry.arrays import Array, finite, within
 from inclinometry.constants import VECTORS
-from inclinometry.errors import InputError
+from inclinometry.errors import refused, wrong_shape
+from inclinometry.findings import Finding, Value
 from inclinometry.sensors import Tool, by_parameter
 from inclinometry.survey.reduce import tool_fields
 from inclinometry.survey.stations import Source, Stations
 
-NOTHING_STATED: Final = "the certificate states no uncertainty: its covariance is zero"
-"""Line of history of stations whose tool has no covariance."""
+NOTHING_STATED: Final = Finding("survey-covariance-zero")
+"""Step of history of stations whose tool has no covariance."""
 
 
 def stations_from_tool(
@@ -37,30 +38,25 @@ def stations_from_tool(
     depth = finite(md, "md", (None,))
     heat = None if temperature is None else finite(temperature, "temperature", (len(depth),))
     for kind in VECTORS:
-        lack = "calibration" if kind not in tool.triads else "readings"
-        if kind not in tool.triads or kind not in channels:
-            what = "inclination" if kind == "accelerometer" else "azimuth"
-            raise InputError(f"no {kind} in the {lack}, so there is no {what}; six-axis stations need both triads")
+        if kind not in tool.triads:
+            raise refused("input-uncalibrated", {"kind": kind})
+        if kind not in channels:
+            raise refused("input-triads", {"lacking": (kind,), "needed": VECTORS})
     seen, _ = tool_fields({kind: channels[kind] for kind in VECTORS}, tool, heat, len(depth), "magnetometer")
-    known, history = [], []
+    known, history = [], [Finding("survey-step-reduced", {"tool": tool.name}, severity="note")]
     for kind, unit, name, stated in zip(VECTORS, ("m/s^2", "nT"), ("g", "b"), (g, b), strict=True):
         own = tool.triads[kind].field_strength
         if own is None:
             if stated is None:
-                raise InputError(
-                    f"the calibration does not know the field strength of its {kind}; give {name}, that of the "
-                    f"calibration stand in {unit}"
-                )
+                raise refused("input-strength", {"kind": kind})
             own = float(within(stated, name, *((9.5, 10.1) if name == "g" else (5e3, 2e5)), unit))
-            history.append(
-                f"field strength at the calibration of the {kind} taken as {own:g} {unit}: totals hang on it"
-            )
+            taken: dict[str, Value] = {"kind": kind, "strength": own, "unit": unit.replace("^", "")}
+            history.append(Finding("survey-step-strength", taken, severity="note"))
         known.append(own)
     strengths = (known[0], known[1])
     noise, sources = field_errors(tool, seen, strengths, heat)
-    history.insert(0, f"raw channels reduced with the calibration of tool {tool.name}")
     if "gyro" in channels:
-        history.append("the gyro was left out of the six-axis stations")
+        history.append(Finding("survey-step-no-gyro", severity="note"))
     if not sources:
         history.append(NOTHING_STATED)
     return Stations(
@@ -117,7 +113,7 @@ def stations_plain(
     for name, value, unit in (("sigma_g", sigma_g, "m/s^2"), ("sigma_b", sigma_b, "nT")):
         sigma = within(value, name, 0.0, 1e6, unit)
         if sigma.shape not in ((), (3,)):
-            raise InputError(f"{name} has shape {sigma.shape}; expected one value or one for each of the three axes")
+            raise wrong_shape(name, sigma.shape, "(3,)")
         deviations.append(np.broadcast_to(sigma, (3,)))
     noise = np.tile(np.diag(np.concatenate(deviations) ** 2), (len(depth), 1, 1))
     heat = None if temperature is None else finite(temperature, "temperature", (len(depth),))

@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike
 
 from inclinometry.arrays import Array, Index, Mask, finite, within
 from inclinometry.earth.site import Site, azimuth_sigma, convert_azimuth
-from inclinometry.errors import InputError
+from inclinometry.errors import refused, wrong_shape
+from inclinometry.findings import Finding
 from inclinometry.gyro.result import FLAGS, North
 from inclinometry.rotations import wrap_positive, wrap_signed
 from inclinometry.survey.flags import ROUNDING, Check, sizes_check, summary, worst
@@ -73,7 +74,7 @@ class Comparison(Tabular):
     statistics: dict[str, Statistics]
     checks: Sequence[Check]
     limits: RepeatLimits
-    notes: Sequence[str] = ()
+    findings: tuple[Finding, ...] = ()
 
     @property
     def verdict(self) -> str:
@@ -95,8 +96,7 @@ def compare_runs(in_run: SurveyRun, out_run: SurveyRun, limits: RepeatLimits) ->
     judged.
     """
     if in_run.azimuth_reference != out_run.azimuth_reference:
-        norths = f"{in_run.azimuth_reference} and {out_run.azimuth_reference}"
-        raise InputError(f"the runs count azimuth from different norths ({norths}); bring both to one")
+        raise refused("input-north", {"norths": (in_run.azimuth_reference, out_run.azimuth_reference)})
     _checked(in_run, "in-run")
     _checked(out_run, "out-run")
     inclination, azimuth, covered, between = _interpolated(in_run.md, out_run, limits.interval)
@@ -108,20 +108,17 @@ def compare_runs(in_run: SurveyRun, out_run: SurveyRun, limits: RepeatLimits) ->
     difference, what = (azimuth[known], "azimuth") if known.any() else (inclination, "inclination")
     # fewer than three may be alike by the rounding of their figures; conversion and writing change 1e-9 rad
     if len(difference) >= 3 and (np.abs(difference) <= 1e-9).all():
-        raise InputError(
-            f"in-run and out-run have the same {what} at all {len(difference)} stations compared; "
-            "the same run twice proves nothing: give the two runs"
-        )
+        raise refused("survey-runs-same", {"quantity": what, "total": len(difference)})
     tilt = np.minimum(in_run.inclination[rows], np.pi - in_run.inclination[rows])
     steep = tilt < limits.steep - ROUNDING
     bad_inclination = np.abs(inclination) > limits.inclination + ROUNDING
     bad_azimuth = np.abs(azimuth) > np.where(steep, limits.azimuth_steep, limits.azimuth) + ROUNDING
     edge, enough = f"{np.degrees(limits.steep):g} deg", len(rows) >= limits.stations
     every, above, below = np.ones(len(rows), dtype=bool), known & ~steep, known & steep
-    parts: tuple[tuple[str, Array, Mask, Mask, float], ...] = (
-        ("inclination", inclination, bad_inclination, every, limits.inclination),
-        (f"azimuth, inclination from {edge} up", azimuth, bad_azimuth, above, limits.azimuth),
-        (f"azimuth, inclination below {edge}", azimuth, bad_azimuth, below, limits.azimuth_steep),
+    parts: tuple[tuple[str, str, Array, Mask, Mask, float], ...] = (
+        ("inclination", "inclination", inclination, bad_inclination, every, limits.inclination),
+        (f"azimuth, inclination from {edge} up", "azimuth", azimuth, bad_azimuth, above, limits.azimuth),
+        (f"azimuth, inclination below {edge}", "azimuth", azimuth, bad_azimuth, below, limits.azimuth_steep),
     )
     count = Check(
         "common stations",
@@ -129,10 +126,7 @@ def compare_runs(in_run: SurveyRun, out_run: SurveyRun, limits: RepeatLimits) ->
         len(rows),
         limits.stations,
         (),
-        f"{len(rows)} stations can be compared, {limits.stations} are needed",
-        ""
-        if enough
-        else "survey the out-run over the depths of the in-run, at stations close enough to interpolate between",
+        Finding("survey-common" if enough else "survey-common-few", {"common": len(rows), "least": limits.stations}),
         "stations",
     )
     checks = [count, *(_check(*part, rows, enough) for part in parts)]
@@ -140,19 +134,19 @@ def compare_runs(in_run: SurveyRun, out_run: SurveyRun, limits: RepeatLimits) ->
     verdicts = tuple(("fail" if b else "pass") if enough else "not judged" for b in bad)
     statistics = {"inclination": _statistics(inclination), "azimuth": _statistics(azimuth)}
     between = between[rows]
-    notes = []
+    told = []
     if between.any():
-        notes.append(f"the out-run was interpolated at {int(between.sum())} of {len(rows)} depths of the in-run")
+        told.append(Finding("survey-interpolated", {"count": int(between.sum()), "total": len(rows)}, severity="note"))
     if left := len(in_run.md) - len(rows):
-        notes.append(f"{left} stations of the in-run left out: outside the out-run, or in a gap of it")
+        told.append(Finding("survey-not-covered", {"count": left, "total": len(in_run.md)}))
     if lost := int((~known).sum()):
-        notes.append(f"azimuth not compared at {lost} stations: unknown in a run, or swinging by over 90 deg around it")
+        told.append(Finding("survey-azimuth-uncompared", {"count": lost, "total": len(rows)}, severity="note"))
     for name, found in statistics.items():
         if found.systematic:
-            mean, sd = np.degrees(found.mean), np.degrees(found.sd)
-            notes.append(f"{name} differs systematically: mean {mean:+.3f} deg, standard deviation {sd:.3f}")
+            mean, sd = float(np.degrees(found.mean)), float(np.degrees(found.sd))
+            told.append(Finding("survey-runs-differ", {"quantity": name, "mean_deg": mean, "sd_deg": sd}))
     md = np.asarray(in_run.md)[rows]
-    return Comparison(md, rows, inclination, azimuth, between, verdicts, statistics, checks, limits, tuple(notes))
+    return Comparison(md, rows, inclination, azimuth, between, verdicts, statistics, checks, limits, tuple(told))
 
 
 def _checked(run: SurveyRun, name: str) -> None:
@@ -160,13 +154,13 @@ def _checked(run: SurveyRun, name: str) -> None:
     md = finite(run.md, f"md of the {name}", (None,))
     back = np.flatnonzero(np.diff(md) <= 0.0)
     if back.size:
-        row = int(back[0])
-        problem = f"md of the {name} goes from {md[row]:g} to {md[row + 1]:g} m at station {row + 2}"
-        raise InputError(f"{problem}; sort the stations by depth and keep one of each")
+        raise refused("input-order", {"name": f"md of the {name}", "row": int(back[0]) + 2})
     within(run.inclination, f"inclination of the {name}", 0.0, np.pi, "rad")
     for values, what in ((run.inclination, "inclination"), (run.azimuth, "azimuth")):
-        if np.shape(values) != md.shape or np.isinf(values).any():
-            raise InputError(f"{what} of the {name} has shape {np.shape(values)} or is infinite; md has {md.shape}")
+        if np.shape(values) != md.shape:
+            raise wrong_shape(f"{what} of the {name}", np.shape(values), str(md.shape))
+        if np.isinf(values).any():
+            raise refused("input-finite", {"name": f"{what} of the {name}"})
 
 
 def _interpolated(md: Array, run: SurveyRun, interval: float) -> tuple[Array, Array, Mask, Mask]:
@@ -212,25 +206,18 @@ def _statistics(difference: Array) -> Statistics:
     return Statistics(count, mean, sd, rms, float(np.abs(known).max()), systematic)
 
 
-def _check(name: str, difference: Array, bad: Mask, able: Mask, limit: float, rows: Index, enough: bool) -> Check:
+def _check(
+    name: str, quantity: str, difference: Array, bad: Mask, able: Mask, limit: float, rows: Index, enough: bool
+) -> Check:
     """One angle at the stations it is judged at."""
     if not able.any() or not enough:
-        reason = "too few stations to judge" if able.any() else "no such station whose angle both runs know"
         value = float(np.abs(difference[able]).max()) if able.any() else float("nan")
-        return Check(name, "not judged", value, limit, (), reason)
-    sizes = np.where(able, np.abs(difference), -1.0)
+        return Check(name, "not judged", value, limit, (), Finding("survey-unjudged-common"))
+    order = np.where(able, np.abs(difference), -1.0)
     # one bad station is an event, many are the tool: the remedies differ
-    action = (
-        "repeat these stations at rest; check depth and centralisation there"
-        if (able & bad).sum() <= 0.2 * able.sum()
-        else "check depth correlation, centralisation, drift and temperature of the gyro between the runs; survey again"
-    )
-
-    def shown(row: int) -> str:
-        found, allowed = np.degrees(difference[row]), np.degrees(limit)
-        return f"{found:+.3f} deg at station {int(rows[row]) + 1}, allowed +-{allowed:g}"
-
-    return sizes_check(name, "rad", sizes, (sizes, np.full(len(sizes), limit)), able & bad, shown, action, rows)
+    remedy = "gyro few" if (able & bad).sum() <= 0.2 * able.sum() else "gyro"
+    sizes = difference, np.full(len(difference), limit)
+    return sizes_check(name, quantity, "rad", order, sizes, able & bad, remedy, rows)
 
 
 def gyro_survey(
@@ -242,7 +229,6 @@ def gyro_survey(
     flags: Sequence[Sequence[str]] | None = None,
     tool: str = "",
     inputs: Mapping[str, str] | None = None,
-    notes: Sequence[str] = (),
     errors: Mapping[str, AngleErrors] | None = None,
 ) -> Survey:
     """Stations of a gyro run as a survey; azimuths from true north, which a gyro finds, or the site's grid.
@@ -254,10 +240,7 @@ def gyro_survey(
     steps = np.diff(depth)
     if not ((steps > 0.0).all() or (steps < 0.0).all()):
         row = int(np.argmax(np.sign(steps) != np.sign(steps[0]))) if steps[0] else 0
-        raise InputError(
-            f"md goes from {depth[row]:g} to {depth[row + 1]:g} m at station {row + 2}; it must increase, or decrease, "
-            "all the way: sort the stations and keep one of each"
-        )
+        raise refused("input-order", {"name": "md", "row": row + 2})
     order = np.arange(len(depth)) if len(depth) < 2 or steps[0] > 0.0 else np.arange(len(depth))[::-1]
     azimuth, reference, components = north.azimuth, "true", dict(north.components)
     if site is not None and site.north_reference == "grid":
@@ -273,7 +256,7 @@ def gyro_survey(
     blank = np.full(len(depth), np.nan)
     total = blank if g_total is None else np.broadcast_to(np.asarray(g_total, dtype=np.float64), depth.shape)
     sorted_errors = {name: one._replace(by_parameter=one.by_parameter[order]) for name, one in (errors or {}).items()}
-    turned = ["the run was taken from the bottom up; its stations are listed from the top down"] * int(order[0] != 0)
+    turned = [Finding("survey-bottom-up", severity="note")] * int(order[0] != 0)
     return Survey(
         depth[order],
         north.inclination[order],
@@ -288,7 +271,7 @@ def gyro_survey(
         [joined[n] for n in order],
         tool,
         dict(inputs or {}),
-        (*north.notes, *notes, *turned, *summary(joined, counted)),
+        findings=(*turned, *summary([joined[n] for n in order], counted)),
         errors=sorted_errors,
         common=_part(sorted_errors, True, len(depth)),
         random=_part(sorted_errors, False, len(depth)),

@@ -9,7 +9,8 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from inclinometry.arrays import Array
-from inclinometry.errors import IdentifiabilityError, InputError
+from inclinometry.errors import IdentifiabilityError, InputError, refused
+from inclinometry.findings import Finding, Value
 from inclinometry.least_squares import Normal, levenberg_marquardt
 from inclinometry.orientation import angles, angles_jacobian
 from inclinometry.rotations import TAU
@@ -122,30 +123,26 @@ def _refuse(measured: Array, reference: Array, gap: float, allowed_gap: float) -
     """Refuse a run of too few stations or toolfaces, or of invariants (n, 3) that no sensor error explains."""
     fewest = 4  # stations of three invariants each; fewer leave nothing to judge the fit by
     if len(measured) < fewest:
-        raise IdentifiabilityError(
-            f"{len(measured)} stations; a multi-station analysis needs at least {fewest}, at different toolfaces: "
-            "add stations of the same run"
-        )
+        few: dict[str, Value] = {"name": "stations", "count": len(measured), "least": fewest}
+        raise IdentifiabilityError(Finding("input-few", few))
     middle = np.median(measured, axis=0)
     # over the reference: beyond this other units or no such place
-    for k, (name, unit, low, high) in enumerate((("|g|", "m/s^2", 0.9, 1.1), ("|b|", "nT", 0.7, 1.4))):
+    for k, (name, unit, low, high) in enumerate((("gravity", "m/s2", 0.9, 1.1), ("|b|", "nT", 0.7, 1.4))):
         if not low < middle[k] / reference[k] < high:
-            raise InputError(
-                f"the stations' median {name} is {middle[k]:.6g} {unit}, the reference {reference[k]:.6g}: "
-                "no sensor error is that large; check the unit and the reference"
-            )
+            raise beyond_errors(name, unit, float(middle[k]), float(reference[k]))
     off = np.abs(measured[:, 2] - reference[2])
     if np.median(off) > np.radians(15.0):
-        raise InputError(
-            f"dips differ from the reference by up to {np.degrees(off.max()):.1f} deg: axes swapped or a sign reversed "
-            "between accelerometers and magnetometers, not sensor errors; check the convention of the file"
-        )
+        raise refused("survey-dips-far", {"off_deg": float(np.degrees(off.max()))})
     if gap > allowed_gap:
-        raise IdentifiabilityError(
-            f"all toolfaces lie within {np.degrees(TAU - gap):.0f} deg (largest gap {np.degrees(gap):.0f}, allowed "
-            f"{np.degrees(allowed_gap):.0f} deg): transverse biases cannot be told from scale and reference errors; "
-            "add stations with the tool turned, e.g. rotation shots"
-        )
+        turned = {"span_deg": TAU - gap, "gap_deg": gap, "allowed_deg": allowed_gap}
+        angles_deg = {name: float(np.degrees(angle)) for name, angle in turned.items()}
+        raise IdentifiabilityError(Finding("survey-toolfaces", angles_deg))
+
+
+def beyond_errors(name: str, unit: str, median: float, reference: float) -> InputError:
+    """A median total so far from its reference that no sensor error explains it."""
+    values: dict[str, Value] = {"total": name, "median": median, "reference": reference, "unit": unit}
+    return refused("survey-total-far", values)
 
 
 def toolface_gap(fields: Array) -> float:
@@ -170,11 +167,9 @@ def refuse_axial(spread: float, prior_nt: float, left_nt: float) -> None:
     # interference, do to a hole level east or west where the horizontal field is weak (12 uT)
     lost = float(np.radians(3.0))
     if spread > lost:
-        raise IdentifiabilityError(
-            f"near-horizontal east-west all along: the axial magnetometer bias, known to {prior_nt:.0f} nT before, is "
-            f"known to {left_nt:.0f} nT after and leaves azimuth uncertain by {np.degrees(spread):.1f} deg (allowed "
-            f"{np.degrees(lost):.0f}); add stations of another direction or state a tighter axial_sigma"
-        )
+        values = {"prior_nT": prior_nt, "left_nT": left_nt, "sd_deg": spread, "allowed_deg": lost}
+        values |= {name: float(np.degrees(values[name])) for name in ("sd_deg", "allowed_deg")}
+        raise IdentifiabilityError(Finding("survey-axial-open", values))
 
 
 class Parameter(NamedTuple):
@@ -219,7 +214,7 @@ class MultiStation(Tabular):
     influence: Array
     surprise: Array
     iterations: int
-    warnings: tuple[str, ...]
+    findings: tuple[Finding, ...]
     priors: str
     noise_factors: tuple[float, float]
     information: Array
@@ -229,7 +224,7 @@ class MultiStation(Tabular):
         lines = [f"MultiStation: {len(self.corrected)} stations, priors {self.priors}"]
         for name, value, u, prior, unit in zip(*self.to_dict().values(), strict=True):
             lines.append(f"{name:24} {value:+.4g} ± {u:.3g} {unit} (prior {prior:.3g})")
-        return "\n".join([*lines, *(f"warning: {sentence}" for sentence in self.warnings)])
+        return "\n".join([*lines, *(f"warning: {one}" for one in self.findings)])
 
     @property
     def correlation(self) -> Array:
@@ -244,50 +239,45 @@ class MultiStation(Tabular):
         return {"parameter": list(self.parameters), **names, "unit": [unit for _, unit in turned]}
 
 
-def history_line(parameters: Mapping[str, Parameter], priors: Priors, size: int) -> str:
-    """What was done, for the stations' history."""
-    told = [f"{n} {p.value:+.3g} ± {p.u:.2g} {p.unit}" for n, p in parameters.items() if p.significance > 2.0]
-    return (
-        f"multi-station analysis of {size} stations, priors {priors.source}: {', '.join(told) or 'nothing significant'}"
+def step_of(parameters: Mapping[str, Parameter], priors: Priors, size: int) -> Finding:
+    """What was done, for the stations' history: the estimates more than two uncertainties from zero."""
+    estimates = tuple(
+        Finding("survey-estimate", {"parameter": name, "value": p.value, "u": p.u, "unit": p.unit})
+        for name, p in parameters.items()
+        if p.significance > 2.0
     )
+    values: dict[str, Value] = {"total": size, "priors": priors.source}
+    values["estimates"] = estimates or (Finding("survey-estimate-none"),)
+    return Finding("survey-step-analysis", values, severity="note")
 
 
-def warnings_of(
+def findings_of(
     parameters: Mapping[str, Parameter], gap: float, priors: Priors, cost: float, surprise: Array, scales: Array
-) -> list[str]:
-    """What speaks against the result, and what the run could not tell."""
+) -> list[Finding]:
+    """What contradicts the result, and what the run does not determine."""
     rare = 0.999  # probability within which the fit and each station are to stay
     found = []
     if gap > np.radians(100.0):  # public multi-station practice
-        found.append(f"toolfaces leave a gap of {np.degrees(gap):.0f} deg: transverse biases rest on their priors")
+        found.append(Finding("survey-toolface-gap", {"gap_deg": float(np.degrees(gap))}))
     if priors.axial and parameters[priors.axial].prior > 0.0 and parameters[priors.axial].learned < 0.5:
-        found.append(f"the run tells little of {priors.axial}: it and the azimuths rest on its prior")
+        found.append(Finding("survey-axial-prior", {"parameter": priors.axial}))
     limit = float(chi_square_limit(rare, 3 * len(surprise)))
     if cost > limit:
-        found.append(
-            f"the fit's chi-square is {cost:.0f}, limit {limit:.0f}: noise or priors are larger than stated, or the "
-            "stations are not of one run; the uncertainties are those of the size that the run shows"
-        )
-    scale_of = dict(zip(parameters, scales, strict=True))
+        found.append(Finding("survey-chi-square", {"chi_square": float(cost), "limit": limit}))
+    scale_of = dict(zip(parameters, scales.tolist(), strict=True))
     for names, _ in priors.sized:
         if len(names) > 1 and scale_of[names[0]] > 1.5:
-            found.append(
-                f"{names[0]} to {names[-1]} are together some {scale_of[names[0]]:.1f} times their priors, which are "
-                "widened to what the run shows: look for the cause"
-            )
+            wide: dict[str, Value] = {"first": names[0], "last": names[-1], "times": scale_of[names[0]]}
+            found.append(Finding("survey-priors-widened", wide))
     worst = int(np.argmax(surprise))
     if surprise[worst] > float(chi_square_limit(1.0 - (1.0 - rare) / len(surprise), 3)):
-        found.append(f"station {worst + 1} does not fit the others (chi-square {surprise[worst]:.0f} of 3): check it")
-    for (name, p), scale in zip(parameters.items(), scales, strict=True):
-        stated = p.prior / scale
+        odd: dict[str, Value] = {"station": worst + 1, "chi_square": float(surprise[worst])}
+        found.append(Finding("survey-station-odd", odd, (worst,)))
+    for name, p in parameters.items():
+        stated = p.prior / scale_of[name]
         if abs(p.value) > 3.3 * stated > 0.0:
-            many = f"{abs(p.value) / stated:.1f}"
-            if scale > 3.0:
-                found.append(
-                    f"{name} is {many} times its prior, which is widened to what the run shows: look for its cause"
-                )
-            else:
-                found.append(f"{name} is {many} times its prior: not what the priors are meant for")
+            large: dict[str, Value] = {"parameter": name, "times": abs(p.value) / stated}
+            found.append(Finding("survey-prior-widened" if scale_of[name] > 3.0 else "survey-prior-far", large))
     return found
 
 
@@ -309,9 +299,9 @@ def multistation(
     evidence (`averaged_over_sizes`) until it moves by less than u / 100.
     """
     if priors is not None and calibration is not None:
-        raise InputError("both priors and a calibration are given; the calibration's covariance is a prior: give one")
+        raise refused("input-not-with", {"name": "priors", "other": "calibration"})
     if SOURCE in stations.sources:
-        raise InputError("these stations have been through a multi-station analysis; give the stations before it")
+        raise refused("survey-corrected", {"correction": SOURCE})
     chosen = priors_from_tool(calibration) if calibration is not None else priors or published_priors()
     readings = np.concatenate([stations.g, stations.b], axis=1)
     gap, (measured, rows) = toolface_gap(readings), invariants(readings)
@@ -349,8 +339,8 @@ def multistation(
     influence, surprise = left_out((whitener @ residual[:, :, None])[:, :, 0], whitener @ jacobian, own, azimuth)
     sources = {name: source for name, source in stations.sources.items() if name not in REPLACED}
     sources |= {SOURCE: Source(by_field, covariance[:size, :size])}
-    line, own_noise = history_line(parameters, chosen, len(stations)), inverse @ shown @ np.swapaxes(inverse, 1, 2)
-    corrected = stations.corrected(fields[:, :3], fields[:, 3:], line, sources, own_noise)
+    step, own_noise = step_of(parameters, chosen, len(stations)), inverse @ shown @ np.swapaxes(inverse, 1, 2)
+    corrected = stations.corrected(fields[:, :3], fields[:, 3:], step, sources, own_noise)
     return MultiStation(
         parameters=parameters,
         covariance=covariance,
@@ -362,7 +352,7 @@ def multistation(
         influence=influence,
         surprise=surprise,
         iterations=fit.iterations,
-        warnings=tuple(warnings_of(parameters, gap, chosen, fit.cost, surprise, scales)),
+        findings=tuple(findings_of(parameters, gap, chosen, fit.cost, surprise, scales)),
         priors=chosen.source,
         noise_factors=(float(factors[0]), float(factors[1])),
         information=information,
@@ -411,6 +401,6 @@ def _whitener(rows: Array, noise: Array, disturbed: Array) -> Array:
     scale = np.sqrt(np.diagonal(spread, axis1=1, axis2=2))
     if not (scale > 0.0).all():
         row = int(np.argmax((scale <= 0.0).any(axis=1)))
-        raise InputError(f"station {row + 1} has noise in some channels and none in others; state it for all six")
+        raise refused("survey-noise-partly", {"station": row + 1})
     factor = np.linalg.cholesky(spread / (scale[:, :, None] * scale[:, None, :]))
     return np.asarray(np.linalg.inv(factor) / scale[:, None, :])

@@ -16,7 +16,7 @@ from inclinometry.arrays import Array, finite, frozen, within
 from inclinometry.constants import VECTORS
 from inclinometry.earth.magnetic import reference_errors
 from inclinometry.earth.site import Site
-from inclinometry.errors import InputError
+from inclinometry.errors import not_among, refused, wrong_shape
 from inclinometry.sensors import Tool, Triad
 from inclinometry.survey.multistation_evidence import GUESSED, KEPT, STATED
 from inclinometry.uncertainty import covariance_matrix
@@ -57,10 +57,12 @@ class Priors:
         for name, shape in {**shapes, "power": (size,), "reference_temperature": (size,)}.items():
             value = finite(getattr(self, name), name)
             if value.shape != shape:
-                raise InputError(f"{name} of the priors is {value.shape}; {size} parameters need {shape}")
+                raise wrong_shape(name, value.shape, str(shape))
             object.__setattr__(self, name, frozen(value))
-        if len(self.units) != size or (self.axial and self.axial not in self.names):
-            raise InputError(f"priors have {size} names, {len(self.units)} units and axial {self.axial!r}")
+        if len(self.units) != size:
+            raise wrong_shape("units", (len(self.units),), f"({size},)")
+        if self.axial and self.axial not in self.names:
+            raise not_among("axial", self.axial, self.names)
 
     def weights(self, temperature: ArrayLike | None, stations: int) -> Array:
         """Factors (n, p) of the parameters at each station's temperature (n,), degC.
@@ -73,7 +75,7 @@ class Priors:
         if not self.power.any():
             return np.ones((stations, len(self.names)))
         if temperature is None:
-            raise InputError("the calibration depends on temperature; give the stations' temperature_degC")
+            raise refused("input-needs", {"name": "calibration", "needed": ("temperature_degC",)})
         difference = finite(temperature, "temperature", (stations,))[:, None] - self.reference_temperature
         return np.asarray(difference**self.power)
 
@@ -88,7 +90,7 @@ def published_priors(name: str = "iscwsa", *, axial_sigma: float | None = None) 
     """
     content = published()
     if name not in content["sets"]:
-        raise InputError(f"priors are {name!r}; allowed: {', '.join(content['sets'])}")
+        raise not_among("priors", name, content["sets"])
     sigmas = dict(content["sets"][name])
     if axial_sigma is not None:
         sigmas["MBZ"] = float(within(axial_sigma, "axial_sigma", 0.0, 1e5, "nT"))
@@ -132,10 +134,7 @@ def priors_from_tool(tool: Tool, *, axial_sigma: float | None = None) -> Priors:
     within(axial, "axial_sigma", 0.0, 1e5, "nT")
     for kind in VECTORS:
         if kind not in tool.triads or not tool.triads[kind].full or tool.triads[kind].field_strength is None:
-            raise InputError(
-                f"the tool's {kind} is missing, sees only a plane or lacks its field strength; a multi-station "
-                "analysis needs both fields in m/s^2 and nT: state the strengths when calibrating"
-            )
+            raise refused("survey-tool-partial", {"kind": kind})
     parts = [_triad_terms(tool.triads[kind], 3 * place) for place, kind in enumerate(VECTORS)]
     chosen = np.concatenate([np.arange(tool.slices[kind].start, tool.slices[kind].stop) for kind in VECTORS])
     noise = _published_noise()  # for a triad whose own is not stated
@@ -244,10 +243,8 @@ def reference_of_site(site: Site, kind: str = "WMM") -> FieldReference:
     """The reference of a site; uncertainties it does not state are those of `earth.magnetic.reference_errors`."""
     g, b, dip = site.gravity, site.b, site.dip
     if g is None or b is None or dip is None:
-        lacking = [name for name, value in (("g", g), ("b", b), ("dip", dip)) if value is None]
-        raise InputError(
-            f"the site has no {', '.join(lacking)}; a multi-station analysis compares with them: give them"
-        )
+        stated = {"g": g, "b_nT": b, "dip_deg": dip}
+        raise refused("input-missing", {"names": tuple(name for name, value in stated.items() if value is None)})
     errors, own = reference_errors(kind), published()["reference"]
     return FieldReference(
         g=g,

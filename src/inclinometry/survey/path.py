@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from inclinometry.arrays import Array, Index, Mask, finite, frozen, within
-from inclinometry.errors import InputError
+from inclinometry.errors import out_of_range, refused, wrong_shape
 from inclinometry.rotations import TAU, dcm, wrap_positive, wrap_signed
 from inclinometry.tabular import Column, Tabular, check_record, draw, in_degrees
 
@@ -208,7 +208,7 @@ def minimum_curvature(
     depth, slope, direction = checked_stations(md, inclination, azimuth)
     origin = finite(start, "start")
     if origin.shape != (3,):
-        raise InputError(f"start has shape {origin.shape}; expected (3,): north, east and true vertical depth, m")
+        raise wrong_shape("start", origin.shape, "(3,)")
     size = len(depth)
     north, east, tvd = np.empty(size), np.empty(size), np.empty(size)
     dogleg, severity = np.empty(size - 1), np.empty(size - 1)
@@ -232,11 +232,8 @@ def minimum_curvature(
         )
     if dogleg.max() > np.pi - REVERSAL:
         row = int(np.argmax(dogleg > np.pi - REVERSAL))
-        raise InputError(
-            f"the hole turns by {np.degrees(dogleg[row]):.6f} deg between rows {row} and {row + 1} "
-            f"(md {depth[row]:.10g} and {depth[row + 1]:.10g} m); no arc can be chosen for half a turn. "
-            "Correct or remove one of the two stations"
-        )
+        ends = {"md_m": float(depth[row]), "next_m": float(depth[row + 1])}
+        raise refused("survey-half-turn", {"turn_deg": float(np.degrees(dogleg[row])), **ends})
     for values in (depth, slope, direction, north, east, tvd, dogleg, severity):
         values.flags.writeable = False
     return Path(depth, slope, direction, north, east, tvd, dogleg, severity)
@@ -252,24 +249,20 @@ def _compiled() -> bool:
 def checked_stations(
     md: ArrayLike, inclination: ArrayLike, azimuth: ArrayLike, least: int = 2
 ) -> tuple[Array, Array, Array]:
-    """Own copies of the three columns, checked as for `minimum_curvature`; rows in messages count from 0."""
+    """Own copies of the three columns, checked as for `minimum_curvature`."""
     depth, slope = finite(md, "md"), within(inclination, "inclination", 0.0, np.pi, "rad")
     # anything that turns more than that was given in degrees
     direction = within(azimuth, "azimuth", -2.0 * TAU, 2.0 * TAU, "rad")
-    if depth.ndim != 1 or slope.shape != depth.shape or direction.shape != depth.shape:
-        raise InputError(
-            f"md {depth.shape}, inclination {slope.shape} and azimuth {direction.shape} must be columns of one length"
-        )
+    if depth.ndim != 1:
+        raise wrong_shape("md", depth.shape, "(n,)")
+    for name, column in (("inclination", slope), ("azimuth", direction)):
+        if column.shape != depth.shape:
+            raise wrong_shape(name, column.shape, str(depth.shape))
     if len(depth) < least:
-        raise InputError(f"{len(depth)} station(s) given; needed are at least {least}")
+        raise refused("input-few", {"name": "stations", "count": len(depth), "least": least})
     step = np.diff(depth)
     if step.min(initial=1.0) <= 0.0:
-        row = int(np.argmax(step <= 0.0)) + 1
-        what = "is the same as" if step[row - 1] == 0.0 else "lies above"
-        raise InputError(
-            f"md[{row}] = {depth[row]:.10g} m {what} md[{row - 1}] = {depth[row - 1]:.10g} m; measured depth must "
-            "increase from row to row. Remove the repeated station or put the rows in order"
-        )
+        raise refused("input-order", {"name": "md", "row": int(np.argmax(step <= 0.0)) + 2})
     if direction.min() < 0.0 or direction.max() >= TAU:
         direction = wrap_positive(direction)
     return frozen(depth), frozen(slope), frozen(direction)
@@ -278,7 +271,7 @@ def checked_stations(
 def dogleg_severity_deg(path: Path, length_m: float = 30.0) -> Array:
     """Dogleg severity (n,), deg per `length_m` (30.48: 100 ft), of the interval above each station; 0 at the first."""
     if not (np.isfinite(length_m) and length_m > 0.0):
-        raise InputError(f"length_m is {length_m}; it must be positive, e.g. 30")
+        raise out_of_range("length_m", float(length_m), "> 0")
     return np.concatenate([[0.0], np.degrees(path.severity) * length_m])
 
 
@@ -378,7 +371,7 @@ def interpolate(path: Path, md: ArrayLike) -> Points:
     check_record(path, Path, "interpolate")
     depth = _depths(md)
     low, high = path.md[0], path.md[-1]
-    _refuse((depth < low) | (depth > high), depth, f"{low:.10g} to {high:.10g} m; project the path to go beyond it")
+    _refuse((depth < low) | (depth > high), depth, f"{low:.10g} .. {high:.10g}")
     above, f = interval(path, depth)
     found = _on_arc(path, depth, above, f)
     station = np.where(depth == high, len(path) - 1, above)
@@ -411,7 +404,7 @@ def tie_on(path: Path, at: float, md: ArrayLike, inclination: ArrayLike, azimuth
     # checked by themselves, so that a message names the caller's row
     depth, slope, direction = checked_stations(md, inclination, azimuth, 1)
     if depth[0] <= at:
-        raise InputError(f"md[0] is {depth[0]:.10g} m, not below the tie-on at {at:.10g} m; leave such stations out")
+        raise out_of_range("md", float(depth[0]), f"> {at:.10g}")
     return minimum_curvature(
         np.concatenate([first.md, depth]),
         np.concatenate([first.inclination, slope]),
@@ -448,22 +441,21 @@ def _depths(md: ArrayLike) -> Array:
     """Depths as a column of their own."""
     depth = np.atleast_1d(finite(md, "md"))
     if depth.ndim != 1:
-        raise InputError(f"md has shape {depth.shape}; expected (m,)")
+        raise wrong_shape("md", depth.shape, "(m,)")
     return np.array(depth)
 
 
 def _beyond(path: Path, md: ArrayLike) -> Array:
     """Depths at or below the last station."""
     depth, last = _depths(md), path.md[-1]
-    _refuse(depth < last, depth, f"{last:.10g} m (the last station) and more; interpolate above it")
+    _refuse(depth < last, depth, f">= {last:.10g}")
     return depth
 
 
 def _refuse(bad: Mask, depth: Array, allowed: str) -> None:
     """Raise for the first bad depth."""
     if bad.any():
-        at = int(np.argmax(bad))
-        raise InputError(f"md[{at}] is {depth[at]:.10g} m; allowed {allowed}")
+        raise out_of_range("md", float(depth[int(np.argmax(bad))]), allowed)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -526,10 +518,9 @@ def compare_paths(first: Path, second: Path, md: ArrayLike | None = None) -> Com
     if md is None:
         low, high = max(first.md[0], second.md[0]), min(first.md[-1], second.md[-1])
         if low > high:
-            raise InputError(
-                f"the paths run from {first.md[0]:.10g} to {first.md[-1]:.10g} m and from {second.md[0]:.10g} to "
-                f"{second.md[-1]:.10g} m; they have no depth in common"
-            )
+            ends = {"from_m": float(first.md[0]), "to_m": float(first.md[-1])}
+            ends |= {"other_from_m": float(second.md[0]), "other_to_m": float(second.md[-1])}
+            raise refused("survey-paths-apart", ends)
         both = np.union1d(first.md, second.md)
         md = both[(both >= low) & (both <= high)]
     one, two = interpolate(first, md), interpolate(second, md)
@@ -664,8 +655,10 @@ def point_covariance(jacobian: ArrayLike, covariance: ArrayLike) -> Array:
     5e-05
     """
     matrix, stated = np.asarray(jacobian, dtype=np.float64), finite(covariance, "covariance", (9, 9))
-    if matrix.ndim != 3 or matrix.shape[1:] != (5, 9) or stated.shape not in ((9, 9), (len(matrix), 9, 9)):
-        raise InputError(f"jacobian {matrix.shape} and covariance {stated.shape}; expected (m, 5, 9) and (m, 9, 9)")
+    if matrix.ndim != 3 or matrix.shape[1:] != (5, 9):
+        raise wrong_shape("jacobian", matrix.shape, "(m, 5, 9)")
+    if stated.shape not in ((9, 9), (len(matrix), 9, 9)):
+        raise wrong_shape("covariance", stated.shape, f"({len(matrix)}, 9, 9)")
     return np.asarray(matrix @ stated @ np.swapaxes(matrix, 1, 2))
 
 

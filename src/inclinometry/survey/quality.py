@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final, NamedTuple
 
@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from inclinometry.arrays import Array, Index, Mask, finite, within
-from inclinometry.errors import InputError
+from inclinometry.errors import out_of_range, refused, wrong_shape
+from inclinometry.findings import Finding, Value
 from inclinometry.orientation import angles, angles_jacobian
 from inclinometry.rotations import wrap_signed
 from inclinometry.survey.axial import SOURCE as AXIAL
@@ -40,57 +41,6 @@ QUANTITIES: Final = (
 """The three columns of `FieldQuality`."""
 
 
-DECLINATION: Final = (
-    "gravity, magnetic field and dip do not depend on declination and convergence: a wrong sign of these passes every "
-    "check here; compare the chain of norths with the source of the declination, or survey with a gyro"
-)
-"""What these checks cannot tell."""
-
-
-_ACTIONS: Final = {
-    "g": "repeat the station at rest; if it stays, check the accelerometers' calibration and temperature",
-    "b": "look for magnetic interference (casing, offset wells, collars); correct for axial interference or run a "
-    "multi-station analysis; check the reference b",
-    "bd": "look for magnetic interference (casing, offset wells, collars); correct for axial interference or run a "
-    "multi-station analysis; check b and dip of the site",
-    "d": "check the axes and signs of the magnetometers against the accelerometers and the site's dip",
-    "gd": "an accelerometer is off: repeat at rest; check its calibration, axes and sign",
-    "gb": "check the units of the channels and the tool's calibration",
-    "gbd": "check units, axes and signs of the channels and the tool's calibration; do not use the station",
-    "": "each fits alone, not together: repeat the station; look for a slight interference",
-}
-"""What to do, by which of gravity, magnetic field and dip are off."""
-
-
-def _action(off: Mask) -> str:
-    return _ACTIONS["".join(letter for letter, one in zip("gbd", off, strict=True) if one)]
-
-
-def figure(value: float, quantity: Quantity) -> str:
-    """A difference in the reader's unit."""
-    return f"{value * quantity.factor:+.{quantity.digits}f} {quantity.shown}"
-
-
-def station_words(
-    difference: Array, limit: Array, judged: Mask, distance: float, allowed: float, beyond: Mask
-) -> tuple[str, str]:
-    """Reason and next action for one station."""
-    parts = []
-    for column, quantity in enumerate(QUANTITIES):
-        if not judged[column]:
-            parts.append(f"{quantity.name} not judged")
-        else:
-            sign = "beyond" if beyond[column] else "within"
-            edge = f"{limit[column] * quantity.factor:.{quantity.digits}f}"
-            parts.append(f"{quantity.name} {figure(difference[column], quantity)}, {sign} {edge}")
-    if np.isfinite(distance):
-        parts.append(f"together {distance:.2f} sigma, {'beyond' if beyond[3] else 'within'} {allowed:.2f}")
-    if not beyond.any():
-        remedy = "" if judged.any() else "state the uncertainty of tool and site, or fixed limits"
-        return "; ".join(parts), remedy
-    return "; ".join(parts), _action(beyond[:3])
-
-
 def field_checks(
     difference: Array,
     limit: Array,
@@ -107,18 +57,12 @@ def field_checks(
 def _quantity_check(column: int, difference: Array, limit: Array, judged: Mask, beyond: Mask) -> Check:
     quantity, able = QUANTITIES[column], judged[:, column]
     if not able.any():
-        why = (
-            "the field is vertical within its limit, so that the dip can only come out too small"
-            if limit[:, column].any()
-            else "no uncertainty is known of the stations or of the site"
-        )
-        remedy = "state the uncertainties, or use fixed limits" if not limit[:, column].any() else ""
-        return Check(quantity.name, "not judged", np.nan, np.nan, (), why, remedy, quantity.unit)
+        # a dip whose limit reaches the vertical can only come out too small
+        code = "survey-unjudged-dip" if limit[:, column].any() else "survey-unjudged-uncertainty"
+        return Check(quantity.name, "not judged", np.nan, np.nan, (), Finding(code), quantity.unit)
     failed, sizes = beyond[:, column], (difference[:, column], limit[:, column])
-    action = _run_action(failed, able, beyond)
-    return sizes_check(
-        quantity.name, quantity.unit, _share(*sizes, able), sizes, failed, _shown(quantity, *sizes), action
-    )
+    remedy = _remedy(failed, able, beyond)
+    return sizes_check(quantity.name, quantity.name, quantity.unit, _share(*sizes, able), sizes, failed, remedy)
 
 
 def _share(difference: Array, limit: Array, able: Mask) -> Array:
@@ -126,71 +70,45 @@ def _share(difference: Array, limit: Array, able: Mask) -> Array:
     return np.where(able, np.abs(difference) / np.where(able, limit, 1.0), -1.0)
 
 
-def _shown(quantity: Quantity, difference: Array, limit: Array, rows: Index | None = None) -> Callable[[int], str]:
-    """A difference in words, by its row."""
-
-    def shown(row: int) -> str:
-        station, edge = row if rows is None else int(rows[row]), f"{limit[row] * quantity.factor:.{quantity.digits}f}"
-        return f"{figure(float(difference[row]), quantity)} at station {station + 1}, allowed +-{edge}"
-
-    return shown
-
-
-def _run_action(failed: Mask, able: Mask, single: Mask) -> str:
-    if not failed.any():
-        return ""
-    if failed.sum() / int(able.sum()) <= 0.2:  # an event; with more of the stations it is the tool
-        return "repeat these stations at rest, away from casing and offset wells"
-    return _action(single[failed, :3].mean(axis=0) > 0.5)
+def _remedy(failed: Mask, able: Mask, single: Mask) -> str:
+    """Key of `flags.OFF`, by which of gravity, magnetic field and dip are off."""
+    if not failed.any() or failed.sum() / int(able.sum()) <= 0.2:  # an event; with more of the stations it is the tool
+        return "few"
+    off = single[failed, :3].mean(axis=0) > 0.5
+    return "".join(letter for letter, one in zip("gbd", off, strict=True) if one)
 
 
 def _distance_check(distance: Array, allowed: Array, beyond: Mask, single: Mask) -> Check:
     able = np.isfinite(distance)
     if not able.any():
-        reason = "no uncertainty is known of the stations or of the site"
-        return Check("distance", "not judged", np.nan, np.nan, (), reason, unit="sigma")
-    order, action = np.where(able, distance, -1.0), _run_action(beyond, able, single)
-
-    def shown(row: int) -> str:
-        return f"{distance[row]:.2f} sigma at station {row + 1}, allowed {allowed[row]:.2f}"
-
-    return sizes_check("distance", "sigma", order, (distance, allowed), beyond, shown, action)
+        reason = Finding("survey-unjudged-uncertainty")
+        return Check("distance", "not judged", np.nan, np.nan, (), reason, "sigma")
+    order, remedy = np.where(able, distance, -1.0), _remedy(beyond, able, single)
+    return sizes_check("distance", "distance", "sigma", order, (distance, allowed), beyond, remedy)
 
 
 def _seen_check(hidden: Array, blind: float) -> Check:
     name = "axial interference seen"
     known = np.isfinite(hidden) | np.isinf(hidden)
     if not known.any():
-        reason = "no station has an azimuth"
-        return Check(name, "not judged", np.nan, blind, (), reason)
+        return Check(name, "not judged", np.nan, blind, (), Finding("survey-unjudged-azimuth"))
     row = int(np.argmax(np.where(known, hidden, -1.0)))
     rows = np.flatnonzero(known & (hidden > blind))
-    worst = f"{np.degrees(hidden[row]):.1f} deg" if np.isfinite(hidden[row]) else "any size"
-    reason = f"an axial interference that turns azimuth by {worst} would pass at station {row + 1}"
+    worst, station = float(hidden[row]), row + 1
     if not len(rows):
-        return Check(name, "pass", float(hidden[row]), blind, (), reason)
-    reason = f"{reason}; more than {np.degrees(blind):g} deg at {len(rows)} of {int(known.sum())} stations"
-    action = (
-        "near horizontal east-west |b| and dip do not see the axial field: space the assembly, or survey with a gyro"
-    )
-    return Check(name, "not judged", float(hidden[row]), blind, tuple(map(int, rows)), reason, action)
+        reason = Finding("survey-axial-seen", {"hidden_deg": float(np.degrees(worst)), "station": station})
+        return Check(name, "pass", worst, blind, (), reason)
+    blind_at: dict[str, Value] = {"count": len(rows), "total": int(known.sum()), "blind_deg": float(np.degrees(blind))}
+    reason = Finding("survey-axial-hidden", blind_at | {"station": station}, tuple(rows.tolist()))
+    return Check(name, "not judged", worst, blind, tuple(rows.tolist()), reason)
 
 
-def notes_of(axial: bool, multistation: bool, fixed: bool) -> Sequence[str]:
+def remarks_of(axial: bool, multistation: bool) -> tuple[Finding, ...]:
     """What a reader of the verdicts must know."""
-    notes = [
-        DECLINATION,
-        "nor do they see a mistake of axes common to both triads, as y reversed in both or x and y swapped in both: it "
-        "turns azimuth and toolface into their mirror images; compare one station with a heading and a toolface known "
-        "otherwise",
-    ]
-    if axial:
-        notes.append("the axial correction has used up one of the two magnetic tests: they are no longer independent")
-    if multistation:
-        notes.append("the multi-station analysis was fitted to this reference: passing here is no independent proof")
-    if fixed:
-        notes.append("fixed limits do not know the geometry: the distance is judged by the computed uncertainties")
-    return tuple(notes)
+    codes = ["survey-blind-declination", "survey-blind-mirrored"]
+    codes += ["survey-axial-dependent"] if axial else []
+    codes += ["survey-analysis-dependent"] if multistation else []
+    return tuple(Finding(code, severity="note") for code in codes)
 
 
 _ALL: Final = (
@@ -222,20 +140,15 @@ def rotation_shots(shots: Stations, *, k: float = 3.0) -> list[Check]:
         moved = moved - moved.mean(axis=0)
         variance += np.einsum("nqp,pr,nqr->nq", moved, source.covariance, moved)
     gap = toolface_gap(np.concatenate([shots.g, shots.b], axis=1))
-    problem = ""
+    why: list[Finding | None] = [Finding("survey-unjudged-across") if faint[:, c].all() else None for c in range(5)]
+    if steep.any():
+        why[1] = Finding("survey-unjudged-azimuth")
     if size < least:
-        problem = f"{size} shots, at least {least} are needed"
+        why = [Finding("survey-unjudged-shots", {"count": size, "least": least})] * 5
     elif gap > np.pi:
-        problem = f"the toolfaces lie within {360.0 - np.degrees(gap):.0f} deg: turn the tool all round"
-    why = [
-        problem
-        or ("the hole is too steep for an azimuth" if steep.any() and column == 1 else "")
-        or ("the transverse sensors hardly show in it here" if faint[:, column].all() else "")
-        for column in range(5)
-    ]
-    action = "errors turn with the tool: calibrate the transverse sensors, or run a multi-station analysis"
+        why = [Finding("survey-unjudged-toolfaces", {"span_deg": 360.0 - float(np.degrees(gap))})] * 5
     where = np.arange(size)
-    return [_check("rotation shots", c, difference, k * np.sqrt(variance), where, why[c], action) for c in range(5)]
+    return [_check("rotation shots", c, difference, k * np.sqrt(variance), where, why[c], "toolface") for c in range(5)]
 
 
 def repeated_stations(
@@ -254,8 +167,8 @@ def repeated_stations(
     here = np.flatnonzero(np.abs(second.md[nearest] - first.md) <= apart + 1e-9)
     there = nearest[here]
     if not len(here):
-        reason = f"no station of the second run lies within {apart_m:g} m of one of the first"
-        return [Check(f"repeat: {q.name}", "not judged", np.nan, np.nan, (), reason, unit=q.unit) for q in _ALL]
+        reason = Finding("survey-unjudged-pairs", {"apart_m": apart})
+        return [Check(f"repeat: {q.name}", "not judged", np.nan, np.nan, (), reason, q.unit) for q in _ALL]
     one, by_one, steep_one, _ = _rows(first)
     two, by_two, _, _ = _rows(second)
     difference = two[there] - one[here]
@@ -266,9 +179,8 @@ def repeated_stations(
     ) + _shared(by_one[here], by_two[there], first, second, (here, there), same_tool)
     steep = steep_one[here]
     difference[steep, 1] = np.nan
-    action = "repeat once more at rest; if the runs still differ, check depth, calibration and interference of both"
-    why = ["" if c != 1 or not steep.all() else "the hole is too steep for an azimuth" for c in range(5)]
-    return [_check("repeat", c, difference, k * np.sqrt(variance), here, why[c], action) for c in range(5)]
+    why = [Finding("survey-unjudged-azimuth") if c == 1 and steep.all() else None for c in range(5)]
+    return [_check("repeat", c, difference, k * np.sqrt(variance), here, why[c], "repeat") for c in range(5)]
 
 
 def dual_depth(
@@ -280,19 +192,17 @@ def dual_depth(
     sigmas = [
         within(s, name, 0.0, 1e3, "m") for s, name in ((first_sigma_m, "first sigma"), (second_sigma_m, "second sigma"))
     ]
-    if one.shape != two.shape or not one.size or any(s.shape not in ((), one.shape) for s in sigmas):
-        raise InputError(f"depths are {one.shape} and {two.shape}, sigmas {[s.shape for s in sigmas]}; give n of each")
+    if not one.size:
+        raise refused("input-empty", {"name": "first_m"})
+    for values, name in ((two, "second_m"), (sigmas[0], "first_sigma_m"), (sigmas[1], "second_sigma_m")):
+        if values.shape != one.shape and (values is two or values.shape):
+            raise wrong_shape(name, values.shape, str(one.shape))
     limit = np.broadcast_to(k * np.hypot(*sigmas), one.shape)
     name, difference = "dual depth", two - one
     if not limit.all():
-        return Check(name, "not judged", np.nan, np.nan, (), "no uncertainty is known of the depths", unit="m")
-    action = "check the pipe tally and both stretch and temperature corrections; measure the depth again"
-
-    def shown(row: int) -> str:
-        return f"{difference[row]:+.2f} m at {one[row]:.1f} m, allowed +-{limit[row]:.2f}"
-
+        return Check(name, "not judged", np.nan, np.nan, (), Finding("survey-unjudged-uncertainty"), "m")
     failed = np.abs(difference) > limit + 1e-9
-    return sizes_check(name, "m", np.abs(difference) / limit, (difference, limit), failed, shown, action)
+    return sizes_check(name, "depth", "m", np.abs(difference) / limit, (difference, limit), failed, "depth")
 
 
 def _rows(stations: Stations) -> tuple[Array, Array, Mask, Mask]:
@@ -329,18 +239,19 @@ def _shared(
     return total
 
 
-def _check(what: str, column: int, difference: Array, limit: Array, rows: Index, why: str, action: str) -> Check:
+def _check(
+    what: str, column: int, difference: Array, limit: Array, rows: Index, why: Finding | None, remedy: str
+) -> Check:
     """One quantity over all stations compared."""
     quantity = _ALL[column]
     name = f"{what}: {quantity.name}"
     able = np.isfinite(difference[:, column]) & (limit[:, column] > 0.0)
-    if why or not able.any():
-        reason = why or "nothing is known of the stations' uncertainty"
-        return Check(name, "not judged", np.nan, np.nan, (), reason, unit=quantity.unit)
+    if why is not None or not able.any():
+        reason = why or Finding("survey-unjudged-uncertainty")
+        return Check(name, "not judged", np.nan, np.nan, (), reason, quantity.unit)
     sizes = difference[:, column], limit[:, column]
     failed = able & (np.abs(sizes[0]) > sizes[1] * (1.0 + 1e-9) + ROUNDING)
-    shown = _shown(quantity, *sizes, rows)
-    return sizes_check(name, quantity.unit, _share(*sizes, able), sizes, failed, shown, action, rows)
+    return sizes_check(name, quantity.name, quantity.unit, _share(*sizes, able), sizes, failed, remedy, rows)
 
 
 # Sensor errors of an error model as a source of error of six-axis stations, for tools without a certificate.
@@ -358,7 +269,7 @@ def with_sensors(stations: Stations, sigmas: Mapping[str, float]) -> Stations:
     """
     for name in (SOURCE, "calibration"):
         if name in stations.sources:
-            raise InputError(f"the stations have the source {name!r} already; an error model would count it twice")
+            raise refused("survey-source-taken", {"source": name})
     bias, scale = sensor_sigmas(sigmas)
     fields = np.concatenate([stations.g, stations.b], axis=1)
     by_field = np.concatenate([np.tile(np.eye(6), (len(stations), 1, 1)), fields[:, :, None] * np.eye(6)], axis=2)
@@ -387,13 +298,9 @@ def sensor_sigmas(sigmas: Mapping[str, float]) -> tuple[Array, Array]:
         for letter in stem[2:]:
             place = (kind, first + "XYZ".index(letter))
             if found.setdefault(place, float(within(sigma, name, 0.0, 1e5))) != sigma:
-                raise InputError(
-                    f"term {name} gives {sigma:g} where another term gave {found[place]:g}; use one of them"
-                )
+                raise refused("survey-term-contradicts", {"term": name, "sigma": sigma, "other": found[place]})
     if not found:
-        raise InputError(
-            f"none of the {len(sigmas)} terms is about accelerometers or magnetometers; choose another code"
-        )
+        raise refused("input-missing", {"names": ("ABX .. MSZ",)})
     bias, scale = (np.array([found.get((kind, k), 0.0) for k in range(6)]) for kind in ("bias", "scale"))
     bias[5] = np.hypot(bias[5], axial)
     return bias, scale
@@ -419,10 +326,10 @@ class FieldLimits:
     def __post_init__(self) -> None:
         values = (self.g, self.b, self.dip)
         if all(value is None for value in values):
-            raise InputError(f"limits {self.name!r} hold no limit; give at least one of g, b, dip")
+            raise refused("input-one-of", {"names": ("g", "b", "dip")})
         for name, value, most in zip(("g", "b", "dip"), values, (10.0, 1e5, np.pi), strict=True):
             if value is not None and not 0.0 < float(finite(value, f"limit of {name}")) <= most:
-                raise InputError(f"limit of {name} is {value:g}; it must be positive and at most {most:g}")
+                raise out_of_range(f"limit of {name}", float(value), f"> 0, <= {most:g}")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -431,7 +338,8 @@ class FieldQuality(Tabular):
 
     difference : measured minus reference; sigma : of it, sensors and reference at this geometry; limit : k sigma, or
     the fixed one. judged : whether the test could be made. distance, distance_limit : (n,) Mahalanobis distance of the
-    three, and the one with the probability of k sigma. undetected_azimuth : (n,) rad, the azimuth error of the largest
+    three, and the one with the probability of k sigma. beyond : (n, 4) the three, and all together, beyond their
+    limits. undetected_azimuth : (n,) rad, the azimuth error of the largest
     axial interference that would pass; inf where any would, NaN where azimuth does not exist.
     """
 
@@ -445,13 +353,12 @@ class FieldQuality(Tabular):
     distance_limit: Array
     undetected_azimuth: Array
     verdicts: Sequence[str]
-    reasons: Sequence[str]
-    actions: Sequence[str]
+    beyond: Mask
     checks: Sequence[Check]
     reference: FieldReference
     k: float
     limits: FieldLimits | None = None
-    notes: Sequence[str] = ()
+    findings: tuple[Finding, ...] = ()
 
     @property
     def verdict(self) -> str:
@@ -464,7 +371,12 @@ class FieldQuality(Tabular):
         for start, values in (("", self.found), ("difference_", self.difference), ("limit_", self.limit)):
             found |= {f"{start}g_m_s2": values[:, 0], f"{start}b_nT": values[:, 1]}
             found[f"{start}dip_deg"] = degrees(values[:, 2])
-        return found | {"distance": self.distance, "verdict": list(self.verdicts), "reason": list(self.reasons)}
+        off = [self.off(row) for row in range(len(self.md))]
+        return found | {"distance": self.distance, "verdict": list(self.verdicts), "off": off}
+
+    def off(self, row: int) -> str:
+        """What is beyond its limit at a station, as columns are named: "g|dip", "distance"."""
+        return "|".join(name for name, one in zip(("g", "b", "dip", "distance"), self.beyond[row], strict=True) if one)
 
 
 def judge_fields(
@@ -499,7 +411,6 @@ def judge_fields(
     verdicts = tuple(
         "fail" if b.any() else "pass" if j.any() else "not judged" for b, j in zip(beyond, able, strict=True)
     )
-    words = [station_words(*row) for row in zip(difference, limit, able, distance, allowed, beyond, strict=True)]
     checks = field_checks(difference, limit, able, (distance, allowed), beyond, (hidden, BLIND))
     return FieldQuality(
         md=stations.md,
@@ -512,13 +423,12 @@ def judge_fields(
         distance_limit=allowed,
         undetected_azimuth=hidden,
         verdicts=verdicts,
-        reasons=tuple(reason for reason, _ in words),
-        actions=tuple(action for _, action in words),
+        beyond=beyond,
         checks=checks,
         reference=reference,
         k=k,
         limits=limits,
-        notes=notes_of(AXIAL in stations.sources, "multi-station analysis" in stations.sources, limits is not None),
+        findings=remarks_of(AXIAL in stations.sources, "multi-station analysis" in stations.sources),
     )
 
 

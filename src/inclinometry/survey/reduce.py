@@ -14,8 +14,8 @@ from inclinometry.arrays import Array, Mask, finite, frozen, within
 from inclinometry.constants import ANGLES, COVERAGE_FACTOR, EARTH_RATE, GRAVITY_SPREAD
 from inclinometry.earth.gravity import relative_gravity
 from inclinometry.earth.site import Site, convert_azimuth
-from inclinometry.errors import InputError
-from inclinometry.findings import Finding
+from inclinometry.errors import not_among, refused, wrong_shape
+from inclinometry.findings import Finding, Value
 from inclinometry.orientation import Angles, angles, inclination_toolface
 from inclinometry.rotations import wrap_positive
 from inclinometry.sensors import Tool, Triad, angle_sensitivity
@@ -80,7 +80,7 @@ class SensorCorrection:
         for name, shape in shapes.items():
             value = finite(getattr(self, name), name)
             if size < 1 or value.shape != shape:
-                raise InputError(f"{name} of the correction is {value.shape}; {size} parameters need {shape}")
+                raise wrong_shape(name, value.shape, str(shape))
             object.__setattr__(self, name, frozen(value))
         object.__setattr__(self, "parameters", MappingProxyType(dict(self.parameters)))
         object.__setattr__(self, "inputs", MappingProxyType(dict(self.inputs)))
@@ -96,10 +96,11 @@ def correction_of(
     """The estimate of an analysis, made with these `priors`, as a correction that can be kept."""
     md = found.corrected.md
     of_priors = ("gain", "offset", "power", "reference_temperature", "noise")
-    of_estimate = ("parameters", "covariance", "chi_square", "freedom", "warnings", "noise_factors")
+    of_estimate = ("parameters", "covariance", "chi_square", "freedom", "noise_factors")
     kept: dict[str, Any] = {name: getattr(priors, name) for name in of_priors}
     kept |= {name: getattr(found, name) for name in (*of_estimate, "information", "score")}
     kept |= {"reference": reference, "priors": priors.source, "tool": tool, "inputs": dict(inputs or {})}
+    kept["warnings"] = tuple(map(str, found.findings))
     return SensorCorrection(**kept, md=(float(md[0]), float(md[-1])), stations=len(md))
 
 
@@ -109,12 +110,12 @@ def apply_correction(stations: Stations, correction: SensorCorrection) -> Statio
     They are of the same tool and run, reduced in the same way; without noise of their own they take the analysis'.
     """
     if SOURCE in stations.sources:
-        raise InputError("these stations have been through a multi-station analysis; give the stations before it")
+        raise refused("survey-corrected", {"correction": SOURCE})
     size, x = len(correction.offset), np.array([p.value for p in correction.parameters.values()])
     weights = np.ones((len(stations), len(correction.power)))
     if correction.power.any():
         if stations.temperature is None:
-            raise InputError("the correction depends on temperature; give the stations' temperature_degC")
+            raise refused("input-needs", {"name": "correction", "needed": ("temperature_degC",)})
         weights = (stations.temperature[:, None] - correction.reference_temperature) ** correction.power
     model = Model(
         np.concatenate([stations.g, stations.b], axis=1),
@@ -129,14 +130,12 @@ def apply_correction(stations: Stations, correction: SensorCorrection) -> Statio
     sources = {name: source for name, source in stations.sources.items() if name not in REPLACED}
     sources[SOURCE] = Source(model.by_parameter(fields, inverse), correction.covariance[:size, :size])
     first, last = correction.md
-    line = (
-        f"sensor errors found by a multi-station analysis of {correction.stations} stations, {first:g} to {last:g} m, "
-        f"priors {correction.priors}"
-    )
+    of: dict[str, Value] = {"total": correction.stations, "from_m": float(first), "to_m": float(last)}
+    step = Finding("survey-step-correction", of | {"priors": correction.priors}, severity="note")
     own = stations.noise if stations.noise.any() else correction.noise  # as the analysis does
     spread = np.repeat(np.sqrt(correction.noise_factors), 3)
     noise = inverse @ (own * np.outer(spread, spread)) @ np.swapaxes(inverse, 1, 2)
-    return stations.corrected(fields[:, :3], fields[:, 3:], line, sources, noise)
+    return stations.corrected(fields[:, :3], fields[:, 3:], step, sources, noise)
 
 
 BLOCK = 20_000
@@ -153,8 +152,7 @@ class Survey(Tabular):
     rate_total (n,) rad/s, latitude (n,) : the Earth rate a gyro saw and the latitude it gives; NaN without one
     components : name -> (n, 4) variances, rad^2, of inclination, azimuth, toolface, magnetic toolface
     flags : per station, the names of what is remarkable; see `inclinometry.survey.flags.FLAGS`
-    history : what was done to the stations before, a sentence each
-    notes : what was estimated on the way, with nothing to be settled
+    history : what was done to the stations before
     common, random : (n, 2, 2) covariance of inclination and azimuth, rad^2, by what the stations of the run share (the
         calibration, references), and by what is each station's own (noise); both together are the components. A mean
         of stations averages the second away, never the first.
@@ -175,11 +173,9 @@ class Survey(Tabular):
     flags: Sequence[Sequence[str]]
     tool: str = ""
     inputs: Mapping[str, str] = field(default_factory=dict)
-    warnings: Sequence[str] = ()
     rate_total: Array = field(default_factory=lambda: np.zeros(0))
     latitude: Array = field(default_factory=lambda: np.zeros(0))
-    history: Sequence[str] = ()
-    notes: Sequence[str] = ()
+    history: tuple[Finding, ...] = ()
     errors: Mapping[str, AngleErrors] = field(default_factory=dict)
     common: Array = field(default_factory=lambda: np.zeros((0, 2, 2)))
     random: Array = field(default_factory=lambda: np.zeros((0, 2, 2)))
@@ -192,7 +188,7 @@ class Survey(Tabular):
         for row in steps:
             cells = [f"{np.degrees(getattr(self, n)[row]):9.3f} ± {np.degrees(self.u(n)[row]):.3f}" for n in ANGLES]
             lines.append(f"{self.md[row]:10.2f} m {' '.join(cells)}  {', '.join(self.flags[row])}".rstrip())
-        return "\n".join([*lines, *(f"warning: {said}" for said in (*self.findings, *self.warnings))])
+        return "\n".join([*lines, *(f"warning: {said}" for said in self.findings if said.severity != "note")])
 
     def __len__(self) -> int:
         return len(self.md)
@@ -334,29 +330,28 @@ def reduce_survey(
     check_record(tool, Tool, "reduce_survey")
     depth = finite(md, "md", (None,))
     if not depth.size:
-        raise InputError("no stations: md is empty")
+        raise refused("input-empty", {"name": "md"})
     if (np.diff(depth) <= 0.0).any():
-        row = int(np.argmax(np.diff(depth) <= 0.0))
-        raise InputError(f"md falls from {depth[row]:g} to {depth[row + 1]:g} m at station {row + 2}; it must increase")
+        raise refused("input-order", {"name": "md", "row": int(np.argmax(np.diff(depth) <= 0.0)) + 2})
     if calibration_dip is not None:
         within(calibration_dip, "calibration_dip", -np.pi / 2, np.pi / 2, "rad")
     heat = None if temperature is None else finite(temperature, "temperature", (len(depth),))
     second = _second(channels, second)
     if hole not in ("down", "up"):
-        raise InputError(f"hole is {hole!r}; allowed: down, up")
+        raise not_among("hole", hole, ("down", "up"))
     length, length_sd, assumed = _gravity(tool, site, hole, gravity_sd)
     seen, left_out = tool_fields(channels, tool, heat, len(depth), second, (hole, length))
     left_out += assumed
     found, parts, common, random = _attitude(seen, tool, heat, second, length_sd)
     own = set(parts)
-    azimuth, parts, reference, warnings = turned_to_north(
+    azimuth, parts, reference, told = turned_to_north(
         found.azimuth, parts, site, "true" if second == "gyro" else "magnetic"
     )
     common[:, 1, 1] += sum(parts[name][:, 1] for name in set(parts) - own)
     size = magnitudes(seen, tool, heat, len(depth))
     inclination_sd = np.sqrt(np.asarray(sum(p[:, 0] for p in parts.values())))
     in_plane = _in_plane(seen["accelerometer"], tool, inclination_sd)
-    warnings += [*left_out, *reversed_field(size.dip, site), *reversed_rate(size.latitude, site)]
+    told += [*left_out, *reversed_field(size.dip, site), *reversed_rate(size.latitude, site)]
     flags = station_flags(found, inclination_sd, size, tool, heat, reference_of(tool, site, calibration_dip))
     for row in np.flatnonzero(in_plane).tolist():
         flags[row].append("g-in-plane")
@@ -374,41 +369,29 @@ def reduce_survey(
         flags,
         tool.name,
         dict(inputs or {}),
-        (*warnings, *summary(flags)),
         _total(seen, tool, "gyro", len(depth)),
         size.latitude,
         common=common,
         random=random,
+        findings=(*told, *summary(flags)),
     )
 
 
-def _gravity(tool: Tool, site: Site | None, hole: str, stated: float | None) -> tuple[float, float, list[str]]:
+def _gravity(tool: Tool, site: Site | None, hole: str, stated: float | None) -> tuple[float, float, list[Finding]]:
     """Strength of gravity in units of the calibration's, for two accelerometers, its sd, what was taken for granted."""
     triad = tool.triads.get("accelerometer")
     if stated is not None:
         within(stated, "gravity_sd", 0.0, 0.1)
     if triad is None or triad.rank != 2:
         return 1.0, 0.0, []
-    way = "0 to 90" if hole == "down" else "90 to 180"
-    said = f"two accelerometers: the third component of gravity is from |g| and a hole that goes {hole}, {way} deg"
     here = None if site is None else site.gravity
     ratio, sd = relative_gravity(here, triad.field_strength, None if site is None else site.gravity_sigma)
+    known = stated is not None or sd < GRAVITY_SPREAD
     sd = sd if stated is None else stated
-    if here is not None and triad.field_strength is not None:
-        said += f"; |g| is {here:.5f} m/s^2 here, {triad.field_strength:.5f} at the calibration stand"
-    else:
-        said += "; |g| is taken to be that of the calibration stand"
-    grows = f"{np.degrees(sd):.2g} deg times the tangent of the inclination"
-    if stated is not None:
-        return ratio, sd, [f"{said}, to {100.0 * sd:.2g} % as stated: {grows}"]
-    if sd < GRAVITY_SPREAD:
-        return ratio, sd, [f"{said}, to {100.0 * sd:.2g} %, two places assumed: {grows}"]
-    remedy = (
-        "Give g here (--site) and at the stand (reference_g_m_s2), each better than a textbook's value, or "
-        "--gravity-sd-percent 0 at the stand's own place, where an error of |g| cancels"
-    )
-    nothing = "as between two places of which nothing is known"
-    return ratio, sd, [f"{said}, to {100.0 * sd:.2g} % {nothing}: {grows}. {remedy}"]
+    values: dict[str, Value] = {"hole": hole, "sd_percent": 100.0 * sd, "slope_deg": float(np.degrees(sd))}
+    if known:
+        return ratio, sd, [Finding("survey-two-accelerometers", values, severity="note")]
+    return ratio, sd, [Finding("survey-gravity-unknown", values)]
 
 
 def _in_plane(g: Array, tool: Tool, inclination_sd: Array) -> Mask:
@@ -425,9 +408,9 @@ def _second(channels: Mapping[str, ArrayLike], wanted: str | None) -> str | None
     if wanted is None:
         return next((kind for kind in ("magnetometer", "gyro") if kind in channels), None)
     if wanted not in ("magnetometer", "gyro"):
-        raise InputError(f"second is {wanted!r}; allowed: magnetometer, gyro")
+        raise not_among("second", wanted, ("magnetometer", "gyro"))
     if wanted not in channels:
-        raise InputError(f"the azimuth is to come from the {wanted}, but the readings have none: add its columns")
+        raise refused("input-triads", {"lacking": (wanted,), "needed": (wanted,)})
     return wanted
 
 
@@ -438,35 +421,30 @@ def tool_fields(
     size: int,
     second: str | None,
     gravity: tuple[str, float] | None = None,
-) -> tuple[dict[str, Array], list[str]]:
-    """Fields in tool axes for every triad the readings and the tool share; what was left out, in words."""
+) -> tuple[dict[str, Array], list[Finding]]:
+    """Fields in tool axes for every triad the readings and the tool share; what was left out."""
     if "accelerometer" not in channels or "accelerometer" not in tool.triads:
-        raise InputError("no accelerometer in the readings or in the calibration; a survey needs gravity")
+        raise refused("input-triads", {"lacking": ("accelerometer",), "needed": ("accelerometer",)})
     for kind in channels:
         if kind not in tool.triads:
-            raise InputError(f"the readings have a {kind}, the calibration has none: calibrate it or drop its columns")
+            raise refused("input-uncalibrated", {"kind": kind})
     fields: dict[str, Array] = {}
     left_out = []
-    remedy = {
-        "gyro": "; `inclinometry gyro north` needs but two; "
-        "without its columns inclination and toolface are reduced alone",
-        "magnetometer": "; without its columns inclination and toolface are reduced alone",
-        "accelerometer": "; the angle of one accelerometer to gravity is no inclination (`verify` judges that angle)",
-    }
     for kind, triad in tool.triads.items():
         if kind not in channels:
             continue
         signals = finite(channels[kind], f"{kind} channels", (size, None))
         if signals.shape[1] != triad.count:
-            raise InputError(f"{signals.shape[1]} {kind} channels, the calibration has {triad.count}: another tool?")
+            values = {"kind": kind, "channels": signals.shape[1], "calibrated": triad.count}
+            raise refused("input-channels", values)
         if kind == "accelerometer" and triad.rank == 2 and gravity is not None:
             fields[kind] = _gravity_of_two(triad, signals, heat, gravity)
             continue
         if not triad.full:
             if kind == "gyro" and second != "gyro":
-                left_out.append(f"the gyro sees {_seen(triad)} and was not used; the azimuth is the magnetometer's")
+                left_out.append(Finding("survey-gyro-unused", {"components": triad.rank}, severity="note"))
                 continue
-            raise InputError(f"the {kind} sees {_seen(triad)}; three seen components are needed{remedy.get(kind, '')}")
+            raise refused("survey-components", {"kind": kind, "components": triad.rank})
         if triad.g_sensitivity is not None:
             g = fields["accelerometer"]
             signals = triad.without_gravity(signals, g / np.linalg.norm(g, axis=1, keepdims=True))
@@ -474,22 +452,15 @@ def tool_fields(
         dead = np.linalg.norm(fields[kind], axis=1) < 1e-6  # of the field at the stand
         if dead.any():
             row = int(np.argmax(dead))
-            raise InputError(f"station {row + 1}: the {kind} sees no field at all; remove the row if it is a drop-out")
+            raise refused("survey-no-field", {"kind": kind, "station": row + 1})
     return fields, left_out
-
-
-def _seen(triad: Triad) -> str:
-    return "only a plane" if triad.rank == 2 else "one component"
 
 
 def _gravity_of_two(triad: Triad, signals: Array, heat: Array | None, gravity: tuple[str, float]) -> Array:
     """Gravity (n, 3) that two accelerometers see in part, by the way the hole goes and its strength."""
     hole, length = gravity
     if abs(np.linalg.svd(triad.tensor[0])[2][2][2]) < 0.5:
-        raise InputError(
-            "the two accelerometers lie along the tool axis: which way the hole goes does not tell the sign of the "
-            "component they cannot see, and no inclination follows; a third accelerometer is needed"
-        )
+        raise refused("survey-accelerometers-along")
     return triad.field_of_length(signals, [0.0, 0.0, 1.0 if hole == "down" else -1.0], heat, length)[0]
 
 
@@ -518,7 +489,7 @@ def _attitude(
 
 def turned_to_north(
     azimuth: Array, variances: dict[str, Array], site: Site | None, source: str
-) -> tuple[Array, dict[str, Array], str, list[str]]:
+) -> tuple[Array, dict[str, Array], str, list[Finding]]:
     """Azimuth from the north the site asks for, and what that adds to its uncertainty."""
     reference = "magnetic" if site is None else site.north_reference
     if source == "true" and reference == "magnetic":
@@ -528,11 +499,11 @@ def turned_to_north(
     if np.isnan(azimuth).all():  # no second field: nothing to turn
         return azimuth, variances, reference, []
     turned = wrap_positive(convert_azimuth(azimuth, source, reference, site))
-    warnings, causes = [], {}
+    told, causes = list[Finding](), {}
     if source == "magnetic":
         causes["declination"] = site.declination_sigma
         if site.declination_sigma is None:
-            warnings.append("the uncertainty of the declination is not stated and not included")
+            told.append(Finding("survey-declination-sd"))
     if reference == "grid":
         causes["convergence"] = site.convergence_sigma  # geometry: taken as exact where nothing is stated
     for name, sigma in causes.items():
@@ -540,7 +511,7 @@ def turned_to_north(
             added = np.zeros((len(azimuth), 4))
             added[:, 1] = sigma**2
             variances = {**variances, name: added}
-    return turned, variances, reference, warnings
+    return turned, variances, reference, told
 
 
 def _total(seen: Mapping[str, Array], tool: Tool, kind: str, size: int) -> Array:

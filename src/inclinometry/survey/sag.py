@@ -13,7 +13,8 @@ from numpy.typing import ArrayLike
 
 from inclinometry.arrays import Array, Index, Mask, finite, within
 from inclinometry.constants import STANDARD_GRAVITY
-from inclinometry.errors import ConvergenceError, InputError
+from inclinometry.errors import ConvergenceError, out_of_range, refused, wrong_shape
+from inclinometry.findings import Finding
 from inclinometry.orientation import inclination_toolface
 from inclinometry.rotations import cross_matrix, rotation_y, rotation_z
 from inclinometry.survey.reduce import Survey
@@ -152,9 +153,7 @@ def _descended(problem: _Problem, start: Index) -> tuple[Array, Index]:
         if loose is None:
             return values, side
         side[loose] = 0
-    raise ConvergenceError(
-        "the contacts of the assembly with the wall do not settle; check diameters and positions of the stabilisers"
-    )
+    raise ConvergenceError(Finding("survey-sag-contacts"))
 
 
 def _times(band: Array, values: Array) -> Array:
@@ -251,7 +250,7 @@ class Bha:
     def __post_init__(self) -> None:
         bit = 0.8  # of the hole's diameter; an under-reamer above opens a hole by less
         if not self.elements:
-            raise InputError("the assembly has no elements; give at least the bit and a collar")
+            raise refused("input-empty", {"name": "elements"})
         length = sum(one.length for one in self.elements)
         within(self.sensor, "sensor", 0.0, length, "m from the bit")
         within(self.mud_density, "mud_density", 0.0, 3e3, "kg/m^3")
@@ -263,14 +262,9 @@ class Bha:
             within(blade.position, "stabiliser", 0.0, length, "m from the bit")
         widest = max([*(e.outer for e in self.elements), *(b.outer for b in self.stabilisers)])
         if not widest <= float(finite(self.hole, "hole")) <= 2.0:
-            raise InputError(
-                f"the hole is {self.hole:g} m wide, the assembly {widest:g} m; a hole is at least as wide as its bit"
-            )
+            raise out_of_range("hole", float(self.hole), f"{widest:g} .. 2")
         if self.elements[0].outer < bit * self.hole:
-            raise InputError(
-                f"the first element is {self.elements[0].outer:g} m wide in a hole of {self.hole:g} m; it must be the "
-                f"bit, at least {bit:g} of the hole"
-            )
+            raise out_of_range("outer diameter of the bit", self.elements[0].outer, f">= {bit * self.hole:g}")
         # nodes at joints, stabilisers and sensor and every 0.4 m between; the last element goes on as far as need be
         ends = np.cumsum([0.0, *(one.length for one in self.elements)])
         # 25 m above the last stabiliser any string has found the low side
@@ -342,8 +336,10 @@ def run_sag(md: ArrayLike, inclination: ArrayLike, bha: Bha) -> Sag:
     """Sag at the stations of a run, the curvature of the hole taken from them."""
     half_span = 15.0  # m to both sides over which the curvature of the hole is taken
     depth, tilt = finite(md, "md", (None,)), within(inclination, "inclination", 0.0, np.pi, "rad")
-    if depth.shape != tilt.shape or not depth.size:
-        raise InputError(f"md is {depth.shape} and inclination {tilt.shape}; give n of each")
+    if not depth.size:
+        raise refused("input-empty", {"name": "md"})
+    if depth.shape != tilt.shape:
+        raise wrong_shape("inclination", tilt.shape, str(depth.shape))
     above, below = np.maximum(depth - half_span, depth[0]), np.minimum(depth + half_span, depth[-1])
     turn = np.interp(below, depth, tilt) - np.interp(above, depth, tilt)
     span = below - above
@@ -360,7 +356,7 @@ def correct_survey(survey: Survey, bha: Bha) -> Survey:
     """
     check_record(survey, Survey, "correct_survey")
     if SOURCE in survey.components:
-        raise InputError("this survey has been corrected for sag; give the survey before it")
+        raise refused("survey-corrected", {"correction": SOURCE})
     found = run_sag(survey.md, survey.inclination, bha)
     variance = np.zeros((len(survey), 4))
     variance[:, 0] = found.sigma**2
@@ -368,7 +364,7 @@ def correct_survey(survey: Survey, bha: Bha) -> Survey:
         survey,
         inclination=np.clip(survey.inclination - found.angle, 0.0, np.pi),
         components={**survey.components, SOURCE: variance},
-        warnings=(*survey.warnings, _line(found, bha)),
+        findings=(*survey.findings, _step(found)),
     )
 
 
@@ -378,7 +374,7 @@ def correct_stations(stations: Stations, bha: Bha) -> Stations:
     Azimuth, toolface, |g|, |b| and dip do not change. The source "sag correction" is the residual, common to the run.
     """
     if SOURCE in stations.sources:
-        raise InputError("these stations have been corrected for sag; give the stations before it")
+        raise refused("survey-corrected", {"correction": SOURCE})
     inclination, toolface = inclination_toolface(stations.g)
     found = run_sag(stations.md, inclination, bha)
     turn = rotation_z(toolface) @ rotation_y(-found.angle) @ rotation_z(-toolface)
@@ -392,13 +388,12 @@ def correct_stations(stations: Stations, bha: Bha) -> Stations:
     sources = {name: Source(both @ s.by_field, s.covariance) for name, s in stations.sources.items()}
     sources[SOURCE] = Source(by_sag[:, :, None], np.eye(1))
     noise = both @ stations.noise @ np.swapaxes(both, 1, 2)
-    return stations.corrected(g, b, _line(found, bha), sources, noise)
+    return stations.corrected(g, b, _step(found), sources, noise)
 
 
-def _line(found: Sag, bha: Bha) -> str:
-    low, high, most = np.degrees(found.angle.min()), np.degrees(found.angle.max()), np.degrees(found.sigma.max())
-    name = f" of {bha.name}" if bha.name else ""
-    return f"sag{name} taken off the inclinations: {low:+.3f} to {high:+.3f} deg, standard deviation up to {most:.3f}"
+def _step(found: Sag) -> Finding:
+    low, high, most = np.degrees([found.angle.min(), found.angle.max(), found.sigma.max()]).tolist()
+    return Finding("survey-sag", {"low_deg": low, "high_deg": high, "sd_deg": most}, severity="note")
 
 
 def _slopes(beam: Beam, sensor: float, inclination: Array, curvature: Array) -> Array:

@@ -10,7 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from inclinometry.arrays import Array, finite, frozen
-from inclinometry.errors import InputError
+from inclinometry.errors import refused, wrong_shape
+from inclinometry.findings import Finding
 from inclinometry.tabular import Column, Tabular
 
 
@@ -31,7 +32,7 @@ class Stations(Tabular):
 
     md : (n,) m, increasing. g, b : (n, 3) gravity (the field, pointing down), m/s^2, and magnetic flux density, nT.
     temperature : (n,) degC, or None. noise : (n, 6, 6) covariance of what is each station's own. sources : name ->
-    Source: what all stations share, e.g. the calibration, a correction's residual. history : a sentence for each step
+    Source: what all stations share, e.g. the calibration, a correction's residual. history : a finding for each step
     that was done to them.
     """
 
@@ -41,22 +42,24 @@ class Stations(Tabular):
     temperature: Array | None = None
     noise: Array = field(default_factory=lambda: np.zeros((0, 6, 6)))
     sources: Mapping[str, Source] = field(default_factory=dict)
-    history: tuple[str, ...] = ()
+    history: tuple[Finding, ...] = ()
 
     def __post_init__(self) -> None:
         md = finite(self.md, "md", (None,))
         g, b = finite(self.g, "g", (3,)), finite(self.b, "b", (3,))
         size = len(md)
-        if not size or g.shape != (size, 3) or b.shape != (size, 3):
-            raise InputError(f"stations have md {md.shape}, g {g.shape}, b {b.shape}; expected (n,), (n, 3), (n, 3)")
+        if not size:
+            raise refused("input-empty", {"name": "md"})
+        for name, values in (("g", g), ("b", b)):
+            if values.shape != (size, 3):
+                raise wrong_shape(name, values.shape, f"({size}, 3)")
         if (np.diff(md) <= 0.0).any():
-            row = int(np.argmax(np.diff(md) <= 0.0))
-            raise InputError(f"md goes from {md[row]:g} to {md[row + 1]:g} m at station {row + 2}; it must increase")
+            raise refused("input-order", {"name": "md", "row": int(np.argmax(np.diff(md) <= 0.0)) + 2})
         noise = np.zeros((size, 6, 6)) if not self.noise.size else finite(self.noise, "noise", (6, 6))
         for name, source in self.sources.items():
             wide = source.by_field.shape
             if len(wide) != 3 or wide[:2] != (size, 6) or source.covariance.shape != (wide[2], wide[2]):
-                raise InputError(f"source {name!r} has {wide} with covariance {source.covariance.shape}")
+                raise wrong_shape(f"source {name}", wide, f"({size}, 6, {len(source.covariance)})")
         for name, value in (("md", md), ("g", g), ("b", b), ("noise", noise)):
             object.__setattr__(self, name, frozen(value))
         object.__setattr__(self, "sources", MappingProxyType(dict(self.sources)))
@@ -65,11 +68,11 @@ class Stations(Tabular):
         return len(self.md)
 
     def corrected(
-        self, g: Array, b: Array, line: str, sources: Mapping[str, Source], noise: Array | None = None
+        self, g: Array, b: Array, step: Finding, sources: Mapping[str, Source], noise: Array | None = None
     ) -> Stations:
-        """The stations after a correction, with a line of history; `sources` replace those that were there."""
+        """The stations after a correction, with a step of history; `sources` replace those that were there."""
         return replace(
-            self, g=g, b=b, sources=sources, noise=self.noise if noise is None else noise, history=(*self.history, line)
+            self, g=g, b=b, sources=sources, noise=self.noise if noise is None else noise, history=(*self.history, step)
         )
 
     def field_covariance(self) -> Array:

@@ -12,6 +12,7 @@ from inclinometry.earth.site import Site
 from inclinometry.errors import FileError
 from inclinometry.files import json_codec
 from inclinometry.files.stability_toml import read_stability
+from inclinometry.findings import Finding, Value
 from inclinometry.history import DAYS_PER_YEAR
 from inclinometry.stability import ASSUMED, aged, years_between
 
@@ -30,35 +31,29 @@ class Age:
 
 def at_the_run(
     calibration: Calibration, path: str | Path, site: Site, age: Age, otherwise: float | None = None
-) -> tuple[Calibration, list[str]]:
-    """The calibration with its tool aged to the date of the site, and in words what was assumed.
+) -> tuple[Calibration, list[Finding]]:
+    """The calibration with its tool aged to the date of the site, and what was assumed.
 
     `otherwise`: years where the age is unknown; without it the tool is as on the day of its calibration.
     """
-    years, how = otherwise, "assumed: nothing tells its age"
+    years = otherwise
     created = json_codec.load(path).get("created")
     if age.days is not None:
         years = float(within(age.days, "--age-days", 0.0, 50.0 * DAYS_PER_YEAR, "days")) / DAYS_PER_YEAR
-        how = "as stated"
     elif created is not None and site.date is not None:
         try:
             day = datetime.date.fromisoformat(created[:10])
         except ValueError:
             raise FileError(
-                f"$.created is {created!r}; a date is needed, YYYY-MM-DD: calibrate again", path=path
+                Finding("file-value", {"column": "$.created", "value": created, "allowed": "YYYY-MM-DD"}), path=path
             ) from None
-        years, how = years_between(day, site.date), f"of {day}, run of {site.date}"
+        years = years_between(day, site.date)
     if years is None:
-        return calibration, [
-            "how old the calibration is was not stated: what the sensors have moved by since is not in the "
-            "uncertainties; give --age-days, or dates (calibrate --created, date in site.toml)"
-        ]  # fmt: skip
+        return calibration, [Finding("work-age-unknown", severity="note")]
     known = ASSUMED if age.stability is None else read_stability(age.stability)
     tool = aged(calibration.tool, years, known)
-    what = f"the calibration was taken as {years * DAYS_PER_YEAR:.0f} days old ({how})"
+    days = years * DAYS_PER_YEAR
     if not tool.stability.any():
-        return calibration, [f"{what}: the uncertainties are those of that day"]
-    return replace(calibration, tool=tool), [
-        f"{what}; what the sensors may have moved by since is in the uncertainties as stability: {known.source}, "
-        "growing with the root of time"
-    ]  # fmt: skip
+        return calibration, [Finding("work-age-none", {"days": days}, severity="note")]
+    values: dict[str, Value] = {"days": days, "source": known.source}
+    return replace(calibration, tool=tool), [Finding("work-age", values, severity="note")]

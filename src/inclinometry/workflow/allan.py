@@ -11,8 +11,9 @@ import numpy as np
 from inclinometry.allan import SHORTEST, ChannelNoise, NoiseModel, NoiseRecord, allan_deviation, fit_noise
 from inclinometry.arrays import Array
 from inclinometry.calibration.stillness import still_intervals
-from inclinometry.errors import FileError, InputError
+from inclinometry.errors import FileError, InputError, out_of_range
 from inclinometry.files.log_csv import Log, read_even_log
+from inclinometry.findings import Finding, Value
 
 
 def noise_of_log(
@@ -40,7 +41,7 @@ def noise_of_log(
     """
     log = _stretch(read_even_log(path, progress=progress), start, stop)
     rest = _longest_rest(log, path)
-    channels, warnings = [], list(log.notes)
+    channels, findings = [], list(log.findings)
     for kind, values in log.channels.items():
         whole = allan_deviation(values, log.dt)
         for place, name in enumerate(log.names[kind]):
@@ -48,10 +49,12 @@ def noise_of_log(
             try:
                 model = fit_noise(curve)
             except InputError as error:
-                raise FileError(f"column {name!r}: {error}", path=path) from None
+                raise FileError(
+                    Finding("work-column", {"name": name, "finding": error.finding or str(error)}), path=path
+                ) from None
             channels.append(ChannelNoise(name, kind, log.units[kind], curve, model))
-            warnings += _doubts(log, name, values[:, place], model, rest)
-    return NoiseRecord(tuple(channels), log.dt, len(log), {"log": log.digest}, tuple(warnings))
+            findings += _doubts(log, name, values[:, place], model, rest)
+    return NoiseRecord(tuple(channels), log.dt, len(log), {"log": log.digest}, tuple(findings))
 
 
 def _stretch(log: Log, start: float | None, stop: float | None) -> Log:
@@ -62,15 +65,14 @@ def _stretch(log: Log, start: float | None, stop: float | None) -> Log:
     low, high = log.time[0] if start is None else start, end if stop is None else stop
     slack = 0.5 * log.dt
     if not log.time[0] - slack <= low < high <= end + slack:
-        raise InputError(f"the stretch is {low:.6g} to {high:.6g} s; the log is from {log.time[0]:.6g} to {end:.6g} s")
+        raise out_of_range("start_s, stop_s", f"{low:.6g} .. {high:.6g}", f"{log.time[0]:.6g} .. {end:.6g}")
     first, last = round((low - log.time[0]) / log.dt), round((high - log.time[0]) / log.dt) + 1
     channels = {kind: values[first:last] for kind, values in log.channels.items()}
-    said = f"of the log {low:.6g} to {high:.6g} s are used, as stated"
-    return replace(log, time=log.time[first:last], channels=channels, notes=(*log.notes, said))
+    return replace(log, time=log.time[first:last], channels=channels)
 
 
-def _longest_rest(log: Log, path: str | Path) -> str:
-    """Where the longest of several rests is, for a warning; FileError where the tool moved for much of the log."""
+def _longest_rest(log: Log, path: str | Path) -> tuple[float, float] | None:
+    """Start and end of the longest of several rests, s; FileError where the tool moved for much of the log."""
     signals = np.concatenate(list(log.channels.values()), axis=1)
     spread = signals.std(axis=0)
     # in units of each channel: rates of 1e-6 rad/s stand beside fields of 5e4 nT
@@ -78,44 +80,40 @@ def _longest_rest(log: Log, path: str | Path) -> str:
     try:
         found = still_intervals(log.dt * np.arange(len(log)), signals)
     except InputError:
-        return ""  # too short or dead: said channel by channel
+        return None  # too short or dead: said channel by channel
     if len(found) == 1 and found.pairs()[0] == (0, len(log)):
-        return ""
+        return None
     still = sum(stop - start for start, stop in found.pairs()) / len(log)
     first, last = max(found.pairs(), key=lambda pair: pair[1] - pair[0], default=(0, 0))
-    times = [log.time[0] + place * log.dt for place in (first, max(last - 1, 0))]
-    short = last - first < SHORTEST
-    use = f"the longest rest is {times[0]:.6g} to {times[1]:.6g} s: --start-s {times[0]:.6g} --stop-s {times[1]:.6g}"
+    times = float(log.time[0] + first * log.dt), float(log.time[0] + max(last - 1, 0) * log.dt)
     if still >= 0.9:  # so much at rest, the remainder may be knocks; below it the tool was moved
-        return f"; {use}"
+        return times
     away = np.ones(len(log), dtype=np.bool_)
     for start, stop in found.pairs():
         away[start:stop] = False
     ratio = np.std(signals[away], axis=0) / np.where(found.noise_sd > 0.0, found.noise_sd, np.inf)
     worst = int(np.argmax(ratio))
     if ratio[worst] < 10.0:  # scatter outside the rests, over that at rest, which is motion whatever the noise
-        return ""
-    name = [name for kind in log.channels for name in log.names[kind]][worst]
-    raise FileError(
-        f"the tool is at rest in {100.0 * still:.0f} % of the log; elsewhere {name} varies {ratio[worst]:.3g} times "
-        f"as much as at rest, which is motion, not noise; {'log the tool at rest' if short else use}",
-        path=path,
-    )
+        return None
+    names = [name for kind in log.channels for name in log.names[kind]]
+    moved: dict[str, Value] = {"name": names[worst], "still_percent": 100.0 * still, "ratio": float(ratio[worst])}
+    if last - first < SHORTEST:
+        raise FileError(Finding("work-moved", moved), path=path)
+    raise FileError(Finding("work-moved-rest", {**moved, "start_s": times[0], "stop_s": times[1]}), path=path)
 
 
-def _doubts(log: Log, name: str, values: Array, model: NoiseModel, rest: str) -> list[str]:
+def _doubts(log: Log, name: str, values: Array, model: NoiseModel, rest: tuple[float, float] | None) -> list[Finding]:
     """Signs that the instrument was not at rest, or that its noise is of another kind."""
     at = _moved(values)
     if at is not None:
-        when = f"{log.time[0] + at * log.dt:.6g} s"
-        return [f"{name} jumps at {when}: was the tool moved or knocked? the noise is that of the log as it is{rest}"]
+        jump: dict[str, Value] = {"name": name, "time_s": float(log.time[0] + at * log.dt)}
+        if rest is None:
+            return [Finding("work-jump", jump)]
+        return [Finding("work-jump-rest", {**jump, "start_s": rest[0], "stop_s": rest[1]})]
     misfit = 3.0
     if model.chi_square > misfit * model.dof + 10.0:
-        return [
-            f"{name}: the curve does not follow these kinds of noise (chi-square {model.chi_square:.0f} for "
-            f"{model.dof} degrees of freedom): vibration, a change of temperature, filtering or a tool not at rest; "
-            "the uncertainties do not hold"
-        ]
+        fit: dict[str, Value] = {"name": name, "chi_square": model.chi_square, "freedom": model.dof}
+        return [Finding("work-noise-kinds", fit)]
     return []
 
 

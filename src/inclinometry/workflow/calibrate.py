@@ -18,11 +18,12 @@ from inclinometry.calibration.conventions import USUAL, Dials
 from inclinometry.calibration.expected import ALL_ANGLES, ExpectedUncertainty, expected_uncertainty
 from inclinometry.calibration.joint import calibrate_joint
 from inclinometry.calibration.readings import BenchReadings
-from inclinometry.calibration.result import Calibration
+from inclinometry.calibration.result import Calibration, uncoded
 from inclinometry.constants import ANGLES, DIP, KINDS, SHORT_INCLINATIONS, STEPS
-from inclinometry.errors import InclinometryError, InputError
+from inclinometry.errors import InclinometryError, InputError, not_among, refused
 from inclinometry.files.bench_csv import read_bench
 from inclinometry.files.columns import KIND_PREFIX
+from inclinometry.findings import Finding
 from inclinometry.orientation import angles, fields
 from inclinometry.rotations import wrap_signed
 from inclinometry.sensors import Tool
@@ -49,13 +50,13 @@ class Attempt:
 
     method: str
     calibration: Calibration | None
-    reason: str = ""
+    reason: Finding | str = ""
 
 
 def method(name: str) -> Callable[..., Calibration]:
     """A method by name; InputError lists the names."""
     if name not in METHODS:
-        raise InputError(f"method {name!r} is unknown; allowed: {', '.join(METHODS)}")
+        raise not_among("method", name, METHODS)
     module, _, function = METHODS[name].partition(":")
     found: Callable[..., Calibration] = getattr(import_module(f"inclinometry.calibration.{module}"), function)
     return found
@@ -109,7 +110,8 @@ def _attempt(name: str, run: Callable[[], Calibration], *, strict: bool = False)
     except (InclinometryError, np.linalg.LinAlgError) as error:
         if strict and isinstance(error, InputError):
             raise
-        return Attempt(name, None, str(error))
+        found = error.finding if isinstance(error, InclinometryError) else Finding("input-overflow", {"name": name})
+        return Attempt(name, None, found or str(error))
 
 
 @dataclass(frozen=True)
@@ -168,7 +170,7 @@ def calibrate(readings: BenchReadings, method_name: str, options: Options) -> Ca
         stand = {"rig_sd": stand["rig_sd"]}
         stand |= {"nameplate": options.nameplate} if method_name == "classical" else {}
     found = run(readings, name=options.name, **stand)
-    return replace(found, notes=(*overruled, *found.notes))
+    return replace(found, findings=(*uncoded(overruled, "note"), *found.findings))
 
 
 def given(options: Options) -> dict[str, Any]:
@@ -202,16 +204,15 @@ def refuse_unused(method_name: str, options: Options) -> None:
     every_rig = {"rig_sd", "azimuth_sd", "inclination_sd", "toolface_sd", "north", "dip"}
     every_rig |= {"accel_step", "mag_step", "gyro_step"}
     special = {
-        "specific_force": (rigless, "leave it out: the rig tells the sign of the accelerometer"),
-        "left_handed": (not rigless, "leave it out: without a rig no dial can be reversed"),
-        "nameplate": (method_name == "classical", "leave it out: the conversion factors are found"),
+        "specific_force": rigless,  # the rig tells the sign of the accelerometer
+        "left_handed": not rigless,  # without a rig no dial can be reversed
+        "nameplate": method_name == "classical",  # the others find the conversion factors
     }
     for option in sorted(said):
         usual = method_name == "joint" or (option in every_rig and not rigless)
-        useful, remedy = special.get(option, (usual, "leave it out, or use joint"))
-        if not useful:
+        if not special.get(option, usual):
             flag = _outside(option).replace("_", "-")
-            raise InputError(f"method {method_name} has no use for --{flag}; {remedy}")
+            raise refused("input-not-with", {"name": f"--{flag}", "other": f"--method {method_name}"})
 
 
 def known_stand(readings: BenchReadings, options: Options) -> tuple[BenchReadings, dict[str, Any]]:
@@ -226,22 +227,18 @@ def known_stand(readings: BenchReadings, options: Options) -> tuple[BenchReading
     each = (options.accel_step, options.mag_step, options.gyro_step)
     steps = {kind: step for kind, step in zip(KINDS, each, strict=True) if step is not None}
     for kind in set(steps) - set(readings.channels):
-        raise InputError(f"--{KIND_PREFIX[kind]}-step is given, but these readings have no {kind}; leave it out")
+        raise refused("input-needs", {"name": f"--{KIND_PREFIX[kind]}-step", "needed": (kind,)})
     reference_sd = {}
     for name, sd in (("dip", options.dip_sd), ("north", options.north_sd)):
         if sd is None:
             continue
         if name not in reference:
-            raise InputError(
-                f"--{name}-sd-deg says how well the {name} is known, but nothing says what it is: give --{name}-deg"
-            )
+            raise refused("input-needs", {"name": f"--{name}-sd-deg", "needed": (f"--{name}-deg",)})
         if "magnetometer" not in readings.channels:
-            raise InputError(
-                f"--{name}-sd-deg is about the magnetic field, but these readings have no magnetometer; leave it out"
-            )
+            raise refused("input-needs", {"name": f"--{name}-sd-deg", "needed": ("magnetometer",)})
         if "accelerometer" not in readings.channels:
             if options.level_sd is None:
-                raise InputError(f"--{name}-sd-deg without accelerometers needs a level stand: give --level-sd-deg too")
+                raise refused("input-needs", {"name": f"--{name}-sd-deg", "needed": ("--level-sd-deg",)})
             # the vertical is the rig's own axis then, and a tilt moves the dip as it is and north by tan(dip)
             steep = 1.0 if name == "dip" else float(np.tan(reference.get("dip", DIP)))
             sd = float(np.hypot(sd, options.level_sd * steep))
@@ -281,12 +278,12 @@ def readings_at(
 
 
 SAME_PLACE: Final = {
-    "g": (0.002, 0.0, 1.0, "m/s^2"),
-    "b": (0.02, 0.0, 1.0, "nT"),
-    "dip": (0.0, np.radians(2.0), 180.0 / np.pi, "deg"),
-    "latitude": (0.0, np.radians(1.0), 180.0 / np.pi, "deg"),
+    "g": (0.002, 0.0, 1.0, "g_m_s2"),
+    "b": (0.02, 0.0, 1.0, "b_nT"),
+    "dip": (0.0, np.radians(2.0), 180.0 / np.pi, "dip_deg"),
+    "latitude": (0.0, np.radians(1.0), 180.0 / np.pi, "latitude_deg"),
 }
-"""Field -> by how much (of its size, and in itself) two statements of one place may differ; its unit as shown."""
+"""Field -> by how much (of its size, and in itself) two statements of one place may differ; factor and name shown."""
 
 
 def at_site(readings: BenchReadings, site: Fields | None) -> BenchReadings:
@@ -301,12 +298,11 @@ def at_site(readings: BenchReadings, site: Fields | None) -> BenchReadings:
         return readings
     known = {name: value for name in SAME_PLACE if (value := getattr(site, name)) is not None}
     for name, value in known.items():
-        of_size, at_all, unit, unit_name = SAME_PLACE[name]
+        of_size, at_all, unit, label = SAME_PLACE[name]
         said = readings.reference.get(name, value)
         if abs(said - value) > of_size * abs(value) + at_all:
-            raise InputError(
-                f"{name}: the readings say {said * unit:.6g} {unit_name}, the site {value * unit:.6g} {unit_name}; "
-                "correct one, or leave one out"
+            raise refused(
+                "work-contradicts", {"name": label, "stated": float(said * unit), "site": float(value * unit)}
             )
     return replace(readings, reference={**readings.reference, **known})
 
@@ -352,7 +348,7 @@ class Comparison(Tabular):
             for column, name in enumerate(ANGLES):
                 errors = [self.error.get(a.method, blank)[place, column] for a, place in rows]
                 found[f"error_{name}_deg"] = degrees(errors)
-        return found | {"reason": [a.reason for a, _ in rows]}
+        return found | {"reason": [str(a.reason) for a, _ in rows]}
 
 
 def compare(readings: BenchReadings, *, truth: Tool | None = None, options: Options | None = None) -> Comparison:
@@ -365,8 +361,8 @@ def compare(readings: BenchReadings, *, truth: Tool | None = None, options: Opti
         a truth without sensors the readings have.
     """
     check_record(readings, BenchReadings, "compare")
-    if truth is not None and (missing := ", ".join(sorted(set(readings.channels) - set(truth.triads)))):
-        raise InputError(f"the truth has no {missing}, the readings have; give the truth of this tool, or leave it out")
+    if truth is not None and (missing := set(readings.channels) - set(truth.triads)):
+        raise refused("input-needs", {"name": "--truth", "needed": tuple(sorted(missing))})
     options = options or Options()
     completed, stand = known_stand(readings, options)
     attempts = attempt_all(completed, left_handed=options.left_handed, nameplate=options.nameplate, **stand)

@@ -8,9 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 from inclinometry.calibration.result import Calibration, same_units
-from inclinometry.errors import InputError
+from inclinometry.errors import refused
 from inclinometry.files.position_csv import WellStations
 from inclinometry.files.survey_csv import RawSurvey
+from inclinometry.findings import Finding
 from inclinometry.position.certificate import (
     calibration_sources,
     error_model,
@@ -35,17 +36,15 @@ def calibration_error_model(
     raw: RawSurvey | None = None,
     code: ToolCode | None = None,
     correction: SensorCorrection | None = None,
-) -> tuple[Sequence[MatrixSource], ToolCode | None, list[str], list[str]]:
-    """Sources of error from a calibration, the tool code beside them, notes and warnings.
+) -> tuple[Sequence[MatrixSource], ToolCode | None, list[Finding]]:
+    """Sources of error from a calibration, the tool code beside them, and findings.
 
     `stations`: the file the well came from, with toolface and temperature. Without `raw` the channels are computed from
     the site's fields. With a multi-station `correction` (needs `raw`) its remaining uncertainty replaces the
     certificate and the tool code's axial interference.
     """
     beside = None
-    told: list[str] = []
-    notes: list[str] = []
-    warnings: list[str] = []
+    told: list[Finding] = []
     if code is not None:
         # terms of a tool code that neither certificate, site nor an analysis knows better
         fits_certificate(code)
@@ -54,20 +53,17 @@ def calibration_error_model(
         declination = _declination_terms(code)
         if well.site.declination_sigma and declination:
             left += declination
-            told.append(
-                f"the site states the declination's uncertainty: {', '.join(declination)} of {code.name} left out"
-            )
+            told.append(_left_out(code, declination, "uncertainty of the declination by the site"))
         axial = [name for name in names if correction is not None and name.upper().startswith("AMI")]
         if axial:
             left += axial
-            told.append(
-                f"the axial interference was estimated by the analysis: {', '.join(axial)} of {code.name} left out"
-            )
+            told.append(_left_out(code, axial, "axial interference by the analysis"))
         beside = with_terms(code, [name for name in names if name not in left])
     if raw is None:
         if correction is not None:
-            raise InputError("--corrections needs --raw, the raw channels of the run it was made from")
-        sources, notes = _computed(calibration.tool, well, stations)
+            raise refused("input-needs", {"name": "--corrections", "needed": ("--raw",)})
+        sources, said = _computed(calibration.tool, well, stations)
+        told = [*said, *told]
     else:
         same_units(raw.units, calibration.tool)
         seen = stations_from_tool(
@@ -82,24 +78,24 @@ def calibration_error_model(
         sources = calibration_sources(seen, well)
         outside = well.md[(well.md < raw.md[0] - 0.005) | (well.md > raw.md[-1] + 0.005)]  # depths are in centimetres
         if len(outside):
-            span = f"{outside[0]:g} m" if len(outside) == 1 else f"{outside[0]:g} to {outside[-1]:g} m"
-            count = "1 station at" if len(outside) == 1 else f"{len(outside)} stations from"
-            warnings.append(f"{count} {span} without raw channels: the errors of their sensors are not in the ellipses")
+            span = {"first_m": float(outside[0]), "last_m": float(outside[-1])}
+            told.append(Finding("work-outside-raw", {"count": len(outside), **span}))
     # of both the size hangs on variances that the calibration has estimated
     freedom = calibration.degrees_of_freedom
     sources = tuple(replace(one, degrees_of_freedom=freedom) if one.name in ESTIMATED else one for one in sources)
     known = beside is not None and bool(_declination_terms(beside))
     reference = () if known else reference_sources(well)
     if beside is None:
-        lacking = "measured depth, misalignment, sag and magnetic interference"
-        lacking += "" if reference else ", declination (the site states no sigma)"
-        warnings.append(
-            f"the certificate tells of the sensors alone: errors of {lacking} are not in the ellipses; a tool code "
-            "beside the calibration adds them"
-        )
+        lacking = ("measured depth", "misalignment", "sag", "magnetic interference")
+        told.append(Finding("work-sensors-only", {"errors": lacking if reference else (*lacking, "declination")}))
     elif not reference and not known:
-        warnings.append("no uncertainty of the declination is in the ellipses: give the site's sigma_declination_deg")
-    return (*sources, *reference), beside, [*notes, *told], warnings
+        told.append(Finding("work-declination-sigma"))
+    return (*sources, *reference), beside, told
+
+
+def _left_out(code: ToolCode, names: list[str], known: str) -> Finding:
+    """Terms of a tool code whose errors something else states."""
+    return Finding("work-terms-left-out", {"code": code.name, "names": tuple(names), "known": known}, severity="note")
 
 
 def _declination_terms(code: ToolCode) -> list[str]:
@@ -108,17 +104,15 @@ def _declination_terms(code: ToolCode) -> list[str]:
     return [name for name in names if name.upper().startswith(("DEC", "DBH"))]
 
 
-def _computed(tool: Tool, well: WellSurvey, stations: WellStations) -> tuple[tuple[MatrixSource, ...], list[str]]:
+def _computed(tool: Tool, well: WellSurvey, stations: WellStations) -> tuple[tuple[MatrixSource, ...], list[Finding]]:
     """Sources from the fields that the tool must have seen."""
-    said = ["no raw channels were given: what the tool saw is computed from the site's fields and the attitudes"]
+    said = [Finding("work-computed-fields", severity="note")]
     temperature = stations.temperature
     warm = [triad.reference_temperature for triad in tool.triads.values() if triad.degree]
     if temperature is None or not np.isfinite(temperature).all():
         temperature = np.full(len(stations), warm[0]) if warm else None
         if warm:
-            said.append(
-                f"the survey states no temperature: the calibration's reference, {warm[0]:g} degC, was taken throughout"
-            )
+            said.append(Finding("work-temperature-assumed", {"temperature_degC": float(warm[0])}, severity="note"))
     known = np.full(len(well), np.nan) if stations.toolface is None else stations.toolface
     if not np.isnan(known).any():
         return error_model(tool, well, known, temperature=temperature), said
@@ -130,8 +124,5 @@ def _computed(tool: Tool, well: WellSurvey, stations: WellStations) -> tuple[tup
         # the same size to rounding is no reason to change
         if major > largest * (1.0 + 1e-9):
             largest, chosen, found = major, float(angle), sources
-    said.append(
-        "the survey does not state every toolface: of those that stay the same throughout, the one with the largest "
-        f"ellipse was taken ({np.degrees(chosen):.0f} deg); give toolface_deg or the raw channels for the real one"
-    )
+    said.append(Finding("work-toolface-assumed", {"toolface_deg": float(np.degrees(chosen))}, severity="note"))
     return found, said

@@ -20,7 +20,7 @@ from inclinometry.calibration.hand_rotations import LEAST_ROTATIONS
 from inclinometry.calibration.result import Calibration
 from inclinometry.constants import STANDARD_GRAVITY
 from inclinometry.earth.site import Site
-from inclinometry.errors import FileError, IdentifiabilityError, InclinometryError, InputError
+from inclinometry.errors import FileError, IdentifiabilityError, InclinometryError, InputError, in_file
 from inclinometry.files import _quantities
 from inclinometry.files.casing_csv import face
 from inclinometry.files.columns import TEXT, channel, is_number
@@ -36,7 +36,7 @@ from inclinometry.files.survey_csv import read_raw_survey
 from inclinometry.files.table import TableFile, read_table
 from inclinometry.files.text import LONGEST_LINE, texts_of
 from inclinometry.files.tool_json import read_calibration
-from inclinometry.findings import Finding
+from inclinometry.findings import Finding, Value
 from inclinometry.opening import opened
 from inclinometry.survey.plausibility import check_run
 from inclinometry.survey.run import Run
@@ -56,29 +56,29 @@ _TRIED: Final = 100
 
 
 class ColumnLook(NamedTuple):
-    """One column: its name there, its name here ("" where it is not known), lowest and highest value, and a remark."""
+    """One column: its name there, its name here ("" where it is not known), lowest and highest value, what is odd."""
 
     name: str
     here: str
     low: float
     high: float
-    remark: str
+    remark: Finding | None
 
 
 @dataclass(frozen=True, eq=False)
 class Look:
     """What `inclinometry check` has seen of a file; `rows` counts values in all of it, `draft` is its profile as TOML.
 
-    notes : rate, rests, axes, units that would fit. candidates : how each convention of axes fits the sensors.
-    uses : command -> "" where it can take the file, else what it lacks.
+    findings : what is wrong with a run; rate, rests, axes and units that would fit, as notes.
+    candidates : how each convention of axes fits the sensors.
+    uses : command -> None where it can take the file, else what it lacks.
     """
 
     layout: str
     rows: int
     columns: tuple[ColumnLook, ...]
-    notes: tuple[str, ...]
     candidates: tuple[Candidate, ...]
-    uses: dict[str, str]
+    uses: dict[str, Finding | None]
     draft: str
     findings: tuple[Finding, ...] = ()
 
@@ -99,7 +99,7 @@ def look(path: str | Path, calibration: str | Path | None = None, site: str | Pa
         if error.path == path:
             raise
         # what was looked at is a copy of its beginning
-        raise FileError(error.problem, path=path, line=error.line) from None
+        raise in_file(error, path, error.line) from None
 
 
 def _look(path: Path, given: Profile, record: Calibration | None, site: Site) -> Look:
@@ -122,25 +122,27 @@ def _look(path: Path, given: Profile, record: Calibration | None, site: Site) ->
             notes = _notes(table, columns)
             gone = [name for name in written if name not in table.names]
             if gone and "time_s" in table:
-                notes.insert(0, f"time_s counts from the first row, by {', '.join(gone)}")
+                notes.insert(0, Finding("check-time", {"columns": tuple(gone)}, severity="note"))
             # of a text the whole file, else the rows that were copied
             if record is None and not uses[_RAW] and uses[_SIX_AXES]:
-                notes.append("of raw channels axes and fields are judged with --calibration tool.json")
+                notes.append(Finding("check-raw", severity="note"))
             findings = _findings(head, uses, record, site)
             seen = _sensors(path if head.suffix == path.suffix or path.suffix == ".gz" else head, head, uses)
     if rows <= LOOKED_AT:  # what these two ask of the whole log
         for command, whole_log in (("readings", readings_of_log), ("allan", noise_of_log)):
             uses[command] = uses[command] or _lacks(head, whole_log)
     if not uses[_BY_HAND] and seen.rests is not None and seen.rests <= LEAST_ROTATIONS:
-        uses[_BY_HAND] = f"{seen.rests} rests; at least {LEAST_ROTATIONS + 1} are needed, with a rotation between each"
-    notes += [note for note in seen.notes if note not in notes]
-    return Look(layout, rows, columns, tuple(notes), seen.candidates, uses, _draft(profile, columns), tuple(findings))
+        few: dict[str, Value] = {"name": "rests", "count": seen.rests, "least": LEAST_ROTATIONS + 1}
+        uses[_BY_HAND] = Finding("input-few", few)
+    found = (*findings, *notes, *(one for one in seen.findings if one not in notes))
+    return Look(layout, rows, columns, seen.candidates, uses, _draft(profile, columns), found)
 
 
-def _findings(head: Path, uses: dict[str, str], record: Calibration | None, site: Site) -> list[Finding]:
+def _findings(head: Path, uses: dict[str, Finding | None], record: Calibration | None, site: Site) -> list[Finding]:
     """What is wrong with stations along a hole, by the reader that takes the file."""
-    if record is not None and uses[_RAW]:
-        raise FileError(f"--calibration is for raw channels of a run, which these are not: {uses[_RAW]}", path=head)
+    lacking = uses[_RAW]
+    if record is not None and lacking is not None:
+        raise FileError(Finding("check-not-raw", {"finding": lacking}), path=head)
     commands: tuple[str, ...] = (_SIX_AXES, "position")
     try:
         if record is not None or (uses[_SIX_AXES] and not uses[_RAW]):
@@ -159,9 +161,9 @@ def _findings(head: Path, uses: dict[str, str], record: Calibration | None, site
         if record is not None:
             raise
         return []  # no stations along a hole
-    refused = ",".join(dict.fromkeys(one.code for one in found if one.severity == "refused"))
+    refused = tuple(dict.fromkeys(one.code for one in found if one.severity == "refused"))
     for command in commands if refused else ():
-        uses[command] = uses[command] or f"refused; --ignore {refused} accepts it"
+        uses[command] = uses[command] or Finding("check-refused", {"codes": refused})
     return found
 
 
@@ -174,7 +176,7 @@ def _beginning(head: Path, folder: Path) -> Path:
     return probe
 
 
-def _sensors(path: Path, head: Path, uses: dict[str, str]) -> Sensors:
+def _sensors(path: Path, head: Path, uses: dict[str, Finding | None]) -> Sensors:
     """What the sensors show, by the reader that takes the file."""
     ways = {
         "readings": (sensors_of_run, path),
@@ -246,9 +248,9 @@ def _numeric(texts: Frame) -> Callable[[str], bool]:
     return lambda name: name in found or (_known(name) and name not in texts.names)
 
 
-def _column(table: Frame, name: str, profile: Profile, uses: dict[str, str]) -> ColumnLook:
+def _column(table: Frame, name: str, profile: Profile, uses: dict[str, Finding | None]) -> ColumnLook:
     values = table.columns[name]
-    here, remark = "", ""
+    here, remark = "", None
     if not uses["displacement"] and (run := face(name)) is not None:
         here = f"axis {run[0].upper()}, run {180 * run[1]}"
     elif not uses["holes"] and hole_column(name):
@@ -264,29 +266,28 @@ def _column(table: Frame, name: str, profile: Profile, uses: dict[str, str]) -> 
             elif what is not None:
                 here = _quantities.quantities()[what.key].column if what.unit is not None else what.key
         except InputError as error:
-            remark = error.lack if isinstance(error, _quantities.ColumnError) else str(error)
+            remark = error.finding
     if isinstance(values, tuple):
-        kinds = len(set(values))
-        return ColumnLook(name, here, np.nan, np.nan, remark or f"text, {kinds} different")
+        return ColumnLook(name, here, np.nan, np.nan, remark or Finding("check-text", {"count": len(set(values))}))
     finite = values[np.isfinite(values)]
     if not finite.size:
-        return ColumnLook(name, here, np.nan, np.nan, remark or "empty")
+        return ColumnLook(name, here, np.nan, np.nan, remark or Finding("check-empty"))
     gaps = len(values) - finite.size
     low, high = float(finite.min()), float(finite.max())
-    remark = remark or (f"{gaps} empty" if gaps else "never changes" if low == high and len(finite) > 3 else "")
+    if remark is None and (gaps or (low == high and len(finite) > 3)):
+        remark = Finding("check-gaps", {"count": gaps}) if gaps else Finding("check-constant")
     return ColumnLook(name, here, low, high, remark)
 
 
-def _notes(table: Frame, columns: tuple[ColumnLook, ...]) -> list[str]:
+def _notes(table: Frame, columns: tuple[ColumnLook, ...]) -> list[Finding]:
     notes = []
     if "time_s" in table:
         steps = np.diff(table.number("time_s"))
         if steps.size and (steps > 0.0).all():
             middle = float(np.median(steps))
             even = float(np.mean(np.abs(steps - middle) <= 0.5 * middle))
-            notes.append(
-                f"{1.0 / middle:.4g} rows a second{'' if even > 0.999 else f', {1 - even:.1%} of the steps uneven'}"
-            )
+            rate = {"rate_Hz": 1.0 / middle, "uneven_percent": 100.0 * (1.0 - even)}
+            notes.append(Finding("check-rate" if even > 0.999 else "check-uneven", rate, severity="note"))
     units = {column.name: channel(column.here) for column in columns}
     for what, names in _triads(table, columns):
         values = np.stack([table.number(name) for name in names], axis=1)
@@ -297,11 +298,9 @@ def _notes(table: Frame, columns: tuple[ColumnLook, ...]) -> list[str]:
         here = units[names[0]]
         stated = stated_unit(names[0]) is not None or (here is not None and here.unit != "counts")
         if what != "gyro" and not stated:
-            fits = _units_that_fit(what, size)
-            notes.append(
-                f"{', '.join(names)}: median length {size:.5g}"
-                + (f"; that would fit {' or '.join(fits)}" if fits else "; raw counts or volts")
-            )
+            fits = _units_that_fit(what, size) or [Finding("check-unit-counts")]
+            length: dict[str, Value] = {"columns": tuple(names), "length": size, "units": tuple(fits)}
+            notes.append(Finding("check-length", length, severity="note"))
     return notes
 
 
@@ -334,17 +333,17 @@ def _kind(name: str) -> str:
     return word or _LETTERS.get(plain[:1], "triad")
 
 
-def _units_that_fit(kind: str, size: float) -> list[str]:
+def _units_that_fit(kind: str, size: float) -> list[Finding]:
     """Units in which a still tool on the Earth would read this length, with how far off it is."""
     fits = []
     if kind in ("accelerometer", "triad"):
         for unit, one in (("m/s2", STANDARD_GRAVITY), ("g", 1.0), ("mg", 1000.0)):
             if abs(size / one - 1.0) < 0.1:
-                fits.append(f"{unit} (gravity {round(size / one - 1.0, 3) + 0.0:+.1%})")
+                fits.append(Finding("check-unit-gravity", {"unit": unit, "off_percent": 100.0 * (size / one - 1.0)}))
     if kind in ("magnetometer", "triad"):
         for unit, one in (("nT", 1.0), ("uT", 1e-3), ("gauss", 1e-5), ("mG", 1e-2)):
             if 20_000.0 <= size / one <= 70_000.0:
-                fits.append(f"{unit} (a field of {size / one / 1000.0:.1f} uT)")
+                fits.append(Finding("check-unit-field", {"unit": unit, "field_nT": size / one}))
     return fits
 
 
@@ -456,15 +455,15 @@ _READERS: Final[dict[str, Callable[[Path], None]]] = {
 }
 
 
-def _lacks(path: Path, read: Callable[[Path], object]) -> str:
+def _lacks(path: Path, read: Callable[[Path], object]) -> Finding | None:
     try:
         read(path)
     except InclinometryError as error:
-        text = str(error)
-        if isinstance(error, FileError):
-            text = text.partition(": ")[2] or text
-        return text.partition("; columns found")[0]
-    return ""
+        found = error.finding or Finding("work-recorded", {"text": str(error)})
+        if found.code == "file-column":  # the columns that are there are shown above
+            return Finding("input-missing", {"names": found.values["columns"]})
+        return found
+    return None
 
 
 def _draft(profile: Profile, columns: tuple[ColumnLook, ...]) -> str:

@@ -14,6 +14,7 @@ from inclinometry.calibration.conventions import check_dials
 from inclinometry.calibration.stillness import StillIntervals, still_intervals
 from inclinometry.conventions import CONVENTIONS, axes_names, find_mapping
 from inclinometry.errors import InclinometryError, InputError
+from inclinometry.findings import Finding, Value
 from inclinometry.orientation import dip_angle
 
 _LEAST_ATTITUDES: Final = 6
@@ -31,9 +32,9 @@ class Candidate(NamedTuple):
 
 
 class Sensors(NamedTuple):
-    """What was found: sentences; how each convention fits, best first; rests, where the whole run was looked at."""
+    """What was found; how each convention fits, best first; rests, where the whole run was looked at."""
 
-    notes: tuple[str, ...]
+    findings: tuple[Finding, ...]
     candidates: tuple[Candidate, ...]
     rests: int | None = None
 
@@ -71,15 +72,15 @@ def sensors_of_run(path: Path) -> Sensors:
         rests = still_intervals(time, np.concatenate([v for k, v in channels.items() if k != "magnetometer"]
                                                      or list(channels.values()), axis=1))  # fmt: skip
     except InputError as error:
-        notes.append(f"rests: {error}")
+        notes.append(Finding("check-no-rests", {"finding": error.finding or str(error)}, severity="note"))
     if rests is not None:
-        notes.append(_rests(time, rests, more))
+        notes.append(_rests(time, rests))
     notes += _turning(channels, run.units)
     if rests is None or len(rests) < _LEAST_ATTITUDES:
         return Sensors(tuple(notes), (), None if rests is None or more else len(rests))
     means = {kind: np.array([v[a:b].mean(axis=0) for a, b in rests.pairs()]) for kind, v in channels.items()}
     found = _conventions(means, run.units)
-    return Sensors((*notes, *found.notes), found.candidates)
+    return Sensors((*notes, *found.findings), found.candidates)
 
 
 def sensors_of_bench(path: Path) -> Sensors:
@@ -88,15 +89,13 @@ def sensors_of_bench(path: Path) -> Sensors:
 
     readings = read_bench(path)
     found = _conventions(readings.channels, readings.units)
-    notes = []
+    dials: list[Finding] = []
     if readings.azimuth is not None:
         try:
-            notes = [f"dials: {note}" for note in check_dials(readings)] or [
-                "dials: no other way of counting fits better than as usual"
-            ]
+            dials = check_dials(readings) or [Finding("check-dials", severity="note")]
         except InclinometryError as error:
-            notes = [f"dials: {error}"]
-    return Sensors((*notes, *found.notes), found.candidates)
+            dials = [error.finding or Finding("work-recorded", {"text": str(error)})]
+    return Sensors((*dials, *found.findings), found.candidates)
 
 
 def sensors_of_survey(path: Path) -> Sensors:
@@ -107,33 +106,33 @@ def sensors_of_survey(path: Path) -> Sensors:
     return _conventions(raw.channels, raw.units)
 
 
-def _rests(time: Array, rests: StillIntervals, more: bool) -> str:
-    where = f"in the first {len(time):,} rows" if more else "in the file"
+def _rests(time: Array, rests: StillIntervals) -> Finding:
     if not len(rests):
-        return f"no rest {where}: the tool moves all the time"
+        return Finding("check-moving", {"rows": len(time)}, severity="note")
     lengths = np.array([time[b - 1] - time[a] for a, b in rests.pairs()])
     share = lengths.sum() / max(time[-1] - time[0], 1e-9)
-    spread = f"{lengths[0]:.3g} s" if len(rests) == 1 else f"{lengths.min():.3g} to {lengths.max():.3g} s"
-    return f"{len(rests)} rest{'' if len(rests) == 1 else 's'} {where}, {spread} long, {share:.0%} of the time"
+    values: dict[str, Value] = {"rows": len(time), "rests": len(rests), "share_percent": 100.0 * float(share)}
+    values |= {"shortest_s": float(lengths.min()), "longest_s": float(lengths.max())}
+    return Finding("check-rests", values, severity="note")
 
 
-def _turning(channels: Mapping[str, Array], units: Mapping[str, str]) -> list[str]:
+def _turning(channels: Mapping[str, Array], units: Mapping[str, str]) -> list[Finding]:
     """The axis a tool turns about: the largest rate of a gyro, else the field's component that hardly changes."""
     gyro = channels.get("gyro")
     if gyro is not None and gyro.shape[1] == 3:
         rms = np.sqrt(np.mean(gyro**2, axis=0))
         order = np.argsort(rms)
         if rms[order[2]] > 3.0 * rms[order[1]]:
-            shown = ", ".join(f"{axis} {value:.3g}" for axis, value in zip("xyz", rms, strict=True))
-            unit = units.get("gyro", "")
-            return [f"turning axis: {'xyz'[int(order[2])]} (root mean square rate {shown} {unit})"]
+            rates: dict[str, Value] = {"axis": "xyz"[int(order[2])], "rates": tuple(rms.tolist())}
+            return [Finding("check-turning-rate", {**rates, "unit": units.get("gyro", "")}, severity="note")]
     for kind in ("magnetometer", "accelerometer"):
         values = channels.get(kind)
         if values is None or values.shape[1] != 3:
             continue
         moved = np.std(values, axis=0)
         if moved.max() > 0.0 and moved.min() < 0.1 * np.median(moved):
-            return [f"turning axis: {'xyz'[int(np.argmin(moved))]} (the {kind} hardly changes along it)"]
+            still = {"axis": "xyz"[int(np.argmin(moved))], "kind": kind}
+            return [Finding("check-turning-field", still, severity="note")]
     return []
 
 
@@ -161,17 +160,11 @@ def _conventions(channels: Mapping[str, Array], units: Mapping[str, str]) -> Sen
         # the identity, or all channels reversed, is what the conventions above have
         same = mappings[0].axes in (axes_names(np.eye(3)), axes_names(-np.eye(3)))
         if not same and not ambiguous:
-            notes.append(str(explanation))
+            notes.append(explanation._replace(severity="note"))
     spread = max(candidates, key=lambda c: c.scatter_deg).scatter_deg
     if spread > 5.0 and not notes:
-        notes.append(
-            f"the dip scatters by {spread:.1f} deg with every convention: not calibrated, axes of the magnetometer "
-            "exchanged, iron near, or the tool not at rest"
-        )
-    notes.append(
-        "axes: the right convention has the dip of the place, positive north of the magnetic equator, and z down in a "
-        "hole drilled down; iscwsa is native turned by 90 deg about the axis, which only a known toolface tells"
-    )
+        notes.append(Finding("check-dip-scatter", {"scatter_deg": spread}, severity="note"))
+    notes.append(Finding("check-convention", severity="note"))
     return Sensors(tuple(notes), tuple(candidates))
 
 

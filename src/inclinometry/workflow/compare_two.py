@@ -12,7 +12,7 @@ from inclinometry.calibration.comparison import TwoCalibrations, compare_calibra
 from inclinometry.calibration.conventions import USUAL, Dials
 from inclinometry.calibration.expected import ALL_ANGLES
 from inclinometry.earth.site import Site
-from inclinometry.errors import InputError
+from inclinometry.errors import out_of_range
 from inclinometry.files.tool_json import read_calibration
 from inclinometry.sensors import Tool
 from inclinometry.workflow.calibrate import Options, calibrate, readings_at
@@ -33,7 +33,7 @@ def compare_two(
     the tool behind simulated readings, for the actual errors.
     """
     if len(methods) not in (1, 2):
-        raise InputError(f"{len(methods)} methods are given for two files; give one for both, or two")
+        raise out_of_range("--methods", len(methods), "1 .. 2")
     first, second = (
         read_calibration(path)
         if path.suffix.lower() == ".json"
@@ -75,7 +75,7 @@ def content(found: TwoCalibrations) -> dict[str, Any]:
             name: {angle: np.degrees(values[:, column]) for column, angle in enumerate(ALL_ANGLES[:3])}
             for name, values in curves.items()
         },
-        "warnings": [
-            f"{name}: {w}" for name, c in zip(found.names, found.calibrations, strict=True) for w in c.remarks
-        ],
+        "findings": {
+            name: [one.plain() for one in c.findings] for name, c in zip(found.names, found.calibrations, strict=True)
+        },
     }

@@ -14,7 +14,7 @@ from typing import Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
 
-from inclinometry.errors import FileError, InclinometryError, InputError, settled
+from inclinometry.errors import FileError, InclinometryError, in_file, not_among, refused, settled
 from inclinometry.files._quantities import quantities_by_column
 from inclinometry.files.cave import HELD
 from inclinometry.files.exchange import SurveyFile, columns_of
@@ -65,14 +65,14 @@ class Conversion:
 
     survey : what was read.
     source, target : names of the formats.
-    lost : what the target does not hold, a sentence each, found by reading it back.
+    lost : what the target does not hold, found by reading it back.
     findings : what is wrong with the run, where it was checked.
     """
 
     survey: SurveyFile
     source: str
     target: str
-    lost: tuple[str, ...]
+    lost: tuple[Finding, ...]
     findings: tuple[Finding, ...] = ()
 
 
@@ -82,15 +82,14 @@ def format_of(path: str | Path, name: str | None = None, option: str = "--from")
     known = {name: form for name, form in FORMATS.items() if option == "--to" or (form.read and form.endings)}
     if name is not None:
         if name not in known:
-            raise InputError(f"format {name!r} is not known; allowed: {', '.join(known)}")
+            raise not_among(option, name, known)
         return name
     ending = Path(path).suffix.lower()
     found = next((name for name, form in known.items() if ending in form.endings), None)
     if found is None and option == "--from" and ending in TABLES:
         return "csv"
     if found is None:
-        what = f"the ending {ending!r} does not tell the format" if ending else "the name has no ending"
-        raise FileError(f"{what}; give {option}: {', '.join(known)}", path=path)
+        raise FileError(Finding("work-format", {"option": option, "known": tuple(known)}), path=path)
     return found
 
 
@@ -146,15 +145,15 @@ def convert(
     >>> import tempfile
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     _ = Path(folder, "a.csv").write_text("md_m,inclination_deg,crew\\n0,0,A\\n30,1.5,B\\n")
-    ...     convert(Path(folder, "a.csv"), Path(folder, "a.las")).lost
-    ("column 'crew' (2 values)",)
+    ...     convert(Path(folder, "a.csv"), Path(folder, "a.las")).lost[0].values
+    {'column': 'crew', 'count': 2}
     """
     start, end = format_of(source, from_format), format_of(target, to_format, "--to")
     if end == "xlsx" and Path(target).suffix.lower() == ".xlsm":
-        raise FileError("a workbook with macros is not written; call it .xlsx", path=target)
+        raise FileError(Finding("option-ending", {"ending": ".xlsm", "needed": (".xlsx",)}), path=target)
     items: Options = {} if channels is None else {"channels": channels}
     if items and not (_known(FORMATS[start].read, items) or _known(FORMATS[end].write, items)):
-        raise InputError(f"--map is of no use from {start} to {end}; leave it out")
+        raise refused("input-not-with", {"name": "--map", "other": f"{start}, {end}"})
     reader: Options = {"convention": convention, "azimuth_reference": azimuth_reference, "sheet": sheet}
     survey = read_survey_file(source, start, {**reader, "depth_unit": depth_unit, **_known(FORMATS[start].read, items)})
     found = settled(check_survey(survey), ignored, source) if check else ()
@@ -181,21 +180,21 @@ def check_survey(survey: SurveyFile) -> list[Finding]:
     return check_run(Run(survey.md[rows], survey.inclination[rows], survey.azimuth[rows], totals=totals))
 
 
-def _write(survey: SurveyFile, target: Path, name: str, items: Options) -> tuple[str, ...]:
+def _write(survey: SurveyFile, target: Path, name: str, items: Options) -> tuple[Finding, ...]:
     """Write a survey that can be read back; what is lost. The target is touched last, when the file has proved good."""
     place = FORMATS[name]
     with TemporaryDirectory(prefix="inclinometry-") as folder:
         scratch = Path(folder, target.name)
         try:
             _function(place.write)(survey, scratch, **_known(place.write, items))
-            sentences = lost(survey, scratch, name, _known(place.read, items)) if place.read else _of_legs(survey)
+            missed = lost(survey, scratch, name, _known(place.read, items)) if place.read else _of_legs(survey)
         except FileError as error:
             if error.path != scratch:
                 raise  # of another file, the map
-            raise FileError(error.problem, path=target, line=error.line) from None
+            raise in_file(error, target, error.line) from None
         with scratch.open("rb") as source, replacing(target) as stream:
             copyfileobj(source, stream)
-    return sentences
+    return missed
 
 
 def read_survey_file(path: str | Path, name: str, options: Options = MappingProxyType({})) -> SurveyFile:
@@ -211,7 +210,7 @@ def read_survey_file(path: str | Path, name: str, options: Options = MappingProx
     for option in given:
         if not _known(FORMATS[name].read, {option: None}):
             flag = flags.get(option, f"--{option.replace('_', '-')}")
-            raise InputError(f"{flag} is of no use for {name} files; leave it out")
+            raise refused("input-not-with", {"name": flag, "other": f"--from {name}"})
     found: SurveyFile = _function(FORMATS[name].read)(path, **given)
     return found
 
@@ -228,30 +227,33 @@ def _function(place: str) -> Callable[..., Any]:
     return function
 
 
-def lost(survey: SurveyFile, path: str | Path, name: str, options: Options = MappingProxyType({})) -> tuple[str, ...]:
-    """What a file written from a survey does not hold, a sentence each; found by reading it back with `options`."""
+def lost(
+    survey: SurveyFile, path: str | Path, name: str, options: Options = MappingProxyType({})
+) -> tuple[Finding, ...]:
+    """What a file written from a survey does not hold; found by reading it back with `options`."""
     try:
         found = _read_back(survey, path, name, options)
     except InclinometryError as error:
-        reason = getattr(error, "problem", error)
-        raise FileError(f"what {name} holds of this survey cannot be read back ({reason})", path=path) from None
+        raise FileError(
+            Finding("work-unread", {"format": name, "finding": error.finding or str(error)}), path=path
+        ) from None
     if len(found) != len(survey):
-        return (f"stations: {len(survey)} were read, {len(found)} are in the file",)
+        return (Finding("work-lost-stations", {"read": len(survey), "written": len(found)}),)
     there = columns_of(found)
-    sentences = [_column_lost(name, values, there.get(name)) for name, values in columns_of(survey).items()]
+    missed = [_column_lost(name, values, there.get(name)) for name, values in columns_of(survey).items()]
     texts = set(found.header.values())
     gone = [key for key, text in survey.header.items() if text and found.header.get(key) != text and text not in texts]
     if gone:
-        sentences.append(f"texts of the file's head: {', '.join(gone)}")
-    return tuple(sentence for sentence in sentences if sentence)
+        missed.append(Finding("work-lost-texts", {"names": tuple(gone)}))
+    return tuple(one for one in missed if one is not None)
 
 
-def _of_legs(survey: SurveyFile) -> tuple[str, ...]:
+def _of_legs(survey: SurveyFile) -> tuple[Finding, ...]:
     """What a file of legs, which is not read, does not hold."""
     gone = (_column_lost(name, values, None) for name, values in columns_of(survey).items() if name not in HELD)
     texts = [key for key, text in survey.header.items() if text]
-    more = [f"texts of the file's head: {', '.join(texts)}"] if texts else []
-    return ("angles at the stations: legs are the straight lines between them", *filter(None, gone), *more)
+    more = [Finding("work-lost-texts", {"names": tuple(texts)})] if texts else []
+    return (Finding("work-lost-angles"), *filter(None, gone), *more)
 
 
 def _read_back(survey: SurveyFile, path: str | Path, name: str, options: Options) -> SurveyFile:
@@ -265,24 +267,25 @@ def _read_back(survey: SurveyFile, path: str | Path, name: str, options: Options
         return read_survey_file(path, name, {**options, **north})
 
 
-def _column_lost(name: str, wanted: Column, found: Column | None) -> str:
-    """A sentence on one column; empty where all of it is there."""
+def _column_lost(name: str, wanted: Column, found: Column | None) -> Finding | None:
+    """What of one column is not there; None where all of it is."""
     if isinstance(wanted, tuple):
         count = sum(bool(text) for text in wanted)
         if found is None:
-            return f"column {name!r} ({count} values)" if count else ""
+            return Finding("work-lost-column", {"column": name, "count": count}) if count else None
         differ = sum(a != b for a, b in zip(wanted, found, strict=True))
-        return f"column {name!r}: {differ} of {count} values differ" if differ else ""
+        return Finding("work-lost-values", {"column": name, "lost": differ, "total": count}) if differ else None
     known = ~np.isnan(wanted)
     if found is None or isinstance(found, tuple):
-        return f"column {name!r} ({known.sum()} values)"
+        return Finding("work-lost-column", {"column": name, "count": int(known.sum())})
     gone = known & np.isnan(found)
     if gone.any():
-        return f"column {name!r}: {gone.sum()} of {known.sum()} values"
+        return Finding("work-lost-values", {"column": name, "lost": int(gone.sum()), "total": int(known.sum())})
     change = np.abs(wanted - found)[known]
     if quantities_by_column()[name].dimension == "angle":
         change = np.minimum(change, np.abs(360.0 - change))
     largest = float(change.max(initial=0.0))
     size = float(np.abs(wanted[known]).max(initial=0.0))
     same = 1e-9  # relative change that is rounding in turning units, not a loss
-    return f"digits of column {name!r}: changes up to {largest:.2g}" if largest > same * max(size, 1e-3) else ""
+    coarse = largest > same * max(size, 1e-3)
+    return Finding("work-lost-digits", {"column": name, "change": largest}) if coarse else None

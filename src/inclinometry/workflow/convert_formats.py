@@ -8,6 +8,8 @@ from pathlib import Path
 from inclinometry.errors import FileError
 from inclinometry.files import p7, wits0
 from inclinometry.files.exchange import SurveyFile
+from inclinometry.files.frame import unused
+from inclinometry.findings import Finding
 
 
 def read_p7(
@@ -26,19 +28,20 @@ def read_p7(
         Several surveys and no number, no survey of that number; else as `files.p7.read_p7`.
     """
     found = p7.read_p7(path, convention=convention, depth_unit=depth_unit, azimuth_reference=azimuth_reference)
-    numbers = ", ".join(map(str, found.surveys))
+    numbers = tuple(map(str, found.surveys))
     if sheet is None and len(found.surveys) > 1:
-        raise FileError(f"the file holds the surveys {numbers}; say which by --sheet", path=path)
+        raise FileError(Finding("work-surveys", {"names": numbers}), path=path)
     wanted = (one for number, one in found.surveys.items() if sheet is None or str(number) == sheet.strip())
     survey = next(wanted, None)
     if survey is None:
-        raise FileError(f"there is no survey {sheet!r}; there are: {numbers}", path=path)
+        raise FileError(
+            Finding("input-choice", {"name": "--sheet", "value": sheet or "", "allowed": numbers}), path=path
+        )
     raw = ("M7", "G7")
     others = [f"{kind} ({count})" for kind, count in found.counts.items() if kind not in raw]
     if not others:
         return survey
-    note = f"records other than M7 and G7 are not converted: {', '.join(others)}"
-    return replace(survey, notes=(*survey.notes, note))
+    return replace(survey, findings=(*survey.findings, *unused(others)))
 
 
 def write_p7(file: SurveyFile, path: str | Path) -> None:
@@ -67,6 +70,5 @@ def write_wits(file: SurveyFile, path: str | Path, *, channels: str | Path | Non
 
 def _map(path: str | Path, channels: str | Path | None) -> wits0.Wits0Map:
     if channels is None:
-        problem = "WITS names neither quantities nor units; give --map, a TOML file of items and columns"
-        raise FileError(problem, path=path)
+        raise FileError(Finding("input-missing", {"names": ("--map",)}), path=path)
     return wits0.read_wits0_map(channels)

@@ -8,11 +8,12 @@ from typing import Any, Final
 
 import numpy as np
 
-from inclinometry.errors import FileError, InputError
+from inclinometry.errors import FileError, InputError, in_file, not_among, refused
 from inclinometry.files.corrections_json import read_corrections
+from inclinometry.findings import Finding, Value
 from inclinometry.sensors import Tool
-from inclinometry.survey.flags import Check
-from inclinometry.survey.multistation import Parameter
+from inclinometry.survey.flags import Check, remarks
+from inclinometry.survey.multistation import Parameter, beyond_errors
 from inclinometry.survey.multistation_priors import FieldReference
 from inclinometry.survey.quality_wiring import wiring_check
 from inclinometry.survey.reduce import SensorCorrection
@@ -32,32 +33,25 @@ def refuse_uncorrectable(stations: Stations, reference: FieldReference) -> None:
     of axes explains are left to the corrections: interference does that.
     """
     for name, unit, fields, wanted in (
-        ("|g|", "m/s^2", stations.g, reference.g),
+        ("gravity", "m/s2", stations.g, reference.g),
         ("|b|", "nT", stations.b, reference.b),
     ):
         found = float(np.median(np.linalg.norm(fields, axis=1)))
         if abs(found / wanted - 1.0) > LARGEST:
-            raise InputError(
-                f"median {name} of the stations is {found:.6g} {unit}, the reference {wanted:.6g}: more than "
-                f"{100.0 * LARGEST:g} % off is no error a correction may take off; check the unit and the reference"
-            )
+            raise beyond_errors(name, unit, found, wanted)
     wiring = wiring_check(stations, reference.dip)
     if wiring.verdict == "fail" and explained(wiring):
-        raise InputError(f"{wiring.name}: {wiring.reason}; {wiring.action} before any correction")
+        raise InputError(wiring.reason)
 
 
 def explained(wiring: Check) -> bool:
     """Whether a mistake of axes or signs explains a failed check of the wiring."""
-    return "they fit with" in wiring.reason
+    return wiring.reason.code in ("survey-wiring-axes", "survey-wiring-dip")
 
 
-def unsettled(wiring: Check) -> list[str]:
+def unsettled(wiring: Check) -> list[Finding]:
     """A warning where axes and signs are not known to be right before a correction that takes them for right."""
-    if wiring.verdict == "pass":
-        return []
-    if wiring.verdict == "fail":
-        return [f"{wiring.name} before the correction: {wiring.reason}; {wiring.action}"]
-    return [f"{wiring.name} before the correction not judged: {wiring.reason}"]
+    return [] if wiring.verdict == "pass" else [wiring.reason]
 
 
 def refuse_beyond(parameters: Mapping[str, Parameter]) -> None:
@@ -70,18 +64,15 @@ def refuse_beyond(parameters: Mapping[str, Parameter]) -> None:
         return
     p = parameters[name]
     factor, unit = (np.degrees(1.0), "deg") if p.unit == "rad" else (1.0, p.unit)
-    raise InputError(
-        f"the analysis puts the error of {name} at {factor * p.value:+.3g} {unit}, {out[name]:.0f} times its prior of "
-        f"{factor * p.prior:.3g}; "
-        f"beyond {beyond:g} times it is no sensor error: check units, axes and signs of the channels, "
-        "and the site's g, b and dip"
+    raise refused(
+        "work-estimate", {"name": name, "value": factor * p.value, "unit": unit, "times": out[name], "most": beyond}
     )
 
 
 def matching_correction(
     path: str | Path, tool: str, inputs: Mapping[str, str], stations: Stations
-) -> tuple[SensorCorrection, list[str]]:
-    """A stored correction that may be used for these stations, and warnings against it; `inputs` are digests.
+) -> tuple[SensorCorrection, list[Finding]]:
+    """A stored correction that may be used for these stations, and findings against it; `inputs` are digests.
 
     Refused: another tool or calibration; other depths, unless the tool is calibrated and the same; an estimate beyond
     ten times its prior.
@@ -89,26 +80,20 @@ def matching_correction(
     correction = read_corrections(path)
     digests = (correction.inputs.get("tool"), inputs.get("tool"))
     if correction.tool != tool or digests[0] != digests[1]:
-        mine, other = (f"tool {name}" if name else "a tool without calibration" for name in (tool, correction.tool))
-        what = "another calibration of it" if mine == other else other
-        raise FileError(f"was made for {what}, these stations are of {mine}; use the same --calibration", path=path)
+        raise FileError(Finding("work-other-calibration", {"made": correction.tool, "tool": tool}), path=path)
     try:
         refuse_beyond(correction.parameters)
     except InputError as error:
-        raise FileError(str(error), path=path) from None
-    said = [f"{Path(path).name}: {sentence}" for sentence in correction.warnings]
+        raise in_file(error, path) from None
+    said = remarks(correction.warnings)
     raw = inputs.get("raw")
     if raw is not None and correction.inputs.get("raw") == raw:
         return correction, said
     (first, last), (top, bottom) = correction.md, (float(stations.md[0]), float(stations.md[-1]))
-    run = f"was made from other readings ({correction.stations} stations, {first:g} to {last:g} m)"
+    made: dict[str, Value] = {"stations": correction.stations, "from_m": float(first), "to_m": float(last)}
     if (bottom < first or top > last) and not tool:
-        raise FileError(
-            f"{run}, these stations lie at {top:g} to {bottom:g} m and nothing says that the tool is the same; analyse "
-            "this run itself: inclinometry msa",
-            path=path,
-        )
-    return correction, [f"{Path(path).name} {run}: it holds for the same tool in the same run only", *said]
+        raise FileError(Finding("work-other-run", {**made, "top_m": top, "bottom_m": bottom}), path=path)
+    return correction, [Finding("survey-correction-other", made), *said]
 
 
 CORRECTIONS: Final = ("axial", "msa", "sag")
@@ -127,16 +112,13 @@ def correction_steps(text: str | None) -> list[tuple[str, str | None]]:
     names = [name for name, _ in steps]
     for place, name in enumerate(names):
         if name not in CORRECTIONS:
-            raise InputError(f"correction {name!r} is not known; allowed: {', '.join(CORRECTIONS)}")
+            raise not_among("--correct", name, CORRECTIONS)
         if name in names[:place]:
-            raise InputError(f"correction {name!r} is given twice; each is made once")
+            raise refused("input-repeated", {"name": "--correct", "value": name})
     if text is not None and not names:
-        raise InputError(f"no correction in {text!r}; give one or more of {', '.join(CORRECTIONS)}, with commas")
+        raise refused("input-empty", {"name": "--correct"})
     if "msa" in names and "axial" in names[names.index("msa") :]:
-        raise InputError(
-            "axial after msa would throw away the axial field that the multi-station analysis has estimated; give "
-            "axial,msa or one of them"
-        )
+        raise refused("work-axial-last")
     return steps
 
 
@@ -151,10 +133,10 @@ def corrected(
         from inclinometry.survey.sag import correct_stations
 
         if bha is None:
-            raise InputError("the correction 'sag' needs the assembly; give --bha bha.toml")
+            raise refused("input-needs", {"name": "--correct sag", "needed": ("--bha",)})
         return correct_stations(stations, bha), None
     if reference is None:
-        raise InputError(f"the correction {name!r} needs g, b and dip of the site; give --site site.toml with them")
+        raise refused("input-needs", {"name": f"--correct {name}", "needed": ("g", "b_nT", "dip_deg")})
     if name == "axial":
         from inclinometry.survey.axial import axial_correction
 

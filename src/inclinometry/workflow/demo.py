@@ -432,7 +432,7 @@ def _magnetised(demo: Demo) -> None:
     demo.page("magnetised string: multi-station analysis and quality", "magnetised/msa.html", page)
     page = survey_report(found.corrected)
     demo.page("magnetised string: survey after the analysis", "magnetised/survey.html", page)
-    told = at.told | {"notes": [*well_sentences(found), *at.notes]}
+    told = at.told | {"notes": well_sentences(found)}
     page = position_report(at.path, at.survey, at.uncertainty, **told)
     demo.page("magnetised string: quality, analysis and where the well is", "magnetised/position.html", page)
 
@@ -498,7 +498,7 @@ def fleet_sentences(found: FleetStatus | None) -> list[str]:
     """What the calibrations of a fleet say, for the terminal."""
     if found is None:
         return []
-    alarms = [f"{t.history.serial}: {t.alarm.sentence}" for t in found.tools if t.alarm and t.alarm.raised]
+    alarms = [f"{t.history.serial}: {t.alarm.finding}" for t in found.tools if t.alarm and t.alarm.raised]
     overdue = sum(tool.due.date <= found.day for tool in found.tools)
     now, six = np.degrees(np.median([(tool.now[SIXTY], tool.checked[SIXTY]) for tool in found.tools], axis=0))
     return [

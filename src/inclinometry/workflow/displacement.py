@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from inclinometry.errors import FileError, InputError
+from inclinometry.errors import FileError, InputError, in_file
 from inclinometry.files.casing_csv import CasingFile, read_casing
 from inclinometry.findings import Finding
 from inclinometry.survey.displacement import (
@@ -64,7 +64,7 @@ def casing_movement(
         except InputError as error:
             rows = () if error.finding is None else error.finding.rows
             line = one.lines[rows[0]] if rows else None
-            raise FileError(error.finding or str(error), path=path, line=line) from None
+            raise in_file(error, path, line) from None
         said += [*one.findings, *found[name].findings]
     sums = {
         axis: check_sums(runs, spike_limit) if runs.shape[1] == 2 else None

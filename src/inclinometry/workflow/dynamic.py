@@ -14,7 +14,7 @@ from inclinometry.calibration.result import Calibration
 from inclinometry.constants import DIP
 from inclinometry.conventions import AXES, axes_matrix, named
 from inclinometry.earth.site import REFERENCES, Site, convert_azimuth
-from inclinometry.errors import FileError, InputError
+from inclinometry.errors import FileError, InputError, in_file, refused
 from inclinometry.files.attitude_file import write_attitude
 from inclinometry.files.columns import KIND_PREFIX
 from inclinometry.files.run_file import RunFile
@@ -52,7 +52,7 @@ class Rows:
         self._scale = scale
         self._site, self._calibration, self._window = site, calibration, window
         self._parts: list[AttitudeRows] = []
-        self.notes: list[str] = []
+        self.told: list[Finding] = []
         self.findings: tuple[Finding, ...] = ()
         self.heat: float | None = None
         """degC of the rows to come, for a calibration that depends on it."""
@@ -84,7 +84,7 @@ class Rows:
                 common[good] += self._by_scale(seen, turning, found.north)
         azimuth, north, quaternion = np.full(len(found), np.nan), found.north, found.quaternion.copy()
         if good.any():
-            turned, variances, north, said = turned_to_north(
+            turned, variances, north, told = turned_to_north(
                 at.azimuth[good], {"own": common[good]}, self._site, found.north
             )
             azimuth[good] = turned
@@ -92,7 +92,7 @@ class Rows:
             # C(A + d, I, T) = C(A, I, T) R_z(d)
             by = rotation_z(turned - at.azimuth[good])
             quaternion[good] = quaternion_from_dcm(dcm_from_quaternion(quaternion[good]) @ by)
-            self.notes += [note for note in said if note not in self.notes]
+            self.told += [one for one in told if one not in self.told]
         spread, shared = (np.minimum(np.sqrt(part), UNKNOWN) for part in (common + random, common))
         # share of the uncertainty of an angle nothing is known of from which it is left blank
         nothing = 0.999
@@ -232,6 +232,9 @@ def dynamic_run(
         report.stretches,
     )
     findings = (
+        *run.findings,
+        *said,
+        *work.rows.told,
         *work.known,
         *work.signals.out_of_range.findings(),
         *report.findings(),
@@ -245,7 +248,6 @@ def dynamic_run(
         chosen.method,
         chosen.window,
         place.north_reference,
-        tuple(dict.fromkeys((*run.notes, *said, *work.rows.notes))),
         {"run": run.digest(), **(inputs or {})},
         "" if calibration is None else calibration.tool.name,
         chosen.switch,
@@ -276,7 +278,7 @@ def _turned(run: RunFile, calibration: Calibration | None, options: DynamicOptio
     if options.convention is None and options.axes is None and options.mag_axes is None:
         return {}
     if calibration is not None:
-        raise InputError("a convention or axes are of no use with a calibration, which knows them; leave them out")
+        raise refused("input-not-with", {"name": "--convention, --axes", "other": "--calibration"})
     convention = named(options.convention or "native")
     found = {}
     for kind in run.names:
@@ -353,7 +355,7 @@ class _Pipeline:
         except FileError:
             raise
         except InputError as error:
-            raise FileError(error.finding or str(error), path=run.path) from None
+            raise in_file(error, run.path) from None
         if not len(self.rows):
             window = {"window_s": options.window}
             raise FileError(Finding("motion-no-window", window, severity="refused"), path=run.path)

@@ -15,7 +15,7 @@ from inclinometry.calibration.result import Calibration
 from inclinometry.constants import EARTH_RATE, STANDARD_GRAVITY, STRING_INTERFERENCE
 from inclinometry.conventions import Axes
 from inclinometry.earth.site import Site
-from inclinometry.errors import InputError, refused
+from inclinometry.errors import refused
 from inclinometry.files.run_file import BLOCK
 from inclinometry.findings import Finding, Value
 from inclinometry.motion.checked import CheckedStream
@@ -356,10 +356,7 @@ def _gyro_curve(allan: Mapping[str, Any]) -> dict[str, float]:
     """Noise, bias instability and random walk of the worst gyro channel, SI; what was not seen is left out."""
     channels = [one for one in allan["channels"] if one["kind"] == "gyro" and "arw_deg_sqrt_h" in one]
     if not channels:
-        raise InputError(
-            "the Allan file has no gyro channel in a unit of rate: name the columns of its log gyro_x_deg_h, "
-            "gyro_x_deg_s or gyro_x_rad_s, and run allan again"
-        )
+        raise refused("work-allan")
     found = {}
     for name, key, factor in (
         ("noise", "arw_deg_sqrt_h", 60.0),

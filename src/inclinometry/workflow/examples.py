@@ -41,7 +41,7 @@ def xsens_stations() -> tuple[BenchReadings, StillIntervals]:
         sd={"accelerometer": np.array([sd_of_mean(samples) for samples in first])},
         count=np.array([float(len(samples)) for samples in first]),
         reference={"g": XSENS_GRAVITY},
-        notes=found.report(),
+        findings=found.findings,
         digest=digest,
     ), found
 

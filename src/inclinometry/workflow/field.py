@@ -11,6 +11,7 @@ from inclinometry.earth.magnetic import MagneticField, Model, complete_site, dec
 from inclinometry.earth.site import Site
 from inclinometry.errors import InputError
 from inclinometry.files.site_toml import grid_convergence, out_of_area
+from inclinometry.findings import Finding, Value
 from inclinometry.rotations import wrap_signed
 
 
@@ -21,7 +22,7 @@ def field_at(
     date: datetime.date | float,
     model: Model | None = None,
     crs: str | None = None,
-) -> tuple[Site, MagneticField, float | None, list[str]]:
+) -> tuple[Site, MagneticField, float | None, list[Finding]]:
     """Reference fields of a place.
 
     Parameters
@@ -39,9 +40,9 @@ def field_at(
 
     Returns
     -------
-    Site, MagneticField, float or None, list of str
-        The site with gravity and, where a grid was named, its convergence; the field; the grid's scale factor;
-        sentences on what is remarkable.
+    Site, MagneticField, float or None, list of Finding
+        The site with gravity and, where a grid was named, its convergence; the field; the grid's scale factor; what is
+        remarkable.
 
     Raises
     ------
@@ -77,70 +78,70 @@ def model_of(date: datetime.date | float) -> Model:
     return wmm2025 if year >= wmm_from else igrf14
 
 
-def completed(site: Site) -> tuple[Site, list[str]]:
-    """The site with b, dip, declination and convergence filled where it lacks them, and sentences with the sources.
+def completed(site: Site) -> tuple[Site, list[Finding]]:
+    """The site with b, dip, declination and convergence filled where it lacks them, and the sources.
 
     Stated values stay, with their own sigmas. The field needs latitude, longitude and date, the convergence latitude,
-    longitude and crs. A stated convergence that is not that of the crs gets a sentence.
+    longitude and crs. A stated convergence that is not that of the crs is found.
     """
     site, said = _with_field(site)
     site, more = _with_convergence(site)
     return site, said + more
 
 
-def _with_field(site: Site) -> tuple[Site, list[str]]:
+def _with_field(site: Site) -> tuple[Site, list[Finding]]:
     lacking = [name for name in ("b", "dip", "declination") if getattr(site, name) is None]
     unknown = [name for name in ("latitude", "longitude", "date") if getattr(site, name) is None]
     if not lacking:
         return site, []
     if site.date is None or unknown:
         # a latitude alone serves gravity and gyros: that the field is unknown is then no surprise
-        said = f"{', '.join(lacking)} unknown: a model needs the site's {' and '.join(unknown)} too"
+        said = Finding("work-not-known", {"names": tuple(lacking), "needed": tuple(unknown)}, severity="note")
         return site, [said] if len(unknown) == 1 else []
     done = complete_site(site, model_of(site.date))
-    said = f"{', '.join(_shown(done, name) for name in lacking)} from {done.origin(lacking[0])} at {site.date}"
-    said += "" if site.height_m is not None else ", height taken as 0 m"
-    notes = []
+    filled: dict[str, Value] = {"names": tuple(lacking), "source": done.origin(lacking[0]) or ""}
+    filled["date"] = str(site.date)
+    found = [Finding("work-filled", filled, severity="note")]
+    found += [] if site.height_m is not None else [Finding("work-height", severity="note")]
     if "declination" in lacking and done.b is not None and done.dip is not None:
-        notes = _weak(done.b * float(np.cos(done.dip)), done.declination_sigma or 0.0)
-    return done, [said, *notes]
+        found += _weak(done.b * float(np.cos(done.dip)), done.declination_sigma or 0.0)
+    return done, found
 
 
-def _with_convergence(site: Site) -> tuple[Site, list[str]]:
+def _with_convergence(site: Site) -> tuple[Site, list[Finding]]:
     if site.crs is None or site.origin("convergence") == site.crs:
         return site, []
     if site.convergence is not None:
-        # a sentence where the convergence stated is not the grid's, or is the grid's with the other sign
+        # found where the convergence stated is not the grid's, or is the grid's with the other sign
         if site.latitude is None or site.longitude is None:
             return site, []
-        said = f"convergence {np.degrees(site.convergence):.3f} deg is stated"
+        stated: dict[str, Value] = {"stated_deg": float(np.degrees(site.convergence)), "crs": site.crs}
         try:
             grid = float(grid_convergence(site.crs, site.latitude, site.longitude).convergence)
         except InputError as error:
-            return site, [f"{said} and used, unchecked: {error}"]
+            stated["finding"] = error.finding or str(error)
+            return site, [Finding("work-convergence-unchecked", stated)]
         apart, mirrored = (abs(float(np.degrees(wrap_signed(c - grid)))) for c in (site.convergence, -site.convergence))
         # deg: rounding and the place of the origin change a convergence by less than 0.05, along a well by less than
         # 0.2
         flipped = apart > 0.05 and mirrored <= 0.05
         if not flipped and apart <= 0.2:
             return site, []
-        said += f", {site.crs} gives {np.degrees(grid):.3f} deg at the site"
-        if flipped:
-            return site, [
-                f"{said}: the sign is opposite; positive is grid north east of true north. The one stated is used"
-            ]
-        return site, [f"{said}: correct the convergence, the place or the crs. The one stated is used"]
+        stated["grid_deg"] = float(np.degrees(grid))
+        return site, [Finding("work-convergence-sign" if flipped else "work-convergence", stated)]
     if site.latitude is None or site.longitude is None:
-        return site, [f"convergence unknown: {site.crs} gives it only with the site's latitude and longitude"]
+        lacking: dict[str, Value] = {"names": ("convergence",), "needed": ("latitude", "longitude")}
+        return site, [Finding("work-not-known", lacking, severity="note")]
     convergence = float(grid_convergence(site.crs, site.latitude, site.longitude).convergence)
     # geometry: its uncertainty is that of the position, far below any azimuth's
     origins = (*site.origins, ("convergence", site.crs))
     done = replace(site, convergence=convergence, convergence_sigma=0.0, origins=origins)
-    return done, [f"{_shown(done, 'convergence')} from {site.crs}", *_outside(done)]
+    filled: dict[str, Value] = {"names": ("convergence",), "source": site.crs, "date": str(site.date or "-")}
+    return done, [Finding("work-filled", filled, severity="note"), *_outside(done)]
 
 
-def declination_doubts(site: Site) -> list[str]:
-    """A sentence where the declination stated is not that of the model at the place: a wrong sign, above all."""
+def declination_doubts(site: Site) -> list[Finding]:
+    """Whether the declination stated is not that of the model at the place: a wrong sign, above all."""
     if site.declination is None or site.origin("declination") != "given" or site.date is None:
         return []
     if site.latitude is None or site.longitude is None:
@@ -154,33 +155,19 @@ def declination_doubts(site: Site) -> list[str]:
     if away <= max(3.0 * sigma, np.radians(1.0)):
         return []
     turned = abs(float(wrap_signed(-site.declination - expected))) < 0.5 * away
-    doubt = "; its sign looks wrong (east is positive)" if turned else "; check it"
-    return [
-        f"the site's declination is {np.degrees(site.declination):+.2f} deg, {found.model} gives "
-        f"{np.degrees(expected):+.2f} ± {np.degrees(sigma):.2f} deg there{doubt}"
-    ]
+    values: dict[str, Value] = {"stated_deg": float(np.degrees(site.declination)), "model": found.model}
+    values |= {"model_deg": float(np.degrees(expected)), "u_deg": float(np.degrees(sigma))}
+    return [Finding("work-declination-sign" if turned else "work-declination", values)]
 
 
-def _shown(site: Site, name: str) -> str:
-    value, sigma = getattr(site, name), getattr(site, f"{name}_sigma")
-    if name == "b":
-        return f"b {value:.1f} ± {sigma:.0f} nT"
-    return f"{name} {np.degrees(value):.3f}" + (f" ± {np.degrees(sigma):.2f} deg" if sigma else " deg")
-
-
-def _weak(horizontal: float, sigma: float) -> list[str]:
-    """A sentence where the horizontal field is too weak for a compass."""
-    weak, weakest = 6000.0, 2000.0  # nT, the WMM's own limits: caution zone and blackout zone
-    if horizontal >= weak:
+def _weak(horizontal: float, sigma: float) -> list[Finding]:
+    """Whether the horizontal field is too weak for a compass: the caution zone of the WMM."""
+    if horizontal >= 6000.0:
         return []
-    zone = "blackout" if horizontal < weakest else "caution"
-    return [
-        f"the horizontal field is {horizontal:.0f} nT ({zone} zone of the WMM, below {weak:.0f} nT): the declination "
-        f"is known to {np.degrees(sigma):.1f} deg only; prefer a gyro or in-field referencing"
-    ]
+    return [Finding("work-weak-field", {"horizontal_nT": horizontal, "u_deg": float(np.degrees(sigma))})]
 
 
-def _outside(site: Site) -> list[str]:
+def _outside(site: Site) -> list[Finding]:
     if site.crs is None or site.latitude is None or site.longitude is None:
         return []
     said = out_of_area(site.crs, site.latitude, site.longitude)

@@ -14,7 +14,7 @@ from inclinometry.calibration.result import Calibration
 from inclinometry.constants import EARTH_RATE, STANDARD_GRAVITY, STATED_GRAVITY_SD
 from inclinometry.earth.gravity import relative_gravity, stated_gravity_sd
 from inclinometry.earth.site import Site
-from inclinometry.errors import FileError, InputError
+from inclinometry.errors import FileError, not_among, refused
 from inclinometry.files.gyro_csv import CORRECTED, GyroReadings, write_gyro_stations
 from inclinometry.files.scale_json import ScaleRecord
 from inclinometry.findings import Finding
@@ -33,6 +33,7 @@ from inclinometry.survey.reduce import Survey, parts_of
 from inclinometry.tabular import Column, Tabular, check_record
 from inclinometry.workflow.gyro_average import average_run, gravity_suspect
 from inclinometry.workflow.gyro_checks import check_rates, gravity_in_g, gravity_scale, misfit_hint
+from inclinometry.workflow.six_axis import of_calibration
 
 METHODS: Final = ("joint", "patent", "fixed")
 PRIORS: Final = ("calibration", "previous", "both", "run")
@@ -73,11 +74,9 @@ class GyroOptions:
     def __post_init__(self) -> None:
         for name, value, allowed in (("scale", self.method, METHODS), ("prior", self.prior, (None, *PRIORS))):
             if value not in allowed:
-                raise InputError(f"{name} is {value!r}; allowed: {', '.join(str(a) for a in allowed if a)}")
+                raise not_among(name, str(value), filter(None, allowed))
         if self.prior is not None and self.method != "joint":
-            raise InputError(
-                f"the prior {self.prior!r} is for the joint estimate; method {self.method!r} does without: leave it out"
-            )
+            raise refused("input-not-with", {"name": f"prior {self.prior}", "other": f"scale {self.method}"})
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -108,10 +107,7 @@ class GyroRun(Tabular):
     def record(self) -> ScaleRecord:
         """The scale factor of the run as a record; InputError where it was not followed."""
         if self.track is None or self.temperature is None:
-            raise InputError(
-                "a record of the scale factor gives it by temperature, for the joint estimate that follows it: add the "
-                "column temperature_degC"
-            )
+            raise refused("input-missing", {"names": ("temperature_degC",)})
         track = self.track
         return ScaleRecord(
             self.tool, track.belief, self.md, track.temperature, track.expected, track.expected_sd, track.scale,
@@ -166,8 +162,8 @@ def north_run(
     checks = check_rates(stations, known, found["joint"], averages.rate_calibration, readings.labels)
     disturbed = fit_no_azimuth(found["joint"], averages.failed)
     found = {method: without_failed(one, averages, disturbed) for method, one in found.items()}
-    if refused := refusal(checks, stations.latitude):
-        raise FileError(refused, path=readings.path)
+    if wrong := refusal(checks, stations.latitude):
+        raise FileError(wrong, path=readings.path)
     north = found.pop(chosen.method)
     # what the calibration leaves open is common to all stations: following the run does not average it away
     north = replace(north, u_scale=np.hypot(north.u_scale, averages.scale_calibration * north.scale))
@@ -177,9 +173,11 @@ def north_run(
     if track is not None:
         track = replace(track, scale_sd=np.hypot(track.scale_sd, averages.scale_calibration * track.scale))
     flags = _flags(averages, heat, calibration, chosen.history)
-    inherited = [f"calibration: {sentence}" for sentence in (calibration.remarks if calibration else ())]
-    notes = [*readings.notes, *map(str, known.findings), *inherited]
     findings = [
+        Finding("survey-index-turns", {"turns": readings.index_turns}, severity="note"),
+        *readings.findings,
+        *known.findings,
+        *(of_calibration(calibration) if calibration else ()),
         *_remarks(readings, heat, chosen),
         *averages.gravity.findings,
         *averages.rate.findings,
@@ -189,7 +187,7 @@ def north_run(
             for n in np.flatnonzero(disturbed)
         ),
         *misfit_hint(found.get("joint", north), stations.rate),
-        *(c.reason for c in checks if c.verdict == "fail" and isinstance(c.reason, Finding)),
+        *(c.reason for c in checks if c.verdict == "fail"),
     ]
     total = np.linalg.norm(averages.gravity.field, axis=1)
     digests = {"raw": readings.digest, **(inputs or {}), **_earlier(chosen.history)}
@@ -197,8 +195,7 @@ def north_run(
     name = "" if tool is None else tool.name
     errors = run_errors(north, stations, averages, known, tool, site) if north.response else None
     survey = gyro_survey(
-        readings.md, north, site=site, g_total=total, flags=flags, tool=name, inputs=digests, notes=notes,
-        errors=errors,
+        readings.md, north, site=site, g_total=total, flags=flags, tool=name, inputs=digests, errors=errors
     )  # fmt: skip
     # the calibration's errors go with the noise of the sensors they are of
     own = np.inf if calibration is None else calibration.degrees_of_freedom
@@ -206,11 +203,7 @@ def north_run(
         "accelerometer": min(averages.gravity.noise_freedom, own),
         "gyro": min(averages.rate.noise_freedom, own),
     }
-    counted = {
-        "clockwise": "index angles count clockwise looking down hole",
-        "counterclockwise": "index angles count counterclockwise looking down hole",
-    }[readings.index_turns]
-    survey = replace(survey, findings=tuple(findings), notes=(counted,), freedom=freedom)
+    survey = replace(survey, findings=(*findings, *survey.findings), freedom=freedom)
     joined = tuple((*a, *b) for a, b in zip(north.flags, flags, strict=True))
     north = replace(north, flags=joined)
     rates = north.scale[:, None] * averages.rate.field
@@ -222,7 +215,7 @@ def _averaged(
 ) -> tuple[Averages, Stations]:
     """Gravity and rate of every station; refused where their units cannot be right."""
     if site.latitude is None or site.gravity is None:
-        raise InputError("the site has no latitude; north by gyro needs it: give latitude_deg")
+        raise refused("input-missing", {"names": ("latitude_deg",)})
     averages = average_run(
         readings,
         calibration,
@@ -268,12 +261,9 @@ def _check_history(history: ScaleRecord | None, readings: GyroReadings, calibrat
         return
     name = "" if calibration is None else calibration.tool.name
     if history.tool != name:
-        raise InputError(
-            f"the history is of tool {history.tool or 'without calibration'!r}, this run of "
-            f"{name or 'a tool without calibration'!r}: a scale factor is relative to one tool's own calibration"
-        )
+        raise refused("work-history-tool", {"history": history.tool, "tool": name})
     if readings.digest in _earlier(history).values():
-        raise InputError("the history was learnt from these very readings; they would count twice: leave it out")
+        raise refused("work-history-same")
 
 
 def _gravity_sd(chosen: GyroOptions, site: Site, calibration: Calibration | None) -> float:
@@ -295,7 +285,7 @@ def _expected(stations: Stations, averages: Averages, heat: Array | None, option
     own = float(np.max(averages.scale_calibration, initial=0.0))
     prior = options.prior or ("run" if size <= MOST else "both")
     if heat is None and options.history is not None:
-        raise InputError("the history gives the scale by temperature; add the column temperature_degC")
+        raise refused("input-needs", {"name": "--history", "needed": ("temperature_degC",)})
     # the calibration errs in other directions of the tool in each run
     if options.history is not None:
         stated = options.history.belief

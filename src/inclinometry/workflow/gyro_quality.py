@@ -10,23 +10,19 @@ import numpy as np
 from inclinometry.arrays import Array
 from inclinometry.digest import digest_file
 from inclinometry.earth.site import Site, convert_azimuth
-from inclinometry.errors import FileError, InputError
+from inclinometry.errors import FileError, refused
 from inclinometry.files.limits import GYRO_REPEAT, read_repeat_limits
 from inclinometry.files.survey_csv import read_survey_csv
+from inclinometry.findings import Finding
 from inclinometry.gyro.result import FLAGS as GYRO_FLAGS
-from inclinometry.survey.flags import FLAGS, Check
+from inclinometry.survey.flags import FLAGS, Check, flagged
 from inclinometry.survey.gyro import Comparison, compare_runs
 from inclinometry.survey.run import Run
 
 MEANING = {**FLAGS, **GYRO_FLAGS}
 
-SUSPECT = {
-    "misfit": "check the latitude, the scale factor and the bias; repeat the stations",
-    "noisy": "repeat the stations at rest",
-    "scale": "check the temperature and the scale factor of the calibration",
-    "g": "check the accelerometers' calibration and that the tool was at rest",
-}
-"""Flags of a run alone that fail it, and what to do; other flags are only said."""
+SUSPECT = ("misfit", "noisy", "scale", "g")
+"""Flags of a run alone that fail it; other flags are only said."""
 
 
 def read_run(path: str | Path) -> Run:
@@ -37,12 +33,17 @@ def read_run(path: str | Path) -> Run:
     inclination, azimuth = columns["inclination"], columns["azimuth"]
     if np.isnan(inclination).any() or not ((inclination >= 0.0) & (inclination <= np.pi)).all():
         row = int(np.argmax(~((inclination >= 0.0) & (inclination <= np.pi))))
-        raise FileError(f"inclination of station {row + 1} is missing or not within 0 to 180 degrees", path=path)
+        raise FileError(
+            Finding(
+                "file-value",
+                {"column": "inclination_deg", "value": float(np.degrees(inclination[row])), "allowed": "0 .. 180"},
+            ),
+            path=path,
+            row=row + 1,
+        )
     norths = sorted({text for text in texts["azimuth_reference"] if text})
     if len(norths) != 1:
-        raise FileError(
-            f"azimuth_reference holds {norths or 'nothing'}; one north for all stations is needed", path=path
-        )
+        raise FileError(Finding("input-north", {"norths": tuple(norths) or ("-",)}), path=path)
     vertical = "vertical"  # flag of stations whose azimuth is hardly defined; it is not compared
     steep = np.array([vertical in row.split("|") for row in texts["flags"]], dtype=bool)
     return Run(columns["md"], inclination, np.where(steep, np.nan, azimuth), azimuth_reference=norths[0])
@@ -53,12 +54,11 @@ def compare_run_files(
 ) -> Comparison:
     """Compare the survey files of an in-run and an out-run; a site is needed only where their norths differ."""
     if digest_file(in_run) == digest_file(out_run):
-        raise FileError(f"this is {Path(in_run).name} again; the same run twice proves nothing", path=out_run)
+        raise FileError(Finding("work-same", {"file": Path(in_run).name}), path=out_run)
     one, two = read_run(in_run), read_run(out_run)
     if one.azimuth_reference != two.azimuth_reference:
         if site is None:
-            norths = f"{one.azimuth_reference} and {two.azimuth_reference}"
-            raise InputError(f"the runs count azimuth from different norths ({norths}); give the site")
+            raise refused("work-norths", {"norths": (one.azimuth_reference, two.azimuth_reference)})
         # the run from another north
         known = np.isfinite(two.azimuth)
         azimuth: Array = np.full(len(two.md), np.nan)
@@ -67,25 +67,21 @@ def compare_run_files(
     return compare_runs(one, two, read_repeat_limits(limits))
 
 
-def run_checks(path: str | Path) -> tuple[list[Check], list[str]]:
-    """What the flags in one survey file say of it: checks, and sentences on flags that fail nothing.
+def run_checks(path: str | Path) -> tuple[list[Check], list[Finding]]:
+    """What the flags in one survey file say of it: checks, and findings on flags that fail nothing.
 
     The rates themselves are not in the file; `gyro north` checks them when it makes it.
     """
     rows = read_survey_csv(path)["flags"]
     flags = [set(str(row).split("|")) - {""} for row in rows]
     checks = []
-    for name, action in SUSPECT.items():
+    for name in SUSPECT:
         bad = tuple(row for row, names in enumerate(flags) if name in names)
-        reason = f"{len(bad)} of {len(flags)} stations flagged {name}: {MEANING[name]}"
-        verdict = ("fail", action) if bad else ("pass", "")
-        checks.append(Check(f"flag {name}", verdict[0], len(bad), 0.0, bad, reason, verdict[1], "stations"))
+        reason = flagged(name, bad, len(flags), MEANING)
+        checks.append(Check(f"flag {name}", "fail" if bad else "pass", len(bad), 0.0, bad, reason, "stations"))
     others = sorted(set().union(*flags) - set(SUSPECT)) if flags else []
-    counts = {name: sum(name in names for names in flags) for name in others}
-    return checks, [
-        f"{count} of {len(flags)} stations flagged {name}: {MEANING.get(name, 'not a flag of this version')}"
-        for name, count in counts.items()
-    ]
+    where = {name: [row for row, names in enumerate(flags) if name in names] for name in others}
+    return checks, [flagged(name, at, len(flags), MEANING) for name, at in where.items()]
 
 
 def check_json(check: Check) -> dict[str, object]:
@@ -102,7 +98,7 @@ def check_json(check: Check) -> dict[str, object]:
         "unit": unit,
         "stations": [row + 1 for row in check.stations],
         "reason": str(check.reason),
-        "action": check.action,
+        "code": check.reason.code,
     }
 
 
@@ -125,7 +121,7 @@ def comparison_json(found: Comparison) -> dict[str, object]:
         "limits": {"name": found.limits.name, "source": found.limits.source},
         "checks": [check_json(check) for check in found.checks],
         "statistics": statistics,
-        "notes": list(found.notes),
+        "findings": [one.plain() for one in found.findings],
         "stations": [
             {"md_m": md, "inclination_deg": i, "azimuth_deg": a, "interpolated": b, "verdict": v}
             for md, i, a, b, v in rows

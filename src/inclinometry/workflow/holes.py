@@ -106,9 +106,7 @@ def positions_every(path: HolePath, step: float) -> HolePath:
 def _inclinations(shots: Shots, dip_down: str | None) -> Array:
     if shots.inclination is not None:
         if dip_down is not None:
-            raise shots.table.error(
-                "--dip-down is of a dip; this file has the inclination from the vertical: leave it out"
-            )
+            raise shots.table.error(Finding("input-not-with", {"name": "--dip-down", "other": "inclination_deg"}))
         return shots.inclination
     dip = np.zeros(0) if shots.dip is None else shots.dip
     there = np.degrees(dip[np.isfinite(dip)])

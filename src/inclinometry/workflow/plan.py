@@ -12,7 +12,8 @@ from inclinometry.calibration import plans
 from inclinometry.calibration.design import CRITERIA, RIG_SD, least_drift, optimal_plan
 from inclinometry.calibration.plans import FIRST_INCLINATION, Plan
 from inclinometry.constants import DIP, INCLINATION_RANGE
-from inclinometry.errors import InputError
+from inclinometry.errors import not_among, refused
+from inclinometry.findings import Finding
 from inclinometry.workflow.simulate import PLANS, plan_named
 
 
@@ -35,7 +36,7 @@ def gain_of_repeats(plan: Plan, count: int) -> str:
     )
 
 
-def advice(name: str) -> tuple[str, ...]:
+def advice(name: str) -> tuple[Finding, ...]:
     """What a person should know before using a plan.
 
     Examples
@@ -44,17 +45,8 @@ def advice(name: str) -> tuple[str, ...]:
     ()
     """
     if name == "six":
-        return (
-            "six positions determine no tool by themselves: they complete the history of one that has been calibrated "
-            "before, and its full calibrations take twelve or more",
-        )
-    if name != "rotations":
-        return ()
-    return (
-        "two turns at one azimuth hardly tell the zero of the toolface dial from a tilt of the rig across the plane of "
-        "the turns: state what is known of the stand when calibrating (--level-sd-deg, --north-deg and --north-sd-deg, "
-        "--dip-sd-deg), or add turns at a second azimuth",
-    )
+        return (Finding("work-plan-six"),)
+    return (Finding("work-plan-rotations"),) if name == "rotations" else ()
 
 
 def plan_file(name: str) -> Path | None:
@@ -90,8 +82,7 @@ def make_plan(name: str, *, progress: Callable[[float], None] | None = None, **g
     for option in (one for one in said if one not in known):
         of_angles = option in ("inclination_range", "rig_sd", "dip", "first_inclination", "azimuth")
         flag = option.replace("_", "-") + ("-deg" if of_angles else "")
-        users = ", ".join(plan for plan, used in USUAL.items() if option in used)
-        raise InputError(f"plan {name} has no use for --{flag}; leave it out (it is for {users})")
+        raise refused("input-not-with", {"name": f"--{flag}", "other": f"plan {name}"})
     chosen = {**known, **said}
     if name == "twelve":
         return plans.twelve(**chosen)
@@ -101,6 +92,6 @@ def make_plan(name: str, *, progress: Callable[[float], None] | None = None, **g
         return plan_named(name)
     aim = chosen["criterion"]
     if aim not in CRITERIA:
-        raise InputError(f"criterion {aim!r} is unknown; allowed: {', '.join(CRITERIA)}")
+        raise not_among("--criterion", aim, CRITERIA)
     aimed = {"inclination_range": aimed_range(chosen["inclination_range"], aim), "criterion": CRITERIA[aim]}
     return optimal_plan(chosen.pop("number"), **{**chosen, **aimed}, progress=progress)

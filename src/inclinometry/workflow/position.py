@@ -14,7 +14,7 @@ from inclinometry.arrays import Array
 from inclinometry.calibration.result import Calibration
 from inclinometry.digest import digest_file
 from inclinometry.earth.site import Site, convert_azimuth
-from inclinometry.errors import FileError, InputError, SiteError, settled
+from inclinometry.errors import FileError, InputError, SiteError, in_file, refused, settled
 from inclinometry.files.errors_json import read_errors
 from inclinometry.files.position_csv import Listed, WellStations, read_well
 from inclinometry.files.site_toml import read_site
@@ -22,7 +22,7 @@ from inclinometry.files.survey_csv import RawSurvey, read_raw_survey
 from inclinometry.files.text import Progress
 from inclinometry.files.tool_code_json import load_tool_code
 from inclinometry.files.tool_json import read_calibration
-from inclinometry.findings import Finding
+from inclinometry.findings import Finding, Value
 from inclinometry.position.certificate import with_terms
 from inclinometry.position.propagation import AngleRun, MatrixSource, PositionUncertainty, gyro_sources, propagate
 from inclinometry.position.tool_code import ToolCode
@@ -53,15 +53,13 @@ class WellPosition:
     azimuth_reference: str
     tool_code: ToolCode | None = None
     calibration: str | None = None
-    notes: Sequence[str] = ()
-    warnings: Sequence[str] = ()
     inputs: Mapping[str, str] = field(default_factory=dict)
     findings: tuple[Finding, ...] = ()
 
     @property
     def told(self) -> dict[str, Any]:
         """What a report takes beside path, survey and uncertainty."""
-        names = ("azimuth_reference", "tool_code", "calibration", "notes", "warnings", "inputs")
+        names = ("azimuth_reference", "tool_code", "calibration", "findings", "inputs")
         return {name: getattr(self, name) for name in names}
 
 
@@ -137,13 +135,13 @@ def read_position(
         well = well_survey(*angles, site, stations.azimuth_reference, tvd=path.tvd, north=target, tie=tie)
     except InputError as error:
         raise _of_site(error, site_path) from None
-    model: _Model = ((), code, [], [])
+    model: _Model = ((), code, [])
     try:
         if calibration is not None:
             model = calibration_error_model(calibration, well, stations, channels, code, correction)
         if errors is not None:
             model = _of_run(read_errors(errors), well, code)
-        sources, code, notes, warnings = model
+        sources, code, of_model = model
         uncertainty = propagate(well, code, sources) if code is not None or sources else None
     except FileError:
         raise
@@ -151,11 +149,10 @@ def read_position(
         raise _of_site(error, site_path) from None
     except InputError as error:
         # a mistake in the whole run explains what a formula says of one station
-        raise FileError(" ".join(map(str, [*findings, error])), path=stations.path) from None
-    agreed, doubt = _against_listed(stations, site)
-    said = [*said, *_of_start(stations, tie_on), *agreed]
-    if uncertainty is None:
-        said.append("no tool code and no calibration was given: positions only, their uncertainty is left blank")
+        raise in_file(refused(findings[0].code, findings[0].values) if findings else error, stations.path) from None
+    said = [*warned, *said, *_of_start(stations, tie_on), *_against_listed(stations, site), *declination_doubts(site)]
+    said += [] if findings else _sharp(stations, path)
+    said += of_model if uncertainty is not None else [Finding("work-no-model", severity="note")]
     files = {"site": site_path, "tool code": tool_code, "tool": tool, "raw": raw}
     files |= {"corrections": corrections, "errors": errors}
     read = {name: file for name, file in files.items() if file is not None and Path(file).is_file()}
@@ -167,15 +164,13 @@ def read_position(
         stations.azimuth_reference,
         code,
         "the tool" if name in ("", "unnamed") else name,
-        [*said, *notes],
-        (*warned, *(() if findings else _sharp(stations, path)), *declination_doubts(site), *warnings, *doubt),
         {"survey": stations.digest} | {name: digest_file(file) for name, file in read.items()},
-        findings,
+        (*findings, *said),
     )
 
 
-_Model: TypeAlias = tuple[Sequence[MatrixSource], ToolCode | None, list[str], list[str]]
-"""Sources of error, the tool code beside them, notes, warnings."""
+_Model: TypeAlias = tuple[Sequence[MatrixSource], ToolCode | None, list[Finding]]
+"""Sources of error, the tool code beside them, findings."""
 
 
 def _stored(
@@ -184,28 +179,25 @@ def _stored(
     calibration: Calibration | None,
     raw: RawSurvey | None,
     site: Site,
-) -> tuple[SensorCorrection | None, list[str]]:
+) -> tuple[SensorCorrection | None, list[Finding]]:
     """A stored correction, where one is given, that may be used for these raw channels, and what speaks against it."""
     if path is None or tool is None or calibration is None or raw is None:
         return None, []
     seen = stations_from_tool(
         raw.md, raw.channels, calibration.tool, temperature=raw.temperature, g=site.gravity, b=site.b
     )
-    return matching_correction(path, calibration.tool.name, {"tool": digest_file(tool), "raw": raw.digest}, seen)
+    inputs = {"tool": digest_file(tool), "raw": raw.digest}
+    return matching_correction(path, calibration.tool.name, inputs, seen)
 
 
-def _of_start(stations: WellStations, tie_on: tuple[float, float, float] | None) -> list[str]:
+def _of_start(stations: WellStations, tie_on: tuple[float, float, float] | None) -> list[Finding]:
     """Where the path begins where nothing says it, and rows without angles."""
     said = []
     if tie_on is None and stations.md[0] > 0.0:
-        first = f"{stations.md[0]:g} m"
-        said.append(
-            f"the first station stands at {first} and no tie-on was given: its position was taken as north 0, east 0, "
-            f"true vertical depth {first}"
-        )
+        said.append(Finding("work-no-tie", {"md_m": float(stations.md[0])}, severity="note"))
     if stations.left_out:
-        number, line = len(stations.left_out), stations.left_out[0]
-        said.append(f"rows without inclination and azimuth were left out: {number}, the first in line {line}")
+        rows = {"count": len(stations.left_out), "line": int(stations.left_out[0])}
+        said.append(Finding("work-rows-left-out", rows, severity="note"))
     return said
 
 
@@ -213,37 +205,32 @@ def _of_run(run: AngleRun, well: WellSurvey, code: ToolCode | None) -> _Model:
     """The error model that a gyro run is, with what of a tool code is about other things than its angles' sensors."""
     sources = gyro_sources(run, well)
     if code is None:
-        return sources, None, [], [
-            "the run tells of its sensors alone: errors of measured depth, misalignment in the hole and sag are not in "
-            "the ellipses; a tool code beside --errors adds them"
-        ]  # fmt: skip
+        return sources, None, [Finding("work-sensors-only", {"errors": ("measured depth", "misalignment", "sag")})]
     # depth, misalignment of tool and hole, sag, course between stations
     kept = [term.name for term in code.terms if re.match(r"DR|DS|MIS|V?SAG|XYM|XCL", term.name, re.IGNORECASE)]
     if not kept:
-        raise InputError(f"tool code {code.name} has no terms of depth, misalignment or sag: leave it out")
-    return sources, with_terms(code, kept), [f"beside the run's own errors: {', '.join(kept)} of {code.name}"], []
+        raise refused("input-not-with", {"name": f"--tool-code {code.name}", "other": "--errors"})
+    added = Finding("work-terms-added", {"code": code.name, "names": tuple(kept)}, severity="note")
+    return sources, with_terms(code, kept), [added]
 
 
 def _of_site(error: InputError, path: str | Path | None) -> InputError:
     """The error with the file in which the remedy belongs."""
     if path is None:
-        return InputError(f"{error} (there is no site file: name one with --site)")
-    return FileError(str(error), path=path)
+        return refused("work-no-site", {"finding": error.finding or str(error)})
+    return in_file(error, path)
 
 
 _AXES: Final = {"north": "north", "east": "east", "tvd": "true vertical depth"}
 
 
-def _listed_paths(stations: WellStations, site: Site) -> tuple[list[tuple[Listed, WellPath]], list[str]]:
-    """The positions that the file states, each with the path it is compared with, and notes on what is not compared."""
+def _listed_paths(stations: WellStations, site: Site) -> tuple[list[tuple[Listed, WellPath]], list[Finding]]:
+    """The positions that the file states, each with the path it is compared with, and what is not compared."""
     listed = [one for one in stations.listed if not np.isnan(one.values).all()]
-    lacking = [name for axis, name in _AXES.items() if axis not in [one.axis for one in listed]]
+    lacking = tuple(name for axis, name in _AXES.items() if axis not in [one.axis for one in listed])
     notes = []
     if lacking and (listed or stations.unread):
-        notes.append(
-            "no column with a known name, a unit and numbers, therefore not compared with the path: "
-            f"{', '.join(lacking)}"
-        )
+        notes.append(Finding("work-not-compared", {"names": lacking}, severity="note"))
     own = minimum_curvature(stations.md, stations.inclination, stations.azimuth)
     # farther from their origin than the well is long: counted from grid north
     on_map = [one.axis != "tvd" and np.nanmin(np.abs(one.values)) > stations.md[-1] for one in listed]
@@ -252,61 +239,48 @@ def _listed_paths(stations: WellStations, site: Site) -> tuple[list[tuple[Listed
     try:
         azimuth = convert_azimuth(stations.azimuth, stations.azimuth_reference, "grid", site)
     except InputError:
-        notes.append(
-            "map coordinates in the file were not compared with the path: this needs azimuths from grid north, or a "
-            "site with declination and convergence"
-        )
+        notes.append(Finding("work-map-not-compared", severity="note"))
         return [(one, own) for one, far in zip(listed, on_map, strict=True) if not far], notes
     grid = minimum_curvature(stations.md, stations.inclination, azimuth)
     return [(one, grid if far else own) for one, far in zip(listed, on_map, strict=True)], notes
 
 
-def _against_listed(stations: WellStations, site: Site) -> tuple[list[str], list[str]]:
-    """Notes and warnings on the positions that the file states beside the angles, counted from their first row."""
+def _against_listed(stations: WellStations, site: Site) -> list[Finding]:
+    """On the positions that the file states beside the angles, counted from their first row."""
     md = stations.md
-    listed, notes = _listed_paths(stations, site)
-    warned: list[str] = []
+    listed, found = _listed_paths(stations, site)
     left: set[str] = set()
     of_axis = [[pair for pair in listed if pair[0].axis == axis] for axis in ("north", "east")]
     for (north, path), (east, _) in zip(*of_axis, strict=False):
         rows = _exchanged(north.values, east.values, path)
         if rows:
             left |= {north.name, east.name}
-            warned.append(
-                f"columns {north.name!r} and {east.name!r} are exchanged at {len(rows)} of {len(md)} stations, first "
-                f"at md {md[rows[0]]:g} m (line {stations.lines[rows[0]]}): they agree with the path the other way "
-                "round; correct the file"
-            )
-    worst, agreed = (0.0, ""), []
+            where: dict[str, Value] = {"md_m": float(md[rows[0]]), "line": int(stations.lines[rows[0]])}
+            where |= {"north": north.name, "east": east.name, "count": len(rows), "total": len(md)}
+            found.append(Finding("work-exchanged", where, tuple(rows)))
+    worst, off, agreed, most = 0.0, list[Finding](), list[str](), 0.0
     for one, path in listed:
         if one.name in left:
             continue
         there = np.flatnonzero(~np.isnan(one.values))
         if there.size < 2:  # positions count from the first: one alone is compared with nothing
-            notes.append(f"{_AXES[one.axis]} is in the file at {there.size} stations: not compared with the path")
+            found.append(Finding("work-not-compared", {"names": (_AXES[one.axis],)}, severity="note"))
             continue
         moved = (one.values - getattr(path, one.axis))[there]
         away = np.abs(moved - moved[0])
         # angles to a tenth of a degree, depths and positions to a tenth of a metre
         excess = away - 0.2 - 2e-3 * (md[there] - md[0])
         row = int(np.argmax(excess))
-        if excess[row] > worst[0]:
-            at = there[row]
-            text = (
-                f"the positions in the file ({_AXES[one.axis]}) are {away[row]:.2f} m from the path by minimum "
-                f"curvature at md {md[at]:g} m (line {stations.lines[at]}), and the latter is given out: another "
-                "method or north, or a typing error?"
-            )
-            worst = float(excess[row]), text
-        if there.size == len(md):
-            agreed.append(f"{_AXES[one.axis]} within {away.max():.2f} m")
-        else:
-            agreed.append(f"{_AXES[one.axis]} within {away.max():.2f} m at {there.size} of {len(md)} stations")
-    if worst[1]:
-        return notes, [*warned, worst[1]]
-    if agreed:
-        notes.insert(0, f"the file agrees with the path by minimum curvature: {', '.join(agreed)}")
-    return notes, warned
+        if excess[row] > worst:
+            at, worst = int(there[row]), float(excess[row])
+            where = {"name": _AXES[one.axis], "away_m": float(away[row])}
+            where |= {"md_m": float(md[at]), "line": int(stations.lines[at])}
+            off = [Finding("work-positions-off", where, (at,))]
+        agreed.append(_AXES[one.axis])
+        most = max(most, float(away.max()))
+    if agreed and not off:
+        off = [Finding("work-positions-agree", {"names": tuple(agreed), "away_m": most}, severity="note")]
+    return [*off, *found]
 
 
 def _exchanged(north: Array, east: Array, path: WellPath) -> list[int]:
@@ -329,7 +303,7 @@ def _exchanged(north: Array, east: Array, path: WellPath) -> list[int]:
     return found
 
 
-def _sharp(stations: WellStations, path: WellPath) -> list[str]:
+def _sharp(stations: WellStations, path: WellPath) -> list[Finding]:
     """A bend sharper than a hole's, where nothing else was found."""
     severity = dogleg_severity_deg(path)
     # deg/30 m above which a typing error is likelier than a hole; short-radius wells stay below, and so does what an
@@ -337,7 +311,5 @@ def _sharp(stations: WellStations, path: WellPath) -> list[str]:
     row = 1 + int(np.argmax(severity[1:] - 90.0 / np.diff(stations.md)))
     if severity[row] - 90.0 / (stations.md[row] - stations.md[row - 1]) <= 60.0:
         return []
-    return [
-        f"dogleg severity {severity[row]:.0f} deg/30 m at md {stations.md[row]:g} m (line {stations.lines[row]}): "
-        "a typing error, or depths in another unit?"
-    ]
+    where = {"severity": float(severity[row]), "md_m": float(stations.md[row]), "line": int(stations.lines[row])}
+    return [Finding("work-dogleg", where, (row,))]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,9 +15,10 @@ from inclinometry.calibration.temperature import soaks
 from inclinometry.constants import EARTH_RATE, PER_RADIAN
 from inclinometry.digest import digest_file
 from inclinometry.earth.site import Site
-from inclinometry.errors import FileError, IdentifiabilityError, InputError
+from inclinometry.errors import FileError, IdentifiabilityError, refused
 from inclinometry.files.gyro_csv import RateSteps
 from inclinometry.files.tool_json import read_calibration
+from inclinometry.findings import Finding, Value
 from inclinometry.rotations import dcm
 from inclinometry.sensors import Tool, Triad
 
@@ -32,20 +33,20 @@ CLEAR = 3.0
 """Residuals smaller by this factor with another rate: the stated rate is wrong. No noise does that."""
 
 RATE_MISTAKES = {
-    -1.0: "rate_deg_s has the other sign; it is positive clockwise seen from above",
-    float(np.degrees(1.0)): "rate_deg_s is in rad/s; convert it",
-    float(np.radians(1.0)): "rate_deg_s was converted to degrees twice",
-    6.0: "rate_deg_s is in revolutions per minute; 1 rpm is 6 deg/s",
-    1.0 / 6.0: "rate_deg_s was multiplied by 6, as if deg/s were revolutions per minute",
-    360.0: "rate_deg_s is in revolutions per second; 1 is 360 deg/s",
-    1.0 / 60.0: "rate_deg_s is in degrees per minute",
-    1.0 / 3600.0: "rate_deg_s is in degrees per hour",
+    -1.0: "sign of rate_deg_s (positive clockwise seen from above)",
+    float(np.degrees(1.0)): "rate_deg_s in rad/s",
+    float(np.radians(1.0)): "rate_deg_s converted to degrees twice",
+    6.0: "rate_deg_s in revolutions per minute",
+    1.0 / 6.0: "rate_deg_s multiplied by 6",
+    360.0: "rate_deg_s in revolutions per second",
+    1.0 / 60.0: "rate_deg_s in degrees per minute",
+    1.0 / 3600.0: "rate_deg_s in degrees per hour",
 }
-"""True rate in deg/s for a stated one of 1, and what to say."""
+"""True rate in deg/s for a stated one of 1, and the mistake."""
 
 
-def check_plausible(steps: RateSteps, found: RateCalibration, latitude: float, before: Triad | None) -> list[str]:
-    """Refuse what cannot be; sentences on what is odd.
+def check_plausible(steps: RateSteps, found: RateCalibration, latitude: float, before: Triad | None) -> list[Finding]:
+    """Refuse what cannot be; what is odd.
 
     Refused: a scale that is not the unit's (without a unit: off the earlier one by a known mistake), gyros that respond
     to another axis or sense than named, a rate that the Earth's contradicts.
@@ -61,14 +62,9 @@ def check_plausible(steps: RateSteps, found: RateCalibration, latitude: float, b
         said = [RATE_MISTAKES[factor] for factor, ratio in other.items() if ratio < 1.5 * best]
         if other[-1.0] < 1.5 * best:
             # a rate and gyros of the other sign, or an Earth that turns the other way, are the same signals
-            hemisphere = "the site's latitude_deg has the other sign"
+            hemisphere = "sign of latitude"
             said = [hemisphere] if _expected(steps, known) is not None and len(said) == 1 else [*said, hemisphere]
-        option = "where the rate is right, gravity does it: --g-sensitivity"
-        raise FileError(
-            f"the Earth's rate in the signals contradicts the table's; residuals {1.0 / best:.3g} times smaller if "
-            f"{'; or '.join(said)}; {option}",
-            path=steps.path,
-        )
+        raise FileError(Finding("work-rate", {"ratio": 1.0 / best, "mistakes": tuple(said)}), path=steps.path)
     return notes
 
 
@@ -101,12 +97,12 @@ def _comparable(before: Triad, triad: Triad) -> bool:
     return before.count == triad.count and (before.unit == triad.unit or UNSTATED in (before.unit, triad.unit))
 
 
-def _scale(steps: RateSteps, triad: Triad, before: Triad | None, residuals: _Residuals) -> list[str]:
+def _scale(steps: RateSteps, triad: Triad, before: Triad | None, residuals: _Residuals) -> list[Finding]:
     own = np.linalg.norm(triad.tensor[0], axis=1)
     if triad.unit in PER_RADIAN:
-        ratio, than = own / (PER_RADIAN[triad.unit] * EARTH_RATE), f"that of signals in {triad.unit}"
+        ratio = own / (PER_RADIAN[triad.unit] * EARTH_RATE)
     elif before is not None:
-        ratio, than = own / np.linalg.norm(before.tensor[0], axis=1), "that of the calibration"
+        ratio = own / np.linalg.norm(before.tensor[0], axis=1)
     else:
         return []
     wrong = np.flatnonzero((ratio > NEAR) | (ratio < 1.0 / NEAR))
@@ -115,15 +111,15 @@ def _scale(steps: RateSteps, triad: Triad, before: Triad | None, residuals: _Res
     together = len(wrong) == len(ratio) and bool(ratio.max() < NEAR**2 * ratio.min())
     typical = float(np.exp(np.mean(np.log(ratio)))) if together else float(ratio[wrong[0]])
     causes = _causes(typical, triad.unit, residuals, together)
-    whose = "" if together else f" of {', '.join(steps.names[gyro] for gyro in wrong)}"
-    said = f"the scale factor{whose} comes out {typical:.3g} times {than}"
+    mistakes = tuple(causes) or ("no usual mistake of unit",)
+    names = tuple(steps.names[gyro] for gyro in wrong)
+    said = Finding("work-rate-scale", {"names": names, "ratio": typical, "mistakes": mistakes})
     if causes or triad.unit in PER_RADIAN:
-        none = "no single mistake of unit explains it; check the rates, the gyro columns and that the gyros respond"
-        raise FileError(f"{said}: {'; or '.join(causes) or none}", path=steps.path)
+        raise FileError(said, path=steps.path)
     return [said]
 
 
-def _causes(ratio: float, unit: str, residuals: _Residuals, together: bool) -> list[str]:
+def _causes(ratio: float, unit: str, residuals: _Residuals, together: bool) -> list[Value]:
     """Mistakes that make a scale that many times too large; by the Earth's rate, where it tells, of rate or signals."""
 
     def near(factor: float) -> bool:
@@ -133,9 +129,9 @@ def _causes(ratio: float, unit: str, residuals: _Residuals, together: bool) -> l
     rate.sort(key=lambda factor: abs(np.log(ratio / factor)))
     here = [unit] if unit in PER_RADIAN else list(PER_RADIAN)
     meant = [(true, said) for said in here for true in PER_RADIAN if near(PER_RADIAN[true] / PER_RADIAN[said])]
-    signals = [f"the gyro columns are in {true}, not in {said}: name or convert them so" for true, said in meant]
+    signals: list[Value] = [Finding("work-rate-unit", {"unit": true, "named": said}) for true, said in meant]
     if unit not in PER_RADIAN and signals:
-        signals = ["the gyro columns are in another unit than the calibration's"]
+        signals = ["gyro columns in another unit than those of the calibration"]
     better = min((residuals.ratio(factor) for factor in rate), default=1.0)
     if rate and better < 1.0 / CLEAR:
         signals = []
@@ -151,7 +147,7 @@ def _expected(steps: RateSteps, before: Triad | None) -> Array | None:
     return np.eye(3)[: len(steps.axes)] if steps.axes else None
 
 
-def _axes(steps: RateSteps, triad: Triad, before: Triad | None, residuals: _Residuals) -> list[str]:
+def _axes(steps: RateSteps, triad: Triad, before: Triad | None, residuals: _Residuals) -> list[Finding]:
     expected = _expected(steps, before)
     if expected is None:
         return []
@@ -159,21 +155,18 @@ def _axes(steps: RateSteps, triad: Triad, before: Triad | None, residuals: _Resi
     agree = np.sum(own * expected, axis=1)
     if (agree > 0.5).all():
         return []
-    gyros = "all gyros are reversed: change the sign of their columns"
+    gyros = "sign of every gyro column"
     if (agree < -0.5).all():
         better = residuals.ratio(-1.0)
         table, sure = RATE_MISTAKES[-1.0], better > CLEAR
-        said = gyros if sure else table if better < 1.0 / CLEAR else f"{table}; or {gyros}"
+        mistakes = (gyros,) if sure else (table,) if better < 1.0 / CLEAR else (table, gyros)
+        said = Finding("work-rate-reversed", {"mistakes": mistakes})
     else:
         sure = True
         main = [f"{'-' if row[k] < 0 else '+'}{'xyz'[k]}" for row in own for k in [int(np.argmax(np.abs(row)))]]
-        odd = [
-            f"{name} along {axis}" for name, axis, cosine in zip(steps.names, main, agree, strict=True) if cosine <= 0.5
-        ]
-        said = (
-            f"gyros respond as they should not: {', '.join(odd)}; their sign, the order of the columns, "
-            "or inclination_deg and toolface_deg of the mounting are wrong"
-        )
+        seen = zip(steps.names, main, agree, strict=True)
+        odd = tuple(f"{name}: {axis}" for name, axis, cosine in seen if cosine <= 0.5)
+        said = Finding("work-rate-axes", {"gyros": odd})
     if steps.unit in PER_RADIAN or not sure:
         raise FileError(said, path=steps.path)
     return [said]
@@ -187,27 +180,28 @@ def calibrate_on_table(
     temperature_degree: int = 0,
     g_sensitive: bool = False,
     name: str = "unnamed",
-) -> tuple[RateCalibration, Calibration, tuple[str, ...], int]:
-    """Replace or add the gyro triad of a tool: the regression, the calibration, warnings, number of steps fitted."""
+) -> tuple[RateCalibration, Calibration, tuple[Finding, ...], int]:
+    """Replace or add the gyro triad of a tool: regression, calibration, findings, number of steps fitted."""
     if site.latitude is None:
-        raise InputError("the site has no latitude; a gyro on a table sees the Earth turn too: give latitude_deg")
+        raise refused("input-missing", {"names": ("latitude_deg",)})
     if temperature_degree and steps.temperature is None:
-        raise InputError(f"temperature degree {temperature_degree} asked for; the steps lack temperature_degC: add it")
+        raise refused("input-needs", {"name": "--temperature-degree", "needed": ("temperature_degC",)})
     old = None if calibration is None else read_calibration(calibration)
     used, found, told = _fitted(steps, site.latitude, temperature_degree, g_sensitive)
     before = None if old is None else old.tool.triads.get("gyro")
     odd = check_plausible(used, found, site.latitude, before)
-    notes = [*steps.notes, *told, *odd, *found.notes, *_heat_notes(used, temperature_degree)]
+    recorded = (*steps.findings, *found.findings)
+    findings = (*recorded, *told, *odd, *_heat_notes(used, temperature_degree))
     if old is None:
-        return found, _alone(found, used, name, notes), tuple(notes), len(used)
-    whole = with_gyro(old, found, {"rate table": steps.digest, "tool": digest_file(calibration or "")}, notes)
-    return found, whole, tuple(notes), len(used)
+        return found, _alone(found, used, name, findings), findings, len(used)
+    whole = with_gyro(old, found, {"rate table": steps.digest, "tool": digest_file(calibration or "")}, findings)
+    return found, whole, findings, len(used)
 
 
 def _fitted(
     steps: RateSteps, latitude: float, degree: int, g_sensitive: bool
-) -> tuple[RateSteps, RateCalibration, list[str]]:
-    """The fit, the steps it is made from and sentences on those that the others contradict.
+) -> tuple[RateSteps, RateCalibration, list[Finding]]:
+    """The fit, the steps it is made from, and those that the others contradict.
 
     They are left out where the others determine everything without them.
     """
@@ -215,12 +209,12 @@ def _fitted(
     if not found.suspects:
         return steps, found, []
     rest = steps.without([suspect.row for suspect in found.suspects])
-    kept = "it is still in the fit, whose uncertainties are wrong: take it again"
+    kept = "still in the fit"
     try:
         again = _regression(rest, latitude, degree, g_sensitive)
     except IdentifiabilityError:
         return steps, found, _suspected(steps, found, kept)
-    return rest, again, [*_suspected(steps, found, "it was left out"), *_suspected(rest, again, kept)]
+    return rest, again, [*_suspected(steps, found, "left out of the fit"), *_suspected(rest, again, kept)]
 
 
 def _regression(steps: RateSteps, latitude: float, degree: int, g_sensitive: bool) -> RateCalibration:
@@ -236,18 +230,21 @@ def _regression(steps: RateSteps, latitude: float, degree: int, g_sensitive: boo
     )
 
 
-def _suspected(steps: RateSteps, found: RateCalibration, fate: str) -> list[str]:
-    """One sentence for each step that the others contradict."""
-    sentences = []
+def _suspected(steps: RateSteps, found: RateCalibration, fate: str) -> list[Finding]:
+    """Each step that the others contradict."""
+    said = []
     for suspect in found.suspects:
-        off = ", ".join(f"{steps.names[gyro]} by {value:+.3g}" for gyro, value in suspect.off.items())
-        where = f"line {steps.lines[suspect.row]} (step {steps.station[suspect.row]})"
-        sentences.append(f"{where} disagrees with the other steps, {off} {steps.unit}; {fate}")
-    return sentences
+        where: dict[str, Value] = {"line": int(steps.lines[suspect.row]), "step": str(steps.station[suspect.row])}
+        off: dict[str, Value] = {
+            "gyros": tuple(steps.names[gyro] for gyro in suspect.off),
+            "off": tuple(map(float, suspect.off.values())),
+        }
+        said.append(Finding("work-step-off", {**where, **off, "unit": steps.unit, "fate": fate}))
+    return said
 
 
 def with_gyro(
-    calibration: Calibration, found: RateCalibration, inputs: Mapping[str, str], notes: list[str]
+    calibration: Calibration, found: RateCalibration, inputs: Mapping[str, str], findings: Sequence[Finding]
 ) -> Calibration:
     """A calibration whose gyro triad is the one found; nothing is known to tie it to the other triads.
 
@@ -259,16 +256,17 @@ def with_gyro(
     triads = {**tool.triads, "gyro": found.triad}
     noise = {**tool.noise, "gyro": found.sd}
     inner = _blocks(tool.covariance[np.ix_(own, own)], found.triad_covariance)
-    # temperatures at which both calibrations hold; those of the first, and a sentence, where there are none
+    # temperatures at which both calibrations hold; those of the first, and a finding, where there are none
     one = tool.temperature_range
     other = found.temperature_range
-    heat, doubt = one or other, list[str]()
+    heat, doubt = one or other, list[Finding]()
     if one is not None and other is not None:
         low, high = max(one[0], other[0]), min(one[1], other[1])
         if low <= high:
             heat = low, high
         else:
-            doubt = [f"taken at {other[0]:g} to {other[1]:g} degC, the rest of the tool at {one[0]:g} to {one[1]:g}"]
+            spans = {"low_degC": other[0], "high_degC": other[1], "tool_low_degC": one[0], "tool_high_degC": one[1]}
+            doubt = [Finding("work-temperatures", spans)]
     renewed = Tool(tool.name, triads, inner, noise, heat)
     names = [calibration.parameter_names[row] for row in kept]
     gyro = [name for name in renewed.parameter_names if name.startswith("gyro.")]
@@ -286,11 +284,11 @@ def with_gyro(
             values={k: v for k, v in residuals.values.items() if k != "gyro"},
             standardised={k: v for k, v in residuals.standardised.items() if k != "gyro"},
         ),
-        warnings=(*calibration.warnings, *(f"rate table: {note}" for note in [*notes, *doubt])),
+        findings=(*calibration.findings, *findings, *doubt),
     )
 
 
-def _alone(found: RateCalibration, steps: RateSteps, name: str, notes: list[str]) -> Calibration:
+def _alone(found: RateCalibration, steps: RateSteps, name: str, findings: tuple[Finding, ...]) -> Calibration:
     """A calibration of nothing but gyros."""
     tool = Tool(name, {"gyro": found.triad}, found.triad_covariance, {"gyro": found.sd}, found.temperature_range)
     return Calibration(
@@ -307,7 +305,7 @@ def _alone(found: RateCalibration, steps: RateSteps, name: str, notes: list[str]
             {"gyro": found.residuals / found.sd},
             np.full(len(steps), 1.0 - found.dof / steps.signals.size),
         ),
-        tuple(notes),
+        findings=findings,
     )
 
 
@@ -319,7 +317,7 @@ def _blocks(one: Array, other: Array) -> Array:
     return whole
 
 
-def _heat_notes(steps: RateSteps, degree: int) -> list[str]:
+def _heat_notes(steps: RateSteps, degree: int) -> list[Finding]:
     if degree or steps.temperature is None or (found := soaks(steps.temperature)) < 2:
         return []
-    return [f"the steps were taken at {found} temperatures, but a calibration that does not depend on it was fitted"]
+    return [Finding("work-one-temperature", {"count": found})]

@@ -12,11 +12,12 @@ import numpy as np
 
 from inclinometry.arrays import Array
 from inclinometry.digest import digest_file
-from inclinometry.errors import FileError, InputError
+from inclinometry.errors import FileError, InputError, in_file, refused
 from inclinometry.files._quantities import is_number, meaning
 from inclinometry.files.columns import channel
 from inclinometry.files.frame import Frame
 from inclinometry.files.table import TableFile
+from inclinometry.findings import Finding
 from inclinometry.survey.flags import Check
 from inclinometry.survey.quality import dual_depth, repeated_stations, rotation_shots
 from inclinometry.workflow.convert import format_of
@@ -79,7 +80,7 @@ def read_shots(
         except FileError as error:
             if error.path != copy:
                 raise
-            raise FileError(error.problem, path=raw, line=error.line) from None
+            raise in_file(error, raw, error.line) from None
     return replace(run, inputs={**run.inputs, "raw": digest_file(raw)})
 
 
@@ -93,7 +94,7 @@ def repeat_checks(
 ) -> list[Check]:
     """The checks of `repeated_stations` on two surveys; two calibrations count as two tools."""
     if first.inputs["raw"] == second.inputs["raw"]:
-        raise InputError("both files hold the same readings; one survey given twice proves nothing")
+        raise refused("work-same", {"file": "the first"})
     same = not other_tool and first.inputs.get("tool") == second.inputs.get("tool")
     return repeated_stations(first.stations, second.stations, same_tool=same, apart_m=apart_m)
 
@@ -101,23 +102,22 @@ def repeat_checks(
 def depth_check(first: str | Path, second: str | Path, first_sigma_m: float, second_sigma_m: float) -> Check:
     """Whether the depths of two files agree, row by row; where both have a column `station` it must be the same."""
     if digest_file(first) == digest_file(second):
-        raise FileError(f"this is {Path(first).name} again; one measurement given twice proves nothing", path=second)
+        raise FileError(Finding("work-same", {"file": Path(first).name}), path=second)
     tables = [_depth_table(first), _depth_table(second)]
     one, two = (_given(table, path) for table, path in zip(tables, (first, second), strict=True))
     if len(one) != len(two):
-        problem = f"{len(two)} depths, {Path(first).name} has {len(one)}; give the same points in the same order"
-        raise FileError(problem, path=second)
+        raise FileError(Finding("work-rows", {"count": len(two), "expected": len(one)}), path=second)
     if "station" in one and "station" in two:
         for row, names in enumerate(zip(one.text("station"), two.text("station"), strict=True)):
             if names[0] != names[1]:
-                problem = f"station {names[1]!r} where {Path(first).name} has {names[0]!r}; give the same order"
-                raise two.error(problem, row)
+                other = {"name": names[1], "expected": names[0], "file": Path(first).name}
+                raise two.error(Finding("work-station", other), row)
     return dual_depth(_metres(one), _metres(two), first_sigma_m, second_sigma_m)
 
 
 def _given(table: Frame | None, path: str | Path) -> Frame:
     if table is None:
-        raise FileError("one column with the depth is needed, md_m or md_ft", path=path)
+        raise FileError(Finding("input-one-of", {"names": ("md_m", "md_ft")}), path=path)
     return table
 
 
@@ -135,7 +135,7 @@ def _depth_column(table: Frame) -> tuple[str, float]:
     name = next(name for name in table.names if _is_depth(name))
     found = meaning(name)
     if found is None or found.unit is None:
-        raise table.error(f"the depth {name!r} has no unit; name it md_m or md_ft")
+        raise table.error(Finding("input-one-of", {"names": ("md_m", "md_ft")}))
     return name, found.unit.factor
 
 
@@ -155,5 +155,4 @@ def _metres(table: Frame) -> Array:
 def _one_place(md: Array, path: str | Path) -> None:
     apart = float(np.ptp(md))
     if apart > APART_M:
-        problem = f"the shots lie {apart:.2f} m apart, allowed {APART_M:g} m; give the shots of one depth"
-        raise FileError(problem, path=path)
+        raise FileError(Finding("work-apart", {"apart_m": apart, "most_m": APART_M}), path=path)

@@ -14,12 +14,13 @@ from inclinometry.calibration import plans
 from inclinometry.calibration.plans import Plan
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.constants import DIP
-from inclinometry.errors import FileError, InputError
+from inclinometry.errors import FileError, not_among, out_of_range, refused
 from inclinometry.files.bench_csv import read_plan, write_raw_survey
 from inclinometry.files.bench_csv import write_log as write_log_csv
 from inclinometry.files.datasheet_toml import read_nameplate
 from inclinometry.files.survey_csv import write_survey_csv
 from inclinometry.files.tool_json import read_extras, read_tool
+from inclinometry.findings import Finding
 from inclinometry.sensors import Tool
 from inclinometry.simulate.bench import Misread, Rig, simulate_bench
 from inclinometry.simulate.hole import SurveySimulation, WellProfile, simulate_survey, well_path
@@ -63,10 +64,8 @@ def plan_named(name: str) -> Plan:
     if Path(name).suffix or Path(name).exists():
         return read_plan(name)
     if name == "optimal":
-        raise InputError(
-            "plan optimal is designed for a stand: `inclinometry plan optimal -o plan.csv`, and give plan.csv"
-        )
-    raise InputError(f"plan {name!r} is unknown; allowed: {', '.join(PLANS)}, or a CSV file (of `inclinometry plan`)")
+        raise refused("work-optimal")
+    raise not_among("plan", name, (*PLANS, "FILE.csv"))
 
 
 def bench(
@@ -91,9 +90,9 @@ def bench(
     # how the sensors sit: near the tool's axes, or anywhere
     layouts = {"realistic": realistic_tool, "random": random_tool}
     if layout not in layouts:
-        raise InputError(f"layout {layout!r} is unknown; allowed: {', '.join(layouts)}")
+        raise not_among("layout", layout, layouts)
     if noise < 0.0:
-        raise InputError(f"noise factor is {noise:g}; it must be 0 or more")
+        raise out_of_range("noise", noise, ">= 0")
     tool = layouts[layout](seed, bits=bits, temperature_degree=temperature_degree) if truth is None else truth[0]
     stand = rig
     if truth is not None and truth[1] is not None:
@@ -124,11 +123,11 @@ def bench(
         roll_set=plan.roll_set,
         units=run.units,
         reference=run.reference,
-        warnings=[
-            f"{kind} saturated in {int(hit.any(axis=1).sum())} stations"
+        findings=tuple(
+            Finding("fit-saturated", {"kind": kind, "stations": int(hit.any(axis=1).sum())})
             for kind, hit in run.saturated.items()
             if hit.any()
-        ],
+        ),
     )
     extras = {
         "seed": seed,
@@ -152,7 +151,7 @@ def characteristics(
 ) -> dict[str, Characteristic]:
     """Characteristic of each kind: a magnetometer by name, a square law for all, their own noises in m/s^2 and nT."""
     if magnetometer is not None and magnetometer not in MAGNETOMETERS:
-        raise InputError(f"magnetometer {magnetometer!r} is unknown; allowed: {', '.join(MAGNETOMETERS)}")
+        raise not_among("magnetometer", magnetometer, MAGNETOMETERS)
     named = Characteristic() if magnetometer is None else MAGNETOMETERS[magnetometer]
     found = {"accelerometer": Characteristic(accelerometer_noise), "magnetometer": named, "gyro": Characteristic()}
     if magnetometer_noise is not None:
@@ -179,13 +178,16 @@ def read_truth(path: str | Path) -> tuple[Tool, Rig]:
     """Tool and stand of an earlier simulation."""
     stand = read_extras(path).get("rig")
     if not isinstance(stand, Mapping):
-        raise InputError(f"{path}: no stand in this truth; simulate a bench to get one")
+        raise FileError(Finding("input-missing", {"names": ("rig",)}), path=path)
     known = [f"{name}_deg" for name in _STAND]
     for name, value in stand.items():
         if name not in known:
-            raise FileError(f"rig has {name!r:.60}, which is not known; allowed: {', '.join(known)}", path=path)
+            raise FileError(Finding("input-unknown", {"names": (f"rig.{name:.60}",), "known": tuple(known)}), path=path)
         if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= 360.0:
-            raise FileError(f"rig.{name} is {value!r:.60}; it must be a number of degrees, -360 to 360", path=path)
+            raise FileError(
+                Finding("file-value", {"column": f"rig.{name}", "value": f"{value!r:.60}", "allowed": "-360 .. 360"}),
+                path=path,
+            )
     angles: dict[str, Any] = {name.removesuffix("_deg"): float(np.radians(value)) for name, value in stand.items()}
     return read_tool(path), Rig(**angles)
 
@@ -197,9 +199,9 @@ def misread(text: str, size: int) -> Misread:
     try:
         station, dial, off = int(parts[0]), parts[1], float(parts[2])
     except (IndexError, ValueError):
-        raise InputError(f"misread {text!r}: write STATION:DIAL:DEGREES, e.g. 7:toolface:30") from None
+        raise out_of_range("misread", text, "STATION:DIAL:DEGREES") from None
     if not 1 <= station <= size or dial not in dials:
-        raise InputError(f"misread {text!r}: stations are 1 to {size}, dials {', '.join(dials)}")
+        raise out_of_range("misread", text, f"1 .. {size}:{'|'.join(dials)}:DEGREES")
     return Misread(station - 1, dial, np.radians(off))
 
 

@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 
 from inclinometry.constants import FIELD_UNITS
-from inclinometry.errors import InputError
+from inclinometry.errors import not_among, out_of_range
 from inclinometry.files.columns import KIND_PREFIX, PREFIXES
 from inclinometry.files.run_file import OutField, writing
 from inclinometry.files.writing import degrees, number
@@ -44,10 +44,10 @@ class DrillingRequest:
 
     def __post_init__(self) -> None:
         if self.scenario not in SCENARIOS:
-            raise InputError(f"scenario is {self.scenario!r}; allowed: {', '.join(SCENARIOS)}")
+            raise not_among("scenario", self.scenario, SCENARIOS)
         longest = 1e7  # s; at 200 Hz a run of 2e9 samples
         if self.duration is not None and not 0.0 < self.duration <= longest:
-            raise InputError(f"the duration is {self.duration:g} s; allowed: more than 0, up to {longest:g} s")
+            raise out_of_range("duration_s", self.duration, f"> 0, <= {longest:g}")
 
     @property
     def chosen(self) -> Scenario:

@@ -9,7 +9,7 @@ import numpy as np
 
 from inclinometry.arrays import Array
 from inclinometry.earth.gravity import normal_gravity
-from inclinometry.errors import InputError
+from inclinometry.errors import not_among
 from inclinometry.files import json_codec
 from inclinometry.files.gyro_csv import write_gyro_run
 from inclinometry.files.writing import write_bytes
@@ -50,7 +50,7 @@ def gyro_run(
     """
     for name, value, allowed in (("scenario", scenario, ("hot", "cool")), ("scheme", scheme, POSITIONS)):
         if value not in allowed:
-            raise InputError(f"{name} is {value!r}; allowed: {', '.join(allowed)}")
+            raise not_among(name, value, allowed)
     path = hot_run(seed, stations, latitude=latitude)
     if scenario == "cool":
         path = path._replace(temperature=np.full(stations, 20.0), scale=np.ones(stations))

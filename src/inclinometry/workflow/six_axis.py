@@ -14,7 +14,7 @@ from inclinometry.calibration.result import Calibration, same_units
 from inclinometry.constants import STANDARD_GRAVITY, VECTORS
 from inclinometry.digest import digest_file
 from inclinometry.earth.site import Site, convert_azimuth
-from inclinometry.errors import FileError, InputError, settled
+from inclinometry.errors import FileError, refused, settled
 from inclinometry.files.columns import channel
 from inclinometry.files.exchange import SurveyFile
 from inclinometry.files.site_toml import read_site
@@ -23,7 +23,7 @@ from inclinometry.files.table import TableFile
 from inclinometry.files.text import Progress
 from inclinometry.files.tool_code_json import load_tool_code
 from inclinometry.files.tool_json import read_calibration
-from inclinometry.findings import Finding
+from inclinometry.findings import Finding, without_notes
 from inclinometry.orientation import fields
 from inclinometry.sensors import Tool
 from inclinometry.survey.consistency import check_angles, check_place
@@ -58,10 +58,10 @@ from inclinometry.workflow.field import completed, declination_doubts, model_of
 
 # Stations out of files: raw channels of a calibrated tool, fields in any format, or a survey's totals and angles.
 
-_AXES = {"g": "gx, gy, gz", "b": "bx, by, bz"}
+_AXES = {"g": ("gx", "gy", "gz"), "b": ("bx", "by", "bz")}
 
-REBUILT: Final = "fields rebuilt from the survey's totals, dip and angles"
-"""First line of the history of stations that come from a survey file without sensors."""
+REBUILT: Final = Finding("survey-step-rebuilt", severity="note")
+"""First step of the history of stations that come from a survey file without sensors."""
 
 
 def plain_stations(
@@ -72,20 +72,16 @@ def plain_stations(
         found = _survey_file(path, form, convention)
     except FileError:
         if format_of(path, form) == "csv" and _has_channels(TableFile(path), "counts"):
-            raise FileError(
-                "raw channels whose names state no unit need --calibration tool.json; fields need their units in the "
-                "names, as in gx_m_s2 and bx_nT",
-                path=path,
-            ) from None
+            raise FileError(Finding("work-raw-channels"), path=path) from None
         raise
     if found.g is None and found.b is None:
         g, b, temperature = fields_of_survey(found, site, path)
-        line = REBUILT
+        step = REBUILT
     else:
         g, b, temperature = *(_vectors(found, name, path) for name in _AXES), _temperature(found)
-        line = f"six axes as read from {Path(path).name}"
+        step = Finding("survey-step-axes", {"file": Path(path).name}, severity="note")
     stations = stations_plain(found.md, g, b, temperature=temperature)
-    return replace(stations, history=(line,)), found
+    return replace(stations, history=(step,)), found
 
 
 def tool_stations(
@@ -97,8 +93,7 @@ def tool_stations(
         # stations of a survey by the signals the tool must have given there
         found = _survey_file(path, form, None)
         if found.g is not None or found.b is not None:
-            problem = "holds fields in m/s^2 and nT; with --calibration raw channels (accel_x, ...) as CSV are needed"
-            raise FileError(f"{problem}, or leave --calibration out", path=path)
+            raise FileError(Finding("work-fields"), path=path)
         g, b, temperature = fields_of_survey(found, site, path)
         strengths = [
             record.tool.triads[kind].field_strength if kind in record.tool.triads else None for kind in VECTORS
@@ -112,8 +107,7 @@ def tool_stations(
         stations = stations_from_tool(
             found.md, channels, record.tool, temperature=temperature, g=site.gravity, b=site.b
         )
-        line = REBUILT
-        return replace(stations, history=(line, *stations.history[1:])), found
+        return replace(stations, history=(REBUILT, *stations.history[1:])), found
     raw = read_raw_survey(table)
     same_units(raw.units, record.tool)
     stations = stations_from_tool(
@@ -165,17 +159,16 @@ def _survey_file(path: str | Path, form: str | None, convention: str | None) -> 
     """The stations a file calls used."""
     name = format_of(path, form)
     if name == "wits":
-        problem = "WITS names neither quantities nor units; turn it into CSV first: inclinometry convert with --map"
-        raise FileError(problem, path=path)
+        raise FileError(Finding("work-wits"), path=path)
     found = read_survey_file(path, name, {"convention": convention})
     if found.used is None or found.used.all():
         return found
     rows = np.asarray(found.used)
     if not rows.any():
-        raise FileError("no station is marked as used; mark those of the survey", path=path)
+        raise FileError(Finding("work-none-used"), path=path)
     kept = _rows(found, rows)
-    left = int((~rows).sum())
-    return replace(kept, notes=(*kept.notes, f"{left} of {len(rows)} stations are marked as not used and left out"))
+    left = Finding("table-left", {"count": int((~rows).sum()), "total": len(rows)}, severity="note")
+    return replace(kept, findings=(*kept.findings, left))
 
 
 def _rows(found: SurveyFile, rows: Mask) -> SurveyFile:
@@ -188,7 +181,7 @@ def _rows(found: SurveyFile, rows: Mask) -> SurveyFile:
         name: some(getattr(found, name)) for name in ("inclination", "azimuth", "toolface", "g", "b", "temperature")
     }
     measured = {name: values[rows] for name, values in found.measured.items()}
-    same = {name: getattr(found, name) for name in ("azimuth_reference", "header", "notes", "digest")}
+    same = {name: getattr(found, name) for name in ("azimuth_reference", "header", "findings", "digest")}
     return SurveyFile(md=found.md[rows], measured=measured, **chosen, **same)
 
 
@@ -201,11 +194,11 @@ def _has_channels(table: TableFile, unit: str | None = None) -> bool:
 def _vectors(found: SurveyFile, name: str, path: str | Path) -> Array:
     values: Array | None = getattr(found, name)
     if values is None:
-        raise FileError(f"no {_AXES[name]}; all six axes with their units are needed", path=path)
+        raise FileError(Finding("input-missing", {"names": _AXES[name]}), path=path)
     empty = np.isnan(values).any(axis=1)
     if empty.any():
         depth = found.md[int(np.argmax(empty))]
-        raise FileError(f"one of {_AXES[name]} is empty at {depth:.12g} m; fill it in or remove the row", path=path)
+        raise FileError(Finding("work-cell", {"names": _AXES[name], "md_m": float(depth)}), path=path)
     return values
 
 
@@ -229,13 +222,12 @@ def fields_of_survey(found: SurveyFile, site: Site, path: str | Path) -> tuple[A
     }
     lacking = [name for name, values in columns.items() if values is None]
     if lacking:
-        problem = f"no six axes, and no {', '.join(lacking)} to take their place"
-        raise FileError(f"{problem}; give gx .. bz with units, or a survey with totals, dip and angles", path=path)
+        raise FileError(Finding("work-six-axes", {"names": tuple(lacking)}), path=path)
     values = {name: np.asarray(column) for name, column in columns.items()}
     for name, column in values.items():
         if np.isnan(column).any():
             depth = found.md[int(np.argmax(np.isnan(column)))]
-            raise FileError(f"{name} is empty at {depth:.12g} m; fill it in or remove the row", path=path)
+            raise FileError(Finding("work-cell", {"names": (name,), "md_m": float(depth)}), path=path)
     inclination, azimuth, g_total, b_total, dip = values.values()
     azimuth = convert_azimuth(azimuth, found.azimuth_reference or "", "magnetic", site)
     toolface = np.zeros(len(found)) if found.toolface is None else np.nan_to_num(found.toolface)
@@ -255,8 +247,6 @@ class SixAxis:
     site: Site
     tool: Tool | None = None
     dip: float | None = None
-    notes: Sequence[str] = ()
-    warnings: Sequence[str] = ()
     inputs: Mapping[str, str] = field(default_factory=dict)
     freedom: Mapping[str, float] = field(default_factory=dict)
     findings: tuple[Finding, ...] = ()
@@ -313,13 +303,10 @@ def read_six_axis(
         site or a site without gravity, b or dip; with one, the same where the tool lacks its field strengths.
     """
     if site is None and calibration is None:
-        raise InputError(
-            "without a calibration nothing but the site can tell whether the readings are right; give --site site.toml "
-            "with g, b_nT, dip_deg, or latitude_deg, longitude_deg and date"
-        )
+        raise refused("input-missing", {"names": ("--site",)})
     place, said = completed(Site() if site is None else read_site(site))
+    said += declination_doubts(place)
     inputs = {} if site is None else {"site": digest_file(site)}
-    warned = declination_doubts(place)
     if calibration is None:
         _refuse_unknown(place)
         stations, read = plain_stations(raw, place, form, convention)
@@ -327,24 +314,26 @@ def read_six_axis(
         sensors = "iscwsa-mwd-rev5.1"
         code = load_tool_code(sensors)
         stations = with_sensors(stations, {term.name: term.sigma for term in code.terms})
-        said = [*said, f"no calibration: the sensors' errors are taken from the tool code {sensors}"]
+        said = [*said, Finding("work-tool-code", {"code": sensors}, severity="note")]
         beside = None if REBUILT in stations.history else read
-        findings = run_findings(stations, place, ignored, raw, beside)
-        inputs = {"raw": read.digest, **inputs}
-        return SixAxis(stations, place, None, None, (*said, *read.notes), warned, inputs, findings=findings)
+        findings = (*run_findings(stations, place, ignored, raw, beside), *said, *read.findings)
+        return SixAxis(stations, place, None, None, {"raw": read.digest, **inputs}, findings=findings)
     if convention is not None:
-        raise InputError("--convention is of no use with --calibration, which knows the axes; leave it out")
+        raise refused("input-not-with", {"name": "--convention", "other": "--calibration"})
     record, old = at_the_run(read_calibration(calibration), calibration, place, age)
-    said = [*said, *old]
+    said += [*old, *of_calibration(record)]
     stations, source = tool_stations(raw, record, place, form, progress)
     channels = calibrated_run(source, record.tool) if isinstance(source, RawSurvey) else None
-    findings = run_findings(stations, place, ignored, raw, run=channels)
+    findings = (*run_findings(stations, place, ignored, raw, run=channels), *said, *source.findings)
     inputs |= {f"calibration {name}": value for name, value in record.inputs.items()}
     inputs |= {"raw": source.digest, "tool": digest_file(calibration)}
-    inherited = [f"calibration: {sentence}" for sentence in record.remarks]
     freedom = dict.fromkeys(ESTIMATED, record.degrees_of_freedom)
-    warned = [*inherited, *warned]
-    return SixAxis(stations, place, record.tool, record.dip, (*said, *source.notes), warned, inputs, freedom, findings)
+    return SixAxis(stations, place, record.tool, record.dip, inputs, freedom, findings)
+
+
+def of_calibration(record: Calibration) -> list[Finding]:
+    """What a calibration says of itself, for those who use it."""
+    return [Finding("work-calibration", {"finding": one}) for one in without_notes(record.findings)]
 
 
 def run_findings(
@@ -436,11 +425,8 @@ def _refuse_unknown(site: Site) -> None:
     if has_reference(site):
         return
     known = {"g": site.gravity, "b_nT": site.b, "dip_deg": site.dip}
-    lacking = ", ".join(name for name, value in known.items() if value is None)
-    raise InputError(
-        f"the site has no {lacking}; stations are judged against them: give them, or latitude_deg, longitude_deg "
-        "and date, from which models fill them"
-    )
+    lacking = tuple(name for name, value in known.items() if value is None)
+    raise refused("work-site-lacks", {"names": lacking})
 
 
 @dataclass(frozen=True, eq=False)
@@ -455,14 +441,13 @@ class SixAxisSurvey:
     judged: JudgedStations | None = None
     before: JudgedStations | None = None
     results: Mapping[str, Any] = field(default_factory=dict)
-    notes: Sequence[str] = ()
 
 
 def survey_six_axis(run: SixAxis, correct: str | None = None, bha: str | Path | None = None) -> SixAxisSurvey:
     """Correct the stations of a run (names with commas; corrections.json for "msa", bha.toml for sag); reduce them."""
     steps = correction_steps(correct)
     names = [name for name, _ in steps]
-    stations, results, warned = _corrected(run, steps, bha)
+    stations, results, told = _corrected(run, steps, bha)
     digests = {f"correction {Path(file).name}": digest_file(file) for _, file in steps if file is not None}
     inputs = {**run.inputs, **digests, **({} if bha is None else {"bha": digest_file(bha)})}
     survey = survey_from_stations(stations, site=run.site, tool=run.tool, calibration_dip=run.dip, inputs=inputs)
@@ -474,67 +459,58 @@ def survey_six_axis(run: SixAxis, correct: str | None = None, bha: str | Path | 
             # a correction has bent the dips: what they say of the axes they said before it
             judged = replace(judged, wiring=before.wiring)
         if before is not None and not {"axial", "msa"}.isdisjoint(names) and judged.wiring.verdict != "fail":
-            warned = [*unsettled(before.wiring), *warned]
+            told = [*unsettled(before.wiring), *told]
     if {"axial", "msa"} <= set(names):  # in this order: the other is refused
-        warned = [
-            "axial before msa: the axial field is then made from the reference, so that the analysis cannot find its "
-            "error and leans on the reference twice; on simulated runs azimuths come out up to four times worse than "
-            "by msa alone",
-            *warned,
-        ]
-    # warnings of the corrections
-    said = []
-    for name, result in results.items():
+        told = [Finding("survey-axial-first"), *told]
+    told = [*run.findings, *told]
+    for result in results.values():
         if isinstance(result, MultiStation):
-            said += [f"multi-station analysis: {sentence}" for sentence in result.warnings]
+            told += result.findings
         check = getattr(result, "check", None)
         if isinstance(check, Check) and check.verdict != "pass":
-            said.append(f"{name}: {check.reason}; {check.action}")
-    told = [*run.warnings, *warned, *said, *_of_checks(judged, survey)]
-    survey = replace(survey, findings=run.findings, warnings=(*told, *survey.warnings), freedom=run.freedom)
-    return SixAxisSurvey(survey, run.site, judged, before, results, run.notes)
+            told.append(check.reason)
+    told += _of_checks(judged, survey)
+    survey = replace(survey, findings=(*told, *survey.findings), freedom=run.freedom)
+    return SixAxisSurvey(survey, run.site, judged, before, results)
 
 
 def _corrected(
     run: SixAxis, steps: Sequence[tuple[str, str | None]], bha: str | Path | None
-) -> tuple[Stations, dict[str, Any], list[str]]:
+) -> tuple[Stations, dict[str, Any], list[Finding]]:
     names = [name for name, _ in steps]
     if bha is not None and "sag" not in names:
-        raise InputError("--bha is given without the correction that needs it; add sag to --correct")
+        raise refused("input-needs", {"name": "--bha", "needed": ("--correct sag",)})
     assembly = None
     if bha is not None:
         from inclinometry.files.sag_toml import read_bha
 
         assembly = read_bha(bha)
     if names and REBUILT in run.stations.history:
-        raise InputError(
-            "--correct needs the sensors' readings: these fields are rebuilt from a survey, which does not say what "
-            "has been corrected already; give the raw channels or six axes it was made from"
-        )
+        raise refused("work-rebuilt")
     if run.reference is not None and not {"axial", "msa"}.isdisjoint(names):
         refuse_uncorrectable(run.stations, run.reference)
-    stations, warned = run.stations, list[str]()
+    stations, told = run.stations, list[Finding]()
     results: dict[str, Any] = {}
     for name, file in steps:
         if file is not None:
             tool = "" if run.tool is None else run.tool.name
-            correction, warned = matching_correction(file, tool, run.inputs, run.stations)
+            correction, told = matching_correction(file, tool, run.inputs, run.stations)
             stations = apply_correction(stations, correction)
             continue
         stations, results[name] = corrected(stations, name, run.reference, run.tool, assembly)
         if name == "msa":
             refuse_beyond(results[name].parameters)
-    return stations, results, warned
+    return stations, results, told
 
 
-def _of_checks(judged: JudgedStations | None, survey: Survey) -> list[str]:
+def _of_checks(judged: JudgedStations | None, survey: Survey) -> list[Finding]:
     """Failures that the flags of the stations do not tell already."""
     if judged is None:
         return []
     said = [judged.wiring] if judged.wiring.verdict == "fail" else []
     if not any(survey.flags):
         said += [check for check in judged.quality.checks if check.verdict == "fail"]
-    return [f"{check.name}: {check.reason}; {check.action}" for check in said]
+    return [check.reason for check in said]
 
 
 @dataclass(frozen=True, eq=False)
@@ -546,9 +522,9 @@ class Analysis:
     judged: JudgedStations
 
     @property
-    def warnings(self) -> list[str]:
+    def findings(self) -> tuple[Finding, ...]:
         """Of the analysis, and what axes and signs were like before it."""
-        return [*self.found.warnings, *unsettled(self.judged.wiring)]
+        return (*self.found.findings, *unsettled(self.judged.wiring))
 
 
 def msa(run: SixAxis, priors: str = "iscwsa", axial_sigma: float | None = None) -> Analysis:

@@ -8,9 +8,11 @@ from pathlib import Path
 
 from inclinometry.calibration.plans import Plan
 from inclinometry.calibration.readings import BenchReadings
+from inclinometry.calibration.result import uncoded
 from inclinometry.calibration.stillness import StillIntervals, stations_from_log
-from inclinometry.errors import InputError
+from inclinometry.errors import FileError
 from inclinometry.files.log_csv import read_log
+from inclinometry.findings import Finding
 
 
 def readings_of_log(
@@ -29,13 +31,10 @@ def readings_of_log(
     readings, found = stations_from_log(
         log.time, log.channels, temperature=log.temperature, units=log.units, window=window, shortest=shortest
     )
-    readings = replace(readings, digest=log.digest, warnings=(*log.notes, *readings.warnings))
+    readings = replace(readings, digest=log.digest, findings=(*uncoded(log.notes), *readings.findings))
     if plan is None:
         return readings, found
     if len(plan) != len(readings):
-        raise InputError(
-            f"{path}: {len(readings)} still intervals, the plan has {len(plan)} positions; they must be as many "
-            "(lower --shortest-s if a rest was missed, raise it if a pause was taken for one)"
-        )
+        raise FileError(Finding("work-plan", {"rests": len(readings), "positions": len(plan)}), path=path)
     settings = {name: getattr(plan, name) for name in ("azimuth", "inclination", "toolface", "roll_set")}
     return replace(readings, **settings), found

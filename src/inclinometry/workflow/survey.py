@@ -12,7 +12,7 @@ from inclinometry.calibration.result import Calibration, same_units
 from inclinometry.constants import VECTORS
 from inclinometry.digest import digest_file
 from inclinometry.earth.site import Site
-from inclinometry.errors import InputError, settled
+from inclinometry.errors import refused, settled
 from inclinometry.files.site_toml import read_site
 from inclinometry.files.survey_csv import RawSurvey, read_raw_survey, survey_cells
 from inclinometry.files.text import Progress
@@ -33,6 +33,7 @@ from inclinometry.workflow.six_axis import (
     SixAxisSurvey,
     calibrated_run,
     has_reference,
+    of_calibration,
     quality,
     read_six_axis,
     survey_six_axis,
@@ -79,9 +80,9 @@ def survey_raw(
         hole=hole,
         gravity_sd=gravity_sd,
     )
-    inherited = [f"calibration: {sentence}" for sentence in calibration.remarks]
     freedom = dict.fromkeys(ESTIMATED, calibration.degrees_of_freedom)
-    return replace(found, warnings=(*raw.notes, *inherited, *found.warnings), freedom=freedom)
+    told = (*raw.findings, *of_calibration(calibration))
+    return replace(found, findings=(*told, *found.findings), freedom=freedom)
 
 
 def survey_file(
@@ -108,30 +109,29 @@ def survey_file(
     """
     if calibration is None or correct is not None or bha is not None:
         if second is not None:
-            option = f"--azimuth-from {second}"
-            raise InputError(f"{option} is for raw channels of a calibrated tool without corrections; leave it out")
+            raise refused("option-raw-only", {"name": f"--azimuth-from {second}"})
         if hole != "down":
-            raise InputError("--hole is for raw channels of two calibrated accelerometers; leave it out")
+            raise refused("option-raw-only", {"name": "--hole"})
         if gravity_sd is not None:
-            raise InputError("--gravity-sd-percent is for raw channels of two calibrated accelerometers; leave it out")
+            raise refused("option-raw-only", {"name": "--gravity-sd-percent"})
         run = read_six_axis(
             raw, site, calibration, age, form=form, convention=convention, ignored=ignored, progress=progress
         )
         done = survey_six_axis(run, correct, bha)
-        return replace(done, survey=_marked(done.survey, run.findings))
+        return replace(done, survey=_marked(done.survey))
     if convention is not None or form not in (None, "csv"):
-        raise InputError("with --calibration the readings are a CSV of raw channels; leave --from and --convention out")
-    place, notes = (None, []) if site is None else completed(read_site(site))
+        raise refused("input-not-with", {"name": "--from, --convention", "other": "--calibration"})
+    place, said = (None, list[Finding]()) if site is None else completed(read_site(site))
     data = read_raw_survey(raw, progress=progress)
     record, old = at_the_run(read_calibration(calibration), calibration, place or Site(), age)
-    notes = [*notes, *old]
+    said += old
     found = survey_raw(data, record, place, second=second, hole=hole, gravity_sd=gravity_sd)
-    warned = [] if place is None or found.azimuth_reference == "magnetic" else declination_doubts(place)
+    said += [] if place is None or found.azimuth_reference == "magnetic" else declination_doubts(place)
     inputs = {**found.inputs, "tool": digest_file(calibration)}
     findings = settled(check_run(_run(data, found, record, second)), ignored, raw)
-    found = _marked(replace(found, inputs=inputs, warnings=(*warned, *found.warnings)), findings)
+    found = _marked(replace(found, inputs=inputs, findings=(*findings, *said, *found.findings)))
     judged = _judged(data, record, place) if charts and second != "gyro" and place is not None else None
-    return SixAxisSurvey(found, place or Site(), judged, notes=notes)
+    return SixAxisSurvey(found, place or Site(), judged)
 
 
 def _run(raw: RawSurvey, found: Survey, record: Calibration, second: str | None) -> Run:
@@ -142,11 +142,11 @@ def _run(raw: RawSurvey, found: Survey, record: Calibration, second: str | None)
     return calibrated_run(raw, record.tool)
 
 
-def _marked(found: Survey, findings: tuple[Finding, ...]) -> Survey:
-    """The survey with its findings, and a flag at every station where one was ignored."""
-    if any(one.severity == "ignored" for one in findings):
-        found = replace(found, flags=[[*row, "overruled"] for row in found.flags])
-    return replace(found, findings=findings)
+def _marked(found: Survey) -> Survey:
+    """The survey with a flag at every station where a finding was ignored."""
+    if any(one.severity == "ignored" for one in found.findings):
+        return replace(found, flags=[[*row, "overruled"] for row in found.flags])
+    return found
 
 
 def _judged(raw: RawSurvey, record: Calibration, site: Site) -> JudgedStations | None:

@@ -27,7 +27,7 @@ from inclinometry.errors import InputError
 from inclinometry.files import json_codec
 from inclinometry.files.json_codec import canonical
 from inclinometry.files.verification_json import without_conformity
-from inclinometry.findings import LANGUAGES
+from inclinometry.findings import LANGUAGES, without_notes
 from inclinometry.glossary import terms
 from inclinometry.laboratory.certificate.budget import uncertainty_budget, uncertainty_table
 from inclinometry.laboratory.certificate.laboratory import Laboratory, Order, Standard
@@ -279,7 +279,7 @@ def certificate_record(
     stated = certified(calibration)
     tool, expected = stated.calibration.tool, expected_uncertainty(stated.calibration, INCLINATIONS)
     judged, found_before = (None if one is None else without_conformity(one) for one in (verification, as_found))
-    remarks = [*calibration.remarks, *two_accelerometers(tool)]
+    remarks = [*map(str, without_notes(calibration.findings)), *two_accelerometers(tool)]
     accepted = accepted_warnings(open_warnings(calibration, judged), accept_warnings, laboratory, order)
     lacking = missing(laboratory, order, standards)
     record: Record = {

@@ -12,6 +12,7 @@ from inclinometry.calibration.expected import expected_gravity_sd
 from inclinometry.calibration.result import Calibration
 from inclinometry.constants import GRAVITY_SPREAD
 from inclinometry.errors import InputError
+from inclinometry.findings import without_notes
 from inclinometry.laboratory.certificate.laboratory import Laboratory, Order, Standard
 from inclinometry.laboratory.placeholders import stated
 from inclinometry.sensors import Tool
@@ -72,7 +73,8 @@ def overdue(record: Mapping[str, Any]) -> list[str]:
 def open_warnings(calibration: Calibration, verification: Mapping[str, Any] | None) -> list[str]:
     """What speaks against relying on a calibration and its verification, each sentence once."""
     judged = () if verification is None else verification["report"]["warnings"]
-    return list(dict.fromkeys([*calibration.remarks, *two_accelerometers(calibration.tool), *judged]))
+    warned = map(str, without_notes(calibration.findings))
+    return list(dict.fromkeys([*warned, *two_accelerometers(calibration.tool), *judged]))
 
 
 def accepted_warnings(

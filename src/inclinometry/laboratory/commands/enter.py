@@ -133,13 +133,10 @@ def enter(
         number = None
         if certify or supersedes:
             number = certified(opened, found, known, supersedes, reason or "", accept_warnings)
-    output.notes(tried.notes)
-    output.warnings(tried.warnings)
     output.findings(tried.findings)
     if json:
-        content = {"serial": serial, "calibration": found.id, "certificate": number, "notes": list(tried.notes)}
-        told = {"findings": [one.plain() for one in tried.findings], "warnings": list(tried.warnings)}
-        output.print_json(content | told)
+        content = {"serial": serial, "calibration": found.id, "certificate": number}
+        output.print_json(content | {"findings": [one.plain() for one in tried.findings]})
         return
     output.say(f"{serial}: calibration {found.id} of {day} recorded{f', certificate {number}' if number else ''}")
 

@@ -9,7 +9,7 @@ import numpy as np
 from fastapi import APIRouter, HTTPException, Path, Query
 from pydantic import Field
 
-from inclinometry.findings import Finding
+from inclinometry.findings import Finding, without_notes
 from inclinometry.laboratory import drift
 from inclinometry.laboratory.attitude import at_target
 from inclinometry.laboratory.guided import plan_for
@@ -203,7 +203,9 @@ def how_it_stands(ledger: TheLedger, _: Reader, session: RecordId) -> dict[str, 
         "U_inclination_deg": _finite(now.u_inclination),
         "outliers": {str(number): str(what) for number, what in now.outliers.items()},
         "reached": now.reached,
-        "warnings": [] if now.calibration is None else [current().without_path(w) for w in now.calibration.remarks],
+        "warnings": []
+        if now.calibration is None
+        else [current().without_path(str(one)) for one in without_notes(now.calibration.findings)],
         "next_deg": None if at is None else _degrees(at),
     }
 

@@ -10,6 +10,7 @@ from fastapi import Request
 from nicegui import ui
 
 from inclinometry.errors import InputError
+from inclinometry.findings import without_notes
 from inclinometry.laboratory import certificates, registry
 from inclinometry.laboratory.certificate.laboratory import LONGEST, Laboratory, Order, Standard, begun, laboratory_from
 from inclinometry.laboratory.certificate.record import words
@@ -179,7 +180,9 @@ class IssueForm:
                 ui.label(visitor.say("results.doubted")).classes("subtitle")
             for sentence in found:
                 ui.label(visitor.sentence(sentence)).classes("warn")
-                if sentence in calibration.remarks[-1:] and can_be_evaluated_again(self._calibration):
+                if sentence in map(str, without_notes(calibration.findings)[-1:]) and can_be_evaluated_again(
+                    self._calibration
+                ):
                     ui.link(visitor.say("results.again"), to("/results", self._calibration.id) + "#site")
         self.accept.set_visibility(bool(found))
         self.nonconforming.set_visibility(nonconforming(judged))

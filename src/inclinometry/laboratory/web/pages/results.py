@@ -12,6 +12,7 @@ from inclinometry.calibration.expected import ALL_ANGLES, certified, expanded, e
 from inclinometry.calibration.result import Calibration
 from inclinometry.constants import INCLINATION_RANGE, INCLINATIONS
 from inclinometry.errors import InclinometryError
+from inclinometry.findings import only_notes, without_notes
 from inclinometry.laboratory import results
 from inclinometry.laboratory.certificates import of_same_readings
 from inclinometry.laboratory.ledger.ledger import Record
@@ -78,20 +79,21 @@ def _summary(visitor: Visitor, record: Record, found: Calibration, table: dict[s
         ui.label(" · ".join(filter(None, (plan, str(about.get("rig", "")), method, record.author)))).classes("dim")
         tests = calibration_tests(found)
         failed = [test for test in tests if test.passed is False]
-        sound = not failed and not found.warnings
+        warned = without_notes(found.findings)
+        sound = not failed and not warned
         ui.label(say("results.sound" if sound else "results.doubted")).classes(
             "judgement " + ("good" if sound else "warn")
         ).props('data-testid="verdict"')
         _headline(visitor, record, table)
-        for sentence in found.warnings:
-            ui.label(visitor.sentence(sentence)).classes("warn")
-        if found.warnings and results.can_be_evaluated_again(record):
+        for one in warned:
+            ui.label(visitor.sentence(str(one))).classes("warn")
+        if warned and results.can_be_evaluated_again(record):
             ui.link(say("results.again"), "#site")
-        for test in failed if not found.warnings else ():
+        for test in failed if not warned else ():
             said = say("results.test_failed", what=visitor.sentence(test.what), found=test.found, limit=test.limit)
             ui.label(said).classes("warn")
-        for sentence in found.notes:
-            ui.label(visitor.sentence(sentence)).classes("dim")
+        for one in only_notes(found.findings):
+            ui.label(visitor.sentence(str(one))).classes("dim")
         _next_step(visitor, record)
 
 

@@ -16,6 +16,7 @@ from inclinometry.constants import ANGLES, COVERAGE_FACTOR, DIALS
 from inclinometry.errors import InclinometryError, InputError
 from inclinometry.files.limits import limit_names, read_limits
 from inclinometry.files.verification_json import stated_limits
+from inclinometry.findings import only_notes, without_notes
 from inclinometry.laboratory.ledger.ledger import LedgerError, Record
 from inclinometry.laboratory.ledger.users import User
 from inclinometry.laboratory.registry import extract, listed
@@ -302,8 +303,8 @@ class VerifyForm:
             if calibration is not None:
                 ledger = self._visitor.bench.ledger
                 found = await aside(lambda: foreseen(ledger, str(calibration), protocol_, limits))
-                lines += [(self._visitor.sentence(sentence), "warn") for sentence in found.warnings]
-                lines += [(self._visitor.sentence(sentence), "dim") for sentence in found.notes]
+                lines += [(self._visitor.sentence(str(one)), "warn") for one in without_notes(found.findings)]
+                lines += [(self._visitor.sentence(str(one)), "dim") for one in only_notes(found.findings)]
         except InclinometryError as error:
             lines = [(self._visitor.problem(error), "warn")]
         self._foreseen.clear()

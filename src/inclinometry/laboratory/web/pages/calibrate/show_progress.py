@@ -14,6 +14,7 @@ import numpy as np
 from nicegui import ui
 
 from inclinometry.constants import DIALS
+from inclinometry.findings import without_notes
 from inclinometry.laboratory.attitude import OffTarget
 from inclinometry.laboratory.instruments.protocol import InstrumentEvent
 from inclinometry.laboratory.live import WINDOW, LiveFeed, Stability
@@ -491,10 +492,10 @@ class Certifies:
             self._line("azimuth", now.u_azimuth, alone[1], noise[1], goal.u_azimuth)
             self._line("inclination", now.u_inclination, alone[0], noise[0], goal.u_inclination)
         ui.label(say("bench.range", low=f"{low:.0f}", high=f"{high:.0f}", k=f"{now.k:g}")).classes("dim small number")
-        said = {str(one) for one in now.outliers.values()}
-        others = [w for w in now.calibration.remarks if w not in said]
-        for sentence in others[:3]:
-            ui.label(guided.visitor.sentence(sentence)).classes("warn small")
+        said = list(now.outliers.values())
+        others = [one for one in without_notes(now.calibration.findings) if one not in said]
+        for one in others[:3]:
+            ui.label(guided.visitor.sentence(str(one))).classes("warn small")
 
     def _line(self, angle: str, value: float, alone: float, noise: float, wanted: float | None) -> None:
         """U of one reading as the certificate will print it; below, from the calibration alone, and what is wanted."""
