@@ -55,7 +55,7 @@ def angles_from_channels(
         Inclination, azimuth, toolface are written here and nothing is allocated; contiguous, overlapping neither each
         other nor the signals. A `ChannelAngles` of an earlier call will do.
     threads : int, optional
-        Used above 1e6 samples only. All cores this process may use when not given; never more than those.
+        Used above 1e6 samples only. Default: all cores this process may use; never more than those.
 
     Returns
     -------
@@ -231,7 +231,7 @@ def _plain(source: Array | Channels, coefficients: Array, result: ChannelAngles)
             undefined = vertical & (g[2] == 0.0)
             undefined |= (sine == 0.0) & (cosine == 0.0)
             undefined |= (toolface_sine == 0.0) & (toolface_cosine == 0.0)
-            spoilt = np.where(undefined, np.nan, (inclination + azimuth + toolface) * 0.0)
-            angles = inclination + spoilt, azimuth + spoilt, toolface + spoilt
+            invalid = np.where(undefined, np.nan, (inclination + azimuth + toolface) * 0.0)
+            angles = inclination + invalid, azimuth + invalid, toolface + invalid
         for into, angle in zip(result, angles, strict=True):
             into[part] = angle

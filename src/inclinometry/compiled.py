@@ -33,7 +33,7 @@ COMPILED: Final = numba is not None
 
 
 class _NoType:
-    """Stands for every type of a signature that nobody compiles."""
+    """Stands for every type of a signature that no one compiles."""
 
     def __getattr__(self, name: str) -> _NoType:
         return self
@@ -188,8 +188,8 @@ def _attitude(gx: float, gy: float, gz: float, bx: float, by: float, bz: float) 
     inclination = _half_turn(math.sqrt(level), gz)
     azimuth = _full_turn(sine, cosine)
     toolface = _full_turn(toolface_sine, toolface_cosine)
-    spoilt = (inclination + azimuth + toolface) * 0.0  # 0 or NaN
-    return inclination + spoilt, azimuth + spoilt, toolface + spoilt
+    invalid = (inclination + azimuth + toolface) * 0.0  # 0 or NaN
+    return inclination + invalid, azimuth + invalid, toolface + invalid
 
 
 @compiled(types.void(VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR_OUT, VECTOR_OUT, VECTOR_OUT))

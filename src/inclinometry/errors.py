@@ -78,7 +78,7 @@ class FileError(InputError):
 
 
 class IdentifiabilityError(InclinometryError, ValueError):
-    """The readings cannot determine what was asked; the message says which direction and the cure."""
+    """The readings cannot determine what was asked; the message says which direction and the remedy."""
 
 
 class ConvergenceError(InclinometryError, ArithmeticError):

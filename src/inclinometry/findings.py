@@ -1,4 +1,4 @@
-"""What the package says about data: a code with values. The sentence is made where somebody reads it.
+"""What the package says about data: a code with values. The sentence is made where a user reads it.
 
 A finding is an edge record: names of values carry their unit (`off_deg`, `md_m`), as columns and options do. One
 catalogue, a file per room (catalogue/run.toml), turns a code into a sentence with named fields; translations are
@@ -222,7 +222,7 @@ def _plural(language: str) -> Callable[[int], int]:
 
 
 def _translated(language: str, own: str, context: str, sentences: tuple[str, ...], count: int = 1) -> str:
-    """One of a sentence and its plural form in a language; as they are where nobody has translated them."""
+    """One of a sentence and its plural form in a language; as they are where no one has translated them."""
     forms = _messages(language, own).get(f"{context}\x04{chr(0).join(sentences)}", ())
     found, rules = (forms, language) if forms and all(forms) else (sentences, "en")
     return found[_plural(rules)(count)] if len(sentences) > 1 else found[0]

@@ -51,7 +51,7 @@ class ToolHistory(Tabular):
         Of each certificate: noise, converter and dials, marginalised over the directions of the fields.
     hours, shock, heat : (K,) array_like, optional
         Operating hours, dose of shock (count or integral above a level) and of heat (hours above a temperature) since
-        the calibration before; the first value of each isn't used. Zero when not given.
+        the calibration before; the first value of each isn't used. Default: zero.
     rig : sequence of str, optional
         On which each was made.
     reference : Tool, optional
@@ -273,7 +273,7 @@ def tool_history(
         In any order; each from its own readings alone. Of a check that rests on the history itself,
         `inclinometry.calibration.drift_check.DriftCheck` gives the values that belong here.
     reference : Tool, optional
-        That of the first calibration when not given.
+        Default: that of the first calibration.
 
     Raises
     ------

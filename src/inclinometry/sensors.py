@@ -231,7 +231,7 @@ class Triad(Tabular):
         return np.asarray(np.linalg.pinv(self._tensor_at(temperature)))
 
     def inverse_powers(self, low: float, high: float) -> Array:
-        """N^-1 as coefficients (p + 1, 3, m) of the powers of (T - reference), good to 1e-8 of itself from low to high.
+        """N^-1 as coefficients (p + 1, 3, m) of the powers of (T - reference), relative error 1e-8, from low to high.
 
         N is the polynomial that was found; its inverse is none, but one of few powers serves a firmware that only
         multiplies and adds.
@@ -396,9 +396,9 @@ class Tool(Tabular):
     triads : mapping of kind to Triad
     covariance : (p, p) array_like, optional
         Joint covariance of all triads' parameters, in the order accelerometer, magnetometer, gyro and, inside each,
-        `parameter_names`. Zero (a perfectly known tool, e.g. a simulated truth) when not given.
+        `parameter_names`. Default: zero (a perfectly known tool, e.g. a simulated truth).
     noise : mapping of kind to (m,) array_like
-        Standard deviation of one reading of each sensor, in the triad's unit; zero when not given.
+        Standard deviation of one reading of each sensor, in the triad's unit. Default: zero.
     temperature_range : (float, float), optional
         degC over which the parameters were determined.
     stability : (p, p) array_like, optional

@@ -42,7 +42,7 @@ ASSUMED: Final = Stability(
     0.0008,
     source="half of the terms AB, AS, MB and MS of the ISCWSA's MWD error model, revision 5.1, a year",
 )
-"""What is assumed of a tool whose history nobody has looked at. The model's terms (0.004 m/s^2, 0.0005, 70 nT, 0.0016)
+"""What is assumed of a tool whose history no one has looked at. The model's terms (0.004 m/s^2, 0.0005, 70 nT, 0.0016)
 are of tools in service, calibrated some time ago; half of them in the first year reaches them in the fourth.
 """
 

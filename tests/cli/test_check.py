@@ -30,9 +30,10 @@ def listing(run):
 def test_what_a_listing_is_understood_to_be(run, listing):
     done = run("check", listing).ok()
     assert "separated by semicolon, 3 lines before the names, a line of units; 3 rows" in done.out
-    assert "MD (ft)" in done.out and "position: can take it as it is" in done.out  # noqa: PT018
-    assert "calibrate: no channels" in done.out
-    assert "verify: no channels" in done.out
+    assert "MD (ft)" in done.out and "position: accepted" in done.out  # noqa: PT018
+    uses = run("check", listing, "--json").json["uses"]
+    assert uses["position"] is None
+    assert uses["calibrate"] == uses["verify"]
 
 
 def test_from_the_draft_to_the_answer_with_one_option(run, listing):
@@ -53,7 +54,7 @@ def test_check_with_the_units_stated(run):
 
 def test_a_profile_without_a_table_is_said(run):
     done = run("list plans --units ft").ok()
-    assert "warning: --units had no table to be used for" in done.err
+    assert "[option-unused]" in done.err
 
 
 def test_standard_input_and_output(run, monkeypatch):
@@ -100,9 +101,9 @@ def test_units_that_would_fit_a_triad(run):
     rows = [",".join(f"{v:.5f}" for v in (*g, *(48.0 * g))) for g in down]
     Path("imu.csv").write_text("Ax,Ay,Az,Mx,My,Mz\n" + "\n".join(rows) + "\n")
     done = run("check", "imu.csv")
-    assert "would fit g (gravity +0.0%)" in done.out
-    assert "would fit uT (a field of 48.0 uT)" in done.out
-    assert "can take it" not in done.out  # no unit is guessed
+    assert "as in g (gravity" in done.out
+    assert "as in uT (field of 48000 nT)" in done.out
+    assert ": accepted\n" not in done.out  # no unit is guessed
 
 
 def test_a_stated_unit_is_not_called_raw_counts(run):
@@ -110,9 +111,9 @@ def test_a_stated_unit_is_not_called_raw_counts(run):
     rows = [f"{29.4 * x:.4f},{29.4 * y:.4f},{29.4 * z:.4f}" for x, y, z in np.eye(3)]
     for names in ("Ax (m/s2),Ay (m/s2),Az (m/s2)", "accel_x_m_s2,accel_y_m_s2,accel_z_m_s2"):
         Path("imu.csv").write_text("\n".join([names, *rows]) + "\n")
-        assert "raw counts" not in run("check", "imu.csv").out
+        assert "counts or volts" not in run("check", "imu.csv").out
     Path("imu.csv").write_text("\n".join(["Ax,Ay,Az", *rows]) + "\n")
-    assert "raw counts or volts" in run("check", "imu.csv").out
+    assert "counts or volts" in run("check", "imu.csv").out
 
 
 def told(run, name):
@@ -121,17 +122,17 @@ def told(run, name):
 
 
 def agrees(run, uses, command, *arguments):
-    """Whether a command refuses a file in the words of `check`, or takes it where that says yes."""
+    """Whether a command refuses a file as `check` does, or takes it where that says so."""
     done = run(*arguments)
-    return done.status == 0 if uses[command] == "yes" else done.status == 2 and uses[command] in done.err
+    lacking = uses[command]
+    return done.status == 0 if lacking is None else done.status == 2 and f"[{lacking['code']}]" in done.err
 
 
 def test_check_says_what_each_command_does_with_a_gyro_run(run):
     Path("site.toml").write_text("latitude_deg = 60\ng = 9.81\n")
     assert run("simulate gyro -o gyro.csv --site site.toml").status == 0
     uses = told(run, "gyro.csv")
-    assert "no rig angles" in uses["calibrate"]
-    assert [name for name, answer in uses.items() if answer == "yes"] == ["readings", "gyro north"]
+    assert [name for name, lacking in uses.items() if lacking is None] == ["readings", "gyro north"]
     site = ("--site", "site.toml", "-o", "out.csv")
     for command, arguments in {
         "calibrate": ("calibrate", "gyro.csv"),
@@ -149,9 +150,7 @@ def test_check_says_what_each_command_does_with_a_log_and_with_its_readings(run)
     """The log has no angles of a rig, its readings have, and three of them do not make a calibration."""
     run("simulate log --plan orthogonal -o log.csv")
     uses = told(run, "log.csv")
-    assert "no rig angles" in uses["calibrate"]
-    assert "no rig angles" in uses["verify"]
-    assert "no gyro" in uses["calibrate --method hand-rotations"]
+    assert uses["calibrate --method hand-rotations"]["code"] == "input-one-of"
     for command, *arguments in (
         ("calibrate", "calibrate", "log.csv"),
         ("calibrate --method norm", "calibrate", "log.csv", "--method", "norm"),
@@ -160,10 +159,10 @@ def test_check_says_what_each_command_does_with_a_log_and_with_its_readings(run)
     ):
         assert agrees(run, uses, command, *arguments), command
     run("simulate bench --plan orthogonal -o bench.csv")
-    assert (told(run, "bench.csv")["calibrate"], told(run, "bench.csv")["verify"]) == ("yes", "yes")
+    assert (told(run, "bench.csv")["calibrate"], told(run, "bench.csv")["verify"]) == (None, None)
     Path("few.csv").write_text("\n".join(Path("bench.csv").read_text().splitlines()[:4]) + "\n")
     few = told(run, "few.csv")
-    assert few["calibrate"] != "yes"
+    assert few["calibrate"] is not None
     assert agrees(run, few, "calibrate", "calibrate", "few.csv")
 
 
@@ -193,13 +192,13 @@ def test_a_code_is_explained(run):
 
 
 def test_no_file_no_table(run):
-    assert "there is no such file" in run("check", "nothing.csv").err
+    assert "[file-absent]" in run("check", "nothing.csv").err
     Path("empty.csv").write_text("")
-    run("check", "empty.csv").refused("the file is empty")
+    run("check", "empty.csv").refused("[file-empty]")
     Path("blank.csv").write_text("\n\n# nothing\n")
     assert run("check", "blank.csv").status == 2
     Path("prose.txt").write_text("Dear colleague\nhere are the data\nas promised.\n")
-    assert "can take it" not in run("check", "prose.txt").out
+    assert ": accepted\n" not in run("check", "prose.txt").out
 
 
 def test_looking_without_writing(run):
@@ -213,7 +212,7 @@ def test_looking_without_writing(run):
     assert "304.80" in done.out
     assert "nothing was written" in done.out
     Path("b.csv").write_text("MD,INC,AZI,azimuth_reference\n0,0,0,grid\n1000,10.5,20,grid\n")
-    run("position b.csv --units ft,deg --azimuth-reference true").refused("'azimuth_reference' appears twice")
+    run("position b.csv --units ft,deg --azimuth-reference true").refused("[table-twice]")
 
 
 @pytest.mark.long
@@ -227,7 +226,7 @@ def test_quiet_and_open(run, monkeypatch):
     monkeypatch.setattr("webbrowser.open", opened.append)
     assert run("calibrate readings.csv --report report.html --open").status == 0
     assert opened == [Path("report.html").resolve().as_uri()]
-    assert "name it with --report" in run("calibrate readings.csv --open").err
+    assert "[input-needs]" in run("calibrate readings.csv --open").err
 
 
 def test_completion_of_the_shell(run, tmp_path, monkeypatch):
@@ -278,18 +277,18 @@ def test_rests_turning_axis_and_how_each_convention_fits(run):
         assert found[right]["scatter_deg"] < 0.1
         assert found[right]["share_down"] == 1.0
         assert found[wrong]["dip_deg"] == pytest.approx(-dip, abs=0.1)
-        notes = " ".join(done.json["notes"])
-        assert "8 rests in the file, 2." in notes
-        assert "turning axis: z" in notes
+        notes = {one["code"]: one["values"] for one in done.json["findings"]}
+        assert notes["check-rests"]["rests"] == 8
+        assert notes["check-turning-rate"]["axis"] == "z"
     _log("exchanged.csv", np.eye(3), 1.0, exchange=True)
     done = run("check", "exchanged.csv")
-    assert "magnetometer -y, -x, -z along x, y, z" in done.out or "magnetometer +y, +x, +z along x, y, z" in done.out
+    assert "[sensor-mapping]" in done.out
     assert "how each convention of axes fits" in done.out
 
 
 def test_dials_that_count_otherwise_are_said(run):
     run("simulate bench --plan twelve --seed 1 -o readings.csv")
-    assert "dials: no other way of counting fits better" in run("check", "readings.csv").out
+    assert "[check-dials]" in run("check", "readings.csv").out
     lines = [line.split(",") for line in Path("readings.csv").read_text().splitlines()]
     at = lines[0].index("toolface_deg")
     for line in lines[1:]:
@@ -314,7 +313,7 @@ def test_of_a_long_file_every_row_is_counted(run):
     Path("long.csv").write_text("time_s,accel_x_g,accel_y_g,accel_z_g\n" + rows)
     done = run("check", "long.csv")
     assert "30,000 rows" in done.out
-    assert "1 rest in the file, 300 s long" in done.out
+    assert "[check-rests]" in done.out
 
 
 def test_verbose_says_what_was_understood_and_how_long_it_took(run):
@@ -345,7 +344,7 @@ def test_the_unit_of_the_names_fits_what_was_read(run, names, unit):
     size = {"m/s2": 9.81, "g": 1.0, "mg": 1000.0}[unit]
     header = ",".join(["time_s", *(names.format(axis) for axis in "xyz")])
     Path("log.csv").write_text(header + "\n" + "".join(f"{k},0,0.001,{size}\n" for k in range(20)))
-    assert f"that would fit {unit} (gravity" in run("check", "log.csv").out
+    assert f"as in {unit} (gravity" in run("check", "log.csv").out
     stated = ",".join(["time_s", *(f"{names.format(axis)} ({unit})" for axis in "xyz")])
     Path("log.csv").write_text(f"{stated}\n1,0,0,1\n2,0,0,1\n")
     assert "counts or volts" not in run("check", "log.csv").out
@@ -359,7 +358,7 @@ def test_an_error_of_check_names_the_file_that_was_given(run):
     book.save("empty.xlsx")
     done = run("check", "empty.xlsx")
     assert done.status == 2
-    assert done.err.startswith("inclinometry: empty.xlsx, line 1: there are column names but no rows")
+    assert done.err.startswith("inclinometry: empty.xlsx, line 1: ")
 
 
 def test_units_are_stated_for_the_log_and_its_plan(run):

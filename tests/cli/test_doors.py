@@ -38,8 +38,8 @@ SIGN = rule("bench-sign-assumed").says[0].partition("{")[0]
 SAID = {  # a part of what the cases below are warned of
     "no dip": "bench-sign-assumed",
     "own names": "bench-dial-misread",
-    "details": "column 'operator' is not known and was not used",
-    "clipped": "accel_z reads exactly 1023 in 3 stations: saturated?",
+    "details": "table-unused",
+    "clipped": "readings-saturated",
     "left-handed": "bench-axes-against",
 }
 

@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 import pytest
-from tests.refusals import refused
+from tests.refusals import coded, refused
 
 from inclinometry.earth.site import Site
 from inclinometry.errors import FileError
@@ -66,21 +66,21 @@ def test_the_model_that_covers_the_date_is_taken_and_named(run):
 
 
 def test_notes_on_weak_fields_and_wrong_zones(run):
-    assert "blackout zone" in run("field --latitude-deg 86", *PLACE[2:3], 140, *PLACE[4:]).err
-    assert "outside the area of EPSG:32655" in run("field", *PLACE, "--crs", "EPSG:32655").err
+    assert "[work-weak-field]" in run("field --latitude-deg 86", *PLACE[2:3], 140, *PLACE[4:]).err
+    assert "[record-grid-outside]" in run("field", *PLACE, "--crs", "EPSG:32655").err
 
 
 @pytest.mark.parametrize(
     ("option", "value", "wanted"),
     [
-        ("--latitude-deg", 95, "--latitude-deg is 95 degrees; allowed -90 to 90"),
-        ("--longitude-deg", 400, "--longitude-deg is 400 degrees; allowed -180 to 360"),
-        ("--height-m", 29000, "--height-m is 29000; allowed -12000 to 20000"),
+        ("--latitude-deg", 95, "[input-value]"),
+        ("--longitude-deg", 400, "[input-value]"),
+        ("--height-m", 29000, "[input-value]"),
         ("--height-m", "nan", "--height-m is nan"),
         ("--date", "2031-06-01", "[earth-date]"),
-        ("--date", "yesterday", "--date is 'yesterday'"),
-        ("--crs", "EPSG:4326", "record-grid-unknown"),
-        ("--crs", "Gauss", "crs 'Gauss' is not known"),
+        ("--date", "yesterday", "[input-kind]"),
+        ("--crs", "EPSG:4326", "[record-grid-unknown]"),
+        ("--crs", "Gauss", "[record-grid-unknown]"),
         ("--model", "bggm", "bggm"),
     ],
 )
@@ -106,9 +106,8 @@ def test_a_file_with_place_and_date_is_completed(tmp_path):
         math.atan(math.tan(math.radians(1.0)) * math.sin(math.radians(60))), abs=1e-7
     )
     assert done.convergence_sigma == 0.0
-    assert said[0].startswith("b 51")
-    assert said[0].endswith("deg from WMM2025 at 2026-05-01")
-    assert said[1] == "convergence 0.866 deg from EPSG:32632"
+    assert coded(said) == ["work-filled", "work-filled"]
+    assert [one.values["source"] for one in said] == ["WMM2025", "EPSG:32632"]
     assert completed(done) == (done, [])
 
 
@@ -121,29 +120,28 @@ def test_what_the_file_states_wins(tmp_path):
     done, said = completed(site(tmp_path, *WHERE, "date = 2018-05-01", "height_m = 0", *own[:2]))
     assert (done.b, done.b_sigma, done.origin("dip")) == (51000.0, 45.0, "IGRF-14")
     assert len(said) == 1
-    assert "b " not in said[0]
+    assert said[0].values["names"] == ("dip", "declination")
     # explicit values need no model, whatever the date
     assert completed(site(tmp_path, "date = 2050-01-01", *WHERE, *own))[1] == []
 
 
 @pytest.mark.parametrize(
-    ("stated", "words"),
+    ("stated", "code"),
     [
         (0.866, None),
         (0.90, None),
         (0.7, None),  # of another place along the well
-        (-0.866, "convergence -0.866 deg is stated, EPSG:32632 gives 0.866 deg at the site: the sign is opposite"),
-        (1.2, "convergence 1.200 deg is stated, EPSG:32632 gives 0.866 deg at the site: correct"),
-        (0.0, "convergence 0.000 deg is stated"),
+        (-0.866, "work-convergence-sign"),
+        (1.2, "work-convergence"),
+        (0.0, "work-convergence"),
     ],
 )
-def test_a_convergence_that_contradicts_the_grid_is_doubted(tmp_path, stated, words):
+def test_a_convergence_that_contradicts_the_grid_is_doubted(tmp_path, stated, code):
     own = ("b_nT = 51000", "dip_deg = 73", "declination_deg = 4", f"convergence_deg = {stated}", 'crs = "EPSG:32632"')
     before = site(tmp_path, *WHERE, *own)
     done, said = completed(before)
     assert done == before  # what is stated wins
-    assert len(said) == (words is not None)
-    assert words is None or said[0].startswith(words)
+    assert coded(said) == ([] if code is None else [code])
     assert completed(site(tmp_path, *own))[1] == []  # without a place nothing can be compared
 
 
@@ -153,22 +151,22 @@ def test_a_stated_convergence_where_the_grid_cannot_show_the_place():
     )
     done, said = completed(far)
     assert done == far
-    assert "stated and used, unchecked: EPSG:32632 cannot show" in said[0]
+    assert coded(said) == ["work-convergence-unchecked"]
 
 
 def test_nothing_is_guessed(tmp_path):
-    for lines, sentences in (((), 0), (WHERE[:1], 0), (WHERE, 1), ((*WHERE[1:], "date = 2026-01-01"), 1)):
+    for lines, number in (((), 0), (WHERE[:1], 0), (WHERE, 1), ((*WHERE[1:], "date = 2026-01-01"), 1)):
         before = site(tmp_path, *lines)
         done, said = completed(before)
         assert done is before
-        assert len(said) == sentences
-    assert "needs the site's date too" in completed(site(tmp_path, *WHERE))[1][0]
+        assert len(said) == number
+    assert completed(site(tmp_path, *WHERE))[1][0].values["needed"] == ("date",)
     done, said = completed(site(tmp_path, *WHERE, "date = 2026-01-01"))
     assert done.height_m is None
-    assert said[0].endswith("height taken as 0 m")
+    assert coded(said) == ["work-filled", "work-height"]
     done, said = completed(Site(crs="EPSG:32632", b=5e4, dip=1.0, declination=0.1))
     assert done.convergence is None
-    assert "latitude and longitude" in said[0]
+    assert said[0].values["needed"] == ("latitude", "longitude")
 
 
 def test_sites_no_model_or_grid_covers(tmp_path):
@@ -186,6 +184,6 @@ def test_sites_no_model_or_grid_covers(tmp_path):
 
 def test_notes_of_a_site():
     polar = Site(latitude=np.radians(86.0), longitude=np.radians(140.0), height_m=0.0, date=datetime.date(2025, 6, 1))
-    assert "blackout zone" in completed(polar)[1][1]
+    assert "work-weak-field" in coded(completed(polar)[1])
     away = Site(latitude=1.0, longitude=1.0, crs="EPSG:32632", b=5e4, dip=1.0, declination=0.1)
-    assert "outside the area" in completed(away)[1][1]
+    assert "record-grid-outside" in coded(completed(away)[1])

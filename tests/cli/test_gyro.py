@@ -209,7 +209,7 @@ def test_histories_that_do_not_belong(run, simulated):
         "out.csv",
         "--history",
         "truth.json",
-        parts=["truth.json", "needed is scale factors of a gyro"],
+        parts=["truth.json", "[record-kind]"],
     )
     refused(run, *NORTH, "-o", "out.csv", "--history", "none.json", parts=["none.json"])
 

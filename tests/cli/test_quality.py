@@ -4,9 +4,9 @@ import json
 
 import numpy as np
 import pytest
+from tests.refusals import refused
 
 from inclinometry.cli.quality import quality
-from inclinometry.errors import InputError
 from inclinometry.files.survey_csv import write_survey_csv
 
 
@@ -46,11 +46,11 @@ def test_a_vertical_hole_is_not_judged_and_does_not_pass(tmp_path, capsys):
 
 def test_site_and_bad_input(tmp_path, capsys):
     files = write(tmp_path / "in.csv"), write(tmp_path / "out.csv", 98.1, north="grid")
-    with pytest.raises(InputError, match="norths"):
+    with refused("work-norths"):
         quality(*files)
     (tmp_path / "site.toml").write_text('north_reference = "grid"\nconvergence_deg = 2.0\n')
     assert quality(*files, site=tmp_path / "site.toml") == 0
-    with pytest.raises(InputError, match="no such file"):
+    with refused("file-absent"):
         quality(tmp_path / "nothing.csv")
 
 

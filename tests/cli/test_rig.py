@@ -52,10 +52,10 @@ def test_verify_there(run, other):
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (("--north-deg", 30), "--north-deg says nothing of --stand same"),
-        (("--stand", "fit", "--level-sd-deg", 1), "--level-sd-deg says nothing of --stand fit"),
-        (("--stand", "level", "--north-sd-deg", 1), "--north-sd-deg without --north-deg"),
-        (("--azimuth-from", "gyro"), "no gyro that sees three components"),
+        (("--north-deg", 30), "[input-not-with]"),
+        (("--stand", "fit", "--level-sd-deg", 1), "[input-not-with]"),
+        (("--stand", "level", "--north-sd-deg", 1), "[input-needs]"),
+        (("--azimuth-from", "gyro"), "[input-triads]"),
     ],
 )
 def test_options_that_say_nothing_are_refused(run, other, options, words):
@@ -105,4 +105,4 @@ def test_drift_between_two_calibrations(run, bench, tmp_path):
 
 def test_methods_are_for_two_files(run, bench):
     bench()
-    run("compare readings.csv --methods joint,twelve").refused("--methods is for two files")
+    run("compare readings.csv --methods joint,twelve").refused("[input-needs]")

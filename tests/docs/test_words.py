@@ -7,6 +7,7 @@ import re
 from pathlib import Path
 
 import pytest
+from tools import turns
 
 ROOT = Path(__file__).parents[2]
 SOURCES = sorted((ROOT / "src" / "inclinometry").rglob("*.py"))
@@ -97,3 +98,9 @@ def test_words_are_found_wherever_they_stand() -> None:
     assert parts("StandingsTable") & INSTEAD.keys()
     assert private("The house's axes, as promised") == ["house", "promised"]
     assert private('convention "house", `house`; houses are') == ["houses"]
+
+
+def test_banned_turns_are_nowhere():
+    """Turns of phrase of tools/turns.csv; `python tools/turns.py TURN` shows the lines."""
+    banned = {turn.name for turn in turns.turns() if turn.banned}
+    assert {name: count for name, count in turns.counts().items() if name in banned and count} == {}

@@ -49,17 +49,17 @@ HUNDRED, NINE = np.arange(100.0), np.arange(9.0)
 @pytest.mark.parametrize(
     ("time", "words"),
     [
-        (HUNDRED + 3.0 * (HUNDRED >= 40), "line 42: time_s 43 is 4 s after the row before it; the samples are 1 s"),
-        (HUNDRED + 0.7 * (HUNDRED == 7), "line 9"),
-        (NINE + 0.51 * (NINE == 4), r"line 6: time_s 4\.51 is 1\.51 s after the row before it"),
-        (np.concatenate([np.arange(500.0), 499.0 + np.arange(1, 500) * 1.02]), "does not change"),
-        ([0.0, 1.0], "3 or more"),
-        ([0.0, 1.0, 1.0], "repeats"),
-        ([0.0, 2.0, 1.0], "is less than"),
+        (HUNDRED + 3.0 * (HUNDRED >= 40), "input-uneven"),
+        (HUNDRED + 0.7 * (HUNDRED == 7), "input-uneven"),
+        (NINE + 0.51 * (NINE == 4), "input-uneven"),
+        (np.concatenate([np.arange(500.0), 499.0 + np.arange(1, 500) * 1.02]), "input-uneven"),
+        ([0.0, 1.0], "input-few"),
+        ([0.0, 1.0, 1.0], "readings-order"),
+        ([0.0, 2.0, 1.0], "readings-order"),
     ],
 )
 def test_times_that_are_not_even_are_named_with_their_line(tmp_path, time, words):
-    with pytest.raises(FileError, match=words):
+    with refused(words, error=FileError):
         read_even_log(write(tmp_path, time))
 
 

@@ -31,7 +31,7 @@ def test_everything_is_read(read):
     np.testing.assert_allclose(np.degrees(steps.azimuth), [np.nan, np.nan, 30.0])
     np.testing.assert_array_equal(steps.signals, np.arange(1.0, 10.0).reshape(3, 3))
     np.testing.assert_array_equal(steps.temperature, [20.0, 21.0, 22.0])
-    assert (steps.unit, steps.sd, steps.notes) == ("counts", None, ())
+    assert (steps.unit, steps.sd, steps.findings) == ("counts", None, ())
     assert len(steps.digest) > 20
 
 
@@ -41,15 +41,15 @@ def test_what_may_be_left_out(read):
     assert steps.unit == "deg/h"
     assert steps.temperature is None
     assert np.isnan(steps.azimuth).all()
-    assert "two channels" in steps.notes[0]
+    assert steps.findings[0].values["lacking"] == ("gyro_z",)
 
 
 def test_standard_deviations_and_columns_of_no_use(read):
     header = "inclination_deg,toolface_deg,rate_deg_s,gyro_x,gyro_y,gyro_x_sd,gyro_y_sd,accel_x,accel_y,operator"
     steps = read(header, ["0,0,5,1,2,0.1,0.2,9,9,me", "0,0,-5,3,4,0.1,0.3,9,8,me"])
     np.testing.assert_array_equal(steps.sd, [[0.1, 0.2], [0.1, 0.3]])
-    assert any("accelerometer columns are not used" in note for note in steps.notes)
-    assert any("'operator' is not known" in note for note in steps.notes)
+    unused = [one.values["names"] for one in steps.findings if one.code == "table-unused"]
+    assert unused == [("operator",), ("accel_x", "accel_y")]
     # a mean whose readings did not scatter at all says nothing of its noise
     assert read(header, ["0,0,5,1,2,0.1,0,9,9,me", "0,0,-5,3,4,0.1,0.3,9,8,me"]).sd is None
 
@@ -57,15 +57,15 @@ def test_standard_deviations_and_columns_of_no_use(read):
 @pytest.mark.parametrize(
     ("header", "rows", "words"),
     [
-        (HEADER, ["a,90,0,,0,20,1,2,3"], "line 2: the table is at rest here; give azimuth_deg"),
-        (HEADER.replace("azimuth_deg,", ""), ["a,90,0,0,20,1,2,3"], "at rest"),
+        (HEADER, ["a,90,0,,0,20,1,2,3"], "input-needs"),
+        (HEADER.replace("azimuth_deg,", ""), ["a,90,0,0,20,1,2,3"], "input-needs"),
         (HEADER, ["a,190,0,,5,20,1,2,3"], "file-value"),
         (HEADER, [*ROWS, "d,0,0,,36000,20,1,2,3"], "file-value"),
         (HEADER, ["a,90,0,,10,,1,2,3"], "table-empty"),
         (HEADER.replace("rate_deg_s", "rate_rad_s"), ROWS, "table-unit-other"),
         (HEADER.replace("toolface_deg", "face"), ROWS, "file-column"),
-        (HEADER.replace("gyro", "mag"), ROWS, "no gyro columns"),
-        (HEADER, ["a,90,0,,0.17453,20,1,2,3", "b,90,0,,-0.34907,20,1,2,3"], "looks like radians per second"),
+        (HEADER.replace("gyro", "mag"), ROWS, "file-column"),
+        (HEADER, ["a,90,0,,0.17453,20,1,2,3", "b,90,0,,-0.34907,20,1,2,3"], "table-radians"),
     ],
 )
 def test_refusals(read, header, rows, words):

@@ -8,7 +8,7 @@ import pytest
 from tests.refusals import refused
 
 from inclinometry.conventions import CONVENTIONS
-from inclinometry.errors import FileError, InputError
+from inclinometry.errors import FileError
 from inclinometry.files._quantities import meaning, quantities
 from inclinometry.files.exchange import SurveyFile
 from inclinometry.files.six_axis import read_six_axis, read_survey, write_csv
@@ -52,7 +52,7 @@ def test_every_vendor_convention_gives_the_same_attitude(write, convention):
     seen = angles(found.g, found.b)
     for have, want in zip((seen.azimuth, seen.inclination, seen.toolface), ATTITUDE, strict=True):
         np.testing.assert_allclose(np.sin(have - want), 0.0, atol=1e-12)
-    assert found.notes == ()
+    assert found.findings == ()
 
 
 @pytest.mark.parametrize(
@@ -70,8 +70,7 @@ def test_names_met_in_the_wild(write, header, factors):
     np.testing.assert_allclose(found.md, 100.0 * factors[0], rtol=1e-15)
     np.testing.assert_allclose(found.g, [factors[1] * np.array([0.1, 0.2, 0.3])], rtol=1e-15)
     np.testing.assert_allclose(found.b, [factors[2] * np.array([1.0, 2.0, 3.0])], rtol=1e-15)
-    assert len(found.notes) == 2  # these are no fields of the Earth: a unit may be wrong
-    assert "is the unit in the header right" in found.notes[0]
+    assert len(found.findings) == 2  # these are no fields of the Earth: a unit may be wrong
 
 
 def test_a_name_of_two_quantities_is_told_by_its_unit(write):
@@ -158,8 +157,8 @@ ONE = "100,0,0,9.8,20000,0,45000"
         (SIX, [ONE, ONE], "input-order"),
         (SIX, [ONE.replace("9.8", "inf")], "input-finite"),
         (SIX, [ONE.replace("9.8", "9800")], "file-value"),
-        (SIX, [ONE.replace("9.8", "")], "is empty at 100 m"),
-        ("md_m,inclination_deg", ["0,1"], "no six axes"),
+        (SIX, [ONE.replace("9.8", "")], "input-empty"),
+        ("md_m,inclination_deg", ["0,1"], "input-missing"),
         (SIX + ",g_total", [ONE + ",1"], "table-unit-missing"),
         ("(ft),(g),(g),(g),(nT),(nT),(nT)", [ONE], "table-twice"),
         (SIX, ["(m),(m/s2),,,(nT),,"], "file-number"),
@@ -177,7 +176,7 @@ def test_norths_that_disagree(write):
         read_survey(write(header, "0,1,true", "1,1,grid"))
     with refused("input-north", error=FileError):
         read_survey(write(header, "0,1,true", "1,1,true"), azimuth_reference="grid")
-    with pytest.raises(InputError, match="no convention 'left'"):
+    with refused("input-choice", value="left"):
         read_survey(write(SIX, ONE), convention="left")
 
 

@@ -9,7 +9,7 @@ from inclinometry.calibration import plans
 from inclinometry.calibration.drift import DriftModel, fit_drift
 from inclinometry.calibration.drift_check import plan_information
 from inclinometry.earth.site import Site
-from inclinometry.errors import FileError, InputError
+from inclinometry.errors import FileError
 from inclinometry.files.tool_code_json import load_tool_code, write_tool_code
 from inclinometry.history import PARAMETERS
 from inclinometry.orientation import angles, fields
@@ -101,7 +101,7 @@ def test_file_there_and_back(tmp_path):
 
 
 def test_refusals(tmp_path):
-    with pytest.raises(InputError, match="interval is 30"):
+    with refused("input-value", name="interval"):
         fleet_tool_code(model_of(drift_variance(), np.zeros((24, 24))), V12, 30.0, name="X")
     with refused("position-fleet"):
         fleet_tool_code(model_of(np.zeros((24, 24)), np.zeros((24, 24))), np.zeros((24, 24)), 1.0, name="X")

@@ -271,7 +271,7 @@ def test_errors_name_what_is_missing(columns):
     code = load_tool_code("iscwsa-mwd-rev4")
     with refused("position-site"):
         propagate(well(Site(g=9.81, b=5e4)), code)
-    with refused("input-one-of", names=('tool_code', 'sources')):
+    with refused("input-one-of", names=("tool_code", "sources")):
         propagate(well())
     with refused("position-code-range"):
         propagate(well(), code_of(SAG, inclinations=(0.0, 0.1)))

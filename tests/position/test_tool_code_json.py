@@ -4,8 +4,9 @@ import json
 
 import numpy as np
 import pytest
+from tests.refusals import refused
 
-from inclinometry.errors import FileError, InputError
+from inclinometry.errors import FileError
 from inclinometry.files.tool_code_json import load_tool_code, tool_code_names, write_tool_code
 
 
@@ -65,36 +66,36 @@ def test_a_users_file(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("change", "message"),
+    ("change", "code"),
     [
-        (lambda c: c.pop("metadata"), r"\$ has no \"metadata\"; add it"),
-        (lambda c: c["metadata"].pop("source"), r"\$.metadata has no \"source\""),
-        (lambda c: c.update(extra=1), r"\$ has \"extra\", which is not known"),
-        (lambda c: c["terms"][0].update(unit="deg"), r"\$.terms\[0\] has \"unit\", which is not known; allowed: name"),
-        (lambda c: c["terms"][0].update(units="degree"), r"\$.terms\[0\]: Unit of SAG"),
-        (lambda c: c["terms"][0].update(value=-1), r"\$.terms\[0\].value is -1"),
-        (lambda c: c["terms"][0].update(value="1"), r"\$.terms\[0\].value is \"1\""),
-        (lambda c: c["terms"][0].update(propagation_mode="S"), "Random, Systematic, Well or Global"),
-        (lambda c: c["terms"][1].update(azimuth_formula="Sin(I)"), r"\$.terms\[1\]: Formula Sin\(I\)"),
-        (lambda c: c["terms"][1].update(azimuth_formula="Sinh(Inc)"), r"Formula Sinh\(Inc\)"),
-        (lambda c: c["parameters"].pop("XCLTortuosity"), "XCLA needs xcltortuosity"),
-        (lambda c: c["parameters"].update(speed=3), r"\$.parameters has \"speed\", which is not known"),
-        (lambda c: c["terms"].clear(), r"\$.terms is \[\]"),
-        (lambda c: c["terms"].append(c["terms"][0]), "SAG occurs more than once"),
+        (lambda c: c.pop("metadata"), "input-missing"),
+        (lambda c: c["metadata"].pop("source"), "input-missing"),
+        (lambda c: c.update(extra=1), "input-unknown"),
+        (lambda c: c["terms"][0].update(unit="deg"), "input-unknown"),
+        (lambda c: c["terms"][0].update(units="degree"), "input-choice"),
+        (lambda c: c["terms"][0].update(value=-1), "file-value"),
+        (lambda c: c["terms"][0].update(value="1"), "file-value"),
+        (lambda c: c["terms"][0].update(propagation_mode="S"), "file-value"),
+        (lambda c: c["terms"][1].update(azimuth_formula="Sin(I)"), "position-formula"),
+        (lambda c: c["terms"][1].update(azimuth_formula="Sinh(Inc)"), "position-formula"),
+        (lambda c: c["parameters"].pop("XCLTortuosity"), "input-needs"),
+        (lambda c: c["parameters"].update(speed=3), "input-unknown"),
+        (lambda c: c["terms"].clear(), "file-value"),
+        (lambda c: c["terms"].append(c["terms"][0]), "input-repeated"),
     ],
 )
-def test_errors_name_the_place_in_the_file(tmp_path, change, message):
+def test_errors_name_the_place_in_the_file(tmp_path, change, code):
     what = content()
     change(what)
-    with pytest.raises(FileError, match=message) as caught:
+    with refused(code, error=FileError) as caught:
         load_tool_code(write(tmp_path, what))
     assert str(caught.value).startswith(str(tmp_path))
 
 
 def test_names_that_are_nothing(tmp_path):
-    with pytest.raises(InputError, match="'rev6' is neither a file nor one of those shipped: iscwsa-mwd-rev4"):
+    with refused("input-choice", name="--tool-code"):
         load_tool_code("rev6")
-    with pytest.raises(FileError, match="no such file"):
+    with refused("file-absent", error=FileError):
         load_tool_code(tmp_path / "none.json")
 
 
@@ -138,5 +139,5 @@ def test_what_files_of_the_owsg_leave_unsaid(tmp_path):
         "gxyrunningspeed": 1.0, "gzrunningspeed": 0.5, "noisereductionfactor": 0.5,
     }  # fmt: skip
     what["terms"][0]["depth_factor"] = 2
-    with pytest.raises(FileError, match=r"terms\[0\].depth_factor is 2; write it into the formula"):
+    with refused("input-value", error=FileError, name="$.terms[0].depth_factor"):
         load_tool_code(write(tmp_path, what))

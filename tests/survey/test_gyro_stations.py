@@ -8,7 +8,6 @@ from tests.refusals import coded, refused
 
 from inclinometry.constants import EARTH_RATE
 from inclinometry.earth.site import Site
-from inclinometry.errors import InputError
 from inclinometry.gyro.joint import earth_in_tool
 from inclinometry.gyro.north import estimate_north
 from inclinometry.gyro.result import FLAGS
@@ -75,7 +74,7 @@ def test_grid_north_is_true_less_convergence_and_its_doubt_is_added():
 
 
 def test_grid_north_without_convergence_is_refused():
-    with pytest.raises(InputError, match="give the convergence"):
+    with refused("earth-site-lacks"):
         gyro_survey([1.0, 2.0, 3.0], north(), site=Site(latitude=LATITUDE, north_reference="grid"))
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from tests.refusals import refused
 
-from inclinometry.errors import FileError, InputError
+from inclinometry.errors import FileError
 from inclinometry.workflow.allan import noise_of_log
 
 SIZE, DT = 4000, 0.1
@@ -27,7 +27,7 @@ def test_a_still_log(tmp_path):
     found = noise_of_log(write(tmp_path, still()))
     assert [c.name for c in found.channels] == ["gyro_x", "gyro_y"]
     assert found.kinds == ("gyro",)
-    assert not found.warnings
+    assert not found.findings
     # 1 deg/h a sample of 0.1 s
     expected = np.radians(1.0) / 3600.0 * np.sqrt(DT)
     for channel in found.channels:
@@ -41,7 +41,7 @@ def test_a_still_log(tmp_path):
 def test_rest_is_believed(tmp_path, seed):
     """A strong random walk of rate is noise, not movement."""
     walk = 0.1 * np.random.default_rng(seed).standard_normal((SIZE, 2)).cumsum(axis=0)
-    assert not noise_of_log(write(tmp_path, still(100 + seed) + walk)).warnings
+    assert not noise_of_log(write(tmp_path, still(100 + seed) + walk)).findings
 
 
 @pytest.mark.long
@@ -55,10 +55,11 @@ def test_a_moving_log_is_noticed(tmp_path, kind):
     else:
         values[2000:, 0] += 4.0
     found = noise_of_log(write(tmp_path, values))
-    assert "gyro_x jumps at" in found.warnings[0]
-    at = float(found.warnings[0].split("jumps at ")[1].split(" s")[0])
+    assert found.findings[0].code in ("work-jump", "work-jump-rest")
+    assert found.findings[0].values["name"] == "gyro_x"
+    at = found.findings[0].values["time_s"]
     if kind != "knock":  # two rests: the longer one is named
-        assert "--start-s" in found.warnings[0]
+        assert found.findings[0].code == "work-jump-rest"
     # within a stretch of 20 samples
     assert at == pytest.approx({"knock": 123.4, "turn": 100.0, "step": 200.0}[kind], abs=2.0)
 
@@ -72,21 +73,20 @@ def test_a_tool_that_was_carried_about_has_no_noise(tmp_path):
     path = write(tmp_path, values)
     with refused("work-moved-rest", error=FileError) as caught:
         noise_of_log(path)
-    start, stop = (float(word) for word in str(caught.value).split("--start-s ")[1].split(" --stop-s "))
+    start, stop = (caught.value.finding.values[name] for name in ("start_s", "stop_s"))
     assert (start, stop) == pytest.approx((150.0, 360.0), abs=1.0)
     found = noise_of_log(path, start=start, stop=stop)
     expected = np.radians(1.0) / 3600.0 * np.sqrt(DT)
     for channel in found.channels:
         n = channel.model.angle_random_walk
         assert abs(n.value - expected) < 4.0 * n.u
-    assert "as stated" in found.warnings[0]
-    with pytest.raises(InputError, match=r"the stretch is 150 to 500 s; the log is from 0 to 399.9 s"):
+    with refused("input-value", value="150 .. 500", allowed="0 .. 399.9"):
         noise_of_log(path, start=150.0, stop=500.0)
 
 
 def test_vibration_is_noticed(tmp_path):
     values = still() + 1.0 * np.sin(np.arange(SIZE) * 0.2)[:, None]
-    assert "does not follow" in noise_of_log(write(tmp_path, values)).warnings[0]
+    assert noise_of_log(write(tmp_path, values)).findings[0].code == "work-noise-kinds"
 
 
 def test_a_dead_channel_and_a_short_log_are_refused(tmp_path):

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
-from tests.refusals import refused
+from tests.refusals import coded, refused
 
-from inclinometry.errors import FileError, InputError
+from inclinometry.errors import FileError
 from inclinometry.workflow.position import read_position
 
 HEAD = "md_m,inclination_deg,azimuth_deg,azimuth_reference"
@@ -45,17 +44,17 @@ def test_the_same_hole_from_three_norths(tmp_path):
 def test_without_an_error_model_positions_alone(tmp_path):
     found = read_position(files(tmp_path, "true")[0])
     assert found.uncertainty is None
-    assert "positions only" in found.notes[0]
+    assert coded(found.findings) == ["work-no-model"]
     assert found.survey.north == "true"
 
 
 def test_a_tie_on_moves_everything_and_its_uncertainty_stays(tmp_path):
     paths = files(tmp_path, "true", *FIELDS, "declination_deg = 2", md=(500, 530, 560, 590))
     plain = read_position(*paths, MWD)
-    assert "no tie-on was given" in plain.notes[-1]
+    assert "work-no-tie" in coded(plain.findings)
     assert plain.path.tvd[0] == 500.0
     tied = read_position(*paths, MWD, tie_on=(10.0, -20.0, 480.0), tie_sigma=(3.0, 4.0, 1.0))
-    assert not any("tie-on" in sentence for sentence in tied.notes)
+    assert "work-no-tie" not in coded(tied.findings)
     np.testing.assert_allclose(tied.path.north - plain.path.north, 10.0, rtol=1e-12)
     np.testing.assert_allclose(tied.path.tvd - plain.path.tvd, -20.0, rtol=1e-12)
     np.testing.assert_allclose(tied.uncertainty.covariance[0], np.diag([9.0, 16.0, 1.0]), atol=1e-12)
@@ -65,33 +64,32 @@ def test_a_tie_on_moves_everything_and_its_uncertainty_stays(tmp_path):
 def test_what_a_site_lacks_is_filled_or_asked_for(tmp_path):
     place = ("latitude_deg = 60", "longitude_deg = 3", "date = 2026-05-01", 'crs = "EPSG:32631"')
     found = read_position(*files(tmp_path, "magnetic", *place), MWD)
-    assert any("from WMM2025" in sentence for sentence in found.notes)
+    assert "WMM2025" in [one.values.get("source") for one in found.findings]
     assert found.survey.site.origin("declination") == "WMM2025"
-    with pytest.raises(FileError, match=r"site\.toml: the site has no declination"):
+    with refused("earth-site-lacks", error=FileError):
         read_position(*files(tmp_path, "magnetic", *FIELDS), MWD)
-    with pytest.raises(FileError, match=r"site\.toml: .*no convergence"):
+    with refused("earth-site-lacks", error=FileError):
         read_position(*files(tmp_path, "grid", *FIELDS), MWD)
-    with pytest.raises(FileError, match=r"site\.toml: tool code iscwsa-mwd-rev5.1, term \S+: .*give the site"):
+    with refused("position-site", error=FileError):
         read_position(*files(tmp_path, "true", "g = 9.81"), MWD)
-    with pytest.raises(InputError, match="--site"):
+    with refused("work-no-site"):
         read_position(files(tmp_path, "magnetic")[0])
 
 
 def test_a_declination_of_the_wrong_sign_shows_where_the_place_is_known(tmp_path):
     # WMM2025: about +15.5 deg near Seattle
     place = ("latitude_deg = 47.6", "longitude_deg = -122.3", "date = 2026-05-01")
-    for declination, wanted in (("15.3", None), ("-15.3", "its sign looks wrong"), ("5", "; check it")):
+    for declination, wanted in (("15.3", []), ("-15.3", ["work-declination-sign"]), ("5", ["work-declination"])):
         found = read_position(*files(tmp_path, "magnetic", *place, f"declination_deg = {declination}"))
-        assert len(found.warnings) == (wanted is not None)
-        assert wanted is None or wanted in found.warnings[0]
+        assert coded(one for one in found.findings if one.severity != "note") == wanted
 
 
 def test_depths_that_look_like_feet_and_doglegs_that_look_like_typing(tmp_path):
     stands = read_position(files(tmp_path, "true", md=(0, 93, 188, 281))[0])
-    assert [one.code for one in stands.findings] == ["run-depths-feet"]
+    assert coded(stands.findings) == ["run-depths-feet", "work-no-model"]
     slip = read_position(files(tmp_path, "true", inclination=(0, 10, 80, 11))[0])
-    assert "deg/30 m at md 60 m (line 4)" in slip.warnings[0]
-    assert read_position(files(tmp_path, "true")[0]).warnings == ()
+    bend = next(one for one in slip.findings if one.code == "work-dogleg")
+    assert (bend.values["md_m"], bend.values["line"]) == (60.0, 4)
 
 
 def test_digests_of_all_that_was_read(tmp_path):

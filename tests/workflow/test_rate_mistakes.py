@@ -9,9 +9,10 @@ from tests.refusals import coded, refused
 from inclinometry.calibration.rate_table import calibrate_rates, table_rates
 from inclinometry.cli.rates import table
 from inclinometry.earth.site import Site
-from inclinometry.errors import FileError, InputError
+from inclinometry.errors import FileError
 from inclinometry.files.gyro_csv import read_rate_steps
 from inclinometry.files.tool_json import read_calibration
+from inclinometry.findings import Finding
 from inclinometry.workflow.rate_table import calibrate_on_table
 
 LATITUDE = np.radians(45.0)
@@ -56,7 +57,7 @@ def fitted(path, **more):
 @pytest.mark.parametrize("gain", [GAIN, GAIN[:2], SKEWED], ids=["three", "two", "skewed"])
 def test_a_good_run_is_left_alone(tmp_path, unit, gain):
     _, notes, used = fitted(steps(tmp_path / "s.csv", unit=unit, gain=gain))
-    assert [note for note in notes if "two channels" not in note] == []
+    assert [code for code in coded(notes) if code != "table-channels"] == []
     assert used == 16
 
 
@@ -68,12 +69,12 @@ def test_a_scale_of_its_own_is_no_mistake_of_unit(tmp_path, scale):
 
 
 RATES = {
-    6.0: "multiplied by 6",
-    1.0 / 6.0: "revolutions per minute",
-    1.0 / 360.0: "revolutions per second",
-    np.degrees(1.0): "converted to degrees twice",
-    60.0: "degrees per minute",
-    0.01 * np.degrees(1.0): "no single mistake",
+    6.0: "rate_deg_s multiplied by 6",
+    1.0 / 6.0: "rate_deg_s in revolutions per minute",
+    1.0 / 360.0: "rate_deg_s in revolutions per second",
+    np.degrees(1.0): "rate_deg_s converted to degrees twice",
+    60.0: "rate_deg_s in degrees per minute",
+    0.01 * np.degrees(1.0): "no usual mistake of unit",
 }
 
 
@@ -82,7 +83,9 @@ def test_a_rate_in_another_unit(tmp_path, stated):
     # the Earth's rate tells that it is the table's rate, not the signals, wherever both could explain the scale
     with refused("work-rate-scale", error=FileError) as caught:
         fitted(steps(tmp_path / "s.csv", stated=stated))
-    assert "gyro columns are in" not in str(caught.value)
+    mistakes = caught.value.finding.values["mistakes"]
+    assert RATES[stated] in mistakes
+    assert all(isinstance(one, str) for one in mistakes)
 
 
 def test_a_rate_in_degrees_per_hour_and_one_in_radians(tmp_path):
@@ -101,10 +104,9 @@ def test_signals_in_another_unit(tmp_path, said, true):
     if said == true:
         assert fitted(path)[1] == ()
         return
-    words = f"the gyro columns are in {true.replace('_', '/')}, not in {said.replace('_', '/')}"
-    with pytest.raises(InputError, match=words) as caught:
+    units = {"unit": true.replace("_", "/"), "named": said.replace("_", "/")}
+    with refused("work-rate-scale", mistakes=(Finding("work-rate-unit", units),)):
         fitted(path)
-    assert "rate_deg_s" not in str(caught.value)
 
 
 def test_where_the_earth_is_not_seen_both_are_named(tmp_path):
@@ -133,9 +135,8 @@ def test_a_table_of_the_other_sign(tmp_path, gain, unit):
 
 
 def test_gyros_of_the_other_sign(tmp_path, capsys):
-    with refused("work-rate-reversed", error=FileError) as caught:
+    with refused("work-rate-reversed", error=FileError, mistakes=("sign of every gyro column",)):
         fitted(steps(tmp_path / "s.csv", gain=-GAIN))
-    assert "rate_deg_s" not in str(caught.value)
     one = GAIN * [[1.0], [-1.0], [1.0]]
     with refused("work-rate-axes", error=FileError):
         fitted(steps(tmp_path / "s.csv", gain=one))
@@ -146,7 +147,8 @@ def test_gyros_of_the_other_sign(tmp_path, capsys):
     path = steps(tmp_path / "s.csv", gain=one, unit="")
     table(path, site=tmp_path / "site.toml", output_=tmp_path / "tool.json")
     printed = capsys.readouterr()
-    assert "gyro_y along -y" in printed.err
+    assert "gyro_y: -y" in printed.err
+    assert "[work-rate-axes]" in printed.err
     assert any("-3589" in line for line in printed.out.splitlines())
     # calibrated like that before, it is as expected
     assert not fitted(path, calibration=tmp_path / "tool.json")[1]
@@ -167,8 +169,8 @@ def test_the_wrong_hemisphere_and_a_wrong_latitude(tmp_path):
     # ten degrees off: the vertical Earth rate is smaller by 15.041 (sin 45 - sin 35) deg/h = 2.0 than it should be
     _, _, notes, _ = calibrate_on_table(data, Site(latitude=np.radians(35.0)))
     assert len(notes) == 1
-    assert "Earth turned +2 deg/h faster upwards" in notes[0]
-    assert "check the latitude" in notes[0]
+    assert notes[0].code == "fit-rate-off"
+    assert notes[0].values["rate_deg_h"] == pytest.approx(2.0, abs=0.1)
 
 
 def test_a_g_sensitivity_is_advised_where_nothing_else_is_wrong(tmp_path):
@@ -188,12 +190,11 @@ class TestSingleSteps:
         path = steps(tmp_path / "s.csv", spikes=[(6, 1, 50.0)])
         table(path, site=tmp_path / "site.toml", output_=tmp_path / "tool.json")
         printed = capsys.readouterr()
-        assert "line 8 (step 7" in printed.err
-        assert "gyro_y_deg_h by +50 deg/h; it was left out" in printed.err
-        assert "g-sensitivity" not in printed.err
+        assert printed.err.count("[work-step-off]") == 1
+        assert printed.err.count("warning: ") == 1
         assert "15 of 16 steps used" in printed.out
         tool = read_calibration(tmp_path / "tool.json")
-        assert any("line 8" in str(one) for one in tool.findings)
+        assert any("Line 8" in str(one) for one in tool.findings)
         assert tool.residuals.values["gyro"].shape == (15, 3)
         # as if the step had never been there: noise and offsets within what 11 degrees of freedom scatter
         np.testing.assert_allclose(tool.tool.noise["gyro"], NOISE, rtol=0.8)
@@ -203,12 +204,13 @@ class TestSingleSteps:
         path = steps(tmp_path / "s.csv", spikes=[(6, 1, 50.0), (9, 1, 50.0)])
         rates, notes, used = fitted(path)
         assert used == 14
-        assert ["line 8" in " ".join(notes), "line 11" in " ".join(notes)] == [True, True]
+        assert {one.values["line"] for one in notes if one.code == "work-step-off"} == {8, 11}
         np.testing.assert_allclose(rates.sd, NOISE, rtol=0.8)
 
     def test_a_step_all_gyros_contradict(self, tmp_path):
         _, notes, _ = fitted(steps(tmp_path / "s.csv", gain=SKEWED, spikes=[(3, gyro, 20.0) for gyro in range(4)]))
-        assert all(f"gyro_{n}_deg_h by +20" in notes[0] for n in "1234")
+        assert notes[0].values["gyros"] == tuple(f"gyro_{n}_deg_h" for n in "1234")
+        np.testing.assert_allclose(notes[0].values["off"], 20.0, atol=1.0)
 
     def test_without_redundancy_it_stays_and_is_said(self, tmp_path):
         # seven steps for four unknowns: six would leave no noise to speak of
@@ -217,16 +219,14 @@ class TestSingleSteps:
         path.write_text("\n".join([rows[n] for n in (0, 1, 2, 4, 5, 8, 9, 12)]) + "\n")
         _, notes, used = fitted(path)
         assert used == 7
-        told = [note for note in notes if "disagrees" in note]
-        assert len(told) == 1
-        assert "still in the fit" in told[0]
-        assert not any("g-sensitivity" in note for note in notes)
+        assert [one.values["fate"] for one in notes if one.code == "work-step-off"] == ["still in the fit"]
 
     def test_a_g_sensitivity_is_no_spike(self, tmp_path):
         assert fitted(steps(tmp_path / "s.csv"), g_sensitive=True)[2] == 16
         _, notes, used = fitted(steps(tmp_path / "s.csv", sensitivity=1.0))
         assert used == 16
-        assert "-1 deg/h faster" in notes[0]
+        assert notes[0].code == "fit-rate-off"
+        assert notes[0].values["rate_deg_h"] == pytest.approx(-1.0, abs=0.1)
 
     @pytest.mark.long
     def test_clean_runs_lose_no_step(self):

@@ -54,9 +54,9 @@ class OtherStand:
     north : azimuth of the rig's zero from the north that the tool finds (magnetic, or true for a gyro); None where it
         is found from the readings.
     north_sd : its standard uncertainty.
-    setting_sd : (3,) or float, of a setting of each dial; those of the calibration's rig when not given.
+    setting_sd : (3,) or float, of a setting of each dial. Default: those of the calibration's rig.
     gravity_sd : of two accelerometers, standard uncertainty of |g| there in units of that at the calibration, 0 at the
-        same place; that of what both state when not given.
+        same place. Default: that of what both state.
     """
 
     level_sd: float | None = None

@@ -40,7 +40,7 @@ Counts: TypeAlias = Literal["clockwise", "counterclockwise"]
 Base: TypeAlias = Literal["upright", "inverted"]
 
 MOST_NOISE = 0.15
-"""Share of the field beyond which what a fit leaves is no noise: 5 % of noise and a rig good to 3 deg leave 0.07."""
+"""Share of the field beyond which residuals are no noise: noise of 5 % and a rig of 3 deg leave 0.07."""
 
 
 @dataclass(frozen=True)
@@ -300,7 +300,7 @@ def check_noise(model: Model, state: State, residual: Array, freedom: int) -> li
         if not live.any():
             continue
         share = float(np.median(np.sqrt(np.mean(block[:, live] ** 2, axis=0) * counted) / strength[live]))
-        # warned of from 0.03 on: dials good to 1 deg leave 0.02
+        # warned of from 0.03 on: dials with a standard deviation of 1 deg leave 0.02
         if share > MOST_NOISE or (share > 0.03 and kind != "gyro"):
             facts: dict[str, Value] = {"kind": kind, "left_percent": 100.0 * share}
             said.append(Finding("bench-fit-poor", facts, severity=refused_if(share > MOST_NOISE)))

@@ -394,15 +394,15 @@ def optimal_plan(
     dip : float
         Of the magnetic field at the stand, rad.
     tool : Tool, optional
-        Whose axes and scale to plan for; orthogonal axes of unit scale when not given, which is near enough for most.
+        Whose axes and scale to plan for. Default: orthogonal axes of unit scale, which is near enough for most.
     stand : Stand, optional
-        Settings to choose from; about 1000 positions of a stand free to turn when not given.
+        Settings to choose from. Default: about 1000 positions of a stand free to turn.
     start_from : Plan or (K, 3) array_like
         Settings already captured; they count, and are not asked for again.
     seed : int
         The same seed gives the same plan.
     restarts : int, optional
-        Searches to take the best of; chosen so that the whole takes seconds when not given.
+        Searches to take the best of. Default: chosen so that the whole takes seconds.
     progress : callable, optional
         Called with the fraction done.
 

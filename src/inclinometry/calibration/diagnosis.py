@@ -147,7 +147,7 @@ def check_channels(state: State) -> list[Finding]:
 
 
 def _contradicted(begun: Start) -> list[Finding]:
-    """What is stated of the stand with an uncertainty, held against a fit that does not know it.
+    """What is stated of the stand with an uncertainty, compared with a fit that does not know it.
 
     Five standard uncertainties apart are refused, three are named. A plan that cannot do without it tells nothing.
     """

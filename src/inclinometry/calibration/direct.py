@@ -50,8 +50,8 @@ def calibrate_twelve(readings: BenchReadings, **known: Unpack[KnownAngles]) -> C
     readings : BenchReadings
         At p >= 3 equal rolls upright and at p >= 3 equal azimuths lying.
     noise_sd, rig_sd, left_handed, name : optional
-        As for `calibrate_joint`; the first two enter the uncertainties only, estimated from the residuals of the joint
-        model when not given.
+        As for `calibrate_joint`; the first two enter the uncertainties only, by default estimated from the
+        residuals of the joint model.
 
     Raises
     ------

@@ -266,7 +266,7 @@ def _usable(histories: Sequence[ToolHistory]) -> tuple[str, list[ToolHistory]]:
     kinds = sorted({h.type for h in histories})
     if len(kinds) > 1:
         raise refused("drift-types", {"types": tuple(kinds)})
-    # runs say where a tool stands, not how its type drifts: moments of what they leave open would drown it
+    # runs say where a tool stands, not how its type drifts: moments of what they do not determine would drown it
     used = [h.calibrations for h in histories if len(h.calibrations) > 1]
     least_tools = 3
     if len(used) < least_tools:
@@ -299,7 +299,7 @@ def fit_drift(
         When not given, R is taken where it makes the histories more likely by more than its 300 elements do by chance
         (Akaike's criterion): to leave it out where it is makes a check dishonest.
     effects : bool, optional
-        Whether shock and heat act; where doses are recorded when not given.
+        Whether shock and heat act. Default: where doses are recorded.
     own_drift : bool
         Whether each tool has a drift variance of its own; the spread over the tools is estimated then, else zero.
     dip : float

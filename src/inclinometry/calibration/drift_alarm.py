@@ -90,7 +90,7 @@ def cause_test(score: Array, information: Array) -> CauseTest:
 
 @dataclass(frozen=True, eq=False)
 class Innovations:
-    """Calibrations held against what was predicted of their tools: N of them.
+    """Calibrations compared with what was predicted of their tools: N of them.
 
     history, number : (N,) which history, which of its calibrations.
     rig : (N,) where.
@@ -147,7 +147,7 @@ def judged_run(
     past: Array,
     false_alarms: float = FALSE_ALARMS,
 ) -> Alarm:
-    """Evidence of a run (24,), (24, 24) held against the tool's state predicted for its day; equation (11)."""
+    """Evidence of a run (24,), (24, 24) compared with the tool's state predicted for its day; equation (11)."""
     information = np.asarray(np.linalg.inv(state.covariance + covariance + model.reproducibility))
     test = cause_test((information @ (values - state.mean))[None], information[None])
     return judged(test, past if len(past) >= FEWEST else gaussian_maxima(information), false_alarms)[0]

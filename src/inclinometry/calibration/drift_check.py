@@ -181,7 +181,7 @@ def check_with_prior(
     model : DriftModel
         Of the type.
     noise_sd : mapping of kind to array_like, optional
-        Of one reading, in the tool's unit; that of the readings, else of the reference, when not given.
+        Of one reading, in the tool's unit. Default: that of the readings, else of the reference.
     rig_sd : float or (3,) array_like
         Standard deviation of a setting of each dial, rad. So few readings do not tell it.
     past : (n,) ndarray, optional

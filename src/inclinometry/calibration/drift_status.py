@@ -106,9 +106,9 @@ def fleet_status(
     histories : sequence of ToolHistory
         Of one type.
     requirement : Requirement, optional
-        Of azimuth; 0.5 deg at inclination 60 with 95 % when not given.
+        Of azimuth. Default: 0.5 deg at inclination 60 with 95 %.
     day : datetime.date, optional
-        The last calibration's when not given.
+        Default: the last calibration's.
     false_alarms : float
         Share of sound calibrations that may raise an alarm.
     progress : callable, optional

@@ -174,14 +174,14 @@ def expected_uncertainty(
     inclination : (n,) array_like
         rad; 0 and pi are refused, where azimuth and toolface do not exist apart.
     dip : float, optional
-        Of the field of the second triad where the tool will work, rad; minus the latitude for a gyro. That of the
-        stand when not given, then `stated_dip`, then `constants.DIP` (`LATITUDE`).
+        Of the field of the second triad where the tool will work, rad; minus the latitude for a gyro. Default: that of
+        the stand, then `stated_dip`, then `constants.DIP` (`LATITUDE`).
     stated_dip : float, optional
         Of the magnetic field as stated with the readings, rad, for calibrations that find none.
     azimuths, toolfaces : int
         Equal steps of each over which the worst and the mean are taken.
     temperature : float, optional
-        degC; the middle of the calibrated range when not given.
+        degC. Default: the middle of the calibrated range.
     gravity_sd : float, optional
         Of two accelerometers: standard uncertainty of |g| where the tool works in units of that at the calibration, 0
         at the same place. When not given, what two stated values leave where the calibration's is stated, else
@@ -232,7 +232,7 @@ def expected_uncertainty(
         strength = float(within(expected_gravity_sd(tool) if gravity_sd is None else gravity_sd, "gravity_sd", 0, 0.1))
     parts = {n: np.diagonal(c, axis1=-2, axis2=-1) for n, c in sensitivity.components(tool, strength).items()}
     if tool.triads["accelerometer"].rank == 2:
-        # where gravity lies in the plane that two accelerometers see the angles are as good as unknown
+        # where gravity lies in the plane that two accelerometers see the angles are unknown
         given = np.array([True, second is not None, True, second is not None])
         parts = {n: np.where(given, np.fmin(part, UNKNOWN**2), part) for n, part in parts.items()}
     return ExpectedUncertainty(values, parts, second, found, source, heat, strength)

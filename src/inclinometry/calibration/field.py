@@ -378,7 +378,7 @@ def _begin(
     leader = 2 if abs(along[2]) > 0.3 else int(np.argmax(np.abs(along)))
     if along[leader] < 0.0:
         at = reversed_z(at)
-    # say how the sign was decided where it could be doubted
+    # say how the sign was decided where it could be flagged
     if specific_force is None and not (both and "dip" in reference) and "accelerometer" in shots.kinds:
         findings.append(Finding("fit-gravity-assumed"))
     if both and "dip" in reference:

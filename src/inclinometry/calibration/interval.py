@@ -130,9 +130,9 @@ def due_date(
     last : datetime.date
         Of that calibration or run.
     requirement : Requirement, optional
-        0.5 deg at inclination 60, kept with 95 %, when not given.
+        Default: 0.5 deg at inclination 60, kept with 95 %.
     hours_per_year : float, optional
-        That it will work; as many as the fleet's tools when not given.
+        That it will work. Default: as many as the fleet's tools.
     doses_per_year : (shock, heat)
         To be expected.
     calibrated : datetime.date, optional

@@ -55,7 +55,7 @@ def calibrate_joint(
         between the magnetic field and gravity, so the stand need not be level. Without it dip and north decide signs,
         and are believed only where the plan itself cannot tell. A north no better than 30 degrees decides signs only.
     temperature_degree : int, optional
-        Degree of the polynomial in temperature; chosen by information criterion when not given.
+        Degree of the polynomial in temperature. Default: chosen by information criterion.
     robust : bool
         Leave stations found to be outliers out of the fit; otherwise they are only named in the warnings.
     left_handed : bool

@@ -173,7 +173,7 @@ def fit_run(begun: Start, *, robust: bool, look: bool) -> Fit:
     if look and not apart:
         fitted, shown, looked_for = fit_structured(fitted, noise, rig)
     judged = plain if apart else fitted
-    # what is stated of the stand is held against the fit, not against its start
+    # what is stated of the stand is compared with the fit, not against its start
     signed, signs = begun.signed(judged.state, judged.tangents)
     if any(not np.array_equal(a, judged.state.directions[kind]) for kind, a in signed.directions.items()):
         turned = begun.signed(fitted.state)[0]
@@ -200,7 +200,7 @@ def _fitted(begun: Start, look: bool) -> Fitted:
 
 
 def result(done: Fit, name: str) -> Calibration:
-    """The record of a fit; where causes were looked for, what they leave open is in its covariance."""
+    """The record of a fit; where causes were looked for, what they do not determine is in its covariance."""
     left = not_excluded(done.looked_for, done.fitted.covariance)
     fitted = with_averaged_covariance(done.fitted, done.start.free_noise, done.start.free_rig)
     fitted = replace(fitted, covariance=fitted.covariance + left)
@@ -295,15 +295,15 @@ def with_assumed_stand(begun: Start) -> tuple[Start, list[Finding]]:
         direction = start.directions["gyro"] * np.array([1.0, 0.0, 1.0])
         prior["gyro"] = (direction, np.diag([0.0, 1.0, 0.0]) / NORTH**2)
         said.append(Finding("bench-taken-true-north", {"sd_deg": float(np.degrees(NORTH))}))
-    cured = replace(model, field_prior=prior, stand=stand)
-    left = null_space(cured, start)
+    assumed = replace(model, field_prior=prior, stand=stand)
+    left = null_space(assumed, start)
     if not left.complete:
         values: dict[str, Value] = {"rank": left.rank, "size": left.size, "unseen": left.unseen[0]}
         raise IdentifiabilityError(Finding("bench-plan-blind", values))
     found = Finding("bench-stand-needed", {"unseen": blind.unseen})
     if said:
         found = Finding("bench-stand-assumed", {"unseen": blind.unseen, "taken": tuple(said)})
-    return replace(begun, model=cured), [found]
+    return replace(begun, model=assumed), [found]
 
 
 def _north_off(model: Model, start: State, north: StandAngle) -> float:

@@ -236,7 +236,7 @@ def calibrate_norm(
     strength : float
         Length of the field in the unit wanted, e.g. 9.80665 m/s^2.
     weight : (K,) array_like, optional
-        Inverse variances up to a factor, e.g. the number of samples in each mean; 1 when not given.
+        Inverse variances up to a factor, e.g. the number of samples in each mean. Default: 1.
     kind : str
         What its findings call the triad.
 

@@ -83,7 +83,7 @@ def orient_rig(
         inclinations tell everything apart; the north needs the magnetometer or the gyro.
     calibration : Calibration
     setting_sd : float, optional
-        Standard deviation of a setting of each dial, rad; from the scatter of the readings when not given.
+        Standard deviation of a setting of each dial, rad. Default: from the scatter of the readings.
     second : {"magnetometer", "gyro"}, optional
         The triad that tells north; the magnetometer where there is one, else the gyro.
     gravity_sd : float, optional

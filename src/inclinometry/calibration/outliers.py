@@ -92,7 +92,7 @@ def _nearly_predicted(fitted: Fitted, place: int, free_noise: Set[str], free_rig
 def _shares(predicted: _Prediction, widths: Sequence[int]) -> Array:
     """The station's chi-square shared out to the noise of each triad and to each dial by what they add to it.
 
-    Each share is held against what its own variance makes likely, so that one hardly known variance does not excuse
+    Each share is compared with what its own variance makes likely, so that one hardly known variance does not excuse
     everything.
     """
     white = np.linalg.solve(predicted.covariance, predicted.residual)
@@ -160,7 +160,7 @@ def find_outliers(
         suspect, slight = _most_misread(here)
         statistics = deletion_statistics(here)
         places = [int(p) for p in np.argsort(statistics)[::-1][:3] if statistics[p] >= 0.5 * statistics.max()]
-        # a fit anew is tried where a first look at the fit without the station does not clear it already
+        # a fit again is tried where a first look at the fit without the station does not clear it already
         if slight >= few:
             places = [p for p in places if first_look(p) < 3.0 * significance / len(kept)]
         trials: list[tuple[float, int, Fitted]] = []

@@ -77,7 +77,7 @@ def check_whole(readings: BenchReadings) -> list[Finding]:
     shares = {kind: float(np.sqrt(own[kind] / values.size)) for kind, values in signals.items()}
     kind = max(shares, key=lambda k: shares[k])
     best: list[tuple[float, float, _Whole]] = []
-    if shares[kind] > 0.01:  # of the field; dials good to 0.5 deg leave 0.01
+    if shares[kind] > 0.01:  # of the field; dials with a standard deviation of 0.5 deg leave 0.01
         best = _ranked(signals, own, _units(signals, settings))
         # what takes many fits is tried where the simpler does not explain it, of so few stations that all are tried
         simple = bool(best) and best[0][0] > _CERTAIN and best[0][1] > 4.0
@@ -189,7 +189,7 @@ def _exchanged_columns(readings: BenchReadings) -> list[Finding]:
     own = {kind: _left(kind, values, readings.dials) for kind, values in signals.items()}
     if (
         max(float(np.sqrt(own[kind] / values.size)) for kind, values in signals.items()) < 0.05
-    ):  # dials good to 3 deg leave that
+    ):  # dials with a standard deviation of 3 deg leave that
         return []
     best: tuple[float, float, tuple[Finding, ...]] = (0.0, 0.0, ())
     for order in permutations(range(3)):
@@ -616,7 +616,7 @@ def _same_stations(readings: BenchReadings, calibration: Calibration) -> Index |
 def repeated_noise(readings: BenchReadings, calibration: Calibration) -> list[Finding]:
     """A warning where the calibration's residuals recur at the same stations, though not as a copy's do.
 
-    The correlation of the two, gains and offsets taken off, is held against that of independent visits, of which as
+    The correlation of the two, gains and offsets taken off, is compared with that of independent visits, of which as
     many numbers are free as the fit leaves: of each reading where its noise is the sensor's, of three dials a station
     where it is the settings'.
     """

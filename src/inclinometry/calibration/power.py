@@ -49,9 +49,9 @@ class Power:
     #: none is
     factor: float
     by_angle: Mapping[str, float]  #: the same by the errors of one angle alone
-    twice: float  #: probability that a tool twice as bad as stated passes
-    producer: float  #: probability that a tool as good as stated, and within its limits where there are any, fails
-    #: probability that a tool as good as stated is beyond a limit at one of the positions and passes; None where no
+    twice: float  #: probability that a tool with twice its stated errors passes
+    producer: float  #: probability that a tool with its stated errors, and within its limits where there are any, fails
+    #: probability that a tool with its stated errors is beyond a limit at a position and passes; None where no
     #: limits were agreed
     consumer: float | None
 
@@ -59,7 +59,7 @@ class Power:
     def proves_little(self) -> bool:
         """Whether a pass says little of the tool: only a much worse tool is found.
 
-        A tool four times as bad as certified has used up a tolerance of the usual ratio of 4 to 1 to its uncertainty;
+        A tool of four times its certified errors uses up a tolerance of the usual ratio of 4 to 1 to its uncertainty;
         of limits that were agreed 10 to 1 is the widest that metrology uses.
         """
         return self.factor > (4.0 if self.consumer is None else 10.0)

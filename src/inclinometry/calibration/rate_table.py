@@ -172,7 +172,7 @@ def chance_unasked(
         return chance, None
     response, pull = fit.coefficients[:3], fit.coefficients[-3:]
     common = float(np.sum(response * pull) / np.sum(response**2))
-    # share of a g-sensitivity that is common to all gyros along their own axes from which the rates are in doubt
+    # share of a g-sensitivity that is common to all gyros along their own axes from which the rates are suspect
     if common**2 * np.sum(response**2) > 0.9 * np.sum(pull**2):
         rate = -common * float(np.degrees(3600.0)) * EARTH_RATE
         return chance, Finding("fit-rate-off", {"rate_deg_h": rate, "chance": chance})
@@ -325,9 +325,11 @@ def calibrate_rates(
     u, w, g, heat, spread = _checked(signals, rates, gravity, temperature, degree, sd, g_sensitive)
     reference = 20.0 if heat is None else float(np.round(heat.mean(), 3))
     fit = fit_rates(u, w, g if g_sensitive else None, heat, reference, degree, spread)
-    chance, doubt = (chance_of(fit), None) if g_sensitive else chance_unasked(u, w, g, heat, reference, degree, spread)
+    chance, unasked = (
+        (chance_of(fit), None) if g_sensitive else chance_unasked(u, w, g, heat, reference, degree, spread)
+    )
     fitted, fuller = (scaled_design(w, pull, heat, reference, degree)[0] for pull in (g if g_sensitive else None, g))
-    doubted = suspects(u, fitted, fuller, spread)
+    suspected = suspects(u, fitted, fuller, spread)
     count, blocks = u.shape[1], fit.coefficients[: 4 * (degree + 1)].T.reshape(u.shape[1], degree + 1, 4)
     sensitivity = frozen(fit.coefficients[-3:].T) if g_sensitive else None
     tensor, offset = blocks[..., :3].swapaxes(0, 1), blocks[..., 3].T
@@ -348,11 +350,11 @@ def calibrate_rates(
         None if heat is None else (float(heat.min()), float(heat.max())),
         # what is said of gravity holds only where no single step speaks against the rest
         (
-            *([] if doubted else _gravity_notes(triad, fit, chance, doubt)),
+            *([] if suspected else _gravity_notes(triad, fit, chance, unasked)),
             *_misfit(chi_square, dof, fit),
             *_uneven(fit),
         ),
-        tuple(doubted),
+        tuple(suspected),
     )
 
 
@@ -407,9 +409,9 @@ def _checked(
     return u, w, g, heat, np.broadcast_to(spread, u.shape)
 
 
-def _gravity_notes(triad: Triad, fit: Fit, chance: float | None, doubt: Finding | None) -> list[Finding]:
+def _gravity_notes(triad: Triad, fit: Fit, chance: float | None, unasked: Finding | None) -> list[Finding]:
     if triad.g_sensitivity is None or chance is None:
-        return [doubt] if doubt else []
+        return [unasked] if unasked else []
     sd = np.sqrt(np.diagonal(fit.covariances, axis1=1, axis2=2)[:, -3:])
     sensor, axis = np.unravel_index(int(np.argmax(np.abs(triad.g_sensitivity))), sd.shape)
     values: dict[str, Value] = {"chance": chance, "sensor": int(sensor) + 1, "axis": "xyz"[axis], "unit": triad.unit}

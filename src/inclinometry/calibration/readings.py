@@ -33,7 +33,7 @@ class BenchReadings(Tabular):
     azimuth, inclination, toolface : (K,) array_like, optional
         Rig settings as dialled, rad. All three, or none for a field calibration.
     station : sequence of str, optional
-        Names of the stations; "1".."K" when not given.
+        Names of the stations. Default: "1".."K".
     sd : mapping of kind to (K, m) array_like
         Standard deviation of the values in `channels` (of the mean, where several readings were averaged).
     count : (K,) array_like, optional
@@ -43,7 +43,7 @@ class BenchReadings(Tabular):
     roll_set : sequence of str, optional
         Stations with the same non-empty name were taken at one inclination and azimuth, rolled about the tool axis.
     units : mapping of kind to str
-        Unit of the signals, "counts" when not given.
+        Unit of the signals. Default: "counts".
     reference : mapping
         What is known of the fields at the stand, constants over the run: "g" (m/s^2), "b" (nT), "dip",
         "latitude" and "north", the azimuth of the rig's zero from magnetic north (rad).

@@ -53,7 +53,7 @@ def calibration_text(found: Calibration) -> str:
             f"{kind} field in rig axes: {np.round(direction, 5).tolist()}, {below:.3f} deg below the rig's horizon"
         )
     if np.any(found.rig.sd):
-        lines.append(f"rig settings good to {np.degrees(found.rig.sd).max():.3f} deg (standard deviation)")
+        lines.append(f"rig settings: standard deviation {np.degrees(found.rig.sd).max():.3f} deg")
     lines += [
         f"{title}: {np.degrees(v):+.4f} ± {np.degrees(s):.4f} deg" for title, (v, s) in found.rig.nuisance.items()
     ]
@@ -147,7 +147,7 @@ class Calibration(Tabular):
         is least certain; NaN for an angle that the tool does not give.
     freedom : effective degrees of freedom nu of the variances that the readings gave, where `covariance` is the mean
         over them: nu / (nu - 2) times the covariance at their estimates. Infinite where all were stated; None where it
-        is not known (other methods, files of before).
+        is not known (other methods, older files).
     """
 
     tool: Tool

@@ -1,4 +1,4 @@
-"""What one roll set says about itself: first harmonic, second harmonic, and what is left over."""
+"""What one roll set says about itself: first harmonic, second harmonic, and what remains."""
 
 from __future__ import annotations
 
@@ -133,7 +133,7 @@ class SecondHarmonics:
     sets: tuple[str, ...]  #: (S,) names of the sets: the roll_set of the readings, else azimuth and inclination
     first: Mapping[str, Array]  #: kind -> (S, m) complex amplitudes c1, in the unit of the signals
     second: Mapping[str, Array]  #: the same of c2
-    #: kind -> (S, m) standard uncertainty of the real and of the imaginary part of c2, from what is left over beyond
+    #: kind -> (S, m) standard uncertainty of the real and of the imaginary part of c2, from what remains beyond
     #: the two harmonics
     u: Mapping[str, Array]
     #: complex e, rad: the roll dial reads T where the tool stands at T + Re(e exp(-iT)), as an eccentric dial does

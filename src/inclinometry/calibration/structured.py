@@ -189,7 +189,7 @@ def _dial_blocks(fitted: Fitted) -> Iterator[Block]:
 
 
 def _way(share: Array) -> Array:
-    """Whether what each sensor sees (K, m) rose (1) or fell (-1) from the station before; 0 where nobody can say."""
+    """Whether what each sensor sees (K, m) rose (1) or fell (-1) from the station before; 0 where no one can say."""
     step = np.diff(share, axis=0, prepend=share[:1])
     return np.where(np.abs(step) > 0.02, np.sign(step), 0.0)  # more than dials err
 
@@ -316,7 +316,7 @@ def not_excluded(looked_for: Sequence[Evidence], covariance: Array) -> Array:
 
 
 def untold(tool: Tool, directions: Mapping[str, Array], looked_for: Sequence[Evidence], held: Array) -> list[Finding]:
-    """Which causes the readings leave open that would move the angles by more than the calibration's uncertainty.
+    """Which causes the readings do not exclude that would move the angles by more than the calibration's uncertainty.
 
     `held` is the part of the tool's covariance that is theirs: what is open is said, however much of it is held.
     What a cause does to the signals of a tool in use counts with what it has done to the parameters: of a response that

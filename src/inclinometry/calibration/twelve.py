@@ -190,7 +190,7 @@ def solve_twelve(
     """Calibrate a triad from one upright roll set and equal turns of azimuth and roll at 90 degrees.
 
     Equations (17)-(25) of Rogatykh 2018, corrected: the print has sin theta for cos theta in A_A and B_A of (22), which
-    spoils n2. The field's direction a is the common direction of all n_l a over all sensors, n the projections on it,
+    damages n2. The field's direction a is the common direction of all n_l a over all sensors, n the projections on it,
     weighted by the inverse variance of each product. This replaces the rules of sign (26), which divide noise by noise
     where a component of a is small. The upright set measures n1 a1 + n2 a2 and n1 a2 - n2 a1 once more.
     """

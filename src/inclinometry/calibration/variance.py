@@ -533,7 +533,7 @@ def noise_guess(
         elif kind in readings.sd and (readings.sd[kind] > 0.0).any():
             # a mean of identical readings is still only known to the converter's step
             sd = np.hypot(readings.sd[kind], readings.rounding(kind))
-            # nor is a mean without scatter exact where that step is unknown: it is taken as good as the others
+            # nor is a mean without scatter exact where that step is unknown: it is assumed like the others
             columns.append(np.where(sd > 0.0, sd, np.sqrt(np.mean(sd[sd > 0.0] ** 2))))
         else:
             columns.append(np.maximum(np.maximum(rms, least), readings.rounding(kind)))

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 def main(arguments: list[str] | None = None) -> None:
     """Run a command; exit status 0 done, 1 a verdict of failure, 2 bad input, 3 our own error, 130 interrupted.
 
-    With INCLINOMETRY_TRACEBACK=1 in the environment errors nobody foresaw are raised and Python's warnings shown.
+    With INCLINOMETRY_TRACEBACK=1 in the environment errors no one foresaw are raised and Python's warnings shown.
     """
     # all matrices here are small: threads only make them slower, many times so on a busy machine
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -25,7 +25,7 @@ def main(arguments: list[str] | None = None) -> None:
     try:
         with warnings.catch_warnings():
             if not _traceback():
-                # what a user must know is said in words; a line of source is of no use at the bench
+                # what a user must know is said in words; a line of source is useless at the bench
                 warnings.simplefilter("ignore")
             status = _run(sys.argv[1:] if arguments is None else arguments)
     except KeyboardInterrupt:
@@ -38,9 +38,9 @@ def main(arguments: list[str] | None = None) -> None:
     except Exception as error:
         if _traceback():
             raise
-        # one line and an exit status for an error nobody raised on purpose
+        # one line and an exit status for an error no one raised on purpose
         what = _one_line(str(error)) or "no more is known"
-        # what the system says of a path that somebody gave, wherever it is looked at first
+        # what the system says of a path that a user gave, wherever it is looked at first
         of_names = ["ENAMETOOLONG", "ENOTDIR", "EISDIR", "ELOOP", "EACCES", "EPERM", "EROFS", "ENXIO", "ENODEV"]
         if isinstance(error, MemoryError):
             _say(f"inclinometry: this does not fit into memory ({what}); use less data at a time")
@@ -60,7 +60,7 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 def _run(arguments: list[str]) -> int:
-    """The command's exit status; what a user can mend is said in one line."""
+    """The command's exit status; what a user can repair is said in one line."""
     from cyclopts import CycloptsError, MissingArgumentError, UnknownOptionError
 
     from inclinometry.cli.general import EMPTY, general

@@ -79,7 +79,7 @@ ledger init | laboratory.commands.ledger:init | Make an empty ledger, or bring a
 ledger verify | laboratory.commands.ledger:verify | Check every record, signed head and witness. Exit status 0 sound, 1 \
 changed, 2 bad input. | --ledger lab.sqlite
 ledger key | laboratory.commands.proof:key | The laboratory's key, which signs ledgers and certificates. Made, published, \
-rotated, begun anew. | --public laboratory.pem
+rotated, begun again. | --public laboratory.pem
 ledger head | laboratory.commands.proof:head | The signed head of a ledger, for others to keep. With proof that it only grew. \
 | --ledger lab.sqlite -o head.json
 ledger status | laboratory.commands.proof:status | Write how certificates stand, signed. For those who hold a certificate and \
@@ -126,7 +126,7 @@ contradict the history. | readings.csv --tool IN-7 --performed 2026-06-01 --rig 
 fleet evidence | fleet.evidence:evidence | Take what a run in the hole says of its tool into the tool's history. Exit \
 status 1 where the run contradicts the history. | stations.csv --tool IN-7 --run R12 --date 2026-03-04 --site site.toml \
 --ledger lab.sqlite --record
-fleet clean | fleet.commands:clean | Remove what nobody needs any more. Never counts. | --days 30
+fleet clean | fleet.commands:clean | Remove what no one needs any more. Never counts. | --days 30
 = Files
 check | check:check | Say what a file is understood to be. Columns, units, rate, which commands could take it, and \
 whether a run along a hole can be true (exit status 1 if not); writes a draft of a profile. | logger.txt -o profile.toml

@@ -168,7 +168,7 @@ def calibrate(
         CSV with station, azimuth_deg, inclination_deg, toolface_deg and the channels accel_x ... mag_z, gyro_z. For
         hand-rotations a log: time_s, accel_x ... gyro_z.
     output_
-        The calibration, tool.json; only looked at when not given.
+        The calibration, tool.json. Without it nothing is written.
     method
         When not given joint, or field where there are roll sets without angles. field needs no angles, only roll_set;
         norm no roll set either: each triad in its own axes. hand-rotations takes a log of a tool turned by hand between
@@ -178,7 +178,7 @@ def calibrate(
     gyro_log
         For hand-rotations: the gyro's log, where it is a file of its own with the same times.
     gyro_profile
-        The profile --gyro-log is read with; that of --profile when not given.
+        The profile --gyro-log is read with. Default: that of --profile.
     robust
         Leave out stations that disagree with the others.
     specific_force
@@ -377,7 +377,7 @@ def show_calibration(found: Calibration, expected: ExpectedUncertainty) -> None:
         )
     sd = np.degrees(found.rig.sd)
     stations = output.counted(len(found.residuals.station), "station")
-    rig = f"rig settings good to {sd.max():.3f} deg" if found.field_directions else "without a rig"
+    rig = f"rig settings: standard deviation {sd.max():.3f} deg" if found.field_directions else "without a rig"
     output.say(f"method {found.method}, {stations}, {rig}")
 
 
@@ -390,7 +390,7 @@ def compare(
         str | None,
         Parameter(
             help=f"Of two files: one method for both, or two with a comma, as orthogonal,rotations. Out of "
-            f"{', '.join(METHODS)}; joint when not given."
+            f"{', '.join(METHODS)}. Default: joint."
         ),
     ] = None,
     report: Annotated[
@@ -568,14 +568,14 @@ def verify(
     level_sd
         How well the vertical of a level stand is known.
     rig_sd
-        Random error of a setting of another stand; that of the calibration's rig when not given.
+        Random error of a setting of another stand. Default: that of the calibration's rig.
     output_
         Write verify.json, for a certificate; with --planned the protocol that is planned, JSON.
     planned
         Before any reading is taken: the file is a plan (`inclinometry plan spread`), and what its positions will find
         is said, with the risks of both sides.
     count
-        Of --planned: readings that will be averaged at each position; 1 when not given.
+        Of --planned: readings that will be averaged at each position. Default: 1.
     """
     from inclinometry.calibration.acceptance import verify as verify_readings
     from inclinometry.files.limits import read_limits

@@ -33,9 +33,9 @@ def coefficients(
         table: on the terminal. json: every view. c: header with single-precision constants. csv: a line a sensor. When
         not given: what the name of the output ends in (.json, .h, .csv), without an output the table.
     output_
-        File to write; standard output when not given.
+        File to write. Default: standard output.
     temperature
-        Temperature of the views; the reference temperature of the calibration when not given, and W and U0 of json and
+        Temperature of the views. Default: the reference temperature of the calibration, and W and U0 of json and
         c as polynomials over its range.
     """
     from inclinometry.files.coefficients import coefficients as read_coefficients

@@ -26,9 +26,7 @@ def convert(
     to: Annotated[Target | None, Parameter(group=options.OUTPUT)] = None,
     convention: Annotated[
         Convention,
-        Parameter(
-            help="Axes and signs of the sensors in the source; those of its format when not given, native in a table."
-        ),
+        Parameter(help="Axes and signs of the sensors in the source. Default: those of its format, native in a table."),
     ] = None,
     azimuth_reference: Annotated[Literal["magnetic", "true", "grid"] | None, Parameter(group=options.INPUT)] = None,
     sheet: Annotated[str | None, Parameter(group=options.INPUT)] = None,
@@ -47,14 +45,14 @@ def convert(
     target
         File to write.
     from_
-        Format of the source; by its ending when not given.
+        Format of the source. Default: by its ending.
     to
-        Format of the target; by its ending when not given. csv-excel has semicolons, decimal commas and a byte-order
+        Format of the target. Default: by its ending. csv-excel has semicolons, decimal commas and a byte-order
         mark; survex, therion and compass are written as legs.
     azimuth_reference
         North of the azimuths, where the source does not say it.
     sheet
-        Sheet of a workbook, the first when not given; number of a survey in P7; uid of a trajectory in WITSML.
+        Sheet of a workbook (default: the first); number of a survey in P7; uid of a trajectory in WITSML.
     depth_unit
         Unit of depth of a P7 file that does not say it.
     map_

@@ -50,7 +50,7 @@ def displacement(
     spike_limit
         Robust standard deviations from the median beyond which a check-sum is a spike.
     step_sd
-        Standard uncertainty of the change of one step, mm; from the scatter of the check-sums when not given.
+        Standard uncertainty of the change of one step, mm. Default: from the scatter of the check-sums.
     bias_shift
         Standard uncertainty of a step by a bias that changed between the two runs of a reading, mm; the same at every
         step.

@@ -94,9 +94,9 @@ def dynamic(
         allan.json of the gyro (written by allan): its noise and random walk, where no option states them.
     axes
         Without --calibration: the file's channels that are x, y and z (of the convention), as y,z,x for a tool whose x
-        lies along the hole; x,y,z when not given. Write a leading minus as --axes=-x,...
+        lies along the hole. Default: x,y,z. Write a leading minus as --axes=-x,...
     mag_axes
-        The same of the magnetometer alone, applied before --axes; x,y,z when not given.
+        The same of the magnetometer alone, applied before --axes. Default: x,y,z.
     """
     output.claim(
         {"--output": output_, "--report": report},

@@ -30,7 +30,7 @@ GyroSd: TypeAlias = Annotated[
         0.0,
         1000.0,
         above=True,
-        help="Noise of one gyro reading, deg/h; estimated from the scatter when not given.",
+        help="Noise of one gyro reading, deg/h. Default: estimated from the scatter.",
     ),
 ]
 ScaleSd: TypeAlias = Annotated[float, options.quantity("percent", 0.0, 50.0, above=True)]
@@ -73,7 +73,7 @@ def north(
         options.GravitySd,
         Parameter(
             help="Of tools without an accelerometer along the hole: standard uncertainty of |g| here against that in "
-            "whose units the others read; that of what site and calibration state when not given."
+            "whose units the others read. Default: that of what site and calibration state."
         ),
     ] = None,
     report: options.Report = None,
@@ -103,7 +103,7 @@ def north(
     scale_sd
         Standard uncertainty of the scale factor at the first station.
     accel_sd
-        Noise of one accelerometer reading; that of the calibration when not given.
+        Noise of one accelerometer reading. Default: that of the calibration.
     z_bias_sd
         Standard uncertainty of the bias of a gyro along the tool.
     sweep

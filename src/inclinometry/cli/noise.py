@@ -37,7 +37,7 @@ def allan(
         By time_s, where the stretch of the log begins that is used: the tool was at rest in it; its first sample when
         not given.
     stop
-        Where it ends; the last sample when not given.
+        Where it ends. Default: the last sample.
     """
     from inclinometry.workflow.allan import noise_of_log
 
@@ -99,7 +99,7 @@ def plan_gyro(
     scale_sd
         Prior standard uncertainty of the scale factor.
     at_azimuth
-        Azimuth of the hole from true north; all round when not given.
+        Azimuth of the hole from true north. Default: all round.
     gyros
         Gyros across the tool, turned to four index positions.
     axes

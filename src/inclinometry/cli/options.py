@@ -89,13 +89,13 @@ Convention: TypeAlias = Annotated[
     Parameter(
         group=INPUT,
         converter=_convention,
-        help="Without a calibration: axes and signs of the sensors in the file, see the page on conventions; native "
-        "when not given.",
+        help="Without a calibration: axes and signs of the sensors in the file, see the page on conventions. "
+        "Default: native.",
     ),
 ]
 SixAxisForm: TypeAlias = Annotated[
     Literal["csv", "xlsx", "parquet", "las", "witsml", "p7"] | None,
-    Parameter(name="--from", group=INPUT, help="Format of the readings; by the ending of a file when not given."),
+    Parameter(name="--from", group=INPUT, help="Format of the readings. Default: by the ending of a file."),
 ]
 FieldSite: TypeAlias = Annotated[
     Path,
@@ -112,7 +112,7 @@ ModelOrTool: TypeAlias = Annotated[
 AzimuthFrom: TypeAlias = Annotated[
     Literal["magnetometer", "gyro"] | None,
     Parameter(
-        help="Triad that gives the azimuth: the magnetometer when not given, where there is one, else the gyro (from "
+        help="Triad that gives the azimuth. Default: the magnetometer, if there is one, else the gyro (from "
         "true north)."
     ),
 ]
@@ -153,15 +153,15 @@ AgeDays: TypeAlias = Annotated[
     Parameter(
         group=INPUT,
         help="With --calibration: days from the calibration to the run, after which the sensors are not where they "
-        "were; by the dates of tool.json (calibrate --created) and of the site when not given.",
+        "were. Default: by the dates of tool.json (calibrate --created) and of the site.",
     ),
 ]
 StabilityFile: TypeAlias = Annotated[
     Path | None,
     Parameter(
         group=INPUT,
-        help="stability.toml: what the sensors of this tool move by in a year; half of the AB, AS, MB and MS terms of "
-        "the ISCWSA's MWD model when not given.",
+        help="stability.toml: what the sensors of this tool move by in a year. Default: half of the AB, AS, MB and MS "
+        "terms of the ISCWSA's MWD model.",
     ),
 ]
 SwitchAngle: TypeAlias = Annotated[
@@ -192,7 +192,7 @@ Created: TypeAlias = Annotated[
         group=OUTPUT,
         converter=_day_or_time,
         n_tokens=1,
-        help="Date for the record, YYYY-MM-DD or ISO 8601 with the time; none when not given: nothing is "
+        help="Date for the record, YYYY-MM-DD or ISO 8601 with the time. Default: none; nothing is "
         "taken from the clock.",
     ),
 ]

@@ -54,25 +54,25 @@ def plan(
     output_
         CSV with station, azimuth_deg, inclination_deg, toolface_deg.
     number
-        Stations of an optimal plan; 24 when not given.
+        Stations of an optimal plan. Default: 24.
     inclination_range
-        Where the tool will work, which an optimal plan is aimed at; 10 90 when not given.
+        Where the tool will work, which an optimal plan is aimed at. Default: 10 90.
     criterion
-        What an optimal plan minimises over that range; azimuth when not given.
+        What an optimal plan minimises over that range. Default: azimuth.
     rig_sd
-        Random error of a setting of the rig an optimal plan is for; 0.1 when not given.
+        Random error of a setting of the rig an optimal plan is for. Default: 0.1.
     dip
-        Magnetic dip at the bench an optimal plan is for; 70 when not given.
+        Magnetic dip at the bench an optimal plan is for. Default: 70.
     first_inclination
-        First of the two inclinations of rotations, 30 when not given; the second is 90 degrees more.
+        Default: first of the two inclinations of rotations, 30; the second is 90 degrees more.
     azimuth
-        Azimuth of rotations; 0 when not given.
+        Azimuth of rotations. Default: 0.
     rolls
-        Equal rolls a turn, of twelve (3 when not given) and rotations (8).
+        Default: equal rolls a turn, of twelve (3) and rotations (8).
     azimuths
-        Equal azimuths of twelve at which the tool lies; 3 when not given.
+        Equal azimuths of twelve at which the tool lies. Default: 3.
     seed
-        Of the search for an optimal plan; 1 when not given.
+        Of the search for an optimal plan. Default: 1.
     repeats
         Positions visited once more at the end, 1 or 2: they show sensors that drift during the run.
     """

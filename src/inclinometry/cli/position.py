@@ -49,8 +49,8 @@ def position(
     age_days: Annotated[
         options.AgeDays,
         Parameter(
-            help="With --calibration: days from the calibration to the run; by the dates of tool.json (calibrate "
-            "--created) and of the site when not given, a year where they do not tell.",
+            help="With --calibration: days from the calibration to the run. Default: by the dates of tool.json "
+            "(calibrate --created) and of the site, else a year.",
         ),
     ] = None,
     stability: options.StabilityFile = None,
@@ -70,7 +70,7 @@ def position(
     survey
         CSV with md_m (or md_ft), inclination_deg, azimuth_deg, azimuth_reference.
     output_
-        Position CSV: m and m2; north, east, v down. Only looked at when not given.
+        Position CSV: m and m2; north, east, v down. Without it nothing is written.
     site
         site.toml: declination, convergence and the fields that the error model needs; given or from its models.
     calibration
@@ -83,11 +83,11 @@ def position(
         errors.json of the gyro run that the survey is: the error model of its angles; --tool-code then adds its terms
         of depth, misalignment and sag.
     tie_on
-        North, east, true vertical depth of the first station in m; 0, 0 and its depth along the hole when not given.
+        North, east, true vertical depth of the first station in m. Default: 0, 0 and its depth along the hole.
     tie_sigma
         Their standard deviations in m.
     north
-        What positions count from; when not given the site's north_reference where it is true or grid, else grid for
+        What positions count from. Default: the site's north_reference where it is true or grid, else grid for
         grid azimuths and true for others.
     azimuth_reference
         North of the azimuths, where the survey does not say it.

@@ -42,7 +42,7 @@ def orient(
     site
         site.toml with declination_deg (or a place and date), for the azimuth from true north.
     rig_sd
-        Random error of a setting of this rig; found from the scatter when not given.
+        Random error of a setting of this rig. Default: found from the scatter.
     """
     with output.reading(readings) as progress:
         data = read_bench(readings, progress=progress)
@@ -79,8 +79,8 @@ def orient(
     output.table(f"how the rig stands, by tool {found.tool}", ["", "deg", "u deg", "U (k = 2) deg"], cells)
     output.say("the true angle of a dial is what it shows plus its zero")
     output.say(
-        f"{output.counted(len(data), 'setting')}, each good to {np.degrees(found.setting_sd):.3f} deg, largest turn "
-        f"left {np.degrees(found.residual.max()):.3f} deg"
+        f"{output.counted(len(data), 'setting')}, standard deviation {np.degrees(found.setting_sd):.3f} deg, "
+        f"largest turn left {np.degrees(found.residual.max()):.3f} deg"
     )
 
 

@@ -61,7 +61,7 @@ def repeat(
     calibration
         tool.json of both surveys; without it the sensors' errors are those of the ISCWSA MWD model.
     second_calibration
-        tool.json of the second survey, where it is another; that of both when not given.
+        tool.json of the second survey, where it is another. Default: that of both.
     other_tool
         The second survey was made with another tool, where no calibration says so.
     apart_m

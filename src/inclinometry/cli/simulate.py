@@ -34,7 +34,7 @@ class Sensors:
     """Factor on the tool's own noise, 0.3 mg and 20 nT of a simulated one."""
     magnetometer: Literal["magnetoresistive", "fluxgate"] | None = None
     """magnetoresistive (20 nT of noise) or fluxgate (noise, non-linearity and hysteresis of 0.5 % of full scale each);
-    the tool's own when not given."""
+    Default: the tool's own."""
     accel_noise: Annotated[float | None, options.quantity("mg")] = None
     """Noise of one accelerometer reading, instead of --noise."""
     mag_noise: Annotated[float | None, options.quantity("nT")] = None
@@ -88,7 +88,7 @@ def bench(
         Write the tool and stand behind the readings.
     tool
         truth.json of an earlier simulation: visit the same tool on the same stand again. Or tool.json, or a data sheet
-        (TOML): that tool on a new stand. A new tool drawn by the seed when not given.
+        (TOML): that tool on a new stand. Default: a new tool drawn by the seed.
     other_stand
         With --tool: the same tool on another stand, the one of these options.
     layout
@@ -113,7 +113,7 @@ def bench(
     temperature_degree
         Degree of the tool's own dependence on temperature.
     misread
-        Faults STATION:DIAL:DEGREES, e.g. 7:toolface:30; none when not given.
+        Faults STATION:DIAL:DEGREES, e.g. 7:toolface:30. Default: none.
     """
     from inclinometry.files.bench_csv import write_bench
     from inclinometry.files.tool_json import write_truth
@@ -322,7 +322,7 @@ def gyro(
     accel_sd
         Noise of one accelerometer reading.
     spike
-        A fault STATION:POSITION:DEG_H, e.g. 3:2:5; none when not given.
+        A fault STATION:POSITION:DEG_H, e.g. 3:2:5. Default: none.
     """
     from inclinometry.files.writing import write_text
     from inclinometry.workflow import simulate_gyro as use
@@ -394,11 +394,11 @@ def drilling(
     seed
         Decides all that is random.
     duration
-        Length of the run; the scenario's own when not given.
+        Length of the run. Default: the scenario's own.
     inclination
-        Of the hole; the scenario's own when not given.
+        Of the hole. Default: the scenario's own.
     azimuth
-        Of the hole, from magnetic north; the scenario's own when not given.
+        Of the hole, from magnetic north. Default: the scenario's own.
     truth
         Write the true angles, .parquet or .csv.
     """

@@ -136,9 +136,9 @@ def msa(
     calibration
         tool.json, whose covariance is then the prior.
     priors
-        What is known of a tool without a calibration: iscwsa (kept to the ISCWSA model; when not given) or unknown.
+        What is known of a tool without a calibration: iscwsa (the default; kept to the ISCWSA model) or unknown.
     axial_sigma
-        Standard deviation of the axial magnetic interference, nT; 2000 when not given.
+        Standard deviation of the axial magnetic interference, nT. Default: 2000.
     """
 
     output.claim(

@@ -19,7 +19,7 @@ class StandOptions:
     """What is known of a stand, by the names of `workflow.calibrate.Options`."""
 
     rig_sd: SdOrNone = None
-    """Random error of a setting of the rig; when not given that of the registered rig, or else estimated from the
+    """Random error of a setting of the rig. Default: that of the registered rig, or else estimated from the
     readings."""
     azimuth_sd: SdOrNone = None
     """The same for the azimuth dial alone."""
@@ -52,11 +52,11 @@ class FitOptions:
     gyro_step: Step = None
     """The same for the gyros."""
     inclination_zero_sd: SdOrNone = None
-    """Fit a constant error of the inclination dial with this prior; not fitted when not given."""
+    """Fit a constant error of the inclination dial with this prior. Default: not fitted."""
     nonorthogonality_sd: SdOrNone = None
-    """Fit the non-orthogonality of the rig's axes with this prior; not fitted when not given."""
+    """Fit the non-orthogonality of the rig's axes with this prior. Default: not fitted."""
     temperature_degree: int | None = None
-    """Degree of the polynomial in temperature; chosen by information criterion when not given."""
+    """Degree of the polynomial in temperature. Default: chosen by information criterion."""
 
 
 @Parameter(name="*", group=DIALS)
@@ -66,11 +66,11 @@ class DialOptions:
 
     inclination_from: InclinationFrom | None = None
     """Where the inclination dial counts from: vertical (0 with the tool's end down), other-end (180 there), horizontal
-    (90 there, positive below the horizon) or horizontal-up (-90 there); vertical when not given."""
+    (90 there, positive below the horizon) or horizontal-up (-90 there). Default: vertical."""
     azimuth_counts: Counts | None = None
-    """Which way the azimuth dial counts, seen from above; clockwise when not given."""
+    """Which way the azimuth dial counts, seen from above. Default: clockwise."""
     toolface_counts: Counts | None = None
-    """Which way the toolface dial counts, looking down hole; clockwise when not given."""
+    """Which way the toolface dial counts, looking down hole. Default: clockwise."""
     base: Base | None = None
     """inverted: the rig is upside down, so that the tool points up where the inclination dial says 0; upright when not
     given."""

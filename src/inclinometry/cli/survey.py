@@ -30,7 +30,7 @@ def survey(
         str | None,
         Parameter(
             help=f"Corrections in their order, with commas: {', '.join(CORRECTIONS)}; a corrections.json may stand for "
-            "msa. None when not given."
+            "msa. Default: none."
         ),
     ] = None,
     bha: options.InputOrNone = None,
@@ -54,7 +54,7 @@ def survey(
         With a calibration: CSV with md_m and the raw channels. Without: gravity and magnetic field in any format of
         convert, units in the column names (md_m, gx_m_s2 .. gz_m_s2, bx_nT .. bz_nT).
     output_
-        Survey CSV; only looked at when not given.
+        Survey CSV. Without it nothing is written.
     calibration
         tool.json; without it the readings are fields already and --site is needed.
     site

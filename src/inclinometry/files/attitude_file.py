@@ -80,7 +80,7 @@ def read_attitude(path: str | Path) -> AttitudeRows:
     Raises
     ------
     FileError
-        Not found or no such table; a column of the contract is missing; a method, flag or reference nobody knows.
+        Not found or no such table; a column of the contract is missing; a method, flag or reference no one knows.
 
     Examples
     --------

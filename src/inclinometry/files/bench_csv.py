@@ -100,7 +100,7 @@ def improbably_equal(values: Array, channel: int, at: NDArray[np.bool_], basis: 
 #
 # 1. it is the rail of a two's complement or unsigned converter: all readings are whole numbers, and the value is
 # 2^n - 1 (n >= 9; nothing below -2^n), or -2^n (nothing above 2^n - 1), or 0 where no channel of the
-# kind is ever negative, and the fit of rule 2 to the stations at neither extreme, if good to 0.2 % of the span, does
+# kind is ever negative, and the fit of rule 2 to the stations at neither extreme, if within 0.2 % of the span, does
 # not expect this value; or
 # 2. the rig was set there to attitudes at which the other stations predict more: a linear fit of the channel on the
 # gravity direction (accelerometer) or on all nine direction cosines (other kinds) overshoots the value by five of its
@@ -550,7 +550,7 @@ def _count(table: Frame) -> Array | None:
     bad = (values < 1.0) | (values != np.floor(values))
     if bad.any():
         row = int(np.flatnonzero(bad)[0])
-        facts: dict[str, Value] = {"column": "count", "value": float(values[row]), "allowed": "1, 2, 3, .."}
+        facts: dict[str, Value] = {"column": "count", "value": float(values[row]), "allowed": "int >= 1"}
         raise table.error(Finding("file-value", facts), row)
     return values
 

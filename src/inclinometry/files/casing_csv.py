@@ -27,7 +27,7 @@ _FACE = re.compile(r"(?:face[ _]?)?([ab])[ _]?(0|180|\+|-)(?:(?:[ _]+|\s*[(\[])(
 
 
 class CasingFile(NamedTuple):
-    """A reading, the line of each of its depths, what is doubtful about it, and the table it came from."""
+    """A reading, the line of each of its depths, what is suspect about it, and the table it came from."""
 
     reading: CasingReading
     lines: tuple[int, ...]
@@ -90,7 +90,7 @@ def read_casing(path: str | Path, unit: str | None = None) -> CasingFile:
     try:
         said = tuple(check_reading(reading))
     except InputError as error:
-        raise in_file(error, path) from None
+        raise in_file(error, path, table.header_line) from None
     return CasingFile(reading, tuple(table.lines[order].tolist()), said, table)
 
 

@@ -33,7 +33,7 @@ def sheet_blocks(path: Path, sheet: str | None = None) -> Iterator[Block]:
     """A sheet (the first by default) of a workbook, in blocks whose lines are the rows: cells as texts, numbers, flags.
 
     Rows that hold nothing are empty, so that the others keep their numbers. FileError for no workbook, a damaged or a
-    monstrous one; no such sheet, an empty one; a formula that nobody has calculated.
+    monstrous one; no such sheet, an empty one; a formula that no one has calculated.
     """
     _check(path)
     with ExitStack() as stack:

@@ -61,11 +61,6 @@ class GyroReadings(Tabular):
         return len(self.labels)
 
     @property
-    def notes(self) -> tuple[str, ...]:
-        """The findings as sentences, for what still takes them so."""
-        return tuple(map(str, self.findings))
-
-    @property
     def clockwise(self) -> Array:
         """The index (K,) counted clockwise looking down hole, rad."""
         return self.index if self.index_turns == "clockwise" else -self.index
@@ -270,11 +265,6 @@ class RateSteps:
 
     def __len__(self) -> int:
         return len(self.rate)
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """The findings as sentences, for what still takes them so."""
-        return tuple(map(str, self.findings))
 
     @property
     def axes(self) -> str | None:

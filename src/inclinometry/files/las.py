@@ -251,7 +251,7 @@ def _header(path: Path, head: str) -> Any:
 
 @contextmanager
 def _quiet(name: str) -> Iterator[None]:
-    """A library's log silent; what it doubts is said here, in one place and with the file's name."""
+    """A library's log silent; what it finds is said here, in one place and with the file's name."""
     logger = logging.getLogger(name)
     before = logger.level
     logger.setLevel(logging.CRITICAL + 1)

@@ -41,11 +41,6 @@ class Log:
     def __len__(self) -> int:
         return len(self.time)
 
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """The findings as sentences, for what still takes them so."""
-        return tuple(map(str, self.findings))
-
 
 def read_log(path: str | Path, *, progress: Progress | None = None) -> Log:
     """Read a log of any length.

@@ -123,7 +123,7 @@ class RunFile:
         return f"RunFile: {self.path}; {', '.join(columns)}"
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # a copy opens the file anew: rows are read once, and what reads them is of this process
+        # a copy opens the file again: rows are read once, and what reads them is of this process
         return open_run, (self.path,)
 
     def _block(self, columns: Mapping[str, Array]) -> RunBlock:

@@ -43,11 +43,6 @@ class RawSurvey(Tabular):
     def __len__(self) -> int:
         return len(self.md)
 
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """The findings as sentences, for what still takes them so."""
-        return tuple(map(str, self.findings))
-
     def to_dict(self) -> dict[str, Column]:
         """One row a station: depth, channels and temperature, under the names they have in a file."""
         found: dict[str, Column] = {"md_m": self.md, **channel_columns(self.channels, self.units)}

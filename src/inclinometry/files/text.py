@@ -195,7 +195,7 @@ LONGEST_LINE = 1 << 20
 Progress = Callable[[int], None]
 
 OLD_EXCEL: Final = b"\xd0\xcf\x11\xe0"
-"""Begins a workbook of before 2007, and one with a password."""
+"""Begins a workbook older than 2007, and one with a password."""
 _MAGIC = {b"%PDF": "PDF", OLD_EXCEL: "Excel 97 (.xls)"}
 
 

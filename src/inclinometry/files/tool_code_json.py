@@ -114,7 +114,7 @@ def _read(path: Path) -> ToolCode:
 
 
 def _without_extensions(content: dict[str, Any]) -> dict[str, Any]:
-    """The file without the keys x_... of its terms, which anybody may add."""
+    """The file without the keys x_... of its terms, which anyone may add."""
     terms = content.get("terms")
     if not isinstance(terms, list) or not all(isinstance(cells, dict) for cells in terms):
         return content  # the schema says what is wrong

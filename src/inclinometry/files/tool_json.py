@@ -260,7 +260,7 @@ def calibration_from(content: dict[str, Any], where: str | Path) -> Calibration:
                 None if rig["errors_rad"] is None else _array(rig["errors_rad"]),
                 None if rig["errors_sd_rad"] is None else _array(rig["errors_sd_rad"]),
                 {n: (float(v["estimate_rad"]), float(v["uncertainty_rad"])) for n, v in rig["nuisance"].items()},
-                # tool files of before had none
+                # tool older files had none
                 np.array([np.inf if nu is None else nu for nu in rig.get("degrees_of_freedom", [None] * 3)]),
             ),
             Residuals(
@@ -269,7 +269,7 @@ def calibration_from(content: dict[str, Any], where: str | Path) -> Calibration:
                 {kind: _array(v) for kind, v in residuals["standardised"].items()},
                 _array(residuals["leverage"]),
             ),
-            # files of before have no notes
+            # older files have no notes
             (*uncoded(content["warnings"]), *uncoded(content.get("notes", ()), "note")),
             shares={
                 name: _array([[np.nan if v is None else v for v in row] for row in rows])
@@ -283,7 +283,7 @@ def calibration_from(content: dict[str, Any], where: str | Path) -> Calibration:
 
 
 def _freedom(block: Mapping[str, Any]) -> float | None:
-    """Effective degrees of freedom of a covariance: null is infinite, files of before say nothing."""
+    """Effective degrees of freedom of a covariance: null is infinite, older files say nothing."""
     found = block.get("degrees_of_freedom", np.nan)
     return np.inf if found is None else None if np.isnan(found) else float(found)
 
@@ -340,7 +340,7 @@ def _triad(kind: str, entry: dict[str, Any], path: str | Path) -> Triad:
     higher = entry.get("temperature_coefficients", [])
     if [term["power"] for term in higher] != list(range(1, len(higher) + 1)):
         powers = ", ".join(str(term["power"]) for term in higher[:5])
-        raise in_file(out_of_range(f"$.triads.{kind}.temperature_coefficients.power", powers, "1, 2, .."), path)
+        raise in_file(out_of_range(f"$.triads.{kind}.temperature_coefficients.power", powers, "1, 2, 3"), path)
     if entry.get("field_unit", FIELD_UNITS[kind]) != FIELD_UNITS[kind]:
         raise in_file(not_among(f"$.triads.{kind}.field_unit", shown(entry["field_unit"]), [FIELD_UNITS[kind]]), path)
     strength, sensitivity = entry.get("field_strength"), entry.get("g_sensitivity")

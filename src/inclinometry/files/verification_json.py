@@ -131,7 +131,7 @@ def stated_limits(limits: Limits | None) -> dict[str, Any] | None:
 def without_conformity(recorded: Mapping[str, Any]) -> dict[str, Any]:
     """A recorded "verdict", "limits" and "report" as they are recorded now.
 
-    Records of older versions, where nobody agreed on limits, state k times the standard uncertainty as a limit and
+    Records of older versions, where no one agreed on limits, state k times the standard uncertainty as a limit and
     a pass within it: they say that the tool agrees, without limits, and U is that of k = 2.
     """
     limits, report = recorded["limits"], recorded["report"]
@@ -150,7 +150,7 @@ def without_conformity(recorded: Mapping[str, Any]) -> dict[str, Any]:
         {**row, **{name: angle(row[name], row["azimuth"]["decision"] == "not judged") for name in ANGLES}}
         for row in report["positions"]
     ]
-    # sentences of limits that nobody agreed
+    # sentences of limits that no one agreed
     old = r"within its limit|not accepted; worst|(producer|consumer)'s risk"
     reasons = [one for one in report["reasons"] if not re.search(old, one)]
     report = {**report, "coverage_factor": COVERAGE_FACTOR, "positions": rows, "reasons": reasons}

@@ -289,7 +289,7 @@ def read_witsml(
 
 
 class _Station:
-    """One station: values in SI by element, texts by element, the elements nobody reads."""
+    """One station: values in SI by element, texts by element, the elements no one reads."""
 
     def __init__(self, line: int, uid: str) -> None:
         self.line = line

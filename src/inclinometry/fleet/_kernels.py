@@ -91,8 +91,8 @@ def _angles(
         a = _turn(level[i], down[i])
         b = _turn(sine[i], cosine[i])
         t = _turn(tool_sine[i], tool_cosine[i])
-        spoilt = (a + b + t) * _f32(0.0)  # 0 or NaN
-        inc[i], azi[i], tf[i] = a + spoilt, b + spoilt, t + spoilt
+        invalid = (a + b + t) * _f32(0.0)  # 0 or NaN
+        inc[i], azi[i], tf[i] = a + invalid, b + invalid, t + invalid
 
 
 @compiled(*(types.void(*(of,) * 6, VECTOR, *(_FLOATS_OUT,) * 3) for of in (_INTS, _FLOATS)))

@@ -1,4 +1,4 @@
-"""The fleet held against itself: what stands behind a result, what was touched on the disk, what may be thrown away."""
+"""The fleet compared with itself: what stands behind a result, what was changed on the disk, what may be deleted."""
 
 from __future__ import annotations
 
@@ -166,7 +166,7 @@ def _result(store: Store, name: str, digests: Collection[str], known: Collection
 
 
 def superfluous(store: Store, days: float) -> list[str]:
-    """Files that nobody needs: left half-written an hour ago or longer, or results that have not been current for days.
+    """Files that no one needs: left half-written an hour ago or longer, or results that have not been current for days.
 
     Counts are never among them.
     """

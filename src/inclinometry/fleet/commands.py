@@ -29,8 +29,8 @@ Window: TypeAlias = Annotated[
     float | None,
     Parameter(
         name="--window-s",
-        help="Length of a window; when not given that of the last run, at first 1. A table has windows of one length: "
-        "with another, all of them are made anew.",
+        help="Length of a window. Default: that of the last run, at first 1. A table has windows of one length: "
+        "with another, all of them are made again.",
     ),
 ]
 
@@ -55,7 +55,7 @@ def add(
     tool
         Serial number of the tool, as the ledger has it.
     run
-        Name of the run; that of the file when not given.
+        Name of the run. Default: that of the file.
     date
         Day on which it was made, YYYY-MM-DD.
     pattern
@@ -158,7 +158,7 @@ def run(
     Parameters
     ----------
     workers
-        Processes; as many as there are cores when not given.
+        Processes. Default: as many as there are cores.
     threads
         Threads instead: less memory, for files that are trusted.
     scheduler

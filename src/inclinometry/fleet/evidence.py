@@ -56,7 +56,7 @@ def evidence(
     date_
         Day of the run, YYYY-MM-DD.
     axial_sigma_nt
-        Standard deviation of the axial magnetic interference, nT; 2000 when not given.
+        Standard deviation of the axial magnetic interference, nT. Default: 2000.
     hours
         Operating hours since the calibration or run before.
     shock

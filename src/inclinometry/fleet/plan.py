@@ -41,7 +41,7 @@ def table(store: Store, product: str) -> Table:
 def plan(store: Store, certificates: Certificates, product: str = "windows", window_ns: int | None = None) -> Plan:
     """Compare what the catalogue and the ledger ask for with what the table of a product holds.
 
-    A table has windows of one length (that of the last run by default, else 1 s): another length makes all anew.
+    A table has windows of one length (that of the last run by default, else 1 s): another length makes all again.
     """
     if product not in VERSION:
         raise not_among("product", product, VERSION)
@@ -68,7 +68,7 @@ def plan(store: Store, certificates: Certificates, product: str = "windows", win
             continue
         digests = tuple(sorted(known.get(wanted_task.target, ())))
         wanted[wanted_task.target] = wanted_task._replace(known=digests)
-    # a result that was removed is made anew
+    # a result that was removed is made again
     todo = tuple(task for name, task in wanted.items() if name not in held or name not in there)
     behind: dict[str, tuple[str, ...]] = {}
     for name in sorted(held.keys() - wanted.keys()):

@@ -52,9 +52,7 @@ def simulate(
     runs: int = 3,
     samples: int = 20000,
     jumps: int = 0,
-    ledger: Annotated[
-        Path | None, Parameter(help="Its ledger (SQLite); lab.sqlite in the folder when not given.")
-    ] = None,
+    ledger: Annotated[Path | None, Parameter(help="Its ledger (SQLite). Default: lab.sqlite in the folder.")] = None,
     type_: Annotated[str, Parameter(name="--type")] = "simulated",
     seed: int = 1,
     json: Json = False,
@@ -153,7 +151,7 @@ def _fleet(
     write_text("".join(f'{name} = "{value}"\n' for name, value in named), folder / "lab.toml")
     for i in range(tools):
         _runs(folder, found, nominal[i], i, runs, samples, streams[f"runs {i}"])
-    with create(folder / "lab.sqlite", sign=False) as ledger:  # no laboratory answers for what was simulated
+    with create(folder / "lab.sqlite", sign=False) as ledger:  # no laboratory signs what was simulated
         for name in sorted({name for history in found.histories for name in history.rig}):
             put_rig(ledger, RegisteredRig(name, (RIG_SD, RIG_SD, RIG_SD)), author=AUTHOR)
         for history in found.histories:

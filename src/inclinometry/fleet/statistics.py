@@ -24,9 +24,7 @@ if TYPE_CHECKING:
 
 Type: TypeAlias = Annotated[
     str | None,
-    Parameter(
-        name="--type", help="The name under which its tools are registered; the only one there is when not given."
-    ),
+    Parameter(name="--type", help="The name under which its tools are registered. Default: the only one there is."),
 ]
 Share: TypeAlias = Annotated[
     float, Parameter(help="Share of the drift that goes by the calendar; the rest goes by operating hours.")
@@ -177,7 +175,7 @@ def report(
     output_
         Page (HTML); --language ru or zh: in Russian or Chinese.
     day
-        For which it stands, YYYY-MM-DD; that of the last calibration when not given.
+        For which it stands, YYYY-MM-DD. Default: that of the last calibration.
     limit
         Azimuth error that a tool must not exceed, rms over azimuth and toolface.
     inclination

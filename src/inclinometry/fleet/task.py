@@ -22,7 +22,7 @@ from inclinometry.fleet.store import Store
 from inclinometry.sensors import Tool
 
 VERSION: Final = {"windows": 1, "angles": 1}
-"""Of each product; a new one makes everything anew."""
+"""Of each product; a new one makes everything again."""
 BATCH: Final = 1 << 18  # rows at a time: little memory whatever the row groups of the file
 KINDS: Final = ("accelerometer", "magnetometer")
 

@@ -131,7 +131,7 @@ def by_processes(tasks: Sequence[Task], workers: int, *, patience: float = 60.0)
                     lanes[lanes.index(lane)] = _Lane(context)
                     lane.end()
                     begun[task.target] += 1
-                    if begun[task.target] < 3:  # it may be the worker's fault, or nobody's
+                    if begun[task.target] < 3:  # it may be the worker's fault, or no one's
                         waiting.append(task)  # last: a task that kills workers must not stop the others
                         continue
                     receipt = Receipt(task.target, problem=_DIED)

@@ -385,7 +385,7 @@ def choose(
     change = CHANGE if change_sd is None else float(within(change_sd, "change_sd", 0.0, 1e3))
     # by a tenth of that the rate of that change may itself change
     moves = np.diag([change**2, (0.1 * change) ** 2])
-    spread, doubted = np.diag([known**2, change**2]), (np.nan, 0.0)
+    spread, suspected = np.diag([known**2, change**2]), (np.nan, 0.0)
     chosen = np.full(len(roots), -1)
     far = 4.0  # standard uncertainties from the history beyond which a scale factor does not continue it
     forth = np.array([[1.0, 1.0], [0.0, 1.0]])  # scale factor and its rate of change from one station to the next
@@ -406,7 +406,7 @@ def choose(
         off = roots[i] - (roots[i] if state is None else state[0])
         pick = int(positive[np.argmin(np.abs(off[positive]))])
         value, u = float(roots[i, pick]), float(u_roots[i, pick])
-        agrees = len(positive) == 1 and abs(value - doubted[0]) <= far * np.hypot(np.hypot(u, doubted[1]), change)
+        agrees = len(positive) == 1 and abs(value - suspected[0]) <= far * np.hypot(np.hypot(u, suspected[1]), change)
         if state is None or agrees:
             # the first of the tool's own history, or the second in a row that contradicts what was taken for it
             state, spread = np.array([value, 0.0]), np.diag([u**2, change**2])
@@ -414,12 +414,12 @@ def choose(
             if len(positive) == 2:  # neither root is near the history: which of them is true it does not say
                 names.append("history")
                 continue
-            doubted = value, u
+            suspected = value, u
             names.append("scale")
         elif spread[0, 0] > 0.0:
             gain = spread[:, 0] / (spread[0, 0] + max(u, ROUNDING) ** 2)
             state, spread = state + gain * off[pick], spread - np.outer(gain, spread[0])
-            doubted = np.nan, 0.0
+            suspected = np.nan, 0.0
         chosen[i] = pick
     return chosen, flags
 

@@ -24,7 +24,7 @@ Density: TypeAlias = Callable[[Index, Array, Array, float], Array]
 """Log density (S,) at fields (S, f) known to a covariance (S, f, f), for the likeliest field that is possible at the
 stations (S,); the last argument is the run's scale factor."""
 
-SPOILT: Final = (1e-3, 30.0)
+DAMAGED: Final = (1e-3, 30.0)
 """Share of stations disturbed in their own way, and how many times noisier these are: bounds what one station says."""
 
 
@@ -250,8 +250,8 @@ class _Run:
         known = np.where(np.isfinite(self.known), self.known, 0.0)
 
         def worth(scale: float, bias: Array) -> float:
-            spoilt = self.evidence(None, SPOILT[1] * noise, scale, bias=bias)
-            own = self.evidence(None, noise, scale, spoilt, bias=bias)[self.sound]
+            damaged = self.evidence(None, DAMAGED[1] * noise, scale, bias=bias)
+            own = self.evidence(None, noise, scale, damaged, bias=bias)[self.sound]
             return float(own.sum()) + self.stated(scale)
 
         def likeliest(scale: float, biases: Sequence[Array]) -> Array:
@@ -317,10 +317,10 @@ class _Run:
         hypothesis: _Hypothesis | None,
         noise: Array,
         scale: float,
-        spoilt: Array | None = None,
+        damaged: Array | None = None,
         bias: Array | None = None,
     ) -> Array:
-        """Log-likelihood (n,) of each station's readings less a bias; mixed with that of a `spoilt` station."""
+        """Log-likelihood (n,) of each station's readings less a bias; mixed with that of a `damaged` station."""
         out = np.zeros(len(self.sound))
         for batch, matrix in zip(self.batches, self.matrices, strict=True):
             used = batch if hypothesis is None else hypothesis.undone(batch)
@@ -337,10 +337,10 @@ class _Run:
             if hypothesis is not None and hypothesis.code == "one-value":
                 own = np.where(self._repeats(batch, hypothesis.channels[0]), own, -np.inf)
             out[batch.stations] = own
-        if spoilt is None:
+        if damaged is None:
             return out
-        share = SPOILT[0]
-        return np.asarray(np.logaddexp(np.log1p(-share) + out, np.log(share) + spoilt))
+        share = DAMAGED[0]
+        return np.asarray(np.logaddexp(np.log1p(-share) + out, np.log(share) + damaged))
 
     def _station(self, batch: Batch, matrix: Array, values: Array, weight: Array, scale: float) -> Array:
         """Log-likelihood (S,) with field, biases and drifts integrated out."""
@@ -420,18 +420,18 @@ class _Run:
 
     def ratio(self, hypothesis: _Hypothesis, noise: Array, scale: float) -> tuple[Array, float]:
         """Log-likelihood ratio (n,) of each station's readings, with the fault to without; and the run's without."""
-        spoilt = self.evidence(None, SPOILT[1] * noise, scale)
-        without = self.evidence(None, noise, scale, spoilt)
+        damaged = self.evidence(None, DAMAGED[1] * noise, scale)
+        without = self.evidence(None, noise, scale, damaged)
         if hypothesis.code == "size":
             # noise that changes as the size would says nothing of the size
             louder = noise.copy()
             louder[list(hypothesis.channels)] *= abs(hypothesis.factor)
             softer = noise**2 / louder
-            without = np.logaddexp(without, self.evidence(None, louder, scale, spoilt))
-            found = self.evidence(hypothesis, noise, scale, spoilt)
-            found = np.logaddexp(found, self.evidence(hypothesis, softer, scale, spoilt)) - without
+            without = np.logaddexp(without, self.evidence(None, louder, scale, damaged))
+            found = self.evidence(hypothesis, noise, scale, damaged)
+            found = np.logaddexp(found, self.evidence(hypothesis, softer, scale, damaged)) - without
         elif hypothesis.code == "noise":
-            found = self.evidence(hypothesis, noise, scale, spoilt) - without
+            found = self.evidence(hypothesis, noise, scale, damaged) - without
         else:
             channel = hypothesis.channels[0]
             # a channel without noise repeats itself as it should
@@ -512,8 +512,8 @@ class _Run:
 
     def total(self, noise: Array, scale: float, hypothesis: _Hypothesis | None = None) -> float:
         """Log-likelihood of the run without a fault, or with a fault of all stations."""
-        spoilt = self.evidence(None, SPOILT[1] * noise, scale)
-        return float(self.evidence(hypothesis, noise, scale, spoilt)[self.sound].sum())
+        damaged = self.evidence(None, DAMAGED[1] * noise, scale)
+        return float(self.evidence(hypothesis, noise, scale, damaged)[self.sound].sum())
 
     def _partly(self, channel: int, first: int, last: int) -> tuple[int, int]:
         """All stations of one value, with a neighbour during which it began or ended."""

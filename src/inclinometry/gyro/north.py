@@ -271,7 +271,7 @@ def _responses(
     slopes = earth_slopes(best.azimuth, found.inclination, latitude)
     k = best.k[:, None]
     design = np.stack([k * slopes[..., 0], model], axis=1)  # (n, 2, 3)
-    var = np.minimum(best.var_azimuth, 1e6)  # where azimuth is not seen at all its response is of no use
+    var = np.minimum(best.var_azimuth, 1e6)  # where azimuth is not seen at all its response is useless
     inverse = np.stack(
         [np.stack([var, best.cov_azimuth_k], axis=1), np.stack([best.cov_azimuth_k, best.var_k], axis=1)], axis=1
     )

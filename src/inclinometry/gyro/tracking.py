@@ -167,7 +167,7 @@ class ScaleTracker:
     Notes
     -----
     The filters of `inclinometry.gyro.point_mass` run on; where the curve over temperature is to be fitted again, or a
-    station's scale lies beyond the grid, they are laid anew over all stations so far.
+    station's scale lies beyond the grid, they are laid again over all stations so far.
 
     Examples
     --------
@@ -209,7 +209,7 @@ class ScaleTracker:
     def _take(self, here: _Run) -> ScaleStep:
         heat = [station[3] for station in self._stations]
         moves = _moves(self.prior, min(heat), max(heat))
-        # from half as long again on the curve over temperature is fitted anew
+        # from half as long again on the curve over temperature is fitted again
         grown = moves and len(heat) > 1.5 * self._laid
         if not self.steps:
             self._lay()
@@ -323,7 +323,7 @@ class _Run(NamedTuple):
         nothing = np.zeros((len(self.heat), 0))
         low, high = _likely(WHOLE, smoothed(PLAIN, WHOLE, plain_first, seen, nothing).expected * seen)
         noise = np.sqrt(np.min(np.diagonal(self.rates.covariance[:, :2, :2], axis1=1, axis2=2)))
-        # what was stated is on the grid too, and what the next station may add before the grid is laid anew
+        # what was stated is on the grid too, and what the next station may add before the grid is laid again
         reach, beyond = min(4.0 * np.sqrt(spread[0, 0]), JUMP), 0.01
         low, high = min(low - beyond, mean[0] - reach), max(high + beyond, mean[0] + reach)
         grid = Grid.over(low, high, float(np.clip(0.25 * noise, FINEST, WIDEST)))

@@ -56,7 +56,7 @@ class OffTarget:
     @property
     def far(self) -> bool:
         """Whether it is captured only with a reason."""
-        # fewer standard deviations are no proof of a wrong position (a dial good to 1 deg may be 3 deg off); more are
+        # fewer standard deviations are no proof of a wrong position (a dial of 1 deg may be 3 deg off); more are
         return self.deviations > 10.0 or (self.rotation > FAR and self.deviations > 5.0)
 
     @property
@@ -126,7 +126,7 @@ def off_target(judge: Judge, session: Session, sd: tuple[float, float, float], r
 
     The attitudes are compared as a rotation e in tool axes, regular at the vertical: |e| is the difference, sqrt(e'
     S^-1 e) the number of standard deviations. S adds calibration, noise of the reading and dials, linearised at the
-    target; a tool clamped anew, aged, or at another temperature agrees with a calibration to 0.5 deg.
+    target; a tool clamped again, aged, or at another temperature agrees with a calibration to 0.5 deg.
     """
     calibration, target = judge.calibration, setting_of(session.dials, reading.dial)
     turn = seen_from_stand(calibration, reading.channels, reading.temperature)
@@ -134,7 +134,7 @@ def off_target(judge: Judge, session: Session, sd: tuple[float, float, float], r
         return None
     heat, span = reading.temperature, calibration.tool.temperature_range
     outside = heat is not None and span is not None and not span[0] - 5.0 <= heat <= span[1] + 5.0  # degC
-    anew = np.radians(0.5) if judge.made or outside else 0.0
+    remounted = np.radians(0.5) if judge.made or outside else 0.0
     try:
         readings = BenchReadings(
             {kind: np.asarray(x)[None] for kind, x in reading.channels.items() if kind in calibration.tool.triads},
@@ -146,7 +146,7 @@ def off_target(judge: Judge, session: Session, sd: tuple[float, float, float], r
             units=dict(reading.units),
         )
         own = replace(calibration, rig=replace(calibration.rig, sd=np.asarray(sd, dtype=float)))
-        covariance = attitude_covariance(readings, own)[0] + anew**2 * np.eye(3)
+        covariance = attitude_covariance(readings, own)[0] + remounted**2 * np.eye(3)
         e = rotation_log(turn @ dcm(*target).T)
         deviations = float(np.sqrt(np.maximum(e @ np.linalg.solve(covariance, e), 0.0)))
     except (InclinometryError, np.linalg.LinAlgError):

@@ -22,7 +22,7 @@ def half_way(ledger: Ledger, instrument: SimulatedInstrument) -> Session:
     """
     if registry.find_tool(ledger, SERIAL) is None:
         triads = {kind: {"channels": triad.count, "unit": triad.unit} for kind, triad in instrument.tool.triads.items()}
-        tool = registry.RegisteredTool(SERIAL, "simulated steering tool", triads, customer="nobody", interval_months=12)
+        tool = registry.RegisteredTool(SERIAL, "simulated steering tool", triads, customer="none", interval_months=12)
         registry.put_tool(ledger, tool, author=AUTHOR)
         azimuth, inclination, toolface = (float(x) for x in np.broadcast_to(instrument.rig.setting_sd, 3))
         rig = registry.RegisteredRig(

@@ -73,7 +73,7 @@ class RunEvidence(NamedTuple):
 
 
 def judge_run(history: ToolHistory, reference: Tool, run: RunEvidence, model: DriftModel, past: Array) -> Alarm:
-    """Evidence of a run held against what was known of the tool before its day.
+    """Evidence of a run compared with what was known of the tool before its day.
 
     Raises InputError: a run before the first calibration.
     """

@@ -157,7 +157,7 @@ class NoiseFloor:
             self._block, self._broken, self._fresh = [], False, False
 
     def cut(self) -> None:
-        """What comes next does not follow what came: a lost connection, a spoilt sample."""
+        """What comes next does not follow what came: a lost connection, a damaged sample."""
         self._block, self._broken, self._last = [], True, None
 
     def floor(self) -> Floor | None:

@@ -122,7 +122,7 @@ def far_positions(
 ) -> dict[int, Finding]:
     """Position -> what is said of readings far from their dials by an earlier calibration, and the running one if any.
 
-    None where most are: the tool was mended, or clamped otherwise.
+    None where most are: the tool was repaired, or clamped otherwise.
     """
     if earlier is None:
         return {}

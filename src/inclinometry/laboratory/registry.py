@@ -1,4 +1,4 @@
-"""What a laboratory has: tools, rigs, sites, reference standards, itself; each changed by recording it anew."""
+"""What a laboratory has: tools, rigs, sites, reference standards, itself; each changed by recording it again."""
 
 from __future__ import annotations
 
@@ -340,7 +340,7 @@ def logo_kind(data: bytes) -> str:
 
 
 def put_laboratory(ledger: Ledger, laboratory: Laboratory, *, author: str, logo: bytes | None = None) -> Record:
-    """Record what the laboratory says on certificates; the logo stays when not given, an empty one removes it."""
+    """Record what the laboratory says on certificates; without `logo` it stays, an empty one removes it."""
     kept = dict(_settings(ledger).get("logo", {}))
     details: dict[str, Any] = {name: value for name, value in asdict(laboratory).items() if value}
     documents: list[tuple[str, bytes]] = []

@@ -291,7 +291,7 @@ def capture(
 ) -> RecordedReading:
     """Record the reading of a position, from 1, added ones after the plan's; when this returns it survives a power cut.
 
-    `attempt` is the one the caller believes this is: given, a reading somebody else took meanwhile raises
+    `attempt` is the one the caller believes this is: given, a reading another user took meanwhile raises
     ConflictError.
     """
     if closing(ledger, session):
@@ -302,7 +302,7 @@ def capture(
     if not 1 <= number <= MOST_POSITIONS or not follows:
         raise InputError(f"position is {number}; allowed 1 to {planned + 1}, and the one after the last captured")
     if attempt is not None and attempt <= before:
-        raise ConflictError(f"position {number} has {before} readings already; somebody else captured it meanwhile")
+        raise ConflictError(f"position {number} has {before} readings already; another user captured it meanwhile")
     if attempt is not None and attempt > before + 1:
         raise InputError(f"attempt is {attempt}, but position {number} has {before} readings; the next is {before + 1}")
     keys = {"session": session, "position": number, "attempt": before + 1}

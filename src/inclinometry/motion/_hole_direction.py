@@ -46,7 +46,7 @@ def offset_of(frame: Array, direction: Array) -> Array:
 
 
 def observe(frame: Array, matrix: Array, covariance: Array) -> tuple[Array, Array, float]:
-    """A row's attitude held against a hole frame.
+    """A row's attitude compared with a hole frame.
 
     Rotation vector (2,) from the frame to the measured direction, its covariance (2, 2), and the tool's roll in the
     measured direction's own frame.
@@ -70,7 +70,7 @@ def with_azimuth(matrix: Array, covariance: Array, direction: Array) -> Array:
 
 
 def azimuth_unknown(matrix: Array, covariance: Array) -> bool:
-    """Whether the turn about the vertical is as good as unknown."""
+    """Whether the turn about the vertical is unknown."""
     # rad, standard deviation beyond which a row's azimuth is no measurement
     return float(matrix[:, 2] @ covariance @ matrix[:, 2]) > 0.3**2
 

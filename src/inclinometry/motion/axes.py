@@ -37,7 +37,7 @@ TURNED_TO: Final = {"x": ("y,z,x", "z,y,-x"), "y": ("z,x,y", "x,z,-y")}
 
 
 def expected_dip(site: Site | None) -> float | None:
-    """The site's dip, rad, else that of a dipole where the latitude leaves no doubt of its sign."""
+    """The site's dip, rad, else that of a dipole where the latitude determines its sign."""
     if site is None or site.dip is not None:
         return None if site is None else site.dip
     # from 30 deg on the sign of the dip is that of the latitude, wherever the magnetic poles are
@@ -110,7 +110,7 @@ class AxesCheck:
         """A steady field that turns against the gyro, in a window of its own; InputError in several in succession."""
         if turning.by != "gyro" or self._turns or not np.isfinite(turning.slope):
             return []
-        # rad, rotation from which the field and a gyro can be held against each other
+        # rad, rotation from which the field and a gyro can be compared with each other
         if turning.span > 1.0:
             # a mirrored gyro makes their ratio -1
             wrong = abs(turning.slope + 1.0) < 0.3

@@ -125,8 +125,8 @@ class AttitudeChooser:
         # what a tool that shakes does
         kind = "rotating" if health.turning.span >= TURNING else "sliding"
         window, kind = health.samples, kind if health.turning.by else "moving"
-        field = window.has("mag") and not health.spoilt("mag")
-        usable = not health.spoilt("accel")
+        field = window.has("mag") and not health.unusable("mag")
+        usable = not health.unusable("accel")
         refused: Attitude | None = None
         if usable and (shake := _shake(window)) < self._settings.static.shake:
             row = self._honest(self._static(window), health) if field else self._static(replace(window, mag=None))
@@ -139,7 +139,7 @@ class AttitudeChooser:
                 kind = "still"
             refused = row if shake == 0.0 else None
         if usable and field and self._phased:
-            # row of the window; without the gyro where that is spoilt
+            # row of the window; without the gyro where that is damaged
             use = self._drives(health)
             if use not in self._magnetic:
                 self._magnetic[use] = MagneticStream(self._magnetic_settings(use_gyro=use))
@@ -179,7 +179,7 @@ class AttitudeChooser:
 
     def _drives(self, health: WindowHealth) -> bool:
         """Whether a gyro can carry the attitude."""
-        return health.samples.has("gyro") and not health.spoilt("gyro")
+        return health.samples.has("gyro") and not health.unusable("gyro")
 
     def _static(self, window: Samples) -> Attitude:
         settings = replace(self._settings.static, window=len(window) * window.interval)
@@ -244,7 +244,7 @@ def choose_attitude(samples: Samples, settings: ChooserSettings | None = None, s
         With `accel`; more triads allow more methods.
     settings : ChooserSettings, optional
     site : Site, optional
-        Strength and dip of the field are held against the readings; latitude lets a gyro find north.
+        Strength and dip of the field are compared with the readings; latitude lets a gyro find north.
 
     Returns
     -------

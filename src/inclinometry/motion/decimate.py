@@ -222,7 +222,7 @@ def decimate(samples: Samples, factor: int) -> Samples:
 
 
 class DecimationStream:
-    """The same block by block, to the last bit; after a gap between blocks the filter begins anew."""
+    """The same block by block, to the last bit; after a gap between blocks the filter begins again."""
 
     def __init__(self, factor: int) -> None:
         largest = 1000  # factor

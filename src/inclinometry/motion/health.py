@@ -148,7 +148,7 @@ def held_faults(window: Samples) -> list[Fault]:
 def _turned_otherwise(speed: float, mag: Array, interval: float) -> bool:
     """Whether the field turned by another angle than an axial gyro that always reads `speed`."""
     strength = np.linalg.norm(mag, axis=1)
-    # of the strength: scatter up to which the field's angle can be held against a gyro
+    # of the strength: scatter up to which the field's angle can be compared with a gyro
     if float(strength.std()) > 0.03 * float(strength.mean()):
         return False
     path = np.cumsum(-wrap_signed(np.diff(np.arctan2(mag[:, 1], mag[:, 0]))))
@@ -221,7 +221,7 @@ class WindowHealth:
         """Bits of `FLAGS`."""
         return int(sum(BITS[name] for name in {one.flag for one in self.faults}))
 
-    def spoilt(self, triad: str) -> bool:
+    def unusable(self, triad: str) -> bool:
         """Whether a triad must not be used."""
         return any(one.refuse and triad in one.where for one in self.faults)
 
@@ -231,7 +231,7 @@ class WindowHealth:
 
 
 class HealthCheck:
-    """Windows of a run, one after the other, held against strength and dip of the site; remembers what was found.
+    """Windows of a run, one after the other, compared with strength and dip of the site; remembers what was found.
 
     >>> rng = np.random.default_rng(0)
     >>> still = Samples(np.arange(500) / 100.0, 0.01, accel=[0, 0, 9.81] + rng.normal(0, 0.03, (500, 3)))
@@ -264,7 +264,7 @@ class HealthCheck:
         strength, scatter, steady = field_strength(judged, self._site)
         found = None if aliased else find_harmonics(judged, turning)
         off = field_off(judged, found, self._site, strength=strength, scatter=scatter)
-        # m/s^2, range of the accelerometers at rest: by the means of such windows the site is held against the field
+        # m/s^2, range of the accelerometers at rest: by the means of such windows the site is compared with the field
         if judged.accel is not None and judged.mag is not None and np.ptp(judged.accel, axis=0).max() < 0.5:
             self._site_check.add(judged.accel.mean(axis=0), judged.mag.mean(axis=0), 0.0)
         if not self._settings.believe_axes and not any(

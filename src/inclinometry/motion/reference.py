@@ -77,7 +77,7 @@ def _phase(turning: Turning) -> _Share:
     if turning.by != "gyro" or not np.isfinite(turning.restless) or turning.span < np.pi or turning.slope < 0.0:
         return (0.0, 0.0, "", {})
     # rad about the gyro's angle beyond which the phase does not turn with the tool, and beyond which it is
-    # doubtful; a gyro's scale error drifts, which is taken off
+    # suspect; a gyro's scale error drifts, which is taken off
     values: dict[str, Value] = {"off_deg": float(np.degrees(turning.restless))}
     return (turning.restless / 0.6, turning.restless / 0.15, "motion-field-phase", values)
 
@@ -339,7 +339,7 @@ class SiteCheck:
 
     def findings(self) -> tuple[Finding, ...]:
         """Dip and strength in which all windows miss the site alike."""
-        # windows that must agree before a site is doubted
+        # windows that must agree before a site is flagged
         if self._count < 3 or self.site is None:
             return ()
         mean = self._sums[0] / self._count

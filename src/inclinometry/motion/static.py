@@ -314,7 +314,7 @@ class StaticSettings(Settings):
     accel_sigma: Annotated[float, Range(0.0, 1.0, "m/s^2"), "What calibration left on each axis."] = 0.0
     mag_sigma: Annotated[float, Range(0.0, 1e5, "nT"), "The same of the magnetometer."] = 0.0
     mag_scale_sigma: Annotated[
-        float, Range(0.0, 0.1), "Of each scale error and coupling, where the site is held against the field."
+        float, Range(0.0, 0.1), "Of each scale error and coupling, where the site is compared with the field."
     ] = 3e-3
     mag_axial_sigma: Annotated[float | None, Range(0.0, 1e5, "nT"), "Along the tool, where another than across."] = None
     gyro_sigma: Annotated[float, Range(0.0, 1e-2, "rad/s"), "The same of the gyro."] = float(np.radians(0.1 / 3600.0))
@@ -355,7 +355,7 @@ def static_attitude(samples: Samples, settings: StaticSettings | None = None, si
         With `accel`; without `mag`, inclination and toolface are found and azimuth is stated as unknown.
     settings : StaticSettings, optional
     site : Site, optional
-        Its strength and dip, where given, are what the field is held against.
+        Its strength and dip, where given, are what the field is compared with.
 
     Returns
     -------
@@ -431,7 +431,7 @@ def north_seeking_attitude(
     settings : StaticSettings, optional
         `gyro_sigma`, the bias left by calibration, decides: azimuth errs by it over the horizontal Earth rate.
     site : Site, optional
-        Its latitude, where given, is what the rate is held against (flag "misfit").
+        Its latitude, where given, is what the rate is compared with (flag "misfit").
 
     Returns
     -------

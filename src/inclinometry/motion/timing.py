@@ -1,4 +1,4 @@
-"""Raw time stamps and channels, in blocks of any size, cut into evenly sampled stretches; nothing is mended silently.
+"""Raw time stamps and channels, in blocks of any size, cut into evenly sampled stretches; nothing is repaired silently.
 
 Small gaps keep the grid: places without a reading hold the reading before them and are marked `clipped`. Larger gaps,
 and a clock that leaves the grid, end the stretch. Rows that repeat the row before them are dropped and counted; time
@@ -52,7 +52,7 @@ class TimingReport:
             self.intervals.append(interval)
 
     def findings(self) -> tuple[Finding, ...]:
-        """What had to be mended: notes, and a warning for each triad that is left out."""
+        """What had to be repaired: notes, and a warning for each triad that is left out."""
         found: list[tuple[str, dict[str, Value]]] = []
         if self.repeats:
             found.append(("motion-rows-dropped", {"count": self.repeats, "total": self.rows}))
@@ -107,7 +107,7 @@ class StretchCutter:
         self._grid: Grid | None = None
         self._place = -1  # of the grid, last sample given out
         self._stamp = 0.0  # its stamp
-        self._held = np.empty(0)  # its readings, mended
+        self._held = np.empty(0)  # its readings, repaired
         self._before = NOBODY
         self._trace = np.zeros((FOLLOWED, 2), dtype=np.int64)  # of the stamps before: departure, places skipped
         self._known: float | None = None

@@ -170,10 +170,10 @@ class Row(NamedTuple):
     flags: int
 
     @property
-    def doubtful(self) -> bool:
-        """Whether its own method doubts it: its uncertainty is counted larger."""
-        doubtful = BIASED | sum(BITS[name] for name in ("clipped", "vibration", "misfit", "not-still"))
-        return bool(self.flags & doubtful)
+    def suspect(self) -> bool:
+        """Whether its own method flags it: its uncertainty is counted larger."""
+        suspect = BIASED | sum(BITS[name] for name in ("clipped", "vibration", "misfit", "not-still"))
+        return bool(self.flags & suspect)
 
     @property
     def evidence(self) -> bool:
@@ -212,7 +212,7 @@ class Step(NamedTuple):
     # roll, roll_variance: of the tool in the frame of `belief`
     roll: float
     roll_variance: float
-    factor: float  #: on the row's covariance: doubt, noise scale and weight together
+    factor: float  #: on the row's covariance: flags, noise scale and weight together
     weight: float  #: robust weight of the row's measurement; 0 where it had none
     quality: float
 
@@ -356,14 +356,14 @@ class Recursion:
             offset, noise, _ = observe(belief.frame, level, after.covariance)
             apart = _size(offset, belief.covariance[:2, :2] + noise)
         if apart > AGREE:
-            doubted = row._replace(flags=row.flags | BITS["start"])
+            flagged_row = row._replace(flags=row.flags | BITS["start"])
             wide = 2.0 * apart**2 * covariance
-            return Step(doubted, None, None, matrix, wide, row.rate, 0.0, 0.0, 1.0, 0.0, 0.0)
+            return Step(flagged_row, None, None, matrix, wide, row.rate, 0.0, 0.0, 1.0, 0.0, 0.0)
         variance = float(covariance[2, 2])
         return self._done(Step(row, None, belief, matrix, covariance, row.rate, 0.0, variance, 1.0, 1.0, row.quality))
 
     def _adapted(self, predicted: Belief, row: Row, before: Row | None, after: Row | None) -> Belief:
-        """Prediction with its direction doubted by Yang's factor where this row and a neighbour agree against it."""
+        """Prediction with its direction flagged by Yang's factor where this row and a neighbour agree against it."""
         tuning = self._tuning
         if tuning.adaptive_two is None and tuning.adaptive_three is None:
             return predicted
@@ -401,10 +401,10 @@ class Recursion:
 
     def _update(self, row: Row, matrix: Array, covariance: Array, predicted: Belief) -> Step:
         step, offset, noise, size = measured(self._tuning, row, matrix, covariance, predicted, self._scale)
-        doubt = self._tuning.doubt**2 if row.doubtful else 1.0
+        widening = self._tuning.suspect_factor**2 if row.suspect else 1.0
         self._rejected = self._rejected + 1 if step.weight < LOW_WEIGHT else 0
         # scale of the rows' covariance by Sage-Husa, and the spread of innovations for strong tracking
-        noise = doubt * noise
+        noise = widening * noise
         tuning = self._tuning
         if tuning.forgetting is not None and size < LARGEST:
             # 30 windows' worth of trust in the rows' own covariance before any was seen
@@ -434,16 +434,16 @@ def measured(
 ) -> tuple[Step, Array, Array, float]:
     """Row taken into a prediction with its robust weight; also its offset, that one's noise, and how large it is."""
     matrix = with_azimuth(matrix, covariance, predicted.frame[2])
-    doubt = tuning.doubt**2 if row.doubtful else 1.0
+    widening = tuning.suspect_factor**2 if row.suspect else 1.0
     offset, noise, _ = observe(predicted.frame, matrix, covariance)
-    size = _size(offset, predicted.covariance[:2, :2] + noise * (doubt * scale))
+    size = _size(offset, predicted.covariance[:2, :2] + noise * (widening * scale))
     weight = 1.0
     if tuning.huber is not None:
         weight = float(huber_weight(size, tuning.huber))
     if tuning.igg3 is not None:
         weight = float(igg3_weight(size, *tuning.igg3))
     # a rejected row keeps its roll with a thousandfold standard deviation
-    factor = doubt * scale / max(weight, 1e-6)
+    factor = widening * scale / max(weight, 1e-6)
     belief = updated(predicted, offset, noise * factor)
     out, joint = rolled(belief.frame, belief.covariance[:2, :2], matrix, factor * covariance)
     roll = observe(belief.frame, out, joint)[2]
@@ -477,7 +477,7 @@ class WindowFilterSettings(Settings):
     forgetting: Annotated[float | None, "b of `sage_husa_share`: a common scale of covariances is learnt."] = 0.97
     least_noise: Annotated[float, Range(1e-6, 1.0), "Floor of that scale."] = 0.25
     fading: Annotated[float | None, Range(1.0, 1e3), "Softening of strong tracking, `fading_factor`."] = None
-    doubt: Annotated[float, Range(1.0, 1e3), "On the standard deviation of rows flagged as doubtful."] = 3.0
+    suspect_factor: Annotated[float, Range(1.0, 1e3), "On the standard deviation of rows flagged as suspect."] = 3.0
     direction_walk: Annotated[float, Range(0.0, 1.0, "rad/s^0.5"), "Random walk of the direction."] = 0.0
     rate_walk: Annotated[float, Range(0.0, 1.0, "rad/s^1.5"), "Of its rate: 1e-5 rad/s in ten minutes."] = 4e-7
     rate_sigma: Annotated[float, Range(1e-12, 1.0, "rad/s"), "Of the rate at the start."] = 3e-5
@@ -485,7 +485,9 @@ class WindowFilterSettings(Settings):
     common_tilt: Annotated[float, Range(0.0, 1.0, "rad"), "Common to all rows, about horizontal axes."] = 1e-4
     common_turn: Annotated[float, Range(0.0, 3.0, "rad"), "Common to all rows, about the vertical."] = 2e-4
     common_delay: Annotated[float, Range(0.0, 0.1, "s"), "Between magnetometer and accelerometer."] = 1e-4
-    longest_bridge: Annotated[float, Range(0.0, 1e7, "s"), "Without an attitude; then the filter starts anew."] = 1800.0
+    longest_bridge: Annotated[float, Range(0.0, 1e7, "s"), "Without an attitude; then the filter starts again."] = (
+        1800.0
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -43,7 +43,7 @@ class LazyStream:
         self._unwanted = 0
 
     def restart(self) -> None:
-        """A gap: nothing of before holds for what comes."""
+        """A gap: nothing before it holds for what comes."""
         self._kept.clear()
         self._stream = None
 

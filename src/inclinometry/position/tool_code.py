@@ -442,7 +442,7 @@ class Evaluator:
 
     @property
     def _restarts(self) -> bool:
-        """Whether the gyro is initialised anew each time the hole comes back from below a stationary range."""
+        """Whether the gyro is initialised again each time the hole comes back from below a stationary range."""
         return self.code.continuous_above is not None and self.code.continuous_above >= 0.0
 
     def _weights(self, term: Term, live: Mask) -> Weights:

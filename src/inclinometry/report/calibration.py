@@ -186,8 +186,8 @@ def calibration_report(
     closed_forms : mapping of name to Calibration, optional
         Other methods applied to the same readings, for comparison.
     dip : float, optional
-        Of the magnetic field where the tool will work, rad (minus the latitude for a gyro tool). That of the
-        calibration stand when not given.
+        Of the magnetic field where the tool will work, rad (minus the latitude for a gyro tool). Default:
+        that of the calibration stand.
     readings : BenchReadings, optional
         What was calibrated from; adds the settings to the tables and what was stated at the stand.
 

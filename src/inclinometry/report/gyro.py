@@ -355,7 +355,7 @@ def gyro_report(
     size, k = len(survey), survey.coverage_factor
     span = label("{count} stations from {first:g} to {last:g} m", count=size, first=survey.md[0], last=survey.md[-1])
     expanded = {name: np.degrees(survey.expanded(name)) for name in ANGLES[:2]}
-    # no accelerometer of a tool reaches 5e-4 deg: below it nobody stated their errors
+    # no accelerometer of a tool reaches 5e-4 deg: below it no one stated their errors
     stated = bool(np.nanmax(expanded["inclination"], initial=0.0) > 5e-4)
     parts = listed([worst_and_median(name, u) for name, u in expanded.items() if stated or name != "inclination"])
     failed = listed([f"“{label(check.name)}”" for check in checks if check.verdict == "fail"])

@@ -220,7 +220,7 @@ def _signed(value: float, u: float) -> str:
 
 
 def _rule(verification: Verification) -> str:
-    """How an error is held against its limit, for the section that draws both."""
+    """How an error is compared with its limit, for the section that draws both."""
     bars = label(
         "Bars are U of the comparison, k = {k:g}: tool, noise and stand together.",
         k=COVERAGE_FACTOR,

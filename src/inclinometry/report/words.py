@@ -394,7 +394,7 @@ class Test(NamedTuple):
 def calibration_tests(calibration: Calibration) -> list[Test]:
     """Everything a page about a calibration judges; its verdict is good when none of these fails.
 
-    The largest residual is held against what the largest of so many reaches in 1 % of honest runs, their root mean
+    The largest residual is compared with what the largest of so many reaches in 1 % of honest runs, their root mean
     square against the same of a chi-square over its degrees of freedom.
     """
     from scipy.stats import chi2, norm

@@ -185,7 +185,7 @@ def simulate_bench(
     repeats : int
         Readings averaged at each station, without moving the rig between them.
     temperature : float or (K,) array_like, optional
-        degC; the triads' reference temperature when not given.
+        degC. Default: the triads' reference temperature.
     characteristic : mapping of kind to Characteristic, optional
         What bends the sensors' characteristic.
     seed : int, SeedSequence or Generator
@@ -261,7 +261,7 @@ def simulate_benches(
     azimuth, inclination, toolface : (K,) array_like
         Intended settings, rad.
     draws : int, optional
-        As many as there are tools when not given.
+        Default: as many as there are tools.
     noise, bits, seed
         As in `simulate_bench`.
 

@@ -254,7 +254,7 @@ def _same_way(name: Mapping[str, Value], base: Array, now: Array, found: list[Fi
 
 
 def check_reading(reading: CasingReading) -> list[Finding]:
-    """What is doubtful about a reading: runs that hardly show the same casing, rows that stand twice.
+    """What is suspect about a reading: runs that hardly show the same casing, rows that stand twice.
 
     Raises
     ------

@@ -198,7 +198,7 @@ class Parameter(NamedTuple):
 class MultiStation(Tabular):
     """Maximum a posteriori estimate of what the sensors and the reference are off by.
 
-    covariance : (p, p) posterior, averaged over the sizes of the priors that the run leaves open, with the noise it
+    covariance : (p, p) posterior, averaged over the undetermined sizes of the priors, with the noise it
     shows. before, after : (n, 3) |g|, |b|, dip of stations less (corrected) reference. chi_square : near `freedom` = 3
     n. influence : (n,) largest change of azimuth, rad, if this station were left out. surprise : (n,) squared error of
     its prediction from all others, chi-square of 3. information, score : J' V^-1 J and J' V^-1 y without any prior.

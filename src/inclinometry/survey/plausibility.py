@@ -461,7 +461,7 @@ def _clipped(run: Run) -> list[Finding]:
 
 
 LEAST_SCATTER: Final = {"g": 0.004, "b": 60.0, "dip": np.radians(0.08)}
-"""Total -> the least scatter that it is held against, m/s^2, nT, rad."""
+"""Total -> the least scatter that it is compared with, m/s^2, nT, rad."""
 
 
 def misread_axis(g: Array, b: Array, totals: Mapping[str, Array], k: int) -> dict[str, Value]:

@@ -18,7 +18,7 @@ from inclinometry.calibration.conventions import USUAL, Dials
 from inclinometry.calibration.expected import ALL_ANGLES, ExpectedUncertainty, expected_uncertainty
 from inclinometry.calibration.joint import calibrate_joint
 from inclinometry.calibration.readings import BenchReadings
-from inclinometry.calibration.result import Calibration, uncoded
+from inclinometry.calibration.result import Calibration
 from inclinometry.constants import ANGLES, DIP, KINDS, SHORT_INCLINATIONS, STEPS
 from inclinometry.errors import InclinometryError, InputError, not_among, refused
 from inclinometry.files.bench_csv import read_bench
@@ -119,7 +119,7 @@ class Options:
     """What a user may state of a run; each method uses some of it. Angles in rad.
 
     rig_sd : of a setting of any dial. north : azimuth of the rig's zero from magnetic north.
-    accel_step and so on : of the converter in the unit of the signals; 0 for none, found when not given.
+    accel_step and so on : of the converter in the unit of the signals. 0 for none. Default: found.
     specific_force : the accelerometer reads -g at rest; for methods without a rig, which cannot find it.
     left_handed : the channels are left-handed, not the dials reversed; for methods with a rig.
     """
@@ -152,11 +152,11 @@ def calibrate(readings: BenchReadings, method_name: str, options: Options) -> Ca
     refuse_unused(method_name, options)
     if method_name in ("field", "norm"):
         return run(readings, specific_force=options.specific_force, name=options.name)
-    overruled = [
-        f"{name}: the readings say {np.degrees(said):g} deg, the options {np.degrees(value):g} deg, which is used"
-        for name, value in (("dip", options.dip), ("north", options.north))
-        if value is not None and (said := readings.reference.get(name, value)) != value
-    ]
+    overruled = []
+    for name, value in (("dip", options.dip), ("north", options.north)):
+        if value is not None and (said := readings.reference.get(name, value)) != value:
+            both = {"stated_deg": float(np.degrees(said)), "used_deg": float(np.degrees(value))}
+            overruled.append(Finding("work-overruled", {"name": name, **both}, severity="note"))
     readings, stand = known_stand(readings, options)
     if method_name == "joint":
         skew = options.nonorthogonality_sd
@@ -170,7 +170,7 @@ def calibrate(readings: BenchReadings, method_name: str, options: Options) -> Ca
         stand = {"rig_sd": stand["rig_sd"]}
         stand |= {"nameplate": options.nameplate} if method_name == "classical" else {}
     found = run(readings, name=options.name, **stand)
-    return replace(found, findings=(*uncoded(overruled, "note"), *found.findings))
+    return replace(found, findings=(*overruled, *found.findings))
 
 
 def given(options: Options) -> dict[str, Any]:

@@ -94,7 +94,7 @@ def sensors_of_bench(path: Path) -> Sensors:
         try:
             dials = check_dials(readings) or [Finding("check-dials", severity="note")]
         except InclinometryError as error:
-            dials = [error.finding or Finding("work-recorded", {"text": str(error)})]
+            dials = [] if error.finding is None else [error.finding]
     return Sensors((*dials, *found.findings), found.candidates)
 
 

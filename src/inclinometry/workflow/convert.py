@@ -113,7 +113,7 @@ def convert(
     ----------
     source, target : str or Path
     from_format, to_format : str, optional
-        Names of `FORMATS`; by the files' endings when not given.
+        Names of `FORMATS`. Default: by the files' endings.
     convention : str, optional
         Axes and signs of the sensors in `source`, where its format does not fix them.
     azimuth_reference : {"magnetic", "true", "grid"}, optional
@@ -138,7 +138,7 @@ def convert(
     ------
     FileError, InputError
         As the formats' readers and writers; with `check` a run that cannot be true; what was written cannot be read
-        back, and nothing is left of it; an option that the source's format has no use for.
+        back, and nothing is left of it; an option that the source's format does not know.
 
     Examples
     --------
@@ -257,7 +257,7 @@ def _of_legs(survey: SurveyFile) -> tuple[Finding, ...]:
 
 
 def _read_back(survey: SurveyFile, path: str | Path, name: str, options: Options) -> SurveyFile:
-    """The file as anybody reads it; a format that cannot say the north is told it, to compare the other columns."""
+    """The file as anyone reads it; a format that cannot say the north is told it, to compare the other columns."""
     try:
         return read_survey_file(path, name, options)
     except InclinometryError:

@@ -546,5 +546,5 @@ def methods_compared(draws: int) -> tuple[Figure, str]:
             values.append(true_errors(found.tool, truth, RIG.dip, inclination) ** 2)
     errors = {name: np.sqrt(np.mean(values, axis=0)) for name, values in squared.items()}
     curves = [MethodCurve(name, inclination, rms[:, 0], rms[:, 1]) for name, rms in errors.items()]
-    title = f"12 positions, rig settings good to 0.1 deg: rms error over {draws} simulated tools"
+    title = f"12 positions, rig settings: standard deviation 0.1 deg: rms error over {draws} simulated tools"
     return comparison_figure(curves, title=title), title

@@ -34,7 +34,7 @@ def field_at(
     date : datetime.date or float
         Date, or decimal year.
     model : callable, optional
-        `wmm2025` or `igrf14`; the one for the date (`model_of`) when not given.
+        `wmm2025` or `igrf14`. Default: the one for the date (`model_of`).
     crs : str, optional
         Grid, e.g. "EPSG:32632".
 

@@ -165,7 +165,7 @@ def north_run(
     if wrong := refusal(checks, stations.latitude):
         raise FileError(wrong, path=readings.path)
     north = found.pop(chosen.method)
-    # what the calibration leaves open is common to all stations: following the run does not average it away
+    # what the calibration does not determine is common to all stations: following the run does not average it away
     north = replace(north, u_scale=np.hypot(north.u_scale, averages.scale_calibration * north.scale))
     track = known.track
     if chosen.method != "joint":
@@ -289,9 +289,9 @@ def _expected(stations: Stations, averages: Averages, heat: Array | None, option
     # the calibration errs in other directions of the tool in each run
     if options.history is not None:
         stated = options.history.belief
-        doubt = np.zeros_like(stated.covariance)
-        doubt[0, 0] = own**2
-        stated = replace(stated, covariance=stated.covariance + doubt)
+        extra = np.zeros_like(stated.covariance)
+        extra[0, 0] = own**2
+        stated = replace(stated, covariance=stated.covariance + extra)
     else:
         stated = quadratic_belief(
             1.0, float(np.hypot(options.scale_sd, own)), slope_sd=options.slope_sd, bend_sd=options.bend_sd,

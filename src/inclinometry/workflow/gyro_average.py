@@ -11,7 +11,7 @@ import numpy as np
 from inclinometry.arrays import Array, Mask
 from inclinometry.calibration.result import Calibration, same_units
 from inclinometry.constants import EARTH_RATE, STANDARD_GRAVITY
-from inclinometry.errors import FileError, InputError, refused
+from inclinometry.errors import FileError, InputError, in_file, refused
 from inclinometry.files._quantities import to_si
 from inclinometry.files.columns import KIND_PREFIX
 from inclinometry.files.gyro_csv import GyroReadings
@@ -80,7 +80,7 @@ def average_run(
         station = found.values.get("station") if found else None
         if found and isinstance(station, int):  # a place in the run, which the file calls by a name
             found = found._replace(values={**found.values, "station": readings.labels[station]})
-        raise FileError(found or str(error), path=readings.path) from None
+        raise in_file(InputError(found) if found else error, readings.path) from None
     if calibration is None:
         nothing, none = np.zeros((len(readings), 3, 3)), np.zeros((len(readings), 3, 0))
         return Averages(gravity, rate, nothing, nothing, np.zeros(len(readings)), g_bias, w_bias, none, none)
@@ -112,12 +112,12 @@ def gravity_suspect(gravity: Array, g: float) -> Finding | None:
 class _Sensors:
     """One kind of sensor in a run: its m signals, what a field makes of them, what is known of their noise and bias.
 
-    A field of one has `strength` SI units. along : (m,) whether a sensor looks along the tool. doubt : (n, m) variance
+    A field of one has `strength` SI units. along : (m,) whether a sensor looks along the tool. extra : (n, m) variance
     of a reading by the calibration. sd, bias : of one reading and of a sensor along the tool, where they are known.
     """
 
     offset: Array | None
-    doubt: Array | None
+    extra: Array | None
 
     def __init__(
         self,
@@ -138,9 +138,9 @@ class _Sensors:
             self.sd = stated_sd / self.strength * sizes
         self.bias = None if z_bias_sd is None else z_bias_sd / self.strength * sizes
         self.noise = self.sd
-        if self.sd is not None and self.doubt is not None and self.doubt.any():
+        if self.sd is not None and self.extra is not None and self.extra.any():
             # positions differ by the calibration's errors too, which are no fault of a reading
-            self.noise = np.sqrt(np.broadcast_to(self.sd, self.signals.shape) ** 2 + self.doubt[readings.station])
+            self.noise = np.sqrt(np.broadcast_to(self.sd, self.signals.shape) ** 2 + self.extra[readings.station])
         mean = self.tensor if self.tensor.ndim == 2 else self.tensor.mean(axis=0)
         self.longest = float(np.linalg.norm(mean, axis=1).max())
         self.along = np.abs(mean[:, 2]) > np.hypot(mean[:, 0], mean[:, 1])
@@ -156,7 +156,7 @@ class _Sensors:
         if not self.signals.any():
             raise refused("gyro-channels-zero", {"kind": self.kind})
         self.strength, self.tensor = to_si(unit)[1], np.eye(3)[: len(letters)]
-        self.offset, self.doubt = None, None
+        self.offset, self.extra = None, None
         return np.ones(len(letters))
 
     def _calibrated(self, calibration: Calibration, g: float | None) -> Array:
@@ -173,7 +173,7 @@ class _Sensors:
             raise refused("input-strength", {"kind": self.kind})
         heat = None if readings.temperature is None else readings.mean(readings.temperature)
         powers = np.broadcast_to(triad.basis(heat), (len(readings), triad.degree + 1))
-        self.strength, self.doubt = strength, reading_variance(tool, self.kind, powers)
+        self.strength, self.extra = strength, reading_variance(tool, self.kind, powers)
         self.tensor, self.offset = np.tensordot(powers, triad.tensor, axes=1), powers @ triad.offset
         if self.sd is None and tool.noise[self.kind].any():
             self.sd = tool.noise[self.kind]

@@ -82,7 +82,7 @@ def gravity_in_g(stations: Stations) -> Finding | None:
         gravity=stations.gravity * STANDARD_GRAVITY,
         gravity_covariance=stations.gravity_covariance * STANDARD_GRAVITY**2,
     )
-    ones, vague_sd = np.ones(len(level)), np.full(len(level), 0.01)  # a scale factor while units are in doubt
+    ones, vague_sd = np.ones(len(level)), np.full(len(level), 0.01)  # a scale factor while units are suspect
     vague = ScalePrior(None, ones, vague_sd, ones, vague_sd, None)
     try:
         given, other = (float(np.sum(solve("joint", s, vague).chi_square)) for s in (stations, larger))

@@ -54,7 +54,7 @@ def read_holes(
     found: dict[str, Hole] = {}
     starts: dict[str, tuple[float, float, float]] = {}
     faults: dict[str, Finding] = {}
-    doubts: list[Finding] = []
+    unusual: list[Finding] = []
     for name, rows in shots.rows.items():
         try:
             collar = None if known is None else _collar(name, known, Path(collars or ""))
@@ -62,7 +62,7 @@ def read_holes(
             end = None if collar is None or np.isnan(collar.end) else collar.end
             found[name] = drill_hole(run.md, run.inclination, run.azimuth, end)
             starts[name] = (0.0, 0.0, 0.0) if collar is None else (collar.east, collar.north, collar.elevation)
-            doubts += [Finding("holes-doubt", {"hole": name, "finding": one}) for one in check_run(run)]
+            unusual += [Finding("holes-run", {"hole": name, "finding": one}) for one in check_run(run)]
         except InputError as error:
             row = error.finding.rows[0] if error.finding is not None and error.finding.rows else 0
             values: dict[str, Value] = {"hole": name, "line": int(shots.table.lines[rows[row]])}
@@ -73,7 +73,7 @@ def read_holes(
             raise FileError(Finding("holes-none-left", first, severity="refused"), path=surveys)
         first |= {"count": len(faults), "total": len(shots.rows), "names": _some(faults)}
         raise FileError(Finding("holes-faulty", first, severity="refused"), path=surveys)
-    said = [*faults.values(), *doubts]
+    said = [*faults.values(), *unusual]
     if alone := [name for name in known or () if name not in shots.rows]:
         said.append(Finding("holes-collar-alone", {"count": len(alone), "names": _some(alone)}))
     if known is None:

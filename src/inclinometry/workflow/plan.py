@@ -75,7 +75,7 @@ def make_plan(name: str, *, progress: Callable[[float], None] | None = None, **g
     Raises
     ------
     InputError
-        An unknown name or criterion; an option that the plan has no use for.
+        An unknown name or criterion; an option that the plan does not know.
     """
     known = USUAL.get(name, {})
     said = {option: value for option, value in given.items() if value is not None}

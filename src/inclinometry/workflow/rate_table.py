@@ -259,14 +259,14 @@ def with_gyro(
     # temperatures at which both calibrations hold; those of the first, and a finding, where there are none
     one = tool.temperature_range
     other = found.temperature_range
-    heat, doubt = one or other, list[Finding]()
+    heat, heating = one or other, list[Finding]()
     if one is not None and other is not None:
         low, high = max(one[0], other[0]), min(one[1], other[1])
         if low <= high:
             heat = low, high
         else:
             spans = {"low_degC": other[0], "high_degC": other[1], "tool_low_degC": one[0], "tool_high_degC": one[1]}
-            doubt = [Finding("work-temperatures", spans)]
+            heating = [Finding("work-temperatures", spans)]
     renewed = Tool(tool.name, triads, inner, noise, heat)
     names = [calibration.parameter_names[row] for row in kept]
     gyro = [name for name in renewed.parameter_names if name.startswith("gyro.")]
@@ -284,7 +284,7 @@ def with_gyro(
             values={k: v for k, v in residuals.values.items() if k != "gyro"},
             standardised={k: v for k, v in residuals.standardised.items() if k != "gyro"},
         ),
-        findings=(*calibration.findings, *findings, *doubt),
+        findings=(*calibration.findings, *findings, *heating),
     )
 
 

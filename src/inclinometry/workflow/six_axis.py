@@ -287,7 +287,7 @@ def read_six_axis(
     age : Age
         Of the calibration at the run.
     form : str, optional
-        Format of `raw`; by its ending when not given.
+        Format of `raw`. Default: by its ending.
     convention : str, optional
         Axes and signs of the sensors in `raw`, where there is no calibration.
     ignored : sequence of str, optional

@@ -8,7 +8,6 @@ from pathlib import Path
 
 from inclinometry.calibration.plans import Plan
 from inclinometry.calibration.readings import BenchReadings
-from inclinometry.calibration.result import uncoded
 from inclinometry.calibration.stillness import StillIntervals, stations_from_log
 from inclinometry.errors import FileError
 from inclinometry.files.log_csv import read_log
@@ -31,7 +30,7 @@ def readings_of_log(
     readings, found = stations_from_log(
         log.time, log.channels, temperature=log.temperature, units=log.units, window=window, shortest=shortest
     )
-    readings = replace(readings, digest=log.digest, findings=(*uncoded(log.notes), *readings.findings))
+    readings = replace(readings, digest=log.digest, findings=(*log.findings, *readings.findings))
     if plan is None:
         return readings, found
     if len(plan) != len(readings):

@@ -99,7 +99,7 @@ def _view(record: Content, seal: str) -> Content:
     import segno
 
     say, number, digest = words(record["language"]), record["number"], record_digest(record)
-    # of a record of before, limits that nobody agreed are none
+    # of an older record, limits that no one agreed are none
     for name in ("verification", "as_found"):
         if record.get(name) is not None:
             record = record | {name: without_conformity(record[name])}
@@ -108,7 +108,7 @@ def _view(record: Content, seal: str) -> Content:
     remarks = [translated(warning) for warning in record["warnings"]]
     accepted = record.get("accepted")
     signed = [] if accepted is None else [say("accepted_by", **{**accepted, "by": accepted["by"] or say("not_stated")})]
-    # of a record of before only a laboratory that is not named is said
+    # of an older record only a laboratory that is not named is said
     missing = record.get("missing", [] if record["laboratory"] else ["laboratory"])
     kind = "_report" if record.get("title") == "report" else ""
     qr = seal or qr_text(number, digest)
@@ -160,10 +160,10 @@ def _box(record: Content, remarks: Sequence[str], say: Words) -> Content:
     warned = []
     if statement != "not assessed":
         warned = list(dict.fromkeys([*map(translated, found["report"]["warnings"]), *remarks]))
-    colours = {"pass": "#1a7f37", "doubted": "#8a5a00", "fail": "#c1272d", "not assessed": "#5d6975"}
+    colours = {"pass": "#1a7f37", "reserved": "#8a5a00", "fail": "#c1272d", "not assessed": "#5d6975"}
     colours |= {"agrees": "#5d6975", "does not agree": "#c1272d"}
     return {
-        "conformity_colour": colours["doubted" if statement in ("pass", "agrees") and warned else statement],
+        "conformity_colour": colours["reserved" if statement in ("pass", "agrees") and warned else statement],
         "conformity_head": say("agreement" if compared else "conformity"),
         "conformity": [*_conformity(record, say), *warned],
     }
@@ -224,7 +224,7 @@ def _facts(record: Content, say: Words) -> dict[str, list[list[str]]]:
         ("supersedes", record["supersedes"] or ""),
     ]
     optional: tuple[str, ...] = ("reference", "manufacturer", "range", "received", "interval_of", "supersedes")
-    if record["version"] == 1:  # certificates of before named neither
+    if record["version"] == 1:  # older certificates named neither
         optional += ("procedure", "standards")
     columns = {}
     for name, pairs in (("short", short), ("long", long)):

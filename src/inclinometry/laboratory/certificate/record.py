@@ -23,7 +23,7 @@ from inclinometry.calibration.expected import certified, expected_uncertainty
 from inclinometry.calibration.result import Calibration
 from inclinometry.constants import COVERAGE_FACTOR, INCLINATIONS, KINDS
 from inclinometry.digest import digest_bytes
-from inclinometry.errors import InputError
+from inclinometry.errors import not_among, refused
 from inclinometry.files import json_codec
 from inclinometry.files.json_codec import canonical
 from inclinometry.files.verification_json import without_conformity
@@ -138,7 +138,7 @@ def paper_svg(figure: Figure) -> str:
 
     for text in figure.findobj(Text):  # letters of the size of the page's
         text.set_fontsize(8.0)
-    # margins that fit every drawing above: finding them anew takes as long as drawing
+    # margins that fit every drawing above: finding them again takes as long as drawing
     figure.set_layout_engine("none")
     for axes in figure.axes:
         axes.set_position((0.6 / width, 0.4 / height, 1.0 - 0.72 / width, 1.0 - 0.48 / height))
@@ -238,10 +238,8 @@ def families(text: str, folders: Sequence[str | Path] = ()) -> tuple[str, ...]:
         return (serif, rest)
     found = chinese_font(folders)
     if found is None:
-        raise InputError(
-            "this certificate has Chinese letters and no font on this computer shows them; install one "
-            f"({', '.join(CHINESE[:3])}, ...), name a folder that has one by --fonts, or choose another language"
-        )
+        letters = "".join(dict.fromkeys(c for c in text if needs_chinese(c)))[:10]
+        raise refused("ledger-letters-not-shown", {"letters": letters})
     return (serif, rest, found)
 
 
@@ -273,13 +271,13 @@ def certificate_record(
     chain. Open warnings are refused unless `accept_warnings` says why.
     """
     if language not in LANGUAGES:
-        raise InputError(f"language is {language!r:.20}; allowed: {', '.join(LANGUAGES)}")
+        raise not_among("language", f"{language!r:.20}", LANGUAGES)
     if order.issued is None:
-        raise InputError("a certificate needs its date of issue")
+        raise refused("input-missing", {"names": ("issued",)})
     stated = certified(calibration)
     tool, expected = stated.calibration.tool, expected_uncertainty(stated.calibration, INCLINATIONS)
     judged, found_before = (None if one is None else without_conformity(one) for one in (verification, as_found))
-    remarks = [*map(str, without_notes(calibration.findings)), *two_accelerometers(tool)]
+    remarks = [*map(str, without_notes(calibration.findings)), *map(str, two_accelerometers(tool))]
     accepted = accepted_warnings(open_warnings(calibration, judged), accept_warnings, laboratory, order)
     lacking = missing(laboratory, order, standards)
     record: Record = {
@@ -401,7 +399,7 @@ def _adjustment(tool: Tool, dip: float, previous: Calibration, previous_from: st
     if tool.parameter_names != old.parameter_names or any(
         tool.triads[kind].unit != old.triads[kind].unit for kind in tool.triads
     ):
-        raise InputError("the previous calibration is of other sensors or of another unit; leave it out")
+        raise refused("certificate-other-sensors")
     apart = differences(tool, old, dip)
     old, unknown = in_field_of(old, tool)
     found: Record = {
@@ -493,10 +491,10 @@ def uncertainty_section(record: Content, say: Words) -> Content:
     names = [name for name in LETTERS if f"U_{name}_deg" in found]
     k, probability = found["coverage_factor"], _probability(record)
     texts = [say("letters")]
-    if found.get("degrees_of_freedom") is None:  # variances that were stated; certificates of before
+    if found.get("degrees_of_freedom") is None:  # variances that were stated; older certificates
         texts.append(say("uncertainty_note", k=f"{k:g}", p=probability))
     else:
-        # k of certificates of before was for means over the variances
+        # k of older certificates was for means over the variances
         note = "student_note" if "coverage" in record["results"] else "freedom_note"
         texts.append(say("uncertainty_of_freedom", k=f"{k:g}"))
         texts.append(say(note, nu=f"{found['degrees_of_freedom']:g}", p=probability))
@@ -505,7 +503,7 @@ def uncertainty_section(record: Content, say: Words) -> Content:
         texts.append(say(key, triad=say(found["azimuth_from"]), dip=plain(found["dip_deg"], 2)))
     if any(triad["degree"] for triad in record["item"]["triads"]):
         texts.append(say("at_temperature", heat=plain(found["temperature_degC"], 1)))
-    alone = found.get("from_calibration")  # certificates of before state U of one reading only
+    alone = found.get("from_calibration")  # older certificates state U of one reading only
     blocks = [found] if alone is None else [found, alone]
     if found.get("end_of_interval") is not None:
         blocks.append(found["end_of_interval"])
@@ -525,7 +523,7 @@ def uncertainty_section(record: Content, say: Words) -> Content:
 
 
 def budget_section(record: Content, say: Words) -> Content | None:
-    """Standard uncertainty of one reading by cause; None in certificates of before."""
+    """Standard uncertainty of one reading by cause; None in older certificates."""
     found = record["results"].get("budget")
     if found is None:
         return None
@@ -678,7 +676,7 @@ def classical_section(record: Content, say: Words) -> Content:
 
 def coverage(record: Mapping[str, Any]) -> tuple[float, float, float | None]:
     """k of every U of the calibration, its probability and the degrees of freedom; None of a normal distribution."""
-    # certificates of before have them beside U of the angles only
+    # older certificates have them beside U of the angles only
     table = record["results"]["uncertainty"] or {}
     before = {"factor": table.get("coverage_factor", COVERAGE_FACTOR),
               "probability": table.get("coverage_probability", round(coverage_probability(COVERAGE_FACTOR), 4)),

@@ -12,8 +12,8 @@ LedgerAddress: TypeAlias = Annotated[
     str | None,
     Parameter(
         name="--ledger",
-        help="Path of a SQLite file, or postgresql://user:password@host/database; the one in the user's data folder "
-        "when not given.",
+        help="Path of a SQLite file, or postgresql://user:password@host/database. Default: the one in the user's "
+        "data folder.",
     ),
 ]
 ProtocolName: TypeAlias = Annotated[

@@ -71,7 +71,7 @@ def bench(
     where = _where(ledger)
     with ExitStack() as stack:
         stack.enter_context(ending_well())
-        # no laboratory answers for a demonstration; a key with a passphrase is asked for now, not at the first capture
+        # no laboratory signs a demonstration; a key with a passphrase is asked for now, not at the first capture
         opened = stack.enter_context(create(where, sign=False if demo else None))
         if opened.signed_head() is not None and opened.keys.there:
             opened.keys.signing()

@@ -113,10 +113,10 @@ def enter(
         try:
             with output.busy("calibrating"):
                 tried = try_file(readings, about_rig, where, wishes)
-            if (certify or supersedes) and not stated(accept_warnings) and (doubts := open_warnings(tried, None)):
+            if (certify or supersedes) and not stated(accept_warnings) and (unsettled := open_warnings(tried, None)):
                 raise InputError(
                     "nothing is recorded, since a certificate is not issued with open warnings. Resolve them, or give "
-                    f"--accept-warnings REASON: {'; '.join(doubts)}"
+                    f"--accept-warnings REASON: {'; '.join(unsettled)}"
                 )
             if registry.find_rig(opened, rig) is None:
                 registry.put_rig(opened, about_rig, author=_who())
@@ -156,8 +156,8 @@ def _rig(ledger: Ledger, name: str, stated: Options, dials: DialOptions) -> regi
     if other or replace(known.dials, **dials.given()) != known.dials:
         settings = ", ".join(f"{one:.4g}" for one in np.degrees(known.sd))
         raise InputError(
-            f"rig {name!r} is registered with settings good to {settings} deg and dials ({known.dials.way}); "
-            "leave these options out, or change the rig at the bench"
+            f"rig {name!r} is registered with settings of standard deviation {settings} deg and dials "
+            f"({known.dials.way}); leave these options out, or change the rig at the bench"
         )
     return known
 
@@ -241,7 +241,7 @@ def laboratory(
     file
         lab.toml: name, address, country, accreditation, procedure and so on, and [[standards]].
     logo
-        PNG or SVG, up to 200 kB; the one recorded before is kept when not given.
+        PNG or SVG, up to 200 kB. Default: the one recorded before is kept.
     """
     if file is None and logo is not None:
         raise InputError("--logo goes with lab.toml, which says whose it is: give both")

@@ -33,7 +33,7 @@ def instrument(
         str | None,
         Parameter(
             help="The rig visits the positions of this plan by itself, over and over: a CSV file of positions, or "
-            f"{options.plan_names()}. It stands still when not given."
+            f"{options.plan_names()}. Default: it stands still."
         ),
     ] = None,
     dwell_s: float = 5.0,
@@ -51,11 +51,11 @@ def instrument(
     port
         Where the bench finds the instrument, as socket://127.0.0.1:7000; 0 chooses a free one and prints it.
     rig_port
-        Also listen here for SCPI commands of the rig: AZ 90;INC 45;TF 0 and POS?, *OPC?, *IDN?; nowhere when not given.
+        Also listen here for SCPI commands of the rig: AZ 90;INC 45;TF 0 and POS?, *OPC?, *IDN?. Default: nowhere.
     host
         Address to listen on; other machines reach it only when this is not the loopback address.
     tool
-        truth.json of a simulated tool and its stand; a realistic tool drawn by the seed when not given.
+        truth.json of a simulated tool and its stand. Default: a realistic tool drawn by the seed.
     seed
         Decides tool, errors of the rig and noise.
     rate_hz
@@ -73,7 +73,7 @@ def instrument(
     noise
         Factor on the tool's own noise.
     duration_s
-        Stop after so many seconds; at Ctrl-C when not given.
+        Stop after so many seconds. Default: at Ctrl-C.
     """
     if duration_s is not None and not 0.0 < duration_s <= 1e9:
         raise out_of_range("--duration-s", duration_s, "> 0")

@@ -28,7 +28,7 @@ class Sample:
 
     time : s, of arrival, on the reader's clock (never goes back). instrument_time : s, on the instrument's own.
     channels : kind -> (m,) signals in the unit of the protocol, axes and signs mapped. temperature : degC.
-    sequence : number the instrument gave it. faults : "range", "stuck", events that spoil a sample which is
+    sequence : number the instrument gave it. faults : "range", "stuck", events that damage a sample which is
         otherwise delivered; empty for a good one.
     """
 
@@ -113,7 +113,7 @@ class ChannelMap:
     """Fields of a line that are the sensors of one triad, in the order x, y, z unless `axes` says otherwise.
 
     axes : which sensor, with which sign, is the tool's x, y, z, for example ("+y", "-x", "+z").
-    scale : factor on the numbers, one for all or one a field. low, high : in `unit`; outside spoils the sample.
+    scale : factor on the numbers, one for all or one a field. low, high : in `unit`; outside damages the sample.
     """
 
     fields: Sequence[str]

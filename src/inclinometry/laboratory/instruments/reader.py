@@ -187,7 +187,7 @@ class InstrumentReader:
     def _on_event(self, event: InstrumentEvent) -> None:
         self._counts[event.kind] += 1
         if self._tell is not None:
-            # a listener that fails must not stop the reading, and there is nobody left to tell
+            # a listener that fails must not stop the reading, and there is no one left to tell
             with contextlib.suppress(Exception):
                 self._tell(event)
 

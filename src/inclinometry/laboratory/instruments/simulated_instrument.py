@@ -202,7 +202,7 @@ class SimulatedStand:
             return azimuth, inclination, toolface
 
     def move(self, dial: Angles, time: float, *, at_once: bool = False) -> None:
-        """Turn to azimuth, inclination, toolface, rad; the same setting again is set anew."""
+        """Turn to azimuth, inclination, toolface, rad; the same setting again is set again."""
         setting = angles_of(dial)
         with self._lock:
             now = self._start + self._way(time) * (self._stop - self._start)
@@ -391,7 +391,7 @@ class SimulatedInstrument:
             if not low <= value <= high:
                 raise out_of_range(name, value, f"{low:g} .. {high:g}")
         self.protocol = protocol if isinstance(protocol, Protocol) else read_protocol(protocol)
-        # of the converter of a tool nobody gave
+        # of the converter of a tool no one gave
         self.tool = realistic_tool(seed, bits=16) if tool is None else tool
         fits(self.tool, self.protocol)
         self.stand = SimulatedStand(self.tool, default_rig() if rig is None else rig, seed, stand or StandSettings())

@@ -65,7 +65,7 @@ class Tree:
         self.size = len(self._levels[0]) // SIZE
 
     def root(self, size: int | None = None) -> bytes:
-        """Root of the first `size` leaves; of all when not given."""
+        """Root of the first `size` leaves. Default: of all."""
         size = self.size if size is None else size
         return self._node(_height(size), 0, size) if size else EMPTY
 

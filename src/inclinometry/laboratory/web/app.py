@@ -118,7 +118,7 @@ def run(
         ssl_certfile=certificate,
         ssl_keyfile=key,
         server_header=False,
-        # an address in a header is anybody's word; the brake on guessing needs the connection's own
+        # an address in a header is anyone's word; the brake on guessing needs the connection's own
         proxy_headers=False,
         limit_concurrency=500,
         timeout_graceful_shutdown=2,

@@ -46,7 +46,7 @@ class Bench:
     instrument: str = ""
 
     def without_path(self, text: str) -> str:
-        """What an error or a warning says; on a network nobody is told where on this computer the ledger lies."""
+        """What an error or a warning says; on a network no one is told where on this computer the ledger lies."""
         return text if self.single_user else text.replace(self.ledger.shown, "the ledger")
 
     def user(self, login: Login | None) -> User:

@@ -149,7 +149,7 @@ class Guard:
             message = await receive()
             if message["type"] != "websocket.receive":
                 return message
-            # the connection's own heartbeat must not keep a login alive that nobody uses
+            # the connection's own heartbeat must not keep a login alive that no one uses
             used = str(message.get("text") or "").startswith('42["event"')
             if login is None or self._logins.find(login.token, use=used) is None:
                 await send({"type": "websocket.close", "code": ENDED})

@@ -1,7 +1,7 @@
 """Who is logged in: sessions of browsers, tokens of programs, and a brake on guessing that stops no rightful user.
 
 A wrong password counts against whoever gave it. A client that has logged in as this user before - a browser by the
-token it was given then, a program or a browser by its address - has a count of its own. All others, who may be anybody,
+token it was given then, a program or a browser by its address - has a count of its own. All others, who may be anyone,
 share one count for each name and one for each address. So strangers who guess, from however many addresses, make
 strangers wait, and never the user at a computer known by either mark (OWASP, Slow Down Online Guessing Attacks with
 Device Cookies).
@@ -97,7 +97,7 @@ class Logins:
         """A new login, None when name or password is wrong; `known` is that of an earlier login of this client.
 
         TooManyError: this client, or strangers at this name or address, guessed wrong too often. CodeError: the
-        password is right, the code is not. A control character in the name is nobody's, and nothing is counted.
+        password is right, the code is not. A control character in the name is no one's, and nothing is counted.
         """
         refuse_control(name)
         name, network = name[:200], _network(address)
@@ -153,7 +153,7 @@ class Logins:
         return [one for one in reversed(alive) if name in (None, one.name)]
 
     def idle_s(self, login: Login) -> float:
-        """For how long nobody has used it."""
+        """For how long no one has used it."""
         return self._clock() - login.seen
 
     def end(self, id_: str, name: str | None = None) -> bool:
@@ -253,7 +253,7 @@ class Logins:
 
     def _count(self, key: str) -> int:
         count, last = self._failures.get(key, (0, 0.0))
-        # a day after the last wrong password none is held against anybody
+        # a day after the last wrong password none counts against a user
         return count if self._clock() - last < _DAY_S else 0
 
     def _wait(self, key: str) -> float:

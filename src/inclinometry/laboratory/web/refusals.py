@@ -213,7 +213,7 @@ _PAGE: Final = """<!doctype html><html lang="{language}"><head><meta charset="ut
 
 
 def status_of(error: Exception) -> int:
-    """409 somebody was first or the tool is far off, 403 not allowed, by the code of its finding, 422 the rest.
+    """409 a user was first or the tool is far off, 403 not allowed, by the code of its finding, 422 the rest.
 
     >>> from inclinometry.findings import Finding
     >>> full = Finding("ledger-disk-full", {"ledger": "lab", "cause": "disk is full"})

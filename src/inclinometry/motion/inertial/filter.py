@@ -138,14 +138,14 @@ class Node(NamedTuple):
 
     before, after : states; before is what the forward pass began with, None where there was nothing to begin with; its
         attitude is not that of the window before where it was linearised again.
-    anew : its attitude does not continue that of the window before. age : windows since the
+    again : its attitude does not continue that of the window before. age : windows since the
     start. time : s, of after. model : what the window was reduced with.
     """
 
     before: State | None
     after: State | None
     seen: Observation | None
-    anew: bool
+    restarted: bool
     age: int
     time: float
     model: Model
@@ -162,7 +162,7 @@ class Engine:
         self._age = 0
         self._given = False  # the attitude rests on the start that was given
         self._misfits = 0  # windows in a row whose gravity contradicts the filter
-        self._slow = np.zeros((4, 4))  # of `Shaking`, kept when the filter begins anew
+        self._slow = np.zeros((4, 4))  # of `Shaking`, kept when the filter begins again
         self._first, self._count = np.nan, 0
 
     def advance(self, window: Samples) -> Node:
@@ -176,11 +176,11 @@ class Engine:
         self._count += len(window)
         time = self._first + window.interval * (self._count - 1)
         stated = self._start is not None
-        state, anew, model = self._before(window)
-        self._start, self._given = None, stated or (self._given and not anew)  # a restart is of another time
+        state, restarted, model = self._before(window)
+        self._start, self._given = None, stated or (self._given and not restarted)  # a restart is of another time
         if state is None:
             return Node(None, None, None, True, 0, time, model)
-        if not anew and is_moving(state, window):
+        if not restarted and is_moving(state, window):
             # linearised again by the window, without a field that is disturbed
             before = state
             state = linearised(before, window, model, model.magnetic)
@@ -197,10 +197,10 @@ class Engine:
         self._state, self._lost = after, False
         rough = seen.shaking > ROUGH
         if rough or self._misfits >= 3 or (self._misfits and self._age < SETTLED and not self._given):
-            # a filter that gravity contradicts three times in a row is wrong, however sure it is: begin anew
+            # a filter that gravity contradicts three times in a row is wrong, however sure it is: begin again
             self._state, self._lost, self._slow = None, True, after.shaking.slow
             return Node(None, None, seen, True, 0, time, model)
-        return Node(state, after, seen, anew, self._age, time, model)
+        return Node(state, after, seen, restarted, self._age, time, model)
 
     def row(self, node: Node, window: Samples, method: str) -> Attitude:
         """The forward pass's row."""
@@ -214,7 +214,7 @@ class Engine:
 
     def _before(self, window: Samples) -> tuple[State | None, bool, Model]:
         """State before the window (None: nothing to start from), whether its attitude is a new one, and the model."""
-        model, anew, sought_before = self.model, self._lost, self._seeking
+        model, restarted, sought_before = self.model, self._lost, self._seeking
         state = self._state
         if state is None:
             state = blank(window, model)
@@ -223,17 +223,19 @@ class Engine:
         stated = self._start is not None
         if self._start is not None:
             state = given(state, window, self._start, model)
-            anew = False
+            restarted = False
         elif self._lost and clipped:
             return None, True, model
         self._seeking = False
-        if not model.magnetic and (anew or azimuth_variance(state) > LOST**2):
+        if not model.magnetic and (restarted or azimuth_variance(state) > LOST**2):
             self._seeking = is_still(state, window, model, np.zeros(len(window), np.bool_)) and not clipped
             model = replace(model, blind=not self._seeking)
-            anew = anew or (self._seeking and not sought_before)  # later windows of the standstill add to the first
-        if anew:
+            restarted = restarted or (
+                self._seeking and not sought_before
+            )  # later windows of the standstill add to the first
+        if restarted:
             state = sought(state, window, model)
-        if anew or stated:
+        if restarted or stated:
             return linearised(state, window, model, model.magnetic), True, model
         return state, False, model
 
@@ -278,7 +280,7 @@ def inertial_attitude(
         With `accel`, `mag` and `gyro`. Where `clipped` is set field and gravity are not used (gravity for the whole
         window: its mean would be biased) and the rate before is held.
     settings : InertialSettings, optional
-        What the sensors' errors may be; the covariance is only as good as these.
+        What the sensors' errors may be; the covariance is no better than these.
     site : Site, optional
         Gravity (without it the vertical component of the accelerometers is not used), dip and flux density of the
         reference field (without them: from the first window), latitude and declination for the Earth rate (without a
@@ -291,7 +293,7 @@ def inertial_attitude(
     Attitude
         A row at the last sample of each window, method "filter", north "magnetic". The covariance is that of the
         linearised filter for independent errors of the stated sizes, plus `gain_sigma` and `ripple_sigma`; a magnetic
-        disturbance from outside that stays below the gate is not in it. After a gap the attitude starts anew, what was
+        disturbance from outside that stays below the gate is not in it. After a gap the attitude starts again, what was
         learnt of the sensors is kept.
 
     Raises
@@ -375,7 +377,7 @@ def gyro_attitude(
 
     Examples
     --------
-    Standing at 50 deg north, 30 deg from vertical, azimuth 60 deg, a gyro good to 0.01 deg/h; the level's
+    Standing at 50 deg north, 30 deg from vertical, azimuth 60 deg, a gyro with errors of 0.01 deg/h; the level's
     uncertainty, 0.02 m/s^2 of accelerometer bias, is what limits the azimuth:
 
     >>> import numpy as np

@@ -150,7 +150,7 @@ def _row(
     from inclinometry.motion.inertial._recursions import backward
 
     if node.before is None or node.after is None or node.seen is None:
-        if node.seen is not None:  # the filter began anew with nothing known, not even of the sensors
+        if node.seen is not None:  # the filter began again with nothing known, not even of the sensors
             lam[:], info[:] = 0.0, 0.0
         return engine.row(node, window, method)
     covariance = node.after.covariance
@@ -163,7 +163,7 @@ def _row(
     turn = carried(tape.error)
     lam[:], info[:] = turn.T @ lam, turn.T @ info @ turn
     backward(tape.steps, tape.updates, lam, info)
-    if node.anew:  # what came before tells nothing of this attitude, but of the sensors
+    if node.restarted:  # what came before tells nothing of this attitude, but of the sensors
         lam[:3], info[:3, :], info[:, :3] = 0.0, 0.0, 0.0
     elif before is not None and before.after is not None:  # errors of an attitude that was linearised again
         turn = np.eye(STATES)

@@ -55,7 +55,7 @@ class Ends:
         """Of a measurement without noise, and its variance, before anything is done."""
         return float(z - h @ self._x), float(h @ self._p @ h)
 
-    def doubt(self, variance: Array, slope: float, most: float) -> None:
+    def widen(self, variance: Array, slope: float, most: float) -> None:
         """Add covariance (3, 3) to that of the attitude, and `slope` times as much to the bias's, up to `most`."""
         self._p[:3, :3] += variance
         self._p[3:6, 3:6] += variance * min(slope, most / max(float(np.trace(variance)), 1e-300))
@@ -103,11 +103,11 @@ def learnt(before: Shaking, tapered: Array, sensitivity: Array, floor: float) ->
     own = 2.0 * np.mean(residual**2, axis=0)
     # a tool that stood still and now shakes: what it was like before tells nothing
     # its 10 degrees of freedom do so by chance once in a million windows
-    anew = not before.windows or bool(np.mean(own / np.maximum(before.scatter, floor)) > 6.0)
-    count = 1 if anew else before.level + 1
-    scatter, bands = own if anew else before.scatter, before.bands
+    restarted = not before.windows or bool(np.mean(own / np.maximum(before.scatter, floor)) > 6.0)
+    count = 1 if restarted else before.level + 1
+    scatter, bands = own if restarted else before.scatter, before.bands
     lever, information = before.lever, before.information
-    for _ in range(3 if anew else 1):  # the first window finds both from nothing
+    for _ in range(3 if restarted else 1):  # the first window finds both from nothing
         weight = 1.0 / np.maximum(0.5 * scatter, 0.5 * floor)
         information = before.information + np.einsum("mni,n,mnj->ij", sensitivity, weight, sensitivity)
         step = np.linalg.solve(information, np.einsum("mni,n,mn->i", sensitivity, weight, residual))
@@ -176,7 +176,7 @@ def measure_gravity(
     fresh = np.where(known == 0.0, found, 0.0) / g**2
     # and a straight line through so many of them gave the bias, by rate / tilt
     slope = 12.0 / max(float(shaking.slow[3, 0]), 1.0) ** 3 / (len(window) * window.interval) ** 2
-    ends.doubt(matrix @ np.diag([fresh[1], fresh[0], 0.0]) @ matrix.T, slope, settings.gyro_bias_sigma**2)
+    ends.widen(matrix @ np.diag([fresh[1], fresh[0], 0.0]) @ matrix.T, slope, settings.gyro_bias_sigma**2)
     known = found
     taken = [ends.measure(rows[i], float(residual[i]), variance[i] + known[i], settings.gate) for i in range(count)]
     return (-1.0 if refused or min(taken) < 0.0 else max(taken)), shaking
@@ -221,7 +221,7 @@ def _variance(shaking: Shaking, lever: Array, cosine: float, window: Samples, mo
     """Variances (3,) of a window's gravity: shaking, lever arm, walk of the gyro, and errors that do not average.
 
     The strength of gravity and the gain across the tool (by sin^2 I) are the same in every window: the vertical, which
-    they spoil, is given their variance times the number of windows, so that it never tells more than one would.
+    they damage, is given their variance times the number of windows, so that it never tells more than one would.
     """
     g, size = model.gravity, len(window)
     seen = min(shaking.level, MEMORY)
@@ -372,7 +372,7 @@ def is_still(state: State, window: Samples, model: Model, bad: Mask) -> bool:
     The mean rate must be bias and Earth rate: in the attitude found, or of its magnitude where the azimuth is not
     known. A gyro whose bias may hide a turn as fast as `still_rate` cannot say so, and the tool is taken to move: the
     strapdown is right either way. Gravity must stay where it is in tool axes, and the rate must not swing. With a field
-    no tool is held: the field shows the bias at rest, and a turn of 0.002 deg/s that is held against it tilts the tool.
+    no tool is held: the field shows the bias at rest, and a turn of 0.002 deg/s compared with it tilts the tool.
     """
     settings, seconds = model.settings, window.interval * len(window)
     if model.magnetic or bad.any():
@@ -443,14 +443,14 @@ def blank(window: Samples, model: Model) -> State:
     """Nothing known but what the settings and the site say."""
     site = model.site
     # a dip that no site states is taken from the first window
-    doubt = np.radians(1.0) if site.dip is None else dip_sigma(site)
+    north_sd = np.radians(1.0) if site.dip is None else dip_sigma(site)
     nominal = np.zeros(NOMINAL)
     nominal[0] = 1.0
     nominal[16] = 0.0 if site.dip is None else site.dip
     strength = 0.0
     if model.magnetic:
         strength = float(np.sqrt(np.mean(np.sum(np.asarray(window.mag) ** 2, axis=1)))) if site.b is None else site.b
-    covariance = model.settings.prior(np.eye(3), float(doubt))
+    covariance = model.settings.prior(np.eye(3), float(north_sd))
     gyro = np.asarray(window.gyro)
     return State(nominal, covariance, np.zeros(STATES), gyro[0].copy(), strength, 0.0, unshaken(model), np.zeros(3))
 
@@ -471,7 +471,7 @@ def unshaken(model: Model) -> Shaking:
 
 
 def sought(state: State, window: Samples, model: Model) -> State:
-    """The state with its attitude found anew from a window, and that of the sample before it.
+    """The state with its attitude found again from a window, and that of the sample before it.
 
     Magnetic: gravity and field averaged in the almost-inertial frame. Otherwise gravity, and azimuth by the rate that
     a standing tool reads or, where the model is blind, none; how good it is, is left to the measurements to judge.

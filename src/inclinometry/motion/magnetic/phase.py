@@ -47,7 +47,7 @@ class MagneticSettings(Settings):
     mag_scale_sigma: Annotated[
         float,
         Range(0.0, 0.1),
-        "Sd of the magnetometer's scale errors and couplings, where the site is held against it.",
+        "Sd of the magnetometer's scale errors and couplings, where the site is compared with it.",
     ] = 3e-3
     least_arc: Annotated[float, Range(0.2, 2.0 * np.pi, "rad"), "Arc from which a circle is fitted to the field."] = 4.0
     clipped_share: Annotated[float, Range(0.0, 0.5), "Share of clipped samples above which a window is refused."] = 0.01
@@ -176,7 +176,7 @@ def fit(
     """
     parts = 2.0 if np.iscomplexobj(series) else 1.0
     y, x = of.tapers @ series, of.tapers @ regressors
-    # series and sums are good to 1e-7; an exact record must not make the noise vanish. Where a channel is exactly zero,
+    # series and sums err by 1e-7; an exact record must not make the noise vanish. Where a channel is exactly zero,
     # (m/s^2)^2 or nT^2 beside which priors do not vanish in rounding
     floor = max(1e-7**2 * float(np.vdot(y, y).real) / COUNT, 1e-10)
     y, x = of.whiteners @ y, of.whiteners @ x

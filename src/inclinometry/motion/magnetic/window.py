@@ -110,10 +110,10 @@ def fit_window(samples: Samples, settings: MagneticSettings, known: ToolConstant
         if abs(circle.centre - offset) < 1e-4 * circle.radius:
             break
         offset = circle.centre
-    # of the transverse field: an offset less known spoils the phase so that a delay cannot be told
-    spoilt = float(np.sqrt(np.linalg.eigvalsh(circle.covariance)[-1])) / circle.radius
-    if spoilt < 2e-2:
-        if with_gyro and spoilt < 2e-3:
+    # of the transverse field: an offset less known damages the phase so that a delay cannot be told
+    uncertain = float(np.sqrt(np.linalg.eigvalsh(circle.covariance)[-1])) / circle.radius
+    if uncertain < 2e-2:
+        if with_gyro and uncertain < 2e-3:
             known = replace(known, gyro_lag=summed(known.gyro_lag, gyro_evidence(found, step * samples.interval)))
             lag = clocks(known, settings).gyro_lag
             if lag != found.gyro_lag:
@@ -525,7 +525,7 @@ def _tilt(covariance: Array, matrix: Array) -> float:
 def _doubts(
     window: WindowFit, settings: MagneticSettings, covariance: Array, matrix: Array
 ) -> tuple[tuple[str, ...], float]:
-    """Names of what is doubtful, and the largest share of a limit that is used up."""
+    """Names of what is suspect, and the largest share of a limit that is used up."""
     level = float(np.hypot(matrix[0, 2], matrix[1, 2]))
     tilt = _tilt(covariance, matrix)
     transverse = float(np.hypot(window.field[0], window.field[1]))

@@ -62,7 +62,7 @@ REFUSALS: dict[int | str, dict[str, Any]] = {
         401: "not logged in",
         403: "logged in, but not allowed, or without the header X-CSRF-Token",
         404: "there is no such record",
-        409: "somebody else was first; nothing was lost",
+        409: "another user was first; nothing was lost",
         413: "a body that is too large",
         422: "what is wrong, the value and what is allowed",
         507: "the disk is full; nothing was recorded",

@@ -175,7 +175,7 @@ def list_logins(request: Request, _: Administrator) -> list[Open]:
 
 @router.delete("/logins/{login}", status_code=204)
 def end_login(_: Administrator, login: LoginId) -> None:
-    """End anybody's login."""
+    """End anyone's login."""
     _end(login, None)
 
 
@@ -201,7 +201,7 @@ def remove_users_second_factor(ledger: TheLedger, author: Administrator, name: K
 def _own(request: Request) -> Login:
     login: Login = request.state.login
     if login.name == users.LOCAL.name:
-        raise InputError("this bench is open to this computer only, and nobody logs in; there is no password to change")
+        raise InputError("this bench is open to this computer only, and no one logs in; there is no password to change")
     return login
 
 

@@ -57,7 +57,7 @@ def new_page(request: Request, calibration: str = "", verification: str = "", su
 class IssueForm:
     """Verification, laboratory, order, language.
 
-    Who is logged in answers for the certificate; where nobody logs in, whom the laboratory's settings name.
+    Who is logged in signs the certificate; where no one logs in, whom the laboratory's settings name.
     """
 
     def __init__(self, visitor: Visitor, calibration: Record, verification: str, supersedes: str) -> None:
@@ -99,7 +99,7 @@ class IssueForm:
                 self.reason = ui.input(say("bench.reason")).props("maxlength=2000")
         name, role = self._authoriser(visitor.user)
         self.signatory = None
-        if visitor.user == LOCAL:  # nobody has logged in: who answers for it is written here
+        if visitor.user == LOCAL:  # no one has logged in: the signatory is written here
             self.signatory = _fields(
                 {"name": say("field.authoriser"), "role": say("field.authoriser_role")}, {"name": name, "role": role}
             )
@@ -136,7 +136,7 @@ class IssueForm:
         return found
 
     def _authoriser(self, user: User) -> tuple[str, str]:
-        """Name and role of who answers for the certificate."""
+        """Name and role of the signatory."""
         if user != LOCAL:
             return user.full_name or user.name, user.role
         return (self._settings.authoriser, self._settings.authoriser_role) if self._settings else ("", "")
@@ -177,7 +177,7 @@ class IssueForm:
         self._open.clear()
         with self._open:
             if found:
-                ui.label(visitor.say("results.doubted")).classes("subtitle")
+                ui.label(visitor.say("results.open")).classes("subtitle")
             for sentence in found:
                 ui.label(visitor.sentence(sentence)).classes("warn")
                 if sentence in map(str, without_notes(calibration.findings)[-1:]) and can_be_evaluated_again(
@@ -192,7 +192,7 @@ class IssueForm:
         return [self._known[cited] for cited in self.standards.value]
 
     def _laboratory(self, user: User) -> Laboratory:
-        """The laboratory as the form says it, with who answers for the certificate."""
+        """The laboratory as the form says it, with the signatory."""
         said = {name: str(field.value or "").strip() for name, field in self.laboratory.items()}
         name, role = self._authoriser(user)
         if self.signatory is not None:

@@ -1,4 +1,4 @@
-"""Tables of records, addresses made of names nobody has checked, and the page that takes a file of readings."""
+"""Tables of records, addresses made of names no one has checked, and the page that takes a file of readings."""
 
 from __future__ import annotations
 

@@ -188,7 +188,7 @@ def _factor_to_set_up(visitor: Visitor, login: Login, box: ui.column) -> None:
 
 
 def _logins(visitor: Visitor, name: str | None) -> None:
-    """Where this user, or without a name anybody, is logged in."""
+    """Where this user, or without a name anyone, is logged in."""
     say, logins = visitor.say, visitor.bench.logins
     with visitor.panel("account.logins"):
         for login in logins.open(name):

@@ -81,7 +81,7 @@ def _summary(visitor: Visitor, record: Record, found: Calibration, table: dict[s
         failed = [test for test in tests if test.passed is False]
         warned = without_notes(found.findings)
         sound = not failed and not warned
-        ui.label(say("results.sound" if sound else "results.doubted")).classes(
+        ui.label(say("results.sound" if sound else "results.open")).classes(
             "judgement " + ("good" if sound else "warn")
         ).props('data-testid="verdict"')
         _headline(visitor, record, table)

@@ -107,16 +107,16 @@ def show_report(visitor: Visitor, verdict: str, limits: Content | None, content:
     say = visitor.say
     with ui.card().classes("panel"):
         # green only when nothing below speaks against relying on it
-        doubted = "warn" if content.get("warnings") else "good"
-        word = f"{verdict} reserved" if verdict in ACCEPTED and doubted == "warn" else verdict
-        ui.label(say(f"verdict.{word}")).classes("judgement " + (doubted if verdict in ACCEPTED else "bad"))
+        tone = "warn" if content.get("warnings") else "good"
+        word = f"{verdict} reserved" if verdict in ACCEPTED and tone == "warn" else verdict
+        ui.label(say(f"verdict.{word}")).classes("judgement " + (tone if verdict in ACCEPTED else "bad"))
         if protocol := content.get("protocol"):
             ui.label(
                 say("verify.of_protocol", **{**protocol, "name": lists.plan_words(visitor, str(protocol["name"]))})
             )
         reasons = [str(sentence) for sentence in content.get("reasons", ())]
         for sentence in dict.fromkeys(reasons):
-            # a record of before has what came out as foreseen twice
+            # an older record has what came out as foreseen twice
             if f"before the first reading: {sentence}" not in reasons:
                 ui.label(visitor.sentence(sentence))
         for sentence in dict.fromkeys(map(str, content.get("warnings", ()))):

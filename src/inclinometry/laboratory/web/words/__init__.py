@@ -45,7 +45,7 @@ def say(language: str, key: str, **values: Any) -> str:
 
 
 _LEFT: Final = re.compile(r"\b[a-z]{3,} [a-z]{2,} [a-z]{2,}\b")
-"""English left over: three words of it in a row."""
+"""English that remains: three words of it in a row."""
 _PLACE: Final = re.compile(r"(?P<file>the file|[^\s:;,]+), line (?P<line>\d+): (?P<problem>.+)", re.DOTALL)
 """A file and a line in it before what is wrong there."""
 _QUOTED: Final = re.compile(r'`[^`]*`|"[^"]*"')

@@ -202,7 +202,7 @@ class Strip:
             ui.html("<div id='strip'></div>", sanitize=False).props('data-testid="strip" aria-live="off"')
 
     def show(self) -> None:
-        """Draw the strips anew."""
+        """Draw the strips again."""
         feed, found = self._guided.feed, _shared(self._guided.visitor.bench)
         if feed is None or found is None or found.seen is None:
             return
