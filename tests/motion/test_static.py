@@ -211,7 +211,7 @@ def test_rate_follows_the_rotation() -> None:
 def test_clipped_samples_are_left_out_and_too_many_refused() -> None:
     """One spoiled sample of 400 changes nothing but a flag; a tenth of them is refused."""
     clean = still(9, (1.0, 0.7, 2.0))
-    for count, refused in ((1, False), (40, True)):
+    for count, lost in ((1, False), (40, True)):
         accel, clipped = clean.accel.copy(), np.zeros(400, np.bool_)
         accel[:count], clipped[:count] = 400.0, True
         marked = Samples(clean.time, clean.interval, accel=accel, mag=clean.mag, clipped=clipped)
