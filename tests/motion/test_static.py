@@ -216,7 +216,7 @@ def test_clipped_samples_are_left_out_and_too_many_refused() -> None:
         accel[:count], clipped[:count] = 400.0, True
         marked = Samples(clean.time, clean.interval, accel=accel, mag=clean.mag, clipped=clipped)
         row = static_attitude(marked, StaticSettings(window=8.0))
-        assert row.refused[0] == refused
+        assert row.refused[0] == lost
         assert row.names(0) == ("clipped",)
 
 
