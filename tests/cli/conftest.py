@@ -28,8 +28,9 @@ class Ran(NamedTuple):
         return self
 
     def refused(self, *words: str) -> None:
-        """Status 2, and one sentence with these words alone."""
-        assert (self.status, self.out) == (2, ""), self.out + self.err
+        """Status 2, and one sentence with these words alone; with --json the finding too."""
+        assert self.status == 2, self.out + self.err
+        assert not self.out or list(self.json) == ["findings"], self.out
         assert len(self.err.strip().splitlines()) == 1, self.err
         for word in words:
             assert word in self.err, self.err

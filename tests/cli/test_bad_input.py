@@ -31,8 +31,8 @@ def set_cell(row, name, value):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("bad.csv", "-o", "bad.json"), "bad.csv, line 4: 'abc' in column 'mag_y' is not a number"),
-        (("empty.csv", "-o", "bad.json"), "empty.csv: the file is empty"),
+        (("bad.csv", "-o", "bad.json"), "[file-number]"),
+        (("empty.csv", "-o", "bad.json"), "[file-empty]"),
         (("nowhere.csv", "-o", "bad.json"), "nowhere.csv"),
         (("readings.csv", "-o", "no/such/folder/tool.json"), "no/such/folder"),
         (("readings.csv", "-o", "bad.json", "--method", "nonsense"), "joint"),

@@ -77,12 +77,12 @@ def test_the_impossible_is_said(plan):
 @pytest.mark.parametrize(
     ("option", "value", "words"),
     [
-        ("latitude-deg", 95.0, "is 95 degrees; allowed -90 to 90"),
+        ("latitude-deg", 95.0, "[input-value]"),
         ("latitude-deg", 90.0, "[input-value]"),
         ("inclination-deg", 200.0, "is 200"),
         ("arw-deg-sqrt-h", -0.1, "is -0.1"),
-        ("arw-deg-sqrt-h", 0.0, "is 0; allowed more than 0"),
-        ("azimuth-deg", 0.0, "is 0 degrees; allowed more than 0"),
+        ("arw-deg-sqrt-h", 0.0, "[input-value]"),
+        ("azimuth-deg", 0.0, "[input-value]"),
         ("azimuth-deg", "nan", "is nan"),
         ("scale-sd-percent", -1.0, "--scale-sd-percent"),
         ("gyros", 3, "--gyros"),

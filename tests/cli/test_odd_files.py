@@ -93,6 +93,6 @@ def test_six_million_equal_rows_in_little_memory(run, site, tmp_path):
     ended = subprocess.run([sys.executable, "-c", between, *command], check=False, capture_output=True, text=True)
     status, peak_kb, seconds = ended.stdout.split()[-3:]
     assert int(status) == 2, ended.stderr
-    assert "the depth 0 m repeats 0 m in line 2" in ended.stderr
+    assert "[input-order]" in ended.stderr
     assert int(peak_kb) < 1_000_000  # 0.89 GB, and 2.1 GB where each cell was a text
     assert float(seconds) < 10.0  # 2 s

@@ -119,7 +119,7 @@ def test_the_gyro_of_a_tool_is_replaced(folder, capsys):
     assert (np.diagonal(found.tool.covariance)[24:] > 0.0).all()
     assert found.dip == before.dip
     assert set(found.inputs) == {"readings", "rate table", "tool"}
-    assert any(str(one).startswith("rate table: The g-sensitivity is significant") for one in found.findings)
+    assert any("g-sensitivity" in str(one) for one in found.findings)
     u = np.sqrt(np.diagonal(found.tool.covariance)[24:]).reshape(3, 4)
     true = TOOL.triads["gyro"]
     # twelve parameters within 4.5 of their own: exceeded by chance once in 10^4
@@ -140,7 +140,7 @@ def test_without_a_tool_it_is_one_of_gyros_alone(folder, capsys):
     assert content["degrees_of_freedom"] == 3 * (24 - 4)
     assert content["g_sensitivity"] is None
     assert content["g_sensitivity_by_chance"] < 1e-6
-    assert "Fit the g-sensitivity too" in printed.err
+    assert "[fit-g-needed]" in printed.err
     assert list(found.tool.triads) == ["gyro"]
     assert found.method == "rate-table"
     assert found.tool.temperature_range == (21.5, 21.5)
@@ -195,8 +195,8 @@ SLOW = {"speeds": np.array([-0.5, 0.5]), "rate_unit": np.radians(1.0)}
         (SLOW, {}, InputError, "work-rate-scale"),
         ({"unit": "deg_s"}, {}, InputError, "work-rate-scale"),
         ({}, {"temperature_degree": 1}, InputError, "input-needs"),
-        ({"heat": 20.0}, {"temperature_degree": 1}, IdentifiabilityError, "degree 1 needs 2 distinct temperatures"),
-        ({"speeds": np.array([0.1, 0.1])}, {"g_sensitivity": True}, IdentifiabilityError, "cannot tell apart"),
+        ({"heat": 20.0}, {"temperature_degree": 1}, IdentifiabilityError, "fit-temperatures-few"),
+        ({"speeds": np.array([0.1, 0.1])}, {"g_sensitivity": True}, IdentifiabilityError, "fit-steps-mixed"),
         ({}, {"site": "nowhere.toml"}, InputError, "input-missing"),
         ({}, {"output_": "steps.csv"}, FileError, "option-same-file"),
     ],

@@ -55,7 +55,7 @@ def test_verify_there(run, other):
         (("--north-deg", 30), "[input-not-with]"),
         (("--stand", "fit", "--level-sd-deg", 1), "[input-not-with]"),
         (("--stand", "level", "--north-sd-deg", 1), "[input-needs]"),
-        (("--azimuth-from", "gyro"), "no gyro that sees three components"),
+        (("--azimuth-from", "gyro"), "[input-triads]"),
     ],
 )
 def test_options_that_say_nothing_are_refused(run, other, options, words):

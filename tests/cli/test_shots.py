@@ -148,10 +148,10 @@ def test_two_depths(run):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("station,md_m\nA,1000\n", "1 depths, pipe.csv has 2"),
-        ("station,md_m\nA,1000\nC,2000\n", "line 3: station 'C' where pipe.csv has 'B'"),
+        ("station,md_m\nA,1000\n", "[work-rows]"),
+        ("station,md_m\nA,1000\nC,2000\n", "[work-station]"),
         ("station,x\nA,1000\n", "md_m or md_ft"),
-        ("station,md_m\nA,1000\nB,2000\n", "pipe.csv again"),
+        ("station,md_m\nA,1000\nB,2000\n", "[work-same]"),
         ("station,md_m\nA,1000\nB,\n", "line 3: column 'md_m' is empty"),
     ],
 )

@@ -315,7 +315,7 @@ def test_options_that_do_not_go_together(run):
         ((*SURVEY, "--correct", "sag"), "--bha"),
         ((*SURVEY, "--bha", "bha.toml"), "add sag"),
         ((*SURVEY, "--azimuth-from", "gyro"), "--azimuth-from gyro"),
-        ((*SURVEY, "--correct", "none.json"), "no such file"),
+        ((*SURVEY, "--correct", "none.json"), "[file-absent]"),
         ((*MSA, "--priors", "iscwsa", "--calibration", "tool.json"), "leave one of them out"),
         (("msa", *poor, "-o", "corrections.json"), "no b_nT, dip_deg"),
         (("quality", *poor), "no b_nT, dip_deg"),

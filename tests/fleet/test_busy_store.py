@@ -121,5 +121,5 @@ def test_an_object_store_that_answers_503_is_named_and_the_rest_is_done(scene: S
             assert "\n" not in str(said)
             assert task.target not in Bucket.objects
         else:
-            assert said == ""
+            assert said is None
             assert Bucket.objects[task.target] == Path(scene.fleet, task.target).read_bytes()

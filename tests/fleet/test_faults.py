@@ -200,7 +200,7 @@ main(sys.argv[1:])
         [sys.executable, "-c", small, *arguments], cwd=scene.folder, capture_output=True, text=True, check=False
     )
     assert found.returncode == 1, found.stderr
-    assert found.stderr.count("File too large") == 6
+    assert found.stderr.count("[file-unwritable]") == 6
     assert "Traceback" not in found.stderr
     assert not [
         n for n in Store(scene.fleet).names("angles") if n.endswith((".part", ".parquet")) and "_delta" not in n

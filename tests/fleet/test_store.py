@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import pytest
+from tests.refusals import refused
 
 from inclinometry.errors import FileError
 from inclinometry.fleet.store import Store
@@ -15,9 +15,9 @@ def test_what_is_no_file_is_named_and_not_read(tmp_path: Path) -> None:
     (tmp_path / "raw").mkdir()
     (tmp_path / "raw" / "zero").symlink_to("/dev/zero")
     for name, said in (
-        ("raw/zero", "a device, which has no end"),
-        ("raw", "a folder"),
-        ("raw/none", "there is no such file"),
+        ("raw/zero", "file-special"),
+        ("raw", "file-folder"),
+        ("raw/none", "file-absent"),
     ):
-        with pytest.raises(FileError, match=said), Store(str(tmp_path)).reading(name):
+        with refused(said, error=FileError), Store(str(tmp_path)).reading(name):
             pass

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from tests.refusals import refused
 
 from inclinometry.calibration import plans
 from inclinometry.errors import InputError
@@ -94,7 +95,7 @@ def test_a_certificate_of_the_evaluation_before_is_superseded_not_left_beside(
     after = evaluate_again(hall, before.keys["session"], "hall", author="anna")
     number = old.keys["number"]
     assert status(hall, number).state == "issued"
-    with pytest.raises(LedgerError, match=f"certified already by {number}"):
+    with refused("certificate-already", error=LedgerError, number=number):
         issue(hall, after.id, None, LABORATORY, author="anna", pdf=False)
     issue(hall, after.id, None, LABORATORY, supersedes=number, reason="the site was stated", author="anna")
     assert status(hall, number).state == "superseded"

@@ -89,10 +89,10 @@ def test_tool_json_becomes_a_calibration(laboratory: Ledger, bench: SimpleNamesp
     [
         (b"", "0 bytes"),
         (b"x" * (LARGEST + 1), "bytes are too many; allowed"),
-        (b"a,b\n1,2\n", "no channels"),
+        (b"a,b\n1,2\n", "accel_x"),
         (HEAD.encode() + b"\nA,0,0,0,1,2,nan,4,5,6\n", "the file"),
         (HEAD.encode() + b"\nA,0,0,0,1,2,=1+1,4,5,6\n", "line 2"),
-        (b"{}", "no columns of values are in it"),
+        (b"{}", "the file"),
         (b"\x89PNG\r\n\x1a\n\0\0", "neither bench readings nor a calibration; choose a CSV"),
         (b'{"schema": "inclinometry/tool"', "the file"),
         (b"{" * 200_000, "the file"),

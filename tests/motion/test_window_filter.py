@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tests.refusals import refused
 
-from inclinometry.errors import InputError
 from inclinometry.motion._hole_direction import observe, offset_of, rolled, turned
 from inclinometry.motion.result import BITS, METHODS, Attitude, joined
 from inclinometry.motion.window_filter import RobustStream, WindowFilterSettings, robust_filter
@@ -370,17 +370,17 @@ def test_nothing_and_nothing_known() -> None:
 @pytest.mark.parametrize(
     ("call", "words"),
     [
-        (lambda: WindowFilterSettings(huber=1.5), "huber, igg3"),
-        (lambda: WindowFilterSettings(igg3=(4.0, 1.0)), "k1 is 1"),
-        (lambda: WindowFilterSettings(adaptive_three=(4.0, 1.0)), "k1 is 1"),
-        (lambda: WindowFilterSettings(forgetting=1.0), "forgetting"),
-        (lambda: WindowFilterSettings(rate_walk=-1.0), "rate_walk"),
-        (lambda: robust_filter(part(MIXED, slice(None, None, -1))), "Time goes back"),
+        (lambda: WindowFilterSettings(huber=1.5), "input-value"),
+        (lambda: WindowFilterSettings(igg3=(4.0, 1.0)), "input-value"),
+        (lambda: WindowFilterSettings(adaptive_three=(4.0, 1.0)), "input-value"),
+        (lambda: WindowFilterSettings(forgetting=1.0), "input-value"),
+        (lambda: WindowFilterSettings(rate_walk=-1.0), "input-value"),
+        (lambda: robust_filter(part(MIXED, slice(None, None, -1))), "input-backwards"),
     ],
 )
 def test_bad_input_is_refused(call, words) -> None:
     """Each message says what is wrong."""
-    with pytest.raises(InputError, match=words):
+    with refused(words):
         call()
 
 
@@ -388,7 +388,7 @@ def test_another_north_is_refused() -> None:
     """Rows of one run count azimuth from one north."""
     stream = RobustStream()
     stream.push(part(MIXED, slice(0, 2)))
-    with pytest.raises(InputError, match="true"):
+    with refused("input-north"):
         stream.push(replace(part(MIXED, slice(2, 4)), north="true"))
 
 

@@ -169,8 +169,8 @@ def test_the_wrong_hemisphere_and_a_wrong_latitude(tmp_path):
     # ten degrees off: the vertical Earth rate is smaller by 15.041 (sin 45 - sin 35) deg/h = 2.0 than it should be
     _, _, notes, _ = calibrate_on_table(data, Site(latitude=np.radians(35.0)))
     assert len(notes) == 1
-    assert "Earth turned +2 deg/h faster upwards" in notes[0]
-    assert "check the latitude" in notes[0]
+    assert notes[0].code == "fit-rate-off"
+    assert notes[0].values["rate_deg_h"] == pytest.approx(2.0, abs=0.1)
 
 
 def test_a_g_sensitivity_is_advised_where_nothing_else_is_wrong(tmp_path):
@@ -225,7 +225,8 @@ class TestSingleSteps:
         assert fitted(steps(tmp_path / "s.csv"), g_sensitive=True)[2] == 16
         _, notes, used = fitted(steps(tmp_path / "s.csv", sensitivity=1.0))
         assert used == 16
-        assert "-1 deg/h faster" in notes[0]
+        assert notes[0].code == "fit-rate-off"
+        assert notes[0].values["rate_deg_h"] == pytest.approx(-1.0, abs=0.1)
 
     @pytest.mark.long
     def test_clean_runs_lose_no_step(self):

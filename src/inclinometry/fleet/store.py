@@ -103,12 +103,12 @@ class Store(NamedTuple):
         one piece. `beside` is the folder, in the store, where the name will be.
         """
         folder = Path(tempfile.gettempdir()) if self.folder is None else self.folder / beside
-        with _said(str(folder)):
+        with _said(str(folder), written=True):
             folder.mkdir(parents=True, exist_ok=True)
         scratch = folder / f".{secrets.token_hex(8)}.part"
 
         def publish(name: str) -> None:
-            with _said(self.uri(name)):
+            with _said(self.uri(name), written=True):
                 if self.folder is None:
                     system, root = _system(self.address)
                     with scratch.open("rb") as source, system.open_output_stream(f"{root}/{name}") as sent:
@@ -127,7 +127,7 @@ class Store(NamedTuple):
                         os.close(handle)
 
         try:
-            with _said(str(folder)):
+            with _said(str(folder), written=True):
                 yield scratch, publish
         finally:
             with suppress(OSError):
@@ -135,7 +135,7 @@ class Store(NamedTuple):
 
     def remove(self, name: str) -> None:
         """Remove a file; nothing where it is not there."""
-        with _said(self.uri(name)):
+        with _said(self.uri(name), written=True):
             if self.folder is not None:
                 (self.folder / name).unlink(missing_ok=True)
                 return
@@ -150,7 +150,7 @@ class Store(NamedTuple):
 
 
 @contextmanager
-def _said(where: str) -> Iterator[None]:
+def _said(where: str, written: bool = False) -> Iterator[None]:
     """Errors of a disk or an object store in one line."""
     try:
         yield
@@ -160,7 +160,9 @@ def _said(where: str) -> Iterator[None]:
         if isinstance(error, InputError):
             raise
         reason = (error.strerror or str(error)).splitlines()[0][:300]
-        raise FileError(Finding("file-unreadable", {"reason": reason}), path=where) from None
+        # what is read while a file is written, a damaged page, has no number of the system
+        code = "file-unwritable" if written and error.errno else "file-unreadable"
+        raise FileError(Finding(code, {"reason": reason}), path=where) from None
 
 
 @cache

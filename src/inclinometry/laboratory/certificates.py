@@ -14,10 +14,11 @@ import numpy as np
 
 from inclinometry.calibration.result import Calibration
 from inclinometry.digest import digest_bytes
-from inclinometry.errors import FileError, InclinometryError, InputError
+from inclinometry.errors import FileError, InclinometryError, InputError, refused
 from inclinometry.files.json_codec import parse
 from inclinometry.files.verification_json import stated_limits
 from inclinometry.files.writing import program
+from inclinometry.findings import Finding
 from inclinometry.laboratory import registry
 from inclinometry.laboratory.certificate.dcc import dcc_bytes, number, read_dcc
 from inclinometry.laboratory.certificate.laboratory import Laboratory, Order, Standard, laboratory_from
@@ -30,7 +31,7 @@ from inclinometry.laboratory.certificate.record import (
     record_bytes,
     record_digest,
 )
-from inclinometry.laboratory.certificate.requirements import only_conforming
+from inclinometry.laboratory.certificate.requirements import only_conforming, other_tool
 from inclinometry.laboratory.certificate.signing import seal, sign_files, unsigned
 from inclinometry.laboratory.certified import ended, ending
 from inclinometry.laboratory.ledger.chain import missing
@@ -53,9 +54,7 @@ def laboratory_of(ledger: Ledger, session: Record) -> Laboratory:
         return laboratory_from(dict(site.laboratory))
     if found := registry.find_laboratory(ledger):
         return found
-    raise InputError(
-        "the laboratory is not known: state name, address and country in the laboratory settings, or give them"
-    )
+    raise refused("input-missing", {"names": ("laboratory.name", "laboratory.address", "laboratory.country")})
 
 
 def authorised(laboratory: Laboratory, wanted: tuple[str, str], author: str) -> Laboratory:
@@ -174,7 +173,7 @@ def issue(
         wanted = number or next_number(ledger, today.year)
         if ledger.count("certificate", number=wanted):
             if number is not None:
-                raise LedgerError(f"certificate number {number!r:.60} is taken; leave it out for the next one")
+                raise LedgerError(Finding("certificate-number-taken", {"number": f"{number:.60}"}))
             year, _, place = wanted.partition("-")
             free = (f"{year}-{one:04d}" for one in itertools.count(int(place) + 1))
             wanted = next(one for one in free if not ledger.count("certificate", number=one))
@@ -200,7 +199,7 @@ def issue(
             return ledger.append_all(drafts, author=author)[0]
         except ConflictError:
             continue
-    raise ConflictError(f"certificates are issued faster than numbers can be taken in {ledger.shown}; try again")
+    raise ConflictError(Finding("ledger-conflict", {"ledger": ledger.shown}))
 
 
 def void(ledger: Ledger, number: str, reason: str, *, author: str) -> CertificateStatus:
@@ -265,9 +264,9 @@ def _verification(ledger: Ledger, name: str, calibration: Record, nonconforming:
     """The verification of a calibration; one of another, or one that failed unless that is certified, is refused."""
     found, serial = ledger.get("verification", name), calibration.keys["serial"]
     if found.keys["serial"] != serial:
-        raise LedgerError(f"the verification is of tool {found.keys['serial']}, the calibration of {serial}")
+        raise LedgerError(other_tool("verification", found.keys["serial"], serial))
     if found.keys["calibration"] != calibration.id:
-        raise LedgerError("the verification was made with another calibration of this tool; verify with this one")
+        raise LedgerError(Finding("certificate-other-calibration"))
     if not nonconforming:
         only_conforming(recorded(found))
     return found
@@ -294,17 +293,14 @@ def _not_certified(ledger: Ledger, calibration: Record, replaced: tuple[str, str
         old = status(ledger, replaced[0])
         _issued_only(old)
         if old.record.keys["serial"] != serial:
-            raise LedgerError(f"certificate {old.number} is of tool {old.record.keys['serial']}, not of {serial}")
+            raise LedgerError(other_tool("superseded certificate", old.record.keys["serial"], serial))
     for found in of_same_readings(ledger, calibration):
         if found.state == "void" or (replaced is not None and found.number == replaced[0]):
             continue
         if found.state == "superseded" and replaced is None and status(ledger, found.by).state == "issued":
-            raise LedgerError(
-                f"certificate {found.number} of these readings was superseded by {found.by}: supersede that one, "
-                "with a reason"
-            )
+            raise LedgerError(Finding("certificate-already", {"number": found.by}))
         if found.state == "issued":
-            raise LedgerError(f"these readings are certified already by {found.number}; void or supersede that one")
+            raise LedgerError(Finding("certificate-already", {"number": found.number}))
 
 
 def _record(
@@ -387,13 +383,12 @@ def _status(ledger: Ledger, record: Record) -> CertificateStatus:
 
 def _issued_only(found: CertificateStatus) -> None:
     if found.state != "issued":
-        by = f" by {found.by}" if found.by else ""
-        raise LedgerError(f"certificate {found.number} is {found.state}{by} already")
+        raise LedgerError(Finding("certificate-ended", {"number": found.number, "state": found.state}))
 
 
 def _said(reason: str) -> str:
     if not stated(reason):
-        raise LedgerError("say why: a certificate is not voided or superseded without a reason")
+        raise LedgerError(Finding("ledger-reason"))
     return reason.strip()
 
 
@@ -405,7 +400,7 @@ def digest_of(record: Record) -> str:
 # A certificate checked against the ledger, years later: do its documents, its record and its calibration agree?
 
 
-def verify_certificate(ledger: Ledger, number: str) -> list[str]:
+def verify_certificate(ledger: Ledger, number: str) -> list[Finding]:
     """What contradicts a certificate: its PDF, DCC and JSON file against its record, that against its calibration.
 
     It says nothing of the rest of the ledger: `ledger verify` does.
@@ -414,30 +409,39 @@ def verify_certificate(ledger: Ledger, number: str) -> list[str]:
     return [*_own(record), *_files(ledger, record), *_source(ledger, record)]
 
 
-def _own(record: Record) -> Iterator[str]:
+def _apart(part: str, other: str) -> Finding:
+    return Finding("certificate-disagrees", {"part": part, "other": other})
+
+
+def _why(error: InputError) -> Iterator[Finding]:
+    """What is wrong with a part of a certificate that cannot be read."""
+    yield error.finding or Finding("certificate-changed")
+
+
+def _own(record: Record) -> Iterator[Finding]:
     content = record.body["record"]
     try:
         checked(content, f"certificate {record.keys['number']}")
     except FileError as error:
-        yield f"its record does not fit: {error}"
+        yield from _why(error)
         return
     if content["number"] != record.keys["number"]:
-        yield f"its record is that of number {content['number']}"
+        yield _apart("record", "certificate")
 
 
-def _files(ledger: Ledger, record: Record) -> Iterator[str]:
+def _files(ledger: Ledger, record: Record) -> Iterator[Finding]:
     content = record.body["record"]
     digest = record_digest(content)
     for name, key in record.body["documents"].items():
         try:
             data = ledger.document(key)[1]
         except LedgerError as error:
-            yield f"its {name} file: {error}"
+            yield from _why(error)
             continue
         if name == "json" and record_bytes(_record_of(data)) != record_bytes(content):
-            yield "its JSON file is not its record"
+            yield _apart("JSON file", "record")
         if name == "pdf" and digest.encode() not in data:
-            yield "its PDF does not bear the digest of its record"
+            yield _apart("PDF", "record")
         if name == "dcc":
             yield from _dcc(data, content, digest)
 
@@ -450,45 +454,45 @@ def _record_of(data: bytes) -> dict[str, Any]:
         return {}
 
 
-def _dcc(data: bytes, content: dict[str, Any], digest: str) -> Iterator[str]:
+def _dcc(data: bytes, content: dict[str, Any], digest: str) -> Iterator[Finding]:
     try:
         said = read_dcc(data)
     except FileError as error:
-        yield f"its DCC cannot be read: {error}"
+        yield from _why(error)
         return
     if (said.number, said.digest) != (content["number"], digest):
-        yield "its DCC is of another record"
+        yield _apart("DCC", "record")
     rows = {row["name"]: row for row in content["results"]["parameters"]}
     # to the digits that a DCC has of a value
     places = {name: None if row["u"] is None else coverage(content)[0] * row["u"] for name, row in rows.items()}
     values = {name: number(row["value"], places[name]) for name, row in rows.items()}
     if {name: number(value, places.get(name)) for name, (value, _) in said.parameters.items()} != values:
-        yield "its DCC states other parameters than its record"
+        yield _apart("DCC", "parameters")
 
 
-def _source(ledger: Ledger, record: Record) -> Iterator[str]:
+def _source(ledger: Ledger, record: Record) -> Iterator[Finding]:
     content = record.body["record"]
     try:
         calibration = ledger.get("calibration", record.body["calibration"])
         known = parameters(calibration_of(calibration).tool)
     except InputError as error:
-        yield f"its calibration: {error}"
+        yield from _why(error)
         return
     if calibration.keys["serial"] != record.keys["serial"]:
-        yield f"its calibration is of tool {calibration.keys['serial']}"
+        yield _apart("tool", "calibration")
     stated = {row["name"]: row["value"] for row in content["results"]["parameters"]}
     if stated.keys() != known.keys() or not np.array_equal(list(stated.values()), [v for v, _ in known.values()]):
-        yield "it states other parameters than its calibration"
+        yield _apart("parameters", "calibration")
     if content["inputs"].get("calibration record") != f"sha256:{calibration.digest}":
-        yield "it was made from another state of its calibration"
+        yield _apart("record", "calibration")
     name = record.body["verification"]
     if name is not None:
         try:
             verification = ledger.get("verification", name)
         except LedgerError as error:
-            yield f"its verification: {error}"
+            yield from _why(error)
             return
         held = {key: verification.body[key] for key in ("verdict", "limits", "report")}
         # older certificates state what an older record calls limits as it does
         if content["verification"] not in (printable(held), printable(recorded(verification))):
-            yield "it states another verification than the ledger holds"
+            yield _apart("record", "verification")

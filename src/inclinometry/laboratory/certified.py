@@ -7,8 +7,10 @@ from datetime import date
 from typing import Any, NamedTuple
 
 from inclinometry.digest import digest_bytes
-from inclinometry.errors import InputError
+from inclinometry.errors import InputError, refused
 from inclinometry.files.json_codec import canonical
+from inclinometry.findings import Finding
+from inclinometry.laboratory.ledger.chain import missing
 from inclinometry.laboratory.ledger.ledger import Ledger, Record
 
 
@@ -65,13 +67,12 @@ class Certificates:
         """
         known = self._of.get(serial)
         if not known:
-            raise InputError(f"tool {serial!r} has no certificate in {self._ledger.shown}; issue one at the bench")
+            raise InputError(missing("certificate", serial, self._ledger.shown))
         valid = [one for one in known if one.state == "issued" and one.since <= day]
         if not valid:
-            lost = [f"{one.number} is void ({one.reason})" for one in known if one.state == "void" and one.since <= day]
-            later = [f"{one.number} holds from {one.since}" for one in known if one.state == "issued"]
-            said = "; ".join([*lost, *later[:1]]) or "every one was superseded"
-            raise InputError(f"tool {serial!r} has no certificate that holds on {day}: {said}")
+            states = [{"number": one.number, "state": one.state, "since": str(one.since)} for one in known]
+            has = tuple(Finding("certificate-state", one) for one in states)
+            raise refused("certificate-none", {"tool": serial, "day": str(day), "known": has})
         # the later of two of one day
         best = max(valid, key=lambda one: one.since)
         best = [one for one in valid if one.since == best.since][-1]

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from inclinometry.arrays import Array, Index, finite
-from inclinometry.errors import InputError, refused
+from inclinometry.errors import InputError, out_of_range, refused
 from inclinometry.findings import Finding, Value
 from inclinometry.motion.magnetic.demodulate import Held
 from inclinometry.motion.result import CHANNELS, Fault, Samples
@@ -227,7 +227,7 @@ class DecimationStream:
     def __init__(self, factor: int) -> None:
         largest = 1000  # factor
         if not (isinstance(factor, int | np.integer) and 1 <= factor <= largest):
-            raise refused("input-value", {"name": "factor", "value": repr(factor), "allowed": f"1 to {largest}"})
+            raise out_of_range("factor", repr(factor), f"1, 2 .. {largest}")
         self._factor = int(factor)
         self._taps = low_pass(self._factor)
         self._held = Held()

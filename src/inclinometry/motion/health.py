@@ -12,7 +12,7 @@ import numpy as np
 from inclinometry.arrays import Array, Mask, within
 from inclinometry.constants import STANDARD_GRAVITY
 from inclinometry.earth.site import Site
-from inclinometry.errors import refused
+from inclinometry.errors import out_of_range
 from inclinometry.findings import Finding, Value
 from inclinometry.motion.axes import AxesCheck
 from inclinometry.motion.decimate import aliasing_faults
@@ -195,7 +195,7 @@ class HealthSettings:
         for name in ("accel_range", "mag_range", "gyro_range"):
             value = getattr(self, name)
             if value is not None and not float(within(value, name, 0.0, 1e9)) > 0.0:
-                raise refused("input-value", {"name": name, "value": str(value), "allowed": "> 0"})
+                raise out_of_range(name, float(value), "> 0")
 
     @property
     def ranges(self) -> dict[str, float]:

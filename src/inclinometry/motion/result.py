@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from inclinometry.arrays import Array, Mask, finite
 from inclinometry.constants import ANGLES, FIELD_UNITS, KIND_PREFIX, RPM
 from inclinometry.earth.site import REFERENCES
-from inclinometry.errors import refused
+from inclinometry.errors import out_of_range, refused, wrong_shape
 from inclinometry.findings import Finding, Severity, Value
 from inclinometry.orientation import SWITCH, Angles, angles
 from inclinometry.rotations import dcm_from_quaternion
@@ -99,7 +99,7 @@ class Samples(Tabular):
     def __post_init__(self) -> None:
         time = finite(self.time, "time", (None,))
         if not (self.interval > 0.0 and np.isfinite(self.interval)):
-            raise refused("input-value", {"name": "interval", "value": str(self.interval), "allowed": "> 0"})
+            raise out_of_range("interval", float(self.interval), "> 0")
         object.__setattr__(self, "time", time)
         if all(getattr(self, name) is None for name in CHANNELS):
             raise refused("input-triads", {"lacking": CHANNELS, "needed": CHANNELS})
@@ -110,8 +110,7 @@ class Samples(Tabular):
         if self.clipped is not None:
             object.__setattr__(self, "clipped", np.asarray(self.clipped, dtype=np.bool_))
             if self.clipped.shape != time.shape:
-                shape = str(self.clipped.shape)
-                raise refused("input-shape", {"name": "clipped", "shape": shape, "expected": str(time.shape)})
+                raise wrong_shape("clipped", self.clipped.shape, str(time.shape))
         if time.size:
             # rounding of the stamps themselves: a long run counts seconds in large numbers
             slack = MOST_JITTER * self.interval + 4.0 * float(np.spacing(np.abs(time).max()))
@@ -127,8 +126,7 @@ class Samples(Tabular):
             return
         array = np.ascontiguousarray(finite(value, name, trailing or None))
         if array.shape != (self.time.size, *trailing):
-            expected = str((self.time.size, *trailing))
-            raise refused("input-shape", {"name": name, "shape": str(array.shape), "expected": expected})
+            raise wrong_shape(name, array.shape, str((self.time.size, *trailing)))
         object.__setattr__(self, name, array)
 
     def __len__(self) -> int:
@@ -237,8 +235,7 @@ class Attitude(Tabular):
                 continue
             shape = wanted.get(each.name, (size,))
             if getattr(self, each.name).shape != shape:
-                found = str(getattr(self, each.name).shape)
-                raise refused("input-shape", {"name": each.name, "shape": found, "expected": str(shape)})
+                raise wrong_shape(each.name, getattr(self, each.name).shape, str(shape))
 
     def __len__(self) -> int:
         return len(self.time)
@@ -418,7 +415,7 @@ class AttitudeRows(Tabular):
             shape = getattr(self, each.name).shape
             wanted = (len(self.time), 4) if each.name == "quaternion" else self.time.shape
             if shape != wanted:
-                raise refused("input-shape", {"name": each.name, "shape": str(shape), "expected": str(wanted)})
+                raise wrong_shape(each.name, shape, str(wanted))
 
     def __len__(self) -> int:
         return len(self.time)

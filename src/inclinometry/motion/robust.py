@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from inclinometry.arrays import Array, finite, within
-from inclinometry.errors import refused
+from inclinometry.errors import out_of_range, wrong_shape
 
 
 def huber_weight(t: ArrayLike, k: float = 1.345) -> Array:
@@ -35,7 +35,7 @@ def igg3_weight(t: ArrayLike, k0: float = 1.5, k1: float = 4.0) -> Array:
     within(k0, "k0", 1e-6, 1e6)
     within(k1, "k1", 1e-6, 1e6)
     if not k0 < k1:
-        raise refused("input-value", {"name": "k1", "value": f"{k1:g}", "allowed": f"> {k0:g} (k0)"})
+        raise out_of_range("k1", float(k1), f"> {k0:g} (k0)")
     size = np.abs(finite(t, "t"))
     fall = np.clip((k1 - size) / (k1 - k0), 0.0, 1.0) ** 2
     return np.asarray(k0 / np.maximum(size, k0) * fall)
@@ -67,7 +67,7 @@ def sage_husa_share(forgetting: float, step: int) -> float:
     """Share of the newest sample in a fading mean after `step` samples: (1 - b)/(1 - b^(step + 1)), b 0.95 to 0.995."""
     within(forgetting, "forgetting", 1e-6, 1.0 - 1e-9)
     if step < 0:
-        raise refused("input-value", {"name": "step", "value": str(step), "allowed": ">= 0"})
+        raise out_of_range("step", float(step), ">= 0")
     return float((1.0 - forgetting) / (1.0 - forgetting ** (step + 1)))
 
 
@@ -80,8 +80,7 @@ def sage_husa(noise: ArrayLike, innovation: ArrayLike, predicted: ArrayLike, sha
     """
     r, v, p = finite(noise, "noise", (None, None)), finite(innovation, "innovation", (None,)), finite(predicted, "HPH'")
     if r.shape != (v.size, v.size) or p.shape != r.shape:
-        shapes = f"{r.shape}, {p.shape}"
-        raise refused("input-shape", {"name": "noise, HPH'", "shape": shapes, "expected": str((v.size, v.size))})
+        raise wrong_shape("noise, HPH'", f"{r.shape}, {p.shape}", str((v.size, v.size)))
     within(share, "share", 0.0, 1.0)
     within(floor, "floor", 1e-300, 1e300)
     sample = (1.0 - share) * r + share * (np.outer(v, v) - p)
@@ -106,5 +105,5 @@ def fading_factor(
         for value, name in ((spread, "spread"), (process, "process"), (noise, "noise"), (carried, "carried"))
     ]
     if traces[3] <= 0.0:
-        raise refused("input-value", {"name": "trace", "value": f"{traces[3]:g}", "allowed": "> 0"})
+        raise out_of_range("trace", traces[3], "> 0")
     return max(1.0, (traces[0] - traces[1] - softening * traces[2]) / traces[3])

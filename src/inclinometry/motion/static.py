@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from inclinometry.arrays import Array, Mask
 from inclinometry.constants import EARTH_RATE
 from inclinometry.earth.site import Site
-from inclinometry.errors import refused
+from inclinometry.errors import out_of_range, refused
 from inclinometry.motion.reference import COVERAGE, departure, dip_sigma, referenced, strength_sigma
 from inclinometry.motion.result import BITS, METHODS, Attitude, Samples, refusals
 from inclinometry.motion.window_filter import WindowStream
@@ -325,8 +325,7 @@ class StaticSettings(Settings):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.turn > self.most_turn:
-            most = f"<= {self.most_turn:g} (most_turn)"
-            raise refused("input-value", {"name": "turn", "value": f"{self.turn:g}", "allowed": most})
+            raise out_of_range("turn", float(self.turn), f"<= {self.most_turn:g} (most_turn)")
 
 
 class StaticStream(WindowStream):

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from inclinometry.arrays import Array, Index, Mask, finite
-from inclinometry.errors import InputError, refused
+from inclinometry.errors import InputError, refused, wrong_shape
 from inclinometry.findings import Finding, Value
 from inclinometry.motion.decimate import MOST_JITTER, NOBODY, Grid, fit_grid
 from inclinometry.motion.result import CHANNELS, Samples
@@ -142,7 +142,7 @@ class StretchCutter:
             width = 1 if name == "temperature" else 3
             part = np.asarray(given[name], dtype=np.float64).reshape(-1, width)
             if len(part) != t.size:
-                raise refused("input-shape", {"name": name, "shape": str(part.shape), "expected": str((t.size, width))})
+                raise wrong_shape(name, part.shape, str((t.size, width)))
             parts.append(part)
         rows = np.concatenate(parts, axis=1)
         if t.size == 0:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inclinometry.arrays import Array
-from inclinometry.errors import refused
+from inclinometry.errors import out_of_range, refused
 from inclinometry.findings import Finding
 from inclinometry.motion._hole_direction import (
     azimuth_unknown,
@@ -492,8 +492,7 @@ class WindowFilterSettings(Settings):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.huber is not None and self.igg3 is not None:
-            value = f"{self.huber:g}, {self.igg3}"
-            raise refused("input-value", {"name": "huber, igg3", "value": value, "allowed": "huber | igg3"})
+            raise out_of_range("huber, igg3", f"{self.huber:g}, {self.igg3}", "huber | igg3")
         if self.igg3 is not None:
             igg3_weight(0.0, *self.igg3)
         if self.adaptive_three is not None:

@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 from benchmarks.postgresql import Server, programs, server
+from tests.refusals import coded
 
 from inclinometry.laboratory.ledger import chain
 from inclinometry.laboratory.ledger.admin import create
@@ -76,9 +77,9 @@ def seen(path: Path, keys: Keys, **how: Any) -> Verdict:
         return verify(ledger, **how)
 
 
-def said(verdict: Verdict) -> str:
-    """Its faults and notes."""
-    return "\n".join([*map(str, verdict.faults), *verdict.notes])
+def said(verdict: Verdict) -> list[str]:
+    """Codes of its faults and of what else it found."""
+    return coded([*verdict.faults, *verdict.findings])
 
 
 def edit(where: Path | str, *statements: str) -> None:

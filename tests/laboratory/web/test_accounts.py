@@ -82,7 +82,7 @@ def test_control_characters_in_names_and_passwords_are_refused(server, user):
         for path, send in (("/api/v1/login", {"json": {}}), ("/login", {"data": {}})):
             body = {"name": "anna\0", "password": PASSWORD}
             answer = plain.post(path, **dict.fromkeys(send, body))
-            assert (answer.status_code, "control character" in answer.text) == (422, True), path
+            assert (answer.status_code, "U+00" in answer.text) == (422, True), path
         wish = {"role": "operator", "password": PASSWORD}
         for name, change in (
             ("anna%00", {}),
@@ -91,7 +91,7 @@ def test_control_characters_in_names_and_passwords_are_refused(server, user):
             ("anna", {"password": "a\0bcdefghij klmnop"}),
         ):
             answer = administrator.put(f"/api/v1/users/{name}", json=wish | change)
-            assert (answer.status_code, "control character" in answer.text) == (422, True), (name, change)
+            assert (answer.status_code, "U+00" in answer.text) == (422, True), (name, change)
         assert not [one for one in administrator.get("/api/v1/users").json() if one["name"].startswith("anna")]
 
 

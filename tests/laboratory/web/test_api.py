@@ -356,17 +356,17 @@ def test_a_head_of_another_key_is_not_handed_out(start, tmp_path, monkeypatch):
         mine = (keys.path.read_bytes(), (keys.folder / "public.pem").read_bytes())
         Keys(tmp_path / "other").make()
         theirs = [(tmp_path / "other" / name).read_bytes() for name in ("key.pem", "public.pem")]
-        for (private, public), table, said in (
-            ((mine[0], theirs[1]), "keys", "holds the key"),
-            (theirs, "head", "bring the right key there"),
+        for (private, public), fault, refusal in (
+            ((mine[0], theirs[1]), "key-public-other", "key-public-other"),
+            (theirs, "key-not-laboratory", "key-other"),
         ):
             keys.keep("key.pem", private, mode=0o600)
             keys.keep("public.pem", public, mode=0o644)
             found = browser.get("/api/v1/ledger/verify").json()
             assert (found["ok"], found["proven"]) == (False, False)
-            assert table in [fault["table"] for fault in found["faults"]]
+            assert fault in [one["code"] for one in found["faults"]]
             for answer in (
                 browser.get("/api/v1/ledger/head"),
                 browser.put("/api/v1/tools/T", json={"name": "tool"}),
             ):
-                assert (answer.status_code, said in answer.json()["detail"]) == (422, True)
+                assert (answer.status_code, answer.json()["code"]) == (422, refusal)

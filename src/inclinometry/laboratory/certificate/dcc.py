@@ -12,7 +12,8 @@ import numpy as np
 from lxml import etree
 
 from inclinometry.arrays import Array
-from inclinometry.errors import FileError, InputError
+from inclinometry.errors import FileError, refused
+from inclinometry.findings import Finding
 from inclinometry.laboratory.certificate.record import adjusted, coverage, defined, record_digest, words
 from inclinometry.laboratory.certificate.requirements import missing_said
 from inclinometry.uncertainty import coverage_probability
@@ -303,12 +304,12 @@ def dcc_bytes(record: Record) -> bytes:
     """A certificate's record as DCC XML; the same record gives the same bytes."""
     laboratory, dates = record["laboratory"], record["dates"]
     needed = {
-        "the laboratory": laboratory,
-        "the laboratory's country": (laboratory or {}).get("country"),
-        "the date of the calibration (performed_from)": dates["performed_from"],
+        "name": laboratory,
+        "country": (laboratory or {}).get("country"),
+        "performed_from": dates["performed_from"],
     }
-    if lost := [what for what, there in needed.items() if not there]:
-        raise InputError(f"a digital certificate states {lost[0]}; give it in lab.toml (--laboratory)")
+    if lost := tuple(what for what, there in needed.items() if not there):
+        raise refused("input-missing", {"names": lost})
     root = etree.Element(ROOT, schemaVersion="3.2.1", nsmap=NSMAP)
     parent = element(root, "dcc:administrativeData")
     program, _, release = record["program"].partition(" ")
@@ -530,14 +531,15 @@ def dcc_root(data: bytes, where: str | Path = "certificate.xml") -> Element:
     """
     largest = 50_000_000
     if len(data) > largest:
-        raise FileError(f"{len(data)} bytes; a digital certificate has at most {largest}", path=where)
+        raise FileError(Finding("file-large", {"bytes": len(data), "most": largest}), path=where)
     parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False)
     try:
         root = etree.fromstring(data, parser)
     except etree.XMLSyntaxError as error:
-        raise FileError(f"not XML: {error.msg}", path=where) from None
+        about = {"format": "XML", "reason": str(error.msg)}
+        raise FileError(Finding("file-format", about), path=where) from None
     if root.tag != ROOT or root.getroottree().docinfo.internalDTD is not None:
-        raise FileError("not a digital calibration certificate", path=where)
+        raise FileError(Finding("certificate-not-one"), path=where)
     return root
 
 
@@ -548,13 +550,12 @@ def read_dcc(data: bytes, where: str | Path = "certificate.xml") -> Dcc:
     """
     root = dcc_root(data, where)
     if len([*root.iter(ROOT)]) != 1:
-        raise FileError("a second digital certificate stands in it; only one by itself is read", path=where)
+        raise FileError(Finding("certificate-not-one"), path=where)
     try:
         return _numbers(root)
-    except (IndexError, ValueError):
-        raise FileError(
-            "a digital certificate of another program; its numbers are not known here", path=where
-        ) from None
+    except (IndexError, ValueError) as error:
+        about = {"format": "inclinometry DCC", "reason": str(error)}
+        raise FileError(Finding("file-format", about), path=where) from None
 
 
 def _numbers(root: Element) -> Dcc:

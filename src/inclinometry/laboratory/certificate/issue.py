@@ -8,14 +8,15 @@ from pathlib import Path
 from typing import Any
 
 from inclinometry.digest import digest_bytes, digest_file
-from inclinometry.errors import InputError
+from inclinometry.errors import InputError, refused
 from inclinometry.files.tool_json import read_calibration
 from inclinometry.files.verification_json import read_verification
 from inclinometry.files.writing import program
 from inclinometry.laboratory.certificate.laboratory import Order
 from inclinometry.laboratory.certificate.laboratory_toml import read_laboratory
 from inclinometry.laboratory.certificate.record import certificate_record
-from inclinometry.laboratory.certificate.requirements import only_conforming, open_warnings
+from inclinometry.laboratory.certificate.requirements import only_conforming, open_warnings, other_tool
+from inclinometry.laboratory.ledger.engine import no_text
 
 
 def record_from_files(
@@ -39,14 +40,12 @@ def record_from_files(
     """
     calibration = read_calibration(tool)
     if calibration.method == "datasheet":
-        raise InputError(
-            f"{tool} was entered from a data sheet, nothing was measured: calibrate the tool to certify it"
-        )
+        raise refused("certificate-datasheet", {"file": str(tool)})
     who, order, standards = (None, Order(), ()) if laboratory is None else read_laboratory(laboratory)
     unnamed = ("", "unnamed")
     name = calibration.tool.name
     if order.serial and name not in unnamed and order.serial != name:
-        raise InputError(f"the order is for {order.serial!r:.60}, the calibration of {name!r:.60}")
+        raise InputError(other_tool("order", order.serial, name))
     issued = order.issued or today or datetime.now(UTC).date()
     order = replace(order, serial=order.serial or ("" if name in unnamed else name), issued=issued)
     judged = None if verification is None else read_verification(verification, calibration)
@@ -54,18 +53,15 @@ def record_from_files(
         only_conforming(judged)
     before = None if previous is None else read_calibration(previous)
     if before is not None and before.tool.name != calibration.tool.name:
-        raise InputError(f"the previous calibration is of {before.tool.name!r:.60}, this one of {order.serial!r:.60}")
+        raise InputError(other_tool("previous calibration", before.tool.name, order.serial))
     found = None
     if as_found is not None:
         if before is None or judged is None:
-            raise InputError("--as-found is what the calibration before said: give --previous and --verification, too")
+            raise refused("input-needs", {"name": "--as-found", "needed": ("--previous", "--verification")})
         found = read_verification(as_found, before)
-        if _positions(found) != _positions(judged):
-            problem = f"was not verified at the positions of {verification}; verify the same readings"
-            raise InputError(f"{as_found} {problem}")
-        if found["limits"] != judged["limits"]:
-            problem = "were judged by different limits; verify both by the same or by none"
-            raise InputError(f"{as_found} and {verification} {problem}")
+        if _positions(found) != _positions(judged) or found["limits"] != judged["limits"]:
+            about = {"as_found": str(as_found), "verification": str(verification)}
+            raise refused("certificate-as-found", about)
     given = {"tool.json": tool, "verify.json": verification, "lab.toml": laboratory, "previous tool.json": previous,
              "as-found verify.json": as_found}  # fmt: skip
     inputs = {name: digest_file(path) for name, path in given.items() if path is not None}
@@ -102,5 +98,5 @@ def _number(given: str | None, order: Order, inputs: dict[str, str], language: s
         year = "" if order.issued is None else f"{order.issued.year}-"
         return year + digest_bytes(repr(stated).encode()).removeprefix("sha256:")[:8]
     if not (1 <= len(given) <= 60 and given.isprintable() and given == given.strip()):
-        raise InputError(f"--number is {given!r:.80}; 1 to 60 printable characters are needed")
+        raise no_text("--number", given, 60)
     return given

@@ -8,7 +8,8 @@ from typing import Annotated, Any
 
 from annotated_types import MaxLen
 
-from inclinometry.errors import InputError
+from inclinometry.errors import out_of_range, refused
+from inclinometry.laboratory.ledger.chain import invisible
 
 LONGEST = 500
 """Characters of one text."""
@@ -66,12 +67,12 @@ class Laboratory:
 
     def __post_init__(self) -> None:
         if not self.name.strip():
-            raise InputError("the laboratory has no name; a certificate names it")
+            raise refused("input-empty", {"name": "name"})
         for key, text in self.__dict__.items():
             shown_whole(key, text)
         code = self.country
         if code and not (len(code) == 2 and code.isascii() and code.isalpha() and code.isupper()):
-            raise InputError(f"country is {code!r:.40}; two capital letters are needed, as DE (ISO 3166-1)")
+            raise out_of_range("country", f"{code!r:.40}", "AA .. ZZ")
 
 
 @dataclass(frozen=True)
@@ -107,10 +108,9 @@ class Order:
     def __post_init__(self) -> None:
         days = [d for d in (self.received, self.performed_from, self.performed_to, self.issued) if d is not None]
         if days != sorted(days):
-            said = ", ".join(day.isoformat() for day in days)
-            raise InputError(f"received, performed_from, performed_to, issued are {said}: none may be before the last")
+            raise refused("certificate-dates", {"dates": tuple(day.isoformat() for day in days)})
         if self.interval_months is not None and not 1 <= self.interval_months <= 120:
-            raise InputError(f"interval_months is {self.interval_months}; allowed 1 to 120, or none")
+            raise out_of_range("interval_months", self.interval_months, "1 .. 120")
 
 
 _LINES = ("address", "place", "customer_address", "traceability", "rig_traceability", "condition", "environment")
@@ -121,20 +121,14 @@ def shown_whole(key: str, text: str) -> None:
     """InputError for what no page shows: control characters, marks that turn the direction of writing."""
     hidden = next((c for c in text if not (c.isprintable() or (c == "\n" and key in _LINES))), None)
     if hidden is not None:
-        where = text.index(hidden) + 1
-        raise InputError(
-            f"{key} has the character U+{ord(hidden):04X} in place {where}, which no page shows; take it out"
-        )
+        raise invisible(key, text, hidden)
 
 
 def begun(day: datetime.date, name: str) -> datetime.date:
     """The day on which something was done, as `name` states it; InputError for one that has begun nowhere on Earth."""
     now = datetime.datetime.now(datetime.UTC)
     if day > (now + datetime.timedelta(hours=14)).date():  # the first islands are that far ahead
-        raise InputError(
-            f"{name} is {day}, a day to come; today is {now:%Y-%m-%d}: state the day on which it was done, or set the "
-            "clock of this computer"
-        )
+        raise out_of_range(name, str(day), f"<= {now:%Y-%m-%d}")
     return day
 
 

@@ -7,8 +7,9 @@ import math
 from pathlib import Path
 from typing import Any
 
-from inclinometry.errors import FileError, InputError
+from inclinometry.errors import FileError, InputError, in_file, out_of_range, wrong_kind
 from inclinometry.files import toml_keys
+from inclinometry.findings import Finding
 from inclinometry.laboratory.certificate.laboratory import (
     LABORATORY,
     LONGEST,
@@ -28,7 +29,7 @@ def read_laboratory(path: str | Path) -> tuple[Laboratory, Order, tuple[Standard
     settings = toml_keys.load(path, (*LABORATORY, "order", "standards", "ledger", "logo"))
     about = settings.content.get("order", {})
     if not isinstance(about, dict):
-        raise FileError(f"order is {about!r:.40}; a table [order] is needed", path=path)
+        raise in_file(wrong_kind("order", f"{about!r:.40}", "table"), path)
     order = toml_keys.Settings(path, about, ORDER)
     try:
         known, standards, _ = _of_ledger(settings)
@@ -37,9 +38,9 @@ def read_laboratory(path: str | Path) -> tuple[Laboratory, Order, tuple[Standard
     except FileError:
         raise
     except TypeError:
-        raise FileError("key 'name' is missing; a certificate names the laboratory", path=path) from None
+        raise FileError(Finding("input-missing", {"names": ("name",)}), path=path) from None
     except InputError as error:
-        raise FileError(str(error), path=path) from None
+        raise in_file(error, path) from None
 
 
 def read_logo(path: str | Path) -> bytes | None:
@@ -55,10 +56,10 @@ def read_logo(path: str | Path) -> bytes | None:
     try:
         data = whole(picture, LARGEST_LOGO)
         logo_kind(data)
-    except FileError as error:
-        raise FileError(f"logo: {error.problem}", path=picture) from None
-    except ValueError as error:
-        raise FileError(f"logo: {error}", path=picture) from None
+    except FileError:
+        raise
+    except InputError as error:
+        raise in_file(error, picture) from None
     return data
 
 
@@ -79,15 +80,13 @@ def _of_ledger(settings: toml_keys.Settings) -> tuple[dict[str, str], tuple[Stan
 def _standards(settings: toml_keys.Settings) -> tuple[Standard, ...]:
     rows, keys, path = settings.content.get("standards", []), ("name", "certificate", "due"), settings.path
     if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
-        raise FileError("standards are tables: [[standards]], each with name, certificate and due", path=path)
+        raise in_file(wrong_kind("standards", f"{rows!r:.40}", "table"), path)
     found = []
     for row in rows:
         one = toml_keys.Settings(path, row, keys)
         texts = _texts(one, ("name", "certificate"))
         if not texts.get("name"):
-            raise FileError(
-                "a reference standard under [[standards]] has no name; give name, certificate, due", path=path
-            )
+            raise FileError(Finding("input-missing", {"names": ("standards.name",)}), path=path)
         found.append(Standard(texts["name"], texts.get("certificate", ""), _date(one, "due") if "due" in row else None))
     return tuple(found)
 
@@ -98,7 +97,7 @@ def _date(settings: toml_keys.Settings, key: str) -> datetime.date:
         return value.date()
     if isinstance(value, datetime.date):
         return value
-    raise FileError(f"{key} is {value!r:.40}; a date is needed, as {key} = 2026-05-01", path=settings.path)
+    raise in_file(wrong_kind(key, f"{value!r:.40}", "date"), settings.path)
 
 
 def _texts(settings: toml_keys.Settings, keys: tuple[str, ...]) -> dict[str, str]:
@@ -107,7 +106,7 @@ def _texts(settings: toml_keys.Settings, keys: tuple[str, ...]) -> dict[str, str
         text = settings.text(key)
         if text is not None:
             if len(text) > LONGEST:
-                raise FileError(f"{key} has {len(text)} characters; allowed {LONGEST}", path=settings.path)
+                raise in_file(out_of_range(f"{key}.characters", len(text), f"<= {LONGEST}"), settings.path)
             found[key] = text.strip().replace("\r\n", "\n")
             shown_whole(key, found[key])
     return found
@@ -127,7 +126,7 @@ def _order(settings: toml_keys.Settings) -> dict[str, Any]:
     months = settings.number("interval_months", 1, 120)
     if months is not None:
         if months != int(months):
-            raise FileError(f"interval_months is {months:g}; whole months are needed", path=settings.path)
+            raise in_file(wrong_kind("interval_months", months, "whole number"), settings.path)
         found["interval_months"] = int(months)
     return found
 
@@ -136,6 +135,6 @@ def _range(settings: toml_keys.Settings, key: str, low: float, high: float) -> t
     value = settings.content[key]
     numbers = isinstance(value, list) and len(value) == 2 and all(type(x) in (int, float) for x in value)
     if not numbers or not (all(map(math.isfinite, value)) and low <= value[0] <= value[1] <= high):
-        wanted = f"lowest and highest are needed, within {low:g} to {high:g}, as {key} = [21.5, 23.0]"
-        raise FileError(f"{key} is {value!r:.40}; {wanted}", path=settings.path)
+        allowed = f"{low:g} <= [LOWEST, HIGHEST] <= {high:g}"
+        raise in_file(out_of_range(key, f"{value!r:.40}", allowed), settings.path)
     return float(value[0]), float(value[1])

@@ -23,7 +23,7 @@ from inclinometry.calibration.expected import certified, expected_uncertainty
 from inclinometry.calibration.result import Calibration
 from inclinometry.constants import COVERAGE_FACTOR, INCLINATIONS, KINDS
 from inclinometry.digest import digest_bytes
-from inclinometry.errors import InputError
+from inclinometry.errors import not_among, refused
 from inclinometry.files import json_codec
 from inclinometry.files.json_codec import canonical
 from inclinometry.files.verification_json import without_conformity
@@ -238,10 +238,8 @@ def families(text: str, folders: Sequence[str | Path] = ()) -> tuple[str, ...]:
         return (serif, rest)
     found = chinese_font(folders)
     if found is None:
-        raise InputError(
-            "this certificate has Chinese letters and no font on this computer shows them; install one "
-            f"({', '.join(CHINESE[:3])}, ...), name a folder that has one by --fonts, or choose another language"
-        )
+        letters = "".join(dict.fromkeys(c for c in text if needs_chinese(c)))[:10]
+        raise refused("ledger-letters-not-shown", {"letters": letters})
     return (serif, rest, found)
 
 
@@ -273,13 +271,13 @@ def certificate_record(
     chain. Open warnings are refused unless `accept_warnings` says why.
     """
     if language not in LANGUAGES:
-        raise InputError(f"language is {language!r:.20}; allowed: {', '.join(LANGUAGES)}")
+        raise not_among("language", f"{language!r:.20}", LANGUAGES)
     if order.issued is None:
-        raise InputError("a certificate needs its date of issue")
+        raise refused("input-missing", {"names": ("issued",)})
     stated = certified(calibration)
     tool, expected = stated.calibration.tool, expected_uncertainty(stated.calibration, INCLINATIONS)
     judged, found_before = (None if one is None else without_conformity(one) for one in (verification, as_found))
-    remarks = [*map(str, without_notes(calibration.findings)), *two_accelerometers(tool)]
+    remarks = [*map(str, without_notes(calibration.findings)), *map(str, two_accelerometers(tool))]
     accepted = accepted_warnings(open_warnings(calibration, judged), accept_warnings, laboratory, order)
     lacking = missing(laboratory, order, standards)
     record: Record = {
@@ -401,7 +399,7 @@ def _adjustment(tool: Tool, dip: float, previous: Calibration, previous_from: st
     if tool.parameter_names != old.parameter_names or any(
         tool.triads[kind].unit != old.triads[kind].unit for kind in tool.triads
     ):
-        raise InputError("the previous calibration is of other sensors or of another unit; leave it out")
+        raise refused("certificate-other-sensors")
     apart = differences(tool, old, dip)
     old, unknown = in_field_of(old, tool)
     found: Record = {

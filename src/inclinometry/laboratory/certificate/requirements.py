@@ -12,7 +12,7 @@ from inclinometry.calibration.expected import expected_gravity_sd
 from inclinometry.calibration.result import Calibration
 from inclinometry.constants import GRAVITY_SPREAD
 from inclinometry.errors import InputError
-from inclinometry.findings import without_notes
+from inclinometry.findings import Finding, without_notes
 from inclinometry.laboratory.certificate.laboratory import Laboratory, Order, Standard
 from inclinometry.laboratory.placeholders import stated
 from inclinometry.sensors import Tool
@@ -73,8 +73,8 @@ def overdue(record: Mapping[str, Any]) -> list[str]:
 def open_warnings(calibration: Calibration, verification: Mapping[str, Any] | None) -> list[str]:
     """What speaks against relying on a calibration and its verification, each sentence once."""
     judged = () if verification is None else verification["report"]["warnings"]
-    warned = map(str, without_notes(calibration.findings))
-    return list(dict.fromkeys([*warned, *two_accelerometers(calibration.tool), *judged]))
+    own = map(str, [*without_notes(calibration.findings), *two_accelerometers(calibration.tool)])
+    return list(dict.fromkeys([*own, *judged]))
 
 
 def accepted_warnings(
@@ -84,9 +84,8 @@ def accepted_warnings(
     if not warnings:
         return None
     if not stated(reason):
-        raise OpenWarningsError(
-            f"resolve these warnings before issuing, or accept them with a reason: {'; '.join(warnings)}"
-        )
+        told = tuple(one.removesuffix(".") for one in warnings)
+        raise OpenWarningsError(Finding("certificate-open-warnings", {"finding": told}))
     by = "" if laboratory is None else laboratory.authoriser
     day = "" if order.issued is None else order.issued.isoformat()
     return {"by": by, "on": day, "reason": reason.strip(), "warnings": warnings}
@@ -100,22 +99,20 @@ def nonconforming(verification: Mapping[str, Any] | None) -> bool:
 def only_conforming(verification: Mapping[str, Any] | None) -> None:
     """NonconformingError where it is `nonconforming`."""
     if nonconforming(verification):
-        raise NonconformingError(
-            "the verification failed: a certificate would state that the tool does not conform or agree; accept that, "
-            "or calibrate and verify again"
-        )
+        raise NonconformingError(Finding("certificate-failed"))
 
 
-def two_accelerometers(tool: Tool) -> list[str]:
+def other_tool(what: str, tool: str, calibrated: str) -> Finding:
+    """That an order, calibration or verification is of another tool than the one that was calibrated."""
+    about = {"what": what, "tool": f"{tool:.60}", "calibrated": f"{calibrated:.60}"}
+    return Finding("certificate-other-tool", about)
+
+
+def two_accelerometers(tool: Tool) -> list[Finding]:
     """The condition under which two accelerometers have an uncertainty of inclination."""
     triad = tool.triads.get("accelerometer")
     if triad is None or triad.rank != 2:
         return []
     sd = expected_gravity_sd(tool)
-    why = "two places of which nothing is known" if sd == GRAVITY_SPREAD else "stated at both places"
-    return [
-        "two accelerometers: the uncertainties of one reading hold where the strength of gravity is known to "
-        f"{100.0 * sd:.2g} % of that at the calibration ({why}) and the way the hole goes tells the sign of the "
-        "component across both; at the place of the calibration an error of that strength cancels. They grow without "
-        "bound toward gravity in the plane of the two"
-    ]
+    where = "strength of gravity not stated" if sd == GRAVITY_SPREAD else "strength of gravity stated at both places"
+    return [Finding("certificate-two-accelerometers", {"percent": 100.0 * float(sd), "where": where})]

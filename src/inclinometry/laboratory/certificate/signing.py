@@ -28,6 +28,7 @@ from cryptography.x509 import Certificate
 
 from inclinometry.errors import FileError, InputError
 from inclinometry.files.json_codec import canonical, parse
+from inclinometry.findings import Finding
 from inclinometry.laboratory.certificate.record import record_digest
 from inclinometry.laboratory.ledger.chain import LedgerError
 from inclinometry.laboratory.ledger.keys import (
@@ -113,12 +114,9 @@ def document_key(keys: Keys, name: str) -> DocumentKey:
         except ValueError:
             found = ()
         if not found or found[0].public_key() != private.public_key():
-            raise LedgerError(f"{path} holds no certificate for its key; put one there, or remove the file")
+            raise LedgerError(Finding("key-document", {"file": str(path)}))
         if not _one_path(found[0], found):
-            raise LedgerError(
-                f"{path} holds certificates that do not lead from its key's to one that made out itself, each made out "
-                "by the next; complete them, or leave in only that of the key"
-            )
+            raise LedgerError(Finding("key-document", {"file": str(path)}))
         stated = found[0].subject.rfc4514_string() == _name(name).rfc4514_string()
         if stated or not made_out_by(found[0], public):  # of an authority: as it is
             return private, found
@@ -311,18 +309,22 @@ def _apart(work: Callable[[], Any]) -> Any:
 # Looking at a signed file, with nothing but the laboratory's public key.
 
 
+_UNSIGNED: Final = Finding("certificate-unsigned")
+_CHANGED: Final = Finding("certificate-changed")
+
+
 class Looked(NamedTuple):
     """What a file proves.
 
     kind : "PDF", "DCC", "JSON" or "square code". number, digest : "" where it cannot be told.
-    problem : why it is not genuine; "" when it is. key : fingerprint of the key that stands behind it.
+    problem : why it is not genuine; None when it is. key : fingerprint of the key that stands behind it.
     signer : who signed it, where that is none of the keys given: then nothing is proven and nothing disproven.
     """
 
     kind: str
     number: str
     digest: str
-    problem: str
+    problem: Finding | None
     key: str = ""
     record: dict[str, Any] | None = None
     signer: Public | None = None
@@ -351,32 +353,25 @@ def _look(data: bytes, where: str, public: Public) -> Looked:
     text = data[:1000].decode("utf-8", errors="replace")
     made = parse_seal(text) if len(data) < 1000 else None
     if made is None:
-        raise FileError("neither PDF, XML nor JSON of a certificate, nor the text of its square code", path=where)
+        raise FileError(Finding("certificate-not-one"), path=where)
     return look_at_seal(made, public)
 
 
 def look_at_seal(made: Seal, public: Public) -> Looked:
     """Whether the text of a square code is one that the laboratory signed."""
     if not made.signature:
-        return Looked("square code", made.number, made.digest, "it bears no signature: its ledger was not signed")
+        return Looked("square code", made.number, made.digest, _UNSIGNED)
     key = sealed_by(made, public)
-    seen = Looked("square code", made.number, made.digest, "", made.key)
+    seen = Looked("square code", made.number, made.digest, None, made.key)
     if key:
         return seen
     if made.key in map(fingerprint, public.keys):
-        return seen._replace(problem=_FORGED)
-    return seen._replace(problem=_not_given(made.key, public), signer=Public((), ()))
+        return seen._replace(problem=_forged(made))
+    return seen._replace(problem=Finding("certificate-key", {"key": made.key}), signer=Public((), ()))
 
 
-_FORGED: Final = "its signature is not that of the laboratory: it was changed or forged"
-
-
-def _not_given(key: str, public: Public) -> str:
-    given = fingerprint(public.keys[0])
-    return (
-        f"it is signed by the key {key}, not by the one given, {given}; only the laboratory can say that {key} was its "
-        "key: ask it for a newer statement (`inclinometry ledger status`) that lists this certificate"
-    )
+def _forged(made: Seal) -> Finding:
+    return Finding("key-forged", {"place": made.number, "key": made.key})
 
 
 def _look_at_json(data: bytes, where: str, public: Public) -> Looked:
@@ -388,19 +383,19 @@ def _look_at_json(data: bytes, where: str, public: Public) -> Looked:
         made = parse_seal(about["seal"]) if about else None
         spelled = canonical(content)
     except (InputError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
-        raise FileError("not the record of a certificate", path=where) from None
+        raise FileError(Finding("certificate-not-one"), path=where) from None
     if made is None:
-        return Looked("JSON", number, digest, "it bears no signature", record=record)
+        return Looked("JSON", number, digest, _UNSIGNED, record=record)
     same = about == {"seal": str(made), "key": about.get("key")}
     if (made.number, made.digest) != (number, digest) or spelled != data or not same:
-        return Looked("JSON", number, digest, "it was changed after it was signed", made.key, record)
-    seen, key = Looked("JSON", number, digest, "", made.key, record), str(about["key"])
+        return Looked("JSON", number, digest, _CHANGED, made.key, record)
+    seen, key = Looked("JSON", number, digest, None, made.key, record), str(about["key"])
     if key == sealed_by(made, public) != "":
         return seen
     its_own = re.fullmatch("[0-9a-f]{64}", key) is not None and fingerprint(key) == made.key
     if made.key in map(fingerprint, public.keys) or not its_own:
-        return seen._replace(problem=_FORGED)
-    return seen._replace(problem=_not_given(made.key, public), signer=Public((key,), ()))
+        return seen._replace(problem=_forged(made))
+    return seen._replace(problem=Finding("certificate-key", {"key": made.key}), signer=Public((key,), ()))
 
 
 def _look_at_dcc(data: bytes, where: str, public: Public) -> Looked:
@@ -421,7 +416,7 @@ def _look_at_dcc(data: bytes, where: str, public: Public) -> Looked:
     try:
         leaf = _certificate(root.xpath("string((./*/*/*/*[local-name()='X509Certificate'])[1])"))
     except (ValueError, x509.InvalidVersion):
-        return seen._replace(problem="its signature holds no certificate that can be read")
+        return seen._replace(problem=_CHANGED)
     key = made_out_by(leaf, public)
     if not key:
         others = root.xpath("./*[local-name()='Signature']//*[local-name()='X509Certificate']/text()")
@@ -433,13 +428,13 @@ def _look_at_dcc(data: bytes, where: str, public: Public) -> Looked:
         InvalidSignature, InvalidDigest, InvalidCertificate, InvalidInput, UnsupportedAlgorithm, ValueError, TypeError,
         etree.LxmlError,
     ):  # fmt: skip
-        return seen._replace(problem="it was changed after it was signed", key=key)
+        return seen._replace(problem=_CHANGED, key=key)
     said = read_dcc(found[0].signed_data, where)
     return seen._replace(number=said.number, digest=said.digest, key=key)
 
 
-def _beside_the_signed(root: Any) -> str:
-    """What stands in a digital certificate that its signature does not cover, or may not; "" when nothing does.
+def _beside_the_signed(root: Any) -> Finding | None:
+    """What stands in a digital certificate that its signature does not cover, or may not; None when nothing does.
 
     An enveloped signature is over the document without itself, over its key and its properties: any other content of
     it would be no one's (signature wrapping).
@@ -450,22 +445,21 @@ def _beside_the_signed(root: Any) -> str:
 
     # XAdES signs without comments, and they cut a value in two: a reader sees another one than was signed
     if root.getroottree().xpath("//comment() | //processing-instruction()"):
-        return "it holds comments or processing instructions, which no certificate of ours does"
+        return _CHANGED
     if len([*root.iter(ROOT)]) != 1:
-        return "a second digital certificate stands in it"
+        return _CHANGED
     signatures = root.xpath("//*[local-name()='Signature']")
     if not signatures:
-        return "it bears no signature"
-    strange = "its signature is not made as ours are: it was moved, or something was put into it that no one signed"
+        return _UNSIGNED
     one, xades = signatures[0], "http://uri.etsi.org/01903/v1.3.2#"
     parts = [f"{{{_DS}}}{name}" for name in ("SignedInfo", "SignatureValue", "KeyInfo", "Object")]
     if len(signatures) != 1 or one is not root[-1] or QName(one).namespace != _DS or [e.tag for e in one] != parts:
-        return strange
+        return _CHANGED
     info, value, key, holder = one
     around = holder.find(f"{{{xades}}}QualifyingProperties")
     about = None if around is None else around.find(f"{{{xades}}}SignedProperties")
     if about is None or len(holder) != 1 or len(around) != 1 or len(value):
-        return strange
+        return _CHANGED
     name = str(one.get("Id"))
     stated = [(one, {"Id": name}), (value, {}), (holder, {}), (around, {"Target": f"#{name}"})]
     between = [around.text, about.tail, holder.text, around.tail, one.text, *(part.tail for part in one)]
@@ -475,10 +469,10 @@ def _beside_the_signed(root: Any) -> str:
     except ValueError:
         spelled = False
     if not spelled or any(dict(part.attrib) != wanted for part, wanted in stated):
-        return strange
+        return _CHANGED
     if any((text or "").strip() for text in between):
-        return strange
-    return "" if _references(info) == [("", True), *((f"#{e.get('Id')}", False) for e in (about, key))] else strange
+        return _CHANGED
+    return None if _references(info) == [("", True), *((f"#{e.get('Id')}", False) for e in (about, key))] else _CHANGED
 
 
 def _references(info: Any) -> list[tuple[str, bool]]:
@@ -504,18 +498,14 @@ def _by_others(seen: Looked, leaf: Certificate, beside: Iterable[Certificate], p
     try:
         found = [one.public_key() for one in beside]
     except (ValueError, UnsupportedAlgorithm, x509.InvalidVersion):
-        return seen._replace(problem="its signature holds no certificate that can be read")
+        return seen._replace(problem=_CHANGED)
     keys = [one.public_bytes_raw().hex() for one in found if isinstance(one, Ed25519PublicKey)]
     own = next((one for one in keys if made_out_by(leaf, Public((one,), ()))), "")
     if own:
         by = fingerprint(own)
-        return seen._replace(problem=_not_given(by, public), key=by, signer=Public((own,), ()))
-    who = leaf.subject.rfc4514_string()
-    problem = (
-        f"it is signed by {who!r:.100}, for whom the key given, {fingerprint(public.keys[0])}, did not sign; ask the "
-        "laboratory for the file of its public key, which holds the certificates of its documents"
-    )
-    return seen._replace(problem=problem, signer=Public((), (leaf,)))
+        return seen._replace(problem=Finding("certificate-key", {"key": by}), key=by, signer=Public((own,), ()))
+    about = {"signer": f"{leaf.subject.rfc4514_string()!r:.100}", "key": fingerprint(public.keys[0])}
+    return seen._replace(problem=Finding("certificate-signer", about), signer=Public((), (leaf,)))
 
 
 def _look_at_pdf(data: bytes, public: Public) -> Looked:
@@ -527,28 +517,25 @@ def _look_at_pdf(data: bytes, public: Public) -> Looked:
     from pyhanko.sign.validation.status import SignatureCoverageLevel
     from pyhanko_certvalidator import ValidationContext
 
-    logging.getLogger("pyhanko").setLevel(logging.CRITICAL)  # what is wrong is said once, in our words
+    logging.getLogger("pyhanko").setLevel(logging.CRITICAL)  # what is wrong is a finding
     logging.getLogger("pyhanko_certvalidator").setLevel(logging.CRITICAL)
-    seen = Looked("PDF", "", "", "")
+    seen = Looked("PDF", "", "", None)
     try:
         signatures = PdfFileReader(io.BytesIO(data)).embedded_signatures
         if not signatures:
-            return seen._replace(problem="it bears no signature")
+            return seen._replace(problem=_UNSIGNED)
         one = signatures[0]
         made = parse_seal(str(one.sig_object.get("/Reason", "")))
         leaf = x509.load_der_x509_certificate(one.signer_cert.dump())
         if made is None:
-            return seen._replace(problem="its signature names no certificate")
+            return seen._replace(problem=_UNSIGNED)
         seen = seen._replace(number=made.number, digest=made.digest)
         key = made_out_by(leaf, public)
         if not key:
             others = (x509.load_der_x509_certificate(each.dump()) for each in one.other_embedded_certs)
             return _by_others(seen, leaf, others, public)
         if not _as_we_sign(data, one, leaf):
-            strange = (
-                "its signature is not made as ours are: it was changed, or something was put into it that no one signed"
-            )
-            return seen._replace(problem=strange, key=key)
+            return seen._replace(problem=_CHANGED, key=key)
         context = ValidationContext(trust_roots=[one.signer_cert], allow_fetching=False)
         status = validate_pdf_signature(one, context)
         whole = status.coverage == SignatureCoverageLevel.ENTIRE_FILE and len(signatures) == 1
@@ -556,9 +543,9 @@ def _look_at_pdf(data: bytes, public: Public) -> Looked:
         PdfError, ValueError, KeyError, TypeError, AttributeError, IndexError, RecursionError, OSError,
         UnsupportedAlgorithm, x509.InvalidVersion,
     ):  # fmt: skip
-        return seen._replace(problem="it was changed after it was signed, or cut off: it cannot be read as a whole PDF")
+        return seen._replace(problem=_CHANGED)
     if not (status.intact and status.valid and status.trusted and whole):
-        return seen._replace(problem="it was changed after it was signed", key=key)
+        return seen._replace(problem=_CHANGED, key=key)
     return seen._replace(key=key)
 
 

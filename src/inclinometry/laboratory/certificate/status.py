@@ -18,6 +18,7 @@ from sqlalchemy import select
 from inclinometry.digest import digest_bytes
 from inclinometry.errors import FileError
 from inclinometry.files.json_codec import load
+from inclinometry.findings import Finding, Value
 from inclinometry.laboratory.certificate.record import record_digest
 from inclinometry.laboratory.certified import ended, ending, every
 from inclinometry.laboratory.ledger import chain, heads
@@ -42,10 +43,10 @@ def make_status(ledger: Ledger, numbers: Sequence[str] = ()) -> dict[str, Any]:
     with ledger.snapshot() as connection:
         head = heads.newest_head(connection)
         if head is None:
-            raise LedgerError(f"{ledger.shown} is not signed; `inclinometry ledger init` begins that")
+            raise LedgerError(Finding("ledger-unsigned", {"ledger": ledger.shown}))
         tree = Tree(heads.leaves(connection, 0, head.size))
         if tree.root().hex() != head.root or not head.genuine():
-            raise LedgerError(f"{ledger.shown} is not what was signed; run `inclinometry ledger verify`")
+            raise LedgerError(Finding("ledger-modified", {"ledger": ledger.shown, "signed_record": head.size}))
         head = _of_now(ledger, head)
 
         def entry(record: Record) -> dict[str, Any]:
@@ -84,11 +85,11 @@ def make_status(ledger: Ledger, numbers: Sequence[str] = ()) -> dict[str, Any]:
     return ledger.keys.signing().statement(content)
 
 
-def break_said(one: Mapping[str, Any]) -> str:
-    """An accepted break in a sentence."""
-    before = "an unknown number of records" if one["before"] is None else f"{one['before']} records"
-    accepted = f"accepted on {one['created'][:19]} UTC by {one['author']}: {one['reason']}"
-    return f"break of the ledger: {before} before, {one['after']} after; {accepted}"
+def break_of(one: Mapping[str, Any]) -> Finding:
+    """An accepted break of a ledger; older programs did not record what was there before."""
+    about: dict[str, Value] = {"time": one["created"][:19], "author": one["author"], "reason": one["reason"]}
+    about |= {"before": "?" if one["before"] is None else f"{one['before']}", "after": one["after"]}
+    return Finding("ledger-break", about)
 
 
 def _of_now(ledger: Ledger, head: heads.SignedHead) -> heads.SignedHead:
@@ -99,10 +100,8 @@ def _of_now(ledger: Ledger, head: heads.SignedHead) -> heads.SignedHead:
     path = heads.succession(head, key.public, ledger.keys, ledger.shown)
     lost = next((str(one["time"]) for one in path if one["action"] == "lost"), "9999")
     if head.time[:19] > lost[:19]:  # whoever found the key goes on signing with it
-        raise LedgerError(
-            f"{ledger.shown} was signed on {head.time[:19]} UTC by the key {fingerprint(head.key)}, which was lost on "
-            f"{lost[:19]} UTC; run `inclinometry ledger verify`"
-        )
+        about = {"ledger": ledger.shown, "time": head.time[:19], "key": fingerprint(head.key), "lost": lost[:19]}
+        raise LedgerError(Finding("key-after-loss", about))
     end = chain.Head(head.size, head.link)
     return heads.signed_by(key, head.ledger, end, bytes.fromhex(head.root), head.time)
 
@@ -133,17 +132,16 @@ def read_status(path: str | Path, public: Public) -> Status:
     """
     content = load(path)
     if not is_status(content) or content.get("version") not in (1, VERSION):
-        raise FileError(
-            "not a statement of certificates; the file that `inclinometry ledger status -o` writes", path=path
-        )
+        raise _not_status(path)
     head = heads.parse_signed(content.get("head"), path)
     changes = tuple(one for one in content.get("changes", ()) if isinstance(one, dict) and genuine(one))
     if not genuine(content) or not head.genuine():
-        raise FileError("its signature is not that of its key: changed or forged", path=path)
+        about = {"place": Path(path).name, "key": fingerprint(head.key)}
+        raise FileError(Finding("key-forged", about), path=path)
     for key in (str(content["key"]), head.key):
         if not any(descends(key, one, changes) for one in public.keys):
-            known = fingerprint(public.keys[0])
-            raise FileError(f"it is signed by the key {fingerprint(key)}, not by the laboratory's, {known}", path=path)
+            about = {"key": fingerprint(key), "expected": fingerprint(public.keys[0])}
+            raise FileError(Finding("key-not-laboratory", about), path=path)
     try:
         rows = {str(row["number"]): row for row in content["certificates"]}
         entries = {n: [row["entry"], *([] if row["state"] == "issued" else [row["event"]])] for n, row in rows.items()}
@@ -152,14 +150,15 @@ def read_status(path: str | Path, public: Public) -> Status:
         accepted = tuple({n: one[n] for n in names} for one in (content["accepted"] if content["version"] > 1 else ()))
         unfounded = [one for one in accepted if not _included(one["entry"], head)]
     except (KeyError, TypeError, ValueError):
-        raise FileError(
-            "a statement with other contents than this program knows; update inclinometry", path=path
-        ) from None
-    if wrong:
-        raise FileError(f"its proof for certificate {wrong[0]:.60} does not hold", path=path)
-    if unfounded:
-        raise FileError(f"its proof for the break of {unfounded[0]['created']:.19} does not hold", path=path)
+        raise _not_status(path) from None
+    for name in (*wrong, *(str(one["created"])[:19] for one in unfounded)):
+        raise FileError(Finding("certificate-proof", {"name": f"{name:.60}"}), path=path)
     return Status(head, changes, rows, accepted)
+
+
+def _not_status(path: str | Path) -> FileError:
+    about = {"expected": "certificate status", "command": "inclinometry ledger status -o FILE"}
+    return FileError(Finding("ledger-other-file", about), path=path)
 
 
 def _included(entry: Mapping[str, Any], head: heads.SignedHead) -> bool:
@@ -168,21 +167,18 @@ def _included(entry: Mapping[str, Any], head: heads.SignedHead) -> bool:
     return includes(leaf_hash(leaf), entry["seq"] - 1, head.size, proof, bytes.fromhex(head.root))
 
 
-def two_histories(given: Mapping[str, Status]) -> str:
-    """What genuine statements, by their files, say against each other; "" when they can be of one ledger as it grew.
+def two_histories(given: Mapping[str, Status]) -> Finding | None:
+    """Which genuine statements, by their files, contradict each other; None when they are of one ledger as it grew.
 
     The key signed all of them: a ledger cut back, or begun again from a part of it, has issued one of them.
     """
-    ask = "the laboratory has two histories under one key: ask it which one holds, and why there is another"
     for (name, one), (other, two) in combinations(given.items(), 2):
-        if one.head.ledger != two.head.ledger:
-            return f"{name} is of the ledger {one.head.ledger}, {other} of the ledger {two.head.ledger}; {ask}"
+        apart = one.head.ledger != two.head.ledger
         if one.head.size == two.head.size and (one.head.root, one.head.link) != (two.head.root, two.head.link):
-            return f"{name} and {other} speak of other records up to {one.head.size}; {ask}"
-        for number in one.rows.keys() & two.rows.keys():
-            if not _agree(one, two, number):
-                return f"{name} and {other} contradict each other about certificate {number}; {ask}"
-    return ""
+            apart = True
+        if apart or not all(_agree(one, two, number) for number in one.rows.keys() & two.rows.keys()):
+            return Finding("certificate-two-histories", {"one": name, "other": other})
+    return None
 
 
 def _agree(one: Status, two: Status, number: str) -> bool:
@@ -210,22 +206,22 @@ def holding(found: Iterable[Status], number: str) -> Status | None:
 
 def contradiction(
     row: Mapping[str, Any], digest: str, record: Mapping[str, Any] | None, files: Mapping[str, bytes]
-) -> str:
-    """What a statement says against files of that number; "" when they are what the ledger holds.
+) -> Finding | None:
+    """What a statement says against files of that number; None when they are what the ledger holds.
 
     `files` are bytes by the names of the ledger: "pdf", "dcc", "json".
     """
     if row["digest"] != digest:
-        return f"the ledger holds another record under this number, {row['digest']}"
+        return Finding("certificate-not-in-ledger", {"what": "JSON"})
     for name, data in files.items():
         kept = row["body"].get("documents", {}).get(name)
         if kept is not None and kept != digest_bytes(data):
-            return f"its {name} file is not the one that the ledger holds"
+            return Finding("certificate-not-in-ledger", {"what": name.upper()})
     if record is not None:
         entry = row["entry"]
         body = chain.compact({**row["body"], "record": record})
         keys = {"number": row["number"], "serial": row["serial"]}
         given = (entry["kind"], entry["record"], entry["created"], row["author"], row["version"], keys, body)
         if chain.record_digest(*given) != entry["digest"]:
-            return "its record is not the one that the ledger holds"
-    return ""
+            return Finding("certificate-not-in-ledger", {"what": "JSON"})
+    return None

@@ -11,9 +11,10 @@ from inclinometry.cli.options import AlsoWritten, Flag, Input, InputOrNone, Json
 from inclinometry.errors import FileError, InputError
 from inclinometry.files.json_codec import parse
 from inclinometry.files.writing import write_bytes
+from inclinometry.findings import Finding
 from inclinometry.laboratory.certificate.issue import record_from_files
 from inclinometry.laboratory.certificate.record import record_bytes, record_digest, words
-from inclinometry.laboratory.certificate.requirements import NonconformingError, OpenWarningsError, missing_said
+from inclinometry.laboratory.certificate.requirements import missing_said
 from inclinometry.laboratory.certificate.signing import Looked, look, parse_seal, seal, sign_files
 from inclinometry.laboratory.ledger.keys import Keys, Public, read_public
 from inclinometry.opening import whole
@@ -80,13 +81,8 @@ def certificate(
     ):
         what = "there is no such folder" if not fonts.is_dir() else "no font is in this folder"
         raise FileError(f"--fonts: {what}; name one with files .ttf, .otf, .ttc or .otc", path=fonts)
-    try:
-        how: dict[str, Any] = {**read, "nonconforming": nonconforming, "accept_warnings": accept_warnings}
-        made = record_from_files(tool, number=number, language=language, **how)
-    except NonconformingError as error:
-        raise InputError(f"{error}; to accept, give --nonconforming") from None
-    except OpenWarningsError as error:
-        raise InputError(f"{error}; to accept, give --accept-warnings REASON") from None
+    how: dict[str, Any] = {**read, "nonconforming": nonconforming, "accept_warnings": accept_warnings}
+    made = record_from_files(tool, number=number, language=language, **how)
     keys = Keys()
     sealed = seal(made, keys) if keys.there and not unsigned else None
     from inclinometry.laboratory.certificate.dcc import dcc_bytes
@@ -154,7 +150,7 @@ def verify(*files: str, key: Input, json: Json = False) -> int:
     key
         Public key of the laboratory, from the laboratory itself: the file that `ledger key --public` writes.
     """
-    from inclinometry.laboratory.certificate.status import break_said, holding, is_status, read_status, two_histories
+    from inclinometry.laboratory.certificate.status import break_of, holding, is_status, read_status, two_histories
 
     if not files:
         raise InputError("name the files of a certificate: PDF, XML or JSON, or the text of its square code")
@@ -177,23 +173,24 @@ def verify(*files: str, key: Input, json: Json = False) -> int:
     held = {one.number: holding(found.values(), one.number) or newest for _, _, one in looked}
     rows = _judged(looked, held, published, () if newest is None else newest.changes)
     numbers = sorted(number for number in held if number)
-    mixed = two_histories(found)
+    two = two_histories(found)
+    mixed = [] if two is None else [two]
     # each once, though every statement since carries it
     accepted = {one["created"]: one for each in found.values() for one in each.accepted}
     breaks = [{name: one[name] for name in one if name != "entry"} for one in accepted.values()]
     if len(numbers) > 1:
-        apart = f"these are files of different certificates: {', '.join(numbers)}; verify each by itself"
-        mixed = "\n".join(filter(None, (mixed, apart)))
+        mixed.append(Finding("certificate-files-apart", {"numbers": tuple(numbers)}))
     ok = not mixed and all(row["genuine"] and row["state"] in ("issued", "not known") for row in rows)
     if json:
         as_of = next((one.head.statement() for one in held.values() if one is not None), None)
-        output.print_json({"ok": ok, "problem": mixed, "files": rows, "as_of": as_of, "accepted": breaks})
+        problems = [one.plain() for one in mixed]
+        output.print_json({"ok": ok, "problems": problems, "files": rows, "as_of": as_of, "accepted": breaks})
         return 0 if ok else 1
     _say(rows, held)
     for one in breaks:
-        output.say(break_said(one))
-    if mixed:
-        output.say(mixed)
+        output.say(str(break_of(one)))
+    for found_ in mixed:
+        output.say(f"{found_} [{found_.code}]")
     return 0 if ok else 1
 
 
@@ -232,14 +229,15 @@ def _judged(
         whole = {"PDF": "pdf", "DCC": "dcc", "JSON": "json"}.get(one.kind)
         problem, open_ = one.problem, one.signer is not None
         if not problem and not _vouched(one.key, row, whole, published, changes):
-            problem, open_ = f"it is signed by the key {one.key}, which was lost, and no statement lists it", True
+            problem, open_ = Finding("certificate-key", {"key": one.key}), True
         if not problem and len(digests[one.number]) > 1:
-            problem = f"these files are of different records under the number {one.number}"
+            problem = Finding("certificate-files-apart", {"numbers": (one.number,)})
         if not problem and row is not None:
             problem = contradiction(row, one.digest, one.record, {whole: data} if whole else {})
         state = "not known" if by is None else "not in the ledger" if row is None else str(row["state"])
+        told = None if problem is None else problem.plain()
         rows.append({"file": name, "kind": one.kind, "number": one.number, "digest": one.digest, "key": one.key,
-                     "genuine": not problem, "proven": not open_, "problem": problem, "state": state})  # fmt: skip
+                     "genuine": not problem, "proven": not open_, "problem": told, "state": state})  # fmt: skip
     return rows
 
 
@@ -260,7 +258,9 @@ def _say(rows: list[dict[str, Any]], held: dict[str, Any]) -> None:
     for row in rows:
         number = f" of certificate {row['number']}" if row["number"] else ""
         verdict = "NOT GENUINE" if row["proven"] else "NOT PROVEN"
-        said = f"genuine, signed by {row['key']}" if row["genuine"] else f"{verdict}: {row['problem']}"
+        said = f"genuine, signed by {row['key']}"
+        if not row["genuine"]:
+            said = f"{verdict}: {row['problem']['sentence']} [{row['problem']['code']}]"
         name = "square code" if row["kind"] == "square code" else f"{row['file']}: {row['kind']}"
         output.say(f"{name}{number}: {said}")
     if None in held.values():

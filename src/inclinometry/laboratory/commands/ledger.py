@@ -97,15 +97,13 @@ def verify(
         public = () if key is None else read_public(key).keys
         found = verify_ledger(opened, head=noted, public=public, copy=copy, progress=progress)
     if json:
-        plain = {name: getattr(found, name) for name in ("ok", "proven", "compared", "silent", "records", "documents")}
+        plain = {name: getattr(found, name) for name in ("ok", "proven", "compared", "records", "documents")}
+        plain |= {name: [one.plain() for one in getattr(found, name)] for name in ("faults", "silent", "findings")}
         signed = None if found.signed is None else found.signed.statement()
-        faults = [vars(fault) for fault in found.faults]
-        output.print_json(plain | {"head": str(found.head), "faults": faults, "signed": signed, "notes": found.notes})
+        output.print_json(plain | {"head": str(found.head), "signed": signed})
         return 0 if found.unsuspected else 1
-    for fault in (*found.faults, *found.silent):
-        output.say(str(fault))
-    for note in found.notes:
-        output.say(note)
+    for one in (*found.faults, *found.silent, *found.findings):
+        output.say(f"{one} [{one.code}]")
     if found.ok:
         records, documents = output.counted(found.records, "record"), output.counted(found.documents, "document")
         alone = "" if found.proven else " by what the ledger itself says"
@@ -119,7 +117,7 @@ def verify(
             "when it answers, or take it off with `inclinometry ledger witness PLACE --remove`"
         )
         return 1
-    of_keys = all(fault.table == "keys" for fault in found.faults)
+    of_keys = all(fault.code in ("key-public-other", "key-damaged") for fault in found.faults)
     what = "the laboratory's keys are not what they were" if of_keys else "this ledger was changed behind its back"
     output.say(f"{output.counted(len(found.faults), 'fault')}: {what}")
     return 1
@@ -134,10 +132,13 @@ def _certificate(where: str, number: str, json: bool) -> int:
         problems = verify_certificate(opened, number)
     digest, end = digest_of(found.record), 1 if problems else 0
     if json:
-        output.print_json({"ok": not problems, "state": found.state, "digest": digest, "problems": problems})
+        told = [one.plain() for one in problems]
+        output.print_json({"ok": not problems, "state": found.state, "digest": digest, "problems": told})
         return end
-    for problem in problems or [f"certificate {number} ({found.state}): files, record and calibration agree"]:
-        output.say(problem)
+    for one in problems:
+        output.say(f"{one} [{one.code}]")
+    if not problems:
+        output.say(f"certificate {number} ({found.state}): files, record and calibration agree")
     output.say(f"digest of its record {digest}; compare it with the one on paper")
     return end
 

@@ -20,7 +20,7 @@ from inclinometry.laboratory.ledger.engine import default_path, shown
 from inclinometry.laboratory.ledger.heads import grown, proof_since, read_head
 from inclinometry.laboratory.ledger.keys import Keys, fingerprint, read_public
 from inclinometry.laboratory.ledger.ledger import Ledger, send
-from inclinometry.laboratory.ledger.witness import PRINT, lost_sentence, name_others, others, witnessed
+from inclinometry.laboratory.ledger.witness import PRINT, name_others, others, witnessed
 
 
 def key(
@@ -82,7 +82,7 @@ def key(
         return
     output.say(f"key {fingerprint(found)} in {keys.folder}")
     if uncompared:
-        output.say(uncompared)
+        output.findings([uncompared])
     for one in keys.changes():
         output.say(_change(one))
     if public is not None:
@@ -151,9 +151,10 @@ def _check(file: Path, since: Path | None, key: Path | None, json: bool) -> int:
     old = found if since is None else read_head(since)[0]
     problem = grown(old, found, content, public)
     if json:
-        output.print_json({"ok": not problem, "problem": problem, "size": found.size, "ledger": found.ledger})
+        plain = None if problem is None else problem.plain()
+        output.print_json({"ok": not problem, "problem": plain, "size": found.size, "ledger": found.ledger})
         return 1 if problem else 0
-    output.say(problem or f"genuine: head {found}")
+    output.say(f"genuine: head {found}" if problem is None else f"{problem} [{problem.code}]")
     if not problem and since is not None:
         output.say(f"the ledger of {found.size} records begins with the {old.size} of {old.time[:19]}")
     if public is None:
@@ -172,7 +173,7 @@ def status(*numbers: str, ledger: LedgerAddress = None, output_: Output) -> None
         JSON to write: the newest signed head, each certificate issued, void or superseded, each break that was accepted
         with `ledger init --accept`, proofs that they are in it.
     """
-    from inclinometry.laboratory.certificate.status import break_said, make_status
+    from inclinometry.laboratory.certificate.status import break_of, make_status
 
     where = _where(ledger)
     output.claim({"--output": output_}, {"--ledger": path_of(where)})
@@ -184,7 +185,7 @@ def status(*numbers: str, ledger: LedgerAddress = None, output_: Output) -> None
     listed = ", ".join(f"{states.count(state)} {state}" for state in order)
     output.say(f"{output.counted(len(states), 'certificate')} as of record {made['head']['size']}: {listed or 'none'}")
     for one in made["accepted"]:
-        output.say(break_said(one))
+        output.say(str(break_of(one)))
     output.say(f"written to {output_}")
 
 
@@ -217,7 +218,7 @@ def witness(place: str | None = None, /, *, ledger: LedgerAddress = None, remove
     if newest is None or newest.key != keys.public() or not keys.there:
         return 0
     _, silent, lost = witnessed(keys.folder, newest.ledger, where)
-    output.warnings([*silent, *(lost_sentence(keys.folder, one, newest.ledger) for one in lost)])
+    output.findings([*silent, *lost])
     return 1 if lost or silent else 0
 
 

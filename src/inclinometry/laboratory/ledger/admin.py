@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import os
 import sqlite3
 from pathlib import Path
 
@@ -9,8 +11,18 @@ from sqlalchemy import inspect
 from sqlalchemy.engine import Engine
 from sqlalchemy.exc import DBAPIError
 
+from inclinometry.findings import Finding
 from inclinometry.laboratory.ledger.chain import LedgerError
-from inclinometry.laboratory.ledger.engine import default_path, engine, refusal, shown, translated, unprotected
+from inclinometry.laboratory.ledger.engine import (
+    default_path,
+    engine,
+    newer,
+    no_path,
+    refusal,
+    shown,
+    translated,
+    unprotected,
+)
 from inclinometry.laboratory.ledger.keys import Keys
 from inclinometry.laboratory.ledger.ledger import Ledger
 
@@ -25,15 +37,13 @@ def create(where: str | Path, *, keys: Keys | None = None, sign: bool | None = N
         path = Path(where)
         try:
             if path.is_dir():
-                raise LedgerError(f"{where} is a folder; name a file in it, e.g. {path / 'ledger.sqlite'}")
+                raise no_path(str(where), os.strerror(errno.EISDIR))
             if not path.parent.is_dir() and path != default_path():
-                raise LedgerError(
-                    f"{where!r:.200}: the folder {str(path.parent)!r:.200} does not exist; create it first"
-                )
+                raise no_path(str(where), os.strerror(errno.ENOENT))
             path.parent.mkdir(parents=True, exist_ok=True)
         except (OSError, UnicodeEncodeError) as error:
             reason = getattr(error, "strerror", None) or error
-            raise LedgerError(f"{where!r:.200}: the folder cannot be made ({reason})") from None
+            raise no_path(str(where), reason) from None
     made = engine(where, create=True)
     try:
         with translated(shown(where)):
@@ -46,10 +56,7 @@ def create(where: str | Path, *, keys: Keys | None = None, sign: bool | None = N
     finally:
         made.dispose()
     if bare:
-        raise LedgerError(
-            f"{shown(where)}: a user removed the protection against changes of {', '.join(bare)}; run `inclinometry "
-            "ledger verify`, and move a ledger that is sound into a new one with `ledger export` and `ledger import`"
-        )
+        raise LedgerError(Finding("ledger-unprotected", {"names": tuple(bare)}))
     ledger = Ledger(where, keys=keys)
     try:
         if sign or (sign is None and fresh):
@@ -83,4 +90,4 @@ def _migrate(made: Engine, revision: str = "head") -> None:
     try:
         command.upgrade(config, revision)
     except CommandError as error:
-        raise LedgerError(f"the ledger was made by a newer program ({error}); update inclinometry") from None
+        raise LedgerError(newer(getattr(error.__cause__, "argument", ""))) from None

@@ -7,8 +7,8 @@ import json
 from collections.abc import Mapping
 from typing import Any, Final, NamedTuple
 
-from inclinometry.errors import InputError
-from inclinometry.findings import Finding
+from inclinometry.errors import InputError, out_of_range, refused
+from inclinometry.findings import Finding, Value
 
 GENESIS: Final = "0" * 64
 """The link before the first record."""
@@ -16,6 +16,17 @@ GENESIS: Final = "0" * 64
 
 class LedgerError(InputError):
     """The ledger refuses, or cannot be used: what happened and what to do."""
+
+
+def changed(kind: str, record: object) -> Finding:
+    """That a record of a ledger, or part of one, is no longer what was recorded."""
+    return Finding("ledger-changed", {"kind": kind, "record": f"{record!s:.100}"})
+
+
+def invisible(name: str, text: str, character: str) -> InputError:
+    """The error of a text with a character that no page shows."""
+    about: dict[str, Value] = {"name": name, "character": f"U+{ord(character):04X}", "place": text.index(character) + 1}
+    return refused("ledger-invisible", about)
 
 
 def missing(kind: str, name: object, ledger: str) -> Finding:
@@ -41,7 +52,7 @@ def parse_head(text: str) -> Head:
     """
     seq, _, link = text.strip().partition(":")
     if not seq.isascii() or not seq.isdigit() or len(link) != 64 or set(link) - set("0123456789abcdef"):
-        raise InputError(f"{text!r:.80} is not the head of a ledger; expected NUMBER:64 hexadecimal digits")
+        raise out_of_range("head", f"{text!r:.80}", "N:[0-9a-f]{64}")
     return Head(int(seq), link)
 
 
@@ -55,7 +66,7 @@ def compact(content: Any) -> str:
         text = json.dumps(content, sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
         text.encode("utf-8")
     except (TypeError, ValueError, RecursionError) as error:
-        raise InputError(f"the content cannot be recorded: {error}") from None
+        raise refused("ledger-content", {"place": "JSON", "reason": str(error)}) from None
     return text
 
 

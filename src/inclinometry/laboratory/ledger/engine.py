@@ -1,7 +1,8 @@
-"""The database of a ledger: tables and schemas of its records, guards, connections, its errors as sentences."""
+"""The database of a ledger: tables and schemas of its records, guards, connections, its errors as findings."""
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import re
@@ -37,8 +38,8 @@ from sqlalchemy.pool import NullPool
 from sqlalchemy.types import NullType
 
 from inclinometry.digest import digest_bytes
-from inclinometry.errors import InputError
-from inclinometry.findings import Finding
+from inclinometry.errors import InputError, not_among, out_of_range, refused, wrong_kind
+from inclinometry.findings import Finding, Value
 from inclinometry.laboratory.ledger import chain
 from inclinometry.laboratory.ledger.chain import LedgerError
 
@@ -48,26 +49,27 @@ if TYPE_CHECKING:
 PATIENCE: Final = 20
 """Seconds a writer waits for another one."""
 _WRITE_LOCK: Final = 0x1E_D6E7  # any number, the same for all writers of one PostgreSQL database
-_SAID: Final = (
-    ("disk I/O", "the disk could not be read or written: check it and the space on it; nothing was recorded"),
-    ("readonly", "the ledger cannot be written: check the permissions of the file and of its folder"),
-    ("read-only", "the server does not let this user write: ask its administrator"),
-    ("unable to open", "the ledger cannot be opened: check the path and its permissions"),
-    ("not a database", "this file is not a ledger: name another file"),
-    ("malformed", "the file is damaged: restore a backup"),
-    ("decode", "a text in it was changed: run `inclinometry ledger verify`"),
-    ("locked", "another program holds the ledger: close it, then try again"),
-    ("lock timeout", "another program holds the ledger: close it, then try again"),
-    ("append-only", "records are never changed"),
-    ("no such table", "the file was changed: run `inclinometry ledger verify`"),
-    ("password authentication failed", "the server refuses user or password: check user and password of the address"),
-    ("does not exist", "the server does not know the user or the database: check user and database of the address"),
-    ("could not translate host", "the server is not found: check the host of the address"),
-    ("failed to resolve host", "the server is not found: check the host of the address"),
-    ("connection failed", "the server does not answer: check that it runs and that the address is right"),
-    ("connection is bad", "the server does not answer: check that it runs and that the address is right"),
-)
-"""What a database's own sentence holds -> what happened and the remedy."""
+_SAID: Final = {
+    "disk is full": "ledger-disk-full",
+    "No space left": "ledger-disk-full",
+    "disk I/O": "ledger-access",
+    "readonly": "ledger-access",
+    "read-only": "ledger-access",
+    "unable to open": "ledger-access",
+    "not a database": "ledger-damaged",
+    "malformed": "ledger-damaged",
+    "decode": "ledger-damaged",
+    "no such table": "ledger-damaged",
+    "locked": "ledger-locked",
+    "lock timeout": "ledger-locked",
+    "authentication failed": "ledger-server",
+    "does not exist": "ledger-server",
+    "translate host": "ledger-server",
+    "resolve host": "ledger-server",
+    "connection failed": "ledger-server",
+    "connection is bad": "ledger-server",
+}
+"""What a database's own sentence holds -> code; that of no other is ledger-refused."""
 
 
 class ConflictError(LedgerError):
@@ -112,12 +114,11 @@ def _file(text: str, create: bool, read_only: bool) -> Engine:
         there, plain = path.exists(), path.is_file()
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
-        raise LedgerError(f"{text!r:.200}: this cannot be the path of a ledger ({reason})") from None
+        raise no_path(text, reason) from None
     if there and not plain:
-        kind = "a folder" if path.is_dir() else "a device or pipe"
-        raise LedgerError(f"{text} is {kind}, not a ledger; name a file")
+        raise no_path(text, os.strerror(errno.EISDIR if path.is_dir() else errno.ENXIO))
     if not there and not create:
-        raise LedgerError(f"{text}: there is no such ledger; make one with `inclinometry ledger init {text}`")
+        raise LedgerError(Finding("ledger-absent", {"ledger": text}))
     address = URL.create("sqlite", database=text)
     if read_only and _sealed(path):
         address = URL.create("sqlite", database=path.resolve().as_uri(), query={"immutable": "1", "uri": "true"})
@@ -125,6 +126,11 @@ def _file(text: str, create: bool, read_only: bool) -> Engine:
     event.listen(made, "connect", _prepare_sqlite)
     event.listen(made, "begin", _begin_sqlite)
     return made
+
+
+def no_path(text: str, reason: object) -> LedgerError:
+    """The error of a path that no ledger can have; the reason as the system gives it."""
+    return LedgerError(Finding("ledger-path", {"ledger": f"{text!r:.200}", "reason": f"{reason}"}))
 
 
 def _sealed(path: Path) -> bool:
@@ -141,20 +147,11 @@ def _server(text: str) -> Engine:
         # the rest of a port or query that cannot be read comes to light here
         made = create_engine(url.set(drivername="postgresql+psycopg"), pool_pre_ping=True)
     except ModuleNotFoundError as error:
-        raise LedgerError(
-            f"{shown(text)}: {error.name} is not installed; PostgreSQL needs `pip install inclinometry[postgresql]`"
-        ) from None
+        raise LedgerError(Finding("ledger-postgresql", {"name": str(error.name)})) from None
     except (ArgumentError, NoSuchModuleError, ValueError):
-        raise LedgerError(
-            f"{shown(text)}: this address cannot be used; write postgresql://user:password@host:5432/database, "
-            "characters such as @ and / in the password as %40 and %2F"
-        ) from None
-    if backend not in ("postgresql", "postgres"):
-        raise LedgerError(
-            f"{shown(text)}: a ledger is a file path (SQLite) or postgresql+psycopg://user:password@host/database"
-        )
-    if not url.database:
-        raise LedgerError(f"{shown(text)} names no database; write postgresql://user:password@host/database")
+        raise LedgerError(Finding("ledger-address", {"ledger": shown(text)})) from None
+    if backend not in ("postgresql", "postgres") or not url.database:
+        raise LedgerError(Finding("ledger-address", {"ledger": shown(text)}))
     event.listen(made, "begin", _begin_postgresql)
     return made
 
@@ -192,38 +189,26 @@ def _begin_postgresql(connection: Connection) -> None:
 
 @contextmanager
 def translated(where: str) -> Iterator[None]:
-    """Errors of the database as sentences."""
+    """Errors of the database as findings."""
     try:
         yield
     except IntegrityError as error:
-        cause = str(error.orig)
-        if "append-only" in cause:
-            raise LedgerError(f"{where}: {cause.splitlines()[0]}") from None
-        raise ConflictError(
-            f"{where}: another user has just recorded this; nothing was lost, load the page again"
-        ) from None
+        if "append-only" in str(error.orig):
+            raise LedgerError(refusal(where, error.orig)) from None
+        raise ConflictError(Finding("ledger-conflict", {"ledger": where})) from None
     except DBAPIError as error:
         raise LedgerError(refusal(where, error.orig, lost=error.connection_invalidated)) from None
     except UnicodeDecodeError:
-        raise LedgerError(f"{where}: a text in it was changed; run `inclinometry ledger verify`") from None
+        raise LedgerError(chain.changed("document", where)) from None
     except SQLAlchemyError as error:
         raise LedgerError(refusal(where, error)) from None
 
 
-def in_words(error: object, *, lost: bool = False) -> str:
-    """What a database refused, as a sentence with the remedy; its own words stand behind it, quoted."""
-    cause = " ".join(str(error).split())[:200].replace('"', "'").replace(";", ",")
-    said = next((text for mark, text in _SAID if mark in cause), "the database refused: nothing was recorded")
-    if lost:
-        said = "the connection was lost: load the page again to see whether the last record was kept"
-    return f'{said} ("{cause}")'
-
-
-def refusal(where: str, error: object, *, lost: bool = False) -> Finding | str:
-    """What a database refused: a finding where its code decides something, else in words."""
-    if not lost and any(mark in str(error) for mark in ("disk is full", "No space left")):
-        return Finding("ledger-disk-full", {"ledger": where, "cause": f"{error!s:.200}"}, severity="refused")
-    return f"{where}: {in_words(error, lost=lost)}"
+def refusal(where: str, error: object, *, lost: bool = False) -> Finding:
+    """What a database refused; the cause in its own words. `lost`: the connection was."""
+    cause = " ".join(str(error).split())[:200].replace('"', "'")
+    code = next((code for mark, code in _SAID.items() if mark in cause), "ledger-refused")
+    return Finding("ledger-server" if lost else code, {"ledger": where, "cause": cause})
 
 
 # The kinds of record a ledger holds: what they are found by, and what their body must contain.
@@ -284,7 +269,8 @@ def _validator(kind: str, version: int) -> Draft202012Validator:
     try:
         text = files("inclinometry.laboratory.ledger").joinpath("schemas", name).read_text("utf-8")
     except FileNotFoundError:
-        raise InputError(f"{kind} records of version {version} are not known; update inclinometry") from None
+        about: dict[str, Value] = {"format": kind, "version": str(version), "known": (str(KINDS[kind].version),)}
+        raise refused("file-version", about) from None
     made: Draft202012Validator = extend(Draft202012Validator, {"items": _items})(json.loads(text))  # type: ignore[no-untyped-call]
     return made
 
@@ -292,31 +278,37 @@ def _validator(kind: str, version: int) -> Draft202012Validator:
 def check(kind: str, keys: Mapping[str, Any], body: Mapping[str, Any], version: int | None = None) -> Kind:
     """The kind, when keys and body fit it and its schema; else an InputError with the path of the value."""
     if kind not in KINDS:
-        raise InputError(f"record kind is {kind!r}; allowed: {', '.join(KINDS)}")
+        raise not_among("kind", f"{kind!r:.60}", KINDS)
     known = KINDS[kind]
-    if set(keys) != set(known.keys):
-        raise InputError(f"a {kind} record has the keys {', '.join(known.keys)}; given: {', '.join(keys) or 'none'}")
+    if lacking := tuple(set(known.keys) - set(keys)):
+        raise refused("input-missing", {"names": lacking})
+    if unknown := tuple(set(keys) - set(known.keys)):
+        raise refused("input-unknown", {"names": unknown, "known": tuple(known.keys)})
     for name, wanted in known.keys.items():
         value = keys[name]
         if not fits(wanted, value):
-            must = "a text of 1 to 200 printable characters" if wanted is str else f"a whole number, 0 to {MOST_KEY}"
-            said = (
-                f"a number of {value.bit_length()} bits" if isinstance(value, int) and value >> 64 else f"{value!r:.60}"
-            )
-            raise InputError(f"{kind}.{name} is {said}; it must be {must}")
+            if wanted is str:
+                raise no_text(f"{kind}.{name}", value)
+            huge = isinstance(value, int) and value >> 64
+            raise out_of_range(f"{kind}.{name}", "> 1e19" if huge else f"{value!r:.60}", f"0 .. {MOST_KEY}")
     version = known.version if version is None else version
     if type(version) is not int:
-        raise InputError(f"the version of a {kind} record is {version!r:.60}; it must be a whole number")
+        raise wrong_kind("version", f"{version!r:.60}", "whole number")
     error = next(iter(_validator(kind, version).iter_errors(body)), None)
     if error is not None:
         where = "".join(f"[{p}]" if isinstance(p, int) else f".{p}" for p in error.absolute_path)
-        raise InputError(f"the body of a {kind} record does not fit: {kind}{where}: {error.message[:200]}")
+        raise refused("ledger-content", {"place": f"{kind}{where}", "reason": error.message[:200]})
     return known
 
 
 def plain(text: object) -> bool:
     """Whether this is a text that both engines keep as it is: 1 to 200 printable characters, no blanks at its ends."""
     return isinstance(text, str) and 1 <= len(text) <= 200 and text.isprintable() and text == text.strip()
+
+
+def no_text(name: str, value: object, most: int = 200) -> InputError:
+    """The error of what is not `plain`."""
+    return refused("ledger-text", {"name": name, "value": f"{value!r:.60}", "most": most})
 
 
 def fits(wanted: type, value: object) -> bool:
@@ -439,10 +431,7 @@ def record_of(kind: str, row: Any) -> Record:
     ones.
     """
     if row_digest(kind, row) != row.digest:
-        raise LedgerError(
-            f"{kind} {row.seq} ({row.id}) was changed behind the back of the ledger and is not used; "
-            "run `inclinometry ledger verify`"
-        )
+        raise LedgerError(chain.changed(kind, f"{row.seq} ({row.id})"))
     keys = {name: getattr(row, name) for name in KINDS[kind].keys}
     return Record(kind, row.id, row.seq, row.created, row.author, row.version, keys, json.loads(row.body), row.digest)
 
@@ -453,19 +442,24 @@ _NAMES: Final = ("chain", "document", *TABLES, "head")
 _FUNCTION: Final = " BEGIN RAISE EXCEPTION 'the ledger is append-only: %', TG_TABLE_NAME; END "
 
 
+def newer(revision: object) -> Finding:
+    """That a newer program made a ledger."""
+    return Finding("file-version", {"format": "ledger", "version": f"{revision!r:.40}", "known": REVISIONS})
+
+
 def readable(connection: Connection, where: str) -> None:
     """Refuse what is not a ledger, and a ledger of a newer program (LedgerError)."""
     tables = set(inspect(connection).get_table_names())
     if "chain" not in tables or "alembic_version" not in tables:
-        raise LedgerError(f"{where}: this is not a ledger; make one with `inclinometry ledger init`")
+        raise LedgerError(Finding("ledger-absent", {"ledger": where}))
     version = select(column("version_num", Text())).select_from(table("alembic_version"))
     found: list[str] = list(connection.execute(version).scalars())
     unknown = [revision for revision in found if revision not in REVISIONS]
     if unknown:
-        raise LedgerError(f"{where}: the ledger was made by a newer program ({unknown[0]!r:.40}); update inclinometry")
+        raise LedgerError(newer(unknown[0]))
     lost = [name for name in _NAMES if name not in tables and (name != "head" or not {*found} & {*REVISIONS[:2]})]
     if lost:
-        raise LedgerError(f"{where}: the tables {', '.join(lost)} are missing; restore a backup")
+        raise LedgerError(refusal(where, f"no such table: {', '.join(lost)}"))
 
 
 def protect(connection: Connection) -> None:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import errno
 import heapq
 import itertools
 import json
+import os
 import sqlite3
 import zipfile
 import zlib
@@ -18,8 +20,9 @@ from sqlalchemy import Select, func, select
 from sqlalchemy.engine import Connection
 
 from inclinometry.digest import digest_bytes
-from inclinometry.errors import FileError, InputError
+from inclinometry.errors import FileError, InputError, in_file, wrong_kind
 from inclinometry.files.writing import replacing
+from inclinometry.findings import Finding
 from inclinometry.laboratory.ledger import chain, engine
 from inclinometry.laboratory.ledger.chain import LedgerError
 from inclinometry.laboratory.ledger.ledger import LARGEST_DOCUMENT, Batch, Ledger, add_document
@@ -48,9 +51,7 @@ def export(ledger: Ledger, path: str | Path, *, progress: Progress | None = None
                 head = chain.Head(row["seq"], row["link"])
         for found in connection.execution_options(yield_per=1).execute(engine.STORED):
             if not engine.as_stored(found.data, found.digest):
-                raise LedgerError(
-                    f"document {found.digest!s:.80} in {ledger.shown} was changed; run `inclinometry ledger verify`"
-                )
+                raise LedgerError(chain.changed("document", found.digest))
             name = found.digest.removeprefix("sha256:")
             archive.writestr(f"documents/{name}", found.data)
             documents[name] = found.media_type
@@ -68,10 +69,7 @@ def _rows(connection: Connection, progress: Progress | None) -> Iterator[dict[st
     for link in _streamed(connection, select(engine.CHAIN).order_by(engine.CHAIN.c.seq)):
         kind, row = next(found, ("", None))
         if row is None or (kind, row.id) != (link.kind, link.record) or engine.row_digest(kind, row) != link.digest:
-            raise LedgerError(
-                f"{link.kind} {link.seq} is missing or was changed; run `inclinometry ledger verify`, "
-                "nothing was exported"
-            )
+            raise LedgerError(chain.changed("chain", link.seq))
         about = {name: getattr(row, name) for name in ("id", "created", "author", "version", "body")}
         keys = {name: getattr(row, name) for name in engine.KINDS[kind].keys}
         yield {**about, "seq": link.seq, "kind": kind, "keys": keys, "digest": link.digest, "link": link.link}
@@ -86,21 +84,20 @@ def _streamed(connection: Connection, query: Select[Any]) -> Iterator[Any]:
 def backup(ledger: Ledger, path: str | Path) -> None:
     """Copy a SQLite ledger, as it is now, into a new file that is a ledger itself; PostgreSQL has its own backup."""
     if "://" in ledger.where:
-        raise LedgerError(
-            "this ledger is kept by a PostgreSQL server; use its own backup, or `inclinometry ledger export`"
-        )
+        raise LedgerError(Finding("ledger-backup-server"))
     if Path(path).exists():
-        raise FileError("is there already; a backup never replaces one", path=path)
+        raise FileError(Finding("file-unwritable", {"reason": os.strerror(errno.EEXIST)}), path=path)
     with replacing(path) as stream:
         try:  # SQLite writes into the file by its name
             with closing(sqlite3.connect(ledger.where)) as source, closing(sqlite3.connect(stream.name)) as target:
                 source.backup(target)
         except sqlite3.Error as error:
-            raise FileError(engine.refusal("the backup cannot be written", error), path=path) from None
+            raise FileError(engine.refusal(str(path), error), path=path) from None
 
 
 # Reading an export into an empty ledger: everything is checked, nothing in the file is trusted.
 
+_CHANGED: Final = Finding("ledger-export-changed")
 _LONGEST_LINE: Final = 60_000_000
 """Of a line of records.jsonl, bytes: a body of the greatest length with every character escaped or of many bytes."""
 
@@ -121,20 +118,20 @@ def restore(ledger: Ledger, path: str | Path, *, progress: Progress | None = Non
                                 progress(min(1.0, number / max(manifest["seq"], 1)))
                 batch.write()
                 if str(batch.head) != manifest["head"]:
-                    said = manifest["head"][:40]
-                    raise FileError(f"ends at record {batch.head.seq}; its manifest says {said}", path=path)
+                    raise FileError(_CHANGED, path=path)
                 for name, media_type in manifest["documents"].items():
                     with archive.open(f"documents/{name}") as stream:
                         data = stream.read(LARGEST_DOCUMENT + 1)
                     if digest_bytes(data) != f"sha256:{name}" or not engine.plain(media_type):
-                        raise FileError(f"documents/{name:.80} was changed", path=path)
+                        raise FileError(_CHANGED, path=path)
                     add_document(connection, media_type, data)
     except (
         zipfile.BadZipFile, zipfile.LargeZipFile, zlib.error, KeyError, EOFError, NotImplementedError, RuntimeError,
     ) as error:  # fmt: skip
-        raise FileError(f"not an export of a ledger, or damaged ({error})", path=path) from None
+        raise FileError(Finding("file-format", {"format": "ZIP", "reason": str(error)}), path=path) from None
     except OSError as error:
-        raise FileError(f"cannot be read ({error.strerror or error})", path=path) from None
+        reason = str(error.strerror or error)
+        raise FileError(Finding("file-unreadable", {"reason": reason}), path=path) from None
     return batch.head
 
 
@@ -143,7 +140,7 @@ def _manifest(archive: zipfile.ZipFile, path: str | Path) -> dict[str, Any]:
     most_swelling = 200
     packed = sum(entry.compress_size for entry in archive.infolist())
     if sum(entry.file_size for entry in archive.infolist()) > most_swelling * packed + 1_000_000:
-        raise FileError(f"would swell to more than {most_swelling} times its size; no export does", path=path)
+        raise FileError(_CHANGED, path=path)
     with archive.open("manifest.json") as stream:
         try:
             content = json.loads(stream.read(_LONGEST_LINE))
@@ -152,9 +149,11 @@ def _manifest(archive: zipfile.ZipFile, path: str | Path) -> dict[str, Any]:
         except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
             right = False
     if not right:
-        raise FileError("not an export of a ledger: its manifest.json does not say so", path=path)
+        about = {"expected": "ledger export", "command": "inclinometry ledger export FILE"}
+        raise FileError(Finding("ledger-other-file", about), path=path)
     if content["version"] != 1:
-        raise FileError(f"an export of version {content['version']!r:.20}; this program reads 1", path=path)
+        version = f"{content['version']!r:.20}"
+        raise FileError(Finding("file-version", {"format": FORMAT, "version": version, "known": ("1",)}), path=path)
     return {"head": str(head), "seq": head.seq, "documents": content["documents"]}
 
 
@@ -164,31 +163,29 @@ def _add(batch: Batch, line: bytes, number: int, path: str | Path) -> None:
         row = json.loads(line)
         _fit(row, line)
         made = batch.add(*(row[name] for name in ("kind", "id", "created", "author", "version", "keys", "body")))
+    except InputError as error:
+        raise in_file(error, path, number) from None
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
-        cause = " ".join(str(error).split())[:300]
-        raise FileError(f"not a record of a ledger ({cause})", path=path, line=number) from None
+        about = {"format": "JSON", "reason": " ".join(str(error).split())[:300]}
+        raise FileError(Finding("file-format", about), path=path, line=number) from None
     if (made.seq, made.digest, batch.head.link) != (row["seq"], row["digest"], row["link"]):
-        raise FileError(
-            f"{row['kind']} {row['seq']!r:.20} does not follow from the records before it: the export was changed",
-            path=path,
-            line=number,
-        )
+        raise FileError(_CHANGED, path=path, line=number)
 
 
 def _fit(row: Mapping[str, Any], line: bytes) -> None:
     """Refuse what `export` never writes, doubled keys and other spellings of the same content among it."""
     fields = {"seq", "kind", "id", "created", "author", "version", "keys", "body", "digest", "link"}
     if set(row) != fields:
-        raise InputError("its fields are not those of a record")
+        raise InputError(_CHANGED)
     for name in ("id", "author", "created"):
         if not engine.plain(row[name]):
-            raise InputError(f"{name} is not a text of 1 to 200 printable characters")
+            raise engine.no_text(name, row[name])
     created = datetime.fromisoformat(row["created"])
     if created.utcoffset() is None or created.astimezone(UTC).isoformat(timespec="microseconds") != row["created"]:
-        raise InputError("created is not a time in UTC with microseconds")
+        raise wrong_kind("created", f"{row['created']!r:.60}", "date and time")
     if type(row["seq"]) is not int or not isinstance(row["body"], str):
-        raise InputError("seq is not a number, or body not a text")
+        raise InputError(_CHANGED)
     body = json.loads(row["body"])
     if chain.compact(body) != row["body"] or chain.compact(row).encode() != line.removesuffix(b"\n"):
-        raise InputError("spelled in another way than `ledger export` does: doubled keys, blanks or another order")
+        raise InputError(_CHANGED)
     engine.check(row["kind"], row["keys"], body, row["version"])

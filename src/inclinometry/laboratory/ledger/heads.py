@@ -14,6 +14,7 @@ from sqlalchemy.engine import Connection
 
 from inclinometry.errors import FileError
 from inclinometry.files.json_codec import load
+from inclinometry.findings import Finding
 from inclinometry.laboratory.ledger import chain
 from inclinometry.laboratory.ledger.chain import LedgerError
 from inclinometry.laboratory.ledger.engine import CHAIN, HEAD, Draft
@@ -69,9 +70,8 @@ def parse_signed(content: object, where: str | Path) -> SignedHead:
         re.fullmatch(f"[0-9a-f]{{{length}}}", str(said[name])) for name, length in digits.items()
     )
     if whole.get("schema") != SCHEMA or whole.get("version") != 1 or type(size) is not int or size < 0 or not fits:
-        raise FileError(
-            "not the signed head of a ledger; the file that `inclinometry ledger head -o` writes", path=where
-        )
+        about = {"expected": "signed head", "command": "inclinometry ledger head -o FILE"}
+        raise FileError(Finding("ledger-other-file", about), path=where)
     return SignedHead(**said)
 
 
@@ -94,9 +94,7 @@ def head_of(row: Any) -> SignedHead:
     try:
         return parse_signed({"schema": SCHEMA, "version": 1, **said}, "head")
     except FileError:
-        raise LedgerError(
-            f"the signed head in place {row.place} was changed and cannot be read; run `inclinometry ledger verify`"
-        ) from None
+        raise LedgerError(chain.changed("signed head", row.place)) from None
 
 
 def newest_head(connection: Connection, *, readable: bool = False) -> SignedHead | None:
@@ -120,6 +118,11 @@ def leaves(connection: Connection, after: int, until: int) -> Iterable[bytes]:
         yield leaf_hash(chain.leaf(row.seq, row.kind, row.record, row.created, row.digest))
 
 
+def _by_other(newest: SignedHead, keys: Keys, where: str) -> LedgerError:
+    about = {"ledger": where, "key": fingerprint(newest.key), "folder": str(keys.folder)}
+    return LedgerError(Finding("key-other", about))
+
+
 def succession(newest: SignedHead, public: str, keys: Keys, where: str) -> Sequence[Mapping[str, Any]]:
     """The changes that lead from the key of a ledger's last head to the laboratory's; none where it is the same.
 
@@ -127,11 +130,7 @@ def succession(newest: SignedHead, public: str, keys: Keys, where: str) -> Seque
     """
     path = [] if newest.key == public else explained(newest.key, public, keys.changes())
     if path is None:
-        raise LedgerError(
-            f"{where} is signed by the key {fingerprint(newest.key)}, the one in {keys.folder} is "
-            f"{fingerprint(public)}; nothing was recorded or signed: bring the right key there, or state with "
-            "`inclinometry ledger init --accept REASON` that the ledger goes on with this one"
-        )
+        raise _by_other(newest, keys, where)
     return path
 
 
@@ -160,13 +159,9 @@ class Sealing:
         if newest is None:
             return "", []
         if not self.keys.there:
-            raise LedgerError(
-                f"{self._where} is signed by the key {fingerprint(newest.key)}, which is not in {self.keys.folder}; "
-                "nothing was recorded: bring the key there, or if it is lost begin a new one with "
-                "`inclinometry ledger key --lost REASON`"
-            )
+            raise _by_other(newest, self.keys, self._where)
         if (head.seq, head.link) != (newest.size, newest.link) or not newest.genuine():
-            raise self._doubt(f"its last record is {head.seq}, its last signed head {newest.size}")
+            raise self._modified(newest.size)
         key = self.keys.signing()
         # whoever signs with the same key needs no word about others
         changes = succession(newest, key.public, self.keys, self._where)
@@ -200,12 +195,12 @@ class Sealing:
                 peaks = [bytes.fromhex(text[at : at + 2 * SIZE]) for at in range(0, len(text), 2 * SIZE)]
                 tree = Frontier(row.seq, peaks)
             except (TypeError, ValueError):
-                raise self._doubt(f"the peaks of its tree at head {row.seq!r:.40} cannot be read") from None
+                raise self._modified(newest.size) from None
         self._peaks_at = tree.size
         tree.extend(leaves(connection, tree.size, newest.size))
         # what was read is what was signed, or nothing is built upon it
         if tree.root().hex() != newest.root:
-            raise self._doubt(f"its records are not those that head {newest.size} was signed for")
+            raise self._modified(newest.size)
         self._tree = tree
 
     def _write(self, connection: Connection, ledger: str, head: chain.Head, time: str) -> SignedHead:
@@ -219,11 +214,8 @@ class Sealing:
         connection.execute(HEAD.insert(), {**row, "place": last + 1, "frontier": peaks})
         return made
 
-    def _doubt(self, said: str) -> LedgerError:
-        return LedgerError(
-            f"{self._where} was changed behind its back ({said}): nothing was recorded; run `inclinometry ledger "
-            "verify`, and when it is known what happened, state it with `inclinometry ledger init --accept REASON`"
-        )
+    def _modified(self, size: int) -> LedgerError:
+        return LedgerError(Finding("ledger-modified", {"ledger": self._where, "signed_record": size}))
 
 
 # Heads as files: what a user who does not hold the ledger can check.
@@ -237,31 +229,32 @@ def read_head(path: str | Path) -> tuple[SignedHead, dict[str, Any]]:
     content = load(path)
     found = parse_signed(content, path)
     if not found.genuine():
-        raise FileError("its signature is not that of its key: the head was changed or forged", path=path)
+        about = {"place": Path(path).name, "key": fingerprint(found.key)}
+        raise FileError(Finding("key-forged", about), path=path)
     return found, content
 
 
-def grown(old: SignedHead, new: SignedHead, content: Mapping[str, Any], public: str | None) -> str:
-    """What is wrong between an old head and a new one with its proof; "" when the ledger only grew."""
+def grown(old: SignedHead, new: SignedHead, content: Mapping[str, Any], public: str | None) -> Finding | None:
+    """What is wrong between an old head and a new one with its proof; None when the ledger only grew."""
     if old.ledger != new.ledger:
-        return f"they are of two ledgers, {old.ledger} and {new.ledger}"
+        return Finding("ledger-another", {"ledger": old.ledger})
     changes = [one for one in content.get("changes", []) if isinstance(one, dict)]
     if not descends(new.key, public or old.key, changes):
         known = fingerprint(public or old.key)
-        return f"the new head is signed by the key {fingerprint(new.key)}, for which {known} did not sign"
+        return Finding("key-not-laboratory", {"key": fingerprint(new.key), "expected": known})
     proof = content.get("consistency", {})
     try:
         if old.size == new.size:
             hashes: list[bytes] = []
         elif proof["from"] != old.size:
-            return f"its proof is from record {proof['from']}, not from {old.size}"
+            return Finding("ledger-no-proof", {"record": old.size})
         else:
             hashes = [bytes.fromhex(one) for one in proof["proof"]]
     except (KeyError, TypeError, ValueError):
-        return f"it carries no proof from record {old.size} on; make one with `inclinometry ledger head --since`"
+        return Finding("ledger-no-proof", {"record": old.size})
     if consistent(old.size, new.size, bytes.fromhex(old.root), bytes.fromhex(new.root), hashes):
-        return ""
-    return f"the ledger of {new.size} records does not begin with the {old.size} signed before: cut or rewritten"
+        return None
+    return Finding("ledger-rewritten", {"record": old.size, "place": old.time})
 
 
 def proof_since(connection: Connection, first: int, second: int) -> list[str]:

@@ -31,7 +31,8 @@ from cryptography.hazmat.primitives.serialization import (
     load_pem_public_key,
 )
 
-from inclinometry.errors import FileError, InputError
+from inclinometry.errors import FileError, InputError, refused
+from inclinometry.findings import Finding
 from inclinometry.laboratory.ledger.chain import LedgerError, compact
 from inclinometry.laboratory.placeholders import stated
 from inclinometry.opening import LARGEST_SETTINGS, whole
@@ -102,11 +103,8 @@ class OtherKeyError(KeyFaultError):
     """public.pem holds another key than key.pem beside it."""
 
     def __init__(self, path: Path, stated: str, own: str) -> None:
-        super().__init__(
-            f"{path} holds the key {fingerprint(stated)}, but the key of key.pem beside it is {fingerprint(own)}. One "
-            "of them was exchanged: compare both with the published fingerprint. If key.pem is right, remove "
-            "public.pem and run `inclinometry ledger key --make`; if not, restore key.pem from a copy"
-        )
+        about = {"file": str(path), "key": fingerprint(stated), "own": fingerprint(own)}
+        super().__init__(Finding("key-public-other", about))
         self.own = own
 
 
@@ -165,14 +163,15 @@ class Keys:
             own = None
         return stated if own is None else self._compared(own, stated).public
 
-    def uncompared(self) -> str:
-        """Why public.pem is not compared with key.pem; "" where it is, and where there is no key.pem."""
+    def uncompared(self) -> Finding | None:
+        """Why public.pem is not compared with key.pem; None where it is, and where there is no key.pem."""
         try:
             if self.there:
                 self._own(ask=False)
         except (FileError, LedgerError) as error:
-            return f"the public key was not compared with the private key: {error}"
-        return ""
+            why = error.finding or Finding("key-damaged", {"file": str(self.path)})
+            return Finding("key-uncompared", {"finding": why})
+        return None
 
     def _compared(self, own: SigningKey, stated: str | None) -> SigningKey:
         """The key of key.pem; KeyFaultError where public.pem states another."""
@@ -188,11 +187,7 @@ class Keys:
         try:
             return read_public(path).keys[0]
         except NoPublicKeyError:
-            raise FileError(
-                "not a public key any more; `inclinometry ledger key --make` writes it again from key.pem, or restore "
-                "it from a copy",
-                path=path,
-            ) from None
+            raise FileError(Finding("key-damaged", {"file": path.name}), path=path) from None
 
     def former(self, now: str | None = None) -> list[str]:
         """The public keys that were rotated into one, by default that of `public`, the newest first."""
@@ -225,11 +220,9 @@ class Keys:
                 self._key = SigningKey(_private(whole(self.path, LARGEST_KEY), self.path, ask=ask))
                 self._stamp = (found.st_mtime_ns, found.st_ino)
         except FileNotFoundError:
-            raise LedgerError(
-                f"there is no key in {self.folder}; make one with `inclinometry ledger key --make`"
-            ) from None
+            raise LedgerError(Finding("key-none", {"folder": str(self.folder)})) from None
         except OSError as error:
-            raise LedgerError(f"{self.path} cannot be read ({error.strerror}); check its permissions") from None
+            raise LedgerError(Finding("key-file", {"file": str(self.path), "reason": str(error.strerror)})) from None
         return self._key
 
     def make(self) -> SigningKey:
@@ -248,13 +241,13 @@ class Keys:
     def rotate(self, reason: str) -> SigningKey:
         """A new key in the place of the old one, which signs for it."""
         if not stated(reason):
-            raise InputError("say why the key is rotated: a new one is not begun without a reason")
+            raise refused("ledger-reason")
         return self._change("rotated", self.signing(), reason)
 
     def begin_anew(self, reason: str) -> SigningKey:
         """A new key where the old one is lost: nothing signs for it but itself, and every ledger will say so."""
         if not stated(reason):
-            raise InputError("say how the key was lost: a new one is not begun without a reason")
+            raise refused("ledger-reason")
         return self._change("lost", None, reason)
 
     def _change(self, action: str, old: SigningKey | None, reason: str) -> SigningKey:
@@ -289,12 +282,8 @@ class Keys:
         found = []
         for line, row in self._statements("changes.jsonl", CHANGE):
             if row is None:
-                raise FileError(
-                    "not what a laboratory's key signed when it was rotated or lost; restore the file from a copy, or "
-                    "take the line out: every ledger has recorded the changes that it knows of",
-                    path=self.folder / "changes.jsonl",
-                    line=line,
-                )
+                path = self.folder / "changes.jsonl"
+                raise FileError(Finding("key-damaged", {"file": path.name}), path=path, line=line)
             found.append(row)
         return found
 
@@ -310,7 +299,7 @@ class Keys:
         try:
             there = path.exists()
         except OSError as error:
-            raise FileError(f"cannot be read ({error.strerror}); check its permissions", path=path) from None
+            raise FileError(Finding("file-unreadable", {"reason": str(error.strerror)}), path=path) from None
         for number, line in enumerate(whole(path, LARGEST_SETTINGS).splitlines() if there else (), 1):
             if not line.strip():
                 continue
@@ -349,7 +338,7 @@ class Keys:
                 Path(made).unlink(missing_ok=True)
         except OSError as error:
             raise LedgerError(
-                f"the keys cannot be kept in {self.folder} ({error.strerror}); name another folder by {FOLDER}"
+                Finding("key-file", {"file": str(self.folder / name), "reason": str(error.strerror)})
             ) from None
 
 
@@ -373,21 +362,21 @@ def load_private(data: bytes, path: Path, *, ask: bool = True) -> Any:
     phrase = _passphrase()
     if b"ENCRYPTED" in data and phrase is None:
         if not ask or not sys.stdin or not sys.stdin.isatty():
-            raise LedgerError(f"{path} is encrypted; put its passphrase into the environment as {PASSPHRASE}")
+            raise LedgerError(Finding("key-passphrase", {"file": str(path)}))
         phrase = getpass.getpass(f"passphrase of {path}: ").encode()
         os.environ[PASSPHRASE] = phrase.decode()
     try:
         return load_pem_private_key(data, phrase if b"ENCRYPTED" in data else None)
     except (ValueError, TypeError, UnsupportedAlgorithm):
         if b"ENCRYPTED" in data:
-            raise LedgerError(f"{path} is not a private key; or its passphrase is wrong") from None
-        raise NoPrivateKeyError(f"{path} is not a private key; restore it from a copy") from None
+            raise LedgerError(Finding("key-passphrase", {"file": str(path)})) from None
+        raise NoPrivateKeyError(Finding("key-damaged", {"file": str(path)})) from None
 
 
 def _private(data: bytes, path: Path, *, ask: bool) -> Ed25519PrivateKey:
     found = load_private(data, path, ask=ask)
     if not isinstance(found, Ed25519PrivateKey):
-        raise NoPrivateKeyError(f"{path} is a key of another kind; the key of a laboratory is an Ed25519 key")
+        raise NoPrivateKeyError(Finding("key-damaged", {"file": str(path)}))
     return found
 
 
@@ -419,13 +408,10 @@ def read_public(path: str | Path) -> Public:
         found, certificates = [], []
     keys = tuple(key.public_bytes_raw().hex() for key in found if isinstance(key, Ed25519PublicKey))
     if not keys:
-        secret = b"PRIVATE KEY" in data
-        problem = (
-            "this is a private key: give no one this file, but what"
-            if secret
-            else "not the public key of a laboratory; needed is the file that"
-        )
-        raise NoPublicKeyError(f"{problem} `inclinometry ledger key --public FILE` writes", path=path)
+        if b"PRIVATE KEY" in data:
+            raise NoPublicKeyError(Finding("key-secret"), path=path)
+        about = {"expected": "public key", "command": "inclinometry ledger key --public FILE"}
+        raise NoPublicKeyError(Finding("ledger-other-file", about), path=path)
     return Public(keys, tuple(certificates))
 
 

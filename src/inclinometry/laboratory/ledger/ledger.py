@@ -14,7 +14,8 @@ from sqlalchemy import ColumnElement, Select, Table, and_, false, func, select
 from sqlalchemy.engine import Connection
 
 from inclinometry.digest import digest_bytes
-from inclinometry.errors import FileError, InputError
+from inclinometry.errors import FileError, not_among, out_of_range, refused
+from inclinometry.findings import Finding, Value
 from inclinometry.laboratory.ledger import chain, heads
 from inclinometry.laboratory.ledger.chain import LedgerError, missing
 from inclinometry.laboratory.ledger.engine import (
@@ -31,6 +32,7 @@ from inclinometry.laboratory.ledger.engine import (
     default_path,
     engine,
     fits,
+    no_text,
     plain,
     readable,
     record_of,
@@ -109,12 +111,12 @@ def body_text(draft: Draft) -> str:
     check(draft.kind, draft.keys, draft.body)
     body = chain.compact(dict(draft.body))
     if len(body) > longest_body:
-        raise InputError(f"a {draft.kind} record of {len(body)} characters; allowed {longest_body}")
+        raise out_of_range(f"{draft.kind}.characters", len(body), f"<= {longest_body}")
     for media_type, data in draft.documents:
         if not plain(media_type):
-            raise InputError(f"the media type of a document is {media_type!r:.60}; e.g. application/pdf")
+            raise no_text("media_type", media_type)
         if len(data) > LARGEST_DOCUMENT:
-            raise InputError(f"a document ({media_type}) of {len(data)} bytes; allowed {LARGEST_DOCUMENT}")
+            raise out_of_range("document.bytes", len(data), f"<= {LARGEST_DOCUMENT}")
     return body
 
 
@@ -203,17 +205,16 @@ class Ledger:
         *,
         author: str,
         slack: timedelta = timedelta(minutes=2),
-        unless: Sequence[tuple[str, Mapping[str, Any], str]] = (),
+        unless: Sequence[tuple[str, Mapping[str, Any], Finding | str]] = (),
     ) -> list[Record]:
         """Record several things in one step: all of them or none.
 
         `unless` is what must not be in the ledger yet, looked at in the same step: a kind, keys as for `find`, what to
         say. `slack` is how far the clock may have gone back since the last record; beyond that nothing is recorded.
         """
-        if self.read_only:
-            raise LedgerError(f"{self.shown} was opened for reading only; nothing was recorded")
+        self._writable()
         if not plain(author):
-            raise InputError(f"author is {author!r:.60}; it must be a text of 1 to 200 printable characters")
+            raise no_text("author", author)
         bodies = [body_text(draft) for draft in drafts]
         self._not_behind_others()
         with self._writing() as connection:
@@ -233,6 +234,10 @@ class Ledger:
                     add_document(connection, media_type, data)
         self._witnesses.publish(signed)
         return records[len(first) :]
+
+    def _writable(self) -> None:
+        if self.read_only:
+            raise LedgerError(Finding("input-not-with", {"name": "read_only", "other": "append, restore"}))
 
     def _recorded(
         self, connection: Connection, name: str, head: chain.Head, created: str, author: str,
@@ -275,7 +280,7 @@ class Ledger:
         its witnesses know, and breaks accepted here that a restored copy does not hold (`earlier`).
         """
         if not stated(reason):
-            raise InputError("say what happened: a ledger is not accepted without a reason")
+            raise refused("ledger-reason")
         signed_before = self._signed_before()
         kept = self.find("event", limit=1000, subject_kind="ledger", subject="head", action="accepted")
         held = {one["created"] for one in accepted_breaks(kept)}
@@ -283,7 +288,7 @@ class Ledger:
             head, last = self._tail(connection)
             name = self._sealing.resume(connection, head)
             if not name:
-                raise LedgerError(f"{self.shown} is not signed; there is nothing to accept")
+                raise LedgerError(Finding("ledger-unsigned", {"ledger": self.shown}))
             created = self._now(last, timedelta(minutes=2))
             details: dict[str, Any] = {"head": str(head), "before": signed_before}
             if earlier := [one for one in self.keys.breaks(name) if one["created"] not in held]:
@@ -360,30 +365,20 @@ class Ledger:
             accepted = self._accepted(connection)
         lost = None if newest is None else ahead_elsewhere(self.keys.folder, self.where, newest, accepted)
         if newest is not None and lost is not None:
-            raise LedgerError(self._behind(newest, lost))
+            raise self._behind(newest, lost)
 
     def _accepted(self, connection: Connection) -> str:
         """Time when a user last answered for what a verification found; "" for never."""
         times = select(func.max(TABLES["event"].c.created)).where(_matching("event", heads.ACCEPTED))
         return str(connection.execute(times).scalar() or "")
 
-    def _behind(self, newest: heads.SignedHead, lost: Witnessed) -> str:
-        """What happened to a ledger of which a witness remembers more than it holds, and what to do."""
+    def _behind(self, newest: heads.SignedHead, lost: Witnessed) -> LedgerError:
+        """The error of a ledger of which a witness remembers more than it holds."""
         if lost.head is None:
             raise TypeError("a head that is not readable is beyond nothing")
-        fact = (
-            f"{self.shown} ends with record {newest.size}, but the laboratory's key signed record {lost.head.size} of "
-            f"this ledger on {lost.head.time[:19]} UTC"
-        )
-        what = "an older state was put back, or its end was cut"
-        where, remedy = "this place", "Put the newest one back; or, when it is known what happened"
-        if lost.place and lost.place != place_of(self.where):
-            what, where = "one is a copy of the other, and only one can go on", lost.place
-            remedy = f"Record in {where}; or, to go on here without what was recorded there"
-        return (
-            f"{fact} in {where}: {what}; nothing was recorded or signed. {remedy}, state it with `inclinometry ledger "
-            f"init {self.shown} --accept REASON`"
-        )
+        about: dict[str, Value] = {"ledger": self.shown, "record": newest.size, "place": lost.place or self.shown}
+        about |= {"signed_record": lost.head.size, "time": lost.head.time[:19]}
+        return LedgerError(Finding("ledger-behind", about))
 
     def _not_behind(self, connection: Connection) -> None:
         newest = heads.newest_head(connection)
@@ -392,7 +387,7 @@ class Ledger:
         if not 0 <= self._seen <= newest.size:
             lost = ahead(self.keys.folder, newest, self._accepted(connection))
             if lost is not None:
-                raise LedgerError(self._behind(newest, lost))
+                raise self._behind(newest, lost)
         self._seen = newest.size
 
     def _never_signed(self, connection: Connection, folders: Sequence[Path] = ()) -> None:
@@ -407,18 +402,13 @@ class Ledger:
         except (OSError, FileError):  # the folder of another user
             signed = False
         if signed:
-            raise LedgerError(
-                f"{self.shown} holds no signed head, but by the heads in {by} it was signed, or another ledger that "
-                "was begun in this place: signatures were removed; nothing was recorded or signed. Run `inclinometry "
-                "ledger verify` and put the signed ledger back; or, when it is known what happened, state it with "
-                f"`inclinometry ledger init {self.shown} --accept REASON`"
-            )
+            raise LedgerError(Finding("ledger-signatures-removed", {"ledger": self.shown, "place": by}))
         self._unknown = True
 
     def correct_clock(self, reason: str, *, author: str) -> Record:
         """Go on after the clock was in the future when something was recorded: as an event, with the time of now."""
         if not stated(reason):
-            raise InputError("say what happened: a clock is not corrected without a reason")
+            raise refused("ledger-reason")
         keys = {"subject_kind": "ledger", "subject": "clock", "action": "corrected"}
         draft = Draft("event", keys, {"reason": reason})
         return self.append_all([draft], author=author, slack=timedelta.max)[0]
@@ -426,22 +416,17 @@ class Ledger:
     def _now(self, last: str | None, slack: timedelta) -> str:
         time = self._clock().astimezone(UTC)
         if last is not None and _time(last) - time > slack:
-            raise LedgerError(
-                f"the clock says {time:%Y-%m-%d %H:%M:%S} UTC, but the last record is of {last[:19]}: nothing was "
-                "recorded; set the clock of this computer, or where it was the last record's time that was wrong, run "
-                "`inclinometry ledger init --clock REASON`"
-            )
+            raise LedgerError(Finding("ledger-clock", {"now": f"{time:%Y-%m-%d %H:%M:%S}", "last": last[:19]}))
         return time.isoformat(timespec="microseconds")
 
     @contextmanager
     def filling(self) -> Iterator[Connection]:
         """A connection that writes records made elsewhere into this ledger, which must be empty."""
-        if self.read_only:
-            raise LedgerError(f"{self.shown} was opened for reading only; nothing was recorded")
+        self._writable()
         with self._writing() as connection:
             head, _ = self._tail(connection)
             if head.seq:
-                raise LedgerError(f"{self.shown} holds records already; import into a new ledger")
+                raise LedgerError(Finding("ledger-not-empty", {"ledger": self.shown}))
             name, _ = self._sealing.before(connection, head)
             yield connection
             head = self._tail(connection)[0]
@@ -487,7 +472,7 @@ class Ledger:
         """The newest record of each key (tools, rigs, sites, users), by name, beyond the name `after`."""
         table, (key, *_) = _table(kind), KINDS[kind].keys
         if after and not plain(after):
-            raise InputError(f"after is {after!r:.60}; it must be a name: 1 to 200 printable characters")
+            raise no_text("after", after)
         newest = (
             select(func.max(table.c.seq).label("seq"))
             .where(table.c[key] > after)
@@ -512,7 +497,7 @@ class Ledger:
         if row is None:
             raise LedgerError(missing("document", digest, self.shown))
         if not as_stored(row.data, digest):
-            raise LedgerError(f"document {digest} in {self.shown} was changed; run `inclinometry ledger verify`")
+            raise LedgerError(chain.changed("document", digest))
         return row.media_type, row.data
 
     def head(self) -> chain.Head:
@@ -573,12 +558,12 @@ def _time(created: str) -> datetime:
     try:
         return datetime.fromisoformat(created)
     except ValueError:
-        raise LedgerError("the time of the last record was changed; run `inclinometry ledger verify`") from None
+        raise LedgerError(chain.changed("chain", created)) from None
 
 
 def _table(kind: str) -> Table:
     if kind not in TABLES:
-        raise InputError(f"record kind is {kind!r:.60}; allowed: {', '.join(TABLES)}")
+        raise not_among("kind", f"{kind!r:.60}", TABLES)
     return TABLES[kind]
 
 
@@ -590,7 +575,7 @@ def _query(kind: str) -> Select[Any]:
 def _matching(kind: str, keys: Mapping[str, Any]) -> ColumnElement[bool]:
     unknown = set(keys) - set(KINDS[kind].keys)
     if unknown:
-        raise InputError(f"{kind} records are not found by {', '.join(sorted(unknown))}; use {tuple(KINDS[kind].keys)}")
+        raise refused("input-unknown", {"names": tuple(sorted(unknown)), "known": tuple(KINDS[kind].keys)})
     return and_(True, *(_equal(kind, name, value) for name, value in keys.items()))
 
 

@@ -16,7 +16,8 @@ from collections.abc import Iterable
 from functools import cache
 from typing import TYPE_CHECKING, Final
 
-from inclinometry.errors import InputError
+from inclinometry.errors import out_of_range, refused
+from inclinometry.laboratory.ledger.chain import invisible
 
 if TYPE_CHECKING:
     from argon2 import PasswordHasher
@@ -70,17 +71,11 @@ def hashed(password: str, words: Iterable[str] = ()) -> str:
     normal = _normal(password)
     control = next((sign for sign in normal if unicodedata.category(sign) in ("Cc", "Cs")), None)
     if control is not None:
-        raise InputError(f"the password has the control character U+{ord(control):04X}; take characters that are seen")
+        raise invisible("password", normal, control)
     if _length(normal) < SHORTEST or len(normal) > LONGEST:
-        raise InputError(
-            f"the password has {_length(normal)} characters; allowed {SHORTEST} to {LONGEST}: four or five words are "
-            "easy to keep"
-        )
+        raise out_of_range("password.characters", _length(normal), f"{SHORTEST} .. {LONGEST}")
     if strength(normal, words) < 1.0:
-        raise InputError(
-            "the password is one of the first to be guessed: a common one, a row of keys, a repetition, a date, a name,"
-            " or two or three common words; take four or five words that do not belong together"
-        )
+        raise refused("key-password-weak")
     return _hasher().hash(normal)
 
 

@@ -16,7 +16,7 @@ import urllib.parse
 from collections.abc import Mapping
 from typing import Any, Final
 
-from inclinometry.errors import InputError
+from inclinometry.errors import out_of_range
 from inclinometry.laboratory.ledger import passwords
 
 STEP_S: Final = 30
@@ -60,7 +60,7 @@ def secret_bytes(text: str) -> bytes:
     except (binascii.Error, ValueError):
         found = b""
     if len(found) != _SECRET:
-        raise InputError(f"the secret of a second factor is {_SECRET} random bytes in base 32, 32 letters and digits")
+        raise out_of_range("secret.bytes", len(found), str(_SECRET))
     return found
 
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 from sqlalchemy import inspect, select
 from sqlalchemy.engine import Connection
 
 from inclinometry.errors import FileError
+from inclinometry.findings import Finding, Value
 from inclinometry.laboratory.ledger import chain
 from inclinometry.laboratory.ledger.chain import LedgerError
 from inclinometry.laboratory.ledger.engine import HEAD, shown
@@ -23,26 +23,13 @@ from inclinometry.laboratory.ledger.witness import (
     Witnessed,
     begun_at,
     folders_of,
-    lost_sentence,
     others,
     remembered,
+    silent_witness,
     witnessed,
 )
 
-
-@dataclass(frozen=True)
-class Fault:
-    """One thing that is wrong: table, row (its place and id), and in words what happened to it."""
-
-    table: str
-    row: str
-    problem: str
-
-    def __str__(self) -> str:
-        return f"{self.table}{'' if self.row == '-' else f' {self.row}'}: {self.problem}"
-
-
-Testimony: TypeAlias = tuple[list[Witnessed], list[str], list[str]]
+Testimony: TypeAlias = tuple[list[Witnessed], list[Finding], list[Finding]]
 """What `witnessed` gives: heads that are kept, witnesses that do not answer, those that keep none."""
 
 
@@ -57,9 +44,7 @@ def asked(ledger: Ledger) -> tuple[str, Testimony, Witnessed | None]:
             if newest is None:
                 known = remembered(connection, folders_of(ledger.keys.folder, ledger.where))
         except (OSError, FileError) as error:
-            reason = getattr(error, "strerror", None) or error
-            silent = f'the witness in {ledger.keys.folder} cannot be asked ("{reason}")'
-            return "", ([], [silent], []), None
+            return "", ([], [silent_witness(str(ledger.keys.folder), error)], []), None
     name = here if newest is None else newest.ledger
     if known is not None and known.head is not None:
         name = known.head.ledger
@@ -67,15 +52,15 @@ def asked(ledger: Ledger) -> tuple[str, Testimony, Witnessed | None]:
     return here, said, known
 
 
-def _public(keys: Keys) -> tuple[tuple[str, ...], list[Fault]]:
+def _public(keys: Keys) -> tuple[tuple[str, ...], list[Finding]]:
     """The keys of this computer, the one of now first; the fault of one that was exchanged."""
-    faults = []
+    faults: list[Finding] = []
     try:
         now = keys.public()
     except OSError:  # the folder of another user
         return (), []
     except KeyFaultError as error:
-        now, faults = error.own, [Fault("keys", "-", str(error))]
+        now, faults = error.own, [error.finding or Finding("key-damaged", {"file": str(keys.path)})]
     return () if now is None else (now, *keys.former(now)), faults
 
 
@@ -99,19 +84,20 @@ class Signatures:
         copy: bool = False,
     ) -> None:
         self.newest = newest_head(connection, readable=True)
-        self._unreadable: list[Fault] = []
+        self._where = ledger.shown
+        self._unreadable: list[Finding] = []
         self._given, self._here, self._remembered = tuple(public), here, known
         ours, self._other_key = _public(ledger.keys)
         self._wanted = self._given or ours
         by_folder = not self._given and bool(ours or self._other_key)
-        self._uncompared = ledger.keys.uncompared() if by_folder else ""
+        self._uncompared = ledger.keys.uncompared() if by_folder else None
         self.compared = not self._uncompared if by_folder and ledger.keys.there else None
         """Whether the key that it is verified by is that of key.pem; None where there is none, or a key was given."""
         self._own_changes = ledger.keys.changes() if ours else []
         self._copy = copy
         self.strange = False
         """Whether the last head is signed by another key than the one here, and nothing says that it should not be."""
-        self._kept, self._notes = testimony[0], list[str]()
+        self._kept, self._notes = testimony[0], list[Finding]()
         # only who signs tells a witness: on another computer none is expected
         signs = self.newest is not None and (self.newest.key in ours or self._before_the_break() is not None)
         self._own = own = signs and ledger.keys.there
@@ -123,8 +109,7 @@ class Signatures:
             self._listed = set()
         # place of a witness -> whether it was named, and not removed since
         self._named: dict[str, bool] = {}
-        name, folder = self.newest.ledger if self.newest else "", ledger.keys.folder
-        self._lost_witnesses = [lost_sentence(folder, one, name) for one in testimony[2]] if own else []
+        self._lost_witnesses = testimony[2] if own else []
         self._tree = Frontier()
         self._link = chain.GENESIS
         self._own_heads = self._stored(connection) if inspect(connection).has_table("head") else iter(())
@@ -134,8 +119,8 @@ class Signatures:
         self._elsewhere: dict[str, int] = {}
         self._outside = sorted(readable, key=lambda kept: kept[0].size)
         self._at = 0
-        # of what contradicts the records: time of the head, and the fault; a user may have answered for it
-        self._doubts: list[tuple[str, Fault]] = []
+        # of what contradicts the records: time of the head, witness, the fault; somebody may have answered for it
+        self._doubts: list[tuple[str, str, Finding]] = []
         self._agreed: dict[str, int] = {}
         self._changes: list[dict[str, Any]] = []
         self._accepted: list[tuple[str, str, str]] = []
@@ -154,8 +139,7 @@ class Signatures:
                 try:
                     yield head_of(row), row.frontier
                 except LedgerError:
-                    what = "was changed: it cannot be read as a signed head"
-                    self._unreadable.append(Fault("head", f"in place {row.place}", what))
+                    self._unreadable.append(chain.changed("signed head", row.place))
             last = (rows[-1].seq, rows[-1].place)
 
     @staticmethod
@@ -205,39 +189,45 @@ class Signatures:
             self._judge(head, "", seq)
             if head.size == seq and peaks not in (None, b"".join(self._tree.peaks).hex()):
                 # nothing is signed upon them unless they lead to the signed root; changed all the same
-                said = "the peaks of the tree that are kept beside it were changed"
-                self._doubts.append((head.time, Fault("head", f"{head.size} ({head.time[:19]})", said)))
+                said = chain.changed("signed head", f"{head.size} ({head.time[:19]})")
+                self._doubts.append((head.time, "", said))
             self._next = next(self._own_heads, None)
         while self._at < len(self._outside) and self._outside[self._at][0].size <= seq:
             self._judge(*self._outside[self._at][:2], seq)
             self._at += 1
 
     def _judge(self, head: SignedHead, witness: str, seq: int) -> None:
-        where = f"{head.size} ({head.time[:19]})"
-        if not head.genuine():
-            kept = f", kept by {witness}," if witness else ""
-            said = f"its signature{kept} is not that of the key {fingerprint(head.key)}: changed or forged"
-            self._doubts.append(("9999", Fault("head", where, said)))
-        elif self.newest is not None and head.ledger != self.newest.ledger:
-            self._doubts.append((head.time, Fault("head", where, f"is of another ledger ({head.ledger})")))
-        elif self._by_another(head, witness, where):
+        if self._forged(head, witness):
+            return
+        if self.newest is not None and head.ledger != self.newest.ledger:
+            self._doubts.append((head.time, witness, Finding("ledger-another", {"ledger": head.ledger})))
+        elif self._by_another(head, witness):
             pass
         elif head.size != seq or (self._tree.root().hex(), self._link) != (head.root, head.link):
-            signed = f"by the head that {witness} keeps" if witness else "then"
-            said = f"the records up to here are not those that were signed {signed}: rewritten, or an older copy"
-            self._doubts.append((head.time, Fault("head", where, said)))
+            said = Finding("ledger-rewritten", {"record": head.size, "place": witness or self._where})
+            self._doubts.append((head.time, witness, said))
         elif witness:
             self._agreed[witness] = max(self._agreed.get(witness, 0), head.size)
 
-    def _by_another(self, head: SignedHead, witness: str, where: str) -> bool:
+    def _forged(self, head: SignedHead, witness: str) -> bool:
+        """Whether the signature of a head is not that of its key."""
+        if head.genuine():
+            return False
+        place = f"{witness or self._where}: {head.size} ({head.time[:19]})"
+        said = Finding("key-forged", {"place": place, "key": fingerprint(head.key)})
+        self._doubts.append(("9999", witness, said))
+        return True
+
+    def _by_another(self, head: SignedHead, witness: str) -> bool:
         """Whether a witness keeps a head that no key of the laboratory, and none of the ledger's heads, signed."""
         if not witness or not self._wanted or head.key in self._signers:
             return False
-        said = f"kept by {witness}: signed by the key {fingerprint(head.key)}, which signed no head of this ledger"
-        self._doubts.append((head.time, Fault("head", where, said)))
+        expected = fingerprint(self._wanted[0])
+        said = Finding("key-not-laboratory", {"key": fingerprint(head.key), "expected": expected})
+        self._doubts.append((head.time, witness, said))
         return True
 
-    def end(self, seq: int) -> tuple[list[Fault], list[str]]:
+    def end(self, seq: int) -> tuple[list[Finding], list[Finding]]:
         """Faults and notes when the last record, `seq`, is passed."""
         while self._next is not None:
             self._lost(self._next[0], "", "", seq)
@@ -246,108 +236,93 @@ class Signatures:
             self._lost(head, witness, place, seq)
         faults = self._other_key
         unreadable = [one.witness for one in self._kept if one.head is None]
-        faults += [Fault("head", "-", f"a line that {witness} keeps is not readable") for witness in unreadable]
+        faults += [chain.changed("signed head", witness) for witness in unreadable]
         faults += self._unreadable
-        faults += [Fault("witness", "-", sentence) for sentence in self._lost_witnesses]
+        faults += self._lost_witnesses
         faults += self._unlisted()
         faults += self._whole(seq)
         # no one answered for a ledger by a record in it that no one signed
         said = max(self._accepted, default=("", "", "")) if self.newest is not None else ("", "", "")
-        first: dict[str, Fault] = {}
+        first: dict[tuple[str, str], Finding] = {}
         excused = 0
-        for time, fault in self._doubts:
+        for time, witness, fault in self._doubts:
             if time <= said[0]:
                 excused += 1
-            elif fault.table == "chain":  # of records that are gone the last one says all
-                first[fault.problem] = fault
+            elif fault.code == "ledger-removed":  # of records that are gone the last one says all
+                first[fault.code, ""] = fault
             else:  # what follows from the first need not be said a thousand times
-                first.setdefault(fault.problem, fault)
+                first.setdefault((fault.code, witness), fault)
         faults += first.values()
         for time, author, reason in self._accepted:
-            self._notes.append(f"accepted on {time[:19]} by {author}: {reason}")
+            self._note("ledger-accepted", time=time[:19], author=author, reason=reason)
         if excused:
-            self._notes.append(f"older signed heads that contradict the records: {excused}")
+            self._note("ledger-excused", count=excused)
         for place, size in self._elsewhere.items():
-            self._notes.append(f"this is a copy: the ledger in {place} goes on to record {size}")
-        faults += self._of_keys(said[0])
+            self._note("ledger-copy", place=place, record=size)
+        faults += self._of_keys(said)
         return faults, [*self._signed(), *self._notes]
 
+    def _note(self, code: str, **values: Value) -> None:
+        self._notes.append(Finding(code, values, severity="note"))
+
     def _lost(self, head: SignedHead, witness: str, place: str, seq: int) -> None:
-        kept = f"kept by {witness}" if witness else "in it"
-        if not head.genuine():
-            said = f"the head {kept} is forged: its key did not sign it"
-            self._doubts.append(("9999", Fault("head", str(head.size), said)))
+        if self._forged(head, witness) or self._by_another(head, witness):
             return
-        if self._by_another(head, witness, f"{head.size} ({head.time[:19]})"):
-            return
-        lost = f"{seq + 1} to {head.size}" if head.size > seq + 1 else f"{head.size}"
         if witness and self._copy:
             self._elsewhere[place] = max(self._elsewhere.get(place, 0), head.size)
             return
-        said = f"removed: the ledger ends before the signed head {kept}"
-        said += "; a copy that is kept on purpose is verified with --copy" if witness else ""
-        self._doubts.append((head.time, Fault("chain", lost, said)))
+        self._doubts.append((head.time, witness, lost("ledger-removed", "chain", seq + 1, head.size)))
 
-    def _unlisted(self) -> Iterator[Fault]:
-        """Faults of witnesses that were named, and that a user took off the list in the folder of the keys."""
+    def _unlisted(self) -> Iterator[Finding]:
+        """Faults of witnesses that were named, and that somebody took off the list in the folder of the keys."""
         for place in (place for place, named in self._named.items() if named and place not in self._listed):
             if self._own:
-                said = (
-                    f"{place} was named as a witness of this ledger and is not on the list any more; name it again "
-                    f"with `inclinometry ledger witness {place}`, or take it off with --remove"
-                )
-                yield Fault("witness", "-", said)
+                yield Finding("key-witness-unlisted", {"place": place})
             else:
-                self._notes.append(f"its laboratory named {place} as a witness, which is not asked here")
+                self._note("key-witness-unlisted", place=place)
 
-    def _whole(self, seq: int) -> Iterator[Fault]:
+    def _whole(self, seq: int) -> Iterator[Finding]:
         """Faults of a ledger whose end is not signed, or that is not the one that was here."""
         if self.newest is None:
             if self._given:
-                by = f"not signed by the key {fingerprint(self._given[0])}"
-                yield Fault("head", "-", f"{by}: its signatures were removed, or it never had any")
+                yield self._stripped(fingerprint(self._given[0]))
             if self._here:
-                yield Fault("head", "-", "the ledger that was begun in this place is signed, and this one is not")
+                yield Finding("ledger-another", {"ledger": self._here})
             elif self._remembered is not None and self._remembered.head is not None:
-                known, witness = self._remembered.head, self._remembered.witness
+                witness = self._remembered.witness
                 if max(self._agreed.values(), default=0) == seq:  # a copy of what was signed later or elsewhere
-                    self._notes.append(f"all its records are those of a head that {witness} keeps, none is in it")
+                    self._note("ledger-copy", place=witness, record=seq)
                     return
-                said = (
-                    f"record {known.size} of this ledger was signed, says the head that {witness} keeps, and it holds "
-                    "no signed head: its signatures were removed"
-                )
-                yield Fault("head", "-", said)
+                yield self._stripped(witness)
             return
         if self._here and self._here != self.newest.ledger:
-            yield Fault("head", "-", f"another ledger ({self._here}) was begun in this place than stands here now")
+            yield Finding("ledger-another", {"ledger": self._here})
         if self.newest.size < seq:
-            lost = f"{self.newest.size + 1} to {seq}" if seq > self.newest.size + 1 else f"{seq}"
-            said = "not signed: recorded by something else than this program with the laboratory's key"
-            yield Fault("chain", lost, said)
+            yield lost("ledger-inserted", "chain", self.newest.size + 1, seq)
 
-    def _of_keys(self, accepted: str) -> Iterator[Fault]:
+    def _stripped(self, place: str) -> Finding:
+        return Finding("ledger-signatures-removed", {"ledger": self._where, "place": place})
+
+    def _of_keys(self, accepted: tuple[str, str, str]) -> Iterator[Finding]:
         """Faults of the keys: one that followed another without a word, or that is not the laboratory's."""
         if self.newest is not None and not self._known():
             self._notes += _changed(self.newest.key, self._before_the_break() or (), self.newest.size + 1)
         for (before, _, _), (after, size, time) in zip(self._keys, self._keys[1:], strict=False):
             path = explained(before, after, self._changes)
             self._notes += _changed(before, path or (), size)
-            if path is None and time <= accepted:
-                said = f"break: from record {size} on the key is {fingerprint(after)}, accepted by a person"
-                self._notes.append(said)
+            if path is None and time <= accepted[0]:
+                self._notes.append(_break(size, after, accepted[2]))
             elif path is None:
-                said = f"signed by {fingerprint(after)}, for which the key before did not sign"
-                yield Fault("head", f"{size} ({time[:19]})", said)
+                about = {"key": fingerprint(after), "expected": fingerprint(before)}
+                yield Finding("key-not-laboratory", about)
         if self.newest is None or not self._wanted or self._known() or self._before_the_break() is not None:
             return
         # one that this laboratory never signed is another's, which is looked at on a computer with a key of its own
         signed = any(one.head is not None and one.head.key in self._wanted for one in self._kept)
         self.strange = not (self._given or self._here or signed)
         if not self.strange:
-            wanted = fingerprint(self._wanted[0])
-            said = f"signed by the key {fingerprint(self.newest.key)}, not by the laboratory's, {wanted}"
-            yield Fault("head", str(self.newest.size), said)
+            about = {"key": fingerprint(self.newest.key), "expected": fingerprint(self._wanted[0])}
+            yield Finding("key-not-laboratory", about)
 
     def _before_the_break(self) -> list[Mapping[str, Any]] | None:
         """How the key here came after that of the last head, which was lost; None where it did not.
@@ -365,51 +340,48 @@ class Signatures:
         """Whether the last head is signed by a key of the laboratory, or by one that such a key signed for."""
         return self.newest is not None and any(descends(self.newest.key, one, self._changes) for one in self._wanted)
 
-    def _signed(self) -> Iterator[str]:
-        """Sentences: who signed what, which witnesses agree."""
+    def _signed(self) -> Iterator[Finding]:
+        """Who signed what, which witnesses agree."""
         if self.newest is None:  # see `unsigned`
             return
         size, by = self.newest.size, fingerprint(self.newest.key)
         if self.strange:
-            yield (
-                f"not proven: it is signed up to record {size} by the key {by}, and the key here is "
-                f"{fingerprint(self._wanted[0])}; name the public key of the laboratory whose ledger it is with "
-                "`inclinometry ledger verify --key PUBLIC.pem`"
-            )
-        elif self._before_the_break() is not None:
-            yield f"signed up to record {size} by the key {by} (the laboratory's until it was lost)"
+            own = fingerprint(self._wanted[0])
+            yield Finding("key-not-here", {"record": size, "key": by, "own": own})
         else:
             whose = "the laboratory's" if self._known() else "compare it with the laboratory's"
-            if self._uncompared:
+            if self._before_the_break() is not None:
+                whose = "the laboratory's until it was lost"
+            elif self._uncompared:
                 whose = "the one in public.pem"
-            yield f"signed up to record {size} by the key {by} ({whose})"
-            if self._uncompared:
+            yield Finding("key-signed", {"record": size, "key": by, "whose": whose}, severity="note")
+            if self._uncompared and self._before_the_break() is None:
                 yield self._uncompared
         first = min([self._first, *(head.size for head, _, _ in self._outside)])
         if first:
-            yield f"its first {first} records were there before it was signed: what they said until then is not proven"
+            yield Finding("ledger-unsigned-begin", {"count": first}, severity="note")
         for witness, size in self._agreed.items():
-            yield f"witness {witness}: agrees up to record {size}"
+            yield Finding("key-witness-agrees", {"place": witness, "record": size}, severity="note")
         if not self._agreed:
-            yield "no witness of its heads is known here: a cut tail or an older copy would go unnoticed"
+            yield Finding("key-witness-none", severity="note")
 
 
-def unsigned(*, faulty: bool) -> str:
-    """What a ledger without signatures proves; to sign it is no remedy where something is wrong with it."""
-    remedy = "" if faulty else "; `inclinometry ledger init` begins to sign"
-    return f"not signed: whoever can write to it can rewrite it{remedy}"
+def lost(code: str, kind: str, first: int, last: int) -> Finding:
+    """Records of the chain, from one to another, that were removed or inserted."""
+    return Finding(code, {"kind": kind, "record": f"{first}" if first == last else f"{first} .. {last}"})
 
 
-def _changed(before: str, path: Sequence[Mapping[str, Any]], size: int) -> Iterator[str]:
-    """Sentences: which keys followed one from the record `size` on, and whether each was signed for."""
-    old = fingerprint(before)
+def _break(size: int, key: str, reason: str) -> Finding:
+    return Finding("key-break", {"record": size, "key": fingerprint(key), "reason": reason})
+
+
+def _changed(before: str, path: Sequence[Mapping[str, Any]], size: int) -> Iterator[Finding]:
+    """Which keys followed one from the record `size` on, and whether each was signed for."""
     for one in path:
-        new = fingerprint(str(one["after"]))
+        new = str(one["after"])
         if one["action"] == "rotated":
-            yield f"from record {size} on the key is {new}; {old} signed for it"
+            about: dict[str, Value] = {"record": size, "key": fingerprint(new), "before": fingerprint(before)}
+            yield Finding("key-rotated", about, severity="note")
         else:
-            yield (
-                f"break: from record {size} on the key is {new}, for which the one before did not sign; "
-                f"said to be lost: {one['reason']}"
-            )
-        old = new
+            yield _break(size, new, str(one["reason"]))
+        before = new

@@ -7,8 +7,10 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 from inclinometry.digest import digest_bytes
-from inclinometry.errors import InputError
+from inclinometry.errors import not_among, out_of_range, refused
+from inclinometry.findings import Finding
 from inclinometry.laboratory.ledger import passwords, second_factor
+from inclinometry.laboratory.ledger.chain import invisible, missing
 from inclinometry.laboratory.ledger.ledger import ConflictError, Draft, Ledger, LedgerError, Record
 
 ROLES: Final[Mapping[str, frozenset[str]]] = {
@@ -57,15 +59,15 @@ def put_user(
     A password that another user sets takes the second factor away, whose secret only the old password opens.
     """
     if not name:
-        raise InputError("a user needs a name: write the one to log in with")
+        raise refused("input-empty", {"name": "name"})
     refuse_control(name, full_name)
     if role not in ROLES:
-        raise InputError(f"role is {role!r}; allowed: {', '.join(ROLES)}")
+        raise not_among("role", role, ROLES)
     if name == LOCAL.name:
-        raise InputError(f"the name {name!r} is kept for the user of a bench without passwords; choose another")
+        raise out_of_range("name", name, f"!= {LOCAL.name}")
     old = ledger.latest("user", name=name)
     if password is None and old is None:
-        raise InputError(f"{name!r} is a new user; give a password of at least {passwords.SHORTEST} characters")
+        raise refused("input-missing", {"names": ("password",)})
     body: dict[str, Any] = {"role": role, "full_name": full_name, "active": active, "language": language}
     before = {} if old is None else {key: old.body.get(key) for key in ("password", "second_factor")}
     if password is None:
@@ -98,17 +100,17 @@ def put_second_factor(ledger: Ledger, name: str, password: str, secret: str, cod
     found = second_factor.secret_bytes(secret)
     _, body = _own(ledger, name, password)
     if body.get("second_factor"):
-        raise InputError(f"{name!r} has a second factor; remove it first, then set up another")
+        raise refused("key-second-factor", {"user": name})
     step = second_factor.step_of(found, code, ledger.time().timestamp())
     if step is None:
-        raise InputError("this is not the code of now; check the clocks of the telephone and of the bench")
+        raise refused("key-code")
     recovery = second_factor.recovery_codes()
     kept = {"recovery": [second_factor.recovery_digest(one) for one in recovery]}
     body["second_factor"] = second_factor.sealed(found, password) | kept
     try:
         _put(ledger, name, body, name, "second factor set up", once=_code_mark(step))
     except ConflictError:
-        raise InputError("this code was used before; wait for the next one") from None
+        raise refused("key-code") from None
     return recovery
 
 
@@ -119,7 +121,7 @@ def remove_second_factor(ledger: Ledger, name: str, *, author: str) -> User:
     """
     record = ledger.latest("user", name=name)
     if record is None or not record.body.get("second_factor"):
-        raise LedgerError(f"{name!r} has no second factor")
+        raise LedgerError(missing("second factor", name, ledger.shown))
     return _put(ledger, name, dict(record.body) | {"second_factor": None}, author, "second factor removed")
 
 
@@ -163,7 +165,7 @@ def check_code(ledger: Ledger, name: str, password: str, given: str) -> bool:
         return False
     keys = {"subject_kind": "user", "subject": name, "action": mark}
     try:
-        ledger.append_all([Draft("event", keys, {})], author=name, unless=[("event", keys, "used")])
+        ledger.append_all([Draft("event", keys, {})], author=name, unless=[("event", keys, _used(ledger))])
     except ConflictError:
         return False
     return True
@@ -185,6 +187,10 @@ def known_words(ledger: Ledger, name: str, full_name: str = "") -> list[str]:
     return [name, full_name, str(laboratory.get("name", ""))]
 
 
+def _used(ledger: Ledger) -> Finding:
+    return Finding("ledger-conflict", {"ledger": ledger.shown})
+
+
 def _code_mark(step: int) -> str:
     """Of the user's time step, whatever the secret and its password were: RFC 6238, section 5.2, a code once."""
     return f"code {step}"
@@ -198,7 +204,7 @@ def _own(ledger: Ledger, name: str, password: str) -> tuple[Record, dict[str, An
     """The record of a user who knows the password, and its body to be changed."""
     record = ledger.latest("user", name=name)
     if record is None or check_password(ledger, name, password) is None:
-        raise InputError("the current password is wrong; nothing was changed")
+        raise refused("key-password-wrong")
     return record, dict(record.body)
 
 
@@ -212,22 +218,23 @@ def _put(
     actions = (*events, once) if once else events
     keys = [{"subject_kind": "user", "subject": name, "action": action} for action in actions]
     drafts = [Draft("user", {"name": name}, body), *(Draft("event", key, {}) for key in keys)]
-    unless = [("event", keys[-1], "used")] if once else []
+    unless = [("event", keys[-1], _used(ledger))] if once else []
     return _user(ledger.append_all(drafts, author=author, unless=unless)[0])
 
 
 def refuse_control(*names: str) -> None:
     """Refuse names with characters that no one sees (InputError)."""
     for name in names:
-        if not name.isprintable():
-            raise InputError(f"the name {name!r:.60} has a control character; take characters that are seen")
+        hidden = next((c for c in name if not c.isprintable()), None)
+        if hidden is not None:
+            raise invisible("name", name, hidden)
 
 
 def guard_last_administrator(ledger: Ledger, name: str, role: str, active: bool) -> None:
     """Refuse a change that leaves no active administrator (LedgerError)."""
     administrators = {u.name for u in users(ledger) if u.may("administer")}
     if administrators == {name} and not (active and role == "administrator"):
-        raise LedgerError(f"{name!r} is the last active administrator; make another one first")
+        raise LedgerError(Finding("key-last-administrator", {"user": name}))
 
 
 def _user(record: Record) -> User:

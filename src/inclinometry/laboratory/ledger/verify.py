@@ -12,6 +12,7 @@ from typing import Any, Final, cast
 from sqlalchemy import func, select
 from sqlalchemy.engine import Connection
 
+from inclinometry.findings import Finding
 from inclinometry.laboratory.ledger import chain
 from inclinometry.laboratory.ledger.engine import (
     CHAIN,
@@ -26,7 +27,7 @@ from inclinometry.laboratory.ledger.engine import (
 )
 from inclinometry.laboratory.ledger.heads import SignedHead
 from inclinometry.laboratory.ledger.ledger import Ledger
-from inclinometry.laboratory.ledger.signatures import Fault, Signatures, asked, unsigned
+from inclinometry.laboratory.ledger.signatures import Signatures, asked, lost
 
 Progress = Callable[[float], None]
 MOST_FAULTS: Final = 100
@@ -37,7 +38,8 @@ MOST_FAULTS: Final = 100
 class Verdict:
     """What a verification found; records and documents are how many were read.
 
-    signed : the last signed head; None where the ledger is not signed. notes : of signatures, witnesses, acceptances.
+    signed : the last signed head; None where the ledger is not signed.
+    findings : of signatures, witnesses, acceptances.
     silent : of named witnesses that did not answer: what only they know is not found out.
     strange : another key than the one here signed it, another laboratory's or anyone's.
     compared : the public key here with the private one; None where there is none, or a key was given.
@@ -46,10 +48,10 @@ class Verdict:
     records: int
     documents: int
     head: chain.Head
-    faults: tuple[Fault, ...]
+    faults: tuple[Finding, ...]
     signed: SignedHead | None = None
-    notes: tuple[str, ...] = ()
-    silent: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
+    silent: tuple[Finding, ...] = ()
     strange: bool = False
     compared: bool | None = None
 
@@ -94,10 +96,9 @@ def verify(
     """
     witnesses = asked(ledger)
     with ledger.snapshot() as connection, _any_text(connection):
-        faults = [Fault(name, "-", "the triggers that forbid changes are missing") for name in unprotected(connection)]
-        foreign = "is none of the program's; it could change what is recorded"
-        faults += [Fault("trigger", name, foreign) for name in strange(connection)]
-        faults += _structure(connection)
+        triggers = [*unprotected(connection), *strange(connection)]
+        faults = [Finding("ledger-unprotected", {"names": tuple(triggers)})] if triggers else []
+        faults += _structure(connection, ledger.shown)
         signatures = Signatures(connection, ledger, public, *witnesses, copy=copy)
         walk = _Walk(head, signatures)
         last = connection.execute(select(func.count()).select_from(CHAIN)).scalar_one()
@@ -111,8 +112,9 @@ def verify(
         faults += _strays(connection)
         documents = connection.execute(select(func.count()).select_from(DOCUMENT)).scalar_one()
         faults += _documents(connection)
-    if signatures.newest is None:
-        notes.insert(0, unsigned(faulty=bool(faults) or witnesses[2] is not None))
+    # to sign it is no remedy where something is wrong with it
+    if signatures.newest is None and not faults and witnesses[2] is None:
+        notes.insert(0, Finding("ledger-unsigned", {"ledger": ledger.shown}, severity="note"))
     head = chain.Head(walk.seq, walk.link)
     shown, silent = tuple(faults[:MOST_FAULTS]), tuple(witnesses[1][1])
     return Verdict(
@@ -142,12 +144,13 @@ def _any_text(connection: Connection) -> Iterator[None]:
         raw.text_factory = str
 
 
-def _structure(connection: Connection) -> list[Fault]:
+def _structure(connection: Connection, where: str) -> list[Finding]:
     """What SQLite finds wrong with its file: pages, and indexes that hide rows or show others."""
     if connection.dialect.name != "sqlite":
         return []
     said = connection.exec_driver_sql(f"PRAGMA integrity_check({MOST_FAULTS})").scalars().all()
-    return [Fault("file", "-", f"{text:.200}") for text in said if text != "ok"]
+    causes = (f"{text:.200}" for text in said if text != "ok")
+    return [Finding("ledger-damaged", {"ledger": where, "cause": cause}) for cause in causes]
 
 
 class _Walk:
@@ -160,7 +163,7 @@ class _Walk:
         self._at = -(2**63 - 1)
         self._noted, self._met = head, head is None or head.seq == 0
 
-    def block(self, connection: Connection) -> list[Fault] | None:
+    def block(self, connection: Connection) -> list[Finding] | None:
         """Faults of the next links; None when there are no more."""
         block = 500
         query = select(CHAIN).where(CHAIN.c.seq > self._at).order_by(CHAIN.c.seq).limit(block)
@@ -174,33 +177,30 @@ class _Walk:
             rows.update({(kind, row.seq): row for row in connection.execute(chosen)})
         return [fault for link in links for fault in self._step(link, rows.get((link.kind, link.seq)))]
 
-    def _step(self, link: Any, row: Any) -> Iterator[Fault]:
-        where = f"{link.seq} ({link.record})"
+    def _step(self, link: Any, row: Any) -> Iterator[Finding]:
+        where, kind = f"{link.seq} ({link.record})", link.kind if link.kind in TABLES else "chain"
         if link.seq != self.seq + 1:
-            lost = f"{self.seq + 1}" if link.seq == self.seq + 2 else f"{self.seq + 1} to {link.seq - 1}"
-            gap = link.seq > self.seq
-            problem = "removed: the numbers of the chain have a gap" if gap else "inserted: records begin with 1"
-            yield Fault("chain", lost if gap else where, problem)
+            if link.seq > self.seq:
+                yield lost("ledger-removed", "chain", self.seq + 1, link.seq - 1)
+            else:  # records begin with 1
+                yield Finding("ledger-inserted", {"kind": "chain", "record": where})
         elif link.link != _next(self.link, link):
-            yield Fault("chain", where, "this link does not follow from the one before: changed or moved")
+            yield chain.changed("chain", where)
         self.seq, self.link, self.records = link.seq, link.link, self.records + 1
         if self._noted is not None and link.seq == self._noted.seq:
             self._met = True
             if link.link != self._noted.link:
-                yield Fault("chain", where, "is not the head noted earlier: the ledger was rewritten")
+                yield Finding("ledger-rewritten", {"record": link.seq, "place": "--head"})
         self._signatures.step(link, row)
         if row is None:
-            yield Fault(link.kind, where, "removed: the chain has it, the table has not")
-        elif row.id != link.record:
-            yield Fault(link.kind, where, f"another record ({row.id}) stands in its place")
-        elif row_digest(link.kind, row) != link.digest or row.created != link.created:
-            yield Fault(link.kind, where, "its content was changed after it was recorded")
+            yield Finding("ledger-removed", {"kind": kind, "record": where})
+        elif row.id != link.record or row_digest(link.kind, row) != link.digest or row.created != link.created:
+            yield chain.changed(kind, where)
 
-    def end(self) -> Iterator[Fault]:
+    def end(self) -> Iterator[Finding]:
         """The fault of a chain that ends before the head noted earlier."""
         if not self._met and self._noted is not None and self.seq < self._noted.seq:
-            lost = f"{self.seq + 1} to {self._noted.seq}"
-            yield Fault("chain", lost, "removed: the ledger ends before the head noted earlier")
+            yield lost("ledger-removed", "chain", self.seq + 1, self._noted.seq)
 
 
 def _next(previous: str, link: Any) -> str:
@@ -210,15 +210,15 @@ def _next(previous: str, link: Any) -> str:
         return ""
 
 
-def _strays(connection: Connection) -> Iterator[Fault]:
+def _strays(connection: Connection) -> Iterator[Finding]:
     """Rows that no link of the chain speaks of."""
     for kind, table in TABLES.items():
         known = select(CHAIN.c.seq).where((CHAIN.c.seq == table.c.seq) & (CHAIN.c.kind == kind)).exists()
         for row in connection.execute(select(table.c.seq, table.c.id).where(~known).limit(MOST_FAULTS)):
-            yield Fault(kind, f"{row.seq} ({row.id})", "inserted: the chain has no such record")
+            yield Finding("ledger-inserted", {"kind": kind, "record": f"{row.seq} ({row.id})"})
 
 
-def _documents(connection: Connection) -> Iterator[Fault]:
+def _documents(connection: Connection) -> Iterator[Finding]:
     """Files whose bytes or media type changed, and files that records refer to and that are gone."""
     # how documents of a certificate begin; older ledgers may hold others, of which nothing was said
     begins = {"application/pdf": b"%PDF-", "application/xml": b"<", "application/json": b"{"}
@@ -226,31 +226,30 @@ def _documents(connection: Connection) -> Iterator[Fault]:
     for row in connection.execution_options(yield_per=1).execute(STORED):
         have[row.digest] = row.media_type, row.data[:5] if isinstance(row.data, bytes) else b""
         if not as_stored(row.data, row.digest):
-            yield Fault("document", str(row.digest), "its bytes were changed")
-    for by, digest, media_type in _referred(connection):
+            yield chain.changed("document", row.digest)
+    for digest, media_type in _referred(connection):
         if digest not in have:
-            yield Fault("document", digest, f"removed: {by} refers to it")
+            yield Finding("ledger-removed", {"kind": "document", "record": f"{digest:.100}"})
             continue
         found, data = have[digest]
         # the bytes are bound by their digest, what they are by the record that refers to them
         if media_type not in (None, found) and data.startswith(begins.get(str(media_type), b"")):
-            said = f"its media type was changed: it is {found!r:.60}, {by} says {media_type}"
-            yield Fault("document", digest, said)
+            yield chain.changed("document", digest)
 
 
-def _referred(connection: Connection) -> Iterator[tuple[str, str, str | None]]:
-    """Record, digest and media type of each document that a record refers to; none where it cannot be read."""
+def _referred(connection: Connection) -> Iterator[tuple[str, str | None]]:
+    """Digest and media type of each document that a record refers to; none where it cannot be read."""
     table, event = TABLES["certificate"], TABLES["event"]
-    for row in connection.execution_options(yield_per=500).execute(select(table.c.number, table.c.body)):
+    for row in connection.execution_options(yield_per=500).execute(select(table.c.body)):
         documents = _body(row.body).get("documents")
         for name, digest in documents.items() if isinstance(documents, dict) else ():
-            yield f"certificate {row.number}", str(digest), MEDIA.get(name)
+            yield str(digest), MEDIA.get(name)
     logos = select(event.c.body).where(event.c.subject_kind == "laboratory")
     for row in connection.execution_options(yield_per=500).execute(logos):
         details = _body(row.body).get("details")
         logo = details.get("logo") if isinstance(details, dict) else None
         if isinstance(logo, dict):
-            yield "the laboratory's logo", str(logo.get("digest")), str(logo.get("media_type"))
+            yield str(logo.get("digest")), str(logo.get("media_type"))
 
 
 def _body(text: str) -> dict[str, Any]:

@@ -22,6 +22,7 @@ from sqlalchemy import select, tuple_
 from sqlalchemy.engine import Connection
 
 from inclinometry.errors import FileError, InclinometryError, InputError
+from inclinometry.findings import Finding
 from inclinometry.laboratory.ledger.chain import LedgerError, compact
 from inclinometry.laboratory.ledger.engine import CHAIN, TABLES, engine, readable, record_of, shown, translated
 from inclinometry.laboratory.ledger.heads import SignedHead, parse_signed
@@ -74,7 +75,7 @@ class Witnesses:
             (self._folder / "heads").mkdir(parents=True, exist_ok=True, mode=0o700)
             keep(self._folder / "heads", head, place_of(self._where))
         except (LedgerError, OSError) as error:
-            _warn(str(error))
+            _warn(_unwritten(error, head, str(self._folder / "heads")))
         if self._others is None:
             self._others = others(self._folder)
         if not self._others:
@@ -107,7 +108,7 @@ class Witnesses:
                 try:
                     self._tell(one, head, self._where, self._folder)
                 except (InclinometryError, OSError) as error:
-                    _warn(f"the witness {shown(one)} was not told of head {head.size}: {error}")
+                    _warn(_unwritten(error, head, shown(one)))
 
 
 def others(folder: Path) -> list[str]:
@@ -116,7 +117,7 @@ def others(folder: Path) -> list[str]:
     try:
         lines = whole(path, LARGEST_SETTINGS).decode().splitlines() if path.exists() else []
     except (OSError, UnicodeDecodeError) as error:
-        raise FileError(f"cannot be read ({error}); restore it or remove it", path=path) from None
+        raise FileError(_unreadable(error), path=path) from None
     return [line.strip() for line in lines if line.strip()]
 
 
@@ -135,15 +136,32 @@ def keep(folder: Path, head: SignedHead, place: str) -> None:
         with (folder / f"{head.ledger}.jsonl").open("ab", buffering=0) as stream:  # one write: lines never mix
             stream.write(line.encode())
     except OSError as error:
-        raise LedgerError(
-            f"the signed head of record {head.size} could not be written to {folder} ({error.strerror}); free some "
-            "space there or check its permissions"
-        ) from None
+        raise LedgerError(_unwritten(error, head, str(folder))) from None
 
 
-def _warn(sentence: str) -> None:
-    """The record is kept, and verification says what a witness lacks: no one is held up."""
-    sys.stderr.write(f"warning: {sentence}\n")
+def _unwritten(error: Exception, head: SignedHead, place: str) -> Finding:
+    """That a witness has not got a head; what else is wrong with it where that is known."""
+    if isinstance(error, InclinometryError) and error.finding is not None:
+        return error.finding
+    reason = str(getattr(error, "strerror", None) or error)
+    return Finding("key-witness-unwritten", {"record": head.size, "place": place, "reason": reason})
+
+
+def _unreadable(error: Exception) -> Finding:
+    """Why a witness cannot be read."""
+    if isinstance(error, InclinometryError) and error.finding is not None:
+        return error.finding
+    return Finding("file-unreadable", {"reason": str(getattr(error, "strerror", None) or error)})
+
+
+def silent_witness(place: str, error: Exception) -> Finding:
+    """That a witness cannot be asked."""
+    return Finding("key-witness-silent", {"place": place, "finding": _unreadable(error)})
+
+
+def _warn(found: Finding) -> None:
+    """The record is kept, and verification says what a witness lacks: nobody is held up."""
+    sys.stderr.write(f"warning: {found} [{found.code}]\n")
 
 
 def is_ledger(witness: str) -> bool:
@@ -259,24 +277,22 @@ def folders_of(folder: Path, where: str) -> list[Path]:
     return [folder / "heads", *(Path(one) for one in _asking(folder, where) if "://" not in one and Path(one).is_dir())]
 
 
-def witnessed(folder: Path, ledger: str, where: str) -> tuple[list[Witnessed], list[str], list[str]]:
+def witnessed(folder: Path, ledger: str, where: str) -> tuple[list[Witnessed], list[Finding], list[Finding]]:
     """What the witnesses say of a ledger, which is at `where`; `folder` is that of the keys.
 
-    The heads they keep; sentences about those that do not answer; those that keep no head of it, or are gone (see
-    `lost_sentence`).
+    The heads they keep; those that do not answer; those that keep no head of it, or are gone.
     """
     heads: list[Witnessed] = []
-    silent: list[str] = []
-    lost: list[str] = []
+    silent: list[Finding] = []
+    lost: list[Finding] = []
     for one in [str(folder / "heads"), *_asking(folder, where)]:
         try:
             kept = _asked(one, ledger)
             if not kept:
-                lost.append(one)
+                lost.append(Finding("key-witness-lost", {"place": shown(one)}))
             heads.extend(kept)
         except (OSError, InputError) as error:
-            reason = getattr(error, "strerror", None) or error
-            silent.append(f'the witness {shown(one)} cannot be asked ("{reason}")')
+            silent.append(silent_witness(shown(one), error))
     return heads, silent, lost
 
 
@@ -298,24 +314,9 @@ def _kept(path: Path, witness: str) -> Iterator[Witnessed]:
     with opened(path) as stream:
         size, largest = os.fstat(stream.fileno()).st_size, 1_000_000_000  # more than a million heads
         if size > largest:
-            said = f"it has {size:,} bytes; allowed {largest:,}: keep its last lines, and the first, in a new file"
-            raise FileError(said, path=path)
+            raise FileError(Finding("file-large", {"bytes": size, "most": largest}), path=path)
         while line := stream.readline(_LONGEST):
             yield from _lines(line.decode(errors="replace"), witness)
-
-
-def lost_sentence(folder: Path, witness: str, ledger: str) -> str:
-    """What is gone of a witness that keeps nothing of a ledger, and the remedy."""
-    place = shown(witness)
-    file = Path(witness) / f"{ledger}.jsonl"
-    if witness == str(folder / "heads"):
-        remedy = "from a copy, or state why it is gone with `inclinometry ledger init --accept REASON`"
-        return f"{file} is missing; restore it {remedy}"
-    lost = f"{place} keeps no head of this ledger" if is_ledger(witness) else f"{file} is missing"
-    return (
-        f"{lost}; restore it, give it the head of now with `inclinometry ledger witness {place}`, or take it off with "
-        "--remove"
-    )
 
 
 def _recorded(witness: str, ledger: str) -> Iterator[Witnessed]:

@@ -12,7 +12,7 @@ from inclinometry.arrays import Array, frozen
 from inclinometry.constants import EARTH_RATE, STANDARD_GRAVITY
 from inclinometry.earth.rate import earth_rate, horizontal_rate
 from inclinometry.earth.site import Site
-from inclinometry.errors import refused
+from inclinometry.errors import wrong_shape
 from inclinometry.rotations import quaternion_exp, quaternion_multiply, rotation_exp
 from inclinometry.settings import Range, Settings
 
@@ -57,11 +57,9 @@ class InertialSettings(Settings):
     def __post_init__(self) -> None:
         super().__post_init__()
         if np.shape(self.lever_arm) != (3,):
-            value = str(self.lever_arm)
-            raise refused("input-value", {"name": "lever_arm", "value": value, "allowed": "x, y, z (m)"})
+            raise wrong_shape("lever_arm", np.shape(self.lever_arm), "(3,)")
         if np.shape(self.hard_iron_sigma) not in ((), (3,)):
-            value = str(self.hard_iron_sigma)
-            raise refused("input-value", {"name": "hard_iron_sigma", "value": value, "allowed": "nT; x, y, z (nT)"})
+            raise wrong_shape("hard_iron_sigma", np.shape(self.hard_iron_sigma), "() | (3,)")
 
     def prior(self, attitude: Array, dip_sigma: float) -> Array:
         """Covariance (16, 16) before the first sample, `attitude` (3, 3) that of the attitude."""

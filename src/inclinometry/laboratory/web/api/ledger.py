@@ -37,9 +37,9 @@ def head(ledger: TheLedger, _: Reader) -> dict[str, Any]:
 def check(ledger: TheLedger, _: Reader, head: Annotated[str | None, Query(max_length=100)] = None) -> dict[str, Any]:
     """Every record against its digest and the chain, signed heads against the records, witnesses against both."""
     found = verify(ledger, head=None if head is None else parse_head(head))
-    faults = [attributes(fault, "table", "row", "problem") for fault in found.faults]
-    own = attributes(found, "ok", "proven", "compared", "records", "silent", "notes")
-    return own | {"head": str(found.head), "faults": faults}
+    own = attributes(found, "ok", "proven", "compared", "records")
+    said = {name: [one.plain() for one in getattr(found, name)] for name in ("faults", "silent", "findings")}
+    return own | said | {"head": str(found.head)}
 
 
 @router.get("/records/{kind}")

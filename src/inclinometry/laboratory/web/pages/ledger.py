@@ -15,7 +15,6 @@ from inclinometry.errors import InclinometryError
 from inclinometry.laboratory.ledger.chain import parse_head
 from inclinometry.laboratory.ledger.engine import KINDS
 from inclinometry.laboratory.ledger.ledger import LedgerError, Record
-from inclinometry.laboratory.ledger.signatures import Fault
 from inclinometry.laboratory.ledger.verify import Verdict, verify
 from inclinometry.laboratory.registry import listed
 from inclinometry.laboratory.web.api.ledger import HIDDEN
@@ -107,8 +106,8 @@ def _check(visitor: Visitor) -> None:
                     if found.silent:
                         ui.label(visitor.say("ledger.unproven")).classes("warn").props('role="alert"')
                     for fault in found.faults[:faults]:
-                        ui.label(said(visitor, fault)).classes("bad number")
-                    for note in found.notes:
+                        ui.label(visitor.sentence(fault)).classes("bad number")
+                    for note in found.findings:
                         ui.label(visitor.sentence(note)).classes("dim number")
                     if len(found.faults) > faults:
                         ui.label(visitor.say("home.more_due", number=len(found.faults) - faults)).classes("bad")
@@ -120,14 +119,6 @@ def _check(visitor: Visitor) -> None:
                 if "://" not in ledger.where:
                     ui.link(say("ledger.backup"), "/api/v1/ledger/backup").props("download")
         ui.label(say("ledger.import_hint")).classes("dim")
-
-
-def said(visitor: Visitor, fault: Fault) -> str:
-    """A fault in the visitor's language: table and place, and in words what happened."""
-    # from one place to another, of which every language has its own word
-    row = re.sub(r"^(\d+) to (\d+)$", r"\1–\2", fault.row.removeprefix("in place "))
-    where = visitor.sentence(fault.table) if row == "-" else f"{visitor.sentence(fault.table)} {row}"
-    return f"{where}: {visitor.sentence(fault.problem)}"
 
 
 def fields(visitor: Visitor, body: Mapping[str, Any], above: str = "") -> list[tuple[str, str, str]]:
