@@ -16,11 +16,15 @@ import functools
 import json
 import os
 import re
+import statistics
 import subprocess
 import sys
 import tempfile
 import time
+import tomllib
 from pathlib import Path
+
+import turns
 
 ROOT = Path(__file__).resolve().parents[1]
 SOURCE = ROOT / "src" / "inclinometry"
@@ -45,6 +49,9 @@ FORMULAS = {
 LONG_DOCSTRING = 6
 LONG_FUNCTION = 60
 """Lines of an internal docstring, of a function without its docstring, from which on it counts as long."""
+
+ERRORS = re.compile(r"(?!Value|Type|Key|OS|Runtime|Index|Lookup|Attribute|Timeout|System|Unicode|TOMLDecode)\w+Error")
+"""Names of the package's errors, not of Python's."""
 
 FALLS = {"eight formulas found in two guesses"}
 """Figures that are good when they are high."""
@@ -90,7 +97,7 @@ def static_figures() -> dict[str, float]:
         count["long docstrings"] += len(long_docstrings(path, tree))
     total = sum(lines.values())
     in_wing = sum(lines[path] for path in wing)
-    translations = SOURCE / "report" / "translations.json"
+    messages = message_words()
     found = sum(_found(texts, *where) for where in FORMULAS.values())
     return {
         "lines": total,
@@ -104,12 +111,34 @@ def static_figures() -> dict[str, float]:
         "functions over 60 lines": count["long functions"],
         "lines of calibrate_joint": count["calibrate_joint"],
         "internal docstrings over six lines": count["long docstrings"],
-        "patterns that translate sentences": len(json.loads(translations.read_text(encoding="utf-8")))
-        if translations.exists()
-        else 0,
+        "errors made of a text": sum(errors_of_text(tree) for _, tree in modules.values()),
+        "codes of findings": len(messages),
+        "words of a message, mean": round(statistics.fmean(messages), 1),
+        "words of a message, most": max(messages),
+        "banned turns of phrase": sum(n for turn, n in turns.counts().items() if turn in turns.banned()),
         "import circles, function-level imports included": len(circles({p: tree for p, (_, tree) in modules.items()})),
         "eight formulas found in two guesses": found,
     }
+
+
+def errors_of_text(tree: ast.Module) -> int:
+    """Errors of the package that are made of a text, not of a finding."""
+    calls = (node for node in ast.walk(tree) if isinstance(node, ast.Call) and node.args)
+    named = [node for node in calls if ERRORS.fullmatch(ast.unparse(node.func).split(".")[-1])]
+    return sum(isinstance(node.args[0], ast.Constant | ast.JoinedStr | ast.BinOp) for node in named)
+
+
+def message_words() -> list[int]:
+    """Words of the sentence and the remedy of every code, a value as one word."""
+    entries: dict[str, dict[str, object]] = {}
+    for path in (SOURCE / "catalogue").glob("*.toml"):
+        entries |= {code: entry for code, entry in tomllib.loads(path.read_text("utf-8")).items() if code != "words"}
+    whole = [entry for entry in entries.values() if "means" in entry]
+    said = [
+        (entry["says"][-1] if isinstance(entry["says"], list) else entry["says"], entry.get("do", ""))
+        for entry in whole
+    ]
+    return [len(re.sub(r"\{[^}]*\}", "value", " ".join(map(str, parts))).split()) for parts in said]
 
 
 def body_lines(node: ast.FunctionDef | ast.AsyncFunctionDef) -> int:

@@ -2,9 +2,10 @@
 
     python tools/turns.py              counts by turn and place
     python tools/turns.py TURN         every line that has it
+    python tools/turns.py --write      counts that fell become the most that is allowed
 
-`turns.csv` has a line a turn: its name, a regular expression, what to write in its place, and `ban` or `ratchet`. A
-banned turn is nowhere; of the others the count may only fall. Standard library only.
+`turns.csv` has a line a turn: its name, a regular expression, what to write in its place, and the most that is allowed:
+0 of a banned turn; of the others the count may only fall. Standard library only.
 """
 
 from __future__ import annotations
@@ -25,21 +26,25 @@ DATA = {"placeholders.json", "translations.json"}
 
 
 class Turn(NamedTuple):
-    """A turn of phrase: what finds it, what to write in its place, whether it is banned."""
+    """A turn of phrase: what finds it, what to write in its place, how often it may occur."""
 
     name: str
     find: re.Pattern[str]
     instead: str
-    banned: bool
+    most: int
 
 
 def turns() -> list[Turn]:
     """All turns of the table."""
     with TABLE.open(encoding="utf-8", newline="") as file:
         return [
-            Turn(row["turn"], re.compile(row["regex"]), row["plain"], row["use"] == "ban")
-            for row in csv.DictReader(file)
+            Turn(turn, re.compile(find), instead, int(most)) for turn, find, instead, most in list(csv.reader(file))[1:]
         ]
+
+
+def banned() -> set[str]:
+    """Names of the turns that are not allowed at all."""
+    return {turn.name for turn in turns() if turn.most == 0}
 
 
 def places() -> Iterator[Path]:
@@ -69,11 +74,15 @@ def counts() -> dict[str, int]:
 
 def main(names: list[str]) -> None:
     """Print counts, or the lines of some turns."""
-    if not names:
-        found = counts()
-        for turn in turns():
-            print(f"{found[turn.name]:6} {'ban' if turn.banned else '   '} {turn.name}: {turn.instead}")
-    for turn in turns():
+    known, found = turns(), counts()
+    if names == ["--write"]:
+        with TABLE.open("w", encoding="utf-8", newline="") as file:
+            rows = [(turn.name, turn.find.pattern, turn.instead, min(turn.most, found[turn.name])) for turn in known]
+            csv.writer(file, lineterminator="\n").writerows([("turn", "find", "instead", "most"), *rows])
+    elif not names:
+        for turn in known:
+            print(f"{found[turn.name]:6} of {turn.most:4} {turn.name}: {turn.instead}")
+    for turn in known:
         if turn.name in names:
             for path, number, line in lines():
                 if turn.find.search(line):

@@ -158,7 +158,9 @@ def say(found: Finding, language: str = "en") -> str:
     for literal, name, spec, _ in Formatter().parse(text):
         parts += [literal, "" if name is None else _shown(name, found.values[name], spec or "", language, own)]
     said = "".join(parts)
-    return said[:1].upper() + said[1:] if of.means else said
+    # a value of its own is at the start as it was given: a column, a file
+    own_start = text.startswith("{") and ":word}" not in text.partition("}")[0] + "}"
+    return said[:1].upper() + said[1:] if of.means and not own_start else said
 
 
 def _shown(name: str, value: Value, spec: str, language: str, own: str) -> str:
