@@ -1,7 +1,7 @@
 """The few errors of the package; each is a child of the builtin a caller expects.
 
-A message gives the value found, the range allowed and the remedy; a file's error also names file and line. An error
-carries a finding, whose sentence is its message; a plain text where a room is not yet converted.
+A message gives the value found, the range allowed and the remedy; a file's error also names file and line. An error is
+made of a finding, whose sentence is its message.
 """
 
 from __future__ import annotations
@@ -16,12 +16,9 @@ from inclinometry.findings import Finding, Value, codes
 class InclinometryError(Exception):
     """Everything this package raises on purpose."""
 
-    finding: Finding | None = None
-
-    def __init__(self, said: Finding | str = "") -> None:
-        if isinstance(said, Finding):
-            self.finding = said = said._replace(severity="refused")
-        super().__init__(str(said))
+    def __init__(self, finding: Finding) -> None:
+        self.finding = finding._replace(severity="refused")
+        super().__init__(str(self.finding))
 
 
 class InputError(InclinometryError, ValueError):
@@ -60,21 +57,19 @@ def wrong_shape(name: str, shape: Sequence[int] | str, expected: str) -> InputEr
 
 def in_file(error: InclinometryError, path: str | Path, line: int | None = None) -> FileError:
     """The same refusal, of a file that its value was read from."""
-    return FileError(error.finding or str(error), path=path, line=line)
+    return FileError(error.finding, path=path, line=line)
 
 
 class FileError(InputError):
     """A file that cannot be used; the message names the file and, where there is one, the line, or row of an array."""
 
-    def __init__(
-        self, problem: Finding | str, *, path: str | Path, line: int | None = None, row: int | None = None
-    ) -> None:
+    def __init__(self, finding: Finding, *, path: str | Path, line: int | None = None, row: int | None = None) -> None:
         where = f"{path}" + (f", line {line}" if line is not None else f", row {row}" if row is not None else "")
         # a damaged file has values, in quotes, of thousands of characters
-        text = re.sub(r"((?<!\w)'[^'\n]{60})[^'\n]{60,}'(?!\w)", r"\1…'", str(problem))
-        super().__init__(f"{where}: {text}")
-        self.path, self.line, self.problem = Path(path), line, text
-        self.finding = problem._replace(severity="refused") if isinstance(problem, Finding) else None
+        text = re.sub(r"((?<!\w)'[^'\n]{60})[^'\n]{60,}'(?!\w)", r"\1…'", str(finding))
+        super().__init__(finding)
+        self.args = (f"{where}: {text}",)
+        self.path, self.line = Path(path), line
 
 
 class IdentifiabilityError(InclinometryError, ValueError):

@@ -520,7 +520,7 @@ def _elsewhere(
     try:
         other = _verified(readings, calibration, limits, OtherStand(), second)
     except InclinometryError as error:
-        if error.finding is None or error.finding.code != "bench-dials-otherwise":
+        if error.finding.code != "bench-dials-otherwise":
             return []
         return [Finding("verify-other-misread", {"finding": error.finding}, severity="note")]
     # a mere scatter of the errors is no shift, though a fit takes a little off it

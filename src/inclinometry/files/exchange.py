@@ -160,7 +160,7 @@ def survey_of(frame: Frame, *, convention: str = "native", azimuth_reference: st
         try:
             what = meaning(name, None, frame.columns.keys())
         except InputError as error:
-            raise frame.error(error.finding or str(error)) from None
+            raise frame.error(error.finding) from None
         if what is None:
             continue
         if what.key in taken:

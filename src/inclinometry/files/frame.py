@@ -120,10 +120,10 @@ class Frame:
                 raise self.error(hint)
         return unused(found)
 
-    def error(self, problem: Finding | str, row: int | None = None) -> FileError:
+    def error(self, finding: Finding, row: int | None = None) -> FileError:
         """An error about one row, or about the names."""
         number = self.header_line if row is None else int(self.lines[row])
-        return row_error(self.path, problem, number, self.word)
+        return row_error(self.path, finding, number, self.word)
 
 
 def unused(names: Iterable[str]) -> tuple[Finding, ...]:
@@ -132,6 +132,6 @@ def unused(names: Iterable[str]) -> tuple[Finding, ...]:
     return (Finding("table-unused", {"names": names}, severity="note"),) if names else ()
 
 
-def row_error(path: str | Path, problem: Finding | str, row: int | None, word: str = "row") -> FileError:
+def row_error(path: str | Path, finding: Finding, row: int | None, word: str = "row") -> FileError:
     """A FileError that counts rows where the file has no lines."""
-    return FileError(problem, path=path, line=row) if word == "line" else FileError(problem, path=path, row=row)
+    return FileError(finding, path=path, line=row) if word == "line" else FileError(finding, path=path, row=row)

@@ -129,7 +129,7 @@ class TableFile:
                     Reading(bare) if name.startswith(f"{bare} (") and numeric(bare) else profile.reading(name, numeric)
                 )
             except InputError as error:
-                raise row_error(self.path, error.finding or str(error), self.line, self.word) from None
+                raise row_error(self.path, error.finding, self.line, self.word) from None
             stated = name in profile.columns or name.startswith("column ") or bool(profile.axes)
             found.append(reading if stated or reading.name not in self.written else Reading(name))
         return found

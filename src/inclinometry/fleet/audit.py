@@ -131,7 +131,7 @@ def verify(store: Store, progress: Progress = None) -> Iterator[tuple[str, Findi
 
 
 def _finding(error: InclinometryError) -> Finding:
-    return error.finding or Finding("fleet-raw-damaged", {"reason": str(error)})
+    return error.finding
 
 
 def unrecorded(store: Store) -> list[Finding]:

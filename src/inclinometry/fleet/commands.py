@@ -86,7 +86,7 @@ def add(
                 try:
                     found = raw.add(store, path, raw.about(path, pattern, tool, run, date), known)
                 except InclinometryError as error:
-                    problems.append((str(path), error.finding or Finding("fleet-raw-damaged", {"reason": str(error)})))
+                    problems.append((str(path), error.finding))
                     continue
                 there += not found
                 added += found
@@ -186,7 +186,7 @@ def run(
         with output.working(product) as progress:
             done = carry_out(Store(fleet), todo, receipts, progress=progress)
     except ways.SchedulerLostError as error:
-        output.findings([error.finding] if error.finding else [])
+        output.findings([error.finding])
         return 1
     finally:
         receipts.close()

@@ -64,7 +64,7 @@ def plan(store: Store, certificates: Certificates, product: str = "windows", win
             certified = certificates.at(raw.tool, date.fromisoformat(raw.date))
             wanted_task = _task(store, raw, certified, certificates, product, width)
         except InputError as error:
-            left_out.append((raw, error.finding or Finding("fleet-raw-damaged", {"reason": str(error)})))
+            left_out.append((raw, error.finding))
             continue
         digests = tuple(sorted(known.get(wanted_task.target, ())))
         wanted[wanted_task.target] = wanted_task._replace(known=digests)

@@ -137,7 +137,7 @@ def run(task: Task) -> Receipt:
             raise refused("fleet-raw-changed")
         rows, size, samples, digest = _done(store, task)
     except InclinometryError as error:
-        return Receipt(task.target, problem=error.finding or Finding("fleet-raw-damaged", {"reason": str(error)}))
+        return Receipt(task.target, problem=error.finding)
     except (pa.ArrowException, OSError, KeyError, ValueError) as error:
         said = (str(error).strip().splitlines() or [type(error).__name__])[0][:300]
         return Receipt(task.target, problem=Finding("fleet-raw-damaged", {"reason": said}))

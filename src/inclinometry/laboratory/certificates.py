@@ -415,7 +415,7 @@ def _apart(part: str, other: str) -> Finding:
 
 def _why(error: InputError) -> Iterator[Finding]:
     """What is wrong with a part of a certificate that cannot be read."""
-    yield error.finding or Finding("certificate-changed")
+    yield error.finding
 
 
 def _own(record: Record) -> Iterator[Finding]:

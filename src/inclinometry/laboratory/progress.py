@@ -100,7 +100,7 @@ def session_progress(session: Session, goal: Goal, rig: RegisteredRig, *, earlie
     try:
         found = _fitted(session, bench_readings(session), options_of(session, rig))
     except InputError as error:
-        named = error.finding.values.get("stations", ()) if error.finding else ()
+        named = error.finding.values.get("stations", ())
         names = named if isinstance(named, tuple) else ()
         odd = {n: odd_station(name) for n, name in session.stations.items() if name in names}
         odd |= far_positions(session, rig, earlier)

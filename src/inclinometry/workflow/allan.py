@@ -49,9 +49,7 @@ def noise_of_log(
             try:
                 model = fit_noise(curve)
             except InputError as error:
-                raise FileError(
-                    Finding("work-column", {"name": name, "finding": error.finding or str(error)}), path=path
-                ) from None
+                raise FileError(Finding("work-column", {"name": name, "finding": error.finding}), path=path) from None
             channels.append(ChannelNoise(name, kind, log.units[kind], curve, model))
             findings += _doubts(log, name, values[:, place], model, rest)
     return NoiseRecord(tuple(channels), log.dt, len(log), {"log": log.digest}, tuple(findings))

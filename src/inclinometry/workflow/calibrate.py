@@ -111,7 +111,7 @@ def _attempt(name: str, run: Callable[[], Calibration], *, strict: bool = False)
         if strict and isinstance(error, InputError):
             raise
         found = error.finding if isinstance(error, InclinometryError) else Finding("input-overflow", {"name": name})
-        return Attempt(name, None, found or str(error))
+        return Attempt(name, None, found)
 
 
 @dataclass(frozen=True)

@@ -459,7 +459,7 @@ def _lacks(path: Path, read: Callable[[Path], object]) -> Finding | None:
     try:
         read(path)
     except InclinometryError as error:
-        found = error.finding or Finding("file-unreadable", {"reason": str(error)})
+        found = error.finding
         if found.code == "file-column":  # the columns that are there are shown above
             return Finding("input-missing", {"names": found.values["columns"]})
         return found

@@ -72,7 +72,7 @@ def sensors_of_run(path: Path) -> Sensors:
         rests = still_intervals(time, np.concatenate([v for k, v in channels.items() if k != "magnetometer"]
                                                      or list(channels.values()), axis=1))  # fmt: skip
     except InputError as error:
-        notes.append(Finding("check-no-rests", {"finding": error.finding or str(error)}, severity="note"))
+        notes.append(Finding("check-no-rests", {"finding": error.finding}, severity="note"))
     if rests is not None:
         notes.append(_rests(time, rests))
     notes += _turning(channels, run.units)
@@ -94,7 +94,7 @@ def sensors_of_bench(path: Path) -> Sensors:
         try:
             dials = check_dials(readings) or [Finding("check-dials", severity="note")]
         except InclinometryError as error:
-            dials = [] if error.finding is None else [error.finding]
+            dials = [error.finding]
     return Sensors((*dials, *found.findings), found.candidates)
 
 

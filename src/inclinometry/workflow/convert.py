@@ -234,9 +234,7 @@ def lost(
     try:
         found = _read_back(survey, path, name, options)
     except InclinometryError as error:
-        raise FileError(
-            Finding("work-unread", {"format": name, "finding": error.finding or str(error)}), path=path
-        ) from None
+        raise FileError(Finding("work-unread", {"format": name, "finding": error.finding}), path=path) from None
     if len(found) != len(survey):
         return (Finding("work-lost-stations", {"read": len(survey), "written": len(found)}),)
     there = columns_of(found)

@@ -62,7 +62,7 @@ def casing_movement(
         try:
             found[name] = displacement(first.reading, one.reading, errors, fixed=fixed, spike_limit=spike_limit)
         except InputError as error:
-            rows = () if error.finding is None else error.finding.rows
+            rows = error.finding.rows
             line = one.lines[rows[0]] if rows else None
             raise in_file(error, path, line) from None
         said += [*one.findings, *found[name].findings]

@@ -119,7 +119,7 @@ def _with_convergence(site: Site) -> tuple[Site, list[Finding]]:
         try:
             grid = float(grid_convergence(site.crs, site.latitude, site.longitude).convergence)
         except InputError as error:
-            stated["finding"] = error.finding or str(error)
+            stated["finding"] = error.finding
             return site, [Finding("work-convergence-unchecked", stated)]
         apart, mirrored = (abs(float(np.degrees(wrap_signed(c - grid)))) for c in (site.convergence, -site.convergence))
         # deg: rounding and the place of the origin change a convergence by less than 0.05, along a well by less than

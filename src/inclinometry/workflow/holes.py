@@ -64,9 +64,9 @@ def read_holes(
             starts[name] = (0.0, 0.0, 0.0) if collar is None else (collar.east, collar.north, collar.elevation)
             unusual += [Finding("holes-run", {"hole": name, "finding": one}) for one in check_run(run)]
         except InputError as error:
-            row = error.finding.rows[0] if error.finding is not None and error.finding.rows else 0
+            row = error.finding.rows[0] if error.finding.rows else 0
             values: dict[str, Value] = {"hole": name, "line": int(shots.table.lines[rows[row]])}
-            faults[name] = Finding("holes-left-out", values | {"fault": error.finding or f"{error}."})
+            faults[name] = Finding("holes-left-out", values | {"fault": error.finding})
     if faults and not (skip_faulty and found):
         first = dict(next(iter(faults.values())).values)
         if skip_faulty:

@@ -217,7 +217,7 @@ def _of_run(run: AngleRun, well: WellSurvey, code: ToolCode | None) -> _Model:
 def _of_site(error: InputError, path: str | Path | None) -> InputError:
     """The error with the file in which the remedy belongs."""
     if path is None:
-        return refused("work-no-site", {"finding": error.finding or str(error)})
+        return refused("work-no-site", {"finding": error.finding})
     return in_file(error, path)
 
 

@@ -19,7 +19,7 @@ from inclinometry.laboratory.certificate import record as tables
 from inclinometry.laboratory.certificate.record import LETTERS, Words, families, record_digest, words
 from inclinometry.laboratory.certificate.requirements import missing_said, overdue
 from inclinometry.language import speaking
-from inclinometry.report.language import translated
+from inclinometry.report.stored import translated
 from inclinometry.report.words import plain, significant
 
 if TYPE_CHECKING:

@@ -47,7 +47,7 @@ from inclinometry.report.calibration_tables import (
     shape_rows,
 )
 from inclinometry.report.figure import BAD, INK, MARKERS, SERIES, new_figure, style, styled
-from inclinometry.report.language import translated
+from inclinometry.report.stored import translated
 from inclinometry.report.words import plain, rounded, significant
 from inclinometry.rotations import wrap_signed
 from inclinometry.sensors import Tool, in_field_of

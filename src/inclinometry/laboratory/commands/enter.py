@@ -201,7 +201,7 @@ def certified(
         with output.busy("setting the certificate"):
             made = certificates.issue(ledger, calibration.id, None, known, **said)
     except InputError as error:
-        why = error.finding or str(error)
+        why = error.finding
         raise refused("session-not-issued", {"calibration": calibration.id, "finding": why}) from None
     return str(made.keys["number"])
 

@@ -62,7 +62,7 @@ def key(
         keys.set_passphrase(_ask("new passphrase", "INCLINOMETRY_NEW_PASSPHRASE", word="passphrase"))
     found = keys.public()
     if found is None:
-        raise InputError(f"there is no key in {keys.folder}; `inclinometry ledger key --make` makes one")
+        raise refused("key-none", {"folder": str(keys.folder)})
     if public is not None:
         from inclinometry.laboratory.certificate.signing import of_authority, public_bundle
 
@@ -124,7 +124,7 @@ def head(
     with Ledger(where, read_only=True) as opened:
         newest = opened.own_head()
         if newest is None:
-            raise LedgerError(f"{opened.shown} is not signed; `inclinometry ledger init` begins that")
+            raise LedgerError(Finding("ledger-unsigned", {"ledger": opened.shown}))
         content: dict[str, Any] = {**newest.statement(), "changes": opened.keys.changes()}
         if since is not None:
             old, _ = read_head(since)

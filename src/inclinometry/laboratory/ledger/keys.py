@@ -169,7 +169,7 @@ class Keys:
             if self.there:
                 self._own(ask=False)
         except (FileError, LedgerError) as error:
-            why = error.finding or Finding("key-damaged", {"file": str(self.path)})
+            why = error.finding
             return Finding("key-uncompared", {"finding": why})
         return None
 

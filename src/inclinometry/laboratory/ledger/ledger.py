@@ -205,7 +205,7 @@ class Ledger:
         *,
         author: str,
         slack: timedelta = timedelta(minutes=2),
-        unless: Sequence[tuple[str, Mapping[str, Any], Finding | str]] = (),
+        unless: Sequence[tuple[str, Mapping[str, Any], Finding]] = (),
     ) -> list[Record]:
         """Record several things in one step: all of them or none.
 

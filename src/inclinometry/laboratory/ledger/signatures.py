@@ -60,7 +60,7 @@ def _public(keys: Keys) -> tuple[tuple[str, ...], list[Finding]]:
     except OSError:  # the folder of another user
         return (), []
     except KeyFaultError as error:
-        now, faults = error.own, [error.finding or Finding("key-damaged", {"file": str(keys.path)})]
+        now, faults = error.own, [error.finding]
     return () if now is None else (now, *keys.former(now)), faults
 
 

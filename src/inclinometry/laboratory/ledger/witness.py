@@ -141,7 +141,7 @@ def keep(folder: Path, head: SignedHead, place: str) -> None:
 
 def _unwritten(error: Exception, head: SignedHead, place: str) -> Finding:
     """That a witness has not got a head; what else is wrong with it where that is known."""
-    if isinstance(error, InclinometryError) and error.finding is not None:
+    if isinstance(error, InclinometryError):
         return error.finding
     reason = str(getattr(error, "strerror", None) or error)
     return Finding("key-witness-unwritten", {"record": head.size, "place": place, "reason": reason})
@@ -149,7 +149,7 @@ def _unwritten(error: Exception, head: SignedHead, place: str) -> Finding:
 
 def _unreadable(error: Exception) -> Finding:
     """Why a witness cannot be read."""
-    if isinstance(error, InclinometryError) and error.finding is not None:
+    if isinstance(error, InclinometryError):
         return error.finding
     return Finding("file-unreadable", {"reason": str(getattr(error, "strerror", None) or error)})
 

@@ -6,7 +6,6 @@ Texts that are a term are not there but in terms.json, which names the term of t
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Mapping
 from functools import cache
 from importlib.resources import files
@@ -16,7 +15,7 @@ from inclinometry import findings
 from inclinometry.errors import FileError, InclinometryError
 from inclinometry.glossary import terms
 from inclinometry.language import speaking
-from inclinometry.report.language import translated
+from inclinometry.report.stored import translated
 
 LANGUAGES: Final = {"en": "English", "ru": "Русский", "zh": "中文"}
 
@@ -44,18 +43,8 @@ def say(language: str, key: str, **values: Any) -> str:
     return catalogue(language if language in LANGUAGES else "en")[key].format(**values)
 
 
-_LEFT: Final = re.compile(r"\b[a-z]{3,} [a-z]{2,} [a-z]{2,}\b")
-"""English that remains: three words of it in a row."""
-_PLACE: Final = re.compile(r"(?P<file>the file|[^\s:;,]+), line (?P<line>\d+): (?P<problem>.+)", re.DOTALL)
-"""A file and a line in it before what is wrong there."""
-_QUOTED: Final = re.compile(r'`[^`]*`|"[^"]*"')
-"""Commands, and what the system or the database said, in its own words."""
-
-
 def problem(language: str, error: InclinometryError) -> str:
-    """What went wrong: by its code, or a sentence of a room that is not yet converted."""
-    if error.finding is None:
-        return sentence(language, str(error))
+    """What went wrong, in a language."""
     said = findings.say(error.finding, language)
     if not isinstance(error, FileError):
         return said
@@ -66,24 +55,9 @@ def problem(language: str, error: InclinometryError) -> str:
 
 
 def sentence(language: str, text: str) -> str:
-    """A sentence of the program in a language, by the table of the reports; as it is where the table lacks a part.
-
-    Warnings and records keep their English sentences, so that old ones are understood as well: a sentence is recognised
-    by its words, and what stands in its places (numbers, names, a sentence of its own) is put into the translation.
-    """
-    if language not in LANGUAGES or language == "en":
-        return text
-    with speaking(language):
-        said = translated(text)
-    place = _PLACE.match(text)
-    if place is not None and (f", line {place['line']}" in said or _LEFT.search(_QUOTED.sub("", said))):
-        # no text for file, line and problem together: the place first, then what is wrong there
-        problem = sentence(language, place["problem"])
-        return say(
-            language, "problem.line", file=sentence(language, place["file"]), line=place["line"], problem=problem
-        )
-    # half a sentence in each of two languages is worse than an English one
-    return text if _LEFT.search(_QUOTED.sub("", said)) else said
+    """A sentence that a record keeps, in a language; as it is where it is not known."""
+    with speaking(language if language in LANGUAGES else "en"):
+        return translated(text)
 
 
 def preferred(header: str) -> str:
