@@ -93,7 +93,7 @@ def test_void_and_superseded_certificates_are_no_part_of_a_history(folder: Path)
         assert left.date == whole.date[1:]
         for one in Certificates(ledger).of(other):
             certificates.void(ledger, one.number, "wrong stand", author="test")
-        with pytest.raises(InputError, match="no certified calibration"):
+        with refused("session-no-history", error=InputError, serial=other):
             drift.ledger_history(ledger, Certificates(ledger), other)
         _, passed_over = drift.ledger_histories(ledger)
         assert len(passed_over) == 1
@@ -220,7 +220,7 @@ def test_a_check_at_the_bench(folder: Path) -> None:
         assert len(made.body["readings"]) == 6
         # a tool that no fit knows, and one with an alarm
         put_tool(ledger, RegisteredTool("NEW", "simulated"), author="test")
-        with pytest.raises(InputError, match="no drift of its type is kept that knows it"):
+        with refused("session-no-fit", error=InputError, serial="NEW"):
             plan_for("six", ledger, "NEW", rig)
         kept = ledger.latest("event", subject_kind="drift", subject="simulated", action="fitted")
         assert kept is not None
@@ -229,7 +229,7 @@ def test_a_check_at_the_bench(folder: Path) -> None:
         details = {**details, "tools": {**details["tools"], serial: about}}
         keys = {"subject_kind": "drift", "subject": "simulated", "action": "fitted"}
         ledger.append("event", keys, {"details": details}, author="test")
-        with pytest.raises(InputError, match="does not fit its history"):
+        with refused("session-off-history", error=InputError, serial=serial, alarm="magnetometer x offset"):
             plan_for("six", ledger, serial, rig)
 
 
