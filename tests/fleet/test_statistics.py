@@ -170,7 +170,7 @@ def test_a_check_of_another_tool_is_refused_and_leaves_nothing(
         assert opened.head() == before
     for words, problem in (
         (["2021-01-01", "--tool", "SIM-0001"], "[input-value]"),
-        (["yesterday", "--tool", "SIM-0001"], "write YYYY-MM-DD"),
+        (["yesterday", "--tool", "SIM-0001"], "expected: date YYYY-MM-DD"),
         (["2026-02-01", "--tool", "SIM-9"], "[session-not-registered]"),
         (["2026-02-01", "--tool", "SIM-0001", "--hours", "-1"], "--hours is -1"),
         (["2026-02-01", "--tool", "SIM-0001", "--certify"], "--laboratory"),
@@ -291,11 +291,11 @@ def test_a_run_in_the_hole_enters_the_history_and_leaves_it(folder: Path, capsys
     for words, problem in (
         ([*made, "--tool", "SIM-0003", "--run", "W1", "--ledger", ledger], "[fleet-evidence-raw]"),
         ([*wrong[:3], *about, "--date", "2026-06-01"], "--site"),
-        ([*wrong[:3], *about, *reduced[2:], "--date", "June"], "write YYYY-MM-DD"),
-        ([*wrong[:3], *about, *reduced[2:], "--date", "2001-01-01"], "no certificate that holds"),
+        ([*wrong[:3], *about, *reduced[2:], "--date", "June"], "expected: date YYYY-MM-DD"),
+        ([*wrong[:3], *about, *reduced[2:], "--date", "2001-01-01"], "[certificate-none]"),
         (["fleet", "evidence", str(folder / "path.csv"), *about, *reduced], "six axes"),
         (["fleet", "evidence", *about], "--date"),
-        (["fleet", "evidence", *about, "--withdraw", "x"], "no evidence of a run 'W1'"),
+        (["fleet", "evidence", *about, "--withdraw", "x"], "[input-unknown]"),
     ):
         assert call(*words) == 2, words
         assert problem in " ".join(capsys.readouterr().err.split()), words
