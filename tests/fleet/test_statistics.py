@@ -225,7 +225,7 @@ def test_a_check_at_the_bench(folder: Path) -> None:
         kept = ledger.latest("event", subject_kind="drift", subject="simulated", action="fitted")
         assert kept is not None
         details = kept.body["details"]
-        about = {**details["tools"][serial], "alarm": "magnetometer x offset: +8 thousandths"}
+        about = {**details["tools"][serial], "alarm": "magnetometer x offset: +8 thousandths", "cause": {}}
         details = {**details, "tools": {**details["tools"], serial: about}}
         keys = {"subject_kind": "drift", "subject": "simulated", "action": "fitted"}
         ledger.append("event", keys, {"details": details}, author="test")
