@@ -303,8 +303,8 @@ def test_what_was_changed_is_named(issued: SimpleNamespace, tmp_path: Path) -> N
         ([pdf], pdf, "[ledger-other-file]"),
         ([issued.key], issued.key, "[certificate-not-one]"),
         ([tmp_path / "none.pdf"], issued.key, "[file-absent]"),
-        ([], issued.key, "name the files of a certificate"),
-        ([issued.status], issued.key, "statement about 1 certificate as of record"),
+        ([], issued.key, "[input-missing]"),
+        ([issued.status], issued.key, "[web-statement-alone]"),
         ([pdf, issued.status], other, "[key-not-laboratory]"),
     ):
         said = issued.check(*files, key=key, status=2)
