@@ -38,6 +38,7 @@ def test_a_code_is_whole(code):
     assert re.fullmatch(r"[a-z]+(-[a-z]+)+", code)
     one = rule(code)
     phrase = not one.means  # a part of other sentences
+    assert all(len(re.sub(r"\{[^}]*\}", "value", text).split()) <= 35 for text in one.sentences), code
     assert phrase or (one.do and one.found), code
     for sentence in one.sentences:
         assert phrase or sentence.endswith((".", "{finding}")), sentence

@@ -39,7 +39,7 @@ def out_of_range(name: str, value: Value, allowed: str) -> InputError:
 
 
 def wrong_kind(name: str, value: Value, expected: str) -> InputError:
-    """A value that is not of its kind; `expected` is a word of the catalogue: "number", "text", "date"."""
+    """A value that is not of its kind; `expected` is a word of the catalogue: "number", "text", "date YYYY-MM-DD"."""
     return InputError(Finding("input-kind", {"name": name, "value": value, "expected": expected}))
 
 

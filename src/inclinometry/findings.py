@@ -168,6 +168,8 @@ def _shown(name: str, value: Value, spec: str, language: str, own: str) -> str:
     if isinstance(value, Finding):
         return say(value, language)
     if isinstance(value, tuple):
+        if not value:
+            return _word("none", language, own)
         shown = [_shown(name, one, "word" if spec.endswith("word") else "", language, own) for one in value]
         join = _word(f" {spec.removesuffix('word').strip() or 'and'} ", language, own)
         return join.join([_word(", ", language, own).join(shown[:-1]), shown[-1]] if shown[1:] else shown)
