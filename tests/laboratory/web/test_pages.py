@@ -287,7 +287,7 @@ def test_a_certificate_from_issue_to_void(users_bench: SimpleNamespace) -> None:
         doubt = rule("bench-sign-assumed").says[0].partition("{")[0]
         assert (refused.status_code, doubt in refused.text) == (422, True)
         form = browser.get(f"/certificates/new?calibration={users_bench.calibration}").text
-        assert say("en", "results.doubted") in form
+        assert say("en", "results.open") in form
         assert doubt in form
         wish["accept_warnings"] = "the field points down"
         first = browser.post("/api/v1/certificates", json=wish)
