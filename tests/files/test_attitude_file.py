@@ -80,7 +80,7 @@ def test_parquet_keeps_units_and_digests(rows, tmp_path):
 
 
 def test_what_is_refused(rows, tmp_path):
-    with pytest.raises(FileError, match=r"ends in '.txt'; allowed: .parquet, .csv"):
+    with refused("file-ending", error=FileError, ending=".txt", allowed=(".parquet", ".csv")):
         write_attitude(rows, tmp_path / "a.txt")
     write_attitude(rows, tmp_path / "a.csv")
     text = (tmp_path / "a.csv").read_text()
