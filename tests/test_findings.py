@@ -38,6 +38,7 @@ def test_a_code_is_whole(code):
     assert re.fullmatch(r"[a-z]+(-[a-z]+)+", code)
     one = rule(code)
     phrase = not one.means  # a part of other sentences
+    assert all(len(re.sub(r"\{[^}]*\}", "value", text).split()) <= 35 for text in one.sentences), code
     assert phrase or (one.do and one.found), code
     for sentence in one.sentences:
         assert phrase or sentence.endswith((".", "{finding}")), sentence
@@ -98,6 +99,12 @@ def test_numbers_keep_their_size():
     found = Finding("run-field-calibrated", {"field_nT": 5.012e7, "count": 3, "total": 4})
     assert "50120000 nT" in say(found)
     assert "50120000 нТл" in say(found, "ru")
+
+
+def test_a_value_of_thousands_of_characters_is_cut():
+    found = Finding("table-empty", {"column": "a" * 5000 + "/name.csv"})
+    assert len(str(found)) < 300
+    assert "/name.csv" in str(found)
 
 
 def test_a_finding_as_plain_data():

@@ -302,9 +302,9 @@ def test_what_was_changed_is_named(issued: SimpleNamespace, tmp_path: Path) -> N
     for files, key, problem in (
         ([pdf], pdf, "[ledger-other-file]"),
         ([issued.key], issued.key, "[certificate-not-one]"),
-        ([tmp_path / "none.pdf"], issued.key, "check the name"),
-        ([], issued.key, "name the files of a certificate"),
-        ([issued.status], issued.key, "statement about 1 certificate as of record"),
+        ([tmp_path / "none.pdf"], issued.key, "[file-absent]"),
+        ([], issued.key, "[input-missing]"),
+        ([issued.status], issued.key, "[web-statement-alone]"),
         ([pdf, issued.status], other, "[key-not-laboratory]"),
     ):
         said = issued.check(*files, key=key, status=2)
@@ -393,7 +393,7 @@ def test_keys_and_heads_as_a_user_types_them(run: Run, tmp_path: Path, monkeypat
     assert not (tmp_path / "nowhere").exists()
     assert "[ledger-address]" in run("ledger", "witness", "http://127.0.0.1:9", "--ledger", "lab.sqlite", status=2)
     run("ledger", "witness", tmp_path / "share", "--remove")
-    assert "is not on the list" in run("ledger", "witness", "share", "--remove", status=2)
+    assert "[input-choice]" in run("ledger", "witness", "share", "--remove", status=2)
     run("ledger", "key", "--rotate", "a", "--lost", "b", status=2)
     assert "[ledger-reason]" in run("ledger", "key", "--rotate", " ", status=2)
     assert "was begun, lost was" in run("ledger", "key", "--lost", "stolen")

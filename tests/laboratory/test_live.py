@@ -216,7 +216,7 @@ def test_what_is_refused():
         bench.feed.capture((0.0, 0.0, 0.0), 5.0)
     with refused("input-choice", name="how"):
         bench.feed.capture((0.0, 0.0, 0.0), 5.0, "import")
-    with pytest.raises(InputError, match="dial"):
+    with refused("input-finite", error=InputError, name="dial"):
         bench.feed.capture((0.0, float("nan"), 0.0), 5.0)
 
 

@@ -139,4 +139,5 @@ def test_the_common_scale_is_left_out_only_where_a_strength_is_not_stated(
         main(["ledger", "history", "IN-8", "--ledger", str(tmp_path / "ledger.sqlite")])
     printed = capsys.readouterr()
     assert "IN-8: 3 calibrations" in printed.out
-    assert "accelerometer:" not in printed.err
+    assert "[session-scale-unknown]" in printed.err
+    assert "accelerometer" not in printed.err

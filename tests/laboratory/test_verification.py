@@ -13,7 +13,7 @@ from inclinometry.calibration import plans
 from inclinometry.calibration.decision import Limits
 from inclinometry.calibration.plans import Plan
 from inclinometry.files.limits import limit_names, read_limits
-from inclinometry.findings import without_notes
+from inclinometry.findings import Finding, without_notes
 from inclinometry.laboratory.ledger.ledger import Ledger, LedgerError
 from inclinometry.laboratory.registry import RegisteredRig, put_rig
 from inclinometry.laboratory.results import calibration_of, finish_calibration
@@ -77,7 +77,7 @@ def test_a_limit_that_no_position_judges_gives_no_verdict(laboratory: Ledger, be
     only = Limits("wide", "this test", LIMITS.inclination, None, None)
     record = finish_verification(laboratory, session.id, calibration, author="anna", limits=only)
     assert record.body["verdict"] == "pass"
-    assert any("does not cover: azimuth, toolface" in reason for reason in record.body["report"]["reasons"])
+    assert str(Finding("verify-not-covered", {"angles": ("azimuth", "toolface")})) in record.body["report"]["reasons"]
 
 
 @pytest.mark.long

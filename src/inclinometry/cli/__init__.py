@@ -130,4 +130,6 @@ def _one_line(text: str) -> str:
 
 
 def _say(message: str) -> None:
-    print(message, file=sys.stderr)  # noqa: T201
+    from inclinometry.cli.output import wrapped
+
+    print(wrapped(message, sys.stderr), file=sys.stderr)  # noqa: T201

@@ -116,5 +116,5 @@ def _date(text: str) -> datetime.date | float:
     except ValueError:
         year = np.nan
     if not np.isfinite(year):
-        raise wrong_kind("--date", text, "date")
+        raise wrong_kind("--date", text, "date YYYY-MM-DD")
     return year

@@ -231,4 +231,4 @@ def day(text: str, option: str) -> date:
     try:
         return date.fromisoformat(text)
     except ValueError:
-        raise wrong_kind(option, text, "date") from None
+        raise wrong_kind(option, text, "date YYYY-MM-DD") from None

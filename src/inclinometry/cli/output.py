@@ -11,8 +11,9 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from importlib import import_module
 from pathlib import Path
+from textwrap import fill
 from time import perf_counter
-from typing import Any, Final
+from typing import Any, Final, TextIO
 
 import numpy as np
 from rich.console import Console
@@ -61,8 +62,15 @@ def named(text: str) -> str:
 
 
 def say(text: str = "") -> None:
-    """A line on standard output, as it stands."""
-    console.print(named(text))
+    """A line on standard output; on a terminal broken between words."""
+    console.print(wrapped(named(text), sys.stdout))
+
+
+def wrapped(text: str, stream: TextIO) -> str:
+    """Prose as wide as a terminal is; for files and pipes a line stays whole."""
+    if not stream.isatty() or "\n" in text:
+        return text
+    return fill(text, shutil.get_terminal_size().columns, break_long_words=False, break_on_hyphens=False)
 
 
 def counted(number: int, what: str) -> str:
@@ -163,13 +171,19 @@ def plain(value: Any) -> Any:
     return str(value) if isinstance(value, Path) else value
 
 
+COLUMNS: Final = 80
+"""Width of a terminal as it opens."""
+
+
 def table(title: str, header: Sequence[str], rows: Sequence[Sequence[str]], caption: str | None = None) -> None:
-    """A table whose first column is text and whose others are numbers."""
+    """A table whose first column is text and whose others are numbers; one wider than a terminal loses its spaces."""
     found = Table(title=title, caption=caption, title_justify="left", caption_justify="left", show_edge=False)
     for place, name in enumerate(header):
         found.add_column(name, justify="left" if place == 0 else "right", no_wrap=True)
     for row in rows:
         found.add_row(*row)
+    if console.measure(found).maximum > COLUMNS:
+        found.padding = 0, 0
     console.print(found)
 
 
@@ -198,8 +212,9 @@ def findings(found: Sequence[Finding]) -> None:
     shown.sort(key=lambda one: ("ignored", "note").count(one.severity))
     most = len(shown) if verbose else MOST
     for one in shown[:most]:
-        errors.print(f"{one.severity}: ", style="yellow", end="")
-        errors.print(named(f"{one} [{one.code}]"))
+        text = Text(wrapped(named(f"{one.severity}: {one} [{one.code}]"), sys.stderr))
+        text.stylize("yellow", 0, len(one.severity) + 1)
+        errors.print(text)
     if shown[most:]:
         errors.print(f"{len(shown) - most} more: -v shows all")
 

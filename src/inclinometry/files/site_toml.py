@@ -169,4 +169,4 @@ def _date(settings: toml_keys.Settings) -> datetime.date | None:
     try:
         return datetime.date.fromisoformat(value)
     except (TypeError, ValueError):
-        raise in_file(wrong_kind("date", f"{value!r:.60}", "date"), settings.path) from None
+        raise in_file(wrong_kind("date", f"{value!r:.60}", "date YYYY-MM-DD"), settings.path) from None

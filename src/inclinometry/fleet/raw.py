@@ -144,7 +144,7 @@ def about(path: Path, pattern: str | None, tool: str | None, run: str | None, da
         return About(serial, name, date.fromisoformat(when))
     except ValueError:
         raise FileError(
-            Finding("input-kind", {"name": "--date", "value": when, "expected": "date"}), path=path
+            Finding("input-kind", {"name": "--date", "value": when, "expected": "date YYYY-MM-DD"}), path=path
         ) from None
 
 

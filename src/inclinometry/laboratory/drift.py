@@ -229,7 +229,8 @@ class StoredFit:
     model, past : of the type, and the largest statistics of its past calibrations.
     day : for which the fleet was looked at. record : the ledger's.
     tools : serial number -> "due" (ISO date), "last" (day of the last calibration), "alarm" (sentence; empty without
-        one), "now_deg", "six_deg" (u(azimuth) at inclination 60 on that day, and after a check of six positions).
+        one), "cause" (values of its finding), "now_deg", "six_deg" (u(azimuth) at inclination 60 on that day, and after
+        a check of six positions).
     """
 
     model: DriftModel
@@ -247,6 +248,7 @@ def put_fit(ledger: Ledger, status: FleetStatus, *, author: str) -> Record:
             "due": tool.due.date.isoformat(),
             "last": tool.last.isoformat(),
             "alarm": str(tool.alarm.finding) if tool.alarm is not None and tool.alarm.raised else "",
+            "cause": dict(tool.alarm.finding.values) if tool.alarm is not None and tool.alarm.raised else {},
             "now_deg": float(np.degrees(tool.now[SIXTY])),
             "six_deg": float(np.degrees(tool.checked[SIXTY])),
         }
@@ -340,7 +342,9 @@ def refuse_check(ledger: Ledger, serial: str) -> StoredFit:
     if tool is None or fit is None or about is None:
         raise refused("session-no-fit", {"serial": serial})
     if about["alarm"]:
-        raise refused("session-off-history", {"serial": serial, "alarm": str(about["alarm"])})
+        # older records have the sentence only
+        alarm = Finding("drift-cause", about["cause"]) if about.get("cause") else str(about["alarm"])
+        raise refused("session-off-history", {"serial": serial, "alarm": alarm})
     return fit
 
 

@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 from tests.refusals import coded, fits, refused
 
-from inclinometry.errors import InputError
 from inclinometry.laboratory.certificate.signing import public_bundle
 from inclinometry.laboratory.certificate.status import make_status
 from inclinometry.laboratory.ledger import chain
@@ -162,10 +161,10 @@ def test_a_change_of_keys_that_is_cut_short_is_no_forgery(
     def until(self: Keys, name: str, *args: object, **words: object) -> None:
         keep(self, name, *args, **words)  # type: ignore[arg-type]
         if name == last:
-            raise InputError("power failed")
+            raise OSError("power failed")
 
     monkeypatch.setattr(Keys, "keep", until)
-    with pytest.raises(InputError, match="power failed"):
+    with pytest.raises(OSError, match="power failed"):
         getattr(keys, action)("every year")
     monkeypatch.setattr(Keys, "keep", keep)
     found = Keys(keys.folder)

@@ -55,5 +55,5 @@ def test_a_user_logs_in_and_sets_up_a_second_factor(tmp_path):
             if gone:
                 browser.wait(lambda: browser.find("[data-testid=secret]"), "it is still there")
             else:
-                browser.wait(lambda: "missing, wrong or was used before" in driver.page_source, "nothing is said")
+                browser.wait(lambda: "missing: code of the second factor" in driver.page_source, "nothing is said")
         assert not browser.strangers()

@@ -350,7 +350,7 @@ def test_a_rig_that_cannot_be_reached_is_said(laboratory):
     page = laboratory.page(laboratory.open(plans.twelve()))
     state = page.turner.poll()
     assert state.word == "lost"
-    assert "does not answer" in state.reason
+    assert (state.reason.code, state.reason.values["place"]) == ("capture-rig-silent", "127.0.0.1:1")
     assert driver_of(RegisteredRig("by hand", (SD, SD, SD))) is None
 
 

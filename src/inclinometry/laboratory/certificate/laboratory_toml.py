@@ -97,7 +97,7 @@ def _date(settings: toml_keys.Settings, key: str) -> datetime.date:
         return value.date()
     if isinstance(value, datetime.date):
         return value
-    raise in_file(wrong_kind(key, f"{value!r:.40}", "date"), settings.path)
+    raise in_file(wrong_kind(key, f"{value!r:.40}", "date YYYY-MM-DD"), settings.path)
 
 
 def _texts(settings: toml_keys.Settings, keys: tuple[str, ...]) -> dict[str, str]:

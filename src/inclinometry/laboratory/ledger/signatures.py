@@ -119,7 +119,7 @@ class Signatures:
         self._elsewhere: dict[str, int] = {}
         self._outside = sorted(readable, key=lambda kept: kept[0].size)
         self._at = 0
-        # of what contradicts the records: time of the head, witness, the fault; somebody may have answered for it
+        # of what contradicts the records: time of the head, witness, the fault; a user may have accepted it
         self._doubts: list[tuple[str, str, Finding]] = []
         self._agreed: dict[str, int] = {}
         self._changes: list[dict[str, Any]] = []
@@ -274,7 +274,7 @@ class Signatures:
         self._doubts.append((head.time, witness, lost("ledger-removed", "chain", seq + 1, head.size)))
 
     def _unlisted(self) -> Iterator[Finding]:
-        """Faults of witnesses that were named, and that somebody took off the list in the folder of the keys."""
+        """Faults of witnesses that were named, and that a user took off the list in the folder of the keys."""
         for place in (place for place, named in self._named.items() if named and place not in self._listed):
             if self._own:
                 yield Finding("key-witness-unlisted", {"place": place})

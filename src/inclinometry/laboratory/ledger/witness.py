@@ -160,7 +160,7 @@ def silent_witness(place: str, error: Exception) -> Finding:
 
 
 def _warn(found: Finding) -> None:
-    """The record is kept, and verification says what a witness lacks: nobody is held up."""
+    """The record is kept, and verification says what a witness lacks: no one is held up."""
     sys.stderr.write(f"warning: {found} [{found.code}]\n")
 
 

@@ -116,9 +116,9 @@ class Visitor:
 
     def sentence(self, text: Finding | str) -> str:
         """A sentence of the program - a warning, what the instrument did - in the visitor's language."""
-        if isinstance(text, Finding):
+        if isinstance(text, Finding) and text.code != "fit-stored":
             return self.bench.without_path(findings.say(text, self.language))
-        return sentence(self.language, self.bench.without_path(text))
+        return sentence(self.language, self.bench.without_path(str(text)))  # as files keep it
 
     def problem(self, error: InclinometryError) -> str:
         """What went wrong, in the visitor's language."""

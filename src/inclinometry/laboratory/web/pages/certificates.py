@@ -251,7 +251,7 @@ def _day(text: str) -> str:
     try:
         day = date.fromisoformat(text)
     except ValueError:
-        raise wrong_kind("received", text[:40], "date") from None
+        raise wrong_kind("received", text[:40], "date YYYY-MM-DD") from None
     return begun(day, "received").isoformat()
 
 

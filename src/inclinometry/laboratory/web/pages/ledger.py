@@ -182,6 +182,9 @@ def _keys(visitor: Visitor, one: Record) -> str:
     def word(name: str, value: str) -> str:
         if name == "purpose":
             return known.get(f"purpose.{value}", value)
+        used = re.fullmatch(r"((?:recovery )?code) (\w+)(?: of \w+)?", value) if name == "action" else None
+        if used is not None:  # of a second factor
+            return f"{visitor.sentence(used[1])} {used[2]}"
         return visitor.sentence(value) if name in ours else value
 
     return ", ".join(word(name, str(value)) for name, value in one.keys.items())

@@ -86,14 +86,14 @@ def _summary(visitor: Visitor, record: Record, found: Calibration, table: dict[s
         ).props('data-testid="verdict"')
         _headline(visitor, record, table)
         for one in warned:
-            ui.label(visitor.sentence(str(one))).classes("warn")
+            ui.label(visitor.sentence(one)).classes("warn")
         if warned and results.can_be_evaluated_again(record):
             ui.link(say("results.again"), "#site")
         for test in failed if not warned else ():
             said = say("results.test_failed", what=visitor.sentence(test.what), found=test.found, limit=test.limit)
             ui.label(said).classes("warn")
         for one in only_notes(found.findings):
-            ui.label(visitor.sentence(str(one))).classes("dim")
+            ui.label(visitor.sentence(one)).classes("dim")
         _next_step(visitor, record)
 
 

@@ -303,8 +303,8 @@ class VerifyForm:
             if calibration is not None:
                 ledger = self._visitor.bench.ledger
                 found = await aside(lambda: foreseen(ledger, str(calibration), protocol_, limits))
-                lines += [(self._visitor.sentence(str(one)), "warn") for one in without_notes(found.findings)]
-                lines += [(self._visitor.sentence(str(one)), "dim") for one in only_notes(found.findings)]
+                lines += [(self._visitor.sentence(one), "warn") for one in without_notes(found.findings)]
+                lines += [(self._visitor.sentence(one), "dim") for one in only_notes(found.findings)]
         except InclinometryError as error:
             lines = [(self._visitor.problem(error), "warn")]
         self._foreseen.clear()

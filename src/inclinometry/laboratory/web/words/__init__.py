@@ -50,7 +50,7 @@ def problem(language: str, error: InclinometryError) -> str:
         return said
     file = sentence(language, error.path.name)  # "the file" of an upload
     if error.line is None:
-        return f"{file}: {said}"
+        return say(language, "problem.file", file=file, problem=said)
     return say(language, "problem.line", file=file, line=error.line, problem=said)
 
 

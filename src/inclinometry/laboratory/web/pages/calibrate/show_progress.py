@@ -496,7 +496,7 @@ class Certifies:
         said = list(now.outliers.values())
         others = [one for one in without_notes(now.calibration.findings) if one not in said]
         for one in others[:3]:
-            ui.label(guided.visitor.sentence(str(one))).classes("warn small")
+            ui.label(guided.visitor.sentence(one)).classes("warn small")
 
     def _line(self, angle: str, value: float, alone: float, noise: float, wanted: float | None) -> None:
         """U of one reading as the certificate will print it; below, from the calibration alone, and what is wanted."""
