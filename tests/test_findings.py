@@ -101,6 +101,12 @@ def test_numbers_keep_their_size():
     assert "50120000 нТл" in say(found, "ru")
 
 
+def test_a_value_of_thousands_of_characters_is_cut():
+    found = Finding("table-empty", {"column": "a" * 5000 + "/name.csv"})
+    assert len(str(found)) < 300
+    assert "/name.csv" in str(found)
+
+
 def test_a_finding_as_plain_data():
     found = Finding("run-depth-digit", {"course_m": 28.5, "md_m": 610.0, "expected_m": 601.5}, (21,))
     plain = found.plain()

@@ -6,7 +6,6 @@ made of a finding, whose sentence is its message.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
@@ -65,10 +64,8 @@ class FileError(InputError):
 
     def __init__(self, finding: Finding, *, path: str | Path, line: int | None = None, row: int | None = None) -> None:
         where = f"{path}" + (f", line {line}" if line is not None else f", row {row}" if row is not None else "")
-        # a damaged file has values, in quotes, of thousands of characters
-        text = re.sub(r"((?<!\w)'[^'\n]{60})[^'\n]{60,}'(?!\w)", r"\1…'", str(finding))
         super().__init__(finding)
-        self.args = (f"{where}: {text}",)
+        self.args = (f"{where}: {finding}",)
         self.path, self.line = Path(path), line
 
 

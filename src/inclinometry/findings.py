@@ -174,13 +174,18 @@ def _shown(name: str, value: Value, spec: str, language: str, own: str) -> str:
         join = _word(f" {spec.removesuffix('word').strip() or 'and'} ", language, own)
         return join.join([_word(", ", language, own).join(shown[:-1]), shown[-1]] if shown[1:] else shown)
     if isinstance(value, str):
-        return _word(value, language, own) if spec == "word" else value
+        return _word(value, language, own) if spec == "word" else _short(value)
     unit = next((end for end in UNITS if name.endswith(end)), "")
     text = format(value, spec or ("d" if isinstance(value, int) else ".12g" if unit == "_m" else ".3g"))
     text = f"{float(text):.12g}" if "e" in text else text
     if language == "ru":
         text = text.replace(".", ",")
     return text + (_word(UNITS[unit], language, own) if unit else "")
+
+
+def _short(text: str) -> str:
+    """A text of data for a sentence: a damaged file has values of thousands of characters; of a path the end counts."""
+    return text if len(text) <= 300 else f"{text[:60]}…{text[-30:]}"
 
 
 def _word(text: str, language: str, own: str) -> str:

@@ -47,8 +47,8 @@ def label(text: str, /, **values: Any) -> str:
     Examples
     --------
     >>> with speaking("ru"):
-    ...     label("tilt {tilt_deg:.1f}°", tilt_deg=0.25)
-    'наклон 0,2°'
+    ...     label("{min:.1f} to {max:.1f} °C", min=19.52, max=20.5)
+    'от 19,5 до 20,5 °C'
     """
     known = _labels(spoken())
     said = known.get(text, text)

@@ -109,8 +109,8 @@ WRONG = [
     (("tool.json", "--number", " "), "[ledger-text]"),
     (("tool.json", "--language", "fr"), "fr"),
     (("other.json", "--verification", "verify.json"), "[record-calibration-other]"),
-    (("tool.json", "--fonts", "nowhere"), "there is no such folder"),
-    (("tool.json", "--fonts", "empty"), "no font is in this folder"),
+    (("tool.json", "--fonts", "nowhere"), "nowhere: "),
+    (("tool.json", "--fonts", "empty"), "empty: The file has no fonts."),
 ]
 WRONG_LAB = [
     ("nam = 'x'", "[record-key-unknown]"),

@@ -15,9 +15,11 @@ def source(tmp_path):
 def test_it_says_what_the_target_does_not_hold(run):
     done = run("convert a.csv b.las")
     assert (done.status, done.out) == (0, "2 stations written to b.las\n")
-    assert "warning: not carried by las: column 'crew' (2 values)" in done.err
+    assert "warning: Column crew is not kept (values: 2)" in done.err
     done = run("convert a.csv b.txt --to las --json")
-    assert done.json["lost"] == ["column 'crew' (2 values)"]
+    assert [(one["code"], one["values"]) for one in done.json["lost"]] == [
+        ("work-lost-column", {"column": "crew", "count": 2})
+    ]
     assert (done.json["stations"], done.json["from"], done.json["to"]) == (2, "csv", "las")
     assert Path("b.txt").read_text() == Path("b.las").read_text()
 
@@ -38,7 +40,7 @@ def test_doubtful_fields_are_said(run):
 
 def test_a_target_that_cannot_be_read_back(run):
     Path("u.csv").write_text("md_m,u_inclination_deg\n0,0.1\n30,0.1\n")
-    run("convert u.csv u.xml").refused("u.xml: what witsml holds of this survey cannot be read back")
+    run("convert u.csv u.xml").refused("u.xml: ", "[work-unread]")
     assert not Path("u.xml").exists()
 
 
@@ -91,9 +93,9 @@ def test_legs_for_cave_programs_are_written_and_not_read(run):
     )
     for ending in ("svx", "th", "dat"):
         done = run("convert", "a.csv", f"a.{ending}").ok()
-        assert "not carried by" in done.err
-        assert "column 'tvd_m' (2 values)" in done.err
-    assert "does not tell the format" in run("convert a.svx b.csv").err
+        assert "[work-lost-angles]" in done.err
+        assert "Column tvd_m " in done.err
+    assert "[work-format]" in run("convert a.svx b.csv").err
     done = run("convert a.csv b.csv --to csv-excel")
     assert (done.status, done.err) == (0, "")
     assert Path("b.csv").read_text(encoding="utf-8-sig").startswith("md_m;")

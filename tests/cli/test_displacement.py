@@ -126,7 +126,7 @@ def test_a_spike_and_a_changed_bias_are_named(run, two):
     ("row", "column", "value", "words"),
     [
         (5, 0, "2.2", "[holes-depth-digit]"),
-        (7, 2, "", "later.csv, line 8: column 'A180' is empty"),
+        (7, 2, "", "later.csv, line 8: Column A180 is empty"),
         (7, 1, "30000", "[holes-tilt-large]"),
     ],
 )
@@ -142,7 +142,7 @@ def test_a_file_that_cannot_be_taken_is_named_with_its_line(run, two, row, colum
 
 
 def test_readings_that_do_not_belong_together(run, two):
-    assert "has no unit; state --unit digi-25000" in displace(run, unit=None).err
+    displace(run, unit=None).refused("--unit digi-25000", "[readings-unit-unstated]")
     assert '"deg"' in run("displacement base.csv later.csv --unit degrees").err
     same = run("displacement base.csv base.csv --unit sin")
     assert same.status == 2
@@ -160,9 +160,9 @@ def test_readings_that_do_not_belong_together(run, two):
 
 
 def test_options_out_of_range(run, two):
-    assert "--spike-limit is 0" in displace(run, "--spike-limit", "0").err
-    assert "--step-sd-mm is -1" in displace(run, "--step-sd-mm", "-1").err
-    assert "--rotation-deg is 90" in displace(run, "--rotation-deg", "90").err
+    assert "--spike-limit is 0; allowed: " in displace(run, "--spike-limit", "0").err
+    assert "--step-sd-mm is -1; allowed: " in displace(run, "--step-sd-mm", "-1").err
+    assert "--rotation-deg is 90; allowed: " in displace(run, "--rotation-deg", "90").err
 
 
 def test_several_readings_each_against_the_base(run, two):

@@ -37,13 +37,13 @@ def test_the_stand_stated(run, turned):
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (["--north-sd-deg", 0.1], "nothing says what it is: give --north-deg"),
-        (["--north-sd-deg", 91], "allowed 0 to 90"),
-        (["--dip-deg", 91], "allowed -90 to 90"),
-        (["--method", "rotations", "--dip-sd-deg", 0.1], "no use for --dip-sd-deg"),
-        (["--method", "field", "--north-deg", 1], "no use for --north-deg"),
-        (["--gyro-step", 1], "have no gyro"),
-        (["--mag-step", -1], "allowed 0 to"),
+        (["--north-sd-deg", 0.1], "--north-sd-deg needs --north-deg"),
+        (["--north-sd-deg", 91], "--north-sd-deg is 91; allowed: 0 .. 90"),
+        (["--dip-deg", 91], "--dip-deg is 91; allowed: -90 .. 90"),
+        (["--method", "rotations", "--dip-sd-deg", 0.1], "--dip-sd-deg does not apply to --method rotations"),
+        (["--method", "field", "--north-deg", 1], "--north-deg does not apply to --method field"),
+        (["--gyro-step", 1], "--gyro-step needs gyro"),
+        (["--mag-step", -1], "--mag-step is -1; allowed: 0 .. "),
     ],
 )
 def test_refused(run, turned, options, words):
@@ -57,7 +57,7 @@ def test_plans(run):
     rows = rows_of("more.csv")
     assert len(rows) == 4 + 5 * 4
     assert len({row["azimuth_deg"] for row in rows}) == 5
-    run("plan orthogonal --azimuths 5 -o none.csv").refused("it is for twelve")
+    run("plan orthogonal --azimuths 5 -o none.csv").refused("--azimuths does not apply to plan orthogonal")
 
 
 @pytest.mark.long
@@ -85,4 +85,4 @@ def test_positions_visited_twice_are_in_the_plan_and_say_what_they_buy(run):
     assert "2 positions visited once more at the end: with them a zero that drifts shows from" in done.out
     assert run("simulate bench --plan plan.csv -o readings.csv").status == 0
     assert run("calibrate readings.csv --json").json["stations"] == 14
-    run("plan twelve --repeats 3 -o other.csv").refused("allowed: 0, 1 or 2")
+    run("plan twelve --repeats 3 -o other.csv").refused("repeats is 3; allowed: 0 .. 2")

@@ -34,4 +34,4 @@ def test_a_command_takes_its_own_template(run, command):
 
 
 def test_commands_without_a_table_say_which_have_one(run):
-    run("field", "--template").refused("--template is for calibrate")
+    run("field", "--template").refused("--template: field; allowed: calibrate, ")

@@ -114,7 +114,7 @@ def calibrate_joint(
     said += check_fit(done)
     found = result(done, name)
     if not diagnose:
-        return replace(found, findings=tuple(said))
+        return replace(found, findings=(*said, *found.findings))
     expected = expected_uncertainty(found)
     more, outliers = diagnosed(found, done, expected)
     shares = calibration_shares(found, expected)

@@ -216,7 +216,7 @@ def result(done: Fit, name: str) -> Calibration:
     causes[UNDETECTED] = left[:size, :size]
     found = replace(found, causes=causes, response=response, bent=bent(done.fitted))
     notes = untold(found.tool, found.field_directions, done.looked_for, left[:size, :size])
-    return replace(found, findings=tuple(notes))
+    return replace(found, findings=(*found.findings, *notes))
 
 
 def _nuisance_sd(given: Mapping[str, float] | None) -> Array:

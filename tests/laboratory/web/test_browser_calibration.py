@@ -89,7 +89,8 @@ def lose_the_instrument(browser: Browser, stand: Stand) -> None:
     before = captured(browser)
     stand.cable.pull()
     browser.wait(lambda: browser.state("verdict") == "disconnected", "a pulled cable is not shown")
-    press(browser, lambda: "nothing is captured" in browser.seen(), ready=("disconnected",))
+    said = "return [...document.querySelectorAll('.q-notification')].map(e => e.innerText).join()"
+    press(browser, lambda: "not connected" in browser.script(said), ready=("disconnected",))
     assert captured(browser) == before
     stand.cable.plug()
     browser.wait(lambda: browser.state("verdict") in ("learning", "still"), "the instrument does not come back")

@@ -218,9 +218,9 @@ def test_what_the_drift_says_of_tools_in_each_language(tmp_path: Path, start: An
             headers = {"cookie": f"inclinometry_language={language}"}
             home = browser.get("/", headers=headers).text
             assert say(language, "home.alarms") in home
-            assert f"{alarmed.serial}: {sentence(language, alarm.sentence)}" in home
+            assert f"{alarmed.serial}: {sentence(language, str(alarm.finding))}" in home
             page = browser.get(f"/tools/{alarmed.serial}", headers=headers).text
-            assert say(language, "tools.alarm", sentence=sentence(language, alarm.sentence)) in page
+            assert say(language, "tools.alarm", sentence=sentence(language, str(alarm.finding))) in page
             plotted = re.search(r'"type":\s*"category".*?"data":\s*(\[.*?\])', page.replace("&quot;", '"'))
             assert json.loads(plotted[1]) == [day.isoformat() for day in alarmed.date]
             page = browser.get(f"/tools/{sound.history.serial}", headers=headers).text

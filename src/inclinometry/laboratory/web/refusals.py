@@ -294,7 +294,7 @@ def of_request(error: Mapping[str, Any]) -> Finding:
     Examples
     --------
     >>> str(of_request({"loc": ("body", "count"), "msg": "Input should be greater than 0", "input": -1}))
-    'Body.count is -1: Input should be greater than 0. Correct it.'
+    'body.count is -1: Input should be greater than 0. Correct it.'
     """
     place = _utf8(".".join(str(part) for part in error.get("loc", ()))[:200]) or "body"
     message = _utf8(str(error.get("msg", ""))[:300])

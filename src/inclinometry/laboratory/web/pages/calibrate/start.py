@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 from fastapi import Request
-from nicegui import ui
+from nicegui import context, ui
 
 from inclinometry.errors import InclinometryError, InputError, wrong_kind
 from inclinometry.laboratory import registry
@@ -32,7 +32,7 @@ def ask_reason(
     visitor: Visitor, question: str, action: str, go: Callable[[str], Awaitable[None]], **values: Any
 ) -> None:
     """Ask for a reason in words; nothing is done without one."""
-    say = visitor.say
+    say, client = visitor.say, context.client
     with ui.dialog() as dialog, ui.card().classes("panel"):
         ui.label(say(question, **values))
         reason = ui.input(say("bench.reason")).props('autofocus maxlength=2000 data-testid="reason"').classes("wide")
@@ -40,7 +40,8 @@ def ask_reason(
         async def sure() -> None:
             if stated(str(reason.value)):
                 dialog.close()
-                await go(str(reason.value).strip())
+                with client:  # what takes its time outlives the dialog
+                    await go(str(reason.value).strip())
 
         reason.on("keydown.enter", sure)
         with ui.row():
@@ -52,13 +53,14 @@ def ask_reason(
 
 def ask_sure(visitor: Visitor, question: str, action: str, go: Callable[[], Awaitable[None]], **values: Any) -> None:
     """Ask once more before something that is not meant to happen by a slip."""
-    say = visitor.say
+    say, client = visitor.say, context.client
     with ui.dialog() as dialog, ui.card().classes("panel"):
         ui.label(say(question, **values))
 
         async def sure() -> None:
             dialog.close()
-            await go()
+            with client:
+                await go()
 
         with ui.row():
             ui.button(say(action), on_click=sure).props('outline no-caps data-testid="confirm"')
