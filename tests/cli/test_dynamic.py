@@ -145,7 +145,7 @@ REFUSED = {
     ("-o", "run.parquet"): "is the same file as the run",
     ("-o", "site.toml"): "is the same file as --site",
     ("-o", "a.txt"): "[file-ending]",
-    ("-o", "none/a.csv"): "does not exist; create it first",
+    ("-o", "none/a.csv"): "[file-absent]",
     ("--report", "a.csv"): "is the same file as --output",
     ("--calibration", "site.toml"): "site.toml",
     ("--site", "none.toml"): "[file-absent]",
@@ -177,8 +177,8 @@ def test_a_bad_line_is_named_and_nothing_written(simulated, run):
     ("options", "message"),
     [
         (("--scenario", "moon"), 'Invalid value "moon" for --scenario. Choose from: "smooth"'),
-        (("--duration-s", 0), "the duration is 0 s"),
-        (("--inclination-deg", 200), "--inclination-deg is 200 degrees"),
+        (("--duration-s", 0), "duration_s is 0; allowed: > 0"),
+        (("--inclination-deg", 200), "--inclination-deg is 200; allowed: 0 .. 180"),
         (("--truth", "run.parquet"), "is the same file as --output"),
     ],
 )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 import subprocess
 import sys
 from pathlib import Path
@@ -59,8 +58,8 @@ def test_a_table_for_people(extended):
 
 
 def test_positions_alone_and_a_tie_on(extended):
-    done = extended("position survey.csv -o p.csv --tie-on 10 20 30 --report p.html").ok()
-    assert "positions only" in done.out
+    done = extended("position survey.csv -o p.csv --tie-on 10 20 30 --report p.html --json").ok()
+    assert "work-no-model" in [one["code"] for one in done.json["findings"]]
     first = rows_of("p.csv")[0]
     assert [first[name] for name in ("north_m", "east_m", "tvd_m", "cov_nn")] == ["10", "20", "30", ""]
 
@@ -79,7 +78,7 @@ def test_grid_azimuths_without_a_site_give_positions_from_grid_north(extended):
     assert "Norths seen from above" not in page  # how far true north is from there is not known
     # true north, and an error model, need the convergence
     for more in (("--north", "true"), ("--tool-code", "iscwsa-mwd-rev5.1"), ("--site", "site.toml", *MWD[:2])):
-        extended("position", "grid.csv", *more).refused("the site has no convergence")
+        extended("position", "grid.csv", *more).refused("The site does not state convergence")
 
 
 def code(**change):
@@ -110,9 +109,9 @@ def test_an_own_tool_code(extended):
         (("--tool-code", "unit.json"), "furlong"),
         (("--tool-code", "iscwsa-mwd-rev4"), "the site"),
         (("--raw", "raw.csv"), "[input-needs]"),
-        (("--sources", "s.csv"), "--sources needs an error model"),
-        (("--tie-on", "nan", 0, 0), "nan is not allowed"),
-        (("--tie-sigma", -1, 0, 0), "-1 is not allowed"),
+        (("--sources", "s.csv"), "--sources needs "),
+        (("--tie-on", "nan", 0, 0), "--tie-on is nan; allowed: -1e8 .. 1e8"),
+        (("--tie-sigma", -1, 0, 0), "--tie-sigma is -1; allowed: 0 .. 1e8"),
         (("--report", "survey.csv"), "the same file as the survey"),
         (("--calibration", "missing.json"), "missing.json"),
     ],
@@ -127,7 +126,10 @@ def test_wrong_options_write_nothing(extended, arguments, wanted):
 
 @pytest.mark.parametrize(
     ("north", "wanted"),
-    [("", "survey.csv, line 3: azimuth_reference is ''"), ("magnetic", "poor.toml: the site has no declination")],
+    [
+        ("", "survey.csv, line 3: azimuth_reference: ''; allowed: "),
+        ("magnetic", "poor.toml: The site does not state declination"),
+    ],
 )
 def test_wrong_stations_write_nothing(run, north, wanted):
     """What else the reader refuses: tests/files/test_position_csv.py."""
@@ -144,7 +146,7 @@ def test_an_inclination_the_tool_code_is_not_made_for(extended):
     content["parameters"] = {"inc_max": 80.0}
     Path("own.json").write_text(json.dumps(content))
     extended("position survey.csv --tool-code own.json -o p.csv").refused(
-        "survey.csv: station", "own is made for 0 to 80 deg"
+        "survey.csv: Station 178 ", "tool code own is for 0 deg to 80 deg"
     )
 
 
@@ -161,8 +163,8 @@ def certified(well, run):
 
 def test_a_certificate_becomes_an_ellipse(certified):
     measured = certified("survey.csv", "--raw", "raw.csv", "--report", "p.html").ok()
-    assert "the sensors alone" in measured.err
-    assert "the sensors alone" in Path("p.html").read_text()
+    assert "[work-sensors-only]" in measured.err
+    assert "Errors of the sensors only" in Path("p.html").read_text()
     assert [one["source"] for one in measured.json["sources"]] == ["stability", "calibration", "sensor noise"]
     assert set(measured.json["inputs"]) == {"survey", "site", "tool", "raw"}
     computed = certified("survey.csv")
@@ -202,7 +204,7 @@ def test_a_calibration_ages(certified):
     assert [one["values"]["days"] for one in dated.json["findings"] if one["code"] == "work-age"] == [365.0]
     assert size(dated) == pytest.approx(size(assumed), rel=1e-3)
     Path("tool.json").write_text(json.dumps({**record, "created": "2027-01-03"}))
-    certified("survey.csv").refused("2 days before the calibration")
+    certified("survey.csv").refused("[work-before-calibration]")
 
 
 def test_a_tool_code_beside_a_certificate_tells_of_the_rest(certified):
@@ -229,17 +231,29 @@ def test_a_stated_declination_sigma_is_a_source(certified):
 def test_raw_channels_of_other_stations_are_refused(certified):
     lines = Path("raw.csv").read_text().splitlines()
     Path("gap.csv").write_text("\n".join([*lines[:20], *lines[21:]]))
-    certified("survey.csv", "--raw", "gap.csv").refused("survey.csv: station 20 of the tool")
+    certified("survey.csv", "--raw", "gap.csv").refused("survey.csv: ", "Station 20 of the tool ", "[position-depths]")
     assert not Path("p.csv").exists()
     # another run above: allowed, and said
     Path("lower.csv").write_text("\n".join([lines[0], *lines[3:]]))
     done = certified("survey.csv", "--raw", "lower.csv").ok()
-    assert "2 stations from 0 to 30 m without raw channels" in done.err
+    assert "Without raw channels: 2 stations, 0 m to 30 m" in done.err
 
 
 def test_a_site_that_does_not_say_what_the_tool_saw(certified):
     Path("site.toml").write_text("b_nT = 50000\ndeclination_deg = 2\ng = 9.81\n")
-    certified("survey.csv").refused("site.toml: the site has no dip")
+    certified("survey.csv").refused("site.toml: Missing: dip_deg.")
+
+
+def agree(done):
+    """What is said of positions in a file that agree with the path."""
+    return [one["values"] for one in done.json["findings"] if one["code"] == "work-positions-agree"]
+
+
+def assert_all_agree(done, within_m=0.005):
+    (agreed,) = agree(done)
+    assert agreed["names"] == ["true vertical depth", "north", "east"]
+    assert agreed["away_m"] < within_m
+    assert not {one["code"] for one in done.json["findings"]} & {"work-not-compared", "work-map-not-compared"}
 
 
 def test_a_listing_with_positions_of_its_own_is_held_against_the_path(run):
@@ -249,16 +263,15 @@ def test_a_listing_with_positions_of_its_own_is_held_against_the_path(run):
     )
     Path("a.csv").write_text(listing)
     done = run("position", "a.csv").ok()
-    each = "north within 0.00 m, east within 0.00 m"
-    assert f"the file agrees with the path by minimum curvature: true vertical depth within 0.00 m, {each}" in done.out
-    assert "not compared" not in done.out
+    assert_all_agree(run("position a.csv --json"))
     # ten feet to the north; said once, and nothing is taken from it
     Path("b.csv").write_text(listing.replace("107.40", "117.40"))
     other = run("position", "b.csv")
-    assert "(north) are 3.05 m from the path by minimum curvature at md 365.76 m (line 4), and" in other.err
+    assert "(north) are 3.05 m from the path at 365.76 m (line 4); the path is used" in other.err
     assert other.out.split("positions\n")[1] == done.out.split("positions\n")[1]
     Path("c.csv").write_text(listing + "1300,,,,,,\n1400,6,45,,,,\n")
-    assert "left out: 1, the first in line 5" in run("position", "c.csv").out
+    left = [one for one in run("position c.csv --json").json["findings"] if one["code"] == "work-rows-left-out"]
+    assert [one["values"] for one in left] == [{"count": 1, "line": 5}]
 
 
 def test_north_and_east_exchanged_in_one_row_are_named(run):
@@ -266,12 +279,13 @@ def test_north_and_east_exchanged_in_one_row_are_named(run):
     listing = (REFERENCE / "listings" / "exchanged-north-east.csv").read_text()
     Path("a.csv").write_text(listing)
     done = run("position a.csv --azimuth-reference grid").ok()
-    assert "'+N/-S (ft)' and '+E/-W (ft)' are exchanged at 1 of 3 stations, first at md 609.6 m (line 4)" in done.err
-    assert "agrees with the path by minimum curvature: true vertical depth within 0.00 m" in done.out
+    assert "+N/-S (ft) and +E/-W (ft) are exchanged at 1 of 3 stations, first at 609.6 m (line 4)" in done.err
+    (agreed,) = agree(run("position a.csv --azimuth-reference grid --json"))
+    assert (agreed["names"], agreed["away_m"] < 0.005) == (["true vertical depth"], True)
     Path("b.csv").write_text(listing.replace("246.43,242.2,", "242.2,246.43,"))
     done = run("position b.csv --azimuth-reference grid")
     assert done.err == ""
-    assert "true vertical depth within 0.00 m, north within 0.00 m, east within 0.00 m" in done.out
+    assert_all_agree(run("position b.csv --azimuth-reference grid --json"))
 
 
 def test_a_typing_error_near_45_deg_is_no_exchange(run):
@@ -279,7 +293,7 @@ def test_a_typing_error_near_45_deg_is_no_exchange(run):
     Path("a.csv").write_text(LISTING.format("+N/-S", "+E/-W") + rows)
     done = run("position a.csv --azimuth-reference grid")
     assert "exchanged" not in done.err
-    assert "(east) are 2.08 m from the path by minimum curvature at md 609.6 m (line 4)" in done.err
+    assert "(east) are 2.08 m from the path at 609.6 m (line 4)" in done.err
 
 
 def test_columns_exchanged_in_steps_too_short_to_tell(run):
@@ -319,15 +333,14 @@ def listing(names, offset=(0.0, 0.0), turned=0.0):
 @pytest.mark.parametrize("offset", [(0.0, 0.0), (120.5, -33.0), (6478571.3, 431000.2)])
 def test_positions_by_other_names_are_compared_from_their_first_row(run, names, offset):
     Path("a.csv").write_text(listing(names, offset))
-    done = run("position a.csv --azimuth-reference grid")
-    assert done.err == ""
-    assert re.search("true vertical depth within 0.00 m, north within 0.0[01] m, east within 0.0[01] m", done.out)
+    assert run("position a.csv --azimuth-reference grid").err == ""
+    assert_all_agree(run("position a.csv --azimuth-reference grid --json"), 0.015)
     rows = listing(names, offset).splitlines()
     cells = [row.split(",") for row in rows]
     cells[3][4], cells[3][5] = cells[3][5], cells[3][4]
     Path("b.csv").write_text("\n".join(map(",".join, cells)) + "\n")
     assert (
-        "are exchanged at 1 of 4 stations, first at md 1000 m (line 4)"
+        "are exchanged at 1 of 4 stations, first at 1000 m (line 4)"
         in run("position b.csv --azimuth-reference grid").err
     )
 
@@ -335,22 +348,21 @@ def test_positions_by_other_names_are_compared_from_their_first_row(run, names, 
 def test_map_coordinates_count_from_grid_north(run):
     """Beside true azimuths they are compared by the site's convergence, or not at all."""
     Path("a.csv").write_text(listing(("Northing", "Easting"), (6478571.3, 431000.2), turned=1.5))
-    done = run("position a.csv --azimuth-reference true")
-    assert done.err == ""
-    assert "map coordinates in the file were not compared" in done.out
-    assert "north within" not in done.out
+    assert run("position a.csv --azimuth-reference true").err == ""
+    done = run("position a.csv --azimuth-reference true --json")
+    assert "work-map-not-compared" in [one["code"] for one in done.json["findings"]]
+    assert [one["names"] for one in agree(done)] == [["true vertical depth"]]
     Path("site.toml").write_text("convergence_deg = 1.5\n")
-    done = run("position a.csv --azimuth-reference true --site site.toml")
-    assert done.err == ""
-    assert re.search("north within 0.0[01] m, east within 0.0[01] m", done.out)
+    assert run("position a.csv --azimuth-reference true --site site.toml").err == ""
+    assert_all_agree(run("position a.csv --azimuth-reference true --site site.toml --json"), 0.015)
 
 
 def test_positions_that_cannot_be_read_are_said_not_to_be_compared(run):
     Path("a.csv").write_text("MD (m),Inc (deg),Azi (deg),Northing,Easting (m),N\n0,0,0,0,0 E,1\n100,5,9,4.3,0.7 E,2\n")
-    done = run("position a.csv --azimuth-reference grid").ok()
-    what = "no column with a known name, a unit and numbers, therefore not compared with the path"
-    assert f"{what}: north, east, true vertical depth" in done.out.replace("\n", " ")
-    assert "agrees" not in done.out
+    done = run("position a.csv --azimuth-reference grid --json").ok()
+    (left,) = [one["values"] for one in done.json["findings"] if one["code"] == "work-not-compared"]
+    assert left["names"] == ["north", "east", "true vertical depth"]
+    assert agree(done) == []
 
 
 def test_null_needs_a_number(run):

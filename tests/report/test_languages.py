@@ -103,7 +103,7 @@ REPORTS = {
     "calibration": _calibration,
     "comparison": _two,
     "displacement": _casing,
-    "dynamic": lambda: dynamic_report(replace(make(), notes=[])),
+    "dynamic": lambda: dynamic_report(make()),
     "fleet": _fleet,
     "gyro": lambda: Run().report(checks=()),
     "scale": lambda: scale_report(Run().track, tool="A7"),

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.refusals import coded
+from tests.refusals import coded, refused
 
 from inclinometry.earth.site import Site
 from inclinometry.errors import InputError
@@ -327,10 +327,14 @@ def test_one_spiky_position_is_left_out_and_named(simulated, spike, line):
 
 
 @pytest.mark.parametrize(
-    ("options", "wanted"), [({"method": "best"}, "joint, patent, fixed"), ({"prior": "hope"}, "calibration, previous")]
+    ("options", "wanted"),
+    [
+        ({"method": "best"}, {"value": "best", "allowed": ("joint", "patent", "fixed")}),
+        ({"prior": "hope"}, {"name": "prior", "value": "hope"}),
+    ],
 )
 def test_options_that_are_not_there(options, wanted):
-    with pytest.raises(InputError, match=wanted):
+    with refused("input-choice", **wanted):
         GyroOptions(**options)
 
 

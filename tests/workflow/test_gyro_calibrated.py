@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from tests.refusals import refused
 
 from inclinometry.arrays import Array
 from inclinometry.calibration.result import Calibration, Residuals, Rig
@@ -215,7 +216,7 @@ def test_a_run_colder_than_the_calibration_is_flagged(measured):
 
 def test_a_tool_that_follows_temperature_needs_it(measured):
     tool, truth = make_tool(), path()
-    with pytest.raises(FileError, match=r"depends on temperature; give temperature_degC") as caught:
+    with refused("input-temperature", error=FileError, kind="accelerometer") as caught:
         north_run(measured(tool, truth, heat=False), HERE, calibration(tool))
     assert str(caught.value).count("\n") == 0
     # one that does not follow it does not

@@ -2,24 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
-from cyclopts import Parameter
+from cyclopts import Parameter, Token
 
 from inclinometry.cli import options, output
 from inclinometry.errors import out_of_range, refused
 
 
-def _metres(low: float) -> Parameter:
+def _metres(low: str) -> Parameter:
     """Three lengths, none below the lowest allowed."""
 
-    def check(type_: object, values: tuple[float, float, float] | None) -> None:
-        for value in values or ():
-            if not low <= value <= 1e8:
-                raise out_of_range("m", value, f"{low:g} .. 1e8")
+    def three(type_: Any, tokens: Sequence[Token]) -> tuple[float, ...]:
+        values = tuple(float(token.value) for token in tokens)
+        for value in values:
+            if not float(low) <= value <= 1e8:
+                raise out_of_range(tokens[0].keyword or "", value, f"{low} .. 1e8")
+        return values
 
-    return Parameter(negative="", validator=check)
+    return Parameter(negative="", converter=three, n_tokens=3)
 
 
 Point: TypeAlias = tuple[float, float, float] | None
@@ -54,8 +57,8 @@ def position(
         ),
     ] = None,
     stability: options.StabilityFile = None,
-    tie_on: Annotated[Point, _metres(-1e8)] = None,
-    tie_sigma: Annotated[Point, _metres(0.0)] = None,
+    tie_on: Annotated[Point, _metres("-1e8")] = None,
+    tie_sigma: Annotated[Point, _metres("0")] = None,
     north: Literal["true", "grid"] | None = None,
     azimuth_reference: Annotated[Literal["magnetic", "true", "grid"] | None, Parameter(group=options.INPUT)] = None,
     ignore: options.Ignore = (),

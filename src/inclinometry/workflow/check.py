@@ -133,7 +133,7 @@ def _look(path: Path, given: Profile, record: Calibration | None, site: Site) ->
             uses[command] = uses[command] or _lacks(head, whole_log)
     if not uses[_BY_HAND] and seen.rests is not None and seen.rests <= LEAST_ROTATIONS:
         few: dict[str, Value] = {"name": "rests", "count": seen.rests, "least": LEAST_ROTATIONS + 1}
-        uses[_BY_HAND] = Finding("input-few", few)
+        uses[_BY_HAND] = Finding("input-few", few, severity="refused")
     found = (*findings, *notes, *(one for one in seen.findings if one not in notes))
     return Look(layout, rows, columns, seen.candidates, uses, _draft(profile, columns), found)
 
@@ -163,7 +163,7 @@ def _findings(head: Path, uses: dict[str, Finding | None], record: Calibration |
         return []  # no stations along a hole
     refused = tuple(dict.fromkeys(one.code for one in found if one.severity == "refused"))
     for command in commands if refused else ():
-        uses[command] = uses[command] or Finding("check-refused", {"codes": refused})
+        uses[command] = uses[command] or Finding("check-refused", {"codes": refused}, severity="refused")
     return found
 
 
@@ -461,7 +461,7 @@ def _lacks(path: Path, read: Callable[[Path], object]) -> Finding | None:
     except InclinometryError as error:
         found = error.finding
         if found.code == "file-column":  # the columns that are there are shown above
-            return Finding("input-missing", {"names": found.values["columns"]})
+            return Finding("input-missing", {"names": found.values["columns"]}, severity="refused")
         return found
     return None
 
