@@ -28,8 +28,8 @@ def fits(found: Finding, codes: Iterable[str], values: dict[str, Any]) -> bool:
 
 
 def _named(found: Finding, name: str) -> bool:
-    given = (found.values.get(key, "") for key in ("name", "names", "column", "columns"))
-    return not name or any(name in one for one in given if isinstance(one, str | tuple))
+    given = (found.values.get(key, ()) for key in ("name", "names", "column", "columns"))
+    return not name or any(name in str(part) for one in given for part in (one if isinstance(one, tuple) else (one,)))
 
 
 def _alike(have: Any, wanted: Any) -> bool:
