@@ -153,6 +153,8 @@ def say(found: Finding, language: str = "en") -> str:
     one that is translated, `or` and `and` for several values.
     """
     of, count, own = rule(found.code), found.values.get("count", 1), found.code.partition("-")[0]
+    if of.says == ("{text}",):
+        return str(found.values["text"])  # a sentence of a file, whole
     text = _translated(language, own, found.code, of.sentences, count if isinstance(count, int) else 1)
     parts = []
     for literal, name, spec, _ in Formatter().parse(text):
