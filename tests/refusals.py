@@ -14,13 +14,22 @@ from inclinometry.findings import Finding
 def refused(
     *codes: str, error: type[InclinometryError] = InclinometryError, **values: Any
 ) -> pytest.RaisesExc[InclinometryError]:
-    """An error, of a class, whose finding has one of these codes and, where given, these values."""
+    """An error, of a class, whose finding has one of these codes and, where given, these values.
+
+    After a code and a space a name may follow, of the argument or column that is refused: "input-value scale".
+    """
     return pytest.raises(error, check=lambda raised: raised.finding is not None and fits(raised.finding, codes, values))
 
 
 def fits(found: Finding, codes: Iterable[str], values: dict[str, Any]) -> bool:
     """Whether a finding has one of the codes and all of the values; of a text a part is enough."""
-    return found.code in codes and all(_alike(found.values.get(name), value) for name, value in values.items())
+    known = any(found.code == code and _named(found, name) for code, _, name in (one.partition(" ") for one in codes))
+    return known and all(_alike(found.values.get(name), value) for name, value in values.items())
+
+
+def _named(found: Finding, name: str) -> bool:
+    given = (found.values.get(key, ()) for key in ("name", "names", "column", "columns"))
+    return not name or any(name in str(part) for one in given for part in (one if isinstance(one, tuple) else (one,)))
 
 
 def _alike(have: Any, wanted: Any) -> bool:

@@ -52,7 +52,8 @@ def within(value: ArrayLike, name: str, low: float, high: float, unit: str = "")
     if bad.any():
         where = tuple(int(i) for i in np.argwhere(bad)[0])
         at = f"[{', '.join(map(str, where))}]" if where else ""
-        raise out_of_range(f"{name}{at}", float(array[where]), f"{low:g} .. {high:g} {unit}".rstrip())
+        allowed = f"{low:g} .. {high:g}" if high < np.inf else f">= {low:g}"
+        raise out_of_range(f"{name}{at}", float(array[where]), f"{allowed} {unit}".rstrip())
     return array
 
 

@@ -85,9 +85,9 @@ def test_what_is_refused(rows, tmp_path):
     write_attitude(rows, tmp_path / "a.csv")
     text = (tmp_path / "a.csv").read_text()
     for old, new, code in (
-        (",magnetic,", ",guessed,", "input-choice"),
-        ("clipped", "bent", "input-choice"),
-        ("grid", "up", "input-choice"),
+        (",magnetic,", ",guessed,", "input-choice method"),
+        ("clipped", "bent", "input-choice flag"),
+        ("grid", "up", "input-choice azimuth_reference"),
     ):
         (tmp_path / "b.csv").write_text(text.replace(old, new, 1))
         with refused(code, error=FileError):

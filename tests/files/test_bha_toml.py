@@ -63,16 +63,16 @@ def test_what_may_be_stated_is_taken(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "code"),
     [
-        ("sensor_to_bit_m = 5.0", "", "input-missing"),
-        ("sensor_to_bit_m = 5.0", "sensor_to_bit_m = 100.0", "input-value"),
-        ("hole_diameter_m = 0.2159", "hole_diameter_m = 8.5", "input-value"),
-        ("od_m = 0.171", "od_m = 6.75", "input-value"),
-        ("id_m = 0.071", "", "input-missing"),
-        ("id_m = 0.071", "id_m = 0.2", "input-value"),
-        ('"nonmagnetic"', '"monel"', "input-choice"),
+        ("sensor_to_bit_m = 5.0", "", "input-missing sensor_to_bit_m"),
+        ("sensor_to_bit_m = 5.0", "sensor_to_bit_m = 100.0", "input-value sensor"),
+        ("hole_diameter_m = 0.2159", "hole_diameter_m = 8.5", "input-value hole_diameter_m"),
+        ("od_m = 0.171", "od_m = 6.75", "input-value element 2.od_m"),
+        ("id_m = 0.071", "", "input-missing element 2.id_m"),
+        ("id_m = 0.071", "id_m = 0.2", "input-value inner diameter of element 2"),
+        ('"nonmagnetic"', '"monel"', "input-choice element 2.material"),
         ("weight_kg = 51", "weigth_kg = 51", "record-key-unknown"),
-        ("blade_od_m = 0.2127", "blade_od_m = 0.25", "input-value"),
-        ("to_bit_m = 12.0", "", "input-missing"),
+        ("blade_od_m = 0.2127", "blade_od_m = 0.25", "input-value hole"),
+        ("to_bit_m = 12.0", "", "input-missing stabiliser 1.to_bit_m"),
     ],
 )
 def test_mistakes(tmp_path, old, new, code):

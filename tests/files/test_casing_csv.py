@@ -57,13 +57,13 @@ A = {"depth_m": DEPTH, "a0_sin": TILT, "a180_sin": -TILT}
 @pytest.mark.parametrize(
     ("columns", "line", "words"),
     [
-        ({"a0_sin": TILT}, 1, "file-column"),
+        ({"a0_sin": TILT}, 1, "file-column depth_m"),
         (A | {"level_ft": DEPTH}, 1, "table-same"),
         ({"depth": DEPTH, "a0_sin": TILT}, None, "table-unit-missing"),
-        ({"depth_m": DEPTH, "b0_sin": TILT}, 1, "file-column"),
+        ({"depth_m": DEPTH, "b0_sin": TILT}, 1, "file-column a0"),
         (A | {"A+ (sin)": TILT}, 1, "table-same"),
-        ({"depth_m": DEPTH, "a180_sin": TILT}, 1, "file-column"),
-        (A | {"b0_sin": TILT}, 1, "file-column"),
+        ({"depth_m": DEPTH, "a180_sin": TILT}, 1, "file-column a0"),
+        (A | {"b0_sin": TILT}, 1, "file-column b180"),
         (A | {"b0_mm": TILT, "b180_mm": -TILT}, 1, "table-units"),
         ({"depth_m": DEPTH, "a0": TILT}, 1, "readings-unit-unstated"),
         ({"depth_m": DEPTH, "a0_furlong": TILT}, 1, "readings-unit-unstated"),

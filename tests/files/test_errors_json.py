@@ -54,10 +54,13 @@ def test_a_run_of_which_no_causes_are_known_is_not_written(tmp_path):
         (put("version", 2), "file-version"),
         (lambda c: c["stations"]["azimuth_deg"].pop(), "record-size"),
         (lambda c: c["errors"][1]["by_parameter"]["east"].pop(), "file-format"),
-        (put("errors", 1, "cause", "calibration"), "input-repeated"),
-        (put("errors", 0, "covariance", [[1.0]]), "input-shape"),
-        (put("errors", 0, "covariance", [[1.0, 2.0], [2.0, 1.0]]), "input-value"),
-        (lambda c: [rows.pop() for rows in c["errors"][0]["by_parameter"].values()], "input-shape"),
+        (put("errors", 1, "cause", "calibration"), "input-repeated $.errors[1].cause"),
+        (put("errors", 0, "covariance", [[1.0]]), "input-shape $.errors[0].by_parameter"),
+        (put("errors", 0, "covariance", [[1.0, 2.0], [2.0, 1.0]]), "input-value eig($.errors[0].covariance)"),
+        (
+            lambda c: [rows.pop() for rows in c["errors"][0]["by_parameter"].values()],
+            "input-shape $.errors[0].by_parameter",
+        ),
     ],
 )
 def test_parts_that_do_not_fit(tmp_path, change, words):

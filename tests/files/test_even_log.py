@@ -53,7 +53,7 @@ HUNDRED, NINE = np.arange(100.0), np.arange(9.0)
         (HUNDRED + 0.7 * (HUNDRED == 7), "input-uneven"),
         (NINE + 0.51 * (NINE == 4), "input-uneven"),
         (np.concatenate([np.arange(500.0), 499.0 + np.arange(1, 500) * 1.02]), "input-uneven"),
-        ([0.0, 1.0], "input-few"),
+        ([0.0, 1.0], "input-few rows"),
         ([0.0, 1.0, 1.0], "readings-order"),
         ([0.0, 2.0, 1.0], "readings-order"),
     ],

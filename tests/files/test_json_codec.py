@@ -26,11 +26,11 @@ def test_one_spelling():
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        ({"a": [1.0, np.nan]}, "input-finite"),
-        ({"a": {"b": np.inf}}, "input-finite"),
-        ({"a": {1: 2}}, "input-kind"),
-        ({"a": {1: 2, "1": 3}}, "input-kind"),
-        ({"a": b"x"}, "input-kind"),
+        ({"a": [1.0, np.nan]}, "input-finite $.a[1]"),
+        ({"a": {"b": np.inf}}, "input-finite $.a.b"),
+        ({"a": {1: 2}}, "input-kind $.a"),
+        ({"a": {1: 2, "1": 3}}, "input-kind $.a"),
+        ({"a": b"x"}, "input-kind $.a"),
         ({"a": "\ud800"}, "file-format"),
     ],
 )
@@ -42,11 +42,11 @@ def test_what_json_cannot_hold(content, words):
 @pytest.mark.parametrize(
     ("data", "line", "words"),
     [
-        (b"[1]", None, "input-kind"),
-        (b"null", None, "input-kind"),
-        (b"true", None, "input-kind"),
-        (b'"a"', None, "input-kind"),
-        (b"1.5", None, "input-kind"),
+        (b"[1]", None, "input-kind $"),
+        (b"null", None, "input-kind $"),
+        (b"true", None, "input-kind $"),
+        (b'"a"', None, "input-kind $"),
+        (b"1.5", None, "input-kind $"),
         (b'{"a": 1,\n"b": }', 2, "file-format"),
         (b'{"a": 1, "a": 2}', None, "file-format"),
         (b'{"a": NaN}', None, "file-format"),

@@ -40,10 +40,10 @@ def test_what_is_written_is_read(tmp_path, source):
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("accelerometer_scale = 1e-4\n", "", "input-missing"),
-        ('source = "own fleet"\n', "", "input-missing"),
-        ("0.001", "9.81", "input-value"),
-        ("0.02", "-0.02", "input-value"),
+        ("accelerometer_scale = 1e-4\n", "", "input-missing accelerometer_scale"),
+        ('source = "own fleet"\n', "", "input-missing source"),
+        ("0.001", "9.81", "input-value accelerometer_offset_m_s2"),
+        ("0.02", "-0.02", "input-value magnetometer_axis_deg"),
     ],
 )
 def test_what_cannot_be(tmp_path, old, new, words):

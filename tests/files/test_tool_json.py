@@ -295,9 +295,9 @@ def test_the_g_sensitivity_of_a_gyro_comes_back(tmp_path):
 @pytest.mark.parametrize(
     ("kind", "value", "words"),
     [
-        ("gyro", [[1, 2, 3], [1, 2, 3]], "input-shape"),
-        ("gyro", [[1, 2], [1, 2], [1, 2]], "file-value"),
-        ("gyro", "much", "file-value"),
+        ("gyro", [[1, 2, 3], [1, 2, 3]], "input-shape g_sensitivity"),
+        ("gyro", [[1, 2], [1, 2], [1, 2]], "file-value $.triads.gyro.g_sensitivity[2]"),
+        ("gyro", "much", "file-value $.triads.gyro.g_sensitivity"),
         ("magnetometer", [[1, 2, 3]] * 3, "input-not-with"),
     ],
 )

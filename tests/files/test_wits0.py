@@ -128,8 +128,8 @@ def test_values_that_stand_for_nothing(tmp_path):
         ("a,b\n1,2\n", "file-section"),
         (frame("0108100"), "wits-none"),
         (frame("x"), "wits-none"),
-        (frame("070830", "0713181"), "file-value"),
-        (frame("070830", "07221"), "file-column"),
+        (frame("070830", "0713181"), "file-value inclination_deg"),
+        (frame("070830", "07221"), "file-column gy_m_s2"),
         (frame("070830", "0715100"), "table-north"),
     ],
 )
@@ -141,12 +141,12 @@ def test_one_error(tmp_path, text, words):
 @pytest.mark.parametrize(
     ("channels", "words"),
     [
-        ({"708": "md_m"}, "input-value"),
+        ({"708": "md_m"}, "input-value item"),
         ({"0708": "md"}, "table-unit-missing"),
         ({"0708": "md_m", "0722": "gx_bananas"}, "table-unit"),
         ({"0708": "md_m", "0722": "operator"}, "table-unit-missing"),
         ({"0708": "md_m", "0709": "md_ft"}, "table-same"),
-        ({"0713": "inclination_deg"}, "input-missing"),
+        ({"0713": "inclination_deg"}, "input-missing md_m"),
     ],
 )
 def test_map_is_checked(channels, words):

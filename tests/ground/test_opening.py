@@ -12,6 +12,7 @@ from tests.refusals import refused
 from inclinometry.digest import digest_bytes, digest_file
 from inclinometry.errors import ConvergenceError, FileError, IdentifiabilityError, InclinometryError, InputError
 from inclinometry.files import json_codec, toml_keys
+from inclinometry.findings import Finding
 from inclinometry.opening import LARGEST_SETTINGS, opened, whole
 
 UNIX = pytest.mark.skipif(sys.platform == "win32", reason="devices and pipes of Unix")
@@ -83,10 +84,12 @@ def test_a_file_has_the_digest_of_its_bytes(tmp_path):
 
 
 def test_a_file_error_names_file_and_line():
-    error = FileError("no column", path="bench.csv", line=3)
-    assert str(error) == "bench.csv, line 3: no column"
-    assert (error.path, error.line, error.problem) == (Path("bench.csv"), 3, "no column")
-    assert str(FileError("empty", path="bench.csv")) == "bench.csv: empty"
+    found = Finding("file-absent")
+    error = FileError(found, path="bench.csv", line=3)
+    assert str(error) == f"bench.csv, line 3: {found}"
+    assert (error.path, error.line) == (Path("bench.csv"), 3)
+    assert error.finding == found._replace(severity="refused")
+    assert str(FileError(found, path="bench.csv")) == f"bench.csv: {found}"
 
 
 @pytest.mark.parametrize(

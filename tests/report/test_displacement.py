@@ -28,7 +28,7 @@ def test_page():
     text = displacement_report("base <1>", sums, {"May & June": found}, said)
     page = check(text)
     assert page.tags.count("svg") == 2
-    assert "1 spike in the check-sums" in page.text
+    assert "Spikes in the check-sums: 1" in page.text
     assert "base <1>" in page.text
     assert "May & June, A, sensitivity" in page.text
     assert text == displacement_report("base <1>", sums, {"May & June": found}, said)

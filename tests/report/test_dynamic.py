@@ -4,8 +4,10 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
+from tests.refusals import refused
 
 from inclinometry.errors import InputError
+from inclinometry.findings import example
 from inclinometry.motion.result import (
     BITS,
     CHANNELS,
@@ -92,7 +94,7 @@ def make(size=60):
         method="auto",
         window=WINDOW,
         north="magnetic",
-        notes=("magnetic: the tool turns and sees the field.", "gyro from 300 s: casing."),
+        findings=(example("motion-gyro-known"),),
         inputs={"run": "sha256:7"},
         tool="D3",
     )
@@ -113,7 +115,7 @@ def test_the_page_says_what_was_found_and_what_it_rests_on(run, page):
     assert "60 windows in 600 s, 5 refused" in page.text
     assert "Azimuth counts from magnetic north" in page.text
     assert "the calibration's own" in page.text.replace("’", "'")
-    assert "gyro from 300 s: casing." in page.text
+    assert str(example("motion-gyro-known")) in page.text
     assert "120000, 31 of them missing or clipped" in page.text
     assert dynamic_report(run) == dynamic_report(run)
 
@@ -195,7 +197,7 @@ def test_one_window_is_enough_and_none_is_not(run):
 
     one = replace(run, rows=first(run.rows, 1), vibration=first(run.vibration, 1))
     assert "1 window in" in check(dynamic_report(one)).text
-    with pytest.raises(InputError, match="no window"):
+    with refused("input-empty", error=InputError, name="run.rows"):
         dynamic_report(replace(run, rows=first(run.rows, 0)))
 
 

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.refusals import refused
 
 from inclinometry.constants import EARTH_RATE, STANDARD_GRAVITY
 from inclinometry.earth.site import Site
@@ -154,17 +155,23 @@ def test_stations_that_do_not_go_together_are_refused(run, name):
         "md": {"md": run.md + 1.0},
         "others": {"others": Run(3).others},
     }[name]
-    with pytest.raises(InputError, match="give the"):
+    code, values = {
+        "temperature": ("input-shape", {"name": "temperature", "shape": "(39,)", "expected": "(40,)"}),
+        "md": ("input-value", {"name": "md", "value": 31.0, "allowed": "= survey.md"}),
+        "others": ("input-shape", {"name": "fixed", "shape": "(3,)", "expected": "(40,)"}),
+    }[name]
+    with refused(code, error=InputError, **values):
         gyro_report(found, run.north, **wrong)
 
 
 def test_hostile_names(run):
     evil = "</style><script>alert(1)</script>"
-    found = gyro_survey(run.md, run.north, tool=evil, inputs={evil: evil}, notes=[evil])
-    checks = [Check(evil, "fail", 1.0, 1.0, (), evil, evil, evil)]
+    said = Finding("survey-evidence-temperature", {"tool": evil})
+    found = replace(gyro_survey(run.md, run.north, tool=evil, inputs={evil: evil}), findings=(said,))
+    checks = [Check(evil, "fail", 1.0, 1.0, (), said, evil, evil)]
     others = {evil: run.others["patent"]}
     assert check(gyro_report(found, run.north, md=run.md, checks=checks, others=others)).text.count(evil) >= 8
-    assert check(scale_report(run.track, tool=evil, notes=[evil])).text.count(evil) >= 3
+    assert check(scale_report(replace(run.track, findings=(said,)), tool=evil)).text.count(evil) >= 3
 
 
 def test_scale_report_offers_what_was_learnt(run):
@@ -173,12 +180,17 @@ def test_scale_report_offers_what_was_learnt(run):
     assert "The next run can start" in page.text
     assert "30.00" in page.text
     assert page.tags.count("svg") == 1
-    with pytest.raises(InputError, match="one depth a station"):
+    with refused("input-shape", name="md", shape="(39,)", expected="(40,)"):
         scale_report(run.track, md=run.md[1:])
 
 
 def test_scale_report_marks_stations_nothing_was_learnt_from(run):
-    deaf = replace(run.track, learnt=np.arange(len(run.track)) > 3, notes=("nothing was learnt from 4 stations",))
+    unseen = Finding("gyro-scale-unseen", {"count": 4, "total": 40}, severity="note")
+    deaf = replace(
+        run.track,
+        learnt=np.arange(len(run.track)) > 3,
+        findings=(unseen,),
+    )
     words = check(scale_report(deaf)).text
     assert "Nothing learnt from 4 of 40 stations" in words
     assert "nothing learnt" in words
@@ -221,7 +233,7 @@ def test_hot_run_with_a_method_that_always_fails(run):
 
 
 def test_hot_run_refuses_what_does_not_go_together(run):
-    with pytest.raises(InputError, match="one value for each station"):
+    with refused("input-shape", error=InputError, name="joint", shape="(3,)", expected="(40,)"):
         hot(run, {"joint": np.zeros(3)})
-    with pytest.raises(InputError, match="at least one of each"):
+    with refused("input-empty", error=InputError, name="errors, u"):
         hot(run, {})

@@ -10,6 +10,7 @@ import pytest
 
 from inclinometry.earth.site import Site
 from inclinometry.files.tool_code_json import load_tool_code
+from inclinometry.findings import Finding
 from inclinometry.position.propagation import propagate
 from inclinometry.position.well import horizontal_ellipse, well_survey
 from inclinometry.report import position as draw
@@ -115,7 +116,12 @@ def test_without_an_error_model(well):
 def test_text_from_outside_is_text(well):
     path, survey, *_ = well
     text = position_report(
-        path, survey, None, azimuth_reference="magnetic", warnings=["<b>bold</b>"], inputs={"survey": "</script>"}
+        path,
+        survey,
+        None,
+        azimuth_reference="magnetic",
+        findings=[Finding("position-code-certificate", {"code": "<b>bold</b>", "term": "A"})],
+        inputs={"survey": "</script>"},
     )
     page = check(without_scripts(text))
     assert "<b>bold</b>" in page.text

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from tests.refusals import refused
 
 from inclinometry.errors import InputError
 from inclinometry.orientation import angles, fields
@@ -51,21 +52,23 @@ def test_orders_that_make_sense(text):
 
 
 @pytest.mark.parametrize(
-    ("text", "message"),
+    ("text", "code", "values"),
     [
-        ("axial,axial", "given twice"),
-        ("msa,sag,msa", "given twice"),
-        ("msa,axial", "would throw away"),
-        ("axial,scc", "'scc' is not known; allowed: axial, msa, sag"),
-        (" , ", "no correction"),
+        ("axial,axial", "input-repeated", {"value": "axial"}),
+        ("msa,sag,msa", "input-repeated", {"value": "msa"}),
+        ("msa,axial", "work-axial-last", {}),
+        ("axial,scc", "input-choice", {"value": "scc", "allowed": ("axial", "msa", "sag")}),
+        (" , ", "input-empty", {"name": "--correct"}),
     ],
 )
-def test_orders_that_make_none(text, message):
-    with pytest.raises(InputError, match=message):
+def test_orders_that_make_none(text, code, values):
+    with refused(code, error=InputError, **values):
         correction_steps(text)
 
 
-@pytest.mark.parametrize(("name", "message"), [("sag", "bha.toml"), ("axial", "site.toml"), ("msa", "site.toml")])
-def test_a_correction_without_its_means(name, message):
-    with pytest.raises(InputError, match=message):
+@pytest.mark.parametrize(
+    ("name", "needed"), [("sag", ("--bha",)), ("axial", ("g", "b_nT", "dip_deg")), ("msa", ("g", "b_nT", "dip_deg"))]
+)
+def test_a_correction_without_its_means(name, needed):
+    with refused("input-needs", error=InputError, name=f"--correct {name}", needed=needed):
         corrected(run()[0], name, None, None, None)

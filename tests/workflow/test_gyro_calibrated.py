@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from tests.refusals import refused
 
 from inclinometry.arrays import Array
 from inclinometry.calibration.result import Calibration, Residuals, Rig
@@ -14,7 +15,7 @@ from inclinometry.constants import EARTH_RATE
 from inclinometry.earth.gravity import normal_gravity
 from inclinometry.earth.rate import earth_rate
 from inclinometry.earth.site import Site
-from inclinometry.errors import FileError, InputError
+from inclinometry.errors import FileError
 from inclinometry.files.gyro_csv import read_gyro_run, write_gyro_run
 from inclinometry.rotations import dcm, rotation_z, wrap_signed
 from inclinometry.sensors import Tool, Triad, parameter_vector, triad_from_vector
@@ -215,7 +216,7 @@ def test_a_run_colder_than_the_calibration_is_flagged(measured):
 
 def test_a_tool_that_follows_temperature_needs_it(measured):
     tool, truth = make_tool(), path()
-    with pytest.raises(FileError, match=r"depends on temperature; give temperature_degC") as caught:
+    with refused("input-temperature", error=FileError, kind="accelerometer") as caught:
         north_run(measured(tool, truth, heat=False), HERE, calibration(tool))
     assert str(caught.value).count("\n") == 0
     # one that does not follow it does not
@@ -241,7 +242,7 @@ def test_another_tools_channels_are_refused(measured):
         north_run(data, HERE, calibration(lame))
     assert (caught.value.finding.code, caught.value.finding.values) == ("input-uncalibrated", {"kind": "gyro"})
     other = replace(tool, triads={**tool.triads, "gyro": replace(tool.triads["gyro"], unit="deg/h")})
-    with pytest.raises(InputError, match="deg/h"):
+    with refused("fit-units", kind="gyro"):
         north_run(replace(data, units={**data.units, "gyro": "deg/s"}), HERE, calibration(other))
 
 

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from tests.refusals import refused
 
 from inclinometry.earth.site import Site
-from inclinometry.errors import FileError, InputError
+from inclinometry.errors import FileError
 from inclinometry.files.errors_json import RunErrors, read_errors, write_errors
 from inclinometry.position.propagation import gyro_sources, propagate
 from inclinometry.position.well import well_survey
@@ -96,7 +97,7 @@ def test_the_file_keeps_all_of_it(simulated, tmp_path):
         assert back.errors[name].shared == one.shared
     (tmp_path / "errors.json").write_text((tmp_path / "errors.json").read_text().replace('"md_m": [30', '"md_m": [3'))
     well = well_survey(survey.md, survey.inclination, survey.azimuth, HERE)
-    with pytest.raises(InputError, match="both need the same depths"):
+    with refused("position-depths", station=1, md_m=3.0):
         gyro_sources(read_errors(tmp_path / "errors.json"), well)
 
 
@@ -123,5 +124,5 @@ def test_a_wrong_file_is_named(simulated, tmp_path, old, new, says):
 def test_the_closed_form_says_nothing_of_what_is_shared(simulated, tmp_path):
     data, _ = simulated(stations=4)
     survey = north_run(data, HERE, options=GyroOptions(method="patent", hole="down")).survey
-    with pytest.raises(InputError, match="--scale joint or fixed"):
+    with refused("record-errors-unknown"):
         write_errors(RunErrors(survey.md, survey.inclination, survey.azimuth, "true", survey.errors), tmp_path / "e")

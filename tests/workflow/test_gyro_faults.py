@@ -5,9 +5,10 @@ import dataclasses
 
 import numpy as np
 import pytest
+from tests.refusals import refused
 
 from inclinometry.earth.site import Site
-from inclinometry.errors import FileError, InputError
+from inclinometry.errors import FileError
 from inclinometry.files.gyro_csv import read_gyro_run
 from inclinometry.gyro.faults import find_faults, rate_density
 from inclinometry.gyro.indexing import average_index, index_batches
@@ -223,7 +224,7 @@ def test_the_direction_of_turning_is_stated(simulated):
         assert np.abs(off).max() < 5.0 * found.north.u("azimuth").max()
     assert right.index_turns == "counterclockwise"
     assert right.survey.findings[0].values["turns"] == "counterclockwise"
-    with pytest.raises(InputError, match="index_turns is 'left'; allowed: clockwise, counterclockwise"):
+    with refused("input-choice", name="index_turns", value="left", allowed=("clockwise", "counterclockwise")):
         read_gyro_run(data.path, index_turns="left")
 
 

@@ -5,9 +5,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.refusals import refused
 
 from inclinometry.earth.site import Site
-from inclinometry.errors import FileError, InputError
+from inclinometry.errors import FileError
 from inclinometry.files.limits import read_repeat_limits
 from inclinometry.files.survey_csv import write_survey_csv
 from inclinometry.workflow.gyro_quality import check_json, compare_run_files, comparison_json, read_run, run_checks
@@ -42,13 +43,13 @@ def test_the_file_s_columns_beyond_the_survey_do_not_matter(tmp_path):
 
 def test_the_site_brings_both_to_one_north(tmp_path):
     one, two = write(tmp_path / "a.csv"), write(tmp_path / "b.csv", azimuth=98.0, north="grid")
-    with pytest.raises(InputError, match=r"different norths .* give the site"):
+    with refused("work-norths", norths=("true", "grid")):
         compare_run_files(one, two)
     # only the correction between the two is asked for, whatever north the site reports from
     for north in ("grid", "magnetic"):
         found = compare_run_files(one, two, Site(north_reference=north, convergence=np.radians(2.1)))
         np.testing.assert_allclose(np.degrees(found.azimuth), 0.1, atol=1e-9)
-    with pytest.raises(InputError, match="convergence"):
+    with refused("earth-site-lacks", name="convergence"):
         compare_run_files(one, two, Site(declination=0.1))
 
 
@@ -66,12 +67,12 @@ def test_the_same_run_twice_is_refused(tmp_path):
     copy = tmp_path / "b.csv"
     copy.write_bytes(path.read_bytes())
     for other in (path, copy):
-        with pytest.raises(FileError, match=r"this is a\.csv again; the same run twice proves nothing"):
+        with refused("work-same", error=FileError, file="a.csv"):
             compare_run_files(path, other)
     # other bytes, the same azimuths; and the same from another north
-    with pytest.raises(InputError, match="same run twice"):
+    with refused("survey-runs-same", quantity="azimuth"):
         compare_run_files(path, write(tmp_path / "c.csv", inclination=30.1))
-    with pytest.raises(InputError, match="same run twice"):
+    with refused("survey-runs-same", quantity="azimuth"):
         compare_run_files(
             path, write(tmp_path / "d.csv", azimuth=98.0, north="grid"), Site(convergence=np.radians(2.0))
         )
@@ -87,9 +88,9 @@ def test_vertical_stations_have_no_azimuth_and_flags_are_judged(tmp_path):
 
 
 def test_files_that_are_no_run(tmp_path):
-    with pytest.raises(FileError, match="azimuth_reference"):
+    with refused("input-north", error=FileError, norths=("grid", "true")):
         read_run(write(tmp_path / "a.csv", north=["true"] * 11 + ["grid"]))
-    with pytest.raises(FileError, match="station 3"):
+    with refused("file-value", error=FileError, column="inclination_deg"):
         read_run(write(tmp_path / "a.csv", inclination=np.where(np.arange(12) == 2, np.nan, 30.0)))
 
 
@@ -118,9 +119,18 @@ def test_limits_of_one_s_own(tmp_path):
     assert read_repeat_limits(path).name == "own"
     one, two = write(tmp_path / "a.csv", count=4), write(tmp_path / "b.csv", 30.05, 100.05, count=4)
     assert compare_run_files(one, two, limits=path).verdict == "pass"
-    for line, message in (("stations = 3\n", "missing"), ("stations = 3", "whole"), ("inclination_deg", "not known")):
-        path.write_text(TEXT.replace(line, {"missing": "", "whole": "stations = 3.5", "not known": "dip_deg"}[message]))
-        with pytest.raises(FileError, match=message):
+    for line, instead, code, values in (
+        ("stations = 3\n", "", "input-missing", {"names": ("stations",)}),
+        (
+            "stations = 3",
+            "stations = 3.5",
+            "input-kind",
+            {"name": "stations", "value": 3.5, "expected": "whole"},
+        ),
+        ("inclination_deg", "dip_deg", "record-key-unknown", {"name": "dip_deg"}),
+    ):
+        path.write_text(TEXT.replace(line, instead))
+        with refused(code, error=FileError, **values):
             read_repeat_limits(path)
-    with pytest.raises(InputError, match="presets: gyro-repeat"):
+    with refused("input-choice", name="limits", value="gyro-repaet", allowed=("gyro-repeat", "*.toml")):
         read_repeat_limits("gyro-repaet")

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from tests.refusals import refused
 
-from inclinometry.errors import FileError, InputError
+from inclinometry.errors import FileError
 from inclinometry.files.run_file import open_run
 from inclinometry.files.site_toml import read_site
 from inclinometry.simulate.drilling import SCENARIOS, simulate_drilling
@@ -47,12 +48,12 @@ def test_the_site_is_that_of_the_hole(tmp_path):
 
 
 def test_what_is_refused_leaves_nothing(tmp_path):
-    with pytest.raises(InputError, match="scenario is 'moon'; allowed: smooth"):
+    with refused("input-choice", name="scenario", value="moon"):
         DrillingRequest("moon")
     for duration in (0.0, -1.0, float("nan"), 1e9):
-        with pytest.raises(InputError, match="allowed: more than 0"):
+        with refused("input-value", name="duration_s", allowed="> 0"):
             DrillingRequest("smooth", duration=duration)
-    with pytest.raises(FileError, match=r"ends in .\.txt."):
+    with refused("file-ending", error=FileError, ending=".txt"):
         write_drilling(SHORT, tmp_path / "run.parquet", tmp_path / "truth.txt")
     assert not list(tmp_path.iterdir())
 

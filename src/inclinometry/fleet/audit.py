@@ -26,7 +26,7 @@ class Why(NamedTuple):
     name : in the store. current : whether it is in the table of its product now. footer : what the file says of itself.
     raw : the counts it was made of, None where the catalogue does not know them.
     certificate : as it stands in the ledger now, None where it is not there.
-    problems : sentences; none where everything holds.
+    problems : none where everything holds.
     """
 
     name: str

@@ -13,6 +13,7 @@ from inclinometry.arrays import Array, Index, Mask, finite
 from inclinometry.constants import ANGLES, COVERAGE_FACTOR, DEG_PER_HOUR
 from inclinometry.earth.site import Site
 from inclinometry.errors import out_of_range, refused, wrong_shape
+from inclinometry.findings import only_notes, without_notes
 from inclinometry.gyro.result import FLAGS, North
 from inclinometry.gyro.tracking import SPAN, ScaleTrack
 from inclinometry.language import label, said
@@ -215,13 +216,13 @@ SCALE_CONVENTIONS = (
 )
 
 
-def scale_report(track: ScaleTrack, *, md: ArrayLike | None = None, tool: str = "", notes: Sequence[str] = ()) -> str:
+def scale_report(track: ScaleTrack, *, md: ArrayLike | None = None, tool: str = "") -> str:
     """A scale factor followed over temperature as one self-contained HTML page; without `md` stations are numbered."""
     depth = None if md is None else finite(md, "md", (None,))
     if depth is not None and len(depth) != len(track):
         raise wrong_shape("md", depth.shape, f"({len(track)},)")
     left = int((~track.learnt).sum())
-    learnt = learnt_sentences(track)
+    warned = without_notes(track.findings)
     belief = track.belief
     sd = np.sqrt(np.maximum(np.diagonal(belief.covariance), 0.0))
     at = label("scale factor at {at_degC:g} °C", at_degC=belief.reference_temperature)
@@ -243,7 +244,7 @@ def scale_report(track: ScaleTrack, *, md: ArrayLike | None = None, tool: str = 
     return report(
         "Scale factor report",
         label("Scale factor of {value}", value=tool or "a gyro"),
-        learnt[0],
+        learnt_sentences(track)[0],
         [
             Section("Scale factor over temperature", pictures=[scale_picture(track)]),
             Section("What was learnt", tables=[coefficients]),
@@ -258,13 +259,14 @@ def scale_report(track: ScaleTrack, *, md: ArrayLike | None = None, tool: str = 
         conventions=f"{label(CONVENTIONS)} {label(SCALE_CONVENTIONS)}",
         states=[
             (left, "warn", label("Nothing learnt from {left} of {count} stations", left=left, count=len(track))),
-            (notes, "warn", "Read the warnings"),
+            (warned, "warn", "Read the warnings"),
             (True, "good", "Learnt"),
         ],
         notes=[
-            "The uncertainty supposes that the scale factor follows the polynomial and walks from station to station."
+            "The uncertainty supposes that the scale factor follows the polynomial and walks from station to station.",
+            *said(only_notes(track.findings)),
         ],
-        warnings=[*learnt[1:], *notes],
+        warnings=said(warned),
     )
 
 

@@ -15,7 +15,7 @@ from inclinometry.calibration.result import Calibration
 from inclinometry.constants import EARTH_RATE, STANDARD_GRAVITY, STRING_INTERFERENCE
 from inclinometry.conventions import Axes
 from inclinometry.earth.site import Site
-from inclinometry.errors import refused
+from inclinometry.errors import not_among, out_of_range, refused
 from inclinometry.files.run_file import BLOCK
 from inclinometry.findings import Finding, Value
 from inclinometry.motion.checked import CheckedStream
@@ -94,20 +94,19 @@ class DynamicOptions:
     def __post_init__(self) -> None:
         chosen_method(self.method)
         if not SHORTEST <= self.window <= LONGEST:
-            allowed = f"{SHORTEST:g} to {LONGEST:g} s"
-            raise refused("input-value", {"name": "window", "value": f"{self.window:g} s", "allowed": allowed})
-        within(self.delay_sigma, "the standard deviation of the delay", 0.0, 0.01, "s")
-        within(self.scale_sigma, "the standard deviation of the scale errors", 0.0, 0.1)
-        within(self.axial_sigma, "the standard deviation of the axial interference", 0.0, 1e5, "nT")
-        within(self.lag, "the lag of the field", 0.0, 0.05, "s")
-        within(self.lag_sigma, "the standard deviation of the lag", 0.0, 0.05, "s")
+            raise out_of_range("window", self.window, f"{SHORTEST:g} .. {LONGEST:g} s")
+        within(self.delay_sigma, "delay_sigma", 0.0, 0.01, "s")
+        within(self.scale_sigma, "scale_sigma", 0.0, 0.1)
+        within(self.axial_sigma, "axial_sigma", 0.0, 1e5, "nT")
+        within(self.lag, "lag", 0.0, 0.05, "s")
+        within(self.lag_sigma, "lag_sigma", 0.0, 0.05, "s")
         if self.gyro_noise is not None:
-            within(self.gyro_noise, "the gyro's noise", 1e-9, 1.0, "rad/sqrt(s)")
+            within(self.gyro_noise, "gyro_noise", 1e-9, 1.0, "rad/sqrt(s)")
         if self.gyro_bias_sigma is not None:
-            within(self.gyro_bias_sigma, "the standard deviation of the gyro's bias", 0.0, 1.0, "rad/s")
-        within(self.switch, "the inclination of the switch of toolfaces", 0.0, 0.5 * np.pi, "rad")
+            within(self.gyro_bias_sigma, "gyro_bias_sigma", 0.0, 1.0, "rad/s")
+        within(self.switch, "switch", 0.0, 0.5 * np.pi, "rad")
         if self.block < 1:
-            raise refused("input-value", {"name": "block", "value": str(self.block), "allowed": ">= 1"})
+            raise out_of_range("block", self.block, ">= 1")
 
 
 class Setup:
@@ -296,7 +295,7 @@ METHODS: Final[Mapping[MethodName, Method]] = MappingProxyType(
 def chosen_method(name: MethodName) -> Method:
     """The method of a name."""
     if name not in METHODS:
-        raise refused("input-value", {"name": "method", "value": repr(name), "allowed": ", ".join(METHODS)})
+        raise not_among("method", name, METHODS)
     return METHODS[name]
 
 
