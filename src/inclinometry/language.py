@@ -80,10 +80,11 @@ def number(text: str) -> str:
     Examples
     --------
     >>> with speaking("ru"):
-    ...     number("0.25 ± 0.01"), number("rev5.1")
-    ('0,25 ± 0,01', 'rev5.1')
+    ...     number("0.25 ± 0.01"), number("rev5.1"), number("0.1.0")
+    ('0,25 ± 0,01', 'rev5.1', '0.1.0')
     """
-    if spoken() != "ru" or "." not in text or not _NUMBERS.fullmatch(text):
+    # a number with two points is a version or a date
+    if spoken() != "ru" or "." not in text or not _NUMBERS.fullmatch(text) or re.search(r"\d\.\d+\.\d", text):
         return text
     return re.sub(r"(?<=\d)\.(?=\d)", ",", text)
 

@@ -425,15 +425,15 @@ class TestWhatIsMissing:
     @pytest.mark.parametrize(
         ("more", "code"),
         [
-            ({"degree": 1}, "input-needs"),
-            ({"degree": 4}, "input-value"),
-            ({"g_sensitive": True}, "input-needs"),
-            ({"gravity": np.full((32, 3), 9.8)}, "input-value"),
-            ({"gravity": np.full((32, 3), 1.2)}, "input-value"),
-            ({"gravity": np.ones((3, 3))}, "input-shape"),
-            ({"temperature": np.ones(3)}, "input-shape"),
-            ({"sd": 0.0}, "input-value"),
-            ({"sd": np.ones(2)}, "input-shape"),
+            ({"degree": 1}, "input-needs temperature degree"),
+            ({"degree": 4}, "input-value temperature degree"),
+            ({"g_sensitive": True}, "input-needs g-sensitivity"),
+            ({"gravity": np.full((32, 3), 9.8)}, "input-value gravity[0, 0]"),
+            ({"gravity": np.full((32, 3), 1.2)}, "input-value gravity[0, 0]"),
+            ({"gravity": np.ones((3, 3))}, "input-shape gravity"),
+            ({"temperature": np.ones(3)}, "input-shape temperature"),
+            ({"sd": 0.0}, "input-value sd"),
+            ({"sd": np.ones(2)}, "input-shape sd"),
         ],
     )
     def test_input(self, more, code):

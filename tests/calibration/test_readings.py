@@ -118,14 +118,14 @@ def test_readings_of_one_channel_that_agree_were_rounded_alike():
 @pytest.mark.parametrize(
     ("more", "code"),
     [
-        ({"sd": {"gyro": 2e15}}, "input-value"),
-        ({"sd": {"gyro": [[0.1, 0.1]]}}, "input-shape"),
-        ({"sd": {"gyro": [0.1, -0.1]}}, "input-value"),
-        ({"step": {"gyro": -1.0}}, "input-value"),
-        ({"step": {"gyro": [1.0, 1.0, 1.0]}}, "input-shape"),
-        ({"roll_set": ["a"]}, "input-shape"),
-        ({"count": np.full(7, 0.5)}, "input-value"),
-        ({"azimuth": np.zeros(7)}, "input-missing"),
+        ({"sd": {"gyro": 2e15}}, "input-value gyro sd"),
+        ({"sd": {"gyro": [[0.1, 0.1]]}}, "input-shape gyro sd"),
+        ({"sd": {"gyro": [0.1, -0.1]}}, "input-value gyro sd"),
+        ({"step": {"gyro": -1.0}}, "input-value step of the gyro"),
+        ({"step": {"gyro": [1.0, 1.0, 1.0]}}, "input-shape step of the gyro"),
+        ({"roll_set": ["a"]}, "input-shape roll_set"),
+        ({"count": np.full(7, 0.5)}, "input-value count"),
+        ({"azimuth": np.zeros(7)}, "input-missing inclination"),
     ],
 )
 def test_what_does_not_go_together(more, code):

@@ -113,7 +113,7 @@ def test_clustered_second_harmonic_is_not_told():
     [
         ([0.0, 1.0], [1.0, 2.0], IdentifiabilityError, "fit-rolls"),
         ([0.0, 0.01, 0.02], [1.0, 2.0, 3.0], IdentifiabilityError, "fit-rolls"),
-        ([0.0, 1.0, 2.0], [1.0, 2.0], InputError, "input-shape"),
+        ([0.0, 1.0, 2.0], [1.0, 2.0], InputError, "input-shape signal"),
     ],
 )
 def test_bad_rolls(roll, signal, error, words):

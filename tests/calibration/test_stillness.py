@@ -180,10 +180,10 @@ def test_a_million_samples():
     ("time", "signals", "words"),
     [
         ([0.0, 1.0, 0.5, 2.0] * 30, np.zeros((120, 1)), "input-backwards"),
-        (np.arange(5.0), np.zeros((5, 1)), "input-few"),
+        (np.arange(5.0), np.zeros((5, 1)), "input-few samples"),
         (np.arange(500.0), np.zeros((500, 2)), "fit-signals-constant"),
-        (np.arange(500.0), np.zeros((400, 2)), "input-shape"),
-        (np.arange(1.0), np.zeros((1, 2)), "input-few"),
+        (np.arange(500.0), np.zeros((400, 2)), "input-shape channels"),
+        (np.arange(1.0), np.zeros((1, 2)), "input-few samples"),
     ],
 )
 def test_bad_logs(time, signals, words):

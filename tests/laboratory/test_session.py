@@ -184,7 +184,7 @@ def test_a_rig_is_recorded_with_its_dials(laboratory: Ledger, bench: SimpleNames
 
 
 def test_dials_that_are_none_are_not_recorded(laboratory: Ledger) -> None:
-    with refused("input-choice", error=InputError, name="azimuth_counts"):
+    with refused("ledger-content", error=InputError, place="rig.dials.azimuth_counts"):
         laboratory.append("rig", {"name": "x"}, {"sd_deg": [1, 1, 1], "dials": {"azimuth_counts": "left"}}, author="a")
 
 

@@ -167,6 +167,7 @@ def test_numbers_have_the_sign_of_the_language():
     with speaking("ru"):
         assert label("{name}: rms {rms}°{lost}", name="joint", rms="0.25", lost="") == "совместный: СКЗ 0,25°"
         assert (number("-0.12 ± 0.05"), label("Bench & sons")) == ("-0,12 ± 0,05", "Bench & sons")
+        assert label("Written by inclinometry {version}.", version="0.1.0") == "Written by inclinometry 0.1.0."
 
 
 def test_parameters_have_names():

@@ -177,7 +177,7 @@ def test_what_is_refused(path, tmp_path):
     with refused("motion-no-triads"):
         reduced(tmp_path / "mag.csv")
     (tmp_path / "two.csv").write_text("time_s,accel_x,accel_y,accel_z,mag_x,mag_y,mag_z\n0,0,0,9,2e4,0,4e4\n")
-    with refused("XX", error=FileError):
+    with refused("input-few", error=FileError, count=1, least=2):
         reduced(tmp_path / "two.csv")
 
 

@@ -137,7 +137,7 @@ def test_the_default_prior_is_the_run_with_temperatures_or_without(simulated):
     default, run = north_run(cold, HERE), north_run(cold, HERE, options=GyroOptions(prior="run"))
     np.testing.assert_array_equal(default.north.azimuth, run.north.azimuth)
     record = north_run(data, HERE).record()
-    with pytest.raises(InputError, match="temperature_degC"):
+    with refused("input-needs", name="--history", needed=("temperature_degC",)):
         north_run(cold, HERE, options=GyroOptions(history=replace(record, inputs={})))
 
 
@@ -282,7 +282,7 @@ def test_the_next_run_begins_with_what_the_last_one_taught(simulated, tmp_path):
 def test_readings_do_not_teach_themselves(simulated):
     data, _ = simulated()
     record = north_run(data, HERE).record()
-    with pytest.raises(InputError, match=r"histor"):
+    with refused("work-history-same"):
         north_run(data, HERE, options=GyroOptions(history=record))
 
 

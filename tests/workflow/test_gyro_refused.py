@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from tests.refusals import refused
 
 from inclinometry.earth.site import Site
-from inclinometry.errors import FileError, InputError
+from inclinometry.errors import FileError
 from inclinometry.workflow.gyro import GyroOptions, north_run
 
 DEG_H = np.radians(1.0) / 3600.0
@@ -79,7 +80,7 @@ def test_a_latitude_far_off_is_said(simulated):
 @pytest.mark.parametrize("site", [Site(), Site(g=9.81), Site(declination=0.1)])
 def test_a_site_without_latitude(simulated, site):
     data, _ = simulated()
-    with pytest.raises(InputError, match="latitude"):
+    with refused("input-missing", names=("latitude_deg",)):
         north_run(data, site)
 
 

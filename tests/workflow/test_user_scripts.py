@@ -7,6 +7,7 @@ import re
 from pathlib import Path
 
 import pytest
+from tests.refusals import refused
 
 import inclinometry as im
 from inclinometry.cli import main
@@ -132,7 +133,7 @@ def test_attitude_while_drilling(folder, capsys):
     ],
 )
 def test_degrees_in_the_place_of_radians_are_refused(given):
-    with pytest.raises(im.InputError, match="rad"):
+    with refused("input-value", error=im.InputError, allowed=" rad"):
         given()
 
 

@@ -12,7 +12,7 @@ from inclinometry.findings import Finding
 from inclinometry.language import label, number, said
 from inclinometry.report.figure import BAD, DASHES, MARKERS, SERIES, legend_above, panel
 from inclinometry.report.page import Section, Table, TableRow, cut, picture, report
-from inclinometry.report.words import rounded, significant
+from inclinometry.report.words import listed, rounded, significant
 from inclinometry.survey.displacement import AxisDisplacement, CheckSums, Displacement
 
 if TYPE_CHECKING:
@@ -103,7 +103,7 @@ def _sentence(name: str, found: Displacement) -> str:
             depth=found.depth[row],
         )
 
-    parts = " and ".join(words(axis, one) for axis, one in found.axes.items())
+    parts = listed([words(axis, one) for axis, one in found.axes.items()])
     return label(
         "{name}: the largest displacements are {parts} (expanded, k = {k:g}, about 95 %).",
         name=name,

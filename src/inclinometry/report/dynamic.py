@@ -399,8 +399,8 @@ def dynamic_report(run: result.DynamicRun) -> str:
         conventions=conventions,
         states=[
             (refused == size, "bad", "No window could be trusted"),
-            (refused, "warn", label("{refused} of {size} refused", refused=refused, size=_windows(size))),
-            (flagged, "warn", label("{flagged} of {size} flagged", flagged=flagged, size=_windows(size))),
+            (refused, "warn", label("{refused} of {size} windows refused", refused=refused, size=size)),
+            (flagged, "warn", label("{flagged} of {size} windows flagged", flagged=flagged, size=size)),
             (True, "good", "Nothing refused or flagged"),
         ],
         notes=[
@@ -417,9 +417,7 @@ def dynamic_report(run: result.DynamicRun) -> str:
 
 def norths(rows: result.AttitudeRows) -> str:
     """What azimuth counts from, for a sentence; a run whose methods differ names both."""
-    return label(
-        "{value} north", value=listed([REFERENCES[place] for place in np.unique(rows.north[~rows.refused])]) or "no"
-    )
+    return f"{' and '.join(REFERENCES[place] for place in np.unique(rows.north[~rows.refused])) or 'no'} north"
 
 
 def _windows(count: int) -> str:
@@ -562,9 +560,9 @@ def _refused(rows: result.AttitudeRows) -> Section | None:
     table = Table("Reasons, those that cost most windows first; a window may have several", head, body, text_columns=3)
     share, count = plain(100.0 * float(refused.mean()), 1), int(refused.sum())
     told = label(
-        "{count} of {count_2} ({share} %) refused: no attitude, rather than a wrong one.",
+        "{count} of {count_2} windows ({share} %) refused: no attitude, rather than a wrong one.",
         count=count,
-        count_2=_windows(len(rows)),
+        count_2=len(rows),
         share=share,
     )
     calm = "No window was refused; the flags below weaken some."

@@ -321,7 +321,7 @@ def test_what_cannot_be_shown_is_left_out_of_the_record() -> None:
 def test_warnings_and_units_are_in_the_language_of_the_certificate(seen: list[dict[str, str]]) -> None:
     """Nobody reads English on the Russian certificate of a doubtful verification, but names and codes."""
     doubted = copy.deepcopy(verification(1.0))
-    few = Finding("verify-few", {"positions": 4})
+    few = Finding("verify-few", {"positions": 4, "least": 6})
     doubted["report"]["warnings"] = [str(few)]
     certificate_pdf(record(verification=doubted) | {"language": "ru"})
     text = json.dumps(seen[0], ensure_ascii=False)

@@ -531,7 +531,7 @@ def dcc_root(data: bytes, where: str | Path = "certificate.xml") -> Element:
     """
     largest = 50_000_000
     if len(data) > largest:
-        raise FileError(Finding("file-large", {"bytes": len(data), "most": largest}), path=where)
+        raise FileError(Finding("file-large", {"what": "bytes", "size": len(data), "most": largest}), path=where)
     parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False)
     try:
         root = etree.fromstring(data, parser)

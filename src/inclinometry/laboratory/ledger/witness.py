@@ -26,7 +26,7 @@ from inclinometry.findings import Finding
 from inclinometry.laboratory.ledger.chain import LedgerError, compact
 from inclinometry.laboratory.ledger.engine import CHAIN, TABLES, engine, readable, record_of, shown, translated
 from inclinometry.laboratory.ledger.heads import SignedHead, parse_signed
-from inclinometry.opening import LARGEST_SETTINGS, opened, whole
+from inclinometry.opening import LARGEST_SETTINGS, opened, too_large, whole
 
 PRINT: Final = "print"
 PATIENCE: Final = 5.0
@@ -314,7 +314,7 @@ def _kept(path: Path, witness: str) -> Iterator[Witnessed]:
     with opened(path) as stream:
         size, largest = os.fstat(stream.fileno()).st_size, 1_000_000_000  # more than a million heads
         if size > largest:
-            raise FileError(Finding("file-large", {"bytes": size, "most": largest}), path=path)
+            raise FileError(too_large("bytes", size, largest), path=path)
         while line := stream.readline(_LONGEST):
             yield from _lines(line.decode(errors="replace"), witness)
 

@@ -49,7 +49,7 @@ from inclinometry.laboratory.web.pages.calibrate.start import ask_reason, ask_su
 from inclinometry.laboratory.web.pages.lists import plan_words
 
 
-@ui.page("/calibrate/{session}")
+@ui.page("/calibrate/{session}", response_timeout=30.0)  # a rig may take its time to answer
 async def bench_page(request: Request, session: str) -> None:
     """One session."""
     with frame(request, "bench.title", needs="capture") as visitor:
