@@ -153,6 +153,8 @@ def say(found: Finding, language: str = "en") -> str:
     one that is translated, `or` and `and` for several values.
     """
     of, count, own = rule(found.code), found.values.get("count", 1), found.code.partition("-")[0]
+    if of.says == ("{text}",):
+        return str(found.values["text"])  # a sentence of a file, whole
     text = _translated(language, own, found.code, of.sentences, count if isinstance(count, int) else 1)
     parts = []
     for literal, name, spec, _ in Formatter().parse(text):
@@ -170,8 +172,10 @@ def _shown(name: str, value: Value, spec: str, language: str, own: str) -> str:
     if isinstance(value, tuple):
         if not value:
             return _word("none", language, own)
-        shown = [_shown(name, one, "word" if spec.endswith("word") else "", language, own) for one in value]
-        join = _word(f" {spec.removesuffix('word').strip() or 'and'} ", language, own)
+        last = spec.removesuffix("word").strip()
+        last, each = (last, spec[len(last) :].strip()) if last in ("and", "or") else ("and", spec)
+        shown = [_shown(name, one, each, language, own) for one in value]
+        join = _word(f" {last} ", language, own)
         return join.join([_word(", ", language, own).join(shown[:-1]), shown[-1]] if shown[1:] else shown)
     if isinstance(value, str):
         return _word(value, language, own) if spec == "word" else _short(value)

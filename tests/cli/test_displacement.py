@@ -176,4 +176,4 @@ def test_several_readings_each_against_the_base(run, two):
 
 def test_check_says_that_it_is_a_casing(run, two):
     done = run("check base.csv --profile inclinometer-digi-25000 --json")
-    assert done.json["uses"]["displacement"] == "yes"
+    assert done.json["uses"]["displacement"] is None

@@ -190,7 +190,7 @@ def test_histories_that_do_not_belong(run, simulated):
     simulated()
     assert run(*SCALE, "-o", "scale.json").status == 0
     # the readings it was learnt from
-    refused(run, *NORTH, "-o", "out.csv", "--history", "scale.json", parts=["these very readings"])
+    refused(run, *NORTH, "-o", "out.csv", "--history", "scale.json", parts=["[work-history-same]"])
     simulated("--seed", 2)
     identity = {k: Triad(k, np.eye(3)[:2], np.zeros(2), u) for k, u in (("accelerometer", "m/s^2"), ("gyro", "deg/h"))}
     tool = Tool("B9", identity)
@@ -200,8 +200,8 @@ def test_histories_that_do_not_belong(run, simulated):
     )
     write_scale(replace(read_scale("scale.json"), tool="A7"), "A7.json")
     command = (*NORTH, "-o", "out.csv", "--history", "A7.json")
-    refused(run, *command, "--calibration", "B9.json", parts=["'A7'", "'B9'"])
-    refused(run, *command, parts=["'A7'"])
+    refused(run, *command, "--calibration", "B9.json", parts=["[work-history-tool]"])
+    refused(run, *command, parts=["[work-history-tool]"])
     refused(
         run,
         *NORTH,
@@ -289,12 +289,12 @@ def test_a_spike_is_flagged_with_its_line(run, simulated):
 @pytest.mark.parametrize(
     ("option", "value", "part"),
     [
-        ("--scale-sd-percent", 0, "allowed more than 0"),
+        ("--scale-sd-percent", 0, "--scale-sd-percent is 0; allowed: > 0"),
         ("--scale-sd-percent", "nan", "nan"),
         ("--gyro-sd-deg-h", -1, "--gyro-sd-deg-h"),
         ("--accel-sd-m-s2", "inf", "--accel-sd-m-s2"),
         ("--z-bias-sd-deg-h", 0, "--z-bias-sd-deg-h"),
-        ("--sweep-deg", 181, "allowed 0 to 180"),
+        ("--sweep-deg", 181, "--sweep-deg is 181; allowed: 0 .. 180"),
         ("--hole", "left", "--hole"),
         ("--prior", "hope", "--prior"),
         ("--scale", "best", "--scale"),
@@ -369,11 +369,11 @@ def test_a_run_reaches_its_own_ellipse(run, simulated):
     assert run(*NORTH, "--hole", "down", "-o", "stations.csv", "--errors", "errors.json").status == 0
     position = ("position", "stations.csv", "--errors", "errors.json", "--site", "site.toml", "-o", "position.csv")
     done = run(*position).ok()
-    assert "a tool code beside --errors adds them" in done.err
+    assert "[work-sensors-only]" in done.err
     alone = numbers(rows_of("position.csv"), "semi_major_m")
     assert alone[0] == 0.0
     assert (np.diff(alone) > 0.0).all()
     assert run(*position, "--tool-code", "spe90408-model-1", "--report", "out.html").status == 0
     assert (numbers(rows_of("position.csv"), "semi_major_m")[1:] > alone[1:]).all()
     assert "the gyro run itself" in Path("out.html").read_text(encoding="utf-8")
-    refused(run, *position, "--calibration", "truth.json", parts=("leave --calibration out",))
+    refused(run, *position, "--calibration", "truth.json", parts=("--calibration does not apply to --errors",))

@@ -47,9 +47,9 @@ def test_the_xsens_log_is_one_command(accel, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        ([], "no gyro: add gyro_x"),
-        (["--gyro-profile", "xsens-gyro"], "--gyro-profile is for --gyro-log"),
-        (["--rig-sd-deg", "1"], "method hand-rotations has no use for --rig-sd-deg"),
+        ([], "One of gyro_x .. gyro_z or --gyro-log is needed"),
+        (["--gyro-profile", "xsens-gyro"], "--gyro-profile needs --gyro-log"),
+        (["--rig-sd-deg", "1"], "--rig-sd-deg does not apply to --method hand-rotations"),
     ],
 )
 def test_refusals(accel, words, said, capsys):
@@ -66,4 +66,4 @@ def test_a_gyro_of_another_time_is_refused(accel, tmp_path, capsys):
     other.write_bytes(b"\n".join([*rows[1:], rows[-1].replace(b"5.1", b"5.2", 1)]))
     words = ["calibrate", accel, "--profile", "xsens-accelerometer", "--gyro-log", other, "--gyro-profile"]
     assert run(*words, "xsens-gyro", "--method", "hand-rotations") == 2
-    assert "same times" in capsys.readouterr().err
+    assert "[work-times]" in capsys.readouterr().err

@@ -69,7 +69,7 @@ def test_the_sign_of_the_dip_is_never_guessed(run, tables):
     Path("surveys.csv").write_text("hole,depth_m,inclination_deg,azimuth_deg\nH1,100,30,90\n")
     done = holes(run, "--json", dip=None)
     assert ends(done)["H1"] == pytest.approx([1075.0, 2000.0, 300.0 - 150.0 * np.sin(np.pi / 3)])
-    assert "leave it out" in holes(run).err
+    holes(run).refused("--dip-down does not apply to inclination_deg")
     # level holes lie the same under either sign
     Path("surveys.csv").write_text("hole,depth_m,dip_deg,azimuth_deg\nH1,100,0,90\n")
     assert holes(run, dip=None).status == 0
@@ -105,7 +105,7 @@ def test_azimuths_are_turned_to_the_grid(run, tables):
         ("H1,100,-60,90", "H1,100,-95,90", 3, "holes-angle-range"),
         ("H1,100,-60,90", "H1,100,-60,400", 3, "holes-angle-range"),
         ("H1,100,-60,90", "H1,160,-60,90", 2, "holes-end-above"),
-        ("H1,100,-60,90", "H1,100,60,270", 2, "turns by 180"),
+        ("H1,100,-60,90", "H1,100,60,270", 2, "survey-half-turn"),
         ("UP,50", "up,50", 4, "holes-collar-missing"),
         ("UP,50", "UP,0", 4, "holes-length-unknown"),
     ],
@@ -134,7 +134,7 @@ def test_each_hole_is_held_against_what_a_run_is(run):
     text = "\n".join(["hole,depth_m,dip_deg,azimuth_deg", *rows]) + "\n"
     Path("surveys.csv").write_text(text.replace("B,300,", "B,310,"))
     done = run("holes", "surveys.csv", "--dip-down", "negative", "--json").ok()
-    (one,) = said(done, "holes-doubt")
+    (one,) = said(done, "holes-run")
     inner = one["values"]["finding"]
     assert (one["severity"], one["values"]["hole"], inner["code"]) == ("warning", "B", "run-depth-digit")
     assert inner["rows"] == [11]
@@ -152,7 +152,7 @@ def test_collars_that_are_double_or_alone(run, tables):
 def test_a_table_that_is_not_of_holes(run, tables):
     """What else the reader refuses: tests/files/test_holes_csv.py."""
     Path("surveys.csv").write_text(SURVEYS.replace("hole,depth_m", "name,depth_m"))
-    holes(run).refused("no column names the hole")
+    holes(run).refused("Missing columns: hole.", "[file-column]")
 
 
 def test_feet_and_nothing_left(run, tables):

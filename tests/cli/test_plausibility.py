@@ -71,7 +71,6 @@ def test_survey_quality_and_msa(run):
     assert "ignored run-axis-along: " in Path("c.json").read_text()
     axes()
     done = run("quality run.csv --site site.toml --json").ok()
-    assert done.json["warnings"] == []
     assert {one["severity"] for one in done.json["findings"]} == {"note"}
 
 

@@ -70,7 +70,7 @@ def test_a_truth_is_visited_again(bench, run):
         (["--port", 0, "--protocol", "modbus"], "[input-choice]"),
         (["--port", 0, "--protocol", "none.toml"], "[file-absent]"),
         (["--port", 0, "--tool", "none.json"], "none.json"),
-        (["--port", 0, "--plan", "thirteen"], "plan 'thirteen' is unknown"),
+        (["--port", 0, "--plan", "thirteen"], "plan: thirteen; allowed: twelve, "),
         (["--port", 0, "--rate-hz", 0], "[input-value]"),
         (["--port", 0, "--speed", -1], "[input-value]"),
         (["--port", 0, "--dwell-s", 0], "[input-value]"),

@@ -200,10 +200,10 @@ def test_swapped_magnetometer_axes_are_named(run):
     trusted = ("--ignore", "axes")
     done = run(*QUALITY, *trusted)
     assert done.status == 1
-    assert "x and y swapped" in done.out
-    refused(run(*MSA, *trusted, "--report", "page.html"), "x and y swapped", "before any correction")
+    assert "channels x and y exchanged" in done.out
+    refused(run(*MSA, *trusted, "--report", "page.html"), "channels x and y exchanged", "[survey-wiring-axes]")
     done = run(*SURVEY, *trusted).ok()
-    assert "x and y swapped" in done.err
+    assert "channels x and y exchanged" in done.err
 
 
 PLACE = "latitude_deg = 40.0\nlongitude_deg = -80.0\nheight_m = 0.0\ndate = 2026-05-01"
@@ -230,7 +230,7 @@ def test_a_singular_axial_correction_is_said(run):
     assert run(*SURVEY).status == 0
     before = Path("survey.csv").read_text()
     done = run(*SURVEY, "--correct", "axial").ok()
-    assert "25 of 25 stations lie too near to horizontal east-west" in done.err
+    assert "25 of 25 stations are too near horizontal east-west" in done.err
     assert [line.split(",")[:3] for line in before.splitlines()] == [
         line.split(",")[:3] for line in Path("survey.csv").read_text().splitlines()
     ]
@@ -292,11 +292,11 @@ def test_readings_that_are_none(run):
     """What the reader refuses: tests/files/test_six_axis.py."""
     values = table(given())
     Path("raw.wits").write_text("&&\n07221.0\n!!\n")
-    refused(run("quality raw.wits --site site.toml"), "convert with --map")
+    refused(run("quality raw.wits --site site.toml"), "[work-wits]")
     angles = np.column_stack([values[:, 0], 10.0 + values[:, 0] / 10.0, 20.0 + values[:, 0] / 10.0])
     for command, columns, header, words in (
         (SURVEY, values, ("md_m", *(f"{kind}_{axis}" for kind in ("accel", "mag") for axis in "xyz")), "--calibration"),
-        (SURVEY, values[:, :4], HEADER[:4], "bx, by, bz"),
+        (SURVEY, values[:, :4], HEADER[:4], "Missing: bx, by and bz."),
         (QUALITY, angles, ("md_m", "inclination_deg", "azimuth_deg"), "azimuth_reference"),
         (QUALITY, angles[:, :2], ("md_m", "inclination_deg"), "no six axes"),
     ):
@@ -311,7 +311,7 @@ def test_options_that_do_not_go_together(run):
     poor = ("raw.csv", "--site", "poor.toml")
     for command, *words in (
         (("survey", "raw.csv", "-o", "survey.csv"), "--site"),
-        ((*SURVEY, "--correct", "magic"), "magic", "axial, msa, sag"),
+        ((*SURVEY, "--correct", "magic"), "--correct: magic; allowed: axial, msa or sag"),
         ((*SURVEY, "--correct", "sag"), "--bha"),
         ((*SURVEY, "--bha", "bha.toml"), "add sag"),
         ((*SURVEY, "--azimuth-from", "gyro"), "--azimuth-from gyro"),

@@ -45,7 +45,7 @@ return said.join(' ');
 NO_WORDS = {
     *("EN", "RU", "ZH", "UTC", "CSV", "JSON", "PDF", "DCC", "XML", "PNG", "SVG", "Enter", "JCGM", "ISO", "IEC", "Esc"),
     *("nT", "kB", "MB", "DE", "CN", "inclinometry", "instrument", "tool", "json", "ledger", "import", "FILE", "NEW"),
-    *("DEMO", "IN", "simulated", "stand", "steering", "demonstration", "anna", "nobody", "local", "NO", "ZZ", "socket"),
+    *("DEMO", "IN", "simulated", "stand", "steering", "demonstration", "anna", "none", "local", "NO", "ZZ", "socket"),
     *("SI", "spread", "Demonstration", "laboratory", "Example", "street", "nowhere"),
 }
 """Codes, units, keys and commands; the names of this ledger's tool, stand, site, people, of a protocol."""

@@ -116,9 +116,9 @@ class Browser:
     def fill(self, label: str, text: str, *, choose: bool = False) -> None:
         """Write into the field of a label; `choose` ends it with Enter, as a list of choices wants."""
         css = f'input[aria-label="{label}"], textarea[aria-label="{label}"]'
-        self.one(css)
-        field = self.find(css)[-1]  # a field to search by stands above the form
-        field.click()
+        # a field to search by stands above the form; one that a choice shows comes a moment later
+        self.wait(lambda: self.find(css)[-1].click() or True if self.find(css) else None, f"no field {label!r}")
+        field = self.find(css)[-1]
         field.send_keys(Keys.CONTROL, "a")
         field.send_keys(text)
         if choose:
