@@ -47,7 +47,7 @@ def test_a_misread_dial_writes_nothing_and_is_named(run, bench, columns, option,
     for command in (["calibrate", "changed.csv", "-o", "tool.json"], ["compare", "changed.csv"]):
         run(*command).refused(words, "[bench-dials-otherwise]")
     assert not Path("tool.json").exists()
-    stated = run("calibrate changed.csv -o tool.json", *option.split()).ok()
+    stated = run("calibrate changed.csv -v -o tool.json", *option.split()).ok()
     assert words in stated.err  # a note says how they were read
     assert run("calibrate readings.csv -o right.json").status == 0
     one, other = (read_calibration(name).tool.triads["magnetometer"].tensor for name in ("tool.json", "right.json"))

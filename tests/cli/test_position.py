@@ -204,7 +204,7 @@ def test_a_calibration_ages(certified):
     assert [one["values"]["days"] for one in dated.json["findings"] if one["code"] == "work-age"] == [365.0]
     assert size(dated) == pytest.approx(size(assumed), rel=1e-3)
     Path("tool.json").write_text(json.dumps({**record, "created": "2027-01-03"}))
-    certified("survey.csv").refused("[work-before-calibration]")
+    certified("survey.csv").refused("[sensor-calibrated-later]")
 
 
 def test_a_tool_code_beside_a_certificate_tells_of_the_rest(certified):

@@ -298,7 +298,7 @@ def test_readings_that_are_none(run):
         (SURVEY, values, ("md_m", *(f"{kind}_{axis}" for kind in ("accel", "mag") for axis in "xyz")), "--calibration"),
         (SURVEY, values[:, :4], HEADER[:4], "Missing: bx, by and bz."),
         (QUALITY, angles, ("md_m", "inclination_deg", "azimuth_deg"), "azimuth_reference"),
-        (QUALITY, angles[:, :2], ("md_m", "inclination_deg"), "no six axes"),
+        (QUALITY, angles[:, :2], ("md_m", "inclination_deg"), "[work-six-axes]"),
     ):
         write("raw.csv", columns, header)
         refused(run(*command), words)
@@ -313,12 +313,12 @@ def test_options_that_do_not_go_together(run):
         (("survey", "raw.csv", "-o", "survey.csv"), "--site"),
         ((*SURVEY, "--correct", "magic"), "--correct: magic; allowed: axial, msa or sag"),
         ((*SURVEY, "--correct", "sag"), "--bha"),
-        ((*SURVEY, "--bha", "bha.toml"), "add sag"),
+        ((*SURVEY, "--bha", "bha.toml"), "--bha needs --correct sag"),
         ((*SURVEY, "--azimuth-from", "gyro"), "--azimuth-from gyro"),
         ((*SURVEY, "--correct", "none.json"), "[file-absent]"),
-        ((*MSA, "--priors", "iscwsa", "--calibration", "tool.json"), "leave one of them out"),
-        (("msa", *poor, "-o", "corrections.json"), "no b_nT, dip_deg"),
-        (("quality", *poor), "no b_nT, dip_deg"),
+        ((*MSA, "--priors", "iscwsa", "--calibration", "tool.json"), "does not apply to"),
+        (("msa", *poor, "-o", "corrections.json"), "b_nT and dip_deg"),
+        (("quality", *poor), "b_nT and dip_deg"),
         (("survey", *poor, "-o", "survey.csv", "--correct", "axial"), "dip"),
     ):
         refused(run(*command), *words)

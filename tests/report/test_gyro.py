@@ -168,7 +168,7 @@ def test_hostile_names(run):
     evil = "</style><script>alert(1)</script>"
     said = Finding("survey-evidence-temperature", {"tool": evil})
     found = replace(gyro_survey(run.md, run.north, tool=evil, inputs={evil: evil}), findings=(said,))
-    checks = [Check(evil, "fail", 1.0, 1.0, (), said, evil, evil)]
+    checks = [Check(evil, "fail", 1.0, 1.0, (), said, evil)]
     others = {evil: run.others["patent"]}
     assert check(gyro_report(found, run.north, md=run.md, checks=checks, others=others)).text.count(evil) >= 8
     assert check(scale_report(replace(run.track, findings=(said,)), tool=evil)).text.count(evil) >= 3

@@ -127,7 +127,7 @@ def test_limits_of_one_s_own(tmp_path):
             "input-kind",
             {"name": "stations", "value": 3.5, "expected": "whole"},
         ),
-        ("inclination_deg", "dip_deg", "record-key-unknown", {"name": "dip_deg"}),
+        ("inclination_deg", "dip_deg", "input-unknown", {"names": ("dip_deg",)}),
     ):
         path.write_text(TEXT.replace(line, instead))
         with refused(code, error=FileError, **values):

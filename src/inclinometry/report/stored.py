@@ -41,7 +41,8 @@ def translated(text: str) -> str:
             if found is not None:
                 values = [_value(value) for value in found.groups()]
                 said = one.said.format(*values)
-                return (translated(head[:-2]) + ": " if head else "") + said[:1].upper() + said[1:]
+                whose = translated(head[:-2]) + (": " if spoken() == "ru" else "：") if head else ""
+                return whose + said[:1].upper() + said[1:]
     return text
 
 

@@ -7,11 +7,13 @@ import re
 from importlib.resources import files
 from pathlib import Path
 from string import Formatter
+from types import SimpleNamespace
 
 import pytest
 
-from inclinometry.findings import example
+from inclinometry.findings import Finding, example
 from inclinometry.laboratory import web
+from inclinometry.laboratory.web.frame import Visitor
 from inclinometry.laboratory.web.words import LANGUAGES, catalogue, say, sentence
 from inclinometry.language import speaking
 from inclinometry.report.stored import translated
@@ -99,3 +101,12 @@ def test_pages_and_reports_say_a_warning_alike() -> None:
     warning = str(example("bench-base-tilted"))
     with speaking("ru"):
         assert sentence("ru", warning) == translated(warning) != warning
+
+
+@pytest.mark.parametrize("language", ["ru", "zh"])
+def test_a_long_sentence_of_a_file_is_whole_and_in_the_language_of_the_page(language: str) -> None:
+    """Values of data are cut where they are said, a sentence that a file keeps is not."""
+    visitor = Visitor(SimpleNamespace(without_path=str), None, language, None)
+    text = f"calibration: {example('bench-base-tilted')}"
+    assert visitor.sentence(Finding("fit-stored", {"text": text})) == sentence(language, text) != text
+    assert visitor.sentence(Finding("fit-stored", {"text": "x" * 500})) == "x" * 500
