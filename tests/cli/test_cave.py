@@ -59,13 +59,13 @@ def test_roll_sets_are_those_of_a_whole_file(run):
     Path("short.json").write_text(json.dumps({kind: rows[:20] for kind, rows in shots.items()}))
     done = run("calibrate short.json --profile sap6 --method norm -o tool.json").ok()
     assert "[readings-sets-unused]" in done.err
-    assert "[fit-no-roll]" in run("calibrate short.json --profile sap6 --method field").err
+    assert "[fit-no-rolls]" in run("calibrate short.json --profile sap6 --method field").err
     assert run("check short.json --profile sap6 -o mine.toml").status == 0
     Path("mine.toml").write_text(Path("mine.toml").read_text().replace("[17, 24]", "[17, 20]"))
     done = run("calibrate short.json --profile mine.toml")
     assert "method field, 20 stations" in done.out, done.err
     Path("mine.toml").write_text(Path("mine.toml").read_text().replace("[17, 20]", "[12, 20]"))
-    run("calibrate short.json --profile mine.toml").refused("[table-roll-sets]")
+    run("calibrate short.json --profile mine.toml").refused("[table-profile-entry]")
 
 
 def test_a_shot_of_no_group_belongs_to_no_set(run):

@@ -142,7 +142,7 @@ def verification_report(verification: Verification) -> str:
         *([("Source of the limits", verification.limits_source or "not stated")] if agreed else []),
         ("Coverage factor", f"k = {verification.coverage_factor:.3g}"),
     ]
-    word, warned = verification.verdict.upper(), without_notes(verification.findings)
+    word, warned = label(verification.verdict).upper(), without_notes(verification.findings)
     return report(
         "Verification report",
         label("Verification of {value}", value=verification.tool or "a tool"),
