@@ -125,7 +125,8 @@ def errors_of_text(tree: ast.Module) -> int:
     """Errors of the package that are made of a text, not of a finding."""
     calls = (node for node in ast.walk(tree) if isinstance(node, ast.Call) and node.args)
     named = [node for node in calls if ERRORS.fullmatch(ast.unparse(node.func).split(".")[-1])]
-    return sum(isinstance(node.args[0], ast.Constant | ast.JoinedStr | ast.BinOp) for node in named)
+    made = (node.args[0] for node in named)
+    return sum(isinstance(one, ast.JoinedStr) or isinstance(getattr(one, "value", None), str) for one in made)
 
 
 def message_words() -> list[int]:

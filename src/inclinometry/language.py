@@ -43,12 +43,6 @@ def label(text: str, /, **values: Any) -> str:
     """A text in the language that is spoken, with its values; as it is where it is no label.
 
     A value that is a label itself is said too, {name:gen} in the form of it that stands as "value|gen".
-
-    Examples
-    --------
-    >>> with speaking("ru"):
-    ...     label("{min:.1f} to {max:.1f} °C", min=19.52, max=20.5)
-    'от 19,5 до 20,5 °C'
     """
     known = _labels(spoken())
     said = known.get(text, text)
@@ -75,15 +69,7 @@ _NUMBERS = re.compile(r"[-+−±~<>≤≥=()\[\] ,;/×·…°%σ\d.]*\d\.\d[-+�
 
 
 def number(text: str) -> str:
-    """Ready numbers with the decimal sign of the language; any other text as it is.
-
-    Examples
-    --------
-    >>> with speaking("ru"):
-    ...     number("0.25 ± 0.01"), number("rev5.1"), number("0.1.0")
-    ('0,25 ± 0,01', 'rev5.1', '0.1.0')
-    """
-    # a number with two points is a version or a date
+    """Ready numbers with the decimal sign of the language ("0,25 ± 0,01"); any other text ("rev5.1") as it is."""
     if spoken() != "ru" or "." not in text or not _NUMBERS.fullmatch(text) or re.search(r"\d\.\d+\.\d", text):
         return text
     return re.sub(r"(?<=\d)\.(?=\d)", ",", text)

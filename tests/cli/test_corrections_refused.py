@@ -75,7 +75,7 @@ def test_wrong_units_and_references_are_not_corrected(run, command):
 def test_an_estimate_beyond_ten_times_its_prior_is_refused(run, command):
     # a z accelerometer half a m/s^2 off, shared out between its bias and scale, whose priors are 0.004 and 0.0005
     given(lambda axes: axes + [0, 0, 0.5, 0, 0, 0])
-    refused(run(*command), "ABZ", "[survey-estimate-absurd]")
+    refused(run(*command), "ABZ", "[work-estimate]")
     assert not Path("corrections.json").exists()
 
 

@@ -191,9 +191,7 @@ def scale(
     )
     found = _run(run, site, read_site(site), calibration, wishes, index_turns)
     record = found.record()
-    from inclinometry.language import said
-
-    beside = {"md": found.md, "tool": found.tool, "notes": said(found.survey.findings)}
+    beside = {"md": found.md, "tool": found.tool, "findings": found.survey.findings}
     with output.reported(report, "gyro:scale_report", found.track, **beside):
         write_scale(record, output_)
     output.findings(found.survey.findings)

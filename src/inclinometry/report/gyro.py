@@ -13,7 +13,7 @@ from inclinometry.arrays import Array, Index, Mask, finite
 from inclinometry.constants import ANGLES, COVERAGE_FACTOR, DEG_PER_HOUR
 from inclinometry.earth.site import Site
 from inclinometry.errors import out_of_range, refused, wrong_shape
-from inclinometry.findings import only_notes, without_notes
+from inclinometry.findings import Finding, only_notes, without_notes
 from inclinometry.gyro.result import FLAGS, North
 from inclinometry.gyro.tracking import SPAN, ScaleTrack
 from inclinometry.language import label, said
@@ -216,13 +216,16 @@ SCALE_CONVENTIONS = (
 )
 
 
-def scale_report(track: ScaleTrack, *, md: ArrayLike | None = None, tool: str = "") -> str:
+def scale_report(
+    track: ScaleTrack, *, md: ArrayLike | None = None, tool: str = "", findings: Sequence[Finding] = ()
+) -> str:
     """A scale factor followed over temperature as one self-contained HTML page; without `md` stations are numbered."""
     depth = None if md is None else finite(md, "md", (None,))
     if depth is not None and len(depth) != len(track):
         raise wrong_shape("md", depth.shape, f"({len(track)},)")
     left = int((~track.learnt).sum())
-    warned = without_notes(track.findings)
+    findings = (*track.findings, *findings)
+    warned = without_notes(findings)
     belief = track.belief
     sd = np.sqrt(np.maximum(np.diagonal(belief.covariance), 0.0))
     at = label("scale factor at {at_degC:g} °C", at_degC=belief.reference_temperature)
@@ -264,7 +267,7 @@ def scale_report(track: ScaleTrack, *, md: ArrayLike | None = None, tool: str = 
         ],
         notes=[
             "The uncertainty supposes that the scale factor follows the polynomial and walks from station to station.",
-            *said(only_notes(track.findings)),
+            *said(only_notes(findings)),
         ],
         warnings=said(warned),
     )
