@@ -24,6 +24,7 @@ from inclinometry.calibration.joint import fit_once
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.twelve import solve_orthogonal, solve_rotations, solve_twelve
 from inclinometry.constants import EARTH_RATE, STANDARD_GRAVITY
+from inclinometry.glossary import term
 from inclinometry.gyro.closed_form import (
     expected_rates,
     high_side,
@@ -35,7 +36,6 @@ from inclinometry.gyro.closed_form import (
 )
 from inclinometry.orientation import fields
 from inclinometry.report.figure import BAD, INK, new_figure, save_svg, styled
-from inclinometry.glossary import term
 from inclinometry.rotations import dcm, wrap_signed
 from inclinometry.sensors import Tool, classical_view
 from inclinometry.simulate.bench import Rig, simulate_bench
