@@ -13,7 +13,7 @@ from inclinometry.calibration.norm import calibrate_norm
 from inclinometry.workflow.examples import XSENS_GRAVITY, xsens_log, xsens_stations
 
 readings, intervals = xsens_stations()
-print(*intervals.report()[:1], sep="\n")
+print(*intervals.findings[:1], sep="\n")
 counts = readings.channels["accelerometer"]
 fit = calibrate_norm(counts, XSENS_GRAVITY)
 for name in ("bias", "misalignment"):
