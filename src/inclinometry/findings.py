@@ -161,8 +161,9 @@ def say(found: Finding, language: str = "en") -> str:
         parts += [literal, "" if name is None else _shown(name, found.values[name], spec or "", language, own)]
     said = "".join(parts)
     # a value of its own is at the start as it was given: a column, a file
-    own_start = text.startswith("{") and ":word}" not in text.partition("}")[0] + "}"
-    return said[:1].upper() + said[1:] if of.means and not own_start else said
+    start = text.partition("}")[0]
+    as_given = start.startswith("{") and not start.endswith(":word")
+    return said[:1].upper() + said[1:] if of.means and not as_given else said
 
 
 def _shown(name: str, value: Value, spec: str, language: str, own: str) -> str:

@@ -219,12 +219,6 @@ def findings(found: Sequence[Finding]) -> None:
         errors.print(f"{len(shown) - most} more: -v shows all")
 
 
-def notes(sentences: Sequence[str]) -> None:
-    """What was done and found, one a line: nothing to be settled."""
-    for sentence in sentences:
-        _errors().print(named(f"note: {sentence}"))
-
-
 @contextmanager
 def reading(path: str | Path) -> Iterator[Callable[[int], None] | None]:
     """Progress, by bytes read, of a file that takes a while; nothing for a small one or without a terminal."""
