@@ -333,7 +333,7 @@ def call(scheme, degrees, *, channels=2, stations=1, **options):
         ("n", [0, 120], {}, "gyro-positions-few"),
         ("carousel", [0, 90, 180, 270] * 3, {"timed": True}, "gyro-positions-few"),
         ("two", [0, 180], {"noise": None}, "gyro-noise-unknown"),
-        ("four", [0, 90, 180, 270], {"time": [0, 1, 1, 2]}, "gyro-time-order"),
+        ("four", [0, 90, 180, 270], {"time": [0, 1, 1, 2]}, "input-order"),
         ("four", [0, 90, 180, 270], {"noise": [0.1, 0.0]}, "input-value"),
         ("four", [0, 90, 180, 270], {"noise": [0.1]}, "input-shape"),
         ("four", [0, 90, 180, 270], {"channels": 3, "offset_sd": [1, 1, np.inf]}, "gyro-offset-along"),

@@ -101,9 +101,10 @@ def test_time_that_runs_backwards_is_refused_with_row_and_value() -> None:
     time[60:] -= 0.1
     cutter = StretchCutter()
     cutter.push(time[:60], readings(60))
-    with refused("motion-time-backwards") as caught:
+    with refused("input-order") as caught:
         cutter.push(time[60:], readings(40))
-    assert caught.value.finding.values == {"time_s": pytest.approx(0.2), "before_s": pytest.approx(0.295), "row": 61}
+    values = {"name": "time_s", "value": pytest.approx(0.2), "before": pytest.approx(0.295), "row": 61}
+    assert caught.value.finding.values == values
     with refused("input-finite", name="time[1]"):
         cut_stretches([0.0, np.nan], readings(2))
 

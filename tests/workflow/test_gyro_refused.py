@@ -38,7 +38,7 @@ SWAP = {"accelerometer": lambda v: v[:, ::-1], "gyro": lambda v: v[:, ::-1]}
         (channels(accelerometer=lambda v: v / 9.80665), "gyro-accel-in-g"),
         (channels(accelerometer=lambda v: v * 102.0), "gyro-accel-heavy"),
         (lambda c: {"units": {**c["units"], "gyro": "counts"}}, "input-unit"),
-        (lambda c: {"time": c["time"][::-1]}, "gyro-time-order"),
+        (lambda c: {"time": c["time"][::-1]}, "input-order"),
     ],
 )
 def test_readings_that_cannot_be_right_are_refused(simulated, change, wanted):

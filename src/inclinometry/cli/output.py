@@ -106,7 +106,7 @@ def claim(outputs: Mapping[str, Path | None], inputs: Mapping[str, Path | None])
         try:
             target = path.resolve()
             if target.is_dir():
-                raise FileError(Finding("file-folder"), path=path)
+                raise FileError(Finding("file-not-file", {"what": "folder"}), path=path)
             if not target.parent.is_dir():
                 raise FileError(Finding("file-absent"), path=target.parent)
             stream = target.exists() and not target.is_file()

@@ -165,9 +165,8 @@ class StretchCutter:
         back = np.flatnonzero(t < before)
         if back.size:
             row = int(back[0])
-            raise self._row_wrong(
-                "motion-time-backwards", row, {"time_s": float(t[row]), "before_s": float(before[row])}
-            )
+            values: dict[str, Value] = {"name": "time_s", "value": float(t[row]), "before": float(before[row])}
+            raise self._row_wrong("input-order", row, values)
         same = t == before
         at = np.flatnonzero(same)
         above = rows[at - 1]
