@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from inclinometry.arrays import Array, Mask, finite, frozen, within
-from inclinometry.errors import out_of_order, out_of_range, refused, wrong_shape
+from inclinometry.errors import InputError, out_of_order, out_of_range, refused, wrong_shape
 from inclinometry.findings import Finding
 from inclinometry.gyro.joint import LARGEST
 from inclinometry.gyro.point_mass import (
@@ -32,6 +32,7 @@ from inclinometry.gyro.point_mass import (
     solve_law,
 )
 from inclinometry.gyro.result import covariances, one_value, per_station, vectors
+from inclinometry.opening import too_large
 from inclinometry.tabular import Column, Tabular, draw
 
 SPAN = 100.0
@@ -506,7 +507,7 @@ def smooth_scale(
     """
     run = _checked(rates, covariance, inclination, latitude, temperature, belief)
     if len(run.heat) > MOST:
-        raise refused("gyro-stations-many", {"count": len(run.heat), "most": MOST})
+        raise InputError(too_large("stations", len(run.heat), MOST))
     laid = run.laid(run.rates.likelihood(WHOLE))
     whole = laid.plain
     if run.moves:
