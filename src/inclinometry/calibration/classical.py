@@ -1,8 +1,8 @@
 """The classical small-angle method, for comparison: scale of the data sheet, axes a little off their nominal places.
 
 It trusts the conversion factor of the data sheet, the rig's dials and the assumed direction of the field, and looks
-only for small increments of the sensitive axes and for the offsets. It is what many calibration instructions do; the other
-methods of this module do not need any of the three.
+only for small increments of the sensitive axes and for the offsets. It is what many calibration instructions do; the
+other methods of this module do not need any of the three.
 """
 
 from __future__ import annotations
