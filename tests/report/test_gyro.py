@@ -9,7 +9,7 @@ from tests.refusals import refused
 from inclinometry.constants import EARTH_RATE, STANDARD_GRAVITY
 from inclinometry.earth.site import Site
 from inclinometry.errors import InputError
-from inclinometry.findings import Finding
+from inclinometry.findings import Finding, example
 from inclinometry.gyro.closed_form import solve_fixed_arctan2, solve_patent
 from inclinometry.gyro.joint import earth_in_tool
 from inclinometry.gyro.north import estimate_north
@@ -100,11 +100,11 @@ def test_checks_decide_the_badge(run):
     found = gyro_survey(run.md, calm)
     assert "No flags, all checks passed" in check(gyro_report(found, calm, md=run.md, checks=CHECKS[:1])).text
     assert "No flags, 1 of 2 checks not judged" in check(gyro_report(found, calm, md=run.md, checks=CHECKS)).text
-    failed = Check("latitude", "fail", np.radians(1.5), np.radians(0.5), (3,), "46.5 is not 45", "Check the latitude.")
+    failed = Check("latitude", "fail", np.radians(1.5), np.radians(0.5), (3,), example("gyro-latitude-off"))
     words = check(gyro_report(found, calm, md=run.md, checks=(*CHECKS, failed))).text
     assert "1 of 3 checks failed" in words
     assert "Settle the failed check of “latitude”" in words
-    assert "Check the latitude." in words
+    assert "Check the latitude of the site" in words
     assert "1.5° 0.50°" in words.replace("1.5°0.50°", "1.5° 0.50°")  # value and limit in degrees
     assert "0.021 deg/h" in words  # 1e-7 rad/s
 

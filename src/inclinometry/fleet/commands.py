@@ -177,6 +177,7 @@ def run(
     client = None
     if scheduler is not None:
         client = ways.connect(scheduler)
+        output.say(f"dashboard {client.dashboard_link}")
         receipts = ways.by_dask(todo.todo, client)
     elif threads is not None:
         receipts = ways.by_threads(todo.todo, threads)
