@@ -241,7 +241,7 @@ class AxesCheck:
         self._along = [*self._along, int(mag.var(axis=0).argmin())][-KEPT:]
         if len(self._along) >= SURE and 2 not in self._along:
             # without a gyro the accelerometer's z may be as wrong
-            options = ("--mag-axes",) if self._speeds else ("--axes", "--mag-axes")
+            options = ("--magnetometer-axes",) if self._speeds else ("--axes", "--magnetometer-axes")
             raise _along("mag", self._along[-1], "constant while the tool turns", options)
 
     def _gravity_axis(self, accel: Array, angle: Array) -> None:

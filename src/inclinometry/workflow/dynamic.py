@@ -276,7 +276,7 @@ def _method(run: RunFile, place: Site, options: DynamicOptions) -> Method:
 
 def _turned(run: RunFile, calibration: Calibration | None, options: DynamicOptions) -> dict[str, Array]:
     """Kind -> matrix (3, 3) that takes its channels to tool axes, where one is stated."""
-    if options.convention is None and options.axes is None and options.mag_axes is None:
+    if options.convention is None and options.axes is None and options.magnetometer_axes is None:
         return {}
     if calibration is not None:
         raise refused("input-not-with", {"name": "--convention, --axes", "other": "--calibration"})
@@ -285,7 +285,7 @@ def _turned(run: RunFile, calibration: Calibration | None, options: DynamicOptio
     for kind in run.names:
         found[kind] = convention.matrix(kind) @ axes_matrix(options.axes or AXES)
         if kind == "magnetometer":
-            found[kind] = found[kind] @ axes_matrix(options.mag_axes or AXES)
+            found[kind] = found[kind] @ axes_matrix(options.magnetometer_axes or AXES)
     return found
 
 
@@ -334,7 +334,10 @@ class _Pipeline:
     def __init__(self, run: RunFile, place: Site, calibration: Calibration | None, options: DynamicOptions) -> None:
         method, gyro = _method(run, place, options), "gyro" in run.names
         if not gyro and (options.gyro_noise, options.gyro_bias_sigma, options.allan) != (None, None, None):
-            stated = {"name": "--gyro-noise, --gyro-bias-sd, --allan", "needed": ("gyro_x", "gyro_y", "gyro_z")}
+            stated = {
+                "name": "--gyro-noise-deg-sqrt-h, --gyro-bias-sd-deg-h, --allan",
+                "needed": ("gyro_x", "gyro_y", "gyro_z"),
+            }
             raise FileError(Finding("input-needs", stated, severity="refused"), path=run.path)
         setup = Setup(place, options, calibration, gyro=gyro)
         # known from somewhere, or an azimuth that rests on the gyro
