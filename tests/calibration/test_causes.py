@@ -31,7 +31,7 @@ def angle_errors(tool, truth, characteristic=None):
         signals = truth.triads[kind].signals(field)
         if characteristic is not None:
             flat = signals.reshape(-1, 3)
-            signals = characteristic.bent(flat, truth.triads[kind]).reshape(signals.shape)
+            signals = characteristic.apply_nonlinearity(flat, truth.triads[kind]).reshape(signals.shape)
         seen.append(tool.triads[kind].field(signals))
     found = angles(*seen)
     off = np.stack([found.inclination - grid[0], wrap_signed(found.azimuth - grid[1])], axis=-1)

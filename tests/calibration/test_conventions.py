@@ -173,7 +173,7 @@ def test_dials_of_an_inverted_base_are_those_of_the_rig_turned_round():
     a, i, t = np.random.default_rng(2).uniform(-np.pi, np.pi, (3, 50))
     way = Dials("horizontal-up", REVERSED, base="inverted")
     np.testing.assert_allclose(dcm(*Dials(base="inverted").settings(a, i, t)), dcm(a, i, t) @ TURNED, atol=1e-14)
-    np.testing.assert_allclose(way.shown(*way.settings(a, i, t)), (a, i, t), atol=1e-14)
+    np.testing.assert_allclose(way.dial_readings(*way.settings(a, i, t)), (a, i, t), atol=1e-14)
     counts = ("inclination upwards from the horizontal", "azimuth counterclockwise", "rig upside down")
     assert way.way.values["counts"] == counts
 

@@ -27,7 +27,7 @@ STANDS = {
 
 def counted(readings, way):
     """The readings as dials that count in this way give them."""
-    azimuth, inclination, toolface = way.shown(*readings.dials)
+    azimuth, inclination, toolface = way.dial_readings(*readings.dials)
     return dataclasses.replace(readings, azimuth=azimuth, inclination=inclination, toolface=toolface)
 
 

@@ -80,7 +80,7 @@ def show_two(
     json: bool,
 ) -> None:
     """Calibrate two files of one tool, print both with their differences, write the report."""
-    output.claim(
+    output.check_outputs(
         {"--report": report}, {"the first file": paths[0], "the second": paths[1], "--site": site, "--truth": truth}
     )
     from inclinometry.workflow.compare_two import compare_two, content
@@ -116,7 +116,7 @@ def show_two(
         output.table(f"{kind}: {units}", ["sensor", *found.names, "difference", "in its u"], rows)
     for column, name in enumerate(ALL_ANGLES[:2]):
         if not np.isfinite(found.difference[:, column]).any():
-            output.say(f"{name}: not in both calibrations")
+            output.print_line(f"{name}: not in both calibrations")
             continue
         curves = {f"u, {n}": u for n, u in zip(found.names, found.uncertainty, strict=True)}
         curves["difference, rms"] = found.difference
@@ -126,7 +126,7 @@ def show_two(
         rows = [list(row) for row in zip(degrees, *cells, strict=True)]
         output.table(f"{name}, deg: u {FROM_CALIBRATION}, worst attitude", ["inclination deg", *curves], rows)
     if report is not None:
-        output.say(f"report written to {report}")
+        output.print_line(f"report written to {report}")
 
 
 Nameplate: TypeAlias = Annotated[
@@ -185,7 +185,7 @@ def calibrate(
         For field, norm and hand-rotations: the accelerometer's channels count upwards (at rest they read -g, along the
         axis that points up they are positive). The other methods learn this from the rig.
     """
-    output.claim(
+    output.check_outputs(
         {"--output": output_, "--report": report},
         {"the readings": readings, "--site": site, "--nameplate": nameplate, "--gyro-log": gyro_log},
     )
@@ -239,7 +239,7 @@ def calibrate(
         show_hand_rotations(by_hand, data.units)
     else:
         show_calibration(found, expected)
-    output.written(output_, report)
+    output.print_outputs(output_, report)
 
 
 def hand_rotations_json(found: HandRotations) -> dict[str, Any]:
@@ -275,7 +275,7 @@ def show_hand_rotations(found: HandRotations, units: Mapping[str, str]) -> None:
     unit = "accel in {accelerometer} and per m/s2, gyro in {gyro} and per rad/s".format(**units)
     header = ["sensor", "bias", "conversion", *(f"{axis} mrad" for axis in "xyz")]
     output.table(f"in the accelerometer's axes: {unit}", header, rows)
-    output.say(
+    output.print_line(
         f"{output.counted(len(found.rests), 'rest')}, {output.counted(len(found.rotations), 'rotation')}: predicted "
         f"and seen gravity differ by {np.degrees(found.rms):.2g} deg rms; over the log the gyro's bias scattered by "
         f"{', '.join(f'{value:.3g}' for value in found.bias_scatter)} {units['gyro']}"
@@ -378,7 +378,7 @@ def show_calibration(found: Calibration, expected: ExpectedUncertainty) -> None:
     sd = np.degrees(found.rig.sd)
     stations = output.counted(len(found.residuals.station), "station")
     rig = f"rig settings: standard deviation {sd.max():.3f} deg" if found.field_directions else "without a rig"
-    output.say(f"method {found.method}, {stations}, {rig}")
+    output.print_line(f"method {found.method}, {stations}, {rig}")
 
 
 def compare(
@@ -496,7 +496,7 @@ def _by_method(title: str, methods: list[str], inclination: Array, values: Mappi
 def show_comparison(found: Comparison, title: str = "") -> None:
     """Table of the methods on the terminal."""
     if title:
-        output.say(title)
+        output.print_line(title)
     methods = [a.method for a in found.attempts if a.calibration is not None]
     for column, name in enumerate(ALL_ANGLES[:2]):
         stated = {m: u.from_calibration[:, column] for m, u in found.uncertainty.items()}
@@ -508,7 +508,7 @@ def show_comparison(found: Comparison, title: str = "") -> None:
         _by_method("true error of azimuth, rms, deg, at inclination", methods, found.inclination, wrong)
     for attempt in found.attempts:
         if attempt.calibration is None:
-            output.say(f"{attempt.method}: not applicable. {attempt.reason}".rstrip())
+            output.print_line(f"{attempt.method}: not applicable. {attempt.reason}".rstrip())
     for attempt in found.attempts:
         if attempt.calibration is not None and attempt.method == "joint":
             output.findings(attempt.calibration.findings)
@@ -580,7 +580,7 @@ def verify(
     from inclinometry.calibration.acceptance import verify as verify_readings
     from inclinometry.files.limits import read_limits
 
-    output.claim(
+    output.check_outputs(
         {"--output": output_, "--report": report},
         {"the readings": readings, "--calibration": calibration, "--limits": None if limits is None else Path(limits)},
     )
@@ -662,7 +662,7 @@ def _verify_planned(
     from inclinometry.calibration.acceptance import planned
     from inclinometry.files.bench_csv import read_plan
     from inclinometry.files.limits import read_limits
-    from inclinometry.files.verification_json import worth_of, write_planned
+    from inclinometry.files.verification_json import power_summary, write_planned
 
     bounds = None if limits is None else read_limits(limits)
     tool = read_calibration(calibration)
@@ -680,7 +680,7 @@ def _verify_planned(
                 "positions": len(found.station),
                 "limits": _agreed(found),
                 "coverage_factor": found.coverage_factor,
-                **worth_of(found),
+                **power_summary(found),
                 "findings": [one.plain() for one in found.findings],
             }
         )
@@ -699,9 +699,9 @@ def _verify_planned(
         found.limits_source,
     )
     for one in only_notes(found.findings):
-        output.say(str(one))
+        output.print_line(str(one))
     if target is not None:
-        output.written(target)
+        output.print_outputs(target)
     return 0
 
 
@@ -740,5 +740,5 @@ def show_verification(found: Verification) -> None:
         found.limits_source,
     )
     for one in only_notes(found.findings):
-        output.say(str(one))
-    output.say(f"{found.judgement}: {'; '.join(said)}")
+        output.print_line(str(one))
+    output.print_line(f"{found.judgement}: {'; '.join(said)}")

@@ -65,7 +65,7 @@ def survey(
         Of a tool with two accelerometers: down takes inclinations of 0 to 90 deg, up those of 90 to 180.
     """
     inputs = {**_inputs(raw, calibration, site, bha, correct), "--stability": stability}
-    output.claim({"--output": output_, "--report": report}, inputs)
+    output.check_outputs({"--output": output_, "--report": report}, inputs)
     if calibration is None and (age_days is not None or stability is not None):
         raise refused("input-needs", {"name": "--age-days, --stability", "needed": ("--calibration",)})
     with output.reading(raw) as progress:
@@ -97,10 +97,10 @@ def survey(
         output.print_json(_summary(done, output_))
     else:
         for step in found.history:
-            output.say(str(step))
+            output.print_line(str(step))
         show_survey(found)
-        output.written(output_, report, what=output.counted(len(found), "station"))
-        output.say(_in_a_line(found))
+        output.print_outputs(output_, report, what=output.counted(len(found), "station"))
+        output.print_line(_in_a_line(found))
 
 
 def _in_a_line(found: Survey) -> str:

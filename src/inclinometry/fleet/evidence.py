@@ -79,7 +79,7 @@ def evidence(
             raise refused("input-not-with", {"name": str(raw), "other": "--withdraw"})
         with Ledger(_where(ledger)) as opened:
             drift.withdraw_run(opened, tool, run, withdraw, author=_who())
-        output.say(f"{tool}: run {run} is no evidence any more")
+        output.print_line(f"{tool}: run {run} is no evidence any more")
         return 0
     if raw is None or date_ is None:
         raise refused("input-missing", {"names": ("RAW", "--date")})
@@ -114,11 +114,11 @@ def evidence(
         output.print_json(content | {"parameters_seen": seen, "recorded": record and not alarm.raised})
         return 1 if alarm.raised else 0
     shown = f"{found.stations} stations show {seen} of {len(values)} directions"
-    output.say(f"{tool}, run {run} of {day}: {alarm.finding}; {shown}")
+    output.print_line(f"{tool}, run {run} of {day}: {alarm.finding}; {shown}")
     if alarm.raised:
-        output.say("it contradicts the history and is not taken in: make a full calibration")
+        output.print_line("it contradicts the history and is not taken in: make a full calibration")
     elif record:
-        output.say("recorded as evidence")
+        output.print_line("recorded as evidence")
     return 1 if alarm.raised else 0
 
 

@@ -45,7 +45,7 @@ def make_status(ledger: Ledger, numbers: Sequence[str] = ()) -> dict[str, Any]:
         if head is None:
             raise LedgerError(Finding("ledger-unsigned", {"ledger": ledger.shown}))
         tree = Tree(heads.leaves(connection, 0, head.size))
-        if tree.root().hex() != head.root or not head.genuine():
+        if tree.root().hex() != head.root or not head.signature_is_valid():
             raise LedgerError(Finding("ledger-modified", {"ledger": ledger.shown, "signed_record": head.size}))
         head = _of_now(ledger, head)
 
@@ -135,7 +135,7 @@ def read_status(path: str | Path, public: Public) -> Status:
         raise _not_status(path)
     head = heads.parse_signed(content.get("head"), path)
     changes = tuple(one for one in content.get("changes", ()) if isinstance(one, dict) and genuine(one))
-    if not genuine(content) or not head.genuine():
+    if not genuine(content) or not head.signature_is_valid():
         about = {"place": Path(path).name, "key": fingerprint(head.key)}
         raise FileError(Finding("key-forged", about), path=path)
     for key in (str(content["key"]), head.key):
