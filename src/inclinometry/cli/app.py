@@ -27,8 +27,8 @@ calibrate | bench:calibrate | Calibrate a tool from bench readings. | readings.c
 compare | bench:compare | Run every applicable method side by side. Or two files of one tool. | readings.csv
 verify | bench:verify | Verify a calibrated tool at independent positions. {EXIT} \
 | check.csv --calibration tool.json --limits rogatykh-2018-fluxgate
-datasheet | datasheet:datasheet | Make a tool out of the nameplate values of its sensors. Scale K, axes C, offset U0. \
-| datasheet.toml -o nameplate.json
+datasheet | datasheet:datasheet | Make a tool out of the data sheet values of its sensors. Scale K, axes C, offset U0. \
+| datasheet.toml -o data-sheet.json
 rig orient | rig:orient | Find how a rig stands with a calibrated tool. Tilt, north, zeros of its dials. \
 | readings.csv --calibration tool.json --site site.toml
 = Survey

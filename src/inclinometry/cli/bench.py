@@ -60,13 +60,13 @@ def _site(path: Path | None) -> Site | None:
     return read_site(path)
 
 
-def _nameplate(path: Path | None) -> Tool | None:
-    """The nameplate values, where they are given; their reader is loaded then alone."""
+def _data_sheet(path: Path | None) -> Tool | None:
+    """The data sheet values, where they are given; their reader is loaded then alone."""
     if path is None:
         return None
-    from inclinometry.files.datasheet_toml import read_nameplate
+    from inclinometry.files.datasheet_toml import read_data_sheet
 
-    return read_nameplate(path)
+    return read_data_sheet(path)
 
 
 def show_two(
@@ -129,7 +129,7 @@ def show_two(
         output.print_line(f"report written to {report}")
 
 
-Nameplate: TypeAlias = Annotated[
+DataSheet: TypeAlias = Annotated[
     Path | None,
     Parameter(
         group=options.INPUT,
@@ -149,7 +149,7 @@ def calibrate(
     site: options.InputOrNone = None,
     gyro_log: options.InputOrNone = None,
     gyro_profile: Annotated[str | None, Parameter(group=options.INPUT)] = None,
-    nameplate: Nameplate = None,
+    data_sheet: DataSheet = None,
     tool: options.Serial = "unnamed",
     stand: StandOptions = UNKNOWN,
     fit: FitOptions = USUAL_FIT,
@@ -187,13 +187,13 @@ def calibrate(
     """
     output.check_outputs(
         {"--output": output_, "--report": report},
-        {"the readings": readings, "--site": site, "--nameplate": nameplate, "--gyro-log": gyro_log},
+        {"the readings": readings, "--site": site, "--data-sheet": data_sheet, "--gyro-log": gyro_log},
     )
     wishes = Options(
         robust=robust,
         specific_force=specific_force,
         left_handed=left_handed,
-        nameplate=_nameplate(nameplate),
+        data_sheet=_data_sheet(data_sheet),
         name=tool,
         **vars(fit),
         **vars(stand),
@@ -399,7 +399,7 @@ def compare(
     ] = None,
     truth: options.InputOrNone = None,
     site: options.InputOrNone = None,
-    nameplate: Nameplate = None,
+    data_sheet: DataSheet = None,
     stand: StandOptions = UNKNOWN,
     dials: DialOptions = USUAL_DIALS,
     left_handed: LeftHanded = False,
@@ -429,9 +429,9 @@ def compare(
         option = "--methods" if methods is not None else "--report"
         raise refused("input-needs", {"name": option, "needed": ("SECOND",)})
     known = None if truth is None else read_tool(truth)
-    sheet = _nameplate(nameplate)
+    sheet = _data_sheet(data_sheet)
     with output.busy("running every method"):
-        found = compare_methods(data, truth=known, options=replace(wishes, nameplate=sheet))
+        found = compare_methods(data, truth=known, options=replace(wishes, data_sheet=sheet))
     if json:
         content = [
             {

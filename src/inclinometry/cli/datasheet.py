@@ -1,4 +1,4 @@
-"""Command that makes a tool out of the nameplate values of its sensors."""
+"""Command that makes a tool out of the data sheet values of its sensors."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from inclinometry.files.writing import write_text
 
 
 def datasheet(sheet: Path | None = None, /, *, output_: Output, template: Flag = False, json: Json = False) -> None:
-    """Make a tool out of the nameplate values of its sensors: scale K, axes C, offset U0.
+    """Make a tool out of the data sheet values of its sensors: scale K, axes C, offset U0.
 
     Parameters
     ----------

@@ -45,7 +45,7 @@ def dynamic(
     allan: options.InputOrNone = None,
     convention: options.Convention = None,
     axes: Annotated[str | None, Parameter(group=options.INPUT)] = None,
-    mag_axes: Annotated[str | None, Parameter(group=options.INPUT)] = None,
+    magnetometer_axes: Annotated[str | None, Parameter(group=options.INPUT)] = None,
     switch: options.SwitchAngle = SWITCH,
     report: options.Report = None,
     json: options.Json = False,
@@ -95,7 +95,7 @@ def dynamic(
     axes
         Without --calibration: the file's channels that are x, y and z (of the convention), as y,z,x for a tool whose x
         lies along the hole. Default: x,y,z. Write a leading minus as --axes=-x,...
-    mag_axes
+    magnetometer_axes
         The same of the magnetometer alone, applied before --axes. Default: x,y,z.
     """
     output.check_outputs(
@@ -115,7 +115,7 @@ def dynamic(
         allan=None if allan is None else read_allan(allan),
         convention=convention,
         axes=_axes(axes, "--axes"),
-        mag_axes=_axes(mag_axes, "--mag-axes"),
+        magnetometer_axes=_axes(magnetometer_axes, "--magnetometer-axes"),
         switch=switch,
     )
     checked_ending(output_)

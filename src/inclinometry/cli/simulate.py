@@ -59,7 +59,7 @@ def bench(
     seed: int = 1,
     truth: options.AlsoWritten = None,
     tool: options.InputOrNone = None,
-    other_stand: Annotated[options.Flag, Parameter(group=options.STAND)] = False,
+    new_stand: Annotated[options.Flag, Parameter(group=options.STAND)] = False,
     layout: Literal["realistic", "random"] = "realistic",
     rig_sd: Annotated[options.Sd, Parameter(group=options.STAND)] = 0.0,
     base_tilt: Turn = 0.0,
@@ -89,7 +89,7 @@ def bench(
     tool
         truth.json of an earlier simulation: visit the same tool on the same stand again. Or tool.json, or a data sheet
         (TOML): that tool on a new stand. Default: a new tool drawn by the seed.
-    other_stand
+    new_stand
         With --tool: the same tool on another stand, the one of these options.
     layout
         realistic: a few per cent and degrees off. random: sensors anywhere.
@@ -136,9 +136,9 @@ def bench(
         faults=[use.misread(text, len(places)) for text in misread or ()],
     )
     again = None if tool is None else use.read_visited(tool)
-    if other_stand:
+    if new_stand:
         if again is None:
-            raise refused("input-needs", {"name": "--other-stand", "needed": ("--tool",)})
+            raise refused("input-needs", {"name": "--new-stand", "needed": ("--tool",)})
         again = (again[0], rig)
     readings, drawn, extras = use.bench(
         places,
@@ -252,14 +252,14 @@ def log(
     rate
         Samples a second.
     """
-    from inclinometry.files.datasheet_toml import read_nameplate
+    from inclinometry.files.datasheet_toml import read_data_sheet
     from inclinometry.files.tool_json import write_truth
     from inclinometry.workflow import simulate as use
     from inclinometry.workflow.plan import plan_file
 
     output.check_outputs({"--output": output_, "--truth": truth}, {"--plan": plan_file(plan), "--tool": tool})
     places = use.plan_named(plan)
-    known = None if tool is None else read_nameplate(tool)
+    known = None if tool is None else read_data_sheet(tool)
     found, made = use.log(places, seed, known, dwell=dwell, move=move, rate=rate)
     use.write_log(found, output_)
     if truth is not None:
@@ -286,7 +286,7 @@ def gyro(
     axes: Literal[2, 3] = 2,
     gyros: Literal[1, 2] = 2,
     accel_sd: Annotated[float, options.quantity("m_s2", 0.0, 1.0)] = 0.0005,
-    spike: str | None = None,
+    outlier: str | None = None,
     json: options.Json = False,
 ) -> None:
     """Simulate a gyro run: readings at the index positions of each station.
@@ -321,7 +321,7 @@ def gyro(
         1: a single gyro across the tool.
     accel_sd
         Noise of one accelerometer reading.
-    spike
+    outlier
         A fault STATION:POSITION:DEG_H, e.g. 3:2:5. Default: none.
     """
     from inclinometry.files.writing import write_text
@@ -346,7 +346,7 @@ def gyro(
         axes=axes,
         gyros=gyros,
         accelerometer_noise=accel_sd,
-        spike=None if spike is None else _spike(spike, stations, len(use.POSITIONS[scheme])),
+        spike=None if outlier is None else _outlier(outlier, stations, len(use.POSITIONS[scheme])),
     )
     use.write_gyro(run, output_)
     if truth is not None:
@@ -357,15 +357,15 @@ def gyro(
     _done(what, json, {"stations": stations, "readings": len(run.station), "output": output_, "truth": truth})
 
 
-def _spike(text: str, stations: int, positions: int) -> tuple[int, int, float]:
+def _outlier(text: str, stations: int, positions: int) -> tuple[int, int, float]:
     """STATION:POSITION:DEG_H, both counted from 1."""
     try:
         station, position, size = text.split(":")
         found = int(station), int(position), float(size)
     except ValueError:
-        raise out_of_range("--spike", text, "STATION:POSITION:DEG_H") from None
+        raise out_of_range("--outlier", text, "STATION:POSITION:DEG_H") from None
     if not (1 <= found[0] <= stations and 1 <= found[1] <= positions and np.isfinite(found[2])):
-        raise out_of_range("--spike", text, f"1 .. {stations}:1 .. {positions}:DEG_H")
+        raise out_of_range("--outlier", text, f"1 .. {stations}:1 .. {positions}:DEG_H")
     return found[0] - 1, found[1] - 1, found[2] * DEG_PER_HOUR
 
 

@@ -91,6 +91,8 @@ USUAL_DIALS: Final = DialOptions()
 LeftHanded: TypeAlias = Annotated[
     Flag,
     Parameter(
-        group=DIALS, help="The tool's channels are left-handed (one is reversed, or two are exchanged), not the dials."
+        name="--left-handed-channels",
+        group=DIALS,
+        help="The channels are left-handed: one reversed, or two exchanged. The dials are right.",
     ),
 ]
