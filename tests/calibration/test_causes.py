@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from inclinometry.calibration import plans
-from inclinometry.calibration.causes import calibration_shares, error_budget
 from inclinometry.calibration.expected import expected_uncertainty
 from inclinometry.calibration.joint import calibrate_joint
 from inclinometry.calibration.readings import BenchReadings
+from inclinometry.calibration.uncertainty_budget import calibration_shares, error_budget
 from inclinometry.constants import SHORT_INCLINATIONS
 from inclinometry.orientation import angles, fields
 from inclinometry.rotations import wrap_signed

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from inclinometry.calibration import plans
+from inclinometry.calibration.closed_form_results import calibrate_rotations, calibrate_twelve
 from inclinometry.calibration.conventions import Dials, check_axes, check_dials, check_noise
 from inclinometry.calibration.design import optimal_plan
-from inclinometry.calibration.direct import calibrate_rotations, calibrate_twelve
+from inclinometry.calibration.initial_values import fix_signs, linear_start, starting_state
 from inclinometry.calibration.joint import calibrate_joint
 from inclinometry.calibration.likelihood import Model, State
 from inclinometry.calibration.readings import BenchReadings
-from inclinometry.calibration.start import fix_signs, linear_start, starting_state
 from inclinometry.errors import InputError, settled
 from inclinometry.findings import Finding
 from inclinometry.rotations import dcm, rotation_x

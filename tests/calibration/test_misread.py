@@ -7,7 +7,7 @@ import pytest
 from tests.refusals import coded, fits
 
 from inclinometry.calibration import plans
-from inclinometry.calibration.acceptance import OtherStand, verify
+from inclinometry.calibration.conformity import OtherStand, verify
 from inclinometry.calibration.conventions import WAYS, Dials
 from inclinometry.calibration.joint import calibrate_joint
 from inclinometry.calibration.plans import Plan

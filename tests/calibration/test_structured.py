@@ -9,11 +9,11 @@ from scipy.stats import norm
 from tests.refusals import coded
 
 from inclinometry.calibration import plans
-from inclinometry.calibration.acceptance import verify
+from inclinometry.calibration.conformity import verify
+from inclinometry.calibration.initial_values import starting_state
 from inclinometry.calibration.joint import calibrate_joint
 from inclinometry.calibration.likelihood import Model, orientation
 from inclinometry.calibration.readings import BenchReadings
-from inclinometry.calibration.start import starting_state
 from inclinometry.calibration.structured import (
     MAGNETISED,
     Block,
@@ -143,7 +143,7 @@ def test_a_drift_that_the_readings_ask_for_is_fitted_beside_a_wander_that_they_h
             return self, state
 
     where = "inclinometry.calibration.structured"
-    monkeypatch.setattr(f"{where}.evidence", lambda run, noise, skip: [v for k, v in said_of.items() if k not in skip])
+    monkeypatch.setattr(f"{where}.cause_probabilities", lambda run, noise, skip: [v for k, v in said_of.items() if k not in skip])
     monkeypatch.setattr(f"{where}.fit_with_variances", lambda *_: Run())
     assert [block.name for block in fit_structured(Run(), frozenset(), True)[1]] == ["drift"]
 

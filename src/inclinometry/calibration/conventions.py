@@ -26,10 +26,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from inclinometry.arrays import Array
+from inclinometry.calibration.initial_values import FIELD_ANGLE, handedness, linear_start, nearest_axes
 from inclinometry.calibration.likelihood import NUISANCE, Model, State, orientation
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
-from inclinometry.calibration.start import FIELD_ANGLE, handedness, linear_start, nearest_axes
 from inclinometry.errors import not_among
 from inclinometry.findings import Finding, Severity, Value, refused_if
 from inclinometry.orientation import dip_angle

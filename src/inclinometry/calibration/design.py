@@ -17,9 +17,9 @@ from inclinometry.arrays import Array, Index, Mask, finite, within
 from inclinometry.calibration.dials import same
 from inclinometry.calibration.expected import ExpectedUncertainty, expected_uncertainty
 from inclinometry.calibration.identifiability import null_space
+from inclinometry.calibration.initial_values import Stand, stand_within
 from inclinometry.calibration.likelihood import NUISANCE, Model, State
 from inclinometry.calibration.plans import Plan
-from inclinometry.calibration.start import Stand, stand_within
 from inclinometry.constants import DIP, INCLINATION_RANGE, SHORT_INCLINATIONS, VECTORS
 from inclinometry.errors import IdentifiabilityError, out_of_range, refused, wrong_shape
 from inclinometry.findings import Finding

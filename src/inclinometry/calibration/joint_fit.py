@@ -10,16 +10,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from inclinometry.arrays import Array, Index, finite, within
-from inclinometry.calibration.causes import UNDETECTED, parameter_causes
 from inclinometry.calibration.conventions import check_noise
 from inclinometry.calibration.identifiability import null_space
+from inclinometry.calibration.initial_values import fix_signs, starting_state
 from inclinometry.calibration.likelihood import NUISANCE, Model, StandAngle, State
 from inclinometry.calibration.outliers import Outlier, find_outliers
 from inclinometry.calibration.plausibility import refuse_odd
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.record import joint_calibration
 from inclinometry.calibration.result import Calibration
-from inclinometry.calibration.start import fix_signs, starting_state
 from inclinometry.calibration.structured import (
     Block,
     Evidence,
@@ -33,6 +32,7 @@ from inclinometry.calibration.structured import (
 )
 from inclinometry.calibration.temperature import choose_powers
 from inclinometry.calibration.twelve import DOWN
+from inclinometry.calibration.uncertainty_budget import UNDETECTED, parameter_causes
 from inclinometry.calibration.variance import (
     Fitted,
     effective_freedom,

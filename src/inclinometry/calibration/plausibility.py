@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 
 from inclinometry.arrays import Array, Index
 from inclinometry.calibration.conventions import check_dials, check_noise, left_ratio, log_ratio, spans, stated_dials
+from inclinometry.calibration.initial_values import linear_start, sphere
 from inclinometry.calibration.likelihood import NUISANCE, orientation, tangent_basis
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
-from inclinometry.calibration.start import linear_start, sphere
 from inclinometry.calibration.twelve import DOWN
 from inclinometry.calibration.variance import Fitted
 from inclinometry.constants import DIALS

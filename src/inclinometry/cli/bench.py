@@ -11,7 +11,6 @@ import numpy as np
 from cyclopts import Parameter
 
 from inclinometry.arrays import Array
-from inclinometry.calibration.causes import error_budget
 from inclinometry.calibration.conventions import Dials
 from inclinometry.calibration.expected import (
     ALL_ANGLES,
@@ -23,6 +22,7 @@ from inclinometry.calibration.expected import (
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration, rounded
 from inclinometry.calibration.rollset import SecondHarmonics, second_harmonics
+from inclinometry.calibration.uncertainty_budget import error_budget
 from inclinometry.cli import options, output
 from inclinometry.cli.stand import UNKNOWN, USUAL_DIALS, USUAL_FIT, DialOptions, FitOptions, LeftHanded, StandOptions
 from inclinometry.constants import ANGLES, UNIT_LABELS
@@ -45,7 +45,7 @@ from inclinometry.workflow.calibrate import calibrate as calibrate_readings
 from inclinometry.workflow.calibrate import compare as compare_methods
 
 if TYPE_CHECKING:
-    from inclinometry.calibration.acceptance import OtherStand, Verification
+    from inclinometry.calibration.conformity import OtherStand, Verification
     from inclinometry.calibration.hand_rotations import HandRotations
     from inclinometry.earth.site import Site
     from inclinometry.sensors import Tool
@@ -577,7 +577,7 @@ def verify(
     count
         Of --planned: readings that will be averaged at each position. Default: 1.
     """
-    from inclinometry.calibration.acceptance import verify as verify_readings
+    from inclinometry.calibration.conformity import verify as verify_readings
     from inclinometry.files.limits import read_limits
 
     output.check_outputs(
@@ -640,7 +640,7 @@ def _other_stand(
     stand: str, north: float | None, north_sd: float, level_sd: float, rig_sd: float | None, gravity_sd: float | None
 ) -> OtherStand | None:
     """What the options say of another stand; an option that says nothing there is refused."""
-    from inclinometry.calibration.acceptance import OtherStand
+    from inclinometry.calibration.conformity import OtherStand
 
     useless = {"--north-deg": north is not None, "--north-sd-deg": north_sd != 0.0, "--level-sd-deg": level_sd != 0.0}
     if stand == "same":
@@ -659,7 +659,7 @@ def _verify_planned(
     plan: Path, calibration: Path, limits: str | None, target: Path | None, count: int, json: bool
 ) -> int:
     """What a verification at these positions will be worth."""
-    from inclinometry.calibration.acceptance import planned
+    from inclinometry.calibration.conformity import planned
     from inclinometry.files.bench_csv import read_plan
     from inclinometry.files.limits import read_limits
     from inclinometry.files.verification_json import power_summary, write_planned

@@ -23,7 +23,7 @@ from inclinometry.workflow.demo import (
     steps,
     well_sentences,
 )
-from inclinometry.workflow.hot_run import rms_degrees
+from inclinometry.workflow.gyro_heating_example import rms_degrees
 
 
 def demo(*, output_: Output = Path("demo-output"), json: Json = False) -> None:

@@ -98,7 +98,7 @@ def position(
         Write every source of error at every station as CSV.
     """
     from inclinometry.files.profile import reading_with, with_constants
-    from inclinometry.workflow.age import Age
+    from inclinometry.workflow.calibration_age import Age
     from inclinometry.workflow.position import read_position
 
     code = {"--tool-code": None if tool_code is None else Path(tool_code)}

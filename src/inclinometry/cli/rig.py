@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from inclinometry.calibration.orient import RigOrientation, orient_rig
+from inclinometry.calibration.stand_orientation import RigOrientation, orient_rig
 from inclinometry.cli import output
 from inclinometry.cli.options import AzimuthFrom, GravitySd, Input, InputOrNone, Json, SdOrNone
 from inclinometry.constants import COVERAGE_FACTOR

@@ -13,7 +13,7 @@ from inclinometry.constants import ANGLES
 from inclinometry.errors import refused
 from inclinometry.orientation import SWITCH
 from inclinometry.survey.reduce import Survey
-from inclinometry.workflow.age import Age
+from inclinometry.workflow.calibration_age import Age
 from inclinometry.workflow.corrections import CORRECTIONS, correction_steps
 from inclinometry.workflow.six_axis import SixAxisSurvey
 from inclinometry.workflow.survey import survey_file, write_survey

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from inclinometry.arrays import Array
-from inclinometry.calibration.acceptance import Verification
+from inclinometry.calibration.conformity import Verification
 from inclinometry.calibration.decision import AGREES, DISAGREES, Limits, rayleigh
 from inclinometry.calibration.result import Calibration
 from inclinometry.constants import ANGLES, COVERAGE_FACTOR

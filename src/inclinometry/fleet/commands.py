@@ -298,8 +298,8 @@ def why(file: str, /, *, fleet: Address = "fleet", ledger: LedgerAddress = None,
     """
     from inclinometry.fleet import audit
     from inclinometry.fleet.store import Store
-    from inclinometry.laboratory.certified import Certificates
     from inclinometry.laboratory.ledger.ledger import Ledger, default_path
+    from inclinometry.laboratory.valid_certificates import Certificates
 
     with Ledger(default_path() if ledger is None else ledger, read_only=True) as opened:
         found = audit.why(Store(fleet), file, Certificates(opened))
@@ -349,8 +349,8 @@ def clean(*, fleet: Address = "fleet", days: float = 7.0, dry_run: Flag = False)
 def _plan(fleet: str, ledger: str | None, product: str, window_s: float | None) -> Plan:
     from inclinometry.fleet.plan import plan as made
     from inclinometry.fleet.store import Store
-    from inclinometry.laboratory.certified import Certificates
     from inclinometry.laboratory.ledger.ledger import Ledger, default_path
+    from inclinometry.laboratory.valid_certificates import Certificates
 
     if window_s is not None and not 1e-6 <= window_s <= 86400.0:
         raise out_of_range("--window-s", window_s, "0.000001 .. 86400")

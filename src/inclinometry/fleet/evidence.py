@@ -18,7 +18,7 @@ from inclinometry.laboratory.commands import LedgerAddress
 from inclinometry.laboratory.ledger.ledger import Ledger
 
 if TYPE_CHECKING:
-    from inclinometry.laboratory.certified import Certificates
+    from inclinometry.laboratory.valid_certificates import Certificates
     from inclinometry.survey.reduce import SensorCorrection
 
 
@@ -69,9 +69,9 @@ def evidence(
         Take a run out of the history, and why; the record of it stays.
     """
     from inclinometry.laboratory import drift
-    from inclinometry.laboratory.certified import Certificates
     from inclinometry.laboratory.commands.enter import doses_of
     from inclinometry.laboratory.commands.ledger import _where, _who
+    from inclinometry.laboratory.valid_certificates import Certificates
 
     doses_of(hours, shock, heat)
     if withdraw is not None:
@@ -87,7 +87,7 @@ def evidence(
     from inclinometry.files.tool_json import tool_of
     from inclinometry.fleet.statistics import known_drift
     from inclinometry.history import UNSEEN
-    from inclinometry.survey.evidence import run_evidence
+    from inclinometry.survey.history_from_run import run_evidence
 
     with Ledger(_where(ledger), read_only=not record) as opened:
         certificates = Certificates(opened)

@@ -286,12 +286,12 @@ def check(
     from inclinometry.history import relative_parameters
     from inclinometry.laboratory import drift
     from inclinometry.laboratory.certificate.laboratory_toml import read_laboratory
-    from inclinometry.laboratory.certified import Certificates
     from inclinometry.laboratory.commands.enter import certified, doses_of, performed_on
     from inclinometry.laboratory.commands.ledger import _where, _who
     from inclinometry.laboratory.import_file import LARGEST, import_file
     from inclinometry.laboratory.registry import find_rig
     from inclinometry.laboratory.session import load_session
+    from inclinometry.laboratory.valid_certificates import Certificates
     from inclinometry.workflow.calibrate import readings_at
 
     day, doses = performed_on(performed), doses_of(hours, shock, heat)

@@ -26,7 +26,6 @@ from inclinometry.history import (
     tool_from_relative,
     tool_history,
 )
-from inclinometry.laboratory.certified import Certificates, every
 from inclinometry.laboratory.ledger.ledger import Ledger, LedgerError, Record
 from inclinometry.laboratory.placeholders import stated
 from inclinometry.laboratory.progress import Goal, Progress, progress_of, unfitted, waiting_for
@@ -41,6 +40,7 @@ from inclinometry.laboratory.registry import (
 )
 from inclinometry.laboratory.results import finish_calibration, record_fit
 from inclinometry.laboratory.session import Session, bench_readings, load_session
+from inclinometry.laboratory.valid_certificates import Certificates, every
 from inclinometry.sensors import Tool
 
 DOSES: Final = ("hours", "shock", "heat")
@@ -62,7 +62,7 @@ class RunEvidence(NamedTuple):
 
     run : its name. date : its day. hours, shock, heat : since the calibration or run before.
     reference : id of the calibration's record that the stations were reduced with, to which values (24,) and covariance
-        (24, 24) are relative (`survey.evidence.run_evidence`).
+        (24, 24) are relative (`survey.history_from_run.run_evidence`).
     stations, chi_square, freedom, priors : of the analysis. inputs : name -> digest.
     """
 

@@ -17,7 +17,7 @@ from sqlalchemy import func, select
 
 from inclinometry.arrays import Array, within
 from inclinometry.calibration.conventions import USUAL, Dials
-from inclinometry.calibration.start import Stand, stand_within
+from inclinometry.calibration.initial_values import Stand, stand_within
 from inclinometry.conventions import current_name
 from inclinometry.digest import digest_bytes
 from inclinometry.errors import out_of_range, refused

@@ -11,7 +11,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from inclinometry.calibration.acceptance import Verification, planned, verify
+from inclinometry.calibration.conformity import Verification, planned, verify
 from inclinometry.calibration.decision import Limits
 from inclinometry.calibration.plans import Plan, spread
 from inclinometry.constants import ANGLES

@@ -10,11 +10,11 @@ import numpy as np
 from inclinometry.arrays import Index, Mask
 from inclinometry.earth.site import Site
 from inclinometry.findings import Finding
+from inclinometry.motion.automatic import TURNING
 from inclinometry.motion.axes import expected_dip
-from inclinometry.motion.choose import TURNING
-from inclinometry.motion.health import HealthCheck, WindowHealth, add_flag_reasons
 from inclinometry.motion.reference import FAR_DIP, RunDip, azimuth_uncertainty, widened
 from inclinometry.motion.result import BITS, Attitude, Fault, Samples, distinct, joined
+from inclinometry.motion.window_checks import HealthCheck, WindowHealth, add_flag_reasons
 from inclinometry.motion.window_filter import Stream, WindowBuffer
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from inclinometry.calibration.acceptance import Verification
+from inclinometry.calibration.conformity import Verification
 from inclinometry.calibration.decision import AGREES, DISAGREES
 from inclinometry.constants import COVERAGE_FACTOR
 from inclinometry.findings import only_notes, without_notes

@@ -27,13 +27,13 @@ from inclinometry.files.columns import TEXT, channel, is_number
 from inclinometry.files.foreign import foreign_pieces
 from inclinometry.files.frame import Frame
 from inclinometry.files.holes_csv import hole_column
-from inclinometry.files.layout import NUMBER, find_layout, line_of, refuse_legs, with_layout
 from inclinometry.files.position_csv import read_well
 from inclinometry.files.profile import SEPARATORS, Profile, current, reading_with, stated_unit
 from inclinometry.files.site_toml import read_site
 from inclinometry.files.six_axis import read_survey
 from inclinometry.files.survey_csv import read_raw_survey
 from inclinometry.files.table import TableFile, read_table
+from inclinometry.files.table_formats import NUMBER, find_layout, line_of, refuse_legs, with_layout
 from inclinometry.files.text import LONGEST_LINE, texts_of
 from inclinometry.files.tool_json import read_calibration
 from inclinometry.findings import Finding, Value

@@ -16,9 +16,9 @@ from inclinometry.digest import digest_file
 from inclinometry.earth.site import Site, convert_azimuth
 from inclinometry.errors import FileError, refused, settled
 from inclinometry.files.columns import channel
-from inclinometry.files.exchange import SurveyFile
 from inclinometry.files.site_toml import read_site
 from inclinometry.files.survey_csv import RawSurvey, read_raw_survey
+from inclinometry.files.survey_file import SurveyFile
 from inclinometry.files.table import TableFile
 from inclinometry.files.text import Progress
 from inclinometry.files.tool_code_json import load_tool_code
@@ -44,7 +44,7 @@ from inclinometry.survey.reduce import SensorCorrection, Survey, apply_correctio
 from inclinometry.survey.run import Run
 from inclinometry.survey.stations import Stations
 from inclinometry.tabular import check_record
-from inclinometry.workflow.age import Age, at_the_run
+from inclinometry.workflow.calibration_age import Age, at_the_run
 from inclinometry.workflow.convert import format_of, read_survey_file
 from inclinometry.workflow.corrections import (
     corrected,

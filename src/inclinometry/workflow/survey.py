@@ -26,7 +26,7 @@ from inclinometry.survey.plausibility import check_run
 from inclinometry.survey.reduce import Survey, parts_of, reduce_survey
 from inclinometry.survey.run import Run
 from inclinometry.tabular import check_record
-from inclinometry.workflow.age import Age, at_the_run
+from inclinometry.workflow.calibration_age import Age, at_the_run
 from inclinometry.workflow.field import completed, declination_doubts
 from inclinometry.workflow.six_axis import (
     JudgedStations,

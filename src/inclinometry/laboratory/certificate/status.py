@@ -20,13 +20,13 @@ from inclinometry.errors import FileError
 from inclinometry.files.json_codec import load
 from inclinometry.findings import Finding, Value
 from inclinometry.laboratory.certificate.record import record_digest
-from inclinometry.laboratory.certified import ended, ending, every
 from inclinometry.laboratory.ledger import chain, heads
 from inclinometry.laboratory.ledger.chain import LedgerError, missing
 from inclinometry.laboratory.ledger.engine import CHAIN
 from inclinometry.laboratory.ledger.keys import Public, descends, fingerprint, genuine
 from inclinometry.laboratory.ledger.ledger import Ledger, Record, accepted_breaks
 from inclinometry.laboratory.ledger.merkle import Tree, includes, leaf_hash
+from inclinometry.laboratory.valid_certificates import ended, ending, every
 
 SCHEMA: Final = "inclinometry/certificate-status"
 VERSION: Final = 2  # 1 carried no accepted breaks

@@ -11,7 +11,7 @@ from nicegui import context, ui
 
 from inclinometry.errors import InclinometryError, InputError, wrong_kind
 from inclinometry.laboratory import registry
-from inclinometry.laboratory.guided import ADAPTIVE, CALIBRATING, plan_for
+from inclinometry.laboratory.guided_plans import ADAPTIVE, CALIBRATING, plan_for
 from inclinometry.laboratory.ledger.engine import plain as is_plain
 from inclinometry.laboratory.ledger.ledger import Ledger
 from inclinometry.laboratory.ledger.users import User

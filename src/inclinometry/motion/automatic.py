@@ -12,7 +12,6 @@ from inclinometry.arrays import within
 from inclinometry.earth.site import Site
 from inclinometry.errors import InputError
 from inclinometry.findings import Finding, Value
-from inclinometry.motion.health import HealthCheck, HealthSettings, WindowHealth, add_flag_reasons
 from inclinometry.motion.inertial.filter import GyroStream, InertialStream
 from inclinometry.motion.inertial.state import InertialSettings
 from inclinometry.motion.magnetic.phase import MagneticSettings
@@ -20,6 +19,7 @@ from inclinometry.motion.magnetic.window import MagneticStream
 from inclinometry.motion.reference import azimuth_uncertainty, to_magnetic, widened
 from inclinometry.motion.result import BITS, METHODS, Attitude, Samples, distinct, joined, refusals
 from inclinometry.motion.static import StaticSettings, static_attitude
+from inclinometry.motion.window_checks import HealthCheck, HealthSettings, WindowHealth, add_flag_reasons
 from inclinometry.motion.window_filter import WindowBuffer
 from inclinometry.motion.window_smoother import LazyStream, single
 from inclinometry.tabular import check_record

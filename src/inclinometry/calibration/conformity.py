@@ -20,12 +20,19 @@ from inclinometry.calibration.decision import (
     refuse_unverifiable,
 )
 from inclinometry.calibration.likelihood import NUISANCE, orientation, tangent_basis
-from inclinometry.calibration.orient import BaseFit, described, fields_seen, fit_base, gravity_elsewhere, leading_kinds
 from inclinometry.calibration.plans import Plan
 from inclinometry.calibration.plausibility import own_readings, repeated_noise
 from inclinometry.calibration.power import Effects, Power, power, times
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
+from inclinometry.calibration.stand_orientation import (
+    BaseFit,
+    described,
+    fields_seen,
+    fit_base,
+    gravity_elsewhere,
+    leading_kinds,
+)
 from inclinometry.calibration.structured import MAGNETISED
 from inclinometry.constants import ANGLES, COVERAGE_FACTOR, DIALS
 from inclinometry.errors import InclinometryError, InputError, refused, settled
