@@ -143,7 +143,9 @@ def test_a_drift_that_the_readings_ask_for_is_fitted_beside_a_wander_that_they_h
             return self, state
 
     where = "inclinometry.calibration.structured"
-    monkeypatch.setattr(f"{where}.cause_probabilities", lambda run, noise, skip: [v for k, v in said_of.items() if k not in skip])
+    monkeypatch.setattr(
+        f"{where}.cause_probabilities", lambda run, noise, skip: [v for k, v in said_of.items() if k not in skip]
+    )
     monkeypatch.setattr(f"{where}.fit_with_variances", lambda *_: Run())
     assert [block.name for block in fit_structured(Run(), frozenset(), True)[1]] == ["drift"]
 
