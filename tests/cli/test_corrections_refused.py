@@ -66,7 +66,7 @@ def test_wrong_signs_are_told_before_a_correction(run, said, command):
 @pytest.mark.parametrize("command", [MSA, (*SURVEY, "--correct", "msa"), (*SURVEY, "--correct", "axial")])
 def test_wrong_units_and_references_are_not_corrected(run, command):
     given(lambda axes: axes / [9.81, 9.81, 9.81, 1, 1, 1])
-    refused(run(*command), "[run-gravity-unit;")
+    refused(run(*command), "[run-unit;")
     refused(run(*command, "--ignore", "units"), "Median gravity is 1 ", "[survey-total-far]")
     given(b=90_000.0)
     refused(run(*command), "Median |b| is ", "[survey-total-far]")
