@@ -22,7 +22,7 @@ def datasheet(sheet: Path | None = None, /, *, output_: Output, template: Flag =
     sheet
         Data sheet, TOML: for each triad unit, per, scale, offset or bias, axes or misalignment_deg, uncertainties.
     output_
-        tool.json, as survey, verify and simulate read it; or the template.
+        Write tool.json, for survey, verify and simulate; or the template.
     template
         Write a data sheet to fill in instead.
     """
