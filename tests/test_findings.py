@@ -62,6 +62,13 @@ def test_a_code_is_said_in_every_language(code, language):
         assert fields(text) == fields(rule(code).sentences[-1]), text
 
 
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_a_unit_is_said_once(language):
+    """The name of a value has its unit, which a sentence does not repeat."""
+    twice = re.compile(r"\d( [^\W\d]+| %|°)\1(?!\w)")
+    assert [code for code in CODES if twice.search(say(example(code), language))] == []
+
+
 @pytest.mark.parametrize("language", LANGUAGES[1:])
 @pytest.mark.parametrize("name", ["words", *rooms()])
 def test_translations_are_of_today(name, language):
