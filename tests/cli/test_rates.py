@@ -198,7 +198,7 @@ SLOW = {"speeds": np.array([-0.5, 0.5]), "rate_unit": np.radians(1.0)}
         ({"heat": 20.0}, {"temperature_degree": 1}, IdentifiabilityError, "fit-temperatures-few"),
         ({"speeds": np.array([0.1, 0.1])}, {"g_sensitivity": True}, IdentifiabilityError, "fit-steps-mixed"),
         ({}, {"site": "nowhere.toml"}, InputError, "input-missing"),
-        ({}, {"output_": "steps.csv"}, FileError, "option-same-file"),
+        ({}, {"output_": "steps.csv"}, FileError, "input-same-file"),
     ],
 )
 def test_wrong_input(folder, steps, more, error, words):

@@ -306,7 +306,7 @@ def _shots(readings: BenchReadings, findings: list[Finding]) -> tuple[Shots, lis
     if not kinds:
         raise refused("input-one-of", {"names": ("accelerometer", "magnetometer")})
     if "gyro" in readings.channels:
-        findings.append(Finding("fit-gyro-unused", severity="note"))
+        findings.append(Finding("fit-unused", {"kind": "gyro", "methods": ("joint",)}, severity="note"))
     for kind in kinds:
         sensors = readings.channels[kind].shape[1]
         if sensors < 3:
