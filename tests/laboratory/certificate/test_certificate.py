@@ -599,8 +599,28 @@ def test_the_reservation_of_a_pass_stands_in_the_box(seen: list[dict[str, str]])
     """Limits of tens of degrees, which find only a much worse tool."""
     certificate_pdf(record(verification=verification(40.0)))
     box = " ".join(seen[0]["conformity"]).replace("\u200b", "")
-    assert str(Finding("verify-wide-limit", {"angle": "inclination", "limit_deg": 40.0, "usual_deg": 2.0})) in box
-    assert str(Finding("verify-detects-limits", {"positions": 12, "times": ">100"})) in box
+    assert (
+        str(
+            Finding(
+                "verify-wide",
+                {"angle": "inclination", "limit_deg": 40.0, "usual_deg": 2.0, "remedy": "Give a narrower limit"},
+            )
+        )
+        in box
+    )
+    assert (
+        str(
+            Finding(
+                "verify-detects-little",
+                {
+                    "positions": 12,
+                    "times": ">100",
+                    "remedy": "Agree on narrower limits, or take a pass as a test of these limits only",
+                },
+            )
+        )
+        in box
+    )
     assert seen[0]["conformity_colour"] == "#8a5a00"
 
 
