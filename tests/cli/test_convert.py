@@ -15,7 +15,7 @@ def source(tmp_path):
 def test_it_says_what_the_target_does_not_hold(run):
     done = run("convert a.csv b.las")
     assert (done.status, done.out) == (0, "2 stations written to b.las\n")
-    assert "warning: Column crew is not kept (values: 2)" in done.err
+    assert "warning: Not kept: crew (2 of 2 values)." in done.err
     done = run("convert a.csv b.txt --to las --json")
     assert [(one["code"], one["values"]) for one in done.json["lost"]] == [
         ("work-lost-values", {"names": ["crew"], "lost": 2, "total": 2})

@@ -200,7 +200,7 @@ def test_what_p7_cannot_hold_is_said(tmp_path):
     file = raw()
     warm = SurveyFile(md=file.md, g=file.g, b=file.b, temperature=[20.0, 21.0, 22.0], extra={"crew": ("A", "B", "C")})
     found = convert(put(tmp_path, "parquet", warm), tmp_path / "a.p7").lost
-    assert [one.values["column"] for one in found] == ["temperature_degC", "crew"]
+    assert [one.values["names"] for one in found] == [("temperature_degC",), ("crew",)]
 
 
 def test_wits_by_its_map(tmp_path):
@@ -208,7 +208,7 @@ def test_wits_by_its_map(tmp_path):
     source = put(tmp_path, "csv", raw())
     there = convert(source, tmp_path / "a.wits", channels=tmp_path / "map.toml")
     # what is not mapped is not carried
-    assert [one.values["column"] for one in there.lost] == ["bx_nT", "by_nT", "bz_nT", "used"]
+    assert [name for one in there.lost for name in one.values["names"]] == ["bx_nT", "by_nT", "bz_nT", "used"]
     convert(tmp_path / "a.wits", tmp_path / "b.csv", channels=tmp_path / "map.toml")
     found = read_survey_file(tmp_path / "b.csv", "csv")
     np.testing.assert_allclose(found.g, raw().g, rtol=0, atol=1e-9)  # written to 1e-10 g

@@ -257,4 +257,4 @@ def test_a_gyro_of_very_different_noise_is_named(tmp_path):
     # as rates, not as signals: a gyro of ten times the gain may scatter ten times as much
     for gain, named in (([1.0, 1.0, 1.0], True), ([1.0, 1.0, 20.0], False)):
         found = calibrate_rates(np.degrees(rates) * 3600.0 * gain + noise, rates).findings
-        assert any(one.code == "fit-gyro-noisy" and one.values["sensor"] == 3 for one in found) is named
+        assert any(one.code == "bench-channel-noisy" and one.values["sensor"] == 3 for one in found) is named

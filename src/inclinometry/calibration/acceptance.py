@@ -27,6 +27,7 @@ from inclinometry.calibration.power import Effects, Power, power, times
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
 from inclinometry.calibration.structured import MAGNETISED
+from inclinometry.calibration.undetermined import few
 from inclinometry.constants import ANGLES, COVERAGE_FACTOR, DIALS
 from inclinometry.errors import InclinometryError, InputError, refused, settled
 from inclinometry.findings import Finding, Value, without_notes
@@ -726,7 +727,8 @@ def _scope(readings: BenchReadings, calibration: Calibration) -> list[Finding]:
     """What positions and temperature leave out."""
     found, few_positions = list[Finding](), 6
     if len(readings) < few_positions:
-        found.append(Finding("verify-few", {"positions": len(readings), "least": few_positions}))
+        remedy = "Take more over the range of use"
+        found.append(few("positions to verify a tool", len(readings), few_positions, remedy))
     span, heat = calibration.tool.temperature_range, readings.temperature
     if span and heat is not None and (heat.min() < span[0] - 5.0 or heat.max() > span[1] + 5.0):
         here = {"here_low_degC": float(heat.min()), "here_high_degC": float(heat.max())}

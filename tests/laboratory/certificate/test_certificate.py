@@ -23,6 +23,7 @@ from tests.refusals import refused
 import inclinometry
 from inclinometry.calibration.expected import expected_uncertainty, tool_temperature
 from inclinometry.calibration.result import Calibration
+from inclinometry.calibration.undetermined import few
 from inclinometry.constants import STEPS
 from inclinometry.errors import FileError
 from inclinometry.findings import Finding, say
@@ -321,12 +322,12 @@ def test_what_cannot_be_shown_is_left_out_of_the_record() -> None:
 def test_warnings_and_units_are_in_the_language_of_the_certificate(seen: list[dict[str, str]]) -> None:
     """Nobody reads English on the Russian certificate of a doubtful verification, but names and codes."""
     doubted = copy.deepcopy(verification(1.0))
-    few = Finding("verify-few", {"positions": 4, "least": 6})
-    doubted["report"]["warnings"] = [str(few)]
+    said = few("positions to verify a tool", 4, 6, "Take more over the range of use")
+    doubted["report"]["warnings"] = [str(said)]
     certificate_pdf(record(verification=doubted) | {"language": "ru"})
     text = json.dumps(seen[0], ensure_ascii=False)
-    assert str(few) not in text
-    assert say(few, "ru").rstrip(".") in "".join(seen[0]["conformity"])
+    assert str(said) not in text
+    assert say(said, "ru").rstrip(".") in "".join(seen[0]["conformity"])
     assert "counts" not in text
     assert "ед. АЦП на g" in text
 
