@@ -289,7 +289,7 @@ def test_the_first_page_says_to_what_the_statement_applies(tmp_path: Path) -> No
     order = replace(ORDER, rig_traceability="NMI cert 12", rig_place="hall 9")
     for language, said in (
         ("en", "the statement does not apply to: toolface"),
-        ("ru", "не относится к: угол установки"),
+        ("ru", "не относится к: визирный угол"),
     ):
         content = record(verification=seen, order=order, language=language, laboratory=replace(LABORATORY, place=""))
         text = " ".join(pages(certificate_pdf(content), tmp_path)[0].split())
