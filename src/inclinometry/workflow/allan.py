@@ -51,7 +51,7 @@ def noise_of_log(
             except InputError as error:
                 raise FileError(Finding("work-column", {"name": name, "finding": error.finding}), path=path) from None
             channels.append(ChannelNoise(name, kind, log.units[kind], curve, model))
-            findings += _doubts(log, name, values[:, place], model, rest)
+            findings += _rest_warnings(log, name, values[:, place], model, rest)
     return NoiseRecord(tuple(channels), log.dt, len(log), {"log": log.digest}, tuple(findings))
 
 
@@ -104,7 +104,9 @@ def _said(rest: tuple[float, float] | None) -> tuple[str, ...]:
     return () if rest is None else (f"{rest[0]:.6g} .. {rest[1]:.6g} s",)
 
 
-def _doubts(log: Log, name: str, values: Array, model: NoiseModel, rest: tuple[float, float] | None) -> list[Finding]:
+def _rest_warnings(
+    log: Log, name: str, values: Array, model: NoiseModel, rest: tuple[float, float] | None
+) -> list[Finding]:
     """Signs that the instrument was not at rest, or that its noise is of another kind."""
     at = _moved(values)
     if at is not None:
