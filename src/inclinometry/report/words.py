@@ -121,6 +121,11 @@ DECISIVE = 0.9
 """Leverage from which a station decides alone: an error there would go unseen."""
 
 
+def quoted(name: str) -> str:
+    """A name in the quotation marks of the language."""
+    return label("“{name}”", name=name)
+
+
 def listed(words: list[str]) -> str:
     """Words with commas and a final "and".
 
@@ -204,7 +209,10 @@ def covers(calibration: Calibration) -> str:
 def run_facts(calibration: Calibration, readings: BenchReadings | None) -> list[tuple[str, str]]:
     """What was measured, as pairs of label and text."""
     tool, stations = calibration.tool, len(calibration.residuals.station)
-    triads = [f"{t.count} {label(f'{kind}s')} ({label(t.unit)})" for kind, t in tool.triads.items()]
+    triads = [
+        label("{count} {sensors} ({unit})", count=t.count, sensors=f"{kind}s", unit=t.unit)
+        for kind, t in tool.triads.items()
+    ]
     methods = {
         "joint": "joint maximum likelihood of all triads, rig errors shared between them",
         "twelve": "closed form for the twelve positions",
