@@ -280,7 +280,7 @@ def test_errors_of_a_run_with_a_failed_channel_are_stored(run, simulated):
 
 
 def test_a_spike_is_flagged_with_its_line(run, simulated):
-    simulated("--spike", "3:2:5")
+    simulated("--outlier", "3:2:5")
     done = run(*NORTH, "-o", "out.csv").ok()
     assert "line 11" in done.err
     assert [n for n, row in enumerate(rows_of("out.csv")) if "spike" in row["flags"].split("|")] == [2]
@@ -321,10 +321,10 @@ def test_options_out_of_range(run, simulated, option, value, part):
         ("--axes", 4),
         ("--gyros", 3),
         ("--seed", -1),
-        ("--spike", "1:1"),
-        ("--spike", "61:1:5"),
-        ("--spike", "1:5:5"),
-        ("--spike", "1:1:nan"),
+        ("--outlier", "1:1"),
+        ("--outlier", "61:1:5"),
+        ("--outlier", "1:5:5"),
+        ("--outlier", "1:1:nan"),
         ("--truth", "out.csv"),
         ("--site", "out.csv"),
         ("--truth", "nowhere/out.json"),

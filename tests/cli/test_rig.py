@@ -8,7 +8,7 @@ import pytest
 from inclinometry.files.tool_json import read_calibration, write_calibration
 from inclinometry.sensors import Tool, Triad
 
-STAND = ("--other-stand", "--base-tilt-deg", 3, "--north-offset-deg", 30)
+STAND = ("--new-stand", "--base-tilt-deg", 3, "--north-offset-deg", 30)
 
 
 @pytest.fixture

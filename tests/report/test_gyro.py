@@ -15,16 +15,17 @@ from inclinometry.gyro.joint import earth_in_tool
 from inclinometry.gyro.north import estimate_north
 from inclinometry.gyro.tracking import quadratic_belief, smooth_scale
 from inclinometry.report.gyro import gyro_report, hot_run_figure, scale_course, scale_report
-from inclinometry.survey.flags import Check
+from inclinometry.survey.flags import Check, unjudged
 from inclinometry.survey.gyro import gyro_survey
 
 from .pages import check
 
 LATITUDE = np.pi / 4
 NOISE = 1e-3  # of the Earth rate
+UNJUDGED = unjudged("too few common stations with this angle")
 CHECKS = (
-    Check("horizontal rate", "pass", 1e-7, 2e-6, (), Finding("survey-unjudged-common"), "rad/s"),
-    Check("in-run against out-run", "not judged", np.nan, 0.017, (), Finding("survey-unjudged-common")),
+    Check("horizontal rate", "pass", 1e-7, 2e-6, (), UNJUDGED, "rad/s"),
+    Check("in-run against out-run", "not judged", np.nan, 0.017, (), UNJUDGED),
 )
 
 
@@ -166,7 +167,7 @@ def test_stations_that_do_not_go_together_are_refused(run, name):
 
 def test_hostile_names(run):
     evil = "</style><script>alert(1)</script>"
-    said = Finding("survey-evidence-temperature", {"tool": evil})
+    said = Finding("survey-remark", {"remark": evil})
     found = replace(gyro_survey(run.md, run.north, tool=evil, inputs={evil: evil}), findings=(said,))
     checks = [Check(evil, "fail", 1.0, 1.0, (), said, evil)]
     others = {evil: run.others["patent"]}
