@@ -150,8 +150,8 @@ def say(found: Finding, language: str = "en") -> str:
     """The sentence of a finding.
 
     A field is {name}, or {name:spec}: a format of numbers (.3g where there is none; lengths as given), `word` for
-    one that is translated, `name` for one that is said as pages label it, `whole` for a sentence of a file, which is not
-    cut, `or` and `and` for several values.
+    one that is translated, `name` for one that is said as pages label it, `whole` for a sentence of a file, which is
+    not cut, `or` and `and` for several values.
     """
     of, count, own = rule(found.code), found.values.get("count", 1), found.code.partition("-")[0]
     text = _translated(language, own, found.code, of.sentences, count if isinstance(count, int) else 1)

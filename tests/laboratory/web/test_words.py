@@ -11,10 +11,11 @@ from types import SimpleNamespace
 
 import pytest
 
+from inclinometry.errors import FileError, in_file
 from inclinometry.findings import Finding, example
 from inclinometry.laboratory import web
 from inclinometry.laboratory.web.frame import Visitor
-from inclinometry.laboratory.web.words import LANGUAGES, catalogue, say, sentence
+from inclinometry.laboratory.web.words import LANGUAGES, catalogue, problem, say, sentence
 from inclinometry.language import speaking
 from inclinometry.report.stored import translated
 
@@ -110,3 +111,12 @@ def test_a_long_sentence_of_a_file_is_whole_and_in_the_language_of_the_page(lang
     text = f"calibration: {example('bench-base-tilted')}"
     assert visitor.sentence(Finding("fit-stored", {"text": text})) == sentence(language, text) != text
     assert visitor.sentence(Finding("fit-stored", {"text": "x" * 500})) == "x" * 500
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_a_page_says_the_file_and_its_line_or_row(language: str) -> None:
+    """Rows where the file has no lines; a file that is called otherwise keeps them."""
+    finding = Finding("input-empty", {"name": "md_m"})
+    at = {key: problem(language, FileError(finding, path="run.xlsx", **{key: 7})) for key in ("line", "row")}
+    assert all("run.xlsx" in said and "7" in said for said in at.values())
+    assert at["row"] == problem(language, in_file(FileError(finding, path="copy", row=7), "run.xlsx")) != at["line"]

@@ -37,7 +37,7 @@ from inclinometry.laboratory.certificate.requirements import (
     open_warnings,
     two_accelerometers,
 )
-from inclinometry.language import number
+from inclinometry.language import label, number
 from inclinometry.report.calibration import log_scale
 from inclinometry.report.calibration_tables import (
     Row,
@@ -616,7 +616,7 @@ def _verdict(row: Content, say: Words) -> str:
         if row[name]["decision"] in ("fail", "inconclusive")
     ]
     judged = any(row[name]["decision"] != "not judged" for name in LETTERS)
-    return ", ".join(wrong) or (say("d_pass") if judged else say("d_none"))
+    return label(", ").join(wrong) or (say("d_pass") if judged else say("d_none"))
 
 
 def _degrees(value: float | None, say: Words) -> str:
@@ -673,10 +673,10 @@ def classical_section(record: Content, say: Words) -> Content:
     if adjustment is not None:
         apart = adjustment["largest_difference_deg"]
         same = bool(apart) and max(apart.values()) < 1e-4
-        said = ", ".join(f"{say(name)} {number(significant(value))}°" for name, value in apart.items()) or "–"
+        said = label(", ").join(f"{say(name)} {number(significant(value))}°" for name, value in apart.items()) or "–"
         note = {"previous": adjustment["previous"] or say("not_stated")} | ({} if same else {"differences": said})
         texts.append(say("adjustment_same" if same else "adjustment_note", **note))
-        kinds = ", ".join(say(kind) for kind in adjustment.get("relative", {}))
+        kinds = label(", ").join(say(kind) for kind in adjustment.get("relative", {}))
         texts += [say("apart_note", triad=kinds)] if kinds else []
     return section(say("classical_title" if adjustment is None else "adjustment"), texts, tables=tables)
 
@@ -715,8 +715,8 @@ def adjusted(record: Mapping[str, Any], kind: str) -> list[tuple[Record, Record 
 
 def _classical_label(row: Content, say: Words) -> list[str]:
     name, _, what = row["name"].partition(" ")
-    label = say("toward", axis=what.removeprefix("toward ")) if what.startswith("toward ") else say(what)
-    return [f"{name} {label}", "°" if row["unit"] == "deg" else translated(row["unit"])]
+    element = say("toward", axis=what.removeprefix("toward ")) if what.startswith("toward ") else say(what)
+    return [f"{name} {element}", "°" if row["unit"] == "deg" else translated(row["unit"])]
 
 
 def residual_section(record: Content, say: Words) -> Content:
@@ -733,7 +733,8 @@ def residual_section(record: Content, say: Words) -> Content:
             continue
         svg = paper_svg(residual_figure(part["standardised"]))
         figures.append(figure(svg, say("curve_residuals", triad=triad)))
-    return section(say("residuals"), [say("residuals_note", kinds="; ".join(said) or "–")], figures=figures, keep=True)
+    note = say("residuals_note", kinds=label("; ").join(said) or "–")
+    return section(say("residuals"), [note], figures=figures, keep=True)
 
 
 def verification_section(record: Content, say: Words) -> Content | None:
