@@ -185,7 +185,7 @@ CHINESE: Final = (
 
 
 NAMES: Final = ("number", "name", "certificate", "previous", "reason")
-"""Places of texts for what others have named, also where it looks like a number."""
+"""Places of names that others have given, also where one looks like a number."""
 
 
 class Words:
