@@ -7,7 +7,7 @@ import re
 import pytest
 
 from inclinometry.findings import codes, example
-from inclinometry.language import speaking
+from inclinometry.language import using_language
 from inclinometry.report.stored import translated
 
 KEPT = [code for code, one in codes().items() if one.means and code.partition("-")[0] in ("bench", "verify", "fit")]
@@ -18,12 +18,12 @@ KEPT = [code for code, one in codes().items() if one.means and code.partition("-
 def test_the_sentence_of_a_code_is_recognised(code: str, language: str) -> None:
     if code == "fit-stored":
         return  # a sentence of an older program, which no code says
-    with speaking(language):
+    with using_language(language):
         said = translated(f"calibration: {example(code)}")
     assert re.search({"ru": "[а-я]{3}", "zh": "[\u4e00-\u9fff]{2}"}[language], said)
 
 
 def test_other_sentences_stay() -> None:
-    with speaking("ru"):
+    with using_language("ru"):
         assert translated("something else happened") == "something else happened"
         assert translated("A7: something else happened") == "A7: something else happened"

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from inclinometry.arrays import Array
-from inclinometry.calibration.acceptance import Verification
+from inclinometry.calibration.conformity import Verification
 from inclinometry.calibration.decision import AGREES, DISAGREES, Limits, rayleigh
 from inclinometry.calibration.result import Calibration
 from inclinometry.constants import ANGLES, COVERAGE_FACTOR
@@ -70,7 +70,7 @@ def write_planned(path: str | Path, found: Verification, limits: Limits | None, 
         "limits": stated_limits(limits),
         "coverage_factor": found.coverage_factor,
         "positions": judged,
-        "worth": worth_of(found),
+        "worth": power_summary(found),
         "said": list(map(str, only_notes(found.findings))),
         "warnings": list(map(str, without_notes(found.findings))),
         "program": program(),
@@ -78,7 +78,7 @@ def write_planned(path: str | Path, found: Verification, limits: Limits | None, 
     json_codec.store(content, path, "planned-verification", 2)
 
 
-def worth_of(found: Verification) -> dict[str, Any]:
+def power_summary(found: Verification) -> dict[str, Any]:
     """How many times worse a tool must be to be found with 90 %, null where it never is; the risks of both sides."""
     power = found.power
     if power is None:

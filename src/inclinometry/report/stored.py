@@ -11,7 +11,7 @@ from functools import cache
 from typing import Final, NamedTuple
 
 from inclinometry.findings import UNITS, codes, translations
-from inclinometry.language import label, number, spoken
+from inclinometry.language import current_language, label, number
 
 _FIELD: Final = re.compile(r"\{(\w+)[^}]*\}")
 _PREFIX: Final = re.compile(r"([^:;,]{1,40}: )(.+)", re.DOTALL)
@@ -29,19 +29,19 @@ class _Sentence(NamedTuple):
 
 def translated(text: str) -> str:
     """A sentence, or a label, of a record in the language that is spoken; as it is where it is not known."""
-    if spoken() == "en":
+    if current_language() == "en":
         return text
     whole = label(text)
     if whole != text:
         return whole
     prefixed = _PREFIX.fullmatch(text)
     for head, own in (("", text), *((prefixed.groups(),) if prefixed else ())):
-        for one in _sentences(spoken()):
+        for one in _sentences(current_language()):
             found = one.find.fullmatch(own) if all(part in own for part in one.parts) else None
             if found is not None:
                 values = [_value(value) for value in found.groups()]
                 said = one.said.format(*values)
-                whose = translated(head[:-2]) + (": " if spoken() == "ru" else "：") if head else ""
+                whose = translated(head[:-2]) + (": " if current_language() == "ru" else "：") if head else ""
                 return whose + said[:1].upper() + said[1:]
     return text
 
@@ -49,12 +49,12 @@ def translated(text: str) -> str:
 def _value(text: str) -> str:
     """A value of a sentence: a number with its unit, words, a sentence of its own."""
     number_of, space, unit = text.rpartition(" ")
-    said = translations(spoken(), "word").get(space + unit)
+    said = translations(current_language(), "word").get(space + unit)
     if said is not None and unit in {one.strip() for one in UNITS.values()}:
         return number(number_of) + said
     for join in (", ", " and ", " or "):
         if join in text:
-            return translations(spoken(), "word")[join].join(map(_value, text.split(join)))
+            return translations(current_language(), "word")[join].join(map(_value, text.split(join)))
     return translated(text)
 
 

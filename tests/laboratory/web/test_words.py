@@ -16,7 +16,7 @@ from inclinometry.findings import Finding, example
 from inclinometry.laboratory import web
 from inclinometry.laboratory.web.frame import Visitor
 from inclinometry.laboratory.web.words import LANGUAGES, catalogue, problem, say, sentence
-from inclinometry.language import speaking
+from inclinometry.language import using_language
 from inclinometry.report.stored import translated
 
 SOURCES = sorted(Path(web.__file__).parent.rglob("*.py"))
@@ -100,7 +100,7 @@ def test_an_unknown_sentence_stays_as_it_is() -> None:
 def test_pages_and_reports_say_a_warning_alike() -> None:
     """One table: what a report prints of a calibration, its page shows in the same words."""
     warning = str(example("bench-base-tilted"))
-    with speaking("ru"):
+    with using_language("ru"):
         assert sentence("ru", warning) == translated(warning) != warning
 
 

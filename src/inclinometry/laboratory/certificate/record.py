@@ -18,9 +18,9 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from inclinometry.arrays import Array
-from inclinometry.calibration.causes import UNDETECTED
 from inclinometry.calibration.expected import certified, expected_uncertainty
 from inclinometry.calibration.result import Calibration
+from inclinometry.calibration.uncertainty_budget import UNDETECTED
 from inclinometry.constants import COVERAGE_FACTOR, INCLINATIONS, KINDS
 from inclinometry.digest import digest_bytes
 from inclinometry.errors import not_among, refused

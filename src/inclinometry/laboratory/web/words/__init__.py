@@ -14,7 +14,7 @@ from typing import Any, Final
 from inclinometry import findings
 from inclinometry.errors import FileError, InclinometryError
 from inclinometry.glossary import terms
-from inclinometry.language import speaking
+from inclinometry.language import using_language
 from inclinometry.report.stored import translated
 
 LANGUAGES: Final = {"en": "English", "ru": "Русский", "zh": "中文"}
@@ -58,7 +58,7 @@ def problem(language: str, error: InclinometryError) -> str:
 
 def sentence(language: str, text: str) -> str:
     """A sentence that a record keeps, in a language; as it is where it is not known."""
-    with speaking(language if language in LANGUAGES else "en"):
+    with using_language(language if language in LANGUAGES else "en"):
         return translated(text)
 
 
