@@ -84,7 +84,10 @@ def test_a_limit_that_no_position_judges_gives_no_verdict(laboratory: Ledger, be
     only = Limits("wide", "this test", LIMITS.inclination, None, None)
     record = finish_verification(laboratory, session.id, calibration, author="anna", limits=only)
     assert record.body["verdict"] == "pass"
-    assert str(Finding("verify-not-covered", {"angles": ("azimuth", "toolface")})) in record.body["report"]["reasons"]
+    assert (
+        str(Finding("verify-not-judged", {"names": ("azimuth", "toolface"), "why": "at no position"}))
+        in record.body["report"]["reasons"]
+    )
 
 
 @pytest.mark.long
