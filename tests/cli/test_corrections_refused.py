@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from inclinometry.findings import restored
 from inclinometry.orientation import fields
 
 HEADER = "md_m,gx_m_s2,gy_m_s2,gz_m_s2,bx_nT,by_nT,bz_nT"
@@ -102,7 +103,7 @@ def test_a_stored_warning_is_repeated(run):
     given()
     assert run(*MSA).status == 0
     stored = json.loads(Path("corrections.json").read_text())
-    stored["warnings"] = ["station 3 does not fit the others"]
+    stored["findings"] = [restored("station 3 does not fit the others").stored()]
     Path("corrections.json").write_text(json.dumps(stored))
     done = run(*SURVEY, "--correct", "corrections.json")
     assert "station 3 does not fit the others" in done.err

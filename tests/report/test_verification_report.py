@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from inclinometry.calibration.acceptance import Verification
-from inclinometry.calibration.result import uncoded
-from inclinometry.findings import example
+from inclinometry.findings import example, restored
 from inclinometry.report.verification import verification_report
 
 from .pages import check
@@ -60,7 +59,7 @@ def test_nothing_judged(found):
 def test_hostile_names(found):
     evil = "<img src=x onerror=alert(1)>"
     sharp = replace(
-        found, station=[evil] * 12, tool=evil, limits_name=evil, limits_source=evil, findings=uncoded([evil, evil])
+        found, station=[evil] * 12, tool=evil, limits_name=evil, limits_source=evil, findings=(restored(evil),) * 2
     )
     assert check(verification_report(sharp)).text.count(evil) >= 12 + 5
 

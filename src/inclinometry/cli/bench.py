@@ -662,7 +662,7 @@ def _verify_planned(
     from inclinometry.calibration.acceptance import planned
     from inclinometry.files.bench_csv import read_plan
     from inclinometry.files.limits import read_limits
-    from inclinometry.files.verification_json import worth_of, write_planned
+    from inclinometry.files.verification_json import power_of, write_planned
 
     bounds = None if limits is None else read_limits(limits)
     tool = read_calibration(calibration)
@@ -680,7 +680,7 @@ def _verify_planned(
                 "positions": len(found.station),
                 "limits": _agreed(found),
                 "coverage_factor": found.coverage_factor,
-                **worth_of(found),
+                **power_of(found),
                 "findings": [one.plain() for one in found.findings],
             }
         )

@@ -131,7 +131,10 @@ def validate(content: Json, name: str, path: str | Path) -> None:
     """Check against a shipped schema; FileError with the JSON path, the value found and what it must be."""
     from jsonschema.exceptions import best_match
 
-    error = best_match(_validator(name).iter_errors(content))
+    try:
+        error = best_match(_validator(name).iter_errors(content))
+    except RecursionError as error:  # findings may be values of findings
+        raise FileError(Finding("file-format", {"format": "JSON", "reason": str(error)}), path=path) from None
     if error is None:
         return
     where = "$" + "".join(f"[{p}]" if isinstance(p, int) else f".{p}" for p in error.absolute_path)

@@ -13,7 +13,7 @@ from lxml import etree
 
 from inclinometry.arrays import Array
 from inclinometry.errors import FileError, refused
-from inclinometry.findings import Finding
+from inclinometry.findings import Finding, findings_in
 from inclinometry.laboratory.certificate.record import adjusted, coverage, defined, record_digest, words
 from inclinometry.laboratory.certificate.requirements import missing_said
 from inclinometry.uncertainty import coverage_probability
@@ -418,7 +418,7 @@ def _statements(parent: Any, record: Record) -> None:
         english(made, "dcc:name", "warnings and who accepted them")
         about = record["accepted"]
         signed = words("en")("accepted_by", **{**about, "by": about["by"] or "not stated"})
-        english(made, "dcc:declaration", "; ".join([*about["warnings"], signed]))
+        english(made, "dcc:declaration", "; ".join([*map(str, findings_in(about)), signed]))
     if record["interval_months"] is not None:
         made = element(parent, "dcc:statement", refType="basic_recalibration")
         english(made, "dcc:declaration", "Interval agreed with the customer.")

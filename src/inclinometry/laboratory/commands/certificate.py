@@ -11,7 +11,7 @@ from inclinometry.cli.options import AlsoWritten, Flag, Input, InputOrNone, Json
 from inclinometry.errors import FileError, refused
 from inclinometry.files.json_codec import parse
 from inclinometry.files.writing import write_bytes
-from inclinometry.findings import Finding
+from inclinometry.findings import Finding, findings_in
 from inclinometry.laboratory.certificate.issue import record_from_files
 from inclinometry.laboratory.certificate.record import record_bytes, record_digest, words
 from inclinometry.laboratory.certificate.requirements import missing_said
@@ -96,7 +96,7 @@ def certificate(
     for path, data in files.items():
         write_bytes(data, path)
     output.findings(_lacking(made))
-    output.warnings(made["warnings"])
+    output.findings(findings_in(made))
     digest, statement = record_digest(made), made["conformity"]["statement"]
     if json:
         about = {name: made[name] for name in ("number", "title", "missing")}
