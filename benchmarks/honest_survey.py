@@ -133,9 +133,7 @@ def error_of(g, b, azimuth):
 
 
 WARNED = {
-    "survey-prior-far",
-    "survey-prior-widened",
-    "survey-priors-widened",
+    "survey-prior",
     "survey-chi-square",
     "survey-station-odd",
 }

@@ -182,7 +182,7 @@ RESULTS: dict[str, Callable[[], Any]] = {
     "Tool": lambda: calibration().tool,
     "Triad": lambda: calibration().tool.triads["magnetometer"],
     "twelve": lambda: im.calibrate_orthogonal(readings()),
-    "classical": lambda: im.calibrate_classical(readings(), nameplate=calibration().tool),
+    "classical": lambda: im.calibrate_classical(readings(), data_sheet=calibration().tool),
     "field": lambda: im.calibrate_field(readings()),
     "Plan": im.plans.twelve,
     "ExpectedUncertainty": lambda: im.evaluate_plan(im.plans.twelve()),

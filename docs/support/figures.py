@@ -204,10 +204,10 @@ def hidden_scale() -> dict[str, str]:
     return {"hidden_table": table(["each of the two increments", "dk / k"], rows)}
 
 
-def nameplate_errors(misalignment_deg: float, scale_percent: float, draws: int = 6) -> float:
+def data_sheet_errors(misalignment_deg: float, scale_percent: float, draws: int = 6) -> float:
     """Azimuth error, deg rms at inclination 20 to 70, of the classical method on perfect readings of a perfect rig.
 
-    Each sensor leans by up to `misalignment_deg`, and its nameplate is wrong by up to `scale_percent`, uniformly.
+    Each sensor leans by up to `misalignment_deg`, and its data sheet is wrong by up to `scale_percent`, uniformly.
     """
     rng, plan, squares = np.random.default_rng(1), plans.orthogonal(), []
     for _ in range(draws):
@@ -226,10 +226,10 @@ def nameplate_errors(misalignment_deg: float, scale_percent: float, draws: int =
     return float(np.degrees(np.sqrt(np.mean(squares))))
 
 
-def nameplate() -> dict[str, str]:
+def data_sheet() -> dict[str, str]:
     """Where the classical method breaks, beside what the joint fit makes of a rig good to 0.1 deg."""
     leans, scales = (0.1, 0.5, 1.0, 2.0, 5.0, 10.0), (0.0, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0)
-    rows = [[f"{s:g} %", *(f"{nameplate_errors(d, s):.3f}" for d in leans)] for s in scales]
+    rows = [[f"{s:g} %", *(f"{data_sheet_errors(d, s):.3f}" for d in leans)] for s in scales]
     squares = []
     for draw in range(8):
         tool = realistic_tools(9, 8).tool(draw)
@@ -239,9 +239,9 @@ def nameplate() -> dict[str, str]:
         noise = {kind: np.hypot(sd, 12.0**-0.5) for kind, sd in tool.noise.items()}
         at = np.radians([20.0, 45.0, 70.0])
         squares.append(true_errors(fit_once(readings, noise, TENTH).tool, tool, DIP, at)[:, 1] ** 2)
-    head = ["nameplate wrong by up to", *(f"axes lean by up to {d:g} deg" for d in leans)]
+    head = ["data sheet wrong by up to", *(f"axes lean by up to {d:g} deg" for d in leans)]
     joint = np.degrees(np.sqrt(np.mean(squares)))
-    return {"nameplate_table": table(head, rows), "nameplate_joint": f"{joint:.2f}"}
+    return {"data_sheet_table": table(head, rows), "data_sheet_joint": f"{joint:.2f}"}
 
 
 def budget() -> dict[str, str]:
@@ -325,7 +325,7 @@ def everything() -> dict[str, str]:
     found: dict[str, str] = {}
     for part in (
         erratum, claims, inclination_zero, identifiability, directions, hidden_scale, conditioning, roll_errors,
-        north_error, angle_claims, nameplate, budget,
+        north_error, angle_claims, data_sheet, budget,
     ):  # fmt: skip
         found |= part()
     return found

@@ -611,7 +611,7 @@ def article_wrong_settings() -> dict[str, str]:
     found = {key: np.degrees(np.sqrt(np.mean(values, axis=(0, 1)))) for key, values in squares.items()}
     rows: list[list[str | Words]] = []
     for wrong, words in (
-        ("roll", ("toolface ±1°, uniform", "угол установки отклонителя ±1°, равномерно", "工具面角 ±1°（均匀分布）")),
+        ("roll", ("toolface ±1°, uniform", "визирный угол ±1°, равномерно", "工具面角 ±1°（均匀分布）")),
         ("north", ("north of the rig 0.5° off", "север стенда смещён на 0.5°", "校准台北向偏 0.5°")),
     ):
         rows.append([words, *(f"{found[wrong, name][angle]:.3f}" for angle in (0, 1) for name in ("cube", "turns"))])

@@ -1,4 +1,4 @@
-"""Borehole inclinometers made trustworthy, from the bench to the bottom of the hole.
+"""Calibration of borehole inclinometers and surveys, with uncertainty.
 
 Conventions (of the whole package; the documentation page "conventions" says the same)
 ---------------------------------------------------------------------------------

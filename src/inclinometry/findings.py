@@ -45,7 +45,7 @@ class Finding(NamedTuple):
         return rule(self.code).group
 
     def stored(self) -> dict[str, Any]:
-        """As files keep it: rows from 1, values as they are; `restored` reads it."""
+        """As files keep it: rows from 1, values as they are."""
         values = {name: _plain(value, Finding.stored) for name, value in self.values.items()}
         return {
             "code": self.code,
@@ -219,37 +219,6 @@ def _plain(value: Value, how: Callable[[Finding], Any]) -> Any:
     if isinstance(value, tuple):
         return [_plain(one, how) for one in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
-def restored(kept: Mapping[str, Any] | str, severity: Severity = "warning") -> Finding:
-    """A finding as a file keeps it; `record-text` for the sentence of an older file, or a code of another version."""
-    if isinstance(kept, str):
-        return Finding("record-text", {"text": kept}, severity=severity)
-    name = kept["code"].partition("-")[0]
-    own = room(name).get(kept["code"]) if name in rooms() else None
-    if own is not None and own.example.keys() <= kept["values"].keys():
-        values = {name: _restored(value) for name, value in kept["values"].items()}
-        found = Finding(kept["code"], values, tuple(row - 1 for row in kept["rows"]), kept["severity"])
-        try:
-            say(found)
-            return found
-        except (KeyError, TypeError, ValueError):  # a value of another kind
-            pass
-    return restored(str(dict(kept)), kept["severity"])
-
-
-def findings_in(record: Mapping[str, Any]) -> tuple[Finding, ...]:
-    """The findings of a stored record, of which older ones keep sentences: warnings, and notes or reasons."""
-    warned, noted = record.get("warnings", ()), record.get("notes", record.get("reasons", ()))
-    return (*map(restored, record.get("findings", warned)), *(restored(text, "note") for text in noted))
-
-
-def _restored(value: Any) -> Value:
-    if isinstance(value, dict):
-        return restored(value)
-    if isinstance(value, list):
-        return tuple(map(_restored, value))
-    return math.nan if value is None else value
 
 
 # Translations: .po files as translators write them, read without a build step.

@@ -42,7 +42,7 @@ def test_hidden_scale_error_is_equation_9(d1, d2):
     assert np.abs(hidden_scale_error(found)[1:]).max() < EXACT
 
 
-def test_an_error_of_the_nameplate_stays_in_full():
+def test_an_error_of_the_data_sheet_stays_in_full():
     truth = ClosedForm(1.02 * np.eye(3), np.zeros(3), DOWN)
     found = solve_classical(truth.signals(*DIALS), *DIALS, conversion_factor=1.0)
     assert np.allclose(found.tensor, np.eye(3), atol=EXACT)

@@ -136,25 +136,25 @@ class TestClassical:
             axes = np.cos(angle) * np.eye(3) + np.sin(angle) * toward
             triads[kind] = Triad(kind, scale[:, None] * axes, [5.0, -3.0, 2.0], "counts", strength)
             stated = scale / (1.0 + scale_error * np.array([1.0, -1.0, 0.5]))
-            # a nameplate speaks of another field than the stand's
+            # a data sheet speaks of another field than the stand's
             plates[kind] = Triad(kind, 0.8 * np.diag(stated), np.zeros(3), "counts", 0.8 * strength)
-        tool, nameplate = Tool("true", triads), Tool("plate", plates)
+        tool, data_sheet = Tool("true", triads), Tool("plate", plates)
         readings, _ = bench(plans.orthogonal(), tool, Rig(), noise={})
-        found = calibrate_classical(readings, nameplate=nameplate)
+        found = calibrate_classical(readings, data_sheet=data_sheet)
         at = np.radians([20.0, 45.0, 70.0])
         return np.degrees(np.sqrt(np.mean(true_errors(found.tool, tool, np.radians(70.0), at)[:, 1] ** 2)))
 
     @pytest.mark.long
     def test_satisfactory_while_errors_are_small_and_not_when_they_are_large(self, bench):
         """The paper's sentence on [1, 2]. At 0134526 the conversion factors were the mean of the three, whatever the
-        nameplate: 2.4 deg at a misalignment of 0.5 deg with perfect nameplates."""
+        data sheet: 2.4 deg at a misalignment of 0.5 deg with perfect data sheets."""
         half, five, ten = (self.errors(bench, np.radians(d), 0.0) for d in (0.5, 5.0, 10.0))
         assert half < 0.002  # dk / k of equation (9) is 4e-5 there: 57 deg times that, less what the sensors share
         assert five < 0.1
         assert ten > 0.2  # the best azimuth the paper asks for
         # the hidden error grows with the square of the misalignment
         assert five / half == pytest.approx(100.0, rel=0.05)
-        # an error of the nameplate stays in full, in proportion
+        # an error of the data sheet stays in full, in proportion
         small, large = self.errors(bench, 0.0, 0.001), self.errors(bench, 0.0, 0.05)
         assert small < 0.05
         assert large == pytest.approx(50.0 * small, rel=0.05)
@@ -162,7 +162,7 @@ class TestClassical:
     def test_each_sensor_takes_its_own_number(self, bench):
         tool = realistic_tool(1, bits=None)
         readings, _ = bench(plans.orthogonal(), tool, Rig(), noise={})
-        found = calibrate_classical(readings, nameplate=tool).tool.triads["accelerometer"].tensor[0]
+        found = calibrate_classical(readings, data_sheet=tool).tool.triads["accelerometer"].tensor[0]
         true = tool.triads["accelerometer"].tensor[0]
         np.testing.assert_allclose(np.diag(found), np.linalg.norm(true, axis=1), rtol=1e-9)
         # and the components across it as they are: axes 1 to 2 degrees off
@@ -175,7 +175,7 @@ class TestClassical:
         }
         readings, _ = bench(plans.orthogonal(), tool := Tool("true", plates), Rig(), noise={})
         untold = {name: value for name, value in readings.reference.items() if name != "dip"}
-        found = calibrate_classical(dataclasses.replace(readings, reference=untold), nameplate=tool)
+        found = calibrate_classical(dataclasses.replace(readings, reference=untold), data_sheet=tool)
         for kind, plate in plates.items():
             np.testing.assert_allclose(found.tool.triads[kind].tensor, plate.tensor, atol=1e-6)
 
@@ -184,20 +184,20 @@ class TestClassical:
         readings, _ = bench(plans.orthogonal(), tool, Rig(), noise={})
         with refused("input-needs", name="method classical"):
             calibrate_classical(readings)
-        with refused("input-missing", names=("nameplate.magnetometer",)):
-            calibrate_classical(readings, nameplate=Tool("a", {"accelerometer": tool.triads["accelerometer"]}))
+        with refused("input-missing", names=("data_sheet.magnetometer",)):
+            calibrate_classical(readings, data_sheet=Tool("a", {"accelerometer": tool.triads["accelerometer"]}))
         volts = Triad("accelerometer", np.eye(3), np.zeros(3), "V")
         with refused("fit-units"):
-            calibrate_classical(readings, nameplate=Tool("a", {**tool.triads, "accelerometer": volts}))
+            calibrate_classical(readings, data_sheet=Tool("a", {**tool.triads, "accelerometer": volts}))
         four = realistic_tool(1, bits=None, sensors={"accelerometer": 4, "magnetometer": 3})
         with refused("input-shape", name="conversion_factor"):
-            calibrate_classical(readings, nameplate=four)
+            calibrate_classical(readings, data_sheet=four)
         nowhere = dataclasses.replace(readings, reference={})
         with refused("input-missing", names=("b_nT",)):
-            calibrate_classical(nowhere, nameplate=tool)
+            calibrate_classical(nowhere, data_sheet=tool)
         small = {kind: dataclasses.replace(t, tensor=t.tensor / 800.0) for kind, t in tool.triads.items()}
-        with refused("fit-nameplate-off"):
-            calibrate_classical(readings, nameplate=Tool("another unit", small))
+        with refused("fit-data-sheet-off"):
+            calibrate_classical(readings, data_sheet=Tool("another unit", small))
 
 
 class TestRefusals:
@@ -231,7 +231,7 @@ class TestRefusals:
     def test_no_angles(self, method):
         bare = BenchReadings({"accelerometer": np.random.default_rng(1).normal(size=(24, 3))})
         with refused("bench-no-angles"):
-            method(bare, **({"nameplate": random_tool(1)} if method is calibrate_classical else {}))
+            method(bare, **({"data_sheet": random_tool(1)} if method is calibrate_classical else {}))
 
     @pytest.mark.parametrize(
         ("options", "words"),
@@ -252,7 +252,7 @@ class TestRefusals:
         readings, _ = bench(plans.orthogonal(), random_tool(1), Rig(), bits=12)
         for count in (0, 1, 3):
             with refused("plan-stations-few", error=IdentifiabilityError):
-                calibrate_classical(readings.take(range(count)), nameplate=random_tool(1))
+                calibrate_classical(readings.take(range(count)), data_sheet=random_tool(1))
 
 
 def test_one_triad_alone_and_any_number_of_sensors(bench):

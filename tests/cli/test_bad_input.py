@@ -62,7 +62,7 @@ def swapped(table):
 def test_x_and_y_swapped_are_calibrated_where_it_is_stated(run, bench):
     bench()
     edit(swapped)
-    stated = run("calibrate bad.csv -o stated.json --left-handed").ok()
+    stated = run("calibrate bad.csv -o stated.json --left-handed-channels").ok()
     assert "[bench-axes-exchanged]" in stated.err
 
 

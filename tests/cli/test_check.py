@@ -186,7 +186,7 @@ def test_a_code_is_explained(run):
     entry = run("explain run-depth-digit --json").json
     assert (entry["code"], entry["group"]) == ("run-depth-digit", "depths")
     assert set(entry["example"]) == {"course_m", "md_m", "expected_m"}
-    done = run("explain run-channels-pair --json")  # a part of other sentences
+    done = run("explain run-channel --json")  # a part of other sentences
     assert done.json["means"] is None
     run("explain", "../run-depths").refused("[input-code-unknown]")
 

@@ -70,9 +70,9 @@ def test_both_dials_reversed_are_told_by_the_hand_of_the_channels(run, bench):
     run("calibrate changed.csv -o tool.json").refused(
         "azimuth counterclockwise and toolface counterclockwise", "[bench-left-handed]"
     )
-    assert run("calibrate changed.csv -o tool.json --left-handed").status == 0
-    refused = run("calibrate changed.csv -o tool.json --left-handed --method norm")
-    assert "--left-handed does not apply to --method norm" in refused.err
+    assert run("calibrate changed.csv -o tool.json --left-handed-channels").status == 0
+    refused = run("calibrate changed.csv -o tool.json --left-handed-channels --method norm")
+    assert "--left-handed-channels does not apply to --method norm" in refused.err
     assert run("calibrate changed.csv -o t.json --azimuth-counts leftwards").status == 2
 
 

@@ -6,8 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from inclinometry.findings import restored
+from inclinometry.files.json_codec import restored
 from inclinometry.orientation import fields
+from inclinometry.survey.quality import BLINDNESS
 
 HEADER = "md_m,gx_m_s2,gy_m_s2,gz_m_s2,bx_nT,by_nT,bz_nT"
 SITE = 'north_reference = "magnetic"\ng = 9.81\nsigma_g = 0.01\nb_nT = {}\nsigma_b_nT = 130\n'
@@ -58,8 +59,8 @@ def test_a_site_that_cannot_judge_is_refused(run, missing):
 def test_wrong_signs_are_told_before_a_correction(run, said, command):
     given(lambda axes: axes * MIRRORED[said])
     dip = said == "opposite sign"
-    refused(run(*command), said, "[survey-wiring-dip]" if dip else "[run-channels;")
-    refused(run(*command, "--ignore", "axes"), "[survey-wiring-dip]" if dip else "[survey-wiring-axes]")
+    refused(run(*command), said, "[survey-wiring-axes]" if dip else "[run-channels;")
+    refused(run(*command, "--ignore", "axes"), "[survey-wiring-axes]")
     assert not Path("corrections.json").exists()
 
 
@@ -154,7 +155,7 @@ def test_nothing_is_corrected_twice(run, again):
 def test_quality_says_what_it_cannot_see(run):
     given()
     straight = run("quality raw.csv --site site.toml --json").ok()
-    assert "survey-blind-mirrored" in [one["code"] for one in straight.json["findings"]]
+    assert BLINDNESS["mirrored"][0] in [one["values"].get("blind") for one in straight.json["findings"]]
     assert run(*SURVEY).status == 0
     azimuth = np.genfromtxt("survey.csv", delimiter=",", names=True)["azimuth_deg"]
     given(lambda axes: axes[:, [1, 0, 2, 4, 3, 5]])

@@ -16,8 +16,9 @@ import pytest
 import inclinometry
 from inclinometry.calibration.conventions import Dials
 from inclinometry.errors import InclinometryError, InputError
+from inclinometry.files.json_codec import findings_in
 from inclinometry.files.site_toml import read_site
-from inclinometry.findings import findings_in, rule
+from inclinometry.findings import rule
 from inclinometry.laboratory.drift import finish
 from inclinometry.laboratory.import_file import import_file
 from inclinometry.laboratory.ledger.admin import create
@@ -147,7 +148,7 @@ CASES = {
     "own names": (table(named), (), {}),
     "details": (table(detailed), (), {}),
     "clipped": (table(clipped), (), {}),
-    "left-handed": (table(mirrored), ("--left-handed",), {"options": Options(left_handed=True)}),
+    "left-handed": (table(mirrored), ("--left-handed-channels",), {"options": Options(left_handed=True)}),
     "stated": (
         table(without("reference_dip_deg")),
         ("--dip-deg", 70, "--dip-sd-deg", 0.5, "--level-sd-deg", 3, "--temperature-degree", 0, "--accel-step", 2),
@@ -316,6 +317,6 @@ def test_what_contradicts_the_register_or_is_of_no_use_is_refused(run):
     assert "[session-other-rig]" in entered(run, "a.csv", "--toolface-sd-deg", 0.2).err
     assert "[session-not-registered]" in entered(run, "a.csv", "--site", "yard").err
     assert run("calibrate a.csv -o tool.json").status == 0
-    for options in (("--dip-deg", 70), ("--site", "site.toml"), ("--left-handed",)):
+    for options in (("--dip-deg", 70), ("--site", "site.toml"), ("--left-handed-channels",)):
         entered(run, "tool.json", *options).refused("[input-not-with]")
     assert entered(run, "tool.json").status == 0

@@ -248,8 +248,8 @@ RATES, FORCES = ("gyro_x_deg_h", "gyro_y_deg_h"), ("accel_x_m_s2", "accel_y_m_s2
         (lambda: save([rows_of("raw.csv")[n] for n in (0, 2, 1, 3)], "raw.csv"), ["gyro-positions-order"]),
         (lambda: Path("site.toml").write_text("latitude_deg = -45.0\n"), ["latitude of the wrong sign"]),
         (lambda: Path("site.toml").write_text("latitude_deg = 95.0\n"), ["latitude_deg is 95"]),
-        (lambda: Path("site.toml").write_text('north_reference = "true"\n'), ["no latitude", "latitude_deg"]),
-        (lambda: Path("site.toml").write_text("latitude_deg = 90.0\n"), ["pole"]),
+        (lambda: Path("site.toml").write_text('north_reference = "true"\n'), ["latitude_deg", "[input-missing]"]),
+        (lambda: Path("site.toml").write_text("latitude_deg = 90.0\n"), ["latitude is 90", "-89.9 .. 89.9 deg"]),
         (lambda: edit(gyro_x_deg_h=lambda r: "nan" if r["time_s"] == rows_of("raw.csv")[5]["time_s"] else r[RATES[0]]),
          ["line 7", "gyro_x_deg_h"]),
     ],
@@ -280,7 +280,7 @@ def test_errors_of_a_run_with_a_failed_channel_are_stored(run, simulated):
 
 
 def test_a_spike_is_flagged_with_its_line(run, simulated):
-    simulated("--spike", "3:2:5")
+    simulated("--outlier", "3:2:5")
     done = run(*NORTH, "-o", "out.csv").ok()
     assert "line 11" in done.err
     assert [n for n, row in enumerate(rows_of("out.csv")) if "spike" in row["flags"].split("|")] == [2]
@@ -321,10 +321,10 @@ def test_options_out_of_range(run, simulated, option, value, part):
         ("--axes", 4),
         ("--gyros", 3),
         ("--seed", -1),
-        ("--spike", "1:1"),
-        ("--spike", "61:1:5"),
-        ("--spike", "1:5:5"),
-        ("--spike", "1:1:nan"),
+        ("--outlier", "1:1"),
+        ("--outlier", "61:1:5"),
+        ("--outlier", "1:5:5"),
+        ("--outlier", "1:1:nan"),
         ("--truth", "out.csv"),
         ("--site", "out.csv"),
         ("--truth", "nowhere/out.json"),

@@ -155,8 +155,9 @@ def test_an_unknown_choice_is_refused_with_the_list(run):
 
 def test_options_of_several_commands_are_the_same_everywhere():
     """One kind of option, one text: a stand, dials, the report, JSON."""
-    for option in ("--rig-sd-deg", "--level-sd-deg", "--north-deg", "--dip-deg", "--nameplate", "--left-handed"):
+    for option in ("--rig-sd-deg", "--level-sd-deg", "--north-deg", "--dip-deg", "--data-sheet"):
         assert len({arguments(name)[option].parameter.help for name in ("calibrate", "compare")}) == 1
+    assert len({arguments(name)["--left-handed-channels"].parameter.help for name in ("calibrate", "compare")}) == 1
     for option in ("--inclination-from", "--azimuth-counts", "--toolface-counts"):
         assert len({arguments(name)[option].parameter.help for name in ("calibrate", "compare", "verify")}) == 1
     groups = {

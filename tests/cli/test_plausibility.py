@@ -10,6 +10,7 @@ import numpy as np
 from inclinometry.constants import VECTORS
 from inclinometry.files.tool_json import read_calibration
 from inclinometry.orientation import fields
+from inclinometry.survey.flags import SIGNS
 
 SITE = 'north_reference = "magnetic"\ng = 9.81\nb_nT = 50000.0\ndip_deg = 68.0\n'
 
@@ -174,17 +175,18 @@ def test_check_judges_raw_channels_by_their_calibration(run):
 
 
 def told(run):
-    return [code for code, _ in codes(run("survey run.csv --site site.toml --json"))]
+    """Causes of findings."""
+    return [values.get("cause") for _, values in codes(run("survey run.csv --site site.toml --json"))]
 
 
 def test_the_dip_of_a_site_with_the_wrong_sign(run):
     axes()
     Path("site.toml").write_text(SITE.replace("68.0", "-68.0"))
-    assert "survey-dip-sign" in told(run)
+    assert SIGNS["unknown"][0] in told(run)
     Path("site.toml").write_text(SITE.replace("68.0", "-68.0") + "latitude_deg = 60.0\n")
-    assert "survey-dip-sign-site" in told(run)
+    assert SIGNS["site"][0] in told(run)
     Path("site.toml").write_text(SITE.replace("68.0", "-68.0") + "latitude_deg = -60.0\n")
-    assert "survey-dip-sign-triad" in told(run)
+    assert SIGNS["triad"][0] in told(run)
 
 
 def test_a_place_with_a_longitude_of_the_wrong_sign(run):

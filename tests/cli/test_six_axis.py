@@ -96,7 +96,7 @@ def test_survey_says_what_was_done(run):
     given(more='north_reference = "true"\ndeclination_deg = 5.0\nsigma_declination_deg = 0.3')
     done = run(*SURVEY, "--correct", "axial", "--report", "page.html", "--json").ok()
     assert done.json["quality"] == "pass"
-    assert [one["code"] for one in done.json["history"]] == ["survey-step-axes", "survey-step-axial"]
+    assert [one["code"] for one in done.json["history"]] == ["survey-step", "survey-step-axial"]
     assert "work-tool-code" in [one["code"] for one in done.json["findings"]]
     page = Path("page.html").read_text(encoding="utf-8")
     for words in ("What was done to the stations", "axial correction to b", "From which north", "declination +5.000"):
@@ -186,7 +186,7 @@ def test_a_station_beside_casing_fails(run):
     done = run(*QUALITY)
     assert done.status == 1
     assert done.out.startswith("FAIL: raw.csv")
-    assert "[survey-off-few]" in done.out
+    assert "[survey-off]" in done.out
     assert run(*QUALITY, "--limits", "iscwsa-ebook", "--json").json["limits"]["name"] == "iscwsa-ebook"
     refused(run(*QUALITY, "--limits", "no-such"), "iscwsa-ebook")
     run(*SURVEY).ok()
@@ -220,7 +220,7 @@ def test_a_declination_of_the_wrong_sign_is_drawn_and_doubted(run):
     assert "[work-declination-sign]" in page
     # gravity, field and dip do not depend on it, and the report of quality says so
     done = run(*QUALITY, "-v").ok()
-    assert "[survey-blind-declination]" in done.err
+    assert "[survey-blind]" in done.err
     given(more=f'north_reference = "true"\ndeclination_deg = -9.0\nsigma_declination_deg = 0.3\n{PLACE}')
     assert "[work-declination-sign]" not in run(*SURVEY).err
 

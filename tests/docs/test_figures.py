@@ -62,10 +62,10 @@ def test_the_24_positions_are_those_of_the_table(tmp_path):
 
 
 def test_the_classical_method_breaks_where_the_text_says(figures):
-    """0.2 deg at a third of a per cent of the nameplate, or at axes leaning by more than 6 deg."""
-    assert figures.nameplate_errors(0.1, 0.33) == pytest.approx(0.2, abs=0.03)
-    assert figures.nameplate_errors(6.0, 0.0) < 0.2 < figures.nameplate_errors(7.0, 0.0)
-    assert figures.nameplate_errors(1.0, 0.0) < 0.01
+    """0.2 deg at a third of a per cent of the data sheet, or at axes leaning by more than 6 deg."""
+    assert figures.data_sheet_errors(0.1, 0.33) == pytest.approx(0.2, abs=0.03)
+    assert figures.data_sheet_errors(6.0, 0.0) < 0.2 < figures.data_sheet_errors(7.0, 0.0)
+    assert figures.data_sheet_errors(1.0, 0.0) < 0.01
 
 
 def test_magnetometers_give_the_azimuth_of_the_paper(figures):

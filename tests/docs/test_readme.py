@@ -1,19 +1,23 @@
 """The README keeps its word: its blocks run in order in an empty folder, and what comes out of them is the truth.
 
-The truth is that of the simulations. A value passes within 2U = 4 u of it: by chance one in 16 000 fails, and of the
-hundreds looked at one in few runs; the seeds are fixed. Beside each stands what the uncertainty itself, or the rms
-error, may be at most: a poor result with a large uncertainty is no result.
+So do those of docs/howto/simulate.md, which has every command once. The truth is that of the simulations. A value
+passes within 2U = 4 u of it: by chance one in 16 000 fails, and of the hundreds looked at one in few runs; the seeds
+are fixed. Beside each stands what the uncertainty itself, or the rms error, may be at most: a poor result with a large
+uncertainty is no result.
 """
 
 import csv
 import json
 import re
 import shlex
+from itertools import pairwise
 from pathlib import Path
+from unicodedata import east_asian_width
 
 import numpy as np
 import pytest
 from pyarrow import parquet
+from support.blocks import alike
 
 from inclinometry.cli import main
 from inclinometry.files.tool_json import read_calibration, read_tool
@@ -23,6 +27,7 @@ from inclinometry.survey.path import minimum_curvature
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
+SIMULATED = (ROOT / "docs" / "howto" / "simulate.md").read_text(encoding="utf-8")
 BLOCK = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 TWICE_U = 4.0  # u
 
@@ -136,13 +141,13 @@ def turning_string():
         assert np.all(uncertainty < 0.5)
 
 
-@pytest.mark.long
-def test_the_blocks_run_as_they_stand_and_give_the_truth(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    count = 0
-    for language, text in BLOCK.findall(README):
+def blocks_run(page, capsys):
+    """Every block of a page, run in the current folder: language, text, what it printed; and the number of commands."""
+    done, count = [], 0
+    for language, text in BLOCK.findall(page):
+        capsys.readouterr()
         if language == "python":
-            exec(compile(text, "README.md", "exec"), {})
+            exec(compile(text, "page", "exec"), {})
         elif language == "toml":
             Path(text.splitlines()[0].removeprefix("# ")).write_text(text, encoding="utf-8")
         for line in commands(text):
@@ -150,7 +155,29 @@ def test_the_blocks_run_as_they_stand_and_give_the_truth(tmp_path, monkeypatch, 
             if not line.startswith("inclinometry bench"):
                 run(line, capsys)
                 count += 1
-    assert count >= 23
+        done.append((language, text, capsys.readouterr().out))
+    return done, count
+
+
+@pytest.mark.long
+def test_the_blocks_run_as_they_stand_and_give_the_truth(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    done, count = blocks_run(README, capsys)
+    assert count == 4
+    calibrated_and_surveyed()
+    # a block of text is lines of what the block before it printed
+    printed, shown = next((one[2], text) for one, (language, text, _) in pairwise(done) if language == "text")
+    assert len(shown.splitlines()) == 7
+    for line in shown.splitlines():
+        assert any(alike(line, one.rstrip()) for one in printed.splitlines()), line
+    # print(survey) in Python: the same survey as the command's
+    assert re.search(r"1795\.00 m +59\.99\d ± 0\.04\d +75\.06\d ± 0\.2", done[-1][2])
+
+
+@pytest.mark.long
+def test_every_command_gives_the_truth_of_its_simulation(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert blocks_run(SIMULATED, capsys)[1] >= 23
     # a verification that fails or a failing station ends with status 1: verify and quality have passed
     for check in (
         calibrated_and_surveyed, rests_of_the_log, seen_by_gyro, corrected, inside_its_ellipsoid, turning_string,
@@ -163,7 +190,7 @@ def test_the_blocks_run_as_they_stand_and_give_the_truth(tmp_path, monkeypatch, 
 def test_they_do_so_with_other_seeds(tmp_path, monkeypatch, capsys):
     """The lines of two blocks with another tool, rig, noise and gyro run: the first was no luck."""
     monkeypatch.chdir(tmp_path)
-    lines = [line for _, text in BLOCK.findall(README) for line in commands(text)]
+    lines = [line for _, text in BLOCK.findall(SIMULATED) for line in commands(text)]
     for start in ("plan twelve", "simulate bench --plan", "calibrate", "simulate well", "survey raw.csv --calibration"):
         line = next(one for one in lines if one.startswith(f"inclinometry {start}")).split("#")[0].split("--report")[0]
         run(line + (" --seed 5" if start.startswith("simulate") else ""), capsys)
@@ -177,8 +204,13 @@ def test_they_do_so_with_other_seeds(tmp_path, monkeypatch, capsys):
 def test_the_program_has_one_spelling():
     """On the path of an activated environment; no other way of calling it in a command of the README."""
     blocks = "".join(text for _, text in BLOCK.findall(README))
-    assert blocks.index(". .venv/bin/activate\n") < blocks.index("inclinometry --version")
+    assert blocks.index(". .venv/bin/activate\n") < blocks.index("inclinometry simulate")
     assert not re.search(r"bin/inclinometry|Scripts.inclinometry|-m inclinometry", blocks)
+
+
+def width(line):
+    """Columns of a terminal; a Chinese letter takes two."""
+    return sum(2 if east_asian_width(letter) in "WF" else 1 for letter in line)
 
 
 @pytest.mark.parametrize("language", ["ru", "zh"])
@@ -188,6 +220,10 @@ def test_the_other_languages_have_the_same_blocks(language):
     assert BLOCK.findall(text) == BLOCK.findall(README)
     for page in {"README.md", "README.ru.md", "README.zh.md"} - {f"README.{language}.md"}:
         assert f"({page})" in text
+    assert len(text.splitlines()) <= 120
+    assert all(width(line) <= 80 for line in text.splitlines())
     links = re.compile(r"\]\(((?!README)[^)]+)\)")
     assert links.findall(text) == links.findall(README)
     assert all((ROOT / link).exists() for link in links.findall(README))
+    assert len(README.splitlines()) <= 120
+    assert all(width(line) <= 80 for line in README.splitlines())

@@ -6,7 +6,8 @@ from tests.refusals import refused
 
 from inclinometry.errors import FileError
 from inclinometry.files.corrections_json import read_corrections, write_corrections
-from inclinometry.findings import example, restored
+from inclinometry.files.json_codec import restored
+from inclinometry.findings import example
 from inclinometry.survey.multistation import Parameter
 from inclinometry.survey.multistation_priors import FieldReference
 from inclinometry.survey.reduce import SensorCorrection, apply_correction

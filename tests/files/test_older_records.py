@@ -11,10 +11,11 @@ import pytest
 from inclinometry.files import json_codec
 from inclinometry.files.allan_json import read_allan
 from inclinometry.files.corrections_json import read_corrections
+from inclinometry.files.json_codec import findings_in, restored
 from inclinometry.files.scale_json import read_scale
 from inclinometry.files.tool_json import read_calibration, write_calibration
 from inclinometry.files.verification_json import read_verification
-from inclinometry.findings import Finding, codes, example, findings_in, restored
+from inclinometry.findings import Finding, codes, example
 from inclinometry.laboratory.certificate.laboratory import Laboratory
 from inclinometry.laboratory.certificates import issue, verify_certificate
 from inclinometry.laboratory.ledger.admin import create

@@ -17,8 +17,9 @@ from tests.refusals import refused
 from inclinometry.calibration.result import Calibration, Residuals, Rig
 from inclinometry.errors import FileError
 from inclinometry.files import json_codec
+from inclinometry.files.json_codec import restored
 from inclinometry.files.tool_json import read_calibration, read_extras, read_tool, write_calibration, write_truth
-from inclinometry.findings import Finding, restored
+from inclinometry.findings import Finding
 from inclinometry.sensors import Tool, Triad
 
 from .json_records import changed, put

@@ -13,9 +13,10 @@ from tests.refusals import refused
 from inclinometry.calibration.acceptance import Verification
 from inclinometry.calibration.decision import Limits
 from inclinometry.errors import FileError
+from inclinometry.files.json_codec import findings_in, restored
 from inclinometry.files.tool_json import read_calibration
 from inclinometry.files.verification_json import read_verification, write_verification
-from inclinometry.findings import Finding, findings_in, restored
+from inclinometry.findings import Finding
 
 from .json_records import changed
 

@@ -12,8 +12,9 @@ from tests.refusals import refused
 from inclinometry.calibration import plans
 from inclinometry.calibration.decision import Limits
 from inclinometry.calibration.plans import Plan
+from inclinometry.files.json_codec import findings_in
 from inclinometry.files.limits import limit_names, read_limits
-from inclinometry.findings import Finding, findings_in, without_notes
+from inclinometry.findings import Finding, without_notes
 from inclinometry.laboratory.ledger.ledger import Ledger, LedgerError
 from inclinometry.laboratory.registry import RegisteredRig, put_rig
 from inclinometry.laboratory.results import calibration_of, finish_calibration

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from inclinometry.calibration.result import Calibration, Residuals, Rig
-from inclinometry.findings import example, restored
+from inclinometry.files.json_codec import restored
+from inclinometry.findings import example
 from inclinometry.report.calibration import calibration_report
 from inclinometry.sensors import Tool, Triad
 
@@ -91,8 +92,8 @@ def test_warnings_turn_the_verdict(usual):
     warned = replace(found, findings=(example("bench-station-off"),))
     assert "No warnings" in check(calibration_report(found)).text
     words = check(calibration_report(warned)).text
-    assert "1 warning " in words
-    assert "settle the warning below before relying on it" in words
+    assert "Warnings: 1" in words
+    assert "settle the warnings below before relying on it" in words
     assert "[bench-station-off]" in words
 
 

@@ -69,7 +69,7 @@ def test_capitals_follow_the_key() -> None:
     """A text that begins with a capital names its term so."""
     assert [term("Toolface", language) for language in LANGUAGES] == [
         "Toolface",
-        "Угол установки отклонителя",
+        "Визирный угол",
         "工具面角",
     ]
-    assert catalogue("ru")["bench.toolface"] == "Угол установки отклонителя"
+    assert catalogue("ru")["bench.toolface"] == "Визирный угол"

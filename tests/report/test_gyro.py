@@ -9,22 +9,23 @@ from tests.refusals import refused
 from inclinometry.constants import EARTH_RATE, STANDARD_GRAVITY
 from inclinometry.earth.site import Site
 from inclinometry.errors import InputError
-from inclinometry.findings import Finding
+from inclinometry.findings import Finding, example
 from inclinometry.gyro.closed_form import solve_fixed_arctan2, solve_patent
 from inclinometry.gyro.joint import earth_in_tool
 from inclinometry.gyro.north import estimate_north
 from inclinometry.gyro.tracking import quadratic_belief, smooth_scale
 from inclinometry.report.gyro import gyro_report, hot_run_figure, scale_course, scale_report
-from inclinometry.survey.flags import Check
+from inclinometry.survey.flags import Check, unjudged
 from inclinometry.survey.gyro import gyro_survey
 
 from .pages import check
 
 LATITUDE = np.pi / 4
 NOISE = 1e-3  # of the Earth rate
+UNJUDGED = unjudged("too few common stations with this angle")
 CHECKS = (
-    Check("horizontal rate", "pass", 1e-7, 2e-6, (), Finding("survey-unjudged-common"), "rad/s"),
-    Check("in-run against out-run", "not judged", np.nan, 0.017, (), Finding("survey-unjudged-common")),
+    Check("horizontal rate", "pass", 1e-7, 2e-6, (), UNJUDGED, "rad/s"),
+    Check("in-run against out-run", "not judged", np.nan, 0.017, (), UNJUDGED),
 )
 
 
@@ -99,11 +100,11 @@ def test_checks_decide_the_badge(run):
     found = gyro_survey(run.md, calm)
     assert "No flags, all checks passed" in check(gyro_report(found, calm, md=run.md, checks=CHECKS[:1])).text
     assert "No flags, 1 of 2 checks not judged" in check(gyro_report(found, calm, md=run.md, checks=CHECKS)).text
-    failed = Check("latitude", "fail", np.radians(1.5), np.radians(0.5), (3,), "46.5 is not 45", "Check the latitude.")
+    failed = Check("latitude", "fail", np.radians(1.5), np.radians(0.5), (3,), example("gyro-latitude-off"))
     words = check(gyro_report(found, calm, md=run.md, checks=(*CHECKS, failed))).text
     assert "1 of 3 checks failed" in words
     assert "Settle the failed check of “latitude”" in words
-    assert "Check the latitude." in words
+    assert "Check the latitude of the site" in words
     assert "1.5° 0.50°" in words.replace("1.5°0.50°", "1.5° 0.50°")  # value and limit in degrees
     assert "0.021 deg/h" in words  # 1e-7 rad/s
 
@@ -166,7 +167,7 @@ def test_stations_that_do_not_go_together_are_refused(run, name):
 
 def test_hostile_names(run):
     evil = "</style><script>alert(1)</script>"
-    said = Finding("survey-evidence-temperature", {"tool": evil})
+    said = Finding("record-text", {"text": evil})
     found = replace(gyro_survey(run.md, run.north, tool=evil, inputs={evil: evil}), findings=(said,))
     checks = [Check(evil, "fail", 1.0, 1.0, (), said, evil)]
     others = {evil: run.others["patent"]}

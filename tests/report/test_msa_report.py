@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from inclinometry.findings import example
 from inclinometry.orientation import fields
 from inclinometry.report.msa import azimuth_u, msa_report
 from inclinometry.survey.multistation import multistation
@@ -37,11 +38,11 @@ def page_of(stations, **more):
 
 @pytest.mark.long
 def test_page():
-    page = page_of(run(), tool="A7 <b>", notes=["taken for granted"], inputs={"raw": "sha256:7"})
+    page = page_of(run(), tool="A7 <b>", findings=[example("survey-declination-sd")], inputs={"raw": "sha256:7"})
     for words in (
         "Axial magnetometer zero (interference included) ",
         "A7 <b>",
-        "taken for granted",
+        "[survey-declination-sd]",
         "sha256:7",
         "What the geometry cannot tell",
         "The declination does not show",
@@ -62,8 +63,8 @@ def test_nothing_found_and_little_told():
 
 @pytest.mark.long
 def test_warnings_are_shown():
-    page = page_of(run(shift=(900.0, 0.0, 0.0)), warnings=["the declination is doubtful"])
-    assert "the declination is doubtful" in page.text
+    page = page_of(run(shift=(900.0, 0.0, 0.0)), findings=[example("survey-dip-sign")])
+    assert "[survey-dip-sign]" in page.text
     assert "times its prior" in page.text
     assert "Read the warnings" in page.text
 

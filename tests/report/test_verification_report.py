@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from inclinometry.calibration.acceptance import Verification
-from inclinometry.findings import example, restored
+from inclinometry.files.json_codec import restored
+from inclinometry.findings import example
 from inclinometry.report.verification import verification_report
 
 from .pages import check

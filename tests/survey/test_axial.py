@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from tests.refusals import refused
 
-from inclinometry.findings import Finding
+from inclinometry.findings import example
 from inclinometry.orientation import angles, angles_jacobian, fields
 from inclinometry.survey.axial import SINGULAR, SOURCE, axial_correction
 from inclinometry.survey.multistation_priors import FieldReference
@@ -194,7 +194,7 @@ def test_near_horizontal_east_west_is_reported_and_left_alone():
     assert left.covariance[0, 0] == 220.0**2
 
 
-STEP = Finding("survey-step-no-gyro")
+STEP = example("survey-step")
 
 
 def test_one_line_of_history_and_the_rest_untouched():

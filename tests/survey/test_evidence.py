@@ -77,7 +77,7 @@ def correction(spoilt: float = 0.0, tool: Tool | None = REDUCED) -> SensorCorrec
 
 def test_what_is_no_evidence() -> None:
     run_evidence(correction(), REDUCED)
-    with refused("survey-evidence-scatter"):
+    with refused("survey-chi-square"):
         run_evidence(correction(1500.0), REDUCED)
     with refused("survey-evidence-priors"):
         run_evidence(correction(tool=None), REDUCED)
@@ -85,9 +85,9 @@ def test_what_is_no_evidence() -> None:
             for kind, one in REDUCED.triads.items()}  # fmt: skip
     with refused("survey-evidence-priors"):  # a file of an earlier version
         run_evidence(replace(correction(), information=np.zeros((0, 0)), score=np.zeros(0)), REDUCED)
-    with refused("survey-evidence-temperature"):
+    with refused("survey-calibration", advice="Calibrate it again instead"):
         run_evidence(correction(), Tool("7", warm, np.eye(48) * 1e-8))
-    with refused("survey-evidence-covariance"):
+    with refused("survey-calibration", reason="it has no full covariance"):
         run_evidence(correction(), Tool("7", REDUCED.triads, np.diag([0.0, *[1e-8] * 23])))
 
 

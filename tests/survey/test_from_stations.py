@@ -7,7 +7,7 @@ import pytest
 from tests.refusals import coded, refused
 
 from inclinometry.earth.site import Site
-from inclinometry.findings import Finding
+from inclinometry.findings import example
 from inclinometry.rotations import wrap_signed
 from inclinometry.simulate.tool import random_tool
 from inclinometry.survey.from_stations import NOISE, survey_from_stations
@@ -61,7 +61,7 @@ def test_many_stations_are_as_few():
     np.testing.assert_allclose(one.u_azimuth[-3:], other.u_azimuth, rtol=1e-12)
 
 
-STEP = Finding("survey-step-no-gyro")
+STEP = example("survey-step")
 
 
 def test_what_a_correction_leaves_is_a_component():
@@ -81,7 +81,7 @@ def test_what_a_correction_leaves_is_a_component():
     assert found.flags[0] == ["vertical"]
     np.testing.assert_allclose(found.u("magnetic_toolface")[0], np.hypot(30.0, 10.0) / 2e4, rtol=1e-12)
     clash = stations.corrected(stations.g, stations.b, STEP, {NOISE: left["left"]})
-    with refused("survey-source-taken"):
+    with refused("input-repeated"):
         survey_from_stations(clash)
 
 

@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
-from tests.refusals import coded, refused
+from tests.refusals import refused
 
+from inclinometry.survey.flags import OFF
 from inclinometry.survey.gyro import RepeatLimits, compare_runs
 from inclinometry.survey.run import Run
 
@@ -49,7 +50,7 @@ def test_limits_at_their_edges(sign, inclination, off_inclination, off_azimuth, 
     assert set(found.verdicts) == {verdict}
     np.testing.assert_allclose(found.inclination, np.radians(sign * off_inclination), atol=1e-12)
     failing = [c for c in found.checks if c.verdict == "fail"]
-    assert all(c.reason.code == "survey-off-gyro" and c.stations == tuple(range(12)) for c in failing)
+    assert all(c.reason.values["advice"] == OFF["gyro"] and c.stations == tuple(range(12)) for c in failing)
 
 
 @pytest.mark.parametrize(("count", "verdict"), [(9, "fail"), (10, "pass")])
@@ -76,7 +77,7 @@ def test_interpolation_is_linear_inside_and_said():
     found = compared(one, two)
     np.testing.assert_allclose(np.degrees([found.inclination, found.azimuth]), 0.0, atol=1.1 * HAIR)
     assert found.interpolated.all()
-    assert "survey-interpolated" in coded(found.findings)
+    assert "Out-run interpolated" in [one.values.get("what") for one in found.findings]
     assert not compared(two, run(20.0, 100.0, count=13)).interpolated.any()
 
 
@@ -87,7 +88,7 @@ def test_nothing_is_extrapolated_nor_carried_over_gaps():
     kept = np.delete(one.md, [5, 6])
     found = compared(one, run(azimuth=100.0 + HAIR, md=kept))
     assert found.rows.tolist() == [*range(5), *range(7, 20)]
-    assert [one.values["count"] for one in found.findings if one.code == "survey-not-covered"] == [2]
+    assert [one.values["count"] for one in found.findings if one.values.get("what") == "No out-run"] == [2]
     apart = compared(one, run(md=one.md + 1e5))
     assert (apart.verdict, len(apart.md)) == ("fail", 0)
     assert np.isnan(apart.statistics["inclination"].mean)
@@ -103,7 +104,7 @@ def test_only_the_bad_station_is_named():
     check = next(c for c in found.checks if c.name.endswith("up"))
     assert (check.verdict, check.stations) == ("fail", (4,))
     assert found.verdicts.count("fail") == 1
-    assert check.reason.code == "survey-off-gyro-few"
+    assert check.reason.values["advice"] == OFF["gyro few"]
 
 
 def test_statistics_against_a_plain_sum():

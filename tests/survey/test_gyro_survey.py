@@ -174,7 +174,7 @@ class TestFlags:
     def test_another_latitude(self):
         found = self.flags(site=Site(latitude=LATITUDE + np.radians(3.0)))
         assert all("latitude" in row for row in found.flags)
-        assert "survey-latitude-sign" not in coded(found.findings)
+        assert "survey-sign" not in coded(found.findings)
         assert not any("latitude" in row for row in self.flags(site=None).flags)
 
     def test_another_rate(self):
@@ -209,12 +209,12 @@ class TestFlags:
         triads = {k: Triad(k, t.tensor, 0.0 * t.offset, t.unit, t.field_strength) for k, t in plain.triads.items()}
         site = Site(latitude=-LATITUDE) if wrong == "site" else HERE
         found = self.flags(reverse, site, Tool("x", triads, noise=plain.noise))
-        assert coded(found.findings).count("survey-latitude-sign") == 1
+        assert coded(found.findings).count("survey-sign") == 1
         assert all("latitude" in row for row in found.flags)
 
     def test_near_the_equator_a_sign_says_nothing(self):
         found = self.flags(site=Site(latitude=np.radians(-5.0)), latitude=np.radians(5.0))
-        assert "survey-latitude-sign" not in coded(found.findings)
+        assert "survey-sign" not in coded(found.findings)
 
 
 class TestGravity:

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 from benchmarks.honest_survey import HOLES, SCENES, one
-from tests.refusals import coded
 
-from inclinometry.survey.multistation import multistation
+from inclinometry.survey.multistation import TOGETHER, WIDENED, multistation
 from inclinometry.survey.multistation_evidence import GUESSED, KEPT, STATED, averaged_over_sizes
 from inclinometry.survey.multistation_priors import priors_from_tool, published_priors
 from inclinometry.workflow.corrections import refuse_beyond
@@ -59,7 +58,7 @@ def test_interference_across_the_tool_is_found_though_the_prior_is_70_nt(across)
     term = found.parameters["MBX"]
     assert abs(term.value - across) < 3.0 * term.u < 150.0
     assert rms(azimuth_error(found.corrected, azimuth)) < 2.0 * rms(azimuth_u(found.corrected)) < 1.0
-    assert {"survey-priors-widened", "survey-prior-widened"} <= set(coded(found.findings))
+    assert {TOGETHER, WIDENED} <= {one.values.get("advice") for one in found.findings}
     refuse_beyond(found.parameters)
 
 
@@ -125,6 +124,6 @@ def test_a_tool_three_times_as_bad_as_stated_is_named_and_its_priors_are_widened
     readings = true @ (np.eye(6) + np.tensordot(x, priors.gain, axes=1)).T + x @ priors.offset
     readings += np.random.default_rng(8).normal(size=true.shape) * NOISE
     found = multistation(stations(readings[:, :3], readings[:, 3:]), REFERENCE, priors)
-    assert "survey-priors-widened" in coded(found.findings)
+    assert TOGETHER in [one.values.get("advice") for one in found.findings]
     assert max(found.noise_factors) < 2.0  # and not taken for noise
     assert rms(azimuth_error(found.corrected, azimuth)) < 2.0 * rms(azimuth_u(found.corrected)) < 1.5

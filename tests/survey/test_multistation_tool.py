@@ -119,7 +119,7 @@ def test_noise_of_a_reading_is_the_tools():
 def test_what_a_tool_lacks_is_named():
     calibrated = tool()
     nowhere = Triad("magnetometer", np.eye(3), np.zeros(3))
-    with refused("survey-tool-partial"):
+    with refused("survey-calibration"):
         priors_from_tool(Tool("2", {"accelerometer": calibrated.triads["accelerometer"], "magnetometer": nowhere}))
     _, g, b = hole()
     with refused("input-needs", name="calibration"):

@@ -54,12 +54,16 @@ def axes(order=(0, 1, 2), signs=(1.0, 1.0, 1.0), change=None, seed=1):
     return Run.of_fields(md, g[:, list(order)] * signs, b[:, list(order)] * signs)
 
 
+def cycled(sensor):
+    return Finding("run-channel", {"sensor": sensor, "channels": ("x", "y", "z"), "mistake": "cycled"})
+
+
 def pair(sensor, *channels):
-    return Finding("run-channels-pair", {"sensor": sensor, "channels": channels})
+    return Finding("run-channel", {"sensor": sensor, "channels": channels, "mistake": "exchanged"})
 
 
 def turned(sensor, channel):
-    return Finding("run-channels-reversed", {"sensor": sensor, "channel": channel})
+    return Finding("run-channel", {"sensor": sensor, "channels": (channel,), "mistake": "reversed"})
 
 
 def test_a_right_run_passes_silently():
@@ -144,7 +148,7 @@ def test_a_field_that_fades_from_the_casing_is_no_gain():
     ("order", "signs", "mistake"),
     [
         ([0, 2, 1], 1.0, (pair("magnetometer", "y", "z"),)),
-        ([1, 2, 0], 1.0, (Finding("run-channels-cycled", {"sensor": "magnetometer"}),)),
+        ([1, 2, 0], 1.0, (cycled("magnetometer"),)),
         # with the other triad's the hole is its mirror image, and as smooth
         ([1, 0, 2], 1.0, (pair("accelerometer", "x", "y"), pair("magnetometer", "x", "y"))),
         ([0, 1, 2], [1.0, -1.0, 1.0], (turned("accelerometer", "y"), turned("magnetometer", "y"))),
@@ -353,9 +357,9 @@ def reordered(order, kinds=("accelerometer", "magnetometer")):
     [
         (reordered([0, 2, 1]), pair("both sensors", "y", "z")),
         (reordered([1, 0, 2]), pair("both sensors", "x", "y")),
-        (reordered([1, 2, 0]), Finding("run-channels-cycled", {"sensor": "both sensors"})),
+        (reordered([1, 2, 0]), cycled("both sensors")),
         (reordered([0, 2, 1], ("magnetometer",)), pair("magnetometer", "y", "z")),
-        (lambda c: dict(zip(c, reversed(c.values()), strict=True)), Finding("run-channels-sensors")),
+        (lambda c: dict(zip(c, reversed(c.values()), strict=True)), pair("accelerometer and magnetometer", *"xyz")),
         (lambda c: {**c, "accelerometer": c["accelerometer"] * [1, -1, 1]}, turned("accelerometer", "y")),
         # the fields of six axes are a mirrored hole; offsets and skew axes of a tool are its own
         (lambda c: {kind: values * [1, -1, 1] for kind, values in c.items()}, turned("both sensors", "y")),

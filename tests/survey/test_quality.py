@@ -4,14 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.refusals import coded, refused
+from tests.refusals import refused
 
 from inclinometry.earth.magnetic import reference_errors
 from inclinometry.orientation import angles_jacobian, fields
 from inclinometry.survey.axial import axial_correction
+from inclinometry.survey.flags import OFF, unjudged
 from inclinometry.survey.multistation import invariants
 from inclinometry.survey.multistation_priors import FieldReference
 from inclinometry.survey.quality import (
+    BLINDNESS,
     FieldLimits,
     distance_limit,
     judge_fields,
@@ -98,24 +100,25 @@ def test_good_stations_pass_with_their_figures():
 
 
 @pytest.mark.parametrize(
-    ("scale", "dip_off", "failing", "code"),
+    ("scale", "dip_off", "failing", "cause"),
     [
-        ((1.01, 1.0), 0.0, {"gravity", "distance"}, "survey-off-accelerometer"),
-        ((1.0, 1.03), 0.0, {"magnetic field", "distance"}, "survey-off-field"),
-        ((1.0, 1.0), 3.0, {"dip", "distance"}, "survey-off-dip"),
-        ((1.05, 1.1), 0.0, {"gravity", "magnetic field", "distance"}, "survey-off-units"),
-        ((1.0, 1.03), 3.0, {"magnetic field", "dip", "distance"}, "survey-off-field"),
-        ((1.01, 1.0), 3.0, {"gravity", "dip", "distance"}, "survey-off-accelerometer-sign"),
-        ((1.05, 1.1), 3.0, {"gravity", "magnetic field", "dip", "distance"}, "survey-off-units"),
+        ((1.01, 1.0), 0.0, {"gravity", "distance"}, "g"),
+        ((1.0, 1.03), 0.0, {"magnetic field", "distance"}, "b"),
+        ((1.0, 1.0), 3.0, {"dip", "distance"}, "d"),
+        ((1.05, 1.1), 0.0, {"gravity", "magnetic field", "distance"}, "gb"),
+        ((1.0, 1.03), 3.0, {"magnetic field", "dip", "distance"}, "b"),
+        ((1.01, 1.0), 3.0, {"gravity", "dip", "distance"}, "gd"),
+        ((1.05, 1.1), 3.0, {"gravity", "magnetic field", "dip", "distance"}, "gb"),
     ],
 )
-def test_what_fails_says_why_and_what_next(scale, dip_off, failing, code):
+def test_what_fails_says_why_and_what_next(scale, dip_off, failing, cause):
     run = stations([30.0, 80.0], [40.0, 60.0], scale=scale, dip=DIP - np.radians(dip_off))
     found = judge_fields(with_sensors(run, MWD), SITE)
     assert found.verdict == "fail"
     assert found.verdicts == ("fail", "fail")
     assert {name for name, check in names(found).items() if check.verdict == "fail"} == failing
-    assert {check.reason.code for check in found.checks if check.verdict == "fail"} == {code}
+    assert {check.reason.code for check in found.checks if check.verdict == "fail"} == {"survey-off"}
+    assert {check.reason.values["advice"] for check in found.checks if check.verdict == "fail"} == {OFF[cause]}
     assert set(found.off(0).split("|")) == {{"gravity": "g", "magnetic field": "b"}.get(one, one) for one in failing}
 
 
@@ -131,7 +134,7 @@ def test_one_bad_station_among_many_is_an_event():
     found = judge_fields(with_sensors(Stations(run.md, run.g, b), MWD), SITE)
     check = names(found)["magnetic field"]
     assert check.stations == (4,)
-    assert (check.reason.code, check.reason.values["total"]) == ("survey-off-few", 10)
+    assert (check.reason.values["advice"], check.reason.values["total"]) == (OFF["few"], 10)
     assert found.verdicts.count("fail") == 1
 
 
@@ -147,7 +150,7 @@ def test_the_three_together_see_what_each_alone_does_not():
     found = judge_fields(run, shifted)
     assert found.distance[0] == pytest.approx(4.0, rel=0.01)  # the rows move a little with the reference
     assert {n for n, c in names(found).items() if c.verdict == "fail"} == {"distance"}
-    assert (found.off(0), found.checks[3].reason.code) == ("distance", "survey-off-together")
+    assert (found.off(0), found.checks[3].reason.values["advice"]) == ("distance", OFF[""])
 
 
 def test_distance_limit_is_as_rare_as_k_sigma():
@@ -174,7 +177,7 @@ def test_no_uncertainty_is_not_judged():
     assert found.verdict == "not judged"
     assert found.verdicts == ("not judged",)
     assert {check.verdict for check in found.checks} == {"not judged"}
-    assert found.checks[0].reason.code == "survey-unjudged-uncertainty"
+    assert found.checks[0].reason == unjudged("no uncertainty is known")
     fixed = judge_fields(stations(30.0, 40.0, scale=(1.0, 2.0)), site, limits=FieldLimits("mine", "contract", b=300.0))
     assert fixed.verdicts == ("fail",)
     assert names(fixed)["gravity"].verdict == "not judged"
@@ -185,7 +188,7 @@ def test_dip_at_the_magnetic_pole_is_not_judged():
     found = judge_fields(with_sensors(stations(30.0, 40.0, dip=np.radians(89.9)), MWD), pole)
     check = names(found)["dip"]
     assert check.verdict == "not judged"
-    assert check.reason.code == "survey-unjudged-dip"
+    assert check.reason == unjudged("the field is vertical within its limit")
     assert found.verdict == "pass"
 
 
@@ -227,14 +230,14 @@ def test_after_an_axial_correction_the_reference_is_not_counted_twice():
     found = judge_fields(axial_correction(run, site).stations, site)
     # 800 draws: 2.5 %; three of them
     np.testing.assert_allclose(np.std(residuals, axis=0), found.sigma[0], rtol=0.075)
-    assert "survey-axial-dependent" in coded(found.findings)
+    assert BLINDNESS["axial"][0] in [one.values["blind"] for one in found.findings]
     # one combination of b and dip is zero by construction: two degrees of freedom are left
     assert found.distance_limit[0] == pytest.approx(distance_limit(3.0, np.array([2]))[0])
 
 
 def test_declination_of_the_wrong_sign_is_said_to_be_invisible():
     found = judge_fields(with_sensors(stations(30.0, 40.0), MWD), SITE)
-    assert found.findings[0].code == "survey-blind-declination"
+    assert found.findings[0].values["blind"] == BLINDNESS["declination"][0]
 
 
 def test_terms_of_an_error_model_become_sensors():
@@ -245,7 +248,7 @@ def test_terms_of_an_error_model_become_sensors():
         sensor_sigmas({"MBXY-TI1S": 70.0, "MBXY-TI2S": 80.0})
     with refused("input-missing", names=("ABX .. MSZ",)):
         sensor_sigmas({"DRFR": 0.35})
-    with refused("survey-source-taken"):
+    with refused("input-repeated", value="sensors"):
         with_sensors(with_sensors(stations(30.0, 40.0), MWD), MWD)
 
 

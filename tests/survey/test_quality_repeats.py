@@ -5,6 +5,7 @@ import pytest
 from tests.refusals import refused
 
 from inclinometry.orientation import angles, fields
+from inclinometry.survey.flags import OFF, unjudged
 from inclinometry.survey.quality import dual_depth, repeated_stations, rotation_shots, with_sensors
 from inclinometry.survey.stations import Source, Stations
 
@@ -35,7 +36,7 @@ def test_shots_of_a_good_tool_agree():
 def test_transverse_bias_turns_with_the_tool_and_fails():
     found = by_name(rotation_shots(shots(bias=(0.0, 0.0, 0.0, 500.0, 0.0, 0.0))))
     assert {name for name, check in found.items() if check.verdict == "fail"} == {"azimuth", "magnetic field", "dip"}
-    assert found["azimuth"].reason.code == "survey-off-toolface"
+    assert found["azimuth"].reason.values["advice"] == OFF["toolface"]
     found = by_name(rotation_shots(shots(bias=(0.02, 0.0, 0.0, 0.0, 0.0, 0.0))))
     assert {"gravity", "inclination"} <= {name for name, check in found.items() if check.verdict == "fail"}
 
@@ -79,7 +80,7 @@ def test_spread_of_draws_has_the_stated_size():
 
 @pytest.mark.parametrize(
     ("toolface_deg", "code"),
-    [([0.0, 120.0], "survey-unjudged-shots"), ([0.0, 30.0, 60.0, 90.0], "survey-unjudged-toolfaces")],
+    [([0.0, 120.0], "input-few"), ([0.0, 30.0, 60.0, 90.0], "survey-toolfaces")],
 )
 def test_shots_that_do_not_go_round_are_not_judged(toolface_deg, code):
     found = rotation_shots(shots(np.radians(toolface_deg), bias=(0.0, 0.0, 0.0, 5000.0, 0.0, 0.0)))
@@ -90,9 +91,9 @@ def test_shots_that_do_not_go_round_are_not_judged(toolface_deg, code):
 def test_steep_shots_judge_neither_azimuth_nor_gravity():
     found = by_name(rotation_shots(shots(inclination_deg=2.0)))
     assert found["azimuth"].verdict == "not judged"
-    assert found["azimuth"].reason.code == "survey-unjudged-azimuth"
+    assert found["azimuth"].reason == unjudged("the stations have no azimuth")
     assert found["gravity"].verdict == "not judged"
-    assert found["gravity"].reason.code == "survey-unjudged-across"
+    assert found["gravity"].reason == unjudged("the sensors across the tool hardly contribute here")
     assert found["inclination"].verdict == "pass"
 
 
@@ -147,7 +148,7 @@ def test_pairs_by_depth():
     )
     apart = repeated_stations(one, at(20.0, md=45.0), same_tool=True)
     assert {check.verdict for check in apart} == {"not judged"}
-    assert apart[0].reason.code == "survey-unjudged-pairs"
+    assert apart[0].reason == unjudged("no station of the second survey is near one of the first")
     near = repeated_stations(one, at(0.0, md=30.4, azimuth=0.9), same_tool=True)
     assert by_name(near)["azimuth"].stations == (1,)
     # the nearest of the second run, above or below
@@ -178,7 +179,7 @@ def test_dual_depth_of_the_paper(md, difference, pipe, wireline, tolerance, pass
 def test_dual_depth_names_the_depths_that_fail():
     check = dual_depth([1000.0, 2000.0], [1000.5, 2010.0], 0.5, 1.0)
     assert check.stations == (1,)
-    assert (check.reason.code, check.reason.values["station"]) == ("survey-off-depth", 2)
+    assert (check.reason.values["advice"], check.reason.values["station"]) == (OFF["depth"], 2)
 
 
 def test_dual_depth_without_uncertainty_or_sense():

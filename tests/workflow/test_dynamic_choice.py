@@ -227,7 +227,10 @@ MAPS = {
         {"accel": np.diag([-1.0, 1.0, 1.0]), "mag": np.diag([1.0, -1.0, -1.0]), "gyro": np.diag([1.0, -1.0, -1.0])},
     ),
     "x down": ({"axes": ("y", "z", "x")}, dict.fromkeys(("accel", "mag", "gyro"), np.eye(3)[[2, 0, 1]])),
-    "another magnetometer": ({"mag_axes": ("+y", "+x", "-z")}, {"mag": np.array([[0, 1, 0], [1, 0, 0], [0, 0, -1.0]])}),
+    "another magnetometer": (
+        {"magnetometer_axes": ("+y", "+x", "-z")},
+        {"mag": np.array([[0, 1, 0], [1, 0, 0], [0, 0, -1.0]])},
+    ),
 }
 
 

@@ -1,8 +1,8 @@
-"""The classical small-angle method, for comparison: nameplate scale, axes a little off their nominal places.
+"""The classical small-angle method, for comparison: scale of the data sheet, axes a little off their nominal places.
 
-It trusts the conversion factor of the nameplate, the rig's dials and the assumed direction of the field, and looks only
-for small increments of the sensitive axes and for the offsets. It is what many calibration instructions do; the other
-methods of this module do not need any of the three.
+It trusts the conversion factor of the data sheet, the rig's dials and the assumed direction of the field, and looks
+only for small increments of the sensitive axes and for the offsets. It is what many calibration instructions do; the
+other methods of this module do not need any of the three.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ def solve_classical(
     known_direction: ArrayLike = DOWN,
     conversion_factor: ArrayLike,
 ) -> ClosedForm:
-    """Calibrate a triad by small increments of nominal axes, the conversion factor k taken from the nameplate.
+    """Calibrate a triad by small increments of nominal axes, the conversion factor k taken from the data sheet.
 
     Equations (4)-(9) of Rogatykh 2018: the tensor is k (c + dc), c the nearest axis of the tool in either sense, dc at
     right angles to it. The axis c + dc is longer than 1 and changes the conversion factor, see `hidden_scale_error`; an
@@ -42,7 +42,7 @@ def solve_classical(
     if len(size) < 4 or size[-1] < 1e-6 * size[0]:
         raise IdentifiabilityError(Finding("plan-settings-few", {"settings": len(design)}))
     spread = np.linalg.inv(design.T @ design)
-    free = np.swapaxes(spread @ design.T @ values, -1, -2)  # (..., m, 4), the fit without a nameplate
+    free = np.swapaxes(spread @ design.T @ values, -1, -2)  # (..., m, 4), the fit without a data sheet
     nominal = nominal_axes(free[..., :3])
     k = finite(conversion_factor, "conversion_factor")
     if not (k > 0.0).all():

@@ -86,15 +86,15 @@ def calibrate_rotations(readings: BenchReadings, **known: Unpack[KnownAngles]) -
 
 
 def calibrate_classical(
-    readings: BenchReadings, *, nameplate: Tool | None = None, **known: Unpack[KnownAngles]
+    readings: BenchReadings, *, data_sheet: Tool | None = None, **known: Unpack[KnownAngles]
 ) -> Calibration:
-    """The small-angle method with a level rig, trusted dials and nameplate scale; for comparison only.
+    """The small-angle method with a level rig, trusted dials and the scale of the data sheet; for comparison only.
 
     Parameters
     ----------
     readings : BenchReadings
         Any plan that determines four numbers a sensor.
-    nameplate : Tool
+    data_sheet : Tool
         Of a data sheet, or of an earlier calibration: the conversion factors K of its sensors are believed, nothing
         else of it is used.
     noise_sd, rig_sd, name : optional
@@ -103,21 +103,21 @@ def calibrate_classical(
     Raises
     ------
     InputError
-        Without a nameplate; one without a triad of the readings, of another unit or number of sensors, or in units of
+        Without a data sheet; one without a triad of the readings, of another unit or number of sensors, or in units of
         a field whose strength at the stand is not stated; readings that swing four times as far as it says, or a
         quarter; sensors that do not lie near the tool's axes.
     """
     check_record(readings, BenchReadings, "calibrate_classical")
     dials = readings.dials
-    factors = {kind: _conversion_factor(kind, readings, nameplate) for kind in readings.channels}
-    nameplate_off = 4.0  # a plan at few attitudes lets a channel swing by half or by a fifth more
+    factors = {kind: _conversion_factor(kind, readings, data_sheet) for kind in readings.channels}
+    data_sheet_off = 4.0  # a plan at few attitudes lets a channel swing by half or by a fifth more
     for kind, factor in factors.items():
         # stations that show a swing at all
         if len(readings) < 4 or factor.size not in (1, readings.channels[kind].shape[1]):
             continue  # refused below
         swing = float(np.median(np.sqrt(3.0) * readings.channels[kind].std(axis=0) / factor))
-        if not 1.0 / nameplate_off < swing < nameplate_off:
-            raise refused("fit-nameplate-off", {"kind": kind, "times": swing, "allowed": nameplate_off})
+        if not 1.0 / data_sheet_off < swing < data_sheet_off:
+            raise refused("fit-data-sheet-off", {"kind": kind, "times": swing, "allowed": data_sheet_off})
 
     def solver(kind: str, direction: Array) -> ClosedSolver:
         stated = _stated(kind, readings)
@@ -127,14 +127,14 @@ def calibrate_classical(
     return _closed(readings, "classical", solver, **known)
 
 
-def _conversion_factor(kind: str, readings: BenchReadings, nameplate: Tool | None) -> Array:
-    """k of the nameplate (m,), signal for the field at the stand."""
-    if nameplate is None:
-        raise refused("input-needs", {"name": "method classical", "needed": ("nameplate",)})
-    triad = nameplate.triads.get(kind)
+def _conversion_factor(kind: str, readings: BenchReadings, data_sheet: Tool | None) -> Array:
+    """k of the data sheet (m,), signal for the field at the stand."""
+    if data_sheet is None:
+        raise refused("input-needs", {"name": "method classical", "needed": ("data_sheet",)})
+    triad = data_sheet.triads.get(kind)
     if triad is None:
-        raise refused("input-missing", {"names": (f"nameplate.{kind}",)})
-    same_units(readings.units, nameplate)
+        raise refused("input-missing", {"names": (f"data_sheet.{kind}",)})
+    same_units(readings.units, data_sheet)
     length = np.linalg.norm(triad.tensor[0], axis=1)
     if triad.field_strength is None:
         return np.asarray(length)

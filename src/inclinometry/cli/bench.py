@@ -60,13 +60,13 @@ def _site(path: Path | None) -> Site | None:
     return read_site(path)
 
 
-def _nameplate(path: Path | None) -> Tool | None:
-    """The nameplate values, where they are given; their reader is loaded then alone."""
+def _data_sheet(path: Path | None) -> Tool | None:
+    """The data sheet values, where they are given; their reader is loaded then alone."""
     if path is None:
         return None
-    from inclinometry.files.datasheet_toml import read_nameplate
+    from inclinometry.files.datasheet_toml import read_data_sheet
 
-    return read_nameplate(path)
+    return read_data_sheet(path)
 
 
 def show_two(
@@ -129,12 +129,11 @@ def show_two(
         output.say(f"report written to {report}")
 
 
-Nameplate: TypeAlias = Annotated[
+DataSheet: TypeAlias = Annotated[
     Path | None,
     Parameter(
         group=options.INPUT,
-        help="Data sheet (TOML) or tool.json whose conversion factors the classical method believes; it does not run "
-        "without.",
+        help="classical: data sheet (TOML) or tool.json with the conversion factors. Required by that method.",
     ),
 ]
 
@@ -149,7 +148,7 @@ def calibrate(
     site: options.InputOrNone = None,
     gyro_log: options.InputOrNone = None,
     gyro_profile: Annotated[str | None, Parameter(group=options.INPUT)] = None,
-    nameplate: Nameplate = None,
+    data_sheet: DataSheet = None,
     tool: options.Serial = "unnamed",
     stand: StandOptions = UNKNOWN,
     fit: FitOptions = USUAL_FIT,
@@ -165,35 +164,34 @@ def calibrate(
     Parameters
     ----------
     readings
-        CSV with station, azimuth_deg, inclination_deg, toolface_deg and the channels accel_x ... mag_z, gyro_z. For
-        hand-rotations a log: time_s, accel_x ... gyro_z.
+        Table with station, azimuth_deg, inclination_deg, toolface_deg and the channels accel_x ... mag_z, gyro_z. With
+        hand-rotations: a log with time_s, accel_x ... gyro_z.
     output_
-        The calibration, tool.json. Without it nothing is written.
+        Write the calibration, tool.json. Without -o nothing is written.
     method
-        When not given joint, or field where there are roll sets without angles. field needs no angles, only roll_set;
-        norm no roll set either: each triad in its own axes. hand-rotations takes a log of a tool turned by hand between
-        rests: accelerometer and gyro, in the accelerometer's axes.
+        joint if not given. field: roll sets without angles (used if roll_set is given without angles). norm: no rig,
+        each triad in its own axes. hand-rotations: log of a tool turned by hand.
     site
-        site.toml with what is known of the bench: g, b_nT, dip_deg, latitude_deg. Dip and latitude decide the signs.
+        site.toml with g, b_nT, dip_deg, latitude_deg of the stand. Dip and latitude set the signs of the fields.
     gyro_log
-        For hand-rotations: the gyro's log, where it is a file of its own with the same times.
+        hand-rotations: gyro log in a separate file with the same times.
     gyro_profile
-        The profile --gyro-log is read with. Default: that of --profile.
+        Profile of --gyro-log. Default: --profile.
     robust
-        Leave out stations that disagree with the others.
+        Exclude outlier stations.
     specific_force
-        For field, norm and hand-rotations: the accelerometer's channels count upwards (at rest they read -g, along the
-        axis that points up they are positive). The other methods learn this from the rig.
+        field, norm, hand-rotations: the accelerometer reads specific force (-g at rest, positive up). Other methods
+        detect it.
     """
     output.claim(
         {"--output": output_, "--report": report},
-        {"the readings": readings, "--site": site, "--nameplate": nameplate, "--gyro-log": gyro_log},
+        {"the readings": readings, "--site": site, "--data-sheet": data_sheet, "--gyro-log": gyro_log},
     )
     wishes = Options(
         robust=robust,
         specific_force=specific_force,
         left_handed=left_handed,
-        nameplate=_nameplate(nameplate),
+        data_sheet=_data_sheet(data_sheet),
         name=tool,
         **vars(fit),
         **vars(stand),
@@ -389,17 +387,17 @@ def compare(
     methods: Annotated[
         str | None,
         Parameter(
-            help=f"Of two files: one method for both, or two with a comma, as orthogonal,rotations. Out of "
+            help=f"Two files: one method for both, or two with a comma, as orthogonal,rotations. Choices: "
             f"{', '.join(METHODS)}. Default: joint."
         ),
     ] = None,
     report: Annotated[
         options.Report,
-        Parameter(help="Write an HTML report, of two files; --language ru or zh: in Russian or Chinese."),
+        Parameter(help="Write an HTML report on two files."),
     ] = None,
     truth: options.InputOrNone = None,
     site: options.InputOrNone = None,
-    nameplate: Nameplate = None,
+    data_sheet: DataSheet = None,
     stand: StandOptions = UNKNOWN,
     dials: DialOptions = USUAL_DIALS,
     left_handed: LeftHanded = False,
@@ -410,14 +408,13 @@ def compare(
     Parameters
     ----------
     readings
-        Bench readings CSV; with a second file, tool.json will do.
+        Bench readings; with a second file, tool.json too.
     second
-        Another file of the same tool, readings or tool.json: the coefficients of both with their differences, and the
-        expected uncertainties and differences of the angles.
+        Second file of the same tool, readings or tool.json: both are compared, coefficients and angles.
     truth
         truth.json of a simulation: adds the actual errors.
     site
-        site.toml with the fields at the bench.
+        site.toml with the fields at the stand.
     """
     wishes = Options(left_handed=left_handed, **vars(stand))
     if second is not None:
@@ -429,9 +426,9 @@ def compare(
         option = "--methods" if methods is not None else "--report"
         raise refused("input-needs", {"name": option, "needed": ("SECOND",)})
     known = None if truth is None else read_tool(truth)
-    sheet = _nameplate(nameplate)
+    sheet = _data_sheet(data_sheet)
     with output.busy("running every method"):
-        found = compare_methods(data, truth=known, options=replace(wishes, nameplate=sheet))
+        found = compare_methods(data, truth=known, options=replace(wishes, data_sheet=sheet))
     if json:
         content = [
             {
@@ -523,8 +520,8 @@ def verify(
         str | None,
         Parameter(
             group=options.INPUT,
-            help=f"A TOML file, or a preset: {options.shipped('files/limits')}. When not given, there is no pass or "
-            "fail: errors are compared with their uncertainty.",
+            help=f"A TOML file, or a preset: {options.shipped('files/limits')}. Without it, errors are "
+            "compared with their uncertainty.",
         ),
     ] = None,
     stand: Annotated[Literal["same", "level", "fit"], Parameter(group=options.STAND)] = "same",
@@ -536,8 +533,8 @@ def verify(
     gravity_sd: Annotated[
         options.GravitySd,
         Parameter(
-            help="Of two accelerometers on another stand: standard uncertainty of |g| there against that at the "
-            "calibration, 0 at the same place. When not given, that of what both state, 0.3 where one states nothing."
+            help="Two accelerometers, another stand: standard uncertainty of |g| relative to the calibration; 0 at "
+            "the same place. If not given, from site and calibration, else 0.3."
         ),
     ] = None,
     output_: options.OutputOrNone = None,
@@ -554,28 +551,28 @@ def verify(
     Parameters
     ----------
     readings
-        Bench readings CSV of positions that were not used to calibrate.
+        Bench readings at positions that were not used to calibrate.
     calibration
         tool.json
     stand
         same: the stand of the calibration, not moved since. level: another one, its azimuth axis vertical. fit: another
-        one; its tilt and north are found from these readings, and what they cannot tell from the tool is not judged.
+        one; its tilt and north are found from these readings.
     north
-        Of a level stand: azimuth of the rig's zero from magnetic north (from true north for a gyro). When not given, it
-        is found from the readings and a constant error of azimuth is not judged.
+        Level stand: azimuth of the rig's zero from magnetic north (gyro: true north). If not given, it is fitted and a
+        constant azimuth error is not judged.
     north_sd
-        How well the north of a level stand is known.
+        Standard deviation of the north of a level stand.
     level_sd
-        How well the vertical of a level stand is known.
+        Standard deviation of the vertical of a level stand.
     rig_sd
-        Random error of a setting of another stand. Default: that of the calibration's rig.
+        Standard deviation of a dial setting of another stand. Default: that of the calibration's rig.
     output_
-        Write verify.json, for a certificate; with --planned the protocol that is planned, JSON.
+        Write verify.json, for a certificate; with --planned the planned verification, JSON.
     planned
-        Before any reading is taken: the file is a plan (`inclinometry plan spread`), and what its positions will find
-        is said, with the risks of both sides.
+        The file is a plan (`inclinometry plan spread`). Prints which errors these positions detect, and the risks of
+        both sides.
     count
-        Of --planned: readings that will be averaged at each position. Default: 1.
+        With --planned: readings averaged at each position. Default: 1.
     """
     from inclinometry.calibration.acceptance import verify as verify_readings
     from inclinometry.files.limits import read_limits

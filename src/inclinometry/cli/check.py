@@ -30,11 +30,11 @@ def check(
     file
         Text with any separator, .gz, Excel, Parquet, LAS, HDF5, .npz, .mat, JSON of arrays.
     output_
-        Draft of a profile (TOML) to complete and give as --profile.
+        Write a draft of a profile (TOML) to complete and use as --profile.
     calibration
-        tool.json of raw channels along a hole, to judge them as survey would.
+        tool.json of the raw channels; checks them as survey does.
     site
-        site.toml, against which the fields of a run are held.
+        site.toml; the fields of a run are compared with it.
     """
     from inclinometry.files.writing import write_text
     from inclinometry.workflow.check import look

@@ -30,13 +30,13 @@ def coefficients(
     tool
         tool.json or truth.json
     format_
-        table: on the terminal. json: every view. c: header with single-precision constants. csv: a line a sensor. When
-        not given: what the name of the output ends in (.json, .h, .csv), without an output the table.
+        table: on the terminal. json: every view. c: header with single-precision constants. csv: one line per sensor.
+        If not given: by the ending of the output (.json, .h, .csv), else table.
     output_
         File to write. Default: standard output.
     temperature
-        Temperature of the views. Default: the reference temperature of the calibration, and W and U0 of json and
-        c as polynomials over its range.
+        Temperature of the coefficients. Default: reference temperature of the calibration; json and c then have W and
+        U0 as polynomials.
     """
     from inclinometry.files.coefficients import coefficients as read_coefficients
     from inclinometry.files.coefficients import coefficients_c, coefficients_csv, coefficients_json

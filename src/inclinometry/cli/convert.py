@@ -26,7 +26,7 @@ def convert(
     to: Annotated[Target | None, Parameter(group=options.OUTPUT)] = None,
     convention: Annotated[
         Convention,
-        Parameter(help="Axes and signs of the sensors in the source. Default: those of its format, native in a table."),
+        Parameter(help="Axes and signs of the source. Default: by its format; native for a table."),
     ] = None,
     azimuth_reference: Annotated[Literal["magnetic", "true", "grid"] | None, Parameter(group=options.INPUT)] = None,
     sheet: Annotated[str | None, Parameter(group=options.INPUT)] = None,
@@ -50,15 +50,15 @@ def convert(
         Format of the target. Default: by its ending. csv-excel has semicolons, decimal commas and a byte-order
         mark; survex, therion and compass are written as legs.
     azimuth_reference
-        North of the azimuths, where the source does not say it.
+        North of the azimuths if the source states none.
     sheet
         Sheet of a workbook (default: the first); number of a survey in P7; uid of a trajectory in WITSML.
     depth_unit
-        Unit of depth of a P7 file that does not say it.
+        Unit of depth if a P7 file states none.
     map_
         TOML map of the items of a WITS stream.
     check
-        Judge the run as a whole: units, axes, depths, single stations; one that cannot be true is refused.
+        Check the run: units, axes, depths, single stations; refuse one that cannot be true.
     """
     if ignore and not check:
         raise refused("input-needs", {"name": "--ignore", "needed": ("--check",)})

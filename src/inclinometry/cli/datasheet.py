@@ -1,4 +1,4 @@
-"""Command that makes a tool out of the nameplate values of its sensors."""
+"""Command that makes a tool out of the data sheet values of its sensors."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from inclinometry.files.writing import write_text
 
 
 def datasheet(sheet: Path | None = None, /, *, output_: Output, template: Flag = False, json: Json = False) -> None:
-    """Make a tool out of the nameplate values of its sensors: scale K, axes C, offset U0.
+    """Make a tool out of the data sheet values of its sensors: scale K, axes C, offset U0.
 
     Parameters
     ----------
     sheet
         Data sheet, TOML: for each triad unit, per, scale, offset or bias, axes or misalignment_deg, uncertainties.
     output_
-        tool.json, as survey, verify and simulate read it; or the template.
+        Write tool.json, for survey, verify and simulate; or the template.
     template
         Write a data sheet to fill in instead.
     """

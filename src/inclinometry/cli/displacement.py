@@ -38,22 +38,22 @@ def displacement(
     Parameters
     ----------
     base
-        Base reading: depth_m, A0, A180 and, where it was read, B0, B180, at depths one step apart.
+        Base reading: depth_m, A0, A180 and, if read, B0, B180, one step apart.
     later
         A later reading of the same depths.
     more
-        Further readings, each against the base reading.
+        Further readings, each compared with the base reading.
     unit
-        Unit of columns that name none: 25000 or 20000 times the sine of the tilt, its sine, degrees, mm over one step.
+        Unit of columns whose names state none: 25000 or 20000 times the sine of the tilt, its sine, degrees, mm per
+        step.
     fixed
-        End of the casing that is taken not to move.
+        End of the casing that is fixed.
     spike_limit
         Robust standard deviations from the median beyond which a check-sum is a spike.
     step_sd
         Standard uncertainty of the change of one step, mm. Default: from the scatter of the check-sums.
     bias_shift
-        Standard uncertainty of a step by a bias that changed between the two runs of a reading, mm; the same at every
-        step.
+        Standard uncertainty of a bias change between the two runs of a reading, mm per step.
     sensitivity
         Standard uncertainty of the change of the probe's sensitivity since the base reading.
     depth_sd

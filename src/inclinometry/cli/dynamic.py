@@ -45,7 +45,7 @@ def dynamic(
     allan: options.InputOrNone = None,
     convention: options.Convention = None,
     axes: Annotated[str | None, Parameter(group=options.INPUT)] = None,
-    mag_axes: Annotated[str | None, Parameter(group=options.INPUT)] = None,
+    magnetometer_axes: Annotated[str | None, Parameter(group=options.INPUT)] = None,
     switch: options.SwitchAngle = SWITCH,
     report: options.Report = None,
     json: options.Json = False,
@@ -57,46 +57,44 @@ def dynamic(
     run
         Parquet or CSV: time_s, accel_x to z, mag_x to z, gyro_x to z, temperature_degC; any triad may be absent.
     site
-        site.toml; its north_reference is what azimuths are counted from, its field and gravity are references.
+        site.toml: north_reference of the azimuths, reference field and gravity.
     output_
-        attitude.parquet or attitude.csv: one row a window, angles blank where a window was refused.
+        Write attitude.parquet or attitude.csv: one row per window, angles blank where a window was refused.
     calibration
-        tool.json; without it channels are in m/s2 (gravity convention), nT and rad/s, or as named.
+        tool.json. Without it channels are in m/s2 (gravity convention), nT and rad/s, or as named.
     method
-        auto looks at each window and takes what suits it. static: plain means of gravity and field, without a
-        magnetometer of gravity and Earth rate, of a tool at rest; quaternion: the same as Wahba's problem (Davenport's
-        q), both vectors weighted. magnetic: gravity turned back by the magnetic phase. gyro: gyros and gravity alone.
-        filter: 15 states, all three triads. robust: robust adaptive filter over magnetic windows. smoother: backward
-        pass.
+        auto: chosen for each window. static: tool at rest, means of gravity and field (or Earth rate). quaternion: the
+        same, both vectors weighted (Davenport's q). magnetic: gravity turned back by the magnetic phase. gyro: gyros
+        and gravity. filter: 15 states, all sensors. robust: robust adaptive filter over magnetic windows. smoother:
+        backward pass.
     window
         Length of a window.
     delay_sd
-        Standard deviation of the time by which magnetometer, accelerometers and gyro are out of step, ms. A changing
-        speed of rotation shows a delay; at an even speed this turns azimuth by the angle turned in that time.
+        Standard deviation of the delay between magnetometer, accelerometers and gyro, ms. A changing speed of rotation
+        shows it; at constant speed it turns the azimuth.
     lag
-        Time constant of the eddy currents in the collar, ms: the transverse field is late by the angle whose tangent is
-        that times the speed of rotation, and azimuth and toolface are off by as much.
+        Time constant of the eddy currents in the collar, ms. The delay of the transverse field is removed from azimuth
+        and toolface.
     lag_sd
-        Its standard deviation, ms; with --lag-ms 0 the size of what there is. A changing speed of rotation shows it.
+        Standard deviation of --lag-ms, ms. A changing speed of rotation shows the lag.
     axial_sd
-        Standard deviation of the field that the drill string adds along the tool, nT; that of the calibration comes
-        to it. Nothing in a window shows it: state less where non-magnetic collars are known to suffice.
+        Standard deviation of the drill string's field along the tool, nT; added to that of the calibration. Give less
+        if the non-magnetic collars are sufficient.
     scale_sd
         Without --calibration: standard deviation of each scale error and coupling of the magnetometer, percent; a third
-        of it is taken for the accelerometers.
+        of it for the accelerometers.
     gyro_noise
-        Angle random walk of the gyro, deg/sqrt(h); stands above --allan. Without either a usual value is taken, and
-        said.
+        Angle random walk of the gyro, deg/sqrt(h); replaces --allan. Without both a typical value is used and stated.
     gyro_bias_sd
-        Standard deviation of the gyro's bias, deg/h; stands above that of --calibration. Without either a usual value
-        is taken, and said.
+        Standard deviation of the gyro's bias, deg/h; replaces that of --calibration. Without both a typical value is
+        used and stated.
     allan
-        allan.json of the gyro (written by allan): its noise and random walk, where no option states them.
+        allan.json of the gyro: noise and random walk, unless an option states them.
     axes
-        Without --calibration: the file's channels that are x, y and z (of the convention), as y,z,x for a tool whose x
-        lies along the hole. Default: x,y,z. Write a leading minus as --axes=-x,...
-    mag_axes
-        The same of the magnetometer alone, applied before --axes. Default: x,y,z.
+        Without --calibration: the file's channels that are x, y and z of the convention; y,z,x if x lies along the
+        hole. Default: x,y,z. Write a leading minus as --axes=-x,...
+    magnetometer_axes
+        The same for the magnetometer only, applied before --axes. Default: x,y,z.
     """
     output.claim(
         {"--output": output_, "--report": report},
@@ -115,7 +113,7 @@ def dynamic(
         allan=None if allan is None else read_allan(allan),
         convention=convention,
         axes=_axes(axes, "--axes"),
-        mag_axes=_axes(mag_axes, "--mag-axes"),
+        magnetometer_axes=_axes(magnetometer_axes, "--magnetometer-axes"),
         switch=switch,
     )
     checked_ending(output_)

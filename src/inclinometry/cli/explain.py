@@ -14,7 +14,7 @@ def explain(code: str, /, *, json: Json = False) -> None:
     Parameters
     ----------
     code
-        As it stands in brackets behind a finding; `inclinometry list findings` has all.
+        Code in brackets behind a finding; `inclinometry list findings` prints all.
     """
     if code not in codes():
         raise InputError(Finding("input-code-unknown", {"name": code}, severity="refused"))

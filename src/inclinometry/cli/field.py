@@ -40,7 +40,7 @@ def field(
     date
         2026-05-01, or a decimal year.
     model
-        wmm2025 (2025 to 2030) or igrf14 (1900 to 2030). Default: the first from 2025 on and the second before.
+        wmm2025 (2025 to 2030) or igrf14 (1900 to 2030). Default: wmm2025 from 2025, igrf14 before.
     crs
         Map grid, e.g. EPSG:32632, for the convergence. Default: none.
     """

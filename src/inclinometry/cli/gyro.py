@@ -37,15 +37,15 @@ ScaleSd: TypeAlias = Annotated[float, options.quantity("percent", 0.0, 50.0, abo
 Hole: TypeAlias = Annotated[
     Literal["down", "up"] | None,
     Parameter(
-        help="Whether the tool points down or up, for tools that cannot tell. When not given, a gyro along the tool "
-        "decides; failing that down is assumed and flagged."
+        help="Direction of the tool, for tools that cannot detect it. If not given: by the gyro along the tool; "
+        "without one, down, with a flag."
     ),
 ]
 Turns: TypeAlias = Annotated[
     IndexTurns,
     Parameter(
-        help="Which way index_deg counts, looking down hole. One gyro and one accelerometer do not show it: counted "
-        "the other way, azimuths come out mirrored."
+        help="Direction of index_deg, looking down hole. One gyro and one accelerometer cannot detect it: if it is "
+        "wrong, azimuths are mirrored."
     ),
 ]
 History: TypeAlias = Annotated[options.InputOrNone, Parameter(help="scale.json of an earlier run of this tool.")]
@@ -72,8 +72,8 @@ def north(
     gravity_sd: Annotated[
         options.GravitySd,
         Parameter(
-            help="Of tools without an accelerometer along the hole: standard uncertainty of |g| here against that in "
-            "whose units the others read. Default: that of what site and calibration state."
+            help="No accelerometer along the hole: standard uncertainty of |g| relative to the calibration. Default: "
+            "from site and calibration."
         ),
     ] = None,
     report: options.Report = None,
@@ -87,19 +87,18 @@ def north(
     raw
         CSV: station, md_m, index_deg, accel_x, accel_y, gyro_x_deg_h, gyro_y_deg_h; temperature_degC, time_s, z axes.
     site
-        site.toml with latitude_deg; azimuths are true, or grid where north_reference says so.
+        site.toml with latitude_deg; azimuths are true, or grid if north_reference is grid.
     output_
         Stations CSV: the survey columns and scale, u_scale, root, K, temperature_degC, and the rates corrected by the
         scale factor.
     calibration
-        tool.json; without it accelerometers are in m/s2 (or as named) and axes are perfect.
+        tool.json. Without it accelerometers are in m/s2 (or as named) and axes are perfect.
     scale
-        joint (azimuth and scale factor together), patent (the closed form of the Chinese patent application of 2015 for
-        a fibre-optic gyro in four positions), fixed (scale taken as 1).
+        joint: azimuth and scale factor together. patent: closed form of the Chinese patent application of 2015, four
+        positions. fixed: scale 1.
     prior
-        What the joint estimate expects of the scale: calibration alone, previous (stations before), both (stations
-        before and temperature), or run (all other stations and temperature). When not given run, or both where a run is
-        too long for that. How fast the scale walks is found from the run.
+        Prior of the scale in the joint estimate: calibration, previous (earlier stations), both (earlier stations and
+        temperature), run (all other stations and temperature). If not given: run, or both for a long run.
     scale_sd
         Standard uncertainty of the scale factor at the first station.
     accel_sd
@@ -109,7 +108,7 @@ def north(
     sweep
         Angle turned while one reading is averaged (carousel).
     errors
-        Write errors.json, what may be wrong with the stations and what they share: give it to position --errors.
+        Write errors.json, the error model of the run, for position --errors.
     """
     output.claim(
         {"--output": output_, "--report": report, "--errors": errors},
@@ -169,11 +168,11 @@ def scale(
     run
         CSV as for gyro north, with temperature_degC.
     output_
-        scale.json: give it to gyro north as --history.
+        Write scale.json, for gyro north --history.
     calibration
         tool.json
     online
-        Learn from earlier stations only, as during the run; otherwise from the whole run.
+        Use earlier stations only, as during the run. Without it the whole run is used.
     scale_sd
         Standard uncertainty of the scale factor at the first station.
     """

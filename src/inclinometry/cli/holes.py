@@ -36,13 +36,13 @@ def holes(
     collars
         Table of hole, x_m (east), y_m (north), z_m (elevation) and perhaps end_depth_m.
     dip_down
-        Sign of a dip downwards; in most mines negative.
+        Sign of a downward dip; in most mines negative.
     azimuth_add
-        Added to every azimuth: grid less magnetic north, declination less convergence, where azimuths are magnetic.
+        Added to every azimuth: declination minus convergence, for magnetic azimuths.
     every
-        Write points at every so many metres too, m.
+        Also write points at this interval, m.
     skip_faulty
-        Leave faulty holes out instead of refusing the table; the exit status is then 1.
+        Skip faulty holes; the exit status is then 1.
     output_
         CSV of all holes.
     """

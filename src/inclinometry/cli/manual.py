@@ -20,7 +20,7 @@ def manual(*, where: Annotated[Flag, Parameter(group=OUTPUT)] = False, json: Jso
     Parameters
     ----------
     where
-        Only print where its first page is.
+        Print the path of its first page instead.
     """
     page = Path(str(files("inclinometry"))) / "manual" / "index.html"
     if not page.is_file():

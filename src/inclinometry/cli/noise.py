@@ -23,7 +23,7 @@ def allan(
     start: Annotated[float | None, quantity("s")] = None,
     stop: Annotated[float | None, quantity("s")] = None,
     report: Report = None,
-    json: Annotated[Json, Parameter(help="Print what is written, as JSON, instead of text.")] = False,
+    json: Annotated[Json, Parameter(help="Print JSON instead of text.")] = False,
 ) -> None:
     """Allan deviation of every channel of a log at rest, and the noise coefficients fitted to it.
 
@@ -34,10 +34,9 @@ def allan(
     output_
         allan.json: coefficients with uncertainties or upper limits, and the curves.
     start
-        By time_s, where the stretch of the log begins that is used: the tool was at rest in it; its first sample when
-        not given.
+        First time_s to use; the tool must be at rest. If not given, the first sample.
     stop
-        Where it ends. Default: the last sample.
+        Last time_s to use. Default: the last sample.
     """
     from inclinometry.workflow.allan import noise_of_log
 
@@ -105,7 +104,7 @@ def plan_gyro(
     axes
         3: with a gyro along the tool.
     axial_bias_sd
-        Standard uncertainty of the bias of the gyro along the tool, which turning does not remove.
+        Standard uncertainty of the bias of the gyro along the tool; turning does not remove it.
     level_sd
         Standard uncertainty of the level by the accelerometers.
     move

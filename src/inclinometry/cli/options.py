@@ -69,9 +69,7 @@ InputOrNone: TypeAlias = Annotated[Path | None, Parameter(group=INPUT)]
 Output: TypeAlias = Annotated[Path, Parameter(name=["--output", "-o"], group=OUTPUT)]
 OutputOrNone: TypeAlias = Annotated[Path | None, Parameter(name=["--output", "-o"], group=OUTPUT)]
 AlsoWritten: TypeAlias = Annotated[Path | None, Parameter(group=OUTPUT)]
-Report: TypeAlias = Annotated[
-    Path | None, Parameter(group=OUTPUT, help="Write an HTML report; --language ru or zh: in Russian or Chinese.")
-]
+Report: TypeAlias = Annotated[Path | None, Parameter(group=OUTPUT, help="Write an HTML report.")]
 Json: TypeAlias = Annotated[
     bool, Parameter(name="--json", negative="", show_default=False, group=OUTPUT, help="Print JSON instead of text.")
 ]
@@ -89,13 +87,12 @@ Convention: TypeAlias = Annotated[
     Parameter(
         group=INPUT,
         converter=_convention,
-        help="Without a calibration: axes and signs of the sensors in the file, see the page on conventions. "
-        "Default: native.",
+        help="Without --calibration: axes and signs of the file. Default: native.",
     ),
 ]
 SixAxisForm: TypeAlias = Annotated[
     Literal["csv", "xlsx", "parquet", "las", "witsml", "p7"] | None,
-    Parameter(name="--from", group=INPUT, help="Format of the readings. Default: by the ending of a file."),
+    Parameter(name="--from", group=INPUT, help="Format of the readings. Default: by file ending."),
 ]
 FieldSite: TypeAlias = Annotated[
     Path,
@@ -107,14 +104,11 @@ FieldSite: TypeAlias = Annotated[
 GyroSite: TypeAlias = Annotated[Path, Parameter(group=INPUT, help="site.toml with latitude_deg.")]
 ModelOrTool: TypeAlias = Annotated[
     Path | None,
-    Parameter(group=INPUT, help="tool.json; without it the sensors' errors are those of the ISCWSA MWD model."),
+    Parameter(group=INPUT, help="tool.json. Without it, sensor errors of the ISCWSA MWD model are used."),
 ]
 AzimuthFrom: TypeAlias = Annotated[
     Literal["magnetometer", "gyro"] | None,
-    Parameter(
-        help="Triad that gives the azimuth. Default: the magnetometer, if there is one, else the gyro (from "
-        "true north)."
-    ),
+    Parameter(help="Sensors of the azimuth. Default: the magnetometer if there is one, else the gyro (true north)."),
 ]
 GravitySd: TypeAlias = Annotated[
     float | None,
@@ -122,9 +116,8 @@ GravitySd: TypeAlias = Annotated[
         "percent",
         0.0,
         10.0,
-        help="Of a tool with two accelerometers: standard uncertainty of |g| here against that at the calibration, 0 "
-        "at the same place. When not given, that of what the site and the calibration state, 0.3 where one states "
-        "nothing.",
+        help="Two accelerometers: standard uncertainty of |g| relative to the calibration; 0 at the same place. If "
+        "not given, from site and calibration, else 0.3.",
     ),
 ]
 
@@ -143,25 +136,23 @@ Ignore: TypeAlias = Annotated[
         converter=_checks,
         n_tokens=1,
         show_default=False,
-        help="Findings of the run that do not refuse it, by code or group, several with commas; the output records "
-        "them. Groups: units, columns, axes, depths, repeats, order, station, direction, totals, place. --trust-file "
-        "is the old name.",
+        help="Ignore these findings of the run, by code or group, with commas; the output records them. Groups: "
+        "units, columns, axes, depths, repeats, order, station, direction, totals, place. Old name: --trust-file.",
     ),
 ]
 AgeDays: TypeAlias = Annotated[
     float | None,
     Parameter(
         group=INPUT,
-        help="With --calibration: days from the calibration to the run, after which the sensors are not where they "
-        "were. Default: by the dates of tool.json (calibrate --created) and of the site.",
+        help="With --calibration: days from calibration to run; adds drift to the uncertainty. Default: from the "
+        "dates in tool.json and the site.",
     ),
 ]
 StabilityFile: TypeAlias = Annotated[
     Path | None,
     Parameter(
         group=INPUT,
-        help="stability.toml: what the sensors of this tool move by in a year. Default: half of the AB, AS, MB and MS "
-        "terms of the ISCWSA's MWD model.",
+        help="stability.toml: sensor drift per year. Default: half the AB, AS, MB, MS terms of the ISCWSA MWD model.",
     ),
 ]
 SwitchAngle: TypeAlias = Annotated[
@@ -170,11 +161,10 @@ SwitchAngle: TypeAlias = Annotated[
         "deg",
         0.0,
         90.0,
-        help="Inclination below which toolface_type says magnetic: the toolface to steer by is then the magnetic one, "
-        "azimuth + toolface (magnetic_toolface_deg of a survey).",
+        help="Inclination below which toolface_type is magnetic; use magnetic_toolface_deg there.",
     ),
 ]
-Serial: TypeAlias = Annotated[str, Parameter(group=OUTPUT, help="Serial number for the record.")]
+Serial: TypeAlias = Annotated[str, Parameter(group=OUTPUT, help="Serial number of the tool.")]
 
 
 def _day_or_time(type_: Any, tokens: Sequence[Token]) -> str:
@@ -192,8 +182,7 @@ Created: TypeAlias = Annotated[
         group=OUTPUT,
         converter=_day_or_time,
         n_tokens=1,
-        help="Date for the record, YYYY-MM-DD or ISO 8601 with the time. Default: none; nothing is "
-        "taken from the clock.",
+        help="Date of the calibration, YYYY-MM-DD or ISO 8601. Default: none.",
     ),
 ]
 Scheme: TypeAlias = Annotated[

@@ -52,29 +52,29 @@ def plan(
     name
         The plan.
     output_
-        CSV with station, azimuth_deg, inclination_deg, toolface_deg.
+        Table to write: station, azimuth_deg, inclination_deg, toolface_deg.
     number
         Stations of an optimal plan. Default: 24.
     inclination_range
-        Where the tool will work, which an optimal plan is aimed at. Default: 10 90.
+        Optimal plan: inclinations at which the tool will work. Default: 10 90.
     criterion
-        What an optimal plan minimises over that range. Default: azimuth.
+        Optimal plan: what it minimises over that range. Default: azimuth.
     rig_sd
-        Random error of a setting of the rig an optimal plan is for. Default: 0.1.
+        Optimal plan: standard deviation of a dial setting. Default: 0.1.
     dip
-        Magnetic dip at the bench an optimal plan is for. Default: 70.
+        Optimal plan: magnetic dip at the stand. Default: 70.
     first_inclination
-        Default: first of the two inclinations of rotations, 30; the second is 90 degrees more.
+        Plan rotations: first of its two inclinations; the second is 90 degrees more. Default: 30.
     azimuth
-        Azimuth of rotations. Default: 0.
+        Plan rotations: its azimuth. Default: 0.
     rolls
-        Default: equal rolls a turn, of twelve (3) and rotations (8).
+        Plans twelve and rotations: rolls per turn, equally spaced. Default: 3 and 8.
     azimuths
-        Equal azimuths of twelve at which the tool lies. Default: 3.
+        Plan twelve: azimuths of the lying tool, equally spaced. Default: 3.
     seed
-        Of the search for an optimal plan. Default: 1.
+        Optimal plan: seed of the search. Default: 1.
     repeats
-        Positions visited once more at the end, 1 or 2: they show sensors that drift during the run.
+        Positions repeated at the end, 1 or 2; they show drift during the run.
     """
     from inclinometry.workflow.plan import advice, gain_of_repeats, make_plan, plan_file
 
@@ -125,9 +125,9 @@ def readings(
     log
         CSV with time_s and the channels.
     output_
-        Bench readings CSV: means, standard deviation of one sample, count.
+        Bench readings to write: means, standard deviation of one sample, count.
     plan
-        Positions visited, in order; adds the rig angles, which are not known without.
+        Plan of the positions, in order; adds the rig angles to the readings.
     window
         Time over which stillness is judged.
     shortest

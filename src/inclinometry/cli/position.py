@@ -41,8 +41,8 @@ def position(
         str | None,
         Parameter(
             group=options.INPUT,
-            help=f"Error model: a JSON file, or a shipped one: {options.shipped('position/tool_codes')}. Without "
-            "it and without a calibration there are positions only.",
+            help=f"Error model: a JSON file, or a shipped one: {options.shipped('position/tool_codes')}. Without it "
+            "and without --calibration no uncertainty is computed.",
         ),
     ] = None,
     calibration: options.InputOrNone = None,
@@ -52,8 +52,7 @@ def position(
     age_days: Annotated[
         options.AgeDays,
         Parameter(
-            help="With --calibration: days from the calibration to the run. Default: by the dates of tool.json "
-            "(calibrate --created) and of the site, else a year.",
+            help="With --calibration: days from calibration to run. Default: from the dates, else a year.",
         ),
     ] = None,
     stability: options.StabilityFile = None,
@@ -71,31 +70,30 @@ def position(
     Parameters
     ----------
     survey
-        CSV with md_m (or md_ft), inclination_deg, azimuth_deg, azimuth_reference.
+        Table with md_m (or md_ft), inclination_deg, azimuth_deg, azimuth_reference.
     output_
-        Position CSV: m and m2; north, east, v down. Without it nothing is written.
+        Write positions and covariance: m, m2; north, east, v down. Without -o nothing is written.
     site
-        site.toml: declination, convergence and the fields that the error model needs; given or from its models.
+        site.toml: declination, convergence and fields for the error model; missing fields come from models.
     calibration
-        tool.json: its covariance is the error model of the sensors; --tool-code then adds its terms for the rest.
+        tool.json: its covariance describes the sensors. --tool-code adds the other terms.
     raw
-        With --calibration: the raw channels of the stations; else the fields are those of the site.
+        With --calibration: raw channels of the stations. Without it, fields of the site are used.
     corrections
-        With --raw: corrections.json of the multi-station analysis the survey was corrected with.
+        With --raw: corrections.json applied to this survey.
     errors
-        errors.json of the gyro run that the survey is: the error model of its angles; --tool-code then adds its terms
-        of depth, misalignment and sag.
+        errors.json of a gyro run: error model of the angles. --tool-code adds depth, misalignment and sag.
     tie_on
-        North, east, true vertical depth of the first station in m. Default: 0, 0 and its depth along the hole.
+        North, east, true vertical depth of the first station, m. Default: 0, 0, its measured depth.
     tie_sigma
-        Their standard deviations in m.
+        Standard deviations of the tie-on, m.
     north
-        What positions count from. Default: the site's north_reference where it is true or grid, else grid for
-        grid azimuths and true for others.
+        Reference of north and east: true or grid. Default: the site's north_reference; else grid for grid azimuths,
+        true for others.
     azimuth_reference
-        North of the azimuths, where the survey does not say it.
+        North of the azimuths if the survey states none.
     sources
-        Write every source of error at every station as CSV.
+        Write each error source at each station as CSV.
     """
     from inclinometry.files.profile import reading_with, with_constants
     from inclinometry.workflow.age import Age

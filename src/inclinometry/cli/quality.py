@@ -41,9 +41,9 @@ def quality(
     in_run
         Survey CSV of the in-run.
     out_run
-        Survey CSV of the out-run; without it only the flags of the in-run are judged.
+        Survey CSV of the out-run. Without it only the flags of the in-run are checked.
     site
-        site.toml with the correction between the runs' norths; needed only where these differ.
+        site.toml with declination and convergence; required if the runs have different norths.
     """
     place = None if site is None else read_site(site)
     checks, told = _runs(in_run, out_run)

@@ -28,9 +28,7 @@ def table(
     calibration: InputOrNone = None,
     temperature_degree: int = 0,
     g_sensitivity: Flag = False,
-    tool: Annotated[
-        Serial, Parameter(help="Serial number for the record, where no calibration gives one.")
-    ] = "unnamed",
+    tool: Annotated[Serial, Parameter(help="Serial number, if no calibration states one.")] = "unnamed",
     created: Created = None,
     json: Json = False,
 ) -> None:
@@ -44,11 +42,11 @@ def table(
     output_
         tool.json
     calibration
-        tool.json whose gyro triad is replaced or added; without it the tool has nothing but gyros.
+        tool.json whose gyros are replaced or added. Without it the tool has gyros only.
     temperature_degree
-        Of the polynomial by which scale and offset follow temperature.
+        Degree of the temperature polynomial of scale and offset.
     g_sensitivity
-        Fit what gravity adds to the gyros' signals.
+        Fit the g-sensitivity of the gyros.
     """
     output.claim({"--output": output_}, {"the steps": steps, "--calibration": calibration, "--site": site})
     place = read_site(site)

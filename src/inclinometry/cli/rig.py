@@ -36,13 +36,13 @@ def orient(
     Parameters
     ----------
     readings
-        Bench readings CSV of the tool on this rig at several azimuths and inclinations.
+        Bench readings of the tool on this rig at several azimuths and inclinations.
     calibration
         tool.json of that tool, made on any other rig.
     site
-        site.toml with declination_deg (or a place and date), for the azimuth from true north.
+        site.toml with declination_deg (or place and date), for the azimuth from true north.
     rig_sd
-        Random error of a setting of this rig. Default: found from the scatter.
+        Standard deviation of a dial setting of this rig. Default: from the scatter.
     """
     with output.reading(readings) as progress:
         data = read_bench(readings, progress=progress)

@@ -30,7 +30,7 @@ def rotation(
     Parameters
     ----------
     raw
-        Four or more shots with toolfaces all round, as for `quality`; in CSV the depth may repeat.
+        Four or more shots at toolfaces around the turn, as for `quality`; depths may repeat.
     """
     run = read_shots(raw, site, calibration, form=from_, convention=convention)
     return _answer(raw.name, rotation_checks(run), run.findings, json)
@@ -59,13 +59,13 @@ def repeat(
     second
         The same stations again.
     calibration
-        tool.json of both surveys; without it the sensors' errors are those of the ISCWSA MWD model.
+        tool.json of both surveys. Without it, sensor errors of the ISCWSA MWD model are used.
     second_calibration
-        tool.json of the second survey, where it is another. Default: that of both.
+        tool.json of the second survey, if different.
     other_tool
-        The second survey was made with another tool, where no calibration says so.
+        The second survey was made with another tool (if no calibration states it).
     apart_m
-        How far the depths of a pair may differ, m.
+        Largest difference of depth in a pair, m.
     """
     one, two = (
         read_six_axis(path, site, tool, form=from_, convention=convention, ignored=None)
@@ -82,13 +82,13 @@ def dual_depth(first: Path, second: Path, /, *, sigma_first_m: float, sigma_seco
     Parameters
     ----------
     first
-        CSV with a depth (md_m, MD (ft)), e.g. of the drill pipe.
+        Table with depths (md_m, MD (ft)), e.g. of the drill pipe.
     second
-        CSV with the depths of the same points in the same order, e.g. of the wireline.
+        Table with depths of the same points in the same order, e.g. of the wireline.
     sigma_first_m
-        Standard deviation of the first depths, m, corrections made.
+        Standard deviation of the first depths after corrections, m.
     sigma_second_m
-        Standard deviation of the second depths, m, corrections made.
+        Standard deviation of the second depths after corrections, m.
     """
     check = depth_check(first, second, sigma_first_m, sigma_second_m)
     return _answer(f"{first.name} and {second.name}", [check], (), json)

@@ -22,7 +22,7 @@ Turn: TypeAlias = Annotated[float, options.quantity("deg", -180.0, 180.0, group=
 Plan: TypeAlias = Annotated[
     str, Parameter(group=options.INPUT, help=f"A CSV file of positions, or {options.plan_names()}.")
 ]
-SiteWritten: TypeAlias = Annotated[options.AlsoWritten, Parameter(help="Write the site.toml that goes with it.")]
+SiteWritten: TypeAlias = Annotated[options.AlsoWritten, Parameter(help="Write the site.toml of the run.")]
 
 
 @Parameter(name="*", group=options.SENSORS)
@@ -31,16 +31,16 @@ class Sensors:
     """Noise of the sensors, and what bends them."""
 
     noise: float = 1.0
-    """Factor on the tool's own noise, 0.3 mg and 20 nT of a simulated one."""
+    """Factor on the tool's noise (0.3 mg and 20 nT for a simulated tool)."""
     magnetometer: Literal["magnetoresistive", "fluxgate"] | None = None
     """magnetoresistive (20 nT of noise) or fluxgate (noise, non-linearity and hysteresis of 0.5 % of full scale each);
     Default: the tool's own."""
     accel_noise: Annotated[float | None, options.quantity("mg")] = None
     """Noise of one accelerometer reading, instead of --noise."""
     mag_noise: Annotated[float | None, options.quantity("nT")] = None
-    """Noise of one magnetometer reading, instead of --noise and of what --magnetometer has."""
+    """Noise of one magnetometer reading, instead of --noise and --magnetometer."""
     nonlinearity: Annotated[float, options.quantity("percent")] = 0.0
-    """Square law of every sensor: what it is off at full scale."""
+    """Quadratic error of every sensor at full scale."""
 
     def characteristics(self) -> dict[str, Characteristic]:
         """Of each kind of sensor, in SI units."""
@@ -59,7 +59,7 @@ def bench(
     seed: int = 1,
     truth: options.AlsoWritten = None,
     tool: options.InputOrNone = None,
-    other_stand: Annotated[options.Flag, Parameter(group=options.STAND)] = False,
+    new_stand: Annotated[options.Flag, Parameter(group=options.STAND)] = False,
     layout: Literal["realistic", "random"] = "realistic",
     rig_sd: Annotated[options.Sd, Parameter(group=options.STAND)] = 0.0,
     base_tilt: Turn = 0.0,
@@ -83,20 +83,20 @@ def bench(
     output_
         Bench readings CSV.
     seed
-        Decides tool, rig errors and noise.
+        Seed of tool, rig errors and noise.
     truth
         Write the tool and stand behind the readings.
     tool
-        truth.json of an earlier simulation: visit the same tool on the same stand again. Or tool.json, or a data sheet
-        (TOML): that tool on a new stand. Default: a new tool drawn by the seed.
-    other_stand
-        With --tool: the same tool on another stand, the one of these options.
+        truth.json of an earlier simulation: the same tool on the same stand. tool.json or a data sheet (TOML): that
+        tool on a new stand. Default: a new tool drawn by the seed.
+    new_stand
+        With --tool: the same tool on a new stand, described by these options.
     layout
-        realistic: a few per cent and degrees off. random: sensors anywhere.
+        realistic: errors of a few per cent and degrees. random: sensors in any direction.
     rig_sd
-        Random error of each setting of the rig.
+        Standard deviation of a dial setting.
     base_tilt
-        Tilt of the rig's base, about a random axis.
+        Tilt of the rig's base about a random axis.
     north_offset
         Azimuth of the rig's zero.
     inclination_zero
@@ -104,14 +104,14 @@ def bench(
     dip
         Magnetic dip at the bench.
     bits
-        Of the converter; 0 for signals without steps. When not given 12, but none for a --tool whose signals are in
-        another unit than counts, m/s2 and nT (a data sheet in V), of which nothing says how large a step is.
+        Bits of the converter; 0 for none. If not given: 12; none if the signals of --tool are not in counts, m/s2 and
+        nT.
     repeats
         Readings averaged at each station.
     temperature
-        The whole plan is visited at each of these temperatures; without, no temperature is written.
+        Visit the whole plan at each of these temperatures. Without it no temperature is written.
     temperature_degree
-        Degree of the tool's own dependence on temperature.
+        Degree of the tool's temperature dependence.
     misread
         Faults STATION:DIAL:DEGREES, e.g. 7:toolface:30. Default: none.
     """
@@ -136,9 +136,9 @@ def bench(
         faults=[use.misread(text, len(places)) for text in misread or ()],
     )
     again = None if tool is None else use.read_visited(tool)
-    if other_stand:
+    if new_stand:
         if again is None:
-            raise refused("input-needs", {"name": "--other-stand", "needed": ("--tool",)})
+            raise refused("input-needs", {"name": "--new-stand", "needed": ("--tool",)})
         again = (again[0], rig)
     readings, drawn, extras = use.bench(
         places,
@@ -186,11 +186,11 @@ def well(
     output_
         Raw survey CSV: md_m and the channels.
     seed
-        Decides toolfaces and noise.
+        Seed of toolfaces and noise.
     kickoff
         Depth at which building starts.
     inclination
-        Of the hold section.
+        Inclination of the hold section.
     azimuth
         From magnetic north.
     hold
@@ -240,9 +240,9 @@ def log(
     output_
         Log CSV: time_s and the channels.
     seed
-        Decides tool, motion and noise.
+        Seed of tool, motion and noise.
     tool
-        truth.json, tool.json or a data sheet: this tool, not one of the seed.
+        truth.json, tool.json or a data sheet. Default: a tool drawn by the seed.
     truth
         Write the tool behind the log.
     dwell
@@ -250,16 +250,16 @@ def log(
     move
         Time between rests.
     rate
-        Samples a second.
+        Samples per second.
     """
-    from inclinometry.files.datasheet_toml import read_nameplate
+    from inclinometry.files.datasheet_toml import read_data_sheet
     from inclinometry.files.tool_json import write_truth
     from inclinometry.workflow import simulate as use
     from inclinometry.workflow.plan import plan_file
 
     output.claim({"--output": output_, "--truth": truth}, {"--plan": plan_file(plan), "--tool": tool})
     places = use.plan_named(plan)
-    known = None if tool is None else read_nameplate(tool)
+    known = None if tool is None else read_data_sheet(tool)
     found, made = use.log(places, seed, known, dwell=dwell, move=move, rate=rate)
     use.write_log(found, output_)
     if truth is not None:
@@ -286,7 +286,7 @@ def gyro(
     axes: Literal[2, 3] = 2,
     gyros: Literal[1, 2] = 2,
     accel_sd: Annotated[float, options.quantity("m_s2", 0.0, 1.0)] = 0.0005,
-    spike: str | None = None,
+    outlier: str | None = None,
     json: options.Json = False,
 ) -> None:
     """Simulate a gyro run: readings at the index positions of each station.
@@ -294,11 +294,11 @@ def gyro(
     Parameters
     ----------
     output_
-        Readings CSV, as gyro north reads them.
+        Write the readings, for gyro north.
     seed
-        Decides well, temperature, scale factor and noise.
+        Seed of well, temperature, scale factor and noise.
     noise_seed
-        Run the same hole again: decides toolfaces and noise alone. When not given, --seed decides them too.
+        Run the same hole again: seed of toolfaces and noise. If not given, --seed is used.
     truth
         Write the true angles and scale factors.
     scenario
@@ -310,7 +310,7 @@ def gyro(
     arw
         Angle random walk of the gyros.
     dwell
-        Time at a station, shared by its positions.
+        Time at a station, all positions together.
     bias
         Of every gyro.
     drift
@@ -321,7 +321,7 @@ def gyro(
         1: a single gyro across the tool.
     accel_sd
         Noise of one accelerometer reading.
-    spike
+    outlier
         A fault STATION:POSITION:DEG_H, e.g. 3:2:5. Default: none.
     """
     from inclinometry.files.writing import write_text
@@ -346,7 +346,7 @@ def gyro(
         axes=axes,
         gyros=gyros,
         accelerometer_noise=accel_sd,
-        spike=None if spike is None else _spike(spike, stations, len(use.POSITIONS[scheme])),
+        spike=None if outlier is None else _outlier(outlier, stations, len(use.POSITIONS[scheme])),
     )
     use.write_gyro(run, output_)
     if truth is not None:
@@ -357,15 +357,15 @@ def gyro(
     _done(what, json, {"stations": stations, "readings": len(run.station), "output": output_, "truth": truth})
 
 
-def _spike(text: str, stations: int, positions: int) -> tuple[int, int, float]:
+def _outlier(text: str, stations: int, positions: int) -> tuple[int, int, float]:
     """STATION:POSITION:DEG_H, both counted from 1."""
     try:
         station, position, size = text.split(":")
         found = int(station), int(position), float(size)
     except ValueError:
-        raise out_of_range("--spike", text, "STATION:POSITION:DEG_H") from None
+        raise out_of_range("--outlier", text, "STATION:POSITION:DEG_H") from None
     if not (1 <= found[0] <= stations and 1 <= found[1] <= positions and np.isfinite(found[2])):
-        raise out_of_range("--spike", text, f"1 .. {stations}:1 .. {positions}:DEG_H")
+        raise out_of_range("--outlier", text, f"1 .. {stations}:1 .. {positions}:DEG_H")
     return found[0] - 1, found[1] - 1, found[2] * DEG_PER_HOUR
 
 
@@ -388,11 +388,11 @@ def drilling(
     Parameters
     ----------
     output_
-        Run as dynamic reads it, .parquet or .csv: time_s, accel, mag, gyro, temperature_degC.
+        Write the run, for dynamic, .parquet or .csv: time_s, accel, mag, gyro, temperature_degC.
     scenario
-        How the string moves.
+        Motion of the drill string.
     seed
-        Decides all that is random.
+        Seed of everything random.
     duration
         Length of the run. Default: the scenario's own.
     inclination

@@ -28,7 +28,7 @@ def quality(
         str | None,
         Parameter(
             group=options.INPUT,
-            help=f"A TOML file, or a preset: {options.shipped('files/quality_limits')}. When not given, 3 standard "
+            help=f"A TOML file, or a preset: {options.shipped('files/quality_limits')}. Without it, 3 standard "
             "uncertainties of tool and site at each attitude.",
         ),
     ] = None,
@@ -43,7 +43,7 @@ def quality(
     Parameters
     ----------
     raw
-        Raw channels of a calibrated tool, six axes in m/s2 and nT in any format, or a survey with totals and dip.
+        Raw channels of a calibrated tool, six axes in m/s2 and nT, or a survey with totals and dip; any format.
     """
     fixed = None if limits is None else read_quality_limits(limits)
     with output.reading(raw) as progress:
@@ -130,13 +130,13 @@ def msa(
     Parameters
     ----------
     raw
-        Raw channels of a calibrated tool, or six axes in m/s2 and nT in any format: one run, 4 stations or more.
+        Raw channels of a calibrated tool, or six axes in m/s2 and nT, any format: one run of 4 stations or more.
     output_
         corrections.json, for survey --correct corrections.json.
     calibration
-        tool.json, whose covariance is then the prior.
+        tool.json: its covariance is the prior.
     priors
-        What is known of a tool without a calibration: iscwsa (the default; kept to the ISCWSA model) or unknown.
+        Prior without --calibration: iscwsa (the default: errors of the ISCWSA model) or unknown.
     axial_sigma
         Standard deviation of the axial magnetic interference, nT. Default: 2000.
     """

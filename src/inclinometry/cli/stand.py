@@ -19,24 +19,23 @@ class StandOptions:
     """What is known of a stand, by the names of `workflow.calibrate.Options`."""
 
     rig_sd: SdOrNone = None
-    """Random error of a setting of the rig. Default: that of the registered rig, or else estimated from the
-    readings."""
+    """Standard deviation of a dial setting. Default: that of the registered rig, else estimated."""
     azimuth_sd: SdOrNone = None
-    """The same for the azimuth dial alone."""
+    """Standard deviation of the azimuth dial."""
     inclination_sd: SdOrNone = None
-    """The same for the inclination dial alone."""
+    """Standard deviation of the inclination dial."""
     toolface_sd: SdOrNone = None
-    """The same for the toolface dial alone."""
+    """Standard deviation of the toolface dial."""
     level_sd: SdOrNone = None
-    """How level the stand is known to be; the joint fit alone uses it."""
+    """Standard deviation of the level of the stand (joint only)."""
     north: AzimuthOrNone = None
-    """Azimuth of the rig's zero from magnetic north; decides the sign of the magnetic field."""
+    """Azimuth of the rig's zero from magnetic north. Sets the sign of the magnetic field."""
     north_sd: Annotated[float | None, quantity("deg", 0.0, 90.0)] = None
-    """How well that is known; with it north enters the joint fit, which alone uses it."""
+    """Standard deviation of --north-deg; with it, north enters the joint fit."""
     dip: DipOrNone = None
-    """Magnetic dip at the stand, instead of the one in the readings or in --site."""
+    """Magnetic dip at the stand, in place of that of the readings or the site."""
     dip_sd: SdOrNone = None
-    """How well the dip is known; with it the dip enters the joint fit, which alone uses it."""
+    """Standard deviation of the dip; with it, the dip enters the joint fit."""
 
 
 @Parameter(name="*")
@@ -45,18 +44,17 @@ class FitOptions:
     """What is known of the converters and of the constant errors of the rig, and the polynomial in temperature."""
 
     accel_step: Step = None
-    """Step of the accelerometers' converter, in the unit of their channels; 0 for none. When not given it is found
-    where the readings clearly lie on a grid (whole counts, a fixed number of decimals)."""
+    """Converter step of the accelerometers, in channel units; 0 for none. Detected if not given."""
     mag_step: Step = None
-    """The same for the magnetometers."""
+    """Converter step of the magnetometers."""
     gyro_step: Step = None
-    """The same for the gyros."""
+    """Converter step of the gyros."""
     inclination_zero_sd: SdOrNone = None
-    """Fit a constant error of the inclination dial with this prior. Default: not fitted."""
+    """Fit the zero error of the inclination dial with this prior. Default: not fitted."""
     nonorthogonality_sd: SdOrNone = None
-    """Fit the non-orthogonality of the rig's axes with this prior. Default: not fitted."""
+    """Fit the non-orthogonality of the rig axes with this prior. Default: not fitted."""
     temperature_degree: int | None = None
-    """Degree of the polynomial in temperature. Default: chosen by information criterion."""
+    """Degree of the temperature polynomial. Default: chosen by information criterion."""
 
 
 @Parameter(name="*", group=DIALS)
@@ -65,15 +63,14 @@ class DialOptions:
     """How the dials of a stand count."""
 
     inclination_from: InclinationFrom | None = None
-    """Where the inclination dial counts from: vertical (0 with the tool's end down), other-end (180 there), horizontal
-    (90 there, positive below the horizon) or horizontal-up (-90 there). Default: vertical."""
+    """With the tool's end down the dial reads: vertical 0, other-end 180, horizontal 90 (positive below the
+    horizon), horizontal-up -90. Default: vertical."""
     azimuth_counts: Counts | None = None
-    """Which way the azimuth dial counts, seen from above. Default: clockwise."""
+    """Direction of the azimuth dial, seen from above. Default: clockwise."""
     toolface_counts: Counts | None = None
-    """Which way the toolface dial counts, looking down hole. Default: clockwise."""
+    """Direction of the toolface dial, looking down hole. Default: clockwise."""
     base: Base | None = None
-    """inverted: the rig is upside down, so that the tool points up where the inclination dial says 0; upright when not
-    given."""
+    """inverted: the rig is upside down; the tool points up where the inclination dial reads 0. upright if not given."""
 
     def given(self) -> dict[str, Any]:
         """Those that are given."""
@@ -91,6 +88,8 @@ USUAL_DIALS: Final = DialOptions()
 LeftHanded: TypeAlias = Annotated[
     Flag,
     Parameter(
-        group=DIALS, help="The tool's channels are left-handed (one is reversed, or two are exchanged), not the dials."
+        name="--left-handed-channels",
+        group=DIALS,
+        help="The channels are left-handed: one reversed, or two exchanged. The dials are right.",
     ),
 ]

@@ -29,8 +29,9 @@ def survey(
     correct: Annotated[
         str | None,
         Parameter(
-            help=f"Corrections in their order, with commas: {', '.join(CORRECTIONS)}; a corrections.json may stand for "
-            "msa. Default: none."
+            help=f"Corrections in order, with commas: {', '.join(CORRECTIONS)}. A corrections.json replaces msa. "
+            "Default: "
+            "none.",
         ),
     ] = None,
     bha: options.InputOrNone = None,
@@ -51,18 +52,18 @@ def survey(
     Parameters
     ----------
     raw
-        With a calibration: CSV with md_m and the raw channels. Without: gravity and magnetic field in any format of
-        convert, units in the column names (md_m, gx_m_s2 .. gz_m_s2, bx_nT .. bz_nT).
+        With --calibration: table with md_m and the raw channels. Without: gravity and field with units in the names
+        (md_m, gx_m_s2 .. gz_m_s2, bx_nT .. bz_nT), any format of convert.
     output_
-        Survey CSV. Without it nothing is written.
+        Write the survey. Without -o nothing is written.
     calibration
-        tool.json; without it the readings are fields already and --site is needed.
+        tool.json. Without it the readings are fields, and --site is required.
     site
-        site.toml: north_reference, declination_deg, convergence_deg, g, b_nT, dip_deg and their sigmas; latitude_deg.
+        site.toml: north_reference, declination_deg, convergence_deg, g, b_nT, dip_deg, their sigmas, latitude_deg.
     bha
-        bha.toml: the assembly, for sag.
+        bha.toml: the assembly, for the sag correction.
     hole
-        Of a tool with two accelerometers: down takes inclinations of 0 to 90 deg, up those of 90 to 180.
+        Two accelerometers: down (0 to 90 deg) or up (90 to 180 deg).
     """
     inputs = {**_inputs(raw, calibration, site, bha, correct), "--stability": stability}
     output.claim({"--output": output_, "--report": report}, inputs)

@@ -11,8 +11,9 @@ import numpy as np
 from inclinometry.arrays import Array
 from inclinometry.errors import FileError, InputError, in_file
 from inclinometry.files import json_codec
+from inclinometry.files.json_codec import findings_in
 from inclinometry.files.tool_json import covariance
-from inclinometry.findings import Finding, findings_in
+from inclinometry.findings import Finding
 from inclinometry.survey.multistation import Parameter
 from inclinometry.survey.multistation_priors import FieldReference
 from inclinometry.survey.reduce import SensorCorrection

@@ -1,4 +1,4 @@
-"""datasheet.toml: a tool entered from the nameplate values of its sensors, K, C and U0."""
+"""datasheet.toml: a tool entered from the data sheet values of its sensors, K, C and U0."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ RANGES: Mapping[str, tuple[float, float]] = {
 """Key -> least and largest value allowed, in the unit of the key."""
 TEMPLATE = """\
 # datasheet.toml
-# a tool from the nameplates of its sensors: U = scale (field along the axis) + offset
+# a tool from the data sheets of its sensors: U = scale (field along the axis) + offset
 tool = "SN 0001"
 
 [accelerometer]                    # likewise [magnetometer] and [gyro]; leave out what the tool does not have
@@ -216,6 +216,6 @@ def _rows(settings: toml_keys.Settings, key: str, count: int, width: int) -> Arr
     return np.stack([_in_range(settings, key, row, width) for row in rows])
 
 
-def read_nameplate(path: str | Path) -> Tool:
+def read_data_sheet(path: str | Path) -> Tool:
     """The tool of a data sheet (.toml) or of a tool.json."""
     return read_datasheet(path).tool if Path(path).suffix.lower() == ".toml" else read_tool(path)

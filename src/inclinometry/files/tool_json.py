@@ -13,8 +13,8 @@ from inclinometry.calibration.result import Calibration, Residuals, Rig
 from inclinometry.constants import FIELD_UNITS, SHORT_INCLINATIONS
 from inclinometry.errors import FileError, InputError, in_file, not_among, out_of_range
 from inclinometry.files import json_codec
-from inclinometry.files.json_codec import Json, shown
-from inclinometry.findings import Finding, Value, findings_in, only_notes, without_notes
+from inclinometry.files.json_codec import Json, findings_in, shown
+from inclinometry.findings import Finding, Value, only_notes, without_notes
 from inclinometry.sensors import Tool, Triad
 from inclinometry.tabular import check_record
 

@@ -16,9 +16,10 @@ from inclinometry.constants import ANGLES, COVERAGE_FACTOR
 from inclinometry.digest import digest_bytes
 from inclinometry.errors import FileError
 from inclinometry.files import json_codec
+from inclinometry.files.json_codec import findings_in
 from inclinometry.files.tool_json import calibration_content, older_content
 from inclinometry.files.writing import program
-from inclinometry.findings import Finding, findings_in, without_notes
+from inclinometry.findings import Finding, without_notes
 
 VERSION: Final = 3
 """Of verify.json and of the plan of a verification."""

@@ -29,8 +29,7 @@ Window: TypeAlias = Annotated[
     float | None,
     Parameter(
         name="--window-s",
-        help="Length of a window. Default: that of the last run, at first 1. A table has windows of one length: "
-        "with another, all of them are made again.",
+        help="Length of a window. Default: that of the last run, at first 1. Another length recomputes all windows.",
     ),
 ]
 
@@ -51,15 +50,15 @@ def add(
     Parameters
     ----------
     files
-        Runs, in any format `dynamic` reads; a folder stands for the files in it.
+        Runs, in any format of `dynamic`; or a folder of them.
     tool
-        Serial number of the tool, as the ledger has it.
+        Serial number of the tool in the ledger.
     run
-        Name of the run. Default: that of the file.
+        Name of the run. Default: the file name.
     date
-        Day on which it was made, YYYY-MM-DD.
+        Day of the run, YYYY-MM-DD.
     pattern
-        Where tool, run and date stand in the path of a file, e.g. "{tool}/{run}_{date}".
+        Place of tool, run and date in the path, e.g. "{tool}/{run}_{date}".
     """
     from inclinometry.fleet import raw
     from inclinometry.fleet.store import Store
@@ -158,11 +157,11 @@ def run(
     Parameters
     ----------
     workers
-        Processes. Default: as many as there are cores.
+        Number of processes. Default: one per core.
     threads
-        Threads instead: less memory, for files that are trusted.
+        Use threads: less memory, for trusted files.
     scheduler
-        Address of a Dask scheduler instead, tcp://host:8786; its workers must see the fleet under the same address.
+        Use a Dask scheduler, tcp://host:8786; its workers must see the fleet at the same path.
     """
     from inclinometry.fleet import workers as ways
     from inclinometry.fleet.store import Store
@@ -177,6 +176,7 @@ def run(
     client = None
     if scheduler is not None:
         client = ways.connect(scheduler)
+        output.say(f"dashboard {client.dashboard_link}")
         receipts = ways.by_dask(todo.todo, client)
     elif threads is not None:
         receipts = ways.by_threads(todo.todo, threads)
@@ -219,7 +219,7 @@ def status(*, fleet: Address = "fleet", ledger: LedgerAddress = None, digest: Fl
     Parameters
     ----------
     digest
-        Of the bytes of all results, which are read, instead of their names and sizes.
+        Compare the bytes of all results, not only names and sizes.
     """
     from inclinometry.fleet import audit, raw
     from inclinometry.fleet.plan import table
@@ -291,7 +291,7 @@ def why(file: str, /, *, fleet: Address = "fleet", ledger: LedgerAddress = None,
     Parameters
     ----------
     file
-        A result: its path, or its name in the fleet; or the folder of a run, for the one that is current.
+        A result: its path or name in the fleet, or the folder of a run for its current result.
     """
     from inclinometry.fleet import audit
     from inclinometry.fleet.store import Store
@@ -324,9 +324,9 @@ def clean(*, fleet: Address = "fleet", days: float = 7.0, dry_run: Flag = False)
     Parameters
     ----------
     days
-        Results that were replaced less long ago stay, and with them the states of the table before.
+        Keep results replaced within this time, and the earlier states of the table.
     dry_run
-        Say what would go, remove nothing.
+        Show what would be removed; remove nothing.
     """
     from inclinometry.fleet import audit
     from inclinometry.fleet.store import Store

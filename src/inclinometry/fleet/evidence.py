@@ -47,12 +47,12 @@ def evidence(
     Parameters
     ----------
     raw
-        Raw channels of one run, 4 stations or more, or corrections.json that `msa --calibration` made of them with a
-        certified calibration.
+        Raw channels of one run, 4 stations or more, or its corrections.json (`msa --calibration`, certified
+        calibration).
     tool
         Serial number.
     run
-        Its name; a run entered again takes the place of the one before.
+        Name of the run; entered again, it replaces the earlier one.
     date_
         Day of the run, YYYY-MM-DD.
     axial_sigma_nt
@@ -60,13 +60,13 @@ def evidence(
     hours
         Operating hours since the calibration or run before.
     shock
-        Dose of shock since then.
+        Shock since then.
     heat
-        Dose of heat since then.
+        Heat since then.
     record
-        Record it in the ledger: due dates, checks and reports rest on it from then on.
+        Record the run in the ledger; due dates, checks and reports then use it.
     withdraw
-        Take a run out of the history, and why; the record of it stays.
+        Withdraw a run from the history, with the reason; its record stays.
     """
     from inclinometry.laboratory import drift
     from inclinometry.laboratory.certified import Certificates

@@ -68,17 +68,17 @@ def simulate(
     tools
         Number of tools.
     calibrations
-        Of each, of twelve positions, the last half a year after the one before.
+        Calibrations per tool, twelve positions each; the last is half a year after the one before.
     runs
         Of each tool.
     samples
         Of a run, a hundred a second.
     jumps
-        Tools, the last ones, whose x magnetometer jumps by 400 nT before their last calibration.
+        Number of tools whose x magnetometer jumps by 400 nT before their last calibration.
     type_
         Under which the tools are registered.
     seed
-        Decides everything but the times in the ledger.
+        Seed of everything but the times in the ledger.
     """
     need("pyarrow", "sqlalchemy")
     for name, value, low, high in (

@@ -24,10 +24,10 @@ if TYPE_CHECKING:
 
 Type: TypeAlias = Annotated[
     str | None,
-    Parameter(name="--type", help="The name under which its tools are registered. Default: the only one there is."),
+    Parameter(name="--type", help="Registered type of the tools. Default: the only one."),
 ]
 Share: TypeAlias = Annotated[
-    float, Parameter(help="Share of the drift that goes by the calendar; the rest goes by operating hours.")
+    float, Parameter(help="Share of the drift that follows the calendar; the rest follows operating hours.")
 ]
 _FIELD: Final = 50000.0  # nT, for which offsets of magnetometers are stated
 
@@ -50,17 +50,17 @@ def fit(
     Parameters
     ----------
     record
-        Keep it in the ledger: `fleet check` rests on it, and the bench shows due dates and alarms.
+        Record the fit in the ledger, for `fleet check` and for due dates and alarms in the bench.
     tool_code
-        Write the type's own tool code (JSON), as `position --tool-code` reads it.
+        Write the tool code of this type (JSON), for `position --tool-code`.
     interval_years
-        Years between calibrations, for the tool code: it holds in the middle.
+        Years between calibrations; the tool code is that of the middle of the interval.
     beside
-        Tool code whose terms of depth, declination and sag are taken into it: a name, or a JSON file.
+        Tool code whose terms of depth, declination and sag are included: a name, or a JSON file.
     stability
-        Write stability.toml, what sensors move by in a year, as `survey` and `position --stability` read it.
+        Write stability.toml, sensor drift per year, for `survey --stability` and `position --stability`.
     tool
-        Serial number: write that of this tool, by its own drift.
+        Serial number: write the drift of this tool.
     """
     from inclinometry.calibration.drift import azimuth_sd
     from inclinometry.files.stability_toml import write_stability
@@ -173,15 +173,15 @@ def report(
     Parameters
     ----------
     output_
-        Page (HTML); --language ru or zh: in Russian or Chinese.
+        Write the page, HTML.
     day
-        For which it stands, YYYY-MM-DD. Default: that of the last calibration.
+        Day of the page, YYYY-MM-DD. Default: day of the last calibration.
     limit
-        Azimuth error that a tool must not exceed, rms over azimuth and toolface.
+        Largest azimuth error allowed, rms over azimuth and toolface.
     inclination
-        Where it must not.
+        Inclination at which that limit applies.
     reliability
-        Share of the tools that are to be within it when they are due.
+        Share of the tools within the limit on their due date.
     """
     from inclinometry.calibration.drift import SIXTY
     from inclinometry.calibration.drift_status import RIG_LEVEL
@@ -266,19 +266,19 @@ def check(
     rig
         Stand, as registered.
     hours
-        Operating hours since the last calibration, or run entered as evidence.
+        Operating hours since the last calibration or recorded run.
     shock
-        Dose of shock since then.
+        Shock since then.
     heat
-        Dose of heat since then.
+        Heat since then.
     record
         Record readings and calibration in the ledger.
     certify
-        And issue a certificate: only then it counts, for runs and for the history.
+        Also issue a certificate; only certified calibrations are used for runs and history.
     laboratory
         lab.toml, for the certificate.
     accept_warnings
-        Reason to certify though warnings are open; it is recorded and printed on the certificate.
+        Reason to certify with open warnings; recorded and printed on the certificate.
     """
     from inclinometry.calibration.drift import azimuth_sd
     from inclinometry.history import relative_parameters

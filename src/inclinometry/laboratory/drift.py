@@ -16,8 +16,9 @@ from inclinometry.calibration.drift_check import DriftCheck, check_with_prior
 from inclinometry.calibration.drift_status import FleetStatus
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.errors import InclinometryError, out_of_range, refused
+from inclinometry.files.json_codec import restored
 from inclinometry.files.tool_json import tool_of
-from inclinometry.findings import Finding, restored
+from inclinometry.findings import Finding
 from inclinometry.history import (
     DAYS_PER_YEAR,
     CalibrationRecord,

@@ -14,7 +14,8 @@ from inclinometry.calibration.plans import Plan
 from inclinometry.calibration.readings import LARGEST, BenchReadings
 from inclinometry.constants import KINDS
 from inclinometry.errors import not_among, out_of_range, refused, wrong_shape
-from inclinometry.findings import Finding, findings_in
+from inclinometry.files.json_codec import findings_in
+from inclinometry.findings import Finding
 from inclinometry.laboratory.ledger.ledger import ConflictError, Draft, Ledger, LedgerError, Record
 from inclinometry.laboratory.placeholders import stated
 from inclinometry.laboratory.registry import (

@@ -17,9 +17,10 @@ from inclinometry.calibration.decision import Limits
 from inclinometry.calibration.plans import Plan, spread
 from inclinometry.constants import ANGLES
 from inclinometry.errors import not_among, refused
+from inclinometry.files.json_codec import restored
 from inclinometry.files.verification_json import as_now, judged_positions, stated_limits
 from inclinometry.files.writing import program
-from inclinometry.findings import Finding, restored
+from inclinometry.findings import Finding
 from inclinometry.laboratory.ledger.ledger import Draft, Ledger, LedgerError, Record
 from inclinometry.laboratory.registry import RegisteredRig, find_rig, not_registered
 from inclinometry.laboratory.results import calibration_of

@@ -244,7 +244,7 @@ class AxesCheck:
             axis = "xyz"[self._along[-1]]
             down, up = TURNED_TO[axis]
             # without a gyro the accelerometer's z may be as wrong
-            options = ("--mag-axes",) if self._speeds else ("--axes", "--mag-axes")
+            options = ("--magnetometer-axes",) if self._speeds else ("--axes", "--magnetometer-axes")
             where: dict[str, Value] = {"channel": f"mag_{axis}", "axis": axis, "down": down, "up": up}
             raise refused("motion-axis-mag", where | {"options": options})
 

@@ -212,7 +212,7 @@ def run_facts(calibration: Calibration, readings: BenchReadings | None) -> list[
         "rotations": "closed form for two full rotations about the tool axis",
         "field": "constant field strength in any attitude, no rig",
         "classical": "classical small-angle differences",
-        "datasheet": "nameplate values of the sensors, nothing measured",
+        "datasheet": "data sheet values of the sensors, nothing measured",
         "norm": "constant field strength, each triad in its own axes",
         "hand-rotations": "turned by hand between rests, in the accelerometer's axes",
     }

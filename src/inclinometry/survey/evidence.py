@@ -18,6 +18,7 @@ import numpy as np
 from inclinometry.arrays import Array
 from inclinometry.constants import VECTORS
 from inclinometry.errors import refused
+from inclinometry.findings import Value
 from inclinometry.history import PARAMETERS, UNSEEN
 from inclinometry.sensors import Tool
 from inclinometry.survey.multistation_priors import priors_from_tool
@@ -33,7 +34,9 @@ def run_evidence(correction: SensorCorrection, calibration: Tool) -> tuple[Array
     the errors of the reference and the interference are as large as was stated.
     """
     if any(calibration.triads[kind].degree for kind in VECTORS if kind in calibration.triads):
-        raise refused("survey-evidence-temperature", {"tool": calibration.name})
+        why: dict[str, Value] = {"reason": "it depends on temperature, which a run does not show"}
+        why |= {"tool": calibration.name, "advice": "Calibrate it again instead"}
+        raise refused("survey-calibration", why)
     priors = priors_from_tool(calibration)
     names = tuple(correction.parameters)
     size = len(PARAMETERS)
@@ -42,7 +45,8 @@ def run_evidence(correction: SensorCorrection, calibration: Tool) -> tuple[Array
     known = priors.covariance[:size, :size]
     scale = np.sqrt(np.diagonal(known))
     if not scale.all() or np.linalg.eigvalsh(known / np.outer(scale, scale))[0] < 1e-12:
-        raise refused("survey-evidence-covariance", {"tool": calibration.name})
+        why = {"reason": "it has no full covariance", "advice": "Calibrate with the joint method"}
+        raise refused("survey-calibration", why | {"tool": calibration.name})
     root = scale[:, None] * np.linalg.cholesky(known / np.outer(scale, scale))
     back = np.eye(len(names))
     back[:size, :size] = root
@@ -64,7 +68,7 @@ def run_evidence(correction: SensorCorrection, calibration: Tool) -> tuple[Array
     pull = np.sum(of_each / (values[shown_at_all] * (1.0 + values[shown_at_all])))
     limit = float(chi_square_limit(0.999, max(correction.freedom - int(shown_at_all.sum()), 1)))
     if correction.chi_square - pull > limit:
-        raise refused("survey-evidence-scatter", {"chi_square": float(correction.chi_square - pull), "limit": limit})
+        raise refused("survey-chi-square", {"chi_square": float(correction.chi_square - pull), "limit": limit})
     # by the relative parameters: E = N^-1 dN, o = N^-1 dU0
     turn = np.zeros((size, size))
     for place, kind in enumerate(VECTORS):

@@ -41,7 +41,7 @@ class Check:
 def worst(checks: Iterable[Check]) -> str:
     """The verdict on all of them: a failure counts more than a pass, "not judged" only where nothing passed.
 
-    >>> blank = Finding("survey-unjudged-azimuth")
+    >>> blank = unjudged("the stations have no azimuth")
     >>> worst([Check("a", "pass", 0.0, 1.0, (), blank), Check("b", "not judged", 0.0, 1.0, (), blank)]), worst([])
     ('pass', 'not judged')
     """
@@ -49,23 +49,42 @@ def worst(checks: Iterable[Check]) -> str:
     return "fail" if "fail" in found else "pass" if "pass" in found else "not judged"
 
 
+_FIELD = "Look for magnetic interference (casing, collars), correct it (axial, msa), and check b and dip of the site"
+_UNITS = "Check units, axes and signs of the channels, and the tool's calibration"
+
 OFF: Final = {
-    "few": "survey-off-few",
-    "g": "survey-off-accelerometer",
-    "b": "survey-off-field",
-    "bd": "survey-off-field",
-    "d": "survey-off-dip",
-    "gd": "survey-off-accelerometer-sign",
-    "gb": "survey-off-units",
-    "gbd": "survey-off-units",
-    "": "survey-off-together",
-    "toolface": "survey-off-toolface",
-    "repeat": "survey-off-repeat",
-    "depth": "survey-off-depth",
-    "gyro few": "survey-off-gyro-few",
-    "gyro": "survey-off-gyro",
+    "few": "Repeat these stations at rest, away from casing and offset wells",
+    "g": "Repeat at rest; if it stays, check calibration and temperature of the accelerometers",
+    "b": _FIELD,
+    "bd": _FIELD,
+    "d": "Check axes and signs of the magnetometers against the accelerometers, and dip_deg of the site",
+    "gd": "Repeat at rest; check calibration, axes and signs of the accelerometers",
+    "gb": _UNITS,
+    "gbd": _UNITS,
+    "": "Repeat the stations; look for slight interference",
+    "toolface": "Calibrate the sensors across the tool, or run a multi-station analysis",
+    "repeat": "Repeat once more at rest; then check depth, calibration and interference of both",
+    "depth": "Check the pipe tally and the corrections of both, and measure the depth again",
+    "gyro few": "Repeat these stations at rest; check depth and centralisation there",
+    "gyro": "Check depth correlation, centralisation, drift and temperature of the gyro; survey again",
 }
-"""Code of a failure by what to do: which of gravity, magnetic field and dip are off, or what was compared."""
+"""What to do about a failure: which of gravity, magnetic field and dip are off, or what was compared."""
+
+UNJUDGED: Final = {
+    "no uncertainty is known": "State the uncertainties, or use fixed limits (--limits)",
+    "the field is vertical within its limit": "Use stations elsewhere, or a gyro",
+    "the stations have no azimuth": "Use stations with an inclination of 5 deg or more",
+    "the sensors across the tool hardly contribute here": "Take the shots at another attitude",
+    "no station of the second survey is near one of the first": "Check the depths, or give a larger --apart-m",
+    "too few common stations with this angle": "Survey the out-run over the depths of the in-run",
+}
+"""Why stations cannot support a check, and what to do about it."""
+
+
+def unjudged(reason: str) -> Finding:
+    """The finding on a check that the stations cannot support; a reason of `UNJUDGED`."""
+    return Finding("survey-unjudged", {"reason": reason, "advice": UNJUDGED[reason]})
+
 
 _SHOWN: Final = {"rad": ("deg", 180.0 / np.pi), "m/s^2": ("m/s2", 1.0)}
 
@@ -89,11 +108,12 @@ def sizes_check(
     bad = tuple(places[failed].tolist())
     value, limit = (float(one[worst_of]) for one in sizes)
     shown, factor = _SHOWN.get(unit, (unit, 1.0))
-    values: dict[str, Value] = {
-        "quantity": quantity, "count": len(bad), "total": int((order >= 0.0).sum()),
-        "station": int(places[worst_of]) + 1, "off": factor * value, "limit": factor * limit, "unit": shown,
-    }  # fmt: skip
-    reason = Finding(OFF[remedy] if bad else "survey-check-fits", values, bad)
+    size: dict[str, Value] = {"off": factor * value, "limit": factor * limit, "unit": shown}
+    size["station"] = int(places[worst_of]) + 1
+    reason = Finding("survey-check-fits", size | {"what": "worst"})
+    if bad:
+        of: dict[str, Value] = {"quantity": quantity, "count": len(bad), "total": int((order >= 0.0).sum())}
+        reason = Finding("survey-off", size | of | {"advice": OFF[remedy]}, bad)
     return Check(name, "fail" if bad else "pass", abs(value), abs(limit), bad, reason, unit)
 
 
@@ -177,10 +197,9 @@ def reversed_field(dip: Array, site: Site | None) -> list[Finding]:
     middle = None if site is None else _opposite(dip, site.dip)
     if site is None or site.dip is None or middle is None:
         return []
-    values = {"dip_deg": float(np.degrees(middle)), "stated_deg": float(np.degrees(site.dip))}
-    if site.latitude is None or abs(site.latitude) < np.radians(20.0):
-        return [Finding("survey-dip-sign", values)]
-    return [Finding("survey-dip-sign-site" if middle * site.latitude > 0.0 else "survey-dip-sign-triad", values)]
+    known = site.latitude is not None and abs(site.latitude) >= np.radians(20.0)
+    signs = "unknown" if not known else "site" if middle * (site.latitude or 0.0) > 0.0 else "triad"
+    return [_sign("dip", middle, site.dip, signs)]
 
 
 def reversed_rate(latitude: Array, site: Site | None) -> list[Finding]:
@@ -188,8 +207,35 @@ def reversed_rate(latitude: Array, site: Site | None) -> list[Finding]:
     middle = None if site is None else _opposite(latitude, site.latitude)
     if site is None or site.latitude is None or middle is None:
         return []
-    values = {"latitude_deg": float(np.degrees(middle)), "stated_deg": float(np.degrees(site.latitude))}
-    return [Finding("survey-latitude-sign", values)]
+    return [_sign("latitude", middle, site.latitude, "latitude")]
+
+
+SIGNS: Final = {
+    "unknown": (
+        "its sign is wrong, or one triad is reversed and azimuths are off by 180 deg",
+        "Check dip_deg (positive: field points down) and the axes (--convention)",
+    ),
+    "site": (
+        "the readings fit the latitude of the site",
+        "Correct the sign of dip_deg (positive: field points down, as in the north)",
+    ),
+    "triad": (
+        "one triad is reversed, azimuths are off by 180 deg",
+        "State the axes by --convention, or calibrate again with the stand's dip",
+    ),
+    "latitude": (
+        "one of three signs is wrong",
+        "Check latitude_deg, the gyro (azimuth off by 180 deg) and the accelerometer (inclination from the other end)",
+    ),
+}
+"""Cause of an opposite sign and what to do, by what the latitude of the site shows of a dip, and of a latitude."""
+
+
+def _sign(quantity: str, measured: float, stated: float, signs: str) -> Finding:
+    values: dict[str, Value] = {"quantity": quantity, "measured_deg": float(np.degrees(measured))}
+    cause, advice = SIGNS[signs]
+    values |= {"stated_deg": float(np.degrees(stated)), "cause": cause, "advice": advice}
+    return Finding("survey-sign", values)
 
 
 TOLERANCE = 3.0

@@ -43,7 +43,7 @@ def survey_from_stations(
     found = angles(stations.g, stations.b)
     taken = {NOISE, "declination", "convergence"} & set(stations.sources)
     if taken:
-        raise refused("survey-source-taken", {"source": min(taken)})
+        raise refused("input-repeated", {"name": "sources", "value": min(taken)})
     parts = {name: np.empty((len(stations), 4)) for name in (*stations.sources, NOISE)}
     common, random = np.zeros((len(stations), 2, 2)), np.zeros((len(stations), 2, 2))
     for start in range(0, len(stations), BLOCK):

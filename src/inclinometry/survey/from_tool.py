@@ -20,6 +20,11 @@ NOTHING_STATED: Final = Finding("survey-covariance-zero")
 """Step of history of stations whose tool has no covariance."""
 
 
+def _step(what: str, name: str) -> Finding:
+    """A step of the history of stations."""
+    return Finding("survey-step", {"what": what, "name": name}, severity="note")
+
+
 def stations_from_tool(
     md: ArrayLike,
     channels: Mapping[str, ArrayLike],
@@ -43,7 +48,7 @@ def stations_from_tool(
         if kind not in channels:
             raise refused("input-triads", {"lacking": (kind,), "needed": VECTORS})
     seen, _ = tool_fields({kind: channels[kind] for kind in VECTORS}, tool, heat, len(depth), "magnetometer")
-    known, history = [], [Finding("survey-step-reduced", {"tool": tool.name}, severity="note")]
+    known, history = [], [_step("raw channels reduced with the calibration of tool", tool.name)]
     for kind, unit, name, stated in zip(VECTORS, ("m/s^2", "nT"), ("g", "b"), (g, b), strict=True):
         own = tool.triads[kind].field_strength
         if own is None:
@@ -56,7 +61,7 @@ def stations_from_tool(
     strengths = (known[0], known[1])
     noise, sources = field_errors(tool, seen, strengths, heat)
     if "gyro" in channels:
-        history.append(Finding("survey-step-no-gyro", severity="note"))
+        history.append(_step("not used for the six-axis stations", "gyro"))
     if not sources:
         history.append(NOTHING_STATED)
     return Stations(

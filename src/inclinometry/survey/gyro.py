@@ -12,10 +12,10 @@ from numpy.typing import ArrayLike
 from inclinometry.arrays import Array, Index, Mask, finite, within
 from inclinometry.earth.site import Site, azimuth_sigma, convert_azimuth
 from inclinometry.errors import refused, wrong_shape
-from inclinometry.findings import Finding
+from inclinometry.findings import Finding, Severity, Value
 from inclinometry.gyro.result import FLAGS, North
 from inclinometry.rotations import wrap_positive, wrap_signed
-from inclinometry.survey.flags import ROUNDING, Check, sizes_check, summary, worst
+from inclinometry.survey.flags import ROUNDING, Check, sizes_check, summary, unjudged, worst
 from inclinometry.survey.path import SurveyRun
 from inclinometry.survey.reduce import Survey
 from inclinometry.tabular import Column, Tabular, in_degrees
@@ -120,13 +120,14 @@ def compare_runs(in_run: SurveyRun, out_run: SurveyRun, limits: RepeatLimits) ->
         (f"azimuth, inclination from {edge} up", "azimuth", azimuth, bad_azimuth, above, limits.azimuth),
         (f"azimuth, inclination below {edge}", "azimuth", azimuth, bad_azimuth, below, limits.azimuth_steep),
     )
+    common: dict[str, Value] = {"name": "common stations", "count": len(rows), "least": limits.stations}
     count = Check(
         "common stations",
         "pass" if enough else "fail",
         len(rows),
         limits.stations,
         (),
-        Finding("survey-common" if enough else "survey-common-few", {"common": len(rows), "least": limits.stations}),
+        Finding("survey-common" if enough else "input-few", common),
         "stations",
     )
     checks = [count, *(_check(*part, rows, enough) for part in parts)]
@@ -134,13 +135,16 @@ def compare_runs(in_run: SurveyRun, out_run: SurveyRun, limits: RepeatLimits) ->
     verdicts = tuple(("fail" if b else "pass") if enough else "not judged" for b in bad)
     statistics = {"inclination": _statistics(inclination), "azimuth": _statistics(azimuth)}
     between = between[rows]
-    told = []
-    if between.any():
-        told.append(Finding("survey-interpolated", {"count": int(between.sum()), "total": len(rows)}, severity="note"))
-    if left := len(in_run.md) - len(rows):
-        told.append(Finding("survey-not-covered", {"count": left, "total": len(in_run.md)}))
-    if lost := int((~known).sum()):
-        told.append(Finding("survey-azimuth-uncompared", {"count": lost, "total": len(rows)}, severity="note"))
+    compared: tuple[tuple[str, int, int, Severity], ...] = (
+        ("Out-run interpolated", int(between.sum()), len(rows), "note"),
+        ("No out-run", len(in_run.md) - len(rows), len(in_run.md), "warning"),
+        ("Azimuth not compared", int((~known).sum()), len(rows), "note"),
+    )
+    told = [
+        Finding("survey-compared", {"what": what, "count": size, "total": total}, severity=severity)
+        for what, size, total, severity in compared
+        if size
+    ]
     for name, found in statistics.items():
         if found.systematic:
             mean, sd = float(np.degrees(found.mean)), float(np.degrees(found.sd))
@@ -212,7 +216,7 @@ def _check(
     """One angle at the stations it is judged at."""
     if not able.any() or not enough:
         value = float(np.abs(difference[able]).max()) if able.any() else float("nan")
-        return Check(name, "not judged", value, limit, (), Finding("survey-unjudged-common"))
+        return Check(name, "not judged", value, limit, (), unjudged("too few common stations with this angle"))
     order = np.where(able, np.abs(difference), -1.0)
     # one bad station is an event, many are the tool: the remedies differ
     remedy = "gyro few" if (able & bad).sum() <= 0.2 * able.sum() else "gyro"

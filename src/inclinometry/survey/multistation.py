@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from inclinometry.arrays import Array
-from inclinometry.errors import IdentifiabilityError, InputError, refused
+from inclinometry.errors import IdentifiabilityError, InputError, out_of_range, refused
 from inclinometry.findings import Finding, Value
 from inclinometry.least_squares import Normal, levenberg_marquardt
 from inclinometry.orientation import angles, angles_jacobian
@@ -134,15 +134,19 @@ def _refuse(measured: Array, reference: Array, gap: float, allowed_gap: float) -
     if np.median(off) > np.radians(15.0):
         raise refused("survey-dips-far", {"off_deg": float(np.degrees(off.max()))})
     if gap > allowed_gap:
-        turned = {"span_deg": TAU - gap, "gap_deg": gap, "allowed_deg": allowed_gap}
-        angles_deg = {name: float(np.degrees(angle)) for name, angle in turned.items()}
-        raise IdentifiabilityError(Finding("survey-toolfaces", angles_deg))
+        raise IdentifiabilityError(toolfaces_of(gap, allowed_gap, "biases across the tool are not observable"))
 
 
 def beyond_errors(name: str, unit: str, median: float, reference: float) -> InputError:
     """A median total so far from its reference that no sensor error explains it."""
     values: dict[str, Value] = {"total": name, "median": median, "reference": reference, "unit": unit}
     return refused("survey-total-far", values)
+
+
+def toolfaces_of(gap: float, allowed: float, effect: str) -> Finding:
+    """The finding on toolfaces that leave a gap, rad, and what that does."""
+    turned = {"span_deg": TAU - gap, "gap_deg": gap, "allowed_deg": allowed}
+    return Finding("survey-toolfaces", {name: float(np.degrees(a)) for name, a in turned.items()} | {"effect": effect})
 
 
 def toolface_gap(fields: Array) -> float:
@@ -246,9 +250,12 @@ def step_of(parameters: Mapping[str, Parameter], priors: Priors, size: int) -> F
         for name, p in parameters.items()
         if p.significance > 2.0
     )
-    values: dict[str, Value] = {"total": size, "priors": priors.source}
-    values["estimates"] = estimates or (Finding("survey-estimate-none"),)
+    values: dict[str, Value] = {"total": size, "priors": priors.source, "estimates": estimates}
     return Finding("survey-step-analysis", values, severity="note")
+
+
+WIDENED: Final = "The prior was widened; find the cause"
+TOGETHER: Final = "Their priors were widened together; find the cause"
 
 
 def findings_of(
@@ -257,8 +264,9 @@ def findings_of(
     """What contradicts the result, and what the run does not determine."""
     rare = 0.999  # probability within which the fit and each station are to stay
     found = []
-    if gap > np.radians(100.0):  # public multi-station practice
-        found.append(Finding("survey-toolface-gap", {"gap_deg": float(np.degrees(gap))}))
+    usual = float(np.radians(100.0))  # public multi-station practice
+    if gap > usual:
+        found.append(toolfaces_of(gap, usual, "biases across the tool follow their priors"))
     if priors.axial and parameters[priors.axial].prior > 0.0 and parameters[priors.axial].learned < 0.5:
         found.append(Finding("survey-axial-prior", {"parameter": priors.axial}))
     limit = float(chi_square_limit(rare, 3 * len(surprise)))
@@ -267,8 +275,8 @@ def findings_of(
     scale_of = dict(zip(parameters, scales.tolist(), strict=True))
     for names, _ in priors.sized:
         if len(names) > 1 and scale_of[names[0]] > 1.5:
-            wide: dict[str, Value] = {"first": names[0], "last": names[-1], "times": scale_of[names[0]]}
-            found.append(Finding("survey-priors-widened", wide))
+            wide: dict[str, Value] = {"parameters": tuple(names), "times": scale_of[names[0]]}
+            found.append(Finding("survey-prior", wide | {"advice": TOGETHER}))
     worst = int(np.argmax(surprise))
     if surprise[worst] > float(chi_square_limit(1.0 - (1.0 - rare) / len(surprise), 3)):
         odd: dict[str, Value] = {"station": worst + 1, "chi_square": float(surprise[worst])}
@@ -276,8 +284,9 @@ def findings_of(
     for name, p in parameters.items():
         stated = p.prior / scale_of[name]
         if abs(p.value) > 3.3 * stated > 0.0:
-            large: dict[str, Value] = {"parameter": name, "times": abs(p.value) / stated}
-            found.append(Finding("survey-prior-widened" if scale_of[name] > 3.0 else "survey-prior-far", large))
+            large: dict[str, Value] = {"parameters": (name,), "times": abs(p.value) / stated}
+            widened, kept = WIDENED, "Use wider priors (--priors unknown), or check the tool"
+            found.append(Finding("survey-prior", large | {"advice": widened if scale_of[name] > 3.0 else kept}))
     return found
 
 
@@ -401,6 +410,6 @@ def _whitener(rows: Array, noise: Array, disturbed: Array) -> Array:
     scale = np.sqrt(np.diagonal(spread, axis1=1, axis2=2))
     if not (scale > 0.0).all():
         row = int(np.argmax((scale <= 0.0).any(axis=1)))
-        raise refused("survey-noise-partly", {"station": row + 1})
+        raise out_of_range(f"noise[{row}]", 0.0, "> 0")
     factor = np.linalg.cholesky(spread / (scale[:, :, None] * scale[:, None, :]))
     return np.asarray(np.linalg.inv(factor) / scale[:, None, :])

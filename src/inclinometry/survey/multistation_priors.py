@@ -134,7 +134,9 @@ def priors_from_tool(tool: Tool, *, axial_sigma: float | None = None) -> Priors:
     within(axial, "axial_sigma", 0.0, 1e5, "nT")
     for kind in VECTORS:
         if kind not in tool.triads or not tool.triads[kind].full or tool.triads[kind].field_strength is None:
-            raise refused("survey-tool-partial", {"kind": kind})
+            reason = f"{kind}s without three axes and field strength"
+            advice = "Calibrate it with three axes and the strength of the field"
+            raise refused("survey-calibration", {"tool": tool.name, "reason": reason, "advice": advice})
     parts = [_triad_terms(tool.triads[kind], 3 * place) for place, kind in enumerate(VECTORS)]
     chosen = np.concatenate([np.arange(tool.slices[kind].start, tool.slices[kind].stop) for kind in VECTORS])
     noise = _published_noise()  # for a triad whose own is not stated

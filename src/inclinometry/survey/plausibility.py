@@ -279,20 +279,21 @@ def _orders(channels: Channels, *, one: bool) -> Iterator[tuple[Finding, dict[st
     """A mistake, of one triad or of both, and the channels without it."""
     g, b = VECTORS
     if not one:
-        yield Finding("run-channels-sensors"), {g: channels[b], b: channels[g]}
+        both: dict[str, Value] = {"sensor": "accelerometer and magnetometer", "channels": tuple("xyz")}
+        yield Finding("run-channel", both | {"mistake": "exchanged"}), {g: channels[b], b: channels[g]}
     for kinds, of in ((VECTORS, "both sensors"), ((g,), g), ((b,), b))[one:]:
         sensor: dict[str, Value] = {"sensor": of}
         for order in list(permutations(range(3)))[1:]:
             moved = tuple("xyz"[axis] for axis in range(3) if order[axis] != axis)
-            pair = Finding("run-channels-pair", sensor | {"channels": moved})
+            how = "exchanged" if len(moved) == 2 else "cycled"
             yield (
-                pair if len(moved) == 2 else Finding("run-channels-cycled", sensor),
+                Finding("run-channel", sensor | {"channels": moved, "mistake": how}),
                 {k: channels[k][:, order] if k in kinds else channels[k] for k in VECTORS},
             )
         for axis in range(3):
             signs = np.where(np.arange(3) == axis, -1.0, 1.0)
             yield (
-                Finding("run-channels-reversed", sensor | {"channel": "xyz"[axis]}),
+                Finding("run-channel", sensor | {"channels": ("xyz"[axis],), "mistake": "reversed"}),
                 {k: channels[k] * (signs if k in kinds else 1.0) for k in VECTORS},
             )
 

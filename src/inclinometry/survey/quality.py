@@ -15,8 +15,8 @@ from inclinometry.findings import Finding, Value
 from inclinometry.orientation import angles, angles_jacobian
 from inclinometry.rotations import wrap_signed
 from inclinometry.survey.axial import SOURCE as AXIAL
-from inclinometry.survey.flags import ROUNDING, Check, sizes_check, worst
-from inclinometry.survey.multistation import STEEP, invariants, toolface_gap
+from inclinometry.survey.flags import ROUNDING, Check, sizes_check, unjudged, worst
+from inclinometry.survey.multistation import STEEP, invariants, toolface_gap, toolfaces_of
 from inclinometry.survey.multistation_priors import FieldReference
 from inclinometry.survey.stations import Source, Stations
 from inclinometry.tabular import Column, Tabular, degrees
@@ -58,8 +58,9 @@ def _quantity_check(column: int, difference: Array, limit: Array, judged: Mask, 
     quantity, able = QUANTITIES[column], judged[:, column]
     if not able.any():
         # a dip whose limit reaches the vertical can only come out too small
-        code = "survey-unjudged-dip" if limit[:, column].any() else "survey-unjudged-uncertainty"
-        return Check(quantity.name, "not judged", np.nan, np.nan, (), Finding(code), quantity.unit)
+        vertical = limit[:, column].any()
+        reason = unjudged("the field is vertical within its limit" if vertical else "no uncertainty is known")
+        return Check(quantity.name, "not judged", np.nan, np.nan, (), reason, quantity.unit)
     failed, sizes = beyond[:, column], (difference[:, column], limit[:, column])
     remedy = _remedy(failed, able, beyond)
     return sizes_check(quantity.name, quantity.name, quantity.unit, _share(*sizes, able), sizes, failed, remedy)
@@ -81,7 +82,7 @@ def _remedy(failed: Mask, able: Mask, single: Mask) -> str:
 def _distance_check(distance: Array, allowed: Array, beyond: Mask, single: Mask) -> Check:
     able = np.isfinite(distance)
     if not able.any():
-        reason = Finding("survey-unjudged-uncertainty")
+        reason = unjudged("no uncertainty is known")
         return Check("distance", "not judged", np.nan, np.nan, (), reason, "sigma")
     order, remedy = np.where(able, distance, -1.0), _remedy(beyond, able, single)
     return sizes_check("distance", "distance", "sigma", order, (distance, allowed), beyond, remedy)
@@ -91,13 +92,14 @@ def _seen_check(hidden: Array, blind: float) -> Check:
     name = "axial interference seen"
     known = np.isfinite(hidden) | np.isinf(hidden)
     if not known.any():
-        return Check(name, "not judged", np.nan, blind, (), Finding("survey-unjudged-azimuth"))
+        return Check(name, "not judged", np.nan, blind, (), unjudged("the stations have no azimuth"))
     row = int(np.argmax(np.where(known, hidden, -1.0)))
     rows = np.flatnonzero(known & (hidden > blind))
     worst, station = float(hidden[row]), row + 1
     if not len(rows):
-        reason = Finding("survey-axial-seen", {"hidden_deg": float(np.degrees(worst)), "station": station})
-        return Check(name, "pass", worst, blind, (), reason)
+        fits: dict[str, Value] = {"what": "undetected axial interference turns azimuth by", "station": station}
+        fits |= {"off": float(np.degrees(worst)), "unit": "deg", "limit": float(np.degrees(blind))}
+        return Check(name, "pass", worst, blind, (), Finding("survey-check-fits", fits))
     blind_at: dict[str, Value] = {"count": len(rows), "total": int(known.sum()), "blind_deg": float(np.degrees(blind))}
     reason = Finding("survey-axial-hidden", blind_at | {"station": station}, tuple(rows.tolist()))
     return Check(name, "not judged", worst, blind, tuple(rows.tolist()), reason)
@@ -105,10 +107,30 @@ def _seen_check(hidden: Array, blind: float) -> Check:
 
 def remarks_of(axial: bool, multistation: bool) -> tuple[Finding, ...]:
     """What a reader of the verdicts must know."""
-    codes = ["survey-blind-declination", "survey-blind-mirrored"]
-    codes += ["survey-axial-dependent"] if axial else []
-    codes += ["survey-analysis-dependent"] if multistation else []
-    return tuple(Finding(code, severity="note") for code in codes)
+    names = ["declination", "mirrored", *["axial"] * axial, *["analysis"] * multistation]
+    blind = [dict(zip(("blind", "advice"), BLINDNESS[name], strict=True)) for name in names]
+    return tuple(Finding("survey-blind", dict(one), severity="note") for one in blind)
+
+
+BLINDNESS: Final = {
+    "declination": (
+        "a wrong sign of declination or convergence is not detected: gravity, field and dip do not depend on them",
+        "Compare the declination with its source, or survey with a gyro",
+    ),
+    "mirrored": (
+        "an axis error made in both triads (y reversed, x and y exchanged) is not detected",
+        "Compare one station with a known heading and toolface",
+    ),
+    "axial": (
+        "the axial correction used one of the two magnetic tests: they are not independent",
+        "Judge by the checks before the correction",
+    ),
+    "analysis": (
+        "the multi-station analysis used this reference, so passing is not independent",
+        "Compare one station with another survey",
+    ),
+}
+"""What the checks do not show, always and after a correction, and what does."""
 
 
 _ALL: Final = (
@@ -140,13 +162,15 @@ def rotation_shots(shots: Stations, *, k: float = 3.0) -> list[Check]:
         moved = moved - moved.mean(axis=0)
         variance += np.einsum("nqp,pr,nqr->nq", moved, source.covariance, moved)
     gap = toolface_gap(np.concatenate([shots.g, shots.b], axis=1))
-    why: list[Finding | None] = [Finding("survey-unjudged-across") if faint[:, c].all() else None for c in range(5)]
+    across = unjudged("the sensors across the tool hardly contribute here")
+    why = [across if faint[:, c].all() else None for c in range(5)]
     if steep.any():
-        why[1] = Finding("survey-unjudged-azimuth")
+        why[1] = unjudged("the stations have no azimuth")
     if size < least:
-        why = [Finding("survey-unjudged-shots", {"count": size, "least": least})] * 5
+        few: dict[str, Value] = {"name": "shots at different toolfaces", "count": size, "least": least}
+        why = [Finding("input-few", few)] * 5
     elif gap > np.pi:
-        why = [Finding("survey-unjudged-toolfaces", {"span_deg": 360.0 - float(np.degrees(gap))})] * 5
+        why = [toolfaces_of(gap, np.pi, "not judged")] * 5
     where = np.arange(size)
     return [_check("rotation shots", c, difference, k * np.sqrt(variance), where, why[c], "toolface") for c in range(5)]
 
@@ -167,7 +191,7 @@ def repeated_stations(
     here = np.flatnonzero(np.abs(second.md[nearest] - first.md) <= apart + 1e-9)
     there = nearest[here]
     if not len(here):
-        reason = Finding("survey-unjudged-pairs", {"apart_m": apart})
+        reason = unjudged("no station of the second survey is near one of the first")
         return [Check(f"repeat: {q.name}", "not judged", np.nan, np.nan, (), reason, q.unit) for q in _ALL]
     one, by_one, steep_one, _ = _rows(first)
     two, by_two, _, _ = _rows(second)
@@ -179,7 +203,7 @@ def repeated_stations(
     ) + _shared(by_one[here], by_two[there], first, second, (here, there), same_tool)
     steep = steep_one[here]
     difference[steep, 1] = np.nan
-    why = [Finding("survey-unjudged-azimuth") if c == 1 and steep.all() else None for c in range(5)]
+    why = [unjudged("the stations have no azimuth") if c == 1 and steep.all() else None for c in range(5)]
     return [_check("repeat", c, difference, k * np.sqrt(variance), here, why[c], "repeat") for c in range(5)]
 
 
@@ -200,7 +224,7 @@ def dual_depth(
     limit = np.broadcast_to(k * np.hypot(*sigmas), one.shape)
     name, difference = "dual depth", two - one
     if not limit.all():
-        return Check(name, "not judged", np.nan, np.nan, (), Finding("survey-unjudged-uncertainty"), "m")
+        return Check(name, "not judged", np.nan, np.nan, (), unjudged("no uncertainty is known"), "m")
     failed = np.abs(difference) > limit + 1e-9
     return sizes_check(name, "depth", "m", np.abs(difference) / limit, (difference, limit), failed, "depth")
 
@@ -247,7 +271,7 @@ def _check(
     name = f"{what}: {quantity.name}"
     able = np.isfinite(difference[:, column]) & (limit[:, column] > 0.0)
     if why is not None or not able.any():
-        reason = why or Finding("survey-unjudged-uncertainty")
+        reason = why or unjudged("no uncertainty is known")
         return Check(name, "not judged", np.nan, np.nan, (), reason, quantity.unit)
     sizes = difference[:, column], limit[:, column]
     failed = able & (np.abs(sizes[0]) > sizes[1] * (1.0 + 1e-9) + ROUNDING)
@@ -269,7 +293,7 @@ def with_sensors(stations: Stations, sigmas: Mapping[str, float]) -> Stations:
     """
     for name in (SOURCE, "calibration"):
         if name in stations.sources:
-            raise refused("survey-source-taken", {"source": name})
+            raise refused("input-repeated", {"name": "sources", "value": name})
     bias, scale = sensor_sigmas(sigmas)
     fields = np.concatenate([stations.g, stations.b], axis=1)
     by_field = np.concatenate([np.tile(np.eye(6), (len(stations), 1, 1)), fields[:, :, None] * np.eye(6)], axis=2)

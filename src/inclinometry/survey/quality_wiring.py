@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 import numpy as np
 
 from inclinometry.arrays import within
@@ -9,6 +11,10 @@ from inclinometry.conventions import AXES, Axes, Mapping, find_mapping
 from inclinometry.findings import Finding, Value
 from inclinometry.survey.flags import Check
 from inclinometry.survey.stations import Stations
+
+ADVICE: Final = "Check the file's convention (axes and signs of each triad), and convert it again"
+ADVICE_DIP: Final = "Check the sign of dip_deg (positive: field points down) and the file's convention"
+"""What to do where all axes of a triad are reversed: the dip may be of the wrong sign."""
 
 
 def wiring_check(stations: Stations, dip: float) -> Check:
@@ -24,7 +30,8 @@ def wiring_check(stations: Stations, dip: float) -> Check:
     dip = float(within(dip, "dip", -np.pi / 2, np.pi / 2, "rad"))
     name = "axes and signs"
     if len(stations) < fewest:
-        reason = Finding("survey-wiring-few", {"count": len(stations), "least": fewest})
+        few: dict[str, Value] = {"name": "stations in different attitudes", "count": len(stations), "least": fewest}
+        reason = Finding("input-few", few)
         return Check(name, "not judged", np.nan, tolerance, (), reason)
     mappings, _, _ = find_mapping(stations.g, stations.b, dip=dip)
     off = {one.axes: float(np.hypot(one.dip - dip, one.scatter)) for one in mappings}
@@ -40,8 +47,9 @@ def wiring_check(stations: Stations, dip: float) -> Check:
         return Check(name, "pass", found, tolerance, (), Finding("survey-wiring-fits", size))
     reason = Finding("survey-wiring-unexplained", size)
     if fits:
-        code = "survey-wiring-dip" if fits[0].axes == ("-x", "-y", "-z") else "survey-wiring-axes"
-        reason = Finding(code, size | {"mistake": tuple(mistakes(one.axes) for one in fits[:3])})
+        advice = ADVICE if fits[0].axes != ("-x", "-y", "-z") else ADVICE_DIP
+        mistake = tuple(mistakes(one.axes) for one in fits[:3])
+        reason = Finding("survey-wiring-axes", size | {"mistake": mistake, "advice": advice})
     return Check(name, "fail", found, tolerance, every, reason)
 
 
@@ -51,16 +59,13 @@ def mistakes(axes: Axes) -> tuple[Finding, ...]:
     Examples
     --------
     >>> [str(one) for one in mistakes(("+y", "+x", "-z"))]
-    ['magnetometer: channels x and y exchanged', 'magnetometer: channel z reversed']
+    ['magnetometer: x and y exchanged', 'magnetometer: z reversed']
     """
     sensor: dict[str, Value] = {"sensor": "magnetometer"}
     moved = tuple(own for own, axis in zip("xyz", axes, strict=True) if axis[-1] != own)
-    turned = sorted(axis[-1] for axis in axes if axis[0] == "-")
-    found = [Finding("run-channels-reversed", sensor | {"channel": letter}) for letter in turned]
-    if moved:
-        pair = Finding("run-channels-pair", sensor | {"channels": moved})
-        found.insert(0, pair if len(moved) == 2 else Finding("run-channels-cycled", sensor))
-    return tuple(found)
+    turned = tuple(sorted(axis[-1] for axis in axes if axis[0] == "-"))
+    mistaken = ((moved, "exchanged" if len(moved) == 2 else "cycled"), (turned, "reversed"))
+    return tuple(Finding("run-channel", sensor | {"channels": of, "mistake": how}) for of, how in mistaken if of)
 
 
 def _changes(one: Mapping) -> tuple[int, bool]:

@@ -15,7 +15,7 @@ from inclinometry.constants import ANGLES, COVERAGE_FACTOR, EARTH_RATE, GRAVITY_
 from inclinometry.earth.gravity import relative_gravity
 from inclinometry.earth.site import Site, convert_azimuth
 from inclinometry.errors import not_among, refused, wrong_shape
-from inclinometry.findings import Finding, Value
+from inclinometry.findings import Finding, Severity, Value
 from inclinometry.orientation import Angles, angles, inclination_toolface
 from inclinometry.rotations import wrap_positive
 from inclinometry.sensors import Tool, Triad, angle_sensitivity
@@ -385,12 +385,10 @@ def _gravity(tool: Tool, site: Site | None, hole: str, stated: float | None) -> 
         return 1.0, 0.0, []
     here = None if site is None else site.gravity
     ratio, sd = relative_gravity(here, triad.field_strength, None if site is None else site.gravity_sigma)
-    known = stated is not None or sd < GRAVITY_SPREAD
+    severity: Severity = "note" if stated is not None or sd < GRAVITY_SPREAD else "warning"
     sd = sd if stated is None else stated
     values: dict[str, Value] = {"hole": hole, "sd_percent": 100.0 * sd, "slope_deg": float(np.degrees(sd))}
-    if known:
-        return ratio, sd, [Finding("survey-two-accelerometers", values, severity="note")]
-    return ratio, sd, [Finding("survey-gravity-unknown", values)]
+    return ratio, sd, [Finding("survey-two-accelerometers", values, severity=severity)]
 
 
 def _in_plane(g: Array, tool: Tool, inclination_sd: Array) -> Mask:

@@ -80,11 +80,11 @@ def attempt_all(
     field_prior: Mapping[str, Any] | None = None,
     reference_sd: Mapping[str, float] | None = None,
     left_handed: bool = False,
-    nameplate: Tool | None = None,
+    data_sheet: Tool | None = None,
 ) -> list[Attempt]:
     """Every method the readings allow, side by side; the others with their reason.
 
-    Arguments as `calibrate_joint`; `nameplate` is for the classical method. Readings with dials that the joint fit
+    Arguments as `calibrate_joint`; `data_sheet` is for the classical method. Readings with dials that the joint fit
     refuses are refused. The joint fit is there twice: as the product's answer, and as plain least squares with trusted
     dials, which a fit amounts to that does not share the rig's errors between the triads.
     """
@@ -95,7 +95,7 @@ def attempt_all(
             continue  # its triads stand in axes of their own: nothing to compare
         known: dict[str, Any] = {"rig_sd": rig_sd, "left_handed": left_handed, **(stand if name == "joint" else {})}
         if name == "classical":
-            known["nameplate"] = nameplate
+            known["data_sheet"] = data_sheet
         run = partial(method(name), readings, **({} if name == "field" else known))
         attempts.append(_attempt(name, run, strict=name == "joint" and readings.azimuth is not None))
         if name == "joint":
@@ -132,7 +132,7 @@ class Options:
     robust: bool = False
     specific_force: bool = False
     left_handed: bool = False
-    nameplate: Tool | None = None
+    data_sheet: Tool | None = None
     name: str = "unnamed"
     azimuth_sd: float | None = None
     inclination_sd: float | None = None
@@ -168,7 +168,7 @@ def calibrate(readings: BenchReadings, method_name: str, options: Options) -> Ca
         }
     else:
         stand = {"rig_sd": stand["rig_sd"]}
-        stand |= {"nameplate": options.nameplate} if method_name == "classical" else {}
+        stand |= {"data_sheet": options.data_sheet} if method_name == "classical" else {}
     found = run(readings, name=options.name, **stand)
     return replace(found, findings=(*overruled, *found.findings))
 
@@ -206,12 +206,12 @@ def refuse_unused(method_name: str, options: Options) -> None:
     special = {
         "specific_force": rigless,  # the rig tells the sign of the accelerometer
         "left_handed": not rigless,  # without a rig no dial can be reversed
-        "nameplate": method_name == "classical",  # the others find the conversion factors
+        "data_sheet": method_name == "classical",  # the others find the conversion factors
     }
     for option in sorted(said):
         usual = method_name == "joint" or (option in every_rig and not rigless)
         if not special.get(option, usual):
-            flag = _outside(option).replace("_", "-")
+            flag = "left-handed-channels" if option == "left_handed" else _outside(option).replace("_", "-")
             raise refused("input-not-with", {"name": f"--{flag}", "other": f"--method {method_name}"})
 
 
@@ -365,7 +365,7 @@ def compare(readings: BenchReadings, *, truth: Tool | None = None, options: Opti
         raise refused("input-needs", {"name": "--truth", "needed": tuple(sorted(missing))})
     options = options or Options()
     completed, stand = known_stand(readings, options)
-    attempts = attempt_all(completed, left_handed=options.left_handed, nameplate=options.nameplate, **stand)
+    attempts = attempt_all(completed, left_handed=options.left_handed, data_sheet=options.data_sheet, **stand)
     uncertainty, error = {}, {}
     for attempt in attempts:
         if attempt.calibration is None:

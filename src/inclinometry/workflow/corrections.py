@@ -46,7 +46,7 @@ def refuse_uncorrectable(stations: Stations, reference: FieldReference) -> None:
 
 def explained(wiring: Check) -> bool:
     """Whether a mistake of axes or signs explains a failed check of the wiring."""
-    return wiring.reason.code in ("survey-wiring-axes", "survey-wiring-dip")
+    return wiring.reason.code == "survey-wiring-axes"
 
 
 def unsettled(wiring: Check) -> list[Finding]:

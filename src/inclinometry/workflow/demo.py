@@ -376,7 +376,7 @@ def _bench(demo: Demo, name: str, plan: Plan) -> None:
     write_bench(readings, folder / "readings.csv")
     write_truth(truth, extras, folder / "truth.json")
     readings = read_bench(folder / "readings.csv")
-    known = Options(level_sd=RIG.base_tilt, nameplate=truth)
+    known = Options(level_sd=RIG.base_tilt, data_sheet=truth)
     found = compare(readings, truth=truth, options=known)
     demo.comparisons[name] = found
     best = found.attempts[0].calibration
@@ -540,7 +540,7 @@ def methods_compared(draws: int) -> tuple[Figure, str]:
     known: dict[str, Any] = {"joint": {"diagnose": False}}
     for seed in range(draws):
         readings, truth, _ = simulate.bench(plans.twelve(), seed, rig=RIG)
-        known["classical"] = {"nameplate": truth}  # at its best: each conversion factor is what the nameplate says
+        known["classical"] = {"data_sheet": truth}  # at its best: each conversion factor is what the data sheet says
         for name, values in squared.items():
             found = method(name)(readings, **known.get(name, {}))
             values.append(true_errors(found.tool, truth, RIG.dip, inclination) ** 2)

@@ -275,7 +275,7 @@ def _method(run: RunFile, place: Site, options: DynamicOptions) -> Method:
 
 def _turned(run: RunFile, calibration: Calibration | None, options: DynamicOptions) -> dict[str, Array]:
     """Kind -> matrix (3, 3) that takes its channels to tool axes, where one is stated."""
-    if options.convention is None and options.axes is None and options.mag_axes is None:
+    if options.convention is None and options.axes is None and options.magnetometer_axes is None:
         return {}
     if calibration is not None:
         raise refused("input-not-with", {"name": "--convention, --axes", "other": "--calibration"})
@@ -284,7 +284,7 @@ def _turned(run: RunFile, calibration: Calibration | None, options: DynamicOptio
     for kind in run.names:
         found[kind] = convention.matrix(kind) @ axes_matrix(options.axes or AXES)
         if kind == "magnetometer":
-            found[kind] = found[kind] @ axes_matrix(options.mag_axes or AXES)
+            found[kind] = found[kind] @ axes_matrix(options.magnetometer_axes or AXES)
     return found
 
 

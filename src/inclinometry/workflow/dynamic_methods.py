@@ -58,8 +58,8 @@ class DynamicOptions:
     gyro_noise, gyro_bias_sigma : of the gyro, rad/sqrt(s) and rad/s, where they are stated; see `gyro_known`.
     allan : content of an allan.json, where there is one.
     convention : without a calibration, axes and signs of the file's sensors, one of `conventions`.
-    axes, mag_axes : without a calibration, the file's channels that are x, y and z of the convention: of all triads,
-        and of the magnetometer before that.
+    axes, magnetometer_axes : without a calibration, the file's channels that are x, y and z of the convention: of all
+        triads, and of the magnetometer before that.
     switch : rad, inclination below which a row is steered by its magnetic toolface, from there on by gravity's.
 
     Raises
@@ -88,7 +88,7 @@ class DynamicOptions:
     allan: Mapping[str, Any] | None = None
     convention: str | None = None
     axes: Axes | None = None
-    mag_axes: Axes | None = None
+    magnetometer_axes: Axes | None = None
     switch: float = SWITCH
 
     def __post_init__(self) -> None:

@@ -17,7 +17,7 @@ from inclinometry.constants import DIP
 from inclinometry.errors import FileError, not_among, out_of_range, refused
 from inclinometry.files.bench_csv import read_plan, write_raw_survey
 from inclinometry.files.bench_csv import write_log as write_log_csv
-from inclinometry.files.datasheet_toml import read_nameplate
+from inclinometry.files.datasheet_toml import read_data_sheet
 from inclinometry.files.survey_csv import write_survey_csv
 from inclinometry.files.tool_json import read_extras, read_tool
 from inclinometry.findings import Finding
@@ -170,7 +170,7 @@ def _noise(tool: Tool, factor: float, characteristic: Mapping[str, Characteristi
 
 def read_visited(path: str | Path) -> tuple[Tool, Rig | None]:
     """Tool and stand of a truth.json; the tool of a tool.json or of a data sheet, which know no stand."""
-    tool = read_nameplate(path)
+    tool = read_data_sheet(path)
     return (tool, None) if Path(path).suffix.lower() == ".toml" or not read_extras(path) else read_truth(path)
 
 

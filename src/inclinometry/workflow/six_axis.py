@@ -60,7 +60,9 @@ from inclinometry.workflow.field import completed, declination_doubts, model_of
 
 _AXES = {"g": ("gx", "gy", "gz"), "b": ("bx", "by", "bz")}
 
-REBUILT: Final = Finding("survey-step-rebuilt", severity="note")
+REBUILT: Final = Finding(
+    "survey-step", {"what": "rebuilt from the survey's totals, dip and angles", "name": "g, b"}, severity="note"
+)
 """First step of the history of stations that come from a survey file without sensors."""
 
 
@@ -79,7 +81,7 @@ def plain_stations(
         step = REBUILT
     else:
         g, b, temperature = *(_vectors(found, name, path) for name in _AXES), _temperature(found)
-        step = Finding("survey-step-axes", {"file": Path(path).name}, severity="note")
+        step = Finding("survey-step", {"what": "six axes as read from", "name": Path(path).name}, severity="note")
     stations = stations_plain(found.md, g, b, temperature=temperature)
     return replace(stations, history=(step,)), found
 

@@ -25,7 +25,8 @@ from inclinometry.calibration.expected import expected_uncertainty, tool_tempera
 from inclinometry.calibration.result import Calibration
 from inclinometry.constants import STEPS
 from inclinometry.errors import FileError
-from inclinometry.findings import Finding, restored, say
+from inclinometry.files.json_codec import restored
+from inclinometry.findings import Finding, say
 from inclinometry.laboratory.certificate.dcc import dcc_bytes
 from inclinometry.laboratory.certificate.laboratory import Laboratory, Standard
 from inclinometry.laboratory.certificate.pdf import certificate_pdf
@@ -288,7 +289,7 @@ def test_the_first_page_says_to_what_the_statement_applies(tmp_path: Path) -> No
     order = replace(ORDER, rig_traceability="NMI cert 12", rig_place="hall 9")
     for language, said in (
         ("en", "the statement does not apply to: toolface"),
-        ("ru", "не относится к: угол установки"),
+        ("ru", "не относится к: визирный угол"),
     ):
         content = record(verification=seen, order=order, language=language, laboratory=replace(LABORATORY, place=""))
         text = " ".join(pages(certificate_pdf(content), tmp_path)[0].split())

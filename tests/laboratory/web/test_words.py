@@ -12,7 +12,8 @@ from types import SimpleNamespace
 import pytest
 
 from inclinometry import findings
-from inclinometry.findings import example, restored
+from inclinometry.files.json_codec import restored
+from inclinometry.findings import example
 from inclinometry.laboratory import web
 from inclinometry.laboratory.web.frame import Visitor
 from inclinometry.laboratory.web.words import LANGUAGES, catalogue, say, sentence

@@ -13,7 +13,8 @@ from lxml import etree
 
 from inclinometry.arrays import Array
 from inclinometry.errors import FileError, refused
-from inclinometry.findings import Finding, findings_in
+from inclinometry.files.json_codec import findings_in
+from inclinometry.findings import Finding
 from inclinometry.laboratory.certificate.record import adjusted, coverage, defined, record_digest, words
 from inclinometry.laboratory.certificate.requirements import missing_said
 from inclinometry.uncertainty import coverage_probability

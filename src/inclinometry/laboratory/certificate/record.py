@@ -480,7 +480,7 @@ def section(title: str, texts: Sequence[str] = (), **parts: Any) -> Content:
 
 def sentences(record: Mapping[str, Any]) -> list[str]:
     """Findings of a record, or of a report in it, in the language of the certificate."""
-    return [findings.say(one, spoken()) for one in findings.findings_in(record)]
+    return [findings.say(one, spoken()) for one in json_codec.findings_in(record)]
 
 
 def figure(svg: str, caption: str) -> Content:

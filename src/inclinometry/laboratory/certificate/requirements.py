@@ -12,7 +12,8 @@ from inclinometry.calibration.expected import expected_gravity_sd
 from inclinometry.calibration.result import Calibration
 from inclinometry.constants import GRAVITY_SPREAD
 from inclinometry.errors import InputError
-from inclinometry.findings import Finding, findings_in, without_notes
+from inclinometry.files.json_codec import findings_in
+from inclinometry.findings import Finding, without_notes
 from inclinometry.laboratory.certificate.laboratory import Laboratory, Order, Standard
 from inclinometry.laboratory.placeholders import stated
 from inclinometry.sensors import Tool

@@ -12,14 +12,10 @@ LedgerAddress: TypeAlias = Annotated[
     str | None,
     Parameter(
         name="--ledger",
-        help="Path of a SQLite file, or postgresql://user:password@host/database. Default: the one in the user's "
-        "data folder.",
+        help="SQLite file, or postgresql://user:password@host/database. Default: the one in the user's data folder.",
     ),
 ]
 ProtocolName: TypeAlias = Annotated[
     str,
-    Parameter(
-        help=f"How the instrument talks: a TOML file, or a shipped protocol: "
-        f"{shipped('laboratory/instruments/protocols')}."
-    ),
+    Parameter(help=f"Protocol of the instrument: a TOML file, or {shipped('laboratory/instruments/protocols')}."),
 ]

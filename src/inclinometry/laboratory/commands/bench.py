@@ -43,20 +43,19 @@ def bench(
     Parameters
     ----------
     host
-        Address to listen at; anywhere but on this computer users have to log in.
+        Address to listen at. Users must log in unless it is this computer.
     port
         Port to listen at; 0 chooses a free one.
     name
-        Name by which browsers on other computers address this one; may be given more than once.
+        Host name used by browsers on other computers; may be repeated.
     instrument
-        socket://host:port, COM3, /dev/ttyUSB0, or "simulated" for a simulated tool on a simulated stand; none when not
-        given.
+        socket://host:port, COM3, /dev/ttyUSB0, or simulated: a simulated tool on a simulated stand. None if not given.
     demo
         Register a simulated tool that is half-way through its calibration.
     certificate
-        TLS certificate, PEM, with --key; without it nothing is encrypted.
+        TLS certificate, PEM, with --key. Without it nothing is encrypted.
     key
-        Its private key, PEM.
+        Private key of the TLS certificate, PEM.
     """
     if demo and instrument not in (None, SIMULATED):
         raise refused("input-not-with", {"name": "--instrument", "other": "--demo"})

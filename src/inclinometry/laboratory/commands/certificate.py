@@ -9,9 +9,9 @@ from typing import Any, Literal
 from inclinometry.cli import output
 from inclinometry.cli.options import AlsoWritten, Flag, Input, InputOrNone, Json, Output
 from inclinometry.errors import FileError, refused
-from inclinometry.files.json_codec import parse
+from inclinometry.files.json_codec import findings_in, parse
 from inclinometry.files.writing import write_bytes
-from inclinometry.findings import Finding, findings_in
+from inclinometry.findings import Finding
 from inclinometry.laboratory.certificate.issue import record_from_files
 from inclinometry.laboratory.certificate.record import record_bytes, record_digest, words
 from inclinometry.laboratory.certificate.requirements import missing_said
@@ -44,34 +44,34 @@ def certificate(
     Parameters
     ----------
     tool
-        tool.json, as calibrate writes it.
+        tool.json, written by calibrate.
     output_
         PDF to write.
     verification
-        verify.json, as verify writes it with --output. Default: left out.
+        verify.json, written by verify -o. Default: none.
     laboratory
-        lab.toml: laboratory, standards and order. What is missing of what a certificate states (ISO/IEC 17025, 7.8) is
-        named on the document, which is then titled calibration report.
+        lab.toml: laboratory, standards and order. If an item of ISO/IEC 17025, 7.8 is missing, the document is titled
+        calibration report and names it.
     previous
-        tool.json of the calibration before, for the values before adjustment. Default: these are left out.
+        tool.json of the previous calibration: adds the values before adjustment.
     as_found
-        verify.json of that calibration at the same positions: results as found beside those as left.
+        verify.json of the previous calibration at the same positions: adds results as found.
     dcc
-        Write the digital calibration certificate, XML; it needs the laboratory.
+        Write the digital calibration certificate, XML; requires --laboratory.
     record
         Write the record, JSON; its SHA-256 is printed on the certificate.
     number
-        Unique number. Default: year and a part of the digest of inputs, language and acceptance.
+        Unique number. Default: year and part of a digest of the inputs.
     language
         Of the fixed texts of the PDF.
     fonts
-        Folder with further fonts, where a letter is missing.
+        Folder with further fonts, if a letter is missing.
     unsigned
-        Sign nothing, though there is a laboratory's key.
+        Do not sign, even if the laboratory has a key.
     nonconforming
-        Certify a verification that failed or does not agree, as such.
+        Certify the nonconformity of a failed verification.
     accept_warnings
-        Reason to issue though warnings are open; it is printed with who authorises the certificate.
+        Reason to issue with open warnings; printed with the name of the signatory.
     """
     read = {"verification": verification, "laboratory": laboratory, "previous": previous, "as_found": as_found}
     inputs = {"tool.json": tool, **{f"--{name.replace('_', '-')}": path for name, path in read.items()}}
@@ -144,12 +144,11 @@ def verify(*files: str, key: Input, json: Json = False) -> int:
     Parameters
     ----------
     files
-        PDF, XML and JSON of one certificate, together or each alone, the text of a square code in quotes, and
-        statements that `ledger status` wrote: with these it also says whether it is issued, void or superseded, and
-        which breaks of the ledger were accepted. What one of them calls void is void. Statements that contradict each
-        other are two histories, exit status 1.
+        PDF, XML or JSON of one certificate, or the text of its square code in quotes. Statements of `ledger status` add
+        whether it is issued, void or superseded, and which breaks of the ledger were accepted. If one statement says
+        void, it is void. Statements that contradict each other: exit status 1.
     key
-        Public key of the laboratory, from the laboratory itself: the file that `ledger key --public` writes.
+        Public key of the laboratory, obtained from the laboratory (`ledger key --public`).
     """
     from inclinometry.laboratory.certificate.status import break_of, holding, is_status, read_status, two_histories
 

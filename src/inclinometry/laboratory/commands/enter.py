@@ -65,35 +65,35 @@ def enter(
     Parameters
     ----------
     file
-        Bench readings as `calibrate` takes them, or tool.json as it writes it.
+        Bench readings as for `calibrate`, or its tool.json.
     serial
         Serial number of the tool.
     performed
-        Day of the measurement, YYYY-MM-DD: from then on the calibration holds.
+        Day of the measurement, YYYY-MM-DD; the calibration is valid from then.
     rig
-        Name of the stand. One that is not registered is registered with --rig-sd-deg and the options of its dials; a
-        registered one has its own.
+        Name of the stand. A new one is registered with --rig-sd-deg and the dial options; a registered one keeps its
+        own.
     site
-        Name of a registered site, or site.toml with what is known of the bench: g, b_nT, dip_deg, latitude_deg. Dip and
-        latitude decide the signs.
+        Name of a registered site, or site.toml with g, b_nT, dip_deg, latitude_deg of the stand. Dip and latitude set
+        the signs of the fields.
     type_
-        Type of the tool, to register it with: tools of one type are taken to drift alike.
+        Type of the tool, to register it; tools of one type share a drift model.
     hours
-        Operating hours since the calibration before.
+        Operating hours since the previous calibration.
     shock
-        Dose of shock since then: a count, or an integral above a level.
+        Shock since then: a count, or an integral above a level.
     heat
-        Dose of heat since then: hours above a temperature.
+        Heat since then: hours above a temperature.
     certify
-        Issue a certificate, too; without a verification it states no conformity.
+        Also issue a certificate; without a verification it states no conformity.
     laboratory
         lab.toml, for the certificate.
     supersedes
-        Number of a certificate that this one takes the place of.
+        Number of the certificate that this one replaces.
     reason
-        Why; it is recorded.
+        Reason; it is recorded.
     accept_warnings
-        Reason to certify though warnings are open; it is recorded and printed on the certificate.
+        Reason to certify with open warnings; recorded and printed on the certificate.
     """
     day, doses = performed_on(performed), doses_of(hours, shock, heat)
     if supersedes is not None and not stated(reason or ""):
@@ -212,9 +212,9 @@ def void(number: str, /, *, reason: str, ledger: LedgerAddress = None) -> None:
     Parameters
     ----------
     number
-        Of the certificate.
+        Number of the certificate.
     reason
-        Why; it is recorded.
+        Reason; it is recorded.
     """
     with Ledger(_where(ledger)) as opened:
         found = certificates.void(opened, number, reason, author=_who())
@@ -233,7 +233,7 @@ def laboratory(
     file
         lab.toml: name, address, country, accreditation, procedure and so on, and [[standards]].
     logo
-        PNG or SVG, up to 200 kB. Default: the one recorded before is kept.
+        PNG or SVG, up to 200 kB. Default: keep the recorded one.
     """
     if file is None and logo is not None:
         raise refused("input-needs", {"name": "--logo", "needed": ("lab.toml",)})

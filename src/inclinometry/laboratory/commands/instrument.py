@@ -32,8 +32,8 @@ def instrument(
     plan: Annotated[
         str | None,
         Parameter(
-            help="The rig visits the positions of this plan by itself, over and over: a CSV file of positions, or "
-            f"{options.plan_names()}. Default: it stands still."
+            help="The rig visits the positions of this plan repeatedly: a CSV file, or "
+            f"{options.plan_names()}. Default: no motion."
         ),
     ] = None,
     dwell_s: float = 5.0,
@@ -42,38 +42,38 @@ def instrument(
     warming: Annotated[float, Parameter(name="--warming-degC-h")] = 0.0,
     noise: float = 1.0,
     duration_s: float | None = None,
-    json: Annotated[Json, Parameter(help="Print where it listens as JSON.")] = False,
+    json: Annotated[Json, Parameter(help="Print the address as JSON.")] = False,
 ) -> None:
     """Simulate a live instrument behind a TCP port, until Ctrl-C.
 
     Parameters
     ----------
     port
-        Where the bench finds the instrument, as socket://127.0.0.1:7000; 0 chooses a free one and prints it.
+        Port of the instrument; the bench connects to socket://127.0.0.1:7000. 0 chooses a free one and prints it.
     rig_port
-        Also listen here for SCPI commands of the rig: AZ 90;INC 45;TF 0 and POS?, *OPC?, *IDN?. Default: nowhere.
+        Port for SCPI commands of the rig: AZ 90;INC 45;TF 0 and POS?, *OPC?, *IDN?. Default: none.
     host
-        Address to listen on; other machines reach it only when this is not the loopback address.
+        Address to listen on; other computers cannot reach the loopback address.
     tool
         truth.json of a simulated tool and its stand. Default: a realistic tool drawn by the seed.
     seed
-        Decides tool, errors of the rig and noise.
+        Seed of tool, rig errors and noise.
     rate_hz
-        Samples a second of an instrument that sends by itself.
+        Samples per second of an instrument that sends without a request.
     speed
-        Seconds of the simulation a second; 0 for as fast as the receiver takes them.
+        Simulated seconds per second; 0 for as fast as possible.
     dwell_s
         Time at each of them.
     turn_s
-        Time that a turn takes.
+        Time of a turn.
     temperature
-        At the start.
+        Temperature at the start.
     warming
-        By which it rises.
+        Rise of the temperature.
     noise
         Factor on the tool's own noise.
     duration_s
-        Stop after so many seconds. Default: at Ctrl-C.
+        Stop after this time. Default: at Ctrl-C.
     """
     if duration_s is not None and not 0.0 < duration_s <= 1e9:
         raise out_of_range("--duration-s", duration_s, "> 0")

@@ -40,16 +40,14 @@ def init(
     Parameters
     ----------
     where
-        Path of a SQLite file, or postgresql://user:password@host/database; the one in the user's data folder when not
-        given.
+        SQLite file, or postgresql://user:password@host/database. If not given, the one in the user's data folder.
     clock
-        Reason for going on where the last record's time lies in the future, since the clock was wrong then; it is
-        recorded.
+        Reason to continue if the last record's time is in the future because the clock was wrong; recorded.
     accept
-        What happened to a ledger that `ledger verify` finds fault with (a backup was put back, say): it is recorded,
-        and the ledger goes on from what it holds now.
+        Accept a fault found by `ledger verify`: what happened (for example a backup was restored). It is recorded; the
+        ledger continues from its present content.
     unsigned
-        Sign nothing: whoever can write to the database can rewrite it without a trace.
+        Do not sign: anyone who can write to the database can then change it without a trace.
     """
     answered = accept is not None and accept.strip() != ""
     with create(_where(where), sign=not unsigned, accepted=answered) as ledger:
@@ -81,13 +79,13 @@ def verify(
     Parameters
     ----------
     head
-        NUMBER:DIGITS as an earlier check or a certificate gave it.
+        NUMBER:DIGITS from an earlier check or a certificate.
     key
-        Public key of the laboratory, where it is not the one of this computer.
+        Public key of the laboratory, if not that of this computer.
     copy
-        It is a copy, kept on purpose: that the ledger went on since is said, and is no fault.
+        This is a copy: later records of the ledger are reported and are no fault.
     certificate
-        Number of a certificate: its files, its record and its calibration are compared instead of the whole ledger.
+        Number of a certificate: check its files, record and calibration instead of the whole ledger.
     """
     if certificate is not None:
         if head is not None or copy:
@@ -167,7 +165,7 @@ def import_(source: Path, /, *, ledger: LedgerAddress = None) -> None:
     Parameters
     ----------
     source
-        File that `ledger export` wrote.
+        File written by `ledger export`.
     """
     where = _where(ledger)
     path = path_of(where)
@@ -190,7 +188,7 @@ def backup(target: Path, /, *, ledger: LedgerAddress = None) -> None:
     Parameters
     ----------
     target
-        File to write; it must not be there yet.
+        File to write; it must not exist.
     """
     where = _where(ledger)
     output.claim({"the backup": target}, {"--ledger": path_of(where)})
@@ -251,14 +249,14 @@ def users(
     Parameters
     ----------
     name
-        User to add or change. Default: all are listed.
+        User to add or change. Default: list all.
     role
         operator captures, metrologist also issues certificates, administrator also keeps users, auditor reads; that of
         Default: the user is kept.
     full_name
-        As it stands on certificates. Default: kept.
+        Name on certificates. Default: keep.
     language
-        Of the pages. Default: kept, en for a new user.
+        Language of the pages. Default: keep; en for a new user.
     password
         Ask for a new password.
     disable
@@ -266,7 +264,7 @@ def users(
     enable
         The user may log in again.
     remove_second_factor
-        Ask the user for the password alone, where telephone and recovery codes are lost.
+        Log in by password only, if telephone and recovery codes are lost.
     """
     if disable and enable:
         raise refused("input-not-with", {"name": "--disable", "other": "--enable"})

@@ -38,16 +38,16 @@ def key(
     Parameters
     ----------
     make
-        Make a key where there is none; beginning a ledger does so, too.
+        Make a key if there is none (`ledger init` does it too).
     public
-        Write the public key: what others need to check this laboratory's ledgers and certificates.
+        Write the public key, with which others check this laboratory's ledgers and certificates.
     rotate
-        Why: a new key takes the place of the old one, which signs for it.
+        Reason: a new key replaces the old one, which signs it.
     lost
-        How the key was lost: a new one is begun for which nothing signs, and each ledger says so from then on.
+        How the key was lost: a new one is made, unsigned; each ledger states this from then on.
     passphrase
-        Ask for a passphrase to encrypt the key with; an empty one leaves it plain. A script puts it into the
-        environment as INCLINOMETRY_NEW_PASSPHRASE, and the present one as INCLINOMETRY_KEY_PASSPHRASE.
+        Ask for a passphrase to encrypt the key; empty for none. In scripts: INCLINOMETRY_NEW_PASSPHRASE, and
+        INCLINOMETRY_KEY_PASSPHRASE for the present one.
     """
     if rotate is not None and lost is not None:
         raise refused("input-not-with", {"name": "--lost", "other": "--rotate"})
@@ -108,14 +108,13 @@ def head(
     Parameters
     ----------
     file
-        A signed head that was exported, to be checked without the ledger.
+        An exported signed head, to check without the ledger.
     output_
-        Write the signed head, JSON, to give to others.
+        Write the signed head, JSON.
     since
-        A signed head from earlier: a proof goes with the new one that the ledger only grew since then; of FILE, that
-        proof is checked.
+        An earlier signed head: adds the proof that the ledger only grew since then; with FILE, checks that proof.
     key
-        Public key of the laboratory, to check FILE by.
+        Public key of the laboratory, to check FILE.
     """
     if file is not None:
         return _check(file, since, key, json)
@@ -167,10 +166,10 @@ def status(*numbers: str, ledger: LedgerAddress = None, output_: Output) -> None
     Parameters
     ----------
     numbers
-        Of certificates; all when none is given.
+        Numbers of certificates; all if none is given.
     output_
-        JSON to write: the newest signed head, each certificate issued, void or superseded, each break that was accepted
-        with `ledger init --accept`, proofs that they are in it.
+        Write JSON: the newest signed head, the status of each certificate (issued, void, superseded), each accepted
+        break, and their proofs.
     """
     from inclinometry.laboratory.certificate.status import break_of, make_status
 
@@ -195,11 +194,11 @@ def witness(place: str | None = None, /, *, ledger: LedgerAddress = None, remove
     Parameters
     ----------
     place
-        A folder, another ledger, or "print": from now on every new head goes there, and `ledger verify` reads it.
-        Without it they are listed.
+        A folder, another ledger, or print: new heads are written there and `ledger verify` reads them. Without it the
+        places are listed.
     remove
-        Take the place off the list; what it keeps stays there. Both are recorded in the ledger, when the key here
-        signs it: a place that is taken off in another way is missed by `ledger verify`.
+        Remove the place from the list; its content stays. The removal is recorded and signed; `ledger verify` reports a
+        place removed in another way.
     """
     keys = Keys()
     if place is not None and remove:

@@ -12,7 +12,7 @@ from fastapi import Request
 from nicegui import ui
 
 from inclinometry.errors import InclinometryError
-from inclinometry.findings import restored
+from inclinometry.files.json_codec import restored
 from inclinometry.laboratory.ledger.chain import parse_head
 from inclinometry.laboratory.ledger.engine import KINDS
 from inclinometry.laboratory.ledger.ledger import LedgerError, Record

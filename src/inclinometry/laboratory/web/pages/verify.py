@@ -14,9 +14,10 @@ from nicegui import ui
 from inclinometry.calibration.decision import AGREES, GUARDS, Limits
 from inclinometry.constants import ANGLES, COVERAGE_FACTOR, DIALS
 from inclinometry.errors import InclinometryError, refused
+from inclinometry.files.json_codec import findings_in
 from inclinometry.files.limits import limit_names, read_limits
 from inclinometry.files.verification_json import stated_limits
-from inclinometry.findings import findings_in, only_notes, without_notes
+from inclinometry.findings import only_notes, without_notes
 from inclinometry.laboratory.ledger.ledger import LedgerError, Record
 from inclinometry.laboratory.ledger.users import User
 from inclinometry.laboratory.registry import extract, listed
