@@ -91,7 +91,7 @@ def test_an_older_ledger_is_sound(ledger: Ledger) -> None:
 
 
 def test_a_certificate_of_an_older_verification_is_issued_again(ledger: Ledger) -> None:
-    """With findings; the one before stays as it is and both agree with what they were made from."""
+    """With findings; the one before stays, and both agree with their records."""
     (calibration,), (verification,) = ledger.find("calibration"), ledger.find("verification")
     about = Laboratory("Stand 1", "Street 1", "NO", authoriser="Anna Berg")
     how: dict[str, Any] = {"supersedes": "2026-0001", "reason": "customer", "accept_warnings": "field points down"}

@@ -242,7 +242,7 @@ def restored(kept: Mapping[str, Any] | str, severity: Severity = "warning") -> F
 
 
 def findings_in(record: Mapping[str, Any]) -> tuple[Finding, ...]:
-    """The findings of a stored record, of which older ones keep sentences: warnings, and notes or reasons."""
+    """The findings of a stored record; older ones keep sentences: warnings, and notes or reasons."""
     warned, noted = record.get("warnings", ()), record.get("notes", record.get("reasons", ()))
     return (*map(restored, record.get("findings", warned)), *(restored(text, "note") for text in noted))
 

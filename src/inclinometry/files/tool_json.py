@@ -185,7 +185,7 @@ def calibration_content(calibration: Calibration, created: str | None = None) ->
 
 
 def older_content(calibration: Calibration) -> dict[str, Any]:
-    """The content as versions 1 and 2 had it, by whose digest verifications of that time name their calibration."""
+    """The content of versions 1 and 2; verifications of that time have its digest."""
     content = calibration_content(calibration)
     del content["findings"]
     kept = {"warnings": without_notes(calibration.findings), "notes": only_notes(calibration.findings)}
