@@ -55,7 +55,9 @@ def wrong_shape(name: str, shape: Sequence[int] | str, expected: str) -> InputEr
 
 
 def in_file(error: InclinometryError, path: str | Path, line: int | None = None) -> FileError:
-    """The same refusal, of a file that its value was read from."""
+    """The same refusal, of a file that its value was read from; without a line, where the error itself says."""
+    if line is None and isinstance(error, FileError):
+        return FileError(error.finding, path=path, line=error.line, row=error.row)
     return FileError(error.finding, path=path, line=line)
 
 
@@ -66,7 +68,7 @@ class FileError(InputError):
         where = f"{path}" + (f", line {line}" if line is not None else f", row {row}" if row is not None else "")
         super().__init__(finding)
         self.args = (f"{where}: {finding}",)
-        self.path, self.line = Path(path), line
+        self.path, self.line, self.row = Path(path), line, row
 
 
 class IdentifiabilityError(InclinometryError, ValueError):

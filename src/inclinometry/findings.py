@@ -160,11 +160,10 @@ def say(found: Finding, language: str = "en") -> str:
     """The sentence of a finding.
 
     A field is {name}, or {name:spec}: a format of numbers (.3g where there is none; lengths as given), `word` for
-    one that is translated, `name` for one that is said as pages label it, `or` and `and` for several values.
+    one that is translated, `name` for one that is said as pages label it, `whole` for a sentence of a file, which is
+    not cut, `or` and `and` for several values.
     """
     of, count, own = rule(found.code), found.values.get("count", 1), found.code.partition("-")[0]
-    if of.says == ("{text}",):
-        return str(found.values["text"])  # a sentence of a file, whole
     text = _translated(language, own, found.code, of.sentences, count if isinstance(count, int) else 1)
     parts = []
     for literal, name, spec, _ in Formatter().parse(text):
@@ -193,7 +192,7 @@ def _shown(name: str, value: Value, spec: str, language: str, own: str) -> str:
     if isinstance(value, str):
         if spec == "name":
             return translations(language, "label").get(value) or translations(language, "word").get(value, value)
-        return _word(value, language, own) if spec == "word" else _short(value)
+        return _word(value, language, own) if spec == "word" else value if spec == "whole" else _short(value)
     unit = next((end for end in UNITS if name.endswith(end)), "")
     text = format(value, spec or ("d" if isinstance(value, int) else ".12g" if unit == "_m" else ".3g"))
     text = f"{float(text):.12g}" if "e" in text else text

@@ -198,6 +198,16 @@ def correlation(covariance: ArrayLike) -> Array:
     return unit
 
 
+def symmetric_root(covariance: ArrayLike, smallest: float = 0.0) -> Array:
+    """Symmetric root of a covariance (n, n) that may be singular: draws made by it are the same on every processor.
+
+    Eigenvalues up to `smallest` times the largest count as zero.
+    """
+    values, vectors = np.linalg.eigh(np.asarray(covariance, dtype=np.float64))
+    kept = np.where(values > smallest * values.max(initial=0.0), np.maximum(values, 0.0), 0.0)
+    return np.asarray(vectors * np.sqrt(kept) @ vectors.T)
+
+
 def numerical_jacobian(function: Callable[[Array], Array], x: ArrayLike, steps: ArrayLike) -> Array:
     """Derivatives of a function of one vector by central differences with one extrapolation.
 

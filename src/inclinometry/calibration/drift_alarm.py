@@ -20,6 +20,7 @@ from inclinometry.constants import VECTORS
 from inclinometry.errors import refused
 from inclinometry.findings import Finding, Value
 from inclinometry.history import PARAMETERS, ToolHistory
+from inclinometry.uncertainty import symmetric_root
 
 FALSE_ALARMS: Final = 1e-3
 """Share of sound calibrations that raise an alarm: one a year in a fleet of a thousand calibrations."""
@@ -161,12 +162,9 @@ def gaussian_maxima(information: Array, draws: int = 50_000, seed: int = 1) -> A
     covariance = _DIRECTIONS @ information @ _DIRECTIONS.T
     sd = np.sqrt(np.diagonal(covariance))
     seen = sd > 1e-5 * sd.max()
-    values, vectors = np.linalg.eigh((covariance / np.outer(sd, sd))[np.ix_(seen, seen)])
-    keep = values > 1e-9 * values[-1]
-    # symmetric, so that no processor's signs of eigenvectors choose the draws
-    root = vectors[:, keep] * np.sqrt(values[keep]) @ vectors[:, keep].T
-    white = np.random.default_rng(seed).standard_normal((draws, root.shape[1]))
-    return np.asarray(np.square(white @ root.T).max(axis=1))
+    root = symmetric_root((covariance / np.outer(sd, sd))[np.ix_(seen, seen)], 1e-9)
+    white = np.random.default_rng(seed).standard_normal((draws, len(root)))
+    return np.asarray(np.square(white @ root).max(axis=1))
 
 
 _TAIL: Final = 0.1

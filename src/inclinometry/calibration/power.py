@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from inclinometry.arrays import Array
 from inclinometry.findings import Finding
+from inclinometry.uncertainty import symmetric_root
 
 PROBABILITY: Final = 0.9
 """With which a degraded tool is to be found."""
@@ -102,9 +103,7 @@ def power(
         return np.asarray(np.einsum("nkm,kam->nka", rng.standard_normal((DRAWS, count, by.shape[2])), by))
 
     def parameters(covariance: Array) -> Array:
-        values, vectors = np.linalg.eigh(covariance)
-        root = vectors * np.sqrt(np.maximum(values, 0.0)) @ vectors.T  # symmetric: draws the same on every processor
-        return np.asarray(rng.standard_normal((DRAWS, len(root))) @ root.T)
+        return np.asarray(rng.standard_normal((DRAWS, len(covariance))) @ symmetric_root(covariance))
 
     def moved(by: Array, change: Array) -> Array:
         return np.asarray((change @ by.reshape(3 * count, by.shape[2]).T).reshape(DRAWS, count, 3))

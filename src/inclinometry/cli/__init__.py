@@ -116,7 +116,7 @@ def _refused(error: InclinometryError, arguments: list[str]) -> int:
     if found is not None and "--json" in arguments:
         from inclinometry.cli.output import print_json
 
-        where = {"file": error.path, "line": error.line} if isinstance(error, FileError) else {}
+        where = {"file": error.path, "line": error.line, "row": error.row} if isinstance(error, FileError) else {}
         print_json({"findings": [found.plain() | where]})
     accepts = "" if found is None or not found.group else f"; --ignore {found.code} accepts the file"
     _say(f"inclinometry: {_one_line(str(error))}" + ("" if found is None else f" [{found.code}{accepts}]"))

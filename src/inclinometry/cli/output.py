@@ -49,7 +49,7 @@ def called(path: Path, name: str) -> Iterator[None]:
     except FileError as error:
         if error.path != path:
             raise
-        raise in_file(error, name, error.line) from error
+        raise in_file(error, name) from error
     finally:
         del _aliases[str(path)]
 

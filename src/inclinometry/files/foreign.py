@@ -119,7 +119,7 @@ def _unpacked(path: Path, read: Read) -> Iterator[Any]:
             for piece in read(copy):
                 yield replace(piece, path=path) if isinstance(piece, Frame) else piece
         except FileError as error:
-            raise in_file(error, path, error.line) from None
+            raise in_file(error, path) from None
 
 
 def _arrays(path: Path, found: Mapping[str, Any]) -> Iterator[Frame]:

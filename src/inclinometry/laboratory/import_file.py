@@ -136,7 +136,7 @@ def file_content(content: bytes, fields: Fields | None = None) -> BenchReadings 
             if b"\0" in content[:1000]:  # a picture, a document
                 other = Finding("file-format", {"format": "CSV, tool.json", "reason": "binary content"})
                 raise FileError(other, path=SHOWN) from None
-            raise in_file(error, SHOWN, error.line) from None
+            raise in_file(error, SHOWN) from None
     if len(found) > MOST_POSITIONS:
         raise in_file(out_of_range("stations", len(found), f"1 .. {MOST_POSITIONS}"), SHOWN)
     return found

@@ -88,7 +88,9 @@ def allan_report(record: NoiseRecord) -> str:
     return report(
         "Noise report",
         "Noise at rest",
-        f"{length}: {listed(parts)}." if parts else label("{length}: no white noise is seen.", length=length),
+        label("{length}: {names}.", length=length, names=listed(parts))
+        if parts
+        else label("{length}: no white noise is seen.", length=length),
         [Section("Noise of each channel", tables=tables), Section("Allan deviation", pictures=pictures)],
         [
             ("Samples", str(record.samples)),

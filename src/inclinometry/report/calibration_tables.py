@@ -329,7 +329,7 @@ def budget_table(calibration: Calibration, readings: BenchReadings, expected: Ex
     for name, part in found.items():
         u = np.degrees(np.sqrt(np.diagonal(part, axis1=1, axis2=2)))
         cells = [f"{significant(float(u[i, a]))} ({share[name][i, a]:.0%})" for a in (0, 1) for i in range(len(at_deg))]
-        rows.append(TableRow([": ".join(map(label, name.split(": "))), *cells]))
+        rows.append(TableRow([label(": ").join(map(label, name.split(": "))), *cells]))
     total = np.degrees(np.sqrt(np.diagonal(sum(found.values()), axis1=1, axis2=2)))
     rows.append(TableRow(["all", *(significant(float(total[i, a])) for a in (0, 1) for i in range(len(at_deg)))]))
     head = ["cause", *(label("{angle} at {at:g}°", angle=angle, at=at) for angle in ANGLES[:2] for at in at_deg)]
@@ -387,7 +387,7 @@ def triad_block(tool: Tool, kind: str) -> dict[str, Any]:
         units = [rows[start].unit] if triad.degree else []
         lines.append(TableRow([name, *units, *(row.text for row in rows[start : start + 4])]))
     columns = ["sensor", *(["unit"] if triad.degree else []), "N x", "N y", "N z", "U0"]
-    given = "" if triad.degree else f", {label(triad.unit)}"
+    given = "" if triad.degree else label(", ") + label(triad.unit)
     powers = (
         label("; Tn: factor of (T - {at_degC:g} °C)^n", at_degC=triad.reference_temperature) if triad.degree else ""
     )

@@ -49,11 +49,11 @@ def two_report(found: TwoCalibrations) -> str:
             cells += [rounded(row.difference, row.u_difference)]
             cells += [f"{row.sigmas:+.1f}" if np.isfinite(row.sigmas) else ""]
             body.append(TableRow(cells, "warn" if abs(row.sigmas) > much else ""))
-        units = ", ".join(
+        units = label(", ").join(
             dict.fromkeys(label("{name} in {unit}", name=row.name, unit=row.unit) for row in rows if row.unit)
         )
         head = ["sensor", *found.names, "difference", "in its u"]
-        tables.append(Table(f"{label(kind.capitalize())}: {units}", head, body))
+        tables.append(Table(f"{label(kind.capitalize())}{label(': ')}{units}", head, body))
     return render(
         "comparison.html",
         title="Two calibrations compared",

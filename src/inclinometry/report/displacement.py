@@ -72,7 +72,7 @@ def displacement_report(
         ],
         [
             ("Base reading", base),
-            ("Later readings", ", ".join(found)),
+            ("Later readings", label(", ").join(found)),
             ("Step", f"{found[last].step:g} m"),
             ("Fixed end", found[last].fixed),
         ],

@@ -137,7 +137,7 @@ def fleet_report(status: FleetStatus) -> str:
     soon = [t for t in tools if status.day < t.due.date <= status.day + datetime.timedelta(days=SOON)]
     off = [rig.rig for rig in status.rigs if rig.p_value < RIG_LEVEL]
     required = status.requirement
-    at = ", ".join(f"{np.degrees(i):g}" for i in required.inclinations)
+    at = label(", ").join(f"{np.degrees(i):g}" for i in required.inclinations)
     requirement = label(
         "azimuth within {limit:g} deg, rms over azimuth and toolface, at inclination {at} deg until the due date, "
         "with a probability of {reliability:g} %",
@@ -150,7 +150,7 @@ def fleet_report(status: FleetStatus) -> str:
         label("{count} due within {SOON} days", count=len(soon), SOON=SOON),
         label("{count} with an alarm", count=len(alarmed)),
     ]
-    said += [label("rigs off: {names}", names=", ".join(off))] if off else []
+    said += [label("rigs off: {names}", names=label(", ").join(off))] if off else []
     return report(
         "Fleet report",
         label("Fleet of type {type}", type=model.type),
@@ -204,7 +204,7 @@ def _type(status: FleetStatus) -> Section:
             last=model.last,
         ),
         *(
-            [label("Left out, because they jumped: {names}.", names=", ".join(model.left_out))]
+            [label("Left out, because they jumped: {names}.", names=label(", ").join(model.left_out))]
             if model.left_out
             else []
         ),
@@ -228,7 +228,7 @@ def _parameters(tools: Sequence[ToolStatus]) -> Section:
         ),
     ]
     pictures = [
-        picture(parameter_figure(t, kind), f"tool{k}{kind}", f"{t.history.serial}: {label(f'{kind}s')}")
+        picture(parameter_figure(t, kind), f"tool{k}{kind}", f"{t.history.serial}{label(': ')}{label(f'{kind}s')}")
         for kind in VECTORS
         for k, t in enumerate(tools)
     ]
@@ -276,7 +276,7 @@ def _alarm_sentences(alarmed: Sequence[ToolStatus]) -> list[str]:
         "The last calibration of these tools does not fit their history. A check of six positions is refused: make a "
         "full calibration.",
         *(
-            [label("Follow these first, of which 5 % may be false alarms: {list}.", list=", ".join(follow))]
+            [label("Follow these first, of which 5 % may be false alarms: {list}.", list=label(", ").join(follow))]
             if follow
             else []
         ),
@@ -316,7 +316,7 @@ def _rig_sentences(status: FleetStatus, off: Sequence[str]) -> list[str]:
         return [
             label(
                 "Rigs off: {list}. Tools calibrated there have shifted alike since they were on other rigs.",
-                list=", ".join(off),
+                list=label(", ").join(off),
             )
         ]
     return ["No rig shifts its tools alike."]

@@ -373,7 +373,7 @@ def source_table(
     for part in contributions(uncertainty):
         sizes = [significant(part.major, 3), f"{100.0 * part.share:.1f}"]
         sizes += [significant(float(s), 3) for s in part.sigma]
-        how = f"{label(part.propagation)}: {label(shared[part.propagation])}"
+        how = label(": ").join(map(label, (part.propagation, shared[part.propagation])))
         rows.append(TableRow([part.name, words.get(part.name, ""), how, *sizes]))
     sigmas = [f"σ {label(axis)}, {label('m')}" for axis in ("north", "east", "vertical")]
     head = ["source", "what it is", "shared by", "σ major axis, m", "share, %", *sigmas]

@@ -92,7 +92,7 @@ def survey_report(
             label(
                 "Components included: {names}. Not included: {missing}.",
                 names=names,
-                missing=", ".join(map(label, missing)),
+                missing=label(", ").join(map(label, missing)),
             ),
             label("Azimuth counts from {north} north.", north=survey.azimuth_reference),
             *notes,

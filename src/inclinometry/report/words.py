@@ -132,7 +132,7 @@ def listed(words: list[str]) -> str:
     return (
         words[0]
         if len(words) == 1
-        else label("{names} and {last}", names=", ".join(map(label, words[:-1])), last=words[-1])
+        else label("{names} and {last}", names=label(", ").join(map(label, words[:-1])), last=words[-1])
         if words
         else ""
     )
@@ -204,7 +204,10 @@ def covers(calibration: Calibration) -> str:
 def run_facts(calibration: Calibration, readings: BenchReadings | None) -> list[tuple[str, str]]:
     """What was measured, as pairs of label and text."""
     tool, stations = calibration.tool, len(calibration.residuals.station)
-    triads = [f"{t.count} {label(f'{kind}s')} ({label(t.unit)})" for kind, t in tool.triads.items()]
+    triads = [
+        label("{count} {sensors} ({unit})", count=t.count, sensors=f"{kind}s", unit=t.unit)
+        for kind, t in tool.triads.items()
+    ]
     methods = {
         "joint": "joint maximum likelihood of all triads, rig errors shared between them",
         "twelve": "closed form for the twelve positions",
@@ -216,12 +219,12 @@ def run_facts(calibration: Calibration, readings: BenchReadings | None) -> list[
         "norm": "constant field strength, each triad in its own axes",
         "hand-rotations": "turned by hand between rests, in the accelerometer's axes",
     }
-    span = calibration.tool.temperature_range
+    span, method = calibration.tool.temperature_range, calibration.method
     left = 0 if readings is None else len(readings) - stations
     facts = [
         ("Tool", tool_name(calibration) or "not named"),
         ("Sensors", listed(triads)),
-        ("Method", f"{label(calibration.method)}: {label(methods.get(calibration.method, 'see the record'))}"),
+        ("Method", label(": ").join(map(label, (method, methods.get(method, "see the record"))))),
         (
             "Stations",
             label("{stations} ({left} more were left out of the fit)", stations=stations, left=left)

@@ -20,6 +20,7 @@ from inclinometry.history import DAYS_PER_YEAR, ToolHistory, tool_from_relative
 from inclinometry.sensors import Tool
 from inclinometry.simulate.bench import BenchSimulation, Rig, simulate_bench
 from inclinometry.simulate.tool import Seed, Streams
+from inclinometry.uncertainty import symmetric_root
 
 _FIELD = 50000.0  # nT
 _MG = 1e-3  # one mg, of the full field
@@ -154,14 +155,16 @@ def simulate_fleet(
     rough = np.exp(np.log(2.0) * streams["rough"].standard_normal((n, 2)))
     doses = streams["doses"].poisson(np.array(scene.doses) * rough[:, None] * tau[..., None]).astype(float)
     hours = scene.hours * rough[:, :1] * tau
-    steps = np.sqrt(multipliers[:, None] * tau)[..., None] * draw("drift", _root(scene.drift), (n, most - 1))
+    steps = np.sqrt(multipliers[:, None] * tau)[..., None] * draw("drift", symmetric_root(scene.drift), (n, most - 1))
     steps += doses @ scene.effects.T
     for (tool, number), change in scene.jumps.items():
         steps[tool, number - 1] += np.asarray(change)
     made = draw("made", np.diag(np.tile([1e-2] * 3 + [5e-3], 6)), (n,))
     truth = made[:, None] + np.concatenate([np.zeros((n, 1, p)), np.cumsum(steps, axis=1)], axis=1)
     found = (
-        truth + draw("certificate", _root(certificate), (n, most)) + draw("mounting", _root(scene.mounting), (n, most))
+        truth
+        + draw("certificate", symmetric_root(certificate), (n, most))
+        + draw("mounting", symmetric_root(scene.mounting), (n, most))
     )
     rigs = streams["rig"].integers(0, scene.rigs, (n, most))
     for number, error in scene.rig_error.items():
@@ -197,9 +200,3 @@ def simulate_calibrations(
         )
         for number, values in enumerate(finite(truth, "truth", (24,)))
     ]  # fmt: skip
-
-
-def _root(covariance: ArrayLike) -> Array:
-    """Symmetric root of a covariance that may be singular: unlike a bare factor, the same on every processor."""
-    values, vectors = np.linalg.eigh(np.asarray(covariance, dtype=np.float64))
-    return np.asarray(vectors * np.sqrt(np.clip(values, 0.0, None)) @ vectors.T)

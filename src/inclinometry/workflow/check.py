@@ -99,7 +99,7 @@ def look(path: str | Path, calibration: str | Path | None = None, site: str | Pa
         if error.path == path:
             raise
         # what was looked at is a copy of its beginning
-        raise in_file(error, path, error.line) from None
+        raise in_file(error, path) from None
 
 
 def _look(path: Path, given: Profile, record: Calibration | None, site: Site) -> Look:

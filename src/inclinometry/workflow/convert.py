@@ -191,7 +191,7 @@ def _write(survey: SurveyFile, target: Path, name: str, items: Options) -> tuple
         except FileError as error:
             if error.path != scratch:
                 raise  # of another file, the map
-            raise in_file(error, target, error.line) from None
+            raise in_file(error, target) from None
         with scratch.open("rb") as source, replacing(target) as stream:
             copyfileobj(source, stream)
     return missed

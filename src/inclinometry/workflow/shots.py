@@ -80,7 +80,7 @@ def read_shots(
         except FileError as error:
             if error.path != copy:
                 raise
-            raise in_file(error, raw, error.line) from None
+            raise in_file(error, raw) from None
     return replace(run, inputs={**run.inputs, "raw": digest_file(raw)})
 
 

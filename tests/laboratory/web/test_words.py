@@ -12,11 +12,12 @@ from types import SimpleNamespace
 import pytest
 
 from inclinometry import findings
+from inclinometry.errors import FileError, in_file
 from inclinometry.files.json_codec import restored
-from inclinometry.findings import example
+from inclinometry.findings import Finding, example
 from inclinometry.laboratory import web
 from inclinometry.laboratory.web.frame import Visitor
-from inclinometry.laboratory.web.words import LANGUAGES, catalogue, say, sentence
+from inclinometry.laboratory.web.words import LANGUAGES, catalogue, problem, say, sentence
 
 SOURCES = sorted(Path(web.__file__).parent.rglob("*.py"))
 
@@ -104,3 +105,12 @@ def test_a_long_sentence_of_an_older_file_is_whole_and_as_it_was_written(languag
         assert visitor.sentence(restored(text)) == text
     found = example("bench-base-tilted")
     assert visitor.sentence(restored(found.stored())) == findings.say(found, language) != str(found)
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_a_page_says_the_file_and_its_line_or_row(language: str) -> None:
+    """Rows where the file has no lines; a file that is called otherwise keeps them."""
+    finding = Finding("input-empty", {"name": "md_m"})
+    at = {key: problem(language, FileError(finding, path="run.xlsx", **{key: 7})) for key in ("line", "row")}
+    assert all("run.xlsx" in said and "7" in said for said in at.values())
+    assert at["row"] == problem(language, in_file(FileError(finding, path="copy", row=7), "run.xlsx")) != at["line"]

@@ -134,7 +134,7 @@ def _view(record: Content, seal: str) -> Content:
         "header": f"{say('title' + kind)} {number}",
         "footer": say("only_item"),
         "page": say("page", page="{page}", pages="{pages}"),
-        "laboratory": laboratory.get("name", say("laboratory") + ": " + say("not_stated")),
+        "laboratory": laboratory.get("name", say("laboratory") + label(": ") + say("not_stated")),
         "letterhead": _letterhead(laboratory, say),
         "is_report": say("is_report"),
         "missing": [missing_said(key, record, say) for key in missing],
@@ -171,9 +171,10 @@ def _box(record: Content, remarks: Sequence[str], say: Words) -> Content:
 
 def _letterhead(laboratory: Mapping[str, str], say: Words) -> list[str]:
     lines = [*laboratory.get("address", "").split("\n"), laboratory.get("country", "")]
-    accreditation = laboratory.get("accreditation", "")
     contact = " · ".join(filter(None, (laboratory.get("email"), laboratory.get("phone"))))
-    return [line for line in (*lines, contact, accreditation and f"{say('accreditation')}: {accreditation}") if line]
+    number = laboratory.get("accreditation", "")
+    accreditation = number and say("accreditation") + label(": ") + number
+    return [line for line in (*lines, contact, accreditation) if line]
 
 
 def _standards(record: Content, say: Words) -> str:
@@ -182,7 +183,7 @@ def _standards(record: Content, say: Words) -> str:
     for one in record.get("standards", ()):
         text = say("standard", **{name: value or say("not_stated") for name, value in one.items()})
         said.append(f"{text} ({say('overdue')})" if f"{one['name']} ({one['due']})" in late else text)
-    return "; ".join(said)
+    return label("; ").join(said)
 
 
 def _facts(record: Content, say: Words) -> dict[str, list[list[str]]]:
@@ -190,7 +191,10 @@ def _facts(record: Content, say: Words) -> dict[str, list[list[str]]]:
     item, customer, dates, method = record["item"], record["customer"], record["dates"], record["method"]
     laboratory = record["laboratory"] or {}
     who = ", ".join(filter(None, (customer["name"], customer["address"].replace("\n", ", "))))
-    sensors = ", ".join(f"{say(t['kind'])} ({t['sensors']}, {label(t['unit'])})" for t in item["triads"])
+    sensors = label(", ").join(
+        label("{kind} ({count}, {unit})", kind=say(t["kind"]), count=t["sensors"], unit=label(t["unit"]))
+        for t in item["triads"]
+    )
     performed = " – ".join(dict.fromkeys(filter(None, (dates["performed_from"], dates["performed_to"]))))
     place = laboratory.get("place") or method.get("rig_place") or laboratory.get("address", "").replace("\n", ", ")
     positions = say("positions", count=method["positions"])
@@ -216,7 +220,7 @@ def _facts(record: Content, say: Words) -> dict[str, list[list[str]]]:
         ("place", place),
         ("environment", _environment(record["environment"], say)),
         ("procedure", laboratory.get("procedure", "")),
-        ("method", f"{say.method(method['name'])}; {positions}"),
+        ("method", f"{say.method(method['name'])}{label('; ')}{positions}"),
         ("rig", _rig(method, say)),
         ("standards", _standards(record, say)),
         ("traceability", _traceability(laboratory, method, say)),
@@ -246,7 +250,7 @@ def _span(between: str, at: str, span: Sequence[float], say: Words) -> str:
 def _rig(method: Content, say: Words) -> str:
     sd = method["rig_sd_deg"]
     said = say("rig_sd", **{name: significant(value) for name, value in sd.items()}) if any(sd.values()) else ""
-    return "; ".join(filter(None, (method["rig"], said)))
+    return label("; ").join(filter(None, (method["rig"], said)))
 
 
 def _traceability(laboratory: Mapping[str, str], method: Content, say: Words) -> str:
@@ -260,7 +264,7 @@ def _environment(about: Content, say: Words) -> str:
     for key, name in (("temperature", "temperature_degC"), ("humidity", "humidity_percent")):
         if about[name] is not None:
             parts.append(_span(key, f"{key}_at", about[name], say))
-    return "; ".join(filter(None, parts))
+    return label("; ").join(filter(None, parts))
 
 
 def _conformity(record: Content, say: Words) -> list[str]:
@@ -273,8 +277,8 @@ def _conformity(record: Content, say: Words) -> list[str]:
     return [
         say(statement),
         *_applies(record, say),
-        f"{say('rule')}: {say(rule)}",
-        f"{say('limits_source')}: {limits['source']}",
+        f"{say('rule')}{label(': ')}{say(rule)}",
+        f"{say('limits_source')}{label(': ')}{limits['source']}",
     ]
 
 
@@ -290,8 +294,8 @@ def _applies(record: Content, say: Words) -> list[str]:
     agreed = record["verification"]["limits"] is not None
     return [
         *([say("protocol", **protocol)] if protocol else []),
-        *([say("applies" if agreed else "compared", parts="; ".join(parts))] if parts else []),
-        *([say("not_judged" if agreed else "not_compared", angles=", ".join(left_out))] if left_out else []),
+        *([say("applies" if agreed else "compared", parts=label("; ").join(parts))] if parts else []),
+        *([say("not_judged" if agreed else "not_compared", angles=label(", ").join(left_out))] if left_out else []),
     ]
 
 

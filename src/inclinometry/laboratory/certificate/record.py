@@ -615,7 +615,7 @@ def _verdict(row: Content, say: Words) -> str:
         if row[name]["decision"] in ("fail", "inconclusive")
     ]
     judged = any(row[name]["decision"] != "not judged" for name in LETTERS)
-    return ", ".join(wrong) or (say("d_pass") if judged else say("d_none"))
+    return label(", ").join(wrong) or (say("d_pass") if judged else say("d_none"))
 
 
 def _degrees(value: float | None, say: Words) -> str:
@@ -672,10 +672,10 @@ def classical_section(record: Content, say: Words) -> Content:
     if adjustment is not None:
         apart = adjustment["largest_difference_deg"]
         same = bool(apart) and max(apart.values()) < 1e-4
-        said = ", ".join(f"{say(name)} {significant(value)}°" for name, value in apart.items()) or "–"
+        said = label(", ").join(f"{say(name)} {significant(value)}°" for name, value in apart.items()) or "–"
         note = {"previous": adjustment["previous"] or say("not_stated")} | ({} if same else {"differences": said})
         texts.append(say("adjustment_same" if same else "adjustment_note", **note))
-        kinds = ", ".join(say(kind) for kind in adjustment.get("relative", {}))
+        kinds = label(", ").join(say(kind) for kind in adjustment.get("relative", {}))
         texts += [say("apart_note", triad=kinds)] if kinds else []
     return section(say("classical_title" if adjustment is None else "adjustment"), texts, tables=tables)
 
@@ -732,7 +732,8 @@ def residual_section(record: Content, say: Words) -> Content:
             continue
         svg = paper_svg(residual_figure(part["standardised"]))
         figures.append(figure(svg, say("curve_residuals", triad=triad)))
-    return section(say("residuals"), [say("residuals_note", kinds="; ".join(said) or "–")], figures=figures, keep=True)
+    note = say("residuals_note", kinds=label("; ").join(said) or "–")
+    return section(say("residuals"), [note], figures=figures, keep=True)
 
 
 def verification_section(record: Content, say: Words) -> Content | None:

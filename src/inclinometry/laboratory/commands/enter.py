@@ -122,7 +122,7 @@ def enter(
             said: dict[str, Any] = {"options": wishes, "performed": day, "doses": doses, **at}
             found = import_file(opened, readings, serial, rig, author=_who(), **said)
         except FileError as error:
-            raise in_file(error, file, error.line) from None
+            raise in_file(error, file) from None
         if found.kind == "session":
             with output.busy("calibrating"):
                 found = finish_calibration(opened, found.id, author=_who())

@@ -48,9 +48,11 @@ def problem(language: str, error: InclinometryError) -> str:
     if not isinstance(error, FileError):
         return said
     file = sentence(language, error.path.name)  # "the file" of an upload
-    if error.line is None:
-        return say(language, "problem.file", file=file, problem=said)
-    return say(language, "problem.line", file=file, line=error.line, problem=said)
+    if error.line is not None:
+        return say(language, "problem.line", file=file, line=error.line, problem=said)
+    if error.row is not None:
+        return say(language, "problem.row", file=file, row=error.row, problem=said)
+    return say(language, "problem.file", file=file, problem=said)
 
 
 def sentence(language: str, text: str) -> str:
