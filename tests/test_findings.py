@@ -96,7 +96,8 @@ def test_plurals(count, said):
 
 
 def test_numbers_keep_their_size():
-    found = Finding("run-field-calibrated", {"field_nT": 5.012e7, "count": 3, "total": 4})
+    found = example("run-total-calibrated")
+    found = found._replace(values={**found.values, "median": 5.012e7, "si": "nT"})
     assert "50120000 nT" in say(found)
     assert "50120000 нТл" in say(found, "ru")
 

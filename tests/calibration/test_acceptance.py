@@ -7,9 +7,9 @@ import pytest
 from tests.refusals import coded, fits, refused
 
 from inclinometry.calibration import plans
-from inclinometry.calibration.acceptance import verify
+from inclinometry.calibration.closed_form_results import calibrate_orthogonal
+from inclinometry.calibration.conformity import verify
 from inclinometry.calibration.decision import Limits, agreement_factor
-from inclinometry.calibration.direct import calibrate_orthogonal
 from inclinometry.calibration.joint import calibrate_joint, fit_once
 from inclinometry.calibration.plans import Plan
 from inclinometry.calibration.readings import BenchReadings

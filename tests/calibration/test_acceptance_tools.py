@@ -10,7 +10,7 @@ from scipy.special import erf
 from tests.refusals import coded, fits, refused
 
 from inclinometry.calibration import plans
-from inclinometry.calibration.acceptance import OtherStand, planned, verify
+from inclinometry.calibration.conformity import OtherStand, planned, verify
 from inclinometry.calibration.conventions import Dials
 from inclinometry.calibration.decision import Limits, agreement_factor
 from inclinometry.calibration.joint import calibrate_joint, fit_once

@@ -29,9 +29,9 @@ from inclinometry.calibration.design import (
     whitened,
 )
 from inclinometry.calibration.expected import expected_uncertainty
+from inclinometry.calibration.initial_values import Stand, stand_within
 from inclinometry.calibration.joint import fit_once
 from inclinometry.calibration.readings import BenchReadings
-from inclinometry.calibration.start import Stand, stand_within
 from inclinometry.errors import IdentifiabilityError, InputError
 from inclinometry.orientation import angles
 from inclinometry.rotations import dcm, wrap_signed

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from tests.refusals import coded, refused
 
-from inclinometry.calibration.acceptance import OtherStand, verify
+from inclinometry.calibration.conformity import OtherStand, verify
 from inclinometry.calibration.expected import expected_uncertainty
-from inclinometry.calibration.orient import orient_rig
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration, Residuals, Rig
+from inclinometry.calibration.stand_orientation import orient_rig
 from inclinometry.constants import GRAVITY_SPREAD
 from inclinometry.earth.site import Site
 from inclinometry.orientation import fields

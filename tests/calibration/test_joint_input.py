@@ -8,9 +8,9 @@ import pytest
 from tests.refusals import refused
 
 from inclinometry.calibration import plans
+from inclinometry.calibration.initial_values import enough
 from inclinometry.calibration.joint import calibrate_joint
 from inclinometry.calibration.readings import BenchReadings
-from inclinometry.calibration.start import enough
 from inclinometry.errors import IdentifiabilityError, InputError
 from inclinometry.findings import Finding
 from inclinometry.simulate.bench import Rig

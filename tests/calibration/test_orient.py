@@ -8,8 +8,8 @@ from tests.refusals import fits, refused
 
 from inclinometry.calibration import plans
 from inclinometry.calibration.joint import fit_once
-from inclinometry.calibration.orient import described, orient_rig
 from inclinometry.calibration.plans import Plan
+from inclinometry.calibration.stand_orientation import described, orient_rig
 from inclinometry.rotations import rotation_exp, wrap_signed
 from inclinometry.simulate.bench import Rig
 from inclinometry.simulate.tool import random_tool, realistic_tool

@@ -10,7 +10,7 @@ from scipy.optimize import minimize
 from tests.refusals import coded, fits
 
 from inclinometry.calibration import plans
-from inclinometry.calibration.acceptance import verify
+from inclinometry.calibration.conformity import verify
 from inclinometry.calibration.decision import Limits
 from inclinometry.calibration.expected import absurd_uncertainty, expected_uncertainty
 from inclinometry.calibration.joint import calibrate_joint

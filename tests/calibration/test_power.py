@@ -9,7 +9,7 @@ import pytest
 from tests.refusals import coded, fits, refused
 
 from inclinometry.calibration import plans
-from inclinometry.calibration.acceptance import planned, verify
+from inclinometry.calibration.conformity import planned, verify
 from inclinometry.calibration.decision import Limits
 from inclinometry.calibration.joint import calibrate_joint
 from inclinometry.calibration.likelihood import tangent_basis

@@ -16,7 +16,7 @@ from inclinometry.files import json_codec
 from inclinometry.files.bench_csv import read_bench
 from inclinometry.simulate.gyro import hot_run
 from inclinometry.workflow.demo import Demo
-from inclinometry.workflow.hot_run import reduce_hot_run, rms_degrees
+from inclinometry.workflow.gyro_heating_example import reduce_hot_run, rms_degrees
 
 from .tables import rows_of
 

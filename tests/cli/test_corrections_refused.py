@@ -15,9 +15,9 @@ SITE = 'north_reference = "magnetic"\ng = 9.81\nsigma_g = 0.01\nb_nT = {}\nsigma
 SURVEY = ("survey", "raw.csv", "--site", "site.toml", "-o", "survey.csv")
 MSA = ("msa", "raw.csv", "--site", "site.toml", "-o", "corrections.json")
 MIRRORED = {
-    "magnetometer: channel y reversed": [1, 1, 1, 1, -1, 1],
-    "magnetometer: channel z reversed": [1, 1, 1, 1, 1, -1],
-    "opposite sign": [1, 1, 1, -1, -1, -1],
+    "magnetometer: y reversed": [1, 1, 1, 1, -1, 1],
+    "magnetometer: z reversed": [1, 1, 1, 1, 1, -1],
+    "x, y and z reversed": [1, 1, 1, -1, -1, -1],
 }
 
 
@@ -58,7 +58,7 @@ def test_a_site_that_cannot_judge_is_refused(run, missing):
 @pytest.mark.parametrize("command", [MSA, (*SURVEY, "--correct", "msa"), (*SURVEY, "--correct", "axial")])
 def test_wrong_signs_are_told_before_a_correction(run, said, command):
     given(lambda axes: axes * MIRRORED[said])
-    dip = said == "opposite sign"
+    dip = said == "x, y and z reversed"
     refused(run(*command), said, "[survey-wiring-axes]" if dip else "[run-channels;")
     refused(run(*command, "--ignore", "axes"), "[survey-wiring-axes]")
     assert not Path("corrections.json").exists()
@@ -67,7 +67,7 @@ def test_wrong_signs_are_told_before_a_correction(run, said, command):
 @pytest.mark.parametrize("command", [MSA, (*SURVEY, "--correct", "msa"), (*SURVEY, "--correct", "axial")])
 def test_wrong_units_and_references_are_not_corrected(run, command):
     given(lambda axes: axes / [9.81, 9.81, 9.81, 1, 1, 1])
-    refused(run(*command), "[run-gravity-unit;")
+    refused(run(*command), "[run-unit;")
     refused(run(*command, "--ignore", "units"), "Median gravity is 1 ", "[survey-total-far]")
     given(b=90_000.0)
     refused(run(*command), "Median |b| is ", "[survey-total-far]")

@@ -10,7 +10,7 @@ from tests.refusals import refused
 
 from inclinometry.errors import FileError
 from inclinometry.files.scale_json import ScaleRecord, read_scale, write_scale
-from inclinometry.gyro.tracking import ScaleBelief, quadratic_belief
+from inclinometry.gyro.tracking import ScaleState, quadratic_belief
 
 from .json_records import changed, put
 
@@ -20,7 +20,7 @@ COLUMNS = ("md", "temperature", "expected", "expected_sd", "scale", "scale_sd")
 def record(belief=None, size=5, seed=1, tool="A7"):
     rng = np.random.default_rng(seed)
     root = rng.normal(size=(3, 3)) * 1e-3
-    learnt = ScaleBelief(rng.normal(1.0, 1e-2, 3), root @ root.T, 19.9, (21.3, 139.7))
+    learnt = ScaleState(rng.normal(1.0, 1e-2, 3), root @ root.T, 19.9, (21.3, 139.7))
     return ScaleRecord(
         tool,
         belief or learnt,
@@ -32,7 +32,7 @@ def record(belief=None, size=5, seed=1, tool="A7"):
 
 @pytest.mark.parametrize(
     "belief",
-    [None, quadratic_belief(), ScaleBelief(np.array([1.001]), np.array([[1e-4]])), quadratic_belief(sd=1e-150)],
+    [None, quadratic_belief(), ScaleState(np.array([1.001]), np.array([[1e-4]])), quadratic_belief(sd=1e-150)],
 )
 @pytest.mark.parametrize("size", [0, 1, 7])
 def test_to_the_bit_there_and_back(tmp_path, belief, size):

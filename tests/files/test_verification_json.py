@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from tests.refusals import refused
 
-from inclinometry.calibration.acceptance import Verification
+from inclinometry.calibration.conformity import Verification
 from inclinometry.calibration.decision import Limits
 from inclinometry.errors import FileError
 from inclinometry.files.json_codec import findings_in, restored

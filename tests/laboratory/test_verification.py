@@ -18,7 +18,14 @@ from inclinometry.findings import Finding, without_notes
 from inclinometry.laboratory.ledger.ledger import Ledger, LedgerError
 from inclinometry.laboratory.registry import RegisteredRig, put_rig
 from inclinometry.laboratory.results import calibration_of, finish_calibration
-from inclinometry.laboratory.session import Capture, campaign, capture, load_session, open_session, reject
+from inclinometry.laboratory.session import (
+    Capture,
+    capture,
+    load_session,
+    open_session,
+    positions_at_temperatures,
+    reject,
+)
 from inclinometry.laboratory.verification import (
     begin_verification,
     finish_verification,
@@ -118,7 +125,7 @@ def test_the_readings_of_the_calibration_do_not_verify_it(laboratory: Ledger, be
 def test_a_campaign_over_temperature_finds_the_coefficients(laboratory: Ledger) -> None:
     """Offsets that grow with temperature: a degree is chosen, the range stated."""
     tool = realistic_tool(7)
-    plan, targets = campaign(plans.twelve(), [20.0, 60.0, 100.0])
+    plan, targets = positions_at_temperatures(plans.twelve(), [20.0, 60.0, 100.0])
     session = open_session(laboratory, "IN-7", plan, rig="stand 1", author="a", purpose="temperature")
     generator = np.random.default_rng(1)
     from inclinometry.rotations import dcm
@@ -145,7 +152,7 @@ def test_a_campaign_needs_temperatures_that_differ() -> None:
     plan: Plan = plans.twelve()
     for wrong in ([20.0], [20.0, 22.0], [293.0, 400.0]):
         with refused("session-temperatures", "input-value"):
-            campaign(plan, wrong)
+            positions_at_temperatures(plan, wrong)
 
 
 # A verification opened with its limits, on the rig of the calibration.

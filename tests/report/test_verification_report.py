@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from inclinometry.calibration.acceptance import Verification
+from inclinometry.calibration.conformity import Verification
 from inclinometry.files.json_codec import restored
 from inclinometry.findings import example
 from inclinometry.report.verification import verification_report

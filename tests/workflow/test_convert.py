@@ -9,8 +9,8 @@ import pytest
 from tests.refusals import coded, refused
 
 from inclinometry.errors import FileError
-from inclinometry.files.exchange import SurveyFile
 from inclinometry.files.six_axis import read_survey, write_csv
+from inclinometry.files.survey_file import SurveyFile
 from inclinometry.workflow import convert as module
 from inclinometry.workflow.convert import FORMATS, Format, convert, format_of, lost, read_survey_file
 

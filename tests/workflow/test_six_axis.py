@@ -8,7 +8,7 @@ from tests.refusals import coded, refused
 
 from inclinometry.earth.site import Site
 from inclinometry.errors import FileError
-from inclinometry.files.exchange import SurveyFile
+from inclinometry.files.survey_file import SurveyFile
 from inclinometry.orientation import angles, dip_angle, fields
 from inclinometry.workflow.field import declination_doubts
 from inclinometry.workflow.six_axis import fields_of_survey, quality, read_six_axis, survey_six_axis

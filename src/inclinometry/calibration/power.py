@@ -99,7 +99,7 @@ def power(
     rng, judged = np.random.default_rng(106), np.isfinite(accepted)
     count, tool = len(limits), parts.tool
 
-    def drawn(by: Array) -> Array:
+    def draw_tools(by: Array) -> Array:
         return np.asarray(np.einsum("nkm,kam->nka", rng.standard_normal((DRAWS, count, by.shape[2])), by))
 
     def parameters(covariance: Array) -> Array:
@@ -109,13 +109,13 @@ def power(
         return np.asarray((change @ by.reshape(3 * count, by.shape[2]).T).reshape(DRAWS, count, 3))
 
     change, by_tool = parameters(parts.covariance), parts.by_parameter[..., :tool]
-    noise = drawn(parts.by_noise)
+    noise = draw_tools(parts.by_noise)
     own = moved(by_tool, change[:, :tool]) + noise
-    setting = drawn(parts.by_setting)
+    setting = draw_tools(parts.by_setting)
     if np.isfinite(freedom):
         setting *= np.sqrt(freedom / rng.chisquare(freedom, DRAWS))[:, None, None]
     error = own + moved(parts.by_parameter[..., tool:], change[:, tool:]) + setting
-    worse = moved(by_tool, parameters(parts.covariance[:tool, :tool])) + drawn(parts.by_reading)
+    worse = moved(by_tool, parameters(parts.covariance[:tool, :tool])) + draw_tools(parts.by_reading)
 
     def passing(factor: float, columns: slice = slice(None)) -> NDArray[np.bool_]:
         seen = error[..., columns] + np.sqrt(factor**2 - 1.0) * worse[..., columns]

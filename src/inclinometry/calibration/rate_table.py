@@ -157,7 +157,7 @@ def chance_of(fit: Fit) -> float:
     return min(1.0, len(fit.covariances) * least)
 
 
-def chance_unasked(
+def g_sensitivity_if_not_fitted(
     u: Array, w: Array, g: Array | None, heat: Array | None, reference: float, degree: int, spread: Array | None
 ) -> tuple[float | None, Finding | None]:
     """The same where none is asked for: None where gravity or the steps cannot tell; a finding where it matters."""
@@ -326,7 +326,7 @@ def calibrate_rates(
     reference = 20.0 if heat is None else float(np.round(heat.mean(), 3))
     fit = fit_rates(u, w, g if g_sensitive else None, heat, reference, degree, spread)
     chance, unasked = (
-        (chance_of(fit), None) if g_sensitive else chance_unasked(u, w, g, heat, reference, degree, spread)
+        (chance_of(fit), None) if g_sensitive else g_sensitivity_if_not_fitted(u, w, g, heat, reference, degree, spread)
     )
     fitted, fuller = (scaled_design(w, pull, heat, reference, degree)[0] for pull in (g if g_sensitive else None, g))
     suspected = suspects(u, fitted, fuller, spread)

@@ -212,7 +212,7 @@ def second_harmonics(readings: BenchReadings) -> SecondHarmonics | None:
                     }
                     said.append(Finding("bench-roll-square", facts))
     else:
-        said = _untold(readings, c2, spread, freedom)
+        said = _undetermined_harmonics(readings, c2, spread, freedom)
     return SecondHarmonics(tuple(sets), c1, c2, spread, uneven, u_uneven, square, u_square, swing, freedom, tuple(said))
 
 
@@ -274,7 +274,7 @@ def _causes(
     return inverse @ np.array(design).T @ np.array(wanted), sd, columns, told
 
 
-def _untold(
+def _undetermined_harmonics(
     readings: BenchReadings, second: Mapping[str, Array], u: Mapping[str, Array], freedom: int
 ) -> list[Finding]:
     """Second harmonics where the sensors swing in one phase, so that dial and characteristic look alike."""

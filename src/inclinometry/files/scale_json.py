@@ -13,7 +13,7 @@ from inclinometry.arrays import Array, frozen
 from inclinometry.errors import FileError, InputError, in_file
 from inclinometry.files import json_codec
 from inclinometry.findings import Finding, Value
-from inclinometry.gyro.tracking import ScaleBelief
+from inclinometry.gyro.tracking import ScaleState
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +25,7 @@ class ScaleRecord:
     """
 
     tool: str
-    belief: ScaleBelief
+    belief: ScaleState
     md: Array
     temperature: Array
     expected: Array
@@ -88,7 +88,7 @@ def read_scale(path: str | Path) -> ScaleRecord:
             value, variance, _ = belief["wandered"]
             one = np.eye(len(mean))[0]
             mean, spread = mean + value * one, spread + variance * np.outer(one, one)
-        known = ScaleBelief(
+        known = ScaleState(
             mean, spread, belief["reference_temperature_degC"], None if span is None else (span[0], span[1])
         )
     except InputError as error:

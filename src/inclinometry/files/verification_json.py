@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 
 from inclinometry.arrays import Array
-from inclinometry.calibration.acceptance import Verification
+from inclinometry.calibration.conformity import Verification
 from inclinometry.calibration.decision import AGREES, DISAGREES, Limits, rayleigh
 from inclinometry.calibration.result import Calibration
 from inclinometry.constants import ANGLES, COVERAGE_FACTOR
@@ -73,14 +73,14 @@ def write_planned(path: str | Path, found: Verification, limits: Limits | None, 
         "limits": stated_limits(limits),
         "coverage_factor": found.coverage_factor,
         "positions": judged,
-        "power": power_of(found),
+        "power": power_summary(found),
         "findings": [one.stored() for one in found.findings],
         "program": program(),
     }
     json_codec.store(content, path, "planned-verification", VERSION)
 
 
-def power_of(found: Verification) -> dict[str, Any]:
+def power_summary(found: Verification) -> dict[str, Any]:
     """How many times worse a tool must be to be found with 90 %, null where it never is; the risks of both sides."""
     power = found.power
     if power is None:

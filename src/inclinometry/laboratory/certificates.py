@@ -33,7 +33,6 @@ from inclinometry.laboratory.certificate.record import (
 )
 from inclinometry.laboratory.certificate.requirements import only_conforming, other_tool
 from inclinometry.laboratory.certificate.signing import seal, sign_files, unsigned
-from inclinometry.laboratory.certified import ended, ending
 from inclinometry.laboratory.ledger.chain import missing
 from inclinometry.laboratory.ledger.engine import MEDIA
 from inclinometry.laboratory.ledger.ledger import ConflictError, Draft, Ledger, LedgerError, Record
@@ -42,6 +41,7 @@ from inclinometry.laboratory.placeholders import stated
 from inclinometry.laboratory.registry import standards as registered
 from inclinometry.laboratory.results import calibration_of, measured, parameters
 from inclinometry.laboratory.session import load_session, site_of
+from inclinometry.laboratory.valid_certificates import ended, ending
 from inclinometry.laboratory.verification import judged, limits_of, recorded, report
 
 # What a certificate says of laboratory, order and rig, from the records of the ledger.

@@ -27,21 +27,21 @@ from inclinometry.history import (
     tool_from_relative,
     tool_history,
 )
-from inclinometry.laboratory.certified import Certificates, every
 from inclinometry.laboratory.ledger.ledger import Ledger, LedgerError, Record
 from inclinometry.laboratory.placeholders import stated
 from inclinometry.laboratory.progress import Goal, Progress, progress_of, unfitted, waiting_for
 from inclinometry.laboratory.registry import (
     RegisteredRig,
     RegisteredTool,
+    external_value,
     find_tool,
     listed,
     not_registered,
-    outside,
     rig_of,
 )
 from inclinometry.laboratory.results import finish_calibration, record_fit
 from inclinometry.laboratory.session import Session, bench_readings, load_session
+from inclinometry.laboratory.valid_certificates import Certificates, every
 from inclinometry.sensors import Tool
 
 DOSES: Final = ("hours", "shock", "heat")
@@ -63,7 +63,7 @@ class RunEvidence(NamedTuple):
 
     run : its name. date : its day. hours, shock, heat : since the calibration or run before.
     reference : id of the calibration's record that the stations were reduced with, to which values (24,) and covariance
-        (24, 24) are relative (`survey.evidence.run_evidence`).
+        (24, 24) are relative (`survey.history_from_run.run_evidence`).
     stations, chi_square, freedom, priors : of the analysis. inputs : name -> digest.
     """
 
@@ -167,7 +167,7 @@ def _runs(ledger: Ledger, serial: str) -> list[CalibrationRecord]:
 
 def record_run(ledger: Ledger, serial: str, run: RunEvidence, *, author: str) -> Record:
     """Record the evidence of a run for a tool's history; it takes the place of what a run of this name said before."""
-    details = {name: outside("", value) for name, value in run._asdict().items()}
+    details = {name: external_value("", value) for name, value in run._asdict().items()}
     keys = {"subject_kind": "run", "subject": serial, "action": "recorded"}
     return ledger.append("event", keys, {"details": details}, author=author)
 
@@ -242,7 +242,7 @@ class StoredFit:
 
 def put_fit(ledger: Ledger, status: FleetStatus, *, author: str) -> Record:
     """Keep what was fitted to a type, for checks of its tools and the pages of the bench."""
-    model = {name: outside("", value) for name, value in asdict(status.model).items()}
+    model = {name: external_value("", value) for name, value in asdict(status.model).items()}
     tools = {
         tool.history.serial: {
             "due": tool.due.date.isoformat(),

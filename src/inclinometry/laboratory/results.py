@@ -23,8 +23,8 @@ from inclinometry.laboratory.attitude import Judge, earlier_calibration
 from inclinometry.laboratory.certificate.budget import expanded_columns
 from inclinometry.laboratory.ledger.ledger import Draft, Ledger, LedgerError, Record
 from inclinometry.laboratory.progress import Goal, session_progress
-from inclinometry.laboratory.registry import evaluations, extract, not_registered, registered_site, rig_of
-from inclinometry.laboratory.session import CLOSED, EVALUATED, Session, close_session_draft, load_session, unless_closed
+from inclinometry.laboratory.registry import cached_from_record, evaluations, not_registered, registered_site, rig_of
+from inclinometry.laboratory.session import CLOSED, EVALUATED, Session, close_session_draft, load_session, require_open
 from inclinometry.sensors import Tool, in_field_of, parameter_vector
 
 
@@ -94,7 +94,7 @@ def record_fit(
 ) -> Record:
     """Record what was fitted to the readings of a session and close it, in one step."""
     drafts = [_draft(seen, found, outliers or {}, settings or {}), close_session_draft(seen.id, "finished")]
-    return ledger.append_all(drafts, author=author, unless=[unless_closed(seen.id)])[0]
+    return ledger.append_all(drafts, author=author, unless=[require_open(seen.id)])[0]
 
 
 def _draft(seen: Session, found: Calibration, outliers: Mapping[str, Finding], settings: Mapping[str, Any]) -> Draft:
@@ -200,7 +200,7 @@ def history(ledger: Ledger, serial: str, *, limit: int = 200) -> History:
     def read(one: Record) -> tuple[date, date]:
         return measured(ledger, one, ledger.get("session", one.keys["session"]))
 
-    days = {record.id: extract(ledger, record, "measured", read) for record in records}
+    days = {record.id: cached_from_record(ledger, record, "measured", read) for record in records}
     records.sort(key=lambda r: days[r.id][1])
     tools = [recorded_tool(ledger, record) for record in records]
     compared = [comparable(tool, tools[0]) for tool in tools]
@@ -245,7 +245,9 @@ def measured(ledger: Ledger, calibration: Record, session: Record) -> tuple[date
 
 def recorded_tool(ledger: Ledger, record: Record) -> Tool:
     """The tool of a recorded calibration."""
-    return extract(ledger, record, "tool", lambda one: tool_of(dict(one.body["tool_json"]), f"calibration {one.id}"))
+    return cached_from_record(
+        ledger, record, "tool", lambda one: tool_of(dict(one.body["tool_json"]), f"calibration {one.id}")
+    )
 
 
 def parameters(tool: Tool) -> dict[str, tuple[float, float]]:

@@ -12,7 +12,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from inclinometry.calibration.acceptance import Verification, planned, verify
+from inclinometry.calibration.conformity import Verification, planned, verify
 from inclinometry.calibration.decision import Limits
 from inclinometry.calibration.plans import Plan, spread
 from inclinometry.constants import ANGLES
@@ -31,8 +31,8 @@ from inclinometry.laboratory.session import (
     close_session_draft,
     load_session,
     open_session,
+    require_open,
     site_of,
-    unless_closed,
 )
 
 # The limits agreed when a verification is opened: kept with the session, held to when it is judged.
@@ -147,7 +147,7 @@ def finish_verification(
         Draft("verification", {"serial": seen.serial, "calibration": calibration}, body),
         close_session_draft(session, "finished"),
     ]
-    return ledger.append_all(drafts, author=author, unless=[unless_closed(session)])[0]
+    return ledger.append_all(drafts, author=author, unless=[require_open(session)])[0]
 
 
 def missing_positions(seen: Session, found: Verification, limits: Limits | None) -> Finding | None:

@@ -11,7 +11,7 @@ from inclinometry.constants import COVERAGE_FACTOR
 from inclinometry.findings import Finding
 from inclinometry.language import label, number, said
 from inclinometry.report.figure import BAD, DASHES, MARKERS, SERIES, legend_above, panel
-from inclinometry.report.page import Section, Table, TableRow, cut, picture, report
+from inclinometry.report.page import Section, Table, TableRow, limit_rows, picture, report
 from inclinometry.report.words import listed, rounded, significant
 from inclinometry.survey.displacement import AxisDisplacement, CheckSums, Displacement
 
@@ -68,7 +68,7 @@ def displacement_report(
                 ],
             ),
             Section("Where the uncertainty comes from", tables=[_budget(found)]),
-            Section(label("Profile of {last}", last=last), tables=[cut(_table(found[last]))]),
+            Section(label("Profile of {last}", last=last), tables=[limit_rows(_table(found[last]))]),
         ],
         [
             ("Base reading", base),

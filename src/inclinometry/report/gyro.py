@@ -19,7 +19,7 @@ from inclinometry.gyro.tracking import SPAN, ScaleTrack
 from inclinometry.language import label, said
 from inclinometry.report.calibration import MANY
 from inclinometry.report.figure import BAD, DASHES, INK, MARKERS, SERIES, legend_above, new_figure, panel, styled
-from inclinometry.report.page import CONVENTIONS, Picture, Section, Table, TableRow, cut, picture, report
+from inclinometry.report.page import CONVENTIONS, Picture, Section, Table, TableRow, limit_rows, picture, report
 from inclinometry.report.survey import flag_table, summary_table
 from inclinometry.report.survey_figures import angle_figure
 from inclinometry.report.words import listed, plain, rounded, significant, with_uncertainty, worst_and_median
@@ -252,7 +252,7 @@ def scale_report(
             Section("Scale factor over temperature", pictures=[scale_picture(track)]),
             Section("What was learnt", tables=[coefficients]),
             Section("What this run offers to the next one", sentences, [_forecast(track)]),
-            Section("Stations", tables=[cut(_scale_stations(track, depth))]),
+            Section("Stations", tables=[limit_rows(_scale_stations(track, depth))]),
         ],
         [("Tool", tool or "not named"), ("Stations", str(len(track)))],
         about="What was reduced",
@@ -355,7 +355,7 @@ def gyro_report(
         _methods(survey, north, others, heat) if others else None,
         Section("Checks", tables=[_check_table(checks)]) if checks else None,
         Section("Flags", tables=[flag_table(survey, FLAGS)]) if flagged else None,
-        Section("Stations", tables=[cut(_stations(survey, north, heat))]),
+        Section("Stations", tables=[limit_rows(_stations(survey, north, heat))]),
     ]
     size, k = len(survey), survey.coverage_factor
     span = label("{count} stations from {first:g} to {last:g} m", count=size, first=survey.md[0], last=survey.md[-1])

@@ -14,7 +14,7 @@ from inclinometry.findings import Finding
 from inclinometry.language import label, number, said
 from inclinometry.orientation import angles, angles_jacobian
 from inclinometry.report.figure import BAD, INK, SERIES, legend_above, matrix_axes, new_figure, panel, styled
-from inclinometry.report.page import Section, Table, TableRow, cut, picture, report
+from inclinometry.report.page import Section, Table, TableRow, limit_rows, picture, report
 from inclinometry.report.quality import quality_pictures
 from inclinometry.report.survey_figures import thinned
 from inclinometry.report.words import listed, parameter_name, plain, significant, with_uncertainty, worst_and_median
@@ -271,7 +271,7 @@ def msa_report(
                 ],
             ),
             Section("What the geometry cannot tell", blind_spots(found, after, u_after)),
-            Section("Stations", tables=[cut(_stations(found, before, quality, after))]),
+            Section("Stations", tables=[limit_rows(_stations(found, before, quality, after))]),
         ],
         [
             ("Tool", tool or "not named"),

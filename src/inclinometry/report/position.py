@@ -16,7 +16,7 @@ from inclinometry.position.propagation import PositionUncertainty
 from inclinometry.position.tool_code import ToolCode
 from inclinometry.position.well import WellSurvey, ellipsoid, hole_sigmas, horizontal_ellipse
 from inclinometry.report.figure import DASHES, INK, SERIES, legend_above, new_figure, panel, styled
-from inclinometry.report.page import CONVENTIONS, Picture, Table, TableRow, cut, picture, render
+from inclinometry.report.page import CONVENTIONS, Picture, Table, TableRow, limit_rows, picture, render
 from inclinometry.report.survey_figures import thinned
 from inclinometry.report.words import plain, rounded, significant
 from inclinometry.rotations import wrap_positive
@@ -606,7 +606,7 @@ def position_report(
         # counted from grid north where the site has no convergence: nothing to draw
         compass=compass_picture(survey, row) if survey.reference == "true" else [],
         missing=missing(uncertainty, tool_code, calibration, "errors" in (inputs or {})),
-        stations=cut(station_table(path, uncertainty)),
+        stations=limit_rows(station_table(path, uncertainty)),
         facts=fact_pairs(path, survey, azimuth_reference, tool_code, calibration, inputs or {}),
     )
 

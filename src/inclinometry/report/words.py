@@ -11,10 +11,10 @@ import numpy as np
 
 from inclinometry.arrays import Array
 from inclinometry.calibration.expected import ALL_ANGLES, ExpectedUncertainty, field_dip
+from inclinometry.calibration.initial_values import zero_from_north
 from inclinometry.calibration.likelihood import tangent_basis
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
-from inclinometry.calibration.start import zero_from_north
 from inclinometry.constants import COVERAGE_FACTOR, DIALS
 from inclinometry.findings import without_notes
 from inclinometry.language import label, number

@@ -51,7 +51,7 @@ def noise_of_log(
             except InputError as error:
                 raise FileError(Finding("work-column", {"name": name, "finding": error.finding}), path=path) from None
             channels.append(ChannelNoise(name, kind, log.units[kind], curve, model))
-            findings += _doubts(log, name, values[:, place], model, rest)
+            findings += _rest_warnings(log, name, values[:, place], model, rest)
     return NoiseRecord(tuple(channels), log.dt, len(log), {"log": log.digest}, tuple(findings))
 
 
@@ -100,7 +100,9 @@ def _longest_rest(log: Log, path: str | Path) -> tuple[float, float] | None:
     raise FileError(Finding("work-moved-rest", {**moved, "start_s": times[0], "stop_s": times[1]}), path=path)
 
 
-def _doubts(log: Log, name: str, values: Array, model: NoiseModel, rest: tuple[float, float] | None) -> list[Finding]:
+def _rest_warnings(
+    log: Log, name: str, values: Array, model: NoiseModel, rest: tuple[float, float] | None
+) -> list[Finding]:
     """Signs that the instrument was not at rest, or that its noise is of another kind."""
     at = _moved(values)
     if at is not None:

@@ -17,8 +17,8 @@ import numpy as np
 from inclinometry.errors import FileError, InclinometryError, in_file, not_among, refused, settled
 from inclinometry.files._quantities import quantities_by_column
 from inclinometry.files.cave import HELD
-from inclinometry.files.exchange import SurveyFile, columns_of
 from inclinometry.files.frame import Column
+from inclinometry.files.survey_file import SurveyFile, columns_of
 from inclinometry.files.writing import replacing
 from inclinometry.findings import Finding
 from inclinometry.survey.consistency import check_angles

@@ -7,8 +7,8 @@ from pathlib import Path
 
 from inclinometry.errors import FileError
 from inclinometry.files import p7, wits0
-from inclinometry.files.exchange import SurveyFile
 from inclinometry.files.frame import unused
+from inclinometry.files.survey_file import SurveyFile
 from inclinometry.findings import Finding
 
 

@@ -33,7 +33,7 @@ from inclinometry.survey.path import dogleg_severity_deg, minimum_curvature
 from inclinometry.survey.plausibility import check_run
 from inclinometry.survey.reduce import SensorCorrection
 from inclinometry.survey.run import Run
-from inclinometry.workflow.age import Age, at_the_run
+from inclinometry.workflow.calibration_age import Age, at_the_run
 from inclinometry.workflow.calibration_error_model import calibration_error_model
 from inclinometry.workflow.corrections import matching_correction
 from inclinometry.workflow.field import completed, declination_doubts

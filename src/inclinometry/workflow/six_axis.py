@@ -16,9 +16,9 @@ from inclinometry.digest import digest_file
 from inclinometry.earth.site import Site, convert_azimuth
 from inclinometry.errors import FileError, refused, settled
 from inclinometry.files.columns import channel
-from inclinometry.files.exchange import SurveyFile
 from inclinometry.files.site_toml import read_site
 from inclinometry.files.survey_csv import RawSurvey, read_raw_survey
+from inclinometry.files.survey_file import SurveyFile
 from inclinometry.files.table import TableFile
 from inclinometry.files.text import Progress
 from inclinometry.files.tool_code_json import load_tool_code
@@ -44,7 +44,7 @@ from inclinometry.survey.reduce import SensorCorrection, Survey, apply_correctio
 from inclinometry.survey.run import Run
 from inclinometry.survey.stations import Stations
 from inclinometry.tabular import check_record
-from inclinometry.workflow.age import Age, at_the_run
+from inclinometry.workflow.calibration_age import Age, at_the_run
 from inclinometry.workflow.convert import format_of, read_survey_file
 from inclinometry.workflow.corrections import (
     corrected,
@@ -149,7 +149,7 @@ def check_raw(raw: RawSurvey, record: Calibration | None, site: Site) -> list[Fi
             record.tool.triads[kind].full for kind in VECTORS
         ):
             run = calibrated_run(raw, record.tool)
-            return with_place(check_run(run), run, site)
+            return add_site_check(check_run(run), run, site)
     g, b = (raw.channels.get(kind) for kind in VECTORS)
     whole = g is not None and b is not None and g.shape[1] == b.shape[1] == 3
     level = np.zeros(len(raw.md))  # directions that say nothing
@@ -356,10 +356,10 @@ def run_findings(
     found = check_run(run)
     if beside is not None and beside.inclination is not None:
         found += check_angles(run, beside.inclination, beside.azimuth, beside.azimuth_reference, site.declination)
-    return settled(with_place(found, run, site), ignored, path)
+    return settled(add_site_check(found, run, site), ignored, path)
 
 
-def with_place(found: list[Finding], run: Run, site: Site) -> list[Finding]:
+def add_site_check(found: list[Finding], run: Run, site: Site) -> list[Finding]:
     """Findings of a run, and whether its fields are those of a place with a sign or both coordinates exchanged."""
     if any(one.group in ("axes", "columns", "units") for one in found):
         return found

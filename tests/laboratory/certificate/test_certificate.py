@@ -44,7 +44,7 @@ from inclinometry.laboratory.certificate.record import (
 from inclinometry.laboratory.certificate.requirements import missing, two_accelerometers
 from inclinometry.orientation import fields
 from inclinometry.sensors import angle_sensitivity, with_scale
-from inclinometry.stability import aged
+from inclinometry.stability import add_stability
 
 from ...report.conftest import calibrated
 from .certificates import LABORATORY, NASTY, ORDER, STANDARDS, calibration, dcc_schema, record, verification
@@ -174,7 +174,9 @@ def test_uncertainties_are_those_of_the_calibration() -> None:
     # at the end of the agreed interval the sensors may have moved
     later = record(order=replace(ORDER, interval_months=24))["results"]["uncertainty"]
     assert later["U_azimuth_deg"] == table["U_azimuth_deg"]
-    own = expected_uncertainty(replace(found, tool=aged(found.tool, 2.0)), np.radians(table["inclination_deg"]))
+    own = expected_uncertainty(
+        replace(found, tool=add_stability(found.tool, 2.0)), np.radians(table["inclination_deg"])
+    )
     np.testing.assert_allclose(
         later["end_of_interval"]["U_azimuth_deg"], np.degrees(table["coverage_factor"] * own.of_one_reading[:, 1])
     )

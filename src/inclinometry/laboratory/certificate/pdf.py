@@ -18,7 +18,7 @@ from inclinometry.findings import Finding
 from inclinometry.laboratory.certificate import record as tables
 from inclinometry.laboratory.certificate.record import LETTERS, Words, families, record_digest, words
 from inclinometry.laboratory.certificate.requirements import missing_said, overdue
-from inclinometry.language import label, speaking
+from inclinometry.language import label, using_language
 from inclinometry.report.words import plain, significant
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ def certificate_pdf(
     """
     import typst
 
-    with speaking(record["language"]):
+    with using_language(record["language"]):
         content = _view(dict(record), seal)
     data = json.dumps(content, ensure_ascii=False)
     chosen = families(data, fonts)

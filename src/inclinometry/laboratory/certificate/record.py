@@ -19,9 +19,9 @@ import numpy as np
 
 from inclinometry import findings
 from inclinometry.arrays import Array
-from inclinometry.calibration.causes import UNDETECTED
 from inclinometry.calibration.expected import certified, expected_uncertainty
 from inclinometry.calibration.result import Calibration
+from inclinometry.calibration.uncertainty_budget import UNDETECTED
 from inclinometry.constants import COVERAGE_FACTOR, INCLINATIONS, KINDS
 from inclinometry.digest import digest_bytes
 from inclinometry.errors import not_among, refused
@@ -38,7 +38,7 @@ from inclinometry.laboratory.certificate.requirements import (
     open_warnings,
     two_accelerometers,
 )
-from inclinometry.language import label, spoken
+from inclinometry.language import current_language, label
 from inclinometry.report.calibration import log_scale
 from inclinometry.report.calibration_tables import (
     Row,
@@ -480,7 +480,7 @@ def section(title: str, texts: Sequence[str] = (), **parts: Any) -> Content:
 
 def sentences(record: Mapping[str, Any]) -> list[str]:
     """Findings of a record, or of a report in it, in the language of the certificate."""
-    return [findings.say(one, spoken()) for one in json_codec.findings_in(record)]
+    return [findings.say(one, current_language()) for one in json_codec.findings_in(record)]
 
 
 def figure(svg: str, caption: str) -> Content:

@@ -519,7 +519,7 @@ def unprotected(connection: Connection) -> list[str]:
     return [name for name in names if name not in sound]
 
 
-def strange(connection: Connection) -> list[str]:
+def foreign_triggers(connection: Connection) -> list[str]:
     """Triggers of a SQLite ledger that the program did not make: they could change what is recorded."""
     if connection.dialect.name != "sqlite":
         return []

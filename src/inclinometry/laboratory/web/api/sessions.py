@@ -13,7 +13,7 @@ from inclinometry.errors import refused
 from inclinometry.findings import Finding, without_notes
 from inclinometry.laboratory import drift
 from inclinometry.laboratory.attitude import at_target
-from inclinometry.laboratory.guided import plan_for
+from inclinometry.laboratory.guided_plans import plan_for
 from inclinometry.laboratory.ledger.ledger import Ledger
 from inclinometry.laboratory.progress import Goal, Progress, goal_of, judge_of, proposal, session_progress
 from inclinometry.laboratory.registry import RegisteredRig, find_rig, given, not_registered, rig_of

@@ -204,7 +204,7 @@ class IssueForm:
         say = self._visitor.say
         found = {}
         for one in registry.listed(ledger, "verification", calibration=self._calibration.id, limit=OFFERED):
-            verdict, limits = registry.extract(ledger, one, "verdict", verdict_of)
+            verdict, limits = registry.cached_from_record(ledger, one, "verdict", verdict_of)
             said = limits_words(self._visitor, limits)
             found[one.id] = f"{day(one.created)} · {say(f'verdict.{verdict}')} · {said}"
         return {**found, "": say("certificates.no_verification")}

@@ -15,7 +15,7 @@ from inclinometry.findings import Finding
 from inclinometry.glossary import glossary
 from inclinometry.laboratory.drift import kept_drift
 from inclinometry.laboratory.registry import due_days, listed, tools
-from inclinometry.laboratory.session import closing, load_session
+from inclinometry.laboratory.session import closing_status, load_session
 from inclinometry.laboratory.web.frame import Visitor, current, frame, language_of
 from inclinometry.laboratory.web.logins import CodeError, Login, TooManyError
 from inclinometry.laboratory.web.pages.lists import day as when
@@ -141,9 +141,9 @@ def home(request: Request) -> None:
         if visitor.user.may("capture") and not listed(ledger, "session", limit=1):
             _guide(visitor, request, begun)
         with visitor.panel("home.open_sessions"):
-            still_open = [one for one in listed(ledger, "session", limit=5 * shown) if not closing(ledger, one.id)][
-                :shown
-            ]
+            still_open = [
+                one for one in listed(ledger, "session", limit=5 * shown) if not closing_status(ledger, one.id)
+            ][:shown]
             for record in still_open:
                 session = load_session(ledger, record.id)
                 with ui.row().classes("items-center"):

@@ -20,8 +20,8 @@ from inclinometry.files.verification_json import stated_limits
 from inclinometry.findings import only_notes, without_notes
 from inclinometry.laboratory.ledger.ledger import LedgerError, Record
 from inclinometry.laboratory.ledger.users import User
-from inclinometry.laboratory.registry import extract, listed
-from inclinometry.laboratory.session import closing, load_session
+from inclinometry.laboratory.registry import cached_from_record, listed
+from inclinometry.laboratory.session import closing_status, load_session
 from inclinometry.laboratory.verification import (
     OWN,
     begin_verification,
@@ -197,7 +197,7 @@ def verify_page(request: Request, calibration: str = "", before: int = 0) -> Non
                 VerifyForm(visitor, calibration)
         ledger, say = visitor.bench.ledger, visitor.say
         found = listed(ledger, "session", purpose="verify", limit=shown)
-        still_open = [one for one in found if not closing(ledger, one.id)]
+        still_open = [one for one in found if not closing_status(ledger, one.id)]
         if still_open:
             with visitor.panel("verify.under_way"):
                 lines = [
@@ -222,7 +222,7 @@ def verify_page(request: Request, calibration: str = "", before: int = 0) -> Non
 
 
 def _line(visitor: Visitor, one: Record) -> tuple[lists.Cell | str, ...]:
-    verdict, limits = extract(visitor.bench.ledger, one, "verdict", verdict_of)
+    verdict, limits = cached_from_record(visitor.bench.ledger, one, "verdict", verdict_of)
     return (
         lists.Cell(lists.day(one.created), f"/verifications/{one.id}"),
         lists.Cell(one.keys["serial"], lists.to("/tools", one.keys["serial"])),

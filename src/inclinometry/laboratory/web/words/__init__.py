@@ -14,7 +14,7 @@ from typing import Any, Final
 from inclinometry import findings
 from inclinometry.errors import FileError, InclinometryError
 from inclinometry.glossary import terms
-from inclinometry.language import label, speaking
+from inclinometry.language import label, using_language
 
 LANGUAGES: Final = {"en": "English", "ru": "Русский", "zh": "中文"}
 
@@ -57,7 +57,7 @@ def problem(language: str, error: InclinometryError) -> str:
 
 def sentence(language: str, text: str) -> str:
     """A word of the program in a language; any other text as it is."""
-    with speaking(language if language in LANGUAGES else "en"):
+    with using_language(language if language in LANGUAGES else "en"):
         return label(text)
 
 

@@ -7,7 +7,7 @@ import pytest
 from tests.refusals import refused
 
 from inclinometry.calibration import plans
-from inclinometry.calibration.direct import (
+from inclinometry.calibration.closed_form_results import (
     calibrate_classical,
     calibrate_orthogonal,
     calibrate_rotations,

@@ -20,12 +20,19 @@ from inclinometry.calibration.decision import (
     refuse_unverifiable,
 )
 from inclinometry.calibration.likelihood import NUISANCE, orientation, tangent_basis
-from inclinometry.calibration.orient import BaseFit, described, fields_seen, fit_base, gravity_elsewhere, leading_kinds
 from inclinometry.calibration.plans import Plan
 from inclinometry.calibration.plausibility import own_readings, repeated_noise
 from inclinometry.calibration.power import Effects, Power, power, times
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
+from inclinometry.calibration.stand_orientation import (
+    BaseFit,
+    described,
+    fields_seen,
+    fit_base,
+    gravity_elsewhere,
+    leading_kinds,
+)
 from inclinometry.calibration.structured import MAGNETISED
 from inclinometry.constants import ANGLES, COVERAGE_FACTOR, DIALS
 from inclinometry.errors import InclinometryError, InputError, refused, settled
@@ -264,7 +271,7 @@ def _verified(
     if len(kinds) == 1:
         errors[:, 1], u[:, 1] = np.nan, np.pi / np.sqrt(3.0)
     found = _found(readings, calibration, limits, names, (dials, inclination, errors, u, bounds), factor)
-    more = [*where.findings, *misread, *_unjudged(readings, calibration, kinds)]
+    more = [*where.findings, *misread, *_reasons_not_judged(readings, calibration, kinds)]
     if len(kinds) == 1:
         more += _strength(readings, calibration, kinds[0], seen)
     if stand is None and not found.accepted:
@@ -384,7 +391,7 @@ def _expected(
     own = own if stand.setting_sd is None else np.full(3, stand.setting_sd)
     matrix, by_setting, by_nuisance = orientation(dials, np.zeros(len(NUISANCE)))
     ratio, ratio_sd, said = gravity_elsewhere(readings, calibration, stand.gravity_sd)
-    base, turn, notes = _placed(readings, calibration, kinds, stand, own, (ratio, ratio_sd))
+    base, turn, notes = _stand_orientation(readings, calibration, kinds, stand, own, (ratio, ratio_sd))
     notes += said
     seen = fields_seen(readings, calibration, kinds, matrix @ base[:, 2], ratio)
     directions = {kinds[0]: base[:, 2] * np.median(np.linalg.norm(seen[kinds[0]], axis=1))}
@@ -418,7 +425,7 @@ def _stand_fields(
     return found
 
 
-def _placed(
+def _stand_orientation(
     readings: BenchReadings,
     calibration: Calibration,
     kinds: Sequence[str],
@@ -461,10 +468,10 @@ def _placed(
         values |= {"toward_deg": float(np.degrees(toward)), "north": north_of}
         values |= {"zero_deg": float(np.degrees(north)), "u_zero_deg": float(spread[2])}
         said = Finding("verify-base-fitted", values, severity="note")
-    return fit.matrix, turn, [said, *_hidden(readings, fit, both=both)]
+    return fit.matrix, turn, [said, *_hidden_constant_error(readings, fit, both=both)]
 
 
-def _hidden(readings: BenchReadings, fit: BaseFit, *, both: bool) -> list[Finding]:
+def _hidden_constant_error(readings: BenchReadings, fit: BaseFit, *, both: bool) -> list[Finding]:
     """How much of a constant error of inclination and of toolface is taken for the orientation of the stand."""
     wanted = orientation(np.stack(readings.dials, axis=1), np.zeros(len(NUISANCE)))[0] @ fit.matrix
     level = np.hypot(wanted[:, 0, 2], wanted[:, 1, 2])
@@ -483,7 +490,7 @@ def _hidden(readings: BenchReadings, fit: BaseFit, *, both: bool) -> list[Findin
     return hidden + ([Finding("verify-hidden-half", severity="note")] if shares["inclination"] > 50.0 else [])
 
 
-def _unjudged(readings: BenchReadings, calibration: Calibration, kinds: Sequence[str]) -> list[Finding]:
+def _reasons_not_judged(readings: BenchReadings, calibration: Calibration, kinds: Sequence[str]) -> list[Finding]:
     """What these sensors cannot be judged for."""
     found = []
     if len(kinds) == 1 and kinds[0] == "accelerometer":
