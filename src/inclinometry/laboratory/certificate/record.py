@@ -38,7 +38,7 @@ from inclinometry.laboratory.certificate.requirements import (
     open_warnings,
     two_accelerometers,
 )
-from inclinometry.language import current_language, label
+from inclinometry.language import current_language, label, number
 from inclinometry.report.calibration import log_scale
 from inclinometry.report.calibration_tables import (
     Row,
@@ -48,7 +48,7 @@ from inclinometry.report.calibration_tables import (
     sensor_names,
     shape_rows,
 )
-from inclinometry.report.figure import BAD, INK, MARKERS, SERIES, new_figure, style, styled
+from inclinometry.report.figure import BAD, INK, MARKERS, SERIES, decimal_signs, new_figure, style, styled
 from inclinometry.report.words import plain, rounded, significant
 from inclinometry.rotations import wrap_signed
 from inclinometry.sensors import Tool, in_field_of
@@ -137,6 +137,7 @@ def paper_svg(figure: Figure) -> str:
     width, height = (float(side) for side in figure.get_size_inches())
     from matplotlib.text import Text
 
+    decimal_signs(figure)
     for text in figure.findobj(Text):  # letters of the size of the page's
         text.set_fontsize(8.0)
     # margins that fit every drawing above: finding them again takes as long as drawing
@@ -183,6 +184,10 @@ CHINESE: Final = (
 """Fonts with Chinese letters that come with systems; none is small enough to come with a program."""
 
 
+NAMES: Final = ("number", "name", "certificate", "previous", "reason")
+"""Places of names that others have given, also where one looks like a number."""
+
+
 class Words:
     """The texts of one language."""
 
@@ -190,9 +195,10 @@ class Words:
         self._texts = texts
 
     def __call__(self, key: str, **values: object) -> str:
-        """The text with its places filled in; the values are put in as they are."""
+        """The text with its places filled in: numbers with the decimal sign of the language, names as they are."""
         text = self._texts[key]
-        return text.format(**values) if values else text
+        shown = {name: number(v) if isinstance(v, str) and name not in NAMES else v for name, v in values.items()}
+        return text.format(**shown) if values else text
 
     def method(self, name: str) -> str:
         """What a method of calibration is; its own name where there is no sentence."""
@@ -469,7 +475,7 @@ def table(
 ) -> Content:
     """A table as the template takes it; its first `left` columns are texts."""
     columns = ["auto"] * left + ["fr"] * (len(head) - left)
-    shown = [[*row[:left], *(re.sub(r"-(?=[0-9])", "−", cell) for cell in row[left:])] for row in rows]
+    shown = [[*row[:left], *(number(re.sub(r"-(?=[0-9])", "−", cell)) for cell in row[left:])] for row in rows]
     return {"caption": caption, "head": list(head), "rows": shown, "left": left, "size": size, "columns": columns}
 
 
@@ -523,7 +529,7 @@ def uncertainty_section(record: Content, say: Words) -> Content:
     if found.get("end_of_interval") is not None:
         texts.append(say("end_note", months=record["interval_months"]))
     picture = figure(paper_svg(uncertainty_figure(found)), say("curve_u"))
-    caption = f"U, k = {k:g}"
+    caption = say("b_expanded", k=f"{k:g}")
     texts = [*texts, say("gum", p=probability)]
     return section(title, texts, tables=[table(caption, head, rows)], figures=[picture])
 
@@ -672,7 +678,7 @@ def classical_section(record: Content, say: Words) -> Content:
     if adjustment is not None:
         apart = adjustment["largest_difference_deg"]
         same = bool(apart) and max(apart.values()) < 1e-4
-        said = label(", ").join(f"{say(name)} {significant(value)}°" for name, value in apart.items()) or "–"
+        said = label(", ").join(f"{say(name)} {number(significant(value))}°" for name, value in apart.items()) or "–"
         note = {"previous": adjustment["previous"] or say("not_stated")} | ({} if same else {"differences": said})
         texts.append(say("adjustment_same" if same else "adjustment_note", **note))
         kinds = label(", ").join(say(kind) for kind in adjustment.get("relative", {}))
