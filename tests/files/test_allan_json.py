@@ -26,7 +26,7 @@ def record(unit="rad/s", kind="gyro"):
         0.1,
         100,
         {"log": "sha256:1"},
-        (Finding("fit-no-redundancy", {"count": 9}),),
+        (Finding("input-empty", {"name": "md_m"}),),
     )
 
 

@@ -46,7 +46,7 @@ def correction(power=0.0):
         stations=4,
         chi_square=11.5,
         freedom=12,
-        findings=(example("fit-no-redundancy")._replace(rows=(2, 5)), restored("toolfaces leave a gap", "note")),
+        findings=(example("input-empty")._replace(rows=(2, 5)), restored("toolfaces leave a gap", "note")),
         inputs={"raw": "sha256:1"},
         information=np.linalg.inv(covariance),
         score=np.arange(5.0),

@@ -24,11 +24,14 @@ from inclinometry.sensors import Tool, Triad
 
 from .json_records import changed, put
 
+POWER = Finding("verify-power", {"angle": "azimuth", "times": 1.0 / 3.0}, severity="ignored")
 FINDINGS = (
-    Finding("fit-no-redundancy", {"count": 9}, (0, 3)),
-    Finding("verify-planned", {"finding": Finding("verify-power", {"times": 2.3})}, severity="note"),
-    Finding("verify-not-covered", {"angles": ("azimuth", "toolface")}),
-    Finding("verify-power", {"times": 1.0 / 3.0}, severity="ignored"),
+    Finding("input-empty", {"name": "md_m"}, (0, 3)),
+    Finding(
+        "verify-planned", {"finding": Finding("verify-power", {"angle": "azimuth", "times": 2.3})}, severity="note"
+    ),
+    Finding("verify-not-judged", {"names": ("azimuth", "toolface"), "why": "at no position"}),
+    POWER,
     restored("Roll the tool."),
 )
 """One with rows, one within another, a list, a number to the bit, a sentence of an older file."""
@@ -189,7 +192,7 @@ TRIAD = ("triads", "accelerometer")
         (put("rig", "sd_rad", [1]), "file-value", "$.rig.sd_rad"),
         (put("temperature_range_degC", [1]), "file-value", "$.temperature_range_degC"),
         (put("findings", [1]), "file-value", "$.findings[0]"),
-        (put("findings", 0, "values", "count", {"code": "x"}), "file-value", "$.findings[0].values.count"),
+        (put("findings", 0, "values", "name", {"code": "x"}), "file-value", "$.findings[0].values.name"),
         (put("findings", 0, "severity", "grave"), "file-value", "$.findings[0].severity"),
         (put("findings", 0, "rows", [0]), "file-value", "$.findings[0].rows[0]"),
         (lambda c: c.pop("rig"), "input-missing", "$.rig"),

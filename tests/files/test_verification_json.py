@@ -22,8 +22,8 @@ from .json_records import changed
 
 FINDINGS = (
     restored("inclination at 2", "note"),
-    Finding("verify-not-covered", {"angles": ("toolface",)}, severity="note"),
-    Finding("fit-no-redundancy", {"count": 9}),
+    Finding("verify-not-judged", {"names": ("toolface",), "why": "at no position"}, severity="note"),
+    Finding("input-empty", {"name": "md_m"}),
 )
 TOOL = Path(__file__).parents[1] / "reference" / "convention-house" / "tool.json"
 LIMITS = Limits("mine", "works standard 7", np.radians(0.1), np.radians(1.0), None, np.radians(3.0), "none")

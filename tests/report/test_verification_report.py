@@ -67,7 +67,7 @@ def test_hostile_names(found):
 
 @pytest.mark.long
 def test_a_pass_with_warnings_is_not_green(found):
-    doubted = verification_report(replace(found, findings=(example("verify-few"),)))
+    doubted = verification_report(replace(found, findings=(example("verify-freedom"),)))
     assert 'class="verdict good"' in verification_report(found)
     assert 'class="verdict warn"' in doubted
     assert "PASS, with reservations" in check(doubted).text

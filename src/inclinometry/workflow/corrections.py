@@ -80,7 +80,9 @@ def matching_correction(
     correction = read_corrections(path)
     digests = (correction.inputs.get("tool"), inputs.get("tool"))
     if correction.tool != tool or digests[0] != digests[1]:
-        raise FileError(Finding("work-other-calibration", {"made": correction.tool, "tool": tool}), path=path)
+        tools = zip((correction.tool, tool), digests, strict=True)
+        its, own = (f"{name or '-'} (tool.json {(digest or '-')[:8]})" for name, digest in tools)
+        raise FileError(Finding("work-other-tool", {"name": "correction", "its": its, "own": own}), path=path)
     try:
         refuse_beyond(correction.parameters)
     except InputError as error:

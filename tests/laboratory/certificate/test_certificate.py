@@ -23,6 +23,7 @@ from tests.refusals import refused
 import inclinometry
 from inclinometry.calibration.expected import expected_uncertainty, tool_temperature
 from inclinometry.calibration.result import Calibration
+from inclinometry.calibration.undetermined import few
 from inclinometry.constants import STEPS
 from inclinometry.errors import FileError
 from inclinometry.files.json_codec import restored
@@ -324,12 +325,12 @@ def test_what_cannot_be_shown_is_left_out_of_the_record() -> None:
 def test_warnings_and_units_are_in_the_language_of_the_certificate(seen: list[dict[str, str]]) -> None:
     """Nobody reads English on the Russian certificate of a doubtful verification, but names and codes."""
     doubted = copy.deepcopy(verification(1.0))
-    few = Finding("verify-few", {"positions": 4, "least": 6})
-    doubted["report"]["findings"] = [few.stored()]
+    said = few("positions to verify a tool", 4, 6, "Take more over the range of use")
+    doubted["report"]["findings"] = [said.stored()]
     certificate_pdf(record(verification=doubted) | {"language": "ru"})
     text = json.dumps(seen[0], ensure_ascii=False)
-    assert str(few) not in text
-    assert say(few, "ru").rstrip(".") in "".join(seen[0]["conformity"])
+    assert str(said) not in text
+    assert say(said, "ru").rstrip(".") in "".join(seen[0]["conformity"])
     assert "counts" not in text
     assert "ед. АЦП на g" in text
 
@@ -602,8 +603,28 @@ def test_the_reservation_of_a_pass_stands_in_the_box(seen: list[dict[str, str]])
     """Limits of tens of degrees, which find only a much worse tool."""
     certificate_pdf(record(verification=verification(40.0)))
     box = " ".join(seen[0]["conformity"]).replace("\u200b", "")
-    assert str(Finding("verify-wide-limit", {"angle": "inclination", "limit_deg": 40.0, "usual_deg": 2.0})) in box
-    assert str(Finding("verify-detects-limits", {"positions": 12, "times": ">100"})) in box
+    assert (
+        str(
+            Finding(
+                "verify-wide",
+                {"angle": "inclination", "limit_deg": 40.0, "usual_deg": 2.0, "remedy": "Give a narrower limit"},
+            )
+        )
+        in box
+    )
+    assert (
+        str(
+            Finding(
+                "verify-detects-little",
+                {
+                    "positions": 12,
+                    "times": ">100",
+                    "remedy": "Agree on narrower limits, or take a pass as a test of these limits only",
+                },
+            )
+        )
+        in box
+    )
     assert seen[0]["conformity_colour"] == "#8a5a00"
 
 
