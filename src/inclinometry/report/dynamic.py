@@ -298,7 +298,7 @@ def excerpt_figure(axes: Axes, found: result.Excerpt, names: Sequence[str], what
 
 
 def _printed(unit: str) -> str:
-    return unit.replace("m/s^2", "m/s²").replace("m/s2", "m/s²")
+    return label(unit.replace("m/s^2", "m/s²").replace("m/s2", "m/s²"))
 
 
 METHOD_WORDS: Final = {
@@ -657,9 +657,9 @@ def _facts(run: result.DynamicRun) -> list[tuple[str, str]]:
             "Samples",
             label("{samples}, {missing} of them missing or clipped", samples=counts.samples, missing=counts.missing),
         ),
-        ("Sampling interval", f"{counts.interval:.6g} s"),
+        ("Sampling interval", label("{time_s:.6g} s", time_s=counts.interval)),
         ("Time", label("{start} to {stop} s", start=plain(counts.start, 3), stop=plain(counts.stop, 3))),
         ("Stretches without a gap", str(counts.stretches)),
-        ("Window", f"{run.window:g} s"),
+        ("Window", label("{time_s:.6g} s", time_s=run.window)),
         ("North reference", run.north),
     ]
