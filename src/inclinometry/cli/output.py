@@ -122,10 +122,10 @@ def check_outputs(outputs: Mapping[str, Path | None], inputs: Mapping[str, Path 
             continue
         for other, there in taken:
             if _same(path, there):
-                raise FileError(Finding("option-same-file", {"name": name, "other": other}), path=path)
+                raise FileError(Finding("input-same-file", {"name": name, "other": other}), path=path)
         taken.append((name, path))
         if name == "--report" and path.suffix.lower() not in (".html", ".htm"):
-            raise FileError(Finding("option-ending", {"ending": path.suffix, "needed": (".html",)}), path=path)
+            raise FileError(Finding("file-ending", {"ending": path.suffix, "allowed": (".html",)}), path=path)
 
 
 def _exists(path: Path) -> bool:

@@ -309,7 +309,7 @@ def _p7(path: Path) -> Pieces:
 
     surveys = read_p7(path).surveys
     if len(surveys) != 1:
-        raise FileError(Finding("file-surveys", {"count": len(surveys)}), path=path)
+        raise FileError(Finding("file-surveys", {"names": tuple(map(str, surveys))}), path=path)
     return _survey(path, next(iter(surveys.values())))
 
 

@@ -160,6 +160,6 @@ def _kept(certificates: Certificates, serial: str, path: Path) -> tuple[str, Sen
     correction = read_corrections(path)
     for one in certificates.of(serial):
         if certificates.content(one.calibration)[0] == correction.inputs.get("tool"):
-            output.warnings(correction.warnings)
+            output.findings(correction.findings)
             return one.calibration, correction
     raise FileError(Finding("fleet-evidence-raw", {"tool": serial}), path=path)

@@ -54,6 +54,6 @@ def at_the_run(
     tool = add_stability(calibration.tool, years, known)
     days = years * DAYS_PER_YEAR
     if not tool.stability.any():
-        return calibration, [Finding("work-age-none", {"days": days}, severity="note")]
-    values: dict[str, Value] = {"days": days, "source": known.source}
+        return calibration, [Finding("work-age", {"days": days, "source": ()}, severity="note")]
+    values: dict[str, Value] = {"days": days, "source": (known.source,)}
     return replace(calibration, tool=tool), [Finding("work-age", values, severity="note")]
