@@ -179,7 +179,8 @@ def _shown(name: str, value: Value, spec: str, language: str, own: str) -> str:
         return join.join([_word(", ", language, own).join(shown[:-1]), shown[-1]] if shown[1:] else shown)
     if isinstance(value, str):
         if spec == "name":
-            return translations(language, "label").get(value) or translations(language, "word").get(value, value)
+            known = translations(language, "word") | translations(language, "label")
+            return known.get(value, _short(value))
         return _word(value, language, own) if spec == "word" else value if spec == "whole" else _short(value)
     unit = next((end for end in UNITS if name.endswith(end)), "")
     text = format(value, spec or ("d" if isinstance(value, int) else ".12g" if unit == "_m" else ".3g"))
