@@ -57,8 +57,8 @@ class ToolHistory(Tabular):
     reference : Tool, optional
         What the values are relative to.
     run : sequence of str, optional
-        Name of the run in the hole whose evidence a row is (`inclinometry.survey.evidence`); "" of a calibration. The
-        first is a calibration.
+        Name of the run in the hole whose evidence a row is (`survey.history_from_run`); "" of a calibration.
+        The first is a calibration.
 
     Raises
     ------

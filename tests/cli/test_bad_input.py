@@ -116,7 +116,7 @@ def test_survey_refuses_garbage_and_writes_nothing(run, well):
 def test_survey_with_swapped_magnetometer_axes_raises_the_dip_flag(run, well):
     edit(swapped, "raw.csv")
     survey = ("survey", "bad.csv", "--calibration", "tool.json", "-o", "survey.csv")
-    run(*survey).refused("[run-channels-calibrated;")
+    run(*survey).refused("[run-channels;")
     done = run(*survey, "--ignore", "axes").ok()
     assert "[survey-flagged]" in done.err
 

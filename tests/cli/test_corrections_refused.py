@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from inclinometry.files.json_codec import restored
 from inclinometry.orientation import fields
 from inclinometry.survey.quality import BLINDNESS
 
@@ -14,9 +15,9 @@ SITE = 'north_reference = "magnetic"\ng = 9.81\nsigma_g = 0.01\nb_nT = {}\nsigma
 SURVEY = ("survey", "raw.csv", "--site", "site.toml", "-o", "survey.csv")
 MSA = ("msa", "raw.csv", "--site", "site.toml", "-o", "corrections.json")
 MIRRORED = {
-    "magnetometer: channel y reversed": [1, 1, 1, 1, -1, 1],
-    "magnetometer: channel z reversed": [1, 1, 1, 1, 1, -1],
-    "opposite sign": [1, 1, 1, -1, -1, -1],
+    "magnetometer: y reversed": [1, 1, 1, 1, -1, 1],
+    "magnetometer: z reversed": [1, 1, 1, 1, 1, -1],
+    "x, y and z reversed": [1, 1, 1, -1, -1, -1],
 }
 
 
@@ -57,7 +58,7 @@ def test_a_site_that_cannot_judge_is_refused(run, missing):
 @pytest.mark.parametrize("command", [MSA, (*SURVEY, "--correct", "msa"), (*SURVEY, "--correct", "axial")])
 def test_wrong_signs_are_told_before_a_correction(run, said, command):
     given(lambda axes: axes * MIRRORED[said])
-    dip = said == "opposite sign"
+    dip = said == "x, y and z reversed"
     refused(run(*command), said, "[survey-wiring-axes]" if dip else "[run-channels;")
     refused(run(*command, "--ignore", "axes"), "[survey-wiring-axes]")
     assert not Path("corrections.json").exists()
@@ -66,7 +67,7 @@ def test_wrong_signs_are_told_before_a_correction(run, said, command):
 @pytest.mark.parametrize("command", [MSA, (*SURVEY, "--correct", "msa"), (*SURVEY, "--correct", "axial")])
 def test_wrong_units_and_references_are_not_corrected(run, command):
     given(lambda axes: axes / [9.81, 9.81, 9.81, 1, 1, 1])
-    refused(run(*command), "[run-gravity-unit;")
+    refused(run(*command), "[run-unit;")
     refused(run(*command, "--ignore", "units"), "Median gravity is 1 ", "[survey-total-far]")
     given(b=90_000.0)
     refused(run(*command), "Median |b| is ", "[survey-total-far]")
@@ -103,7 +104,7 @@ def test_a_stored_warning_is_repeated(run):
     given()
     assert run(*MSA).status == 0
     stored = json.loads(Path("corrections.json").read_text())
-    stored["warnings"] = ["station 3 does not fit the others"]
+    stored["findings"] = [restored("station 3 does not fit the others").stored()]
     Path("corrections.json").write_text(json.dumps(stored))
     done = run(*SURVEY, "--correct", "corrections.json")
     assert "station 3 does not fit the others" in done.err

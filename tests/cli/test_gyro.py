@@ -200,8 +200,8 @@ def test_histories_that_do_not_belong(run, simulated):
     )
     write_scale(replace(read_scale("scale.json"), tool="A7"), "A7.json")
     command = (*NORTH, "-o", "out.csv", "--history", "A7.json")
-    refused(run, *command, "--calibration", "B9.json", parts=["[work-history-tool]"])
-    refused(run, *command, parts=["[work-history-tool]"])
+    refused(run, *command, "--calibration", "B9.json", parts=["[work-other-tool]"])
+    refused(run, *command, parts=["[work-other-tool]"])
     refused(
         run,
         *NORTH,

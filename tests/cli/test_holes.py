@@ -100,10 +100,10 @@ def test_azimuths_are_turned_to_the_grid(run, tables):
     [
         ("H1,100,-60,90", "H1,0,-60,90", 3, "holes-depth-order"),
         ("H1,0,-60,90", "H1,200,-60,90", 3, "holes-depth-order"),
-        ("H1,100,-60,90", "H1,100,,90", 3, "holes-cell-empty"),
-        ("H1,100,-60,90", "H1,100,-60,", 3, "holes-cell-empty"),
-        ("H1,100,-60,90", "H1,100,-95,90", 3, "holes-angle-range"),
-        ("H1,100,-60,90", "H1,100,-60,400", 3, "holes-angle-range"),
+        ("H1,100,-60,90", "H1,100,,90", 3, "table-empty"),
+        ("H1,100,-60,90", "H1,100,-60,", 3, "table-empty"),
+        ("H1,100,-60,90", "H1,100,-95,90", 3, "file-value"),
+        ("H1,100,-60,90", "H1,100,-60,400", 3, "file-value"),
         ("H1,100,-60,90", "H1,160,-60,90", 2, "holes-end-above"),
         ("H1,100,-60,90", "H1,100,60,270", 2, "survey-half-turn"),
         ("UP,50", "up,50", 4, "holes-collar-missing"),
@@ -159,7 +159,7 @@ def test_feet_and_nothing_left(run, tables):
     Path("surveys.csv").write_text("hole,depth_ft,dip_deg,azimuth_deg\nUP,100,30,0\n")
     assert ends(holes(run, "--json"))["UP"][2] == pytest.approx(30.0 + 15.24)
     Path("surveys.csv").write_text("hole,depth_m,dip_deg,azimuth_deg\nQ,100,30,0\n")
-    holes(run, "--skip-faulty").refused("[holes-none-left]")
+    holes(run, "--skip-faulty").refused("[holes-faulty]")
 
 
 def test_the_table_for_people(run, tables):

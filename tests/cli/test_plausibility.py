@@ -130,8 +130,8 @@ def test_check_says_what_survey_would_of_six_axes(run):
     gravity = [row.split(",") for row in rows]
     in_g = [",".join([row[0], *(f"{float(v) / 9.80665:.7f}" for v in row[1:4]), *row[4:]]) for row in gravity]
     Path("unit.csv").write_text("\n".join([header, *in_g]) + "\n")
-    assert "[run-gravity-unit]" in checked(run, 1, "unit.csv")
-    run("survey unit.csv --site site.toml").refused("[run-gravity-unit;")
+    assert "[run-unit]" in checked(run, 1, "unit.csv")
+    run("survey unit.csv --site site.toml").refused("[run-unit;")
     renamed = header.replace("_m_s2", "_g")
     Path("unit.csv").write_text("\n".join([renamed, *in_g]) + "\n")
     assert checked(run, 0, "unit.csv")
@@ -161,10 +161,10 @@ def test_check_judges_raw_channels_by_their_calibration(run):
     assert "survey --calibration: accepted" in checked(run, 0, *with_tool)
     assert "[check-raw]" in checked(run, 0, "raw.csv")
     write(md, lambda values: values[:, [0, 2, 1]])
-    assert "To accept it: --ignore run-channels-calibrated." in checked(run, 1, *with_tool)
-    run("survey", *with_tool).refused("[run-channels-calibrated;")
+    assert "To accept it: --ignore run-channels." in checked(run, 1, *with_tool)
+    run("survey", *with_tool).refused("[run-channels;")
     write(md, lambda values: 10.0 * values)
-    assert "[run-gravity-calibrated]" in checked(run, 1, *with_tool)
+    assert "[run-total-calibrated]" in checked(run, 1, *with_tool)
     # depths need no calibration
     write(np.where(md > 1000.0, md / 0.3048, md))
     assert "[run-depths-mixed]" in checked(run, 1, "raw.csv")
@@ -176,7 +176,7 @@ def test_check_judges_raw_channels_by_their_calibration(run):
 
 def told(run):
     """Causes of findings."""
-    return [values.get("cause") for _, values in codes(run("survey run.csv --site site.toml --json"))]
+    return [one["values"].get("cause") for one in run("survey run.csv --site site.toml --json").json["findings"]]
 
 
 def test_the_dip_of_a_site_with_the_wrong_sign(run):
@@ -242,7 +242,7 @@ def test_verify_says_its_reservation_in_words_and_in_json(run):
     assert "Wide limit, azimuth: 40 deg" in done.err
     assert "Wide limit, azimuth: 40 deg" in Path("verify.json").read_text()
     done = run("verify v.csv --calibration tool.json --limits wide.toml --json")
-    assert "verify-detects-limits" in [one["code"] for one in done.json["reservations"]]
+    assert "verify-detects-little" in [one["code"] for one in done.json["reservations"]]
 
 
 def test_quality_does_not_call_what_it_could_not_judge_not_passed(run):

@@ -44,7 +44,8 @@ def test_degrees_feet_and_a_single_run(tmp_path):
     assert found.reading.step == pytest.approx(0.5 * FOOT)
     np.testing.assert_allclose(found.reading.faces["a"][:, 0], TILT, rtol=1e-12)
     (one,) = found.findings
-    assert (one.code, one.values["reading"]) == ("holes-single-run", "casing.csv")
+    assert (one.code, one.values["reading"]) == ("holes-unknown", "casing.csv")
+    assert one.values["advice"] == "Read a second run, turned by half a turn"
 
 
 def spoilt(values, place, value):
@@ -67,9 +68,9 @@ A = {"depth_m": DEPTH, "a0_sin": TILT, "a180_sin": -TILT}
         (A | {"b0_mm": TILT, "b180_mm": -TILT}, 1, "table-units"),
         ({"depth_m": DEPTH, "a0": TILT}, 1, "readings-unit-unstated"),
         ({"depth_m": DEPTH, "a0_furlong": TILT}, 1, "readings-unit-unstated"),
-        (A | {"a0_sin": spoilt(TILT, 6, 1.5)}, 8, "holes-tilt-large"),
-        ({"depth_m": DEPTH, "a0_deg": spoilt(TILT, 6, 91.0)}, 8, "holes-tilt-large"),
-        (A | {"a180_sin": TILT}, 1, "holes-faces-follow"),
+        (A | {"a0_sin": spoilt(TILT, 6, 1.5)}, 8, "file-value"),
+        ({"depth_m": DEPTH, "a0_deg": spoilt(TILT, 6, 91.0)}, 8, "file-value"),
+        (A | {"a180_sin": TILT}, 1, "holes-correlation"),
         (A | {"depth_m": spoilt(DEPTH, 6, 3.0)}, 8, "holes-depth-order"),
         (A | {"depth_m": spoilt(DEPTH, 6, 2.0)}, 8, "holes-depth-order"),
         (A | {"depth_m": spoilt(DEPTH, 6, 3.7)}, 8, "holes-depth-step"),
@@ -89,7 +90,7 @@ def test_a_depth_with_a_wrong_digit_is_named(tmp_path, way):
     with pytest.raises(FileError) as caught:
         read_casing(casing(tmp_path, columns, np.arange(30)[::way]))
     found = caught.value.finding
-    assert (found.code, found.values) == ("holes-depth-digit", {"md_m": 3.8, "step_m": 0.5, "expected_m": 3.5})
+    assert (found.code, found.values) == ("run-depth-digit", {"md_m": 3.8, "course_m": 0.5, "expected_m": 3.5})
     assert caught.value.line == (9 if way > 0 else 24)
 
 
@@ -98,7 +99,7 @@ def test_an_option_against_the_names_few_depths_and_steps_that_are_almost_even(t
         read_casing(casing(tmp_path, A), "mm")
     assert len(read_casing(casing(tmp_path, A), "sin").lines) == 12
     assert len(read_casing(casing(tmp_path, A, np.arange(5))).lines) == 5
-    with refused("holes-depths-few", error=FileError):
+    with refused("input-few", error=FileError):
         read_casing(casing(tmp_path, A, np.arange(4)))
     # a tape is read to a millimetre or two
     assert len(read_casing(casing(tmp_path, A | {"depth_m": spoilt(DEPTH, 6, 3.508)})).lines) == 12

@@ -13,9 +13,9 @@ from tests.refusals import refused
 from inclinometry.errors import FileError
 from inclinometry.files import excel
 from inclinometry.files.excel import sheet_blocks, write_excel
-from inclinometry.files.exchange import SurveyFile
 from inclinometry.files.profile import Profile, reading_with
 from inclinometry.files.six_axis import read_excel, read_survey
+from inclinometry.files.survey_file import SurveyFile
 
 from .surveys import same, survey
 

@@ -9,8 +9,8 @@ import pytest
 from tests.refusals import refused
 
 from inclinometry.errors import FileError
-from inclinometry.files.exchange import SurveyFile, survey_of
 from inclinometry.files.frame import Frame
+from inclinometry.files.survey_file import SurveyFile, survey_of
 
 MD = [0.0, 30.0, 60.0]
 

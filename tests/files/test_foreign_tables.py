@@ -18,9 +18,7 @@ from inclinometry.files._quantities import to_si
 from inclinometry.files.bench_csv import read_bench
 from inclinometry.files.casing_csv import read_casing
 from inclinometry.files.excel import write_excel
-from inclinometry.files.exchange import SurveyFile
 from inclinometry.files.las import write_las
-from inclinometry.files.layout import find_layout
 from inclinometry.files.log_csv import read_log
 from inclinometry.files.p7 import p7_file, write_p7
 from inclinometry.files.parquet import write_parquet
@@ -28,7 +26,9 @@ from inclinometry.files.position_csv import read_well
 from inclinometry.files.profile import PLAIN, Profile, reading_with, with_constants
 from inclinometry.files.run_file import open_run
 from inclinometry.files.six_axis import read_six_axis
+from inclinometry.files.survey_file import SurveyFile
 from inclinometry.files.table import read_table
+from inclinometry.files.table_formats import find_layout
 from inclinometry.files.witsml import write_witsml
 from inclinometry.orientation import fields
 

@@ -7,9 +7,9 @@ from tests.refusals import refused
 
 from inclinometry.errors import FileError
 from inclinometry.files import las
-from inclinometry.files.exchange import SurveyFile
 from inclinometry.files.las import write_las
 from inclinometry.files.six_axis import read_las
+from inclinometry.files.survey_file import SurveyFile
 
 from .surveys import same, saved
 

@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from tests.refusals import refused
 
 from inclinometry.errors import FileError
-from inclinometry.files.exchange import SurveyFile
 from inclinometry.files.p7 import p7_file, read_p7, write_p7
+from inclinometry.files.survey_file import SurveyFile
 from inclinometry.orientation import angles, dip_angle, fields
 
 from .surveys import same, saved

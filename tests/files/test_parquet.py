@@ -9,10 +9,10 @@ import pytest
 from tests.refusals import refused
 
 from inclinometry.errors import FileError
-from inclinometry.files.exchange import SurveyFile
 from inclinometry.files.parquet import write_parquet
 from inclinometry.files.run_file import open_run
 from inclinometry.files.six_axis import read_parquet
+from inclinometry.files.survey_file import SurveyFile
 
 from .surveys import same, survey
 

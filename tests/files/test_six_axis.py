@@ -10,9 +10,9 @@ from tests.refusals import refused
 from inclinometry.conventions import CONVENTIONS
 from inclinometry.errors import FileError
 from inclinometry.files._quantities import meaning, quantities
-from inclinometry.files.exchange import SurveyFile
 from inclinometry.files.six_axis import read_six_axis, read_survey, write_csv
 from inclinometry.files.survey_csv import read_survey_csv, write_survey_csv
+from inclinometry.files.survey_file import SurveyFile
 from inclinometry.orientation import angles, fields
 
 from .surveys import same

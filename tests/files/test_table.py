@@ -239,7 +239,7 @@ def test_blocks_taken_by_arrow_are_the_same_to_the_bit(tmp_path, monkeypatch):
     lines = [f"{a!r},s {k % 7} ,{b!r},{c!r}" for k, (a, b, c) in enumerate(values.tolist())]
     lines[50_000] = "1e-3,,+2.5,-.5"  # the careful way for its block
     quick = read_table(saved(tmp_path / "a.csv", "accel_x,operator,accel_y,accel_z\n" + "\n".join(lines) + "\n"))
-    monkeypatch.setattr("inclinometry.files.layout.TextTable._quickly", lambda self, block: None)
+    monkeypatch.setattr("inclinometry.files.table_formats.TextTable._quickly", lambda self, block: None)
     careful = read_table(tmp_path / "a.csv")
     for name in ("accel_x", "accel_y", "accel_z"):
         assert quick.number(name).tobytes() == careful.number(name).tobytes()

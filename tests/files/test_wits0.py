@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from tests.refusals import refused
 
 from inclinometry.errors import FileError, InputError
-from inclinometry.files.exchange import SurveyFile
+from inclinometry.files.survey_file import SurveyFile
 from inclinometry.files.wits0 import Wits0Map, read_frames, read_wits0, read_wits0_map, record_7, write_wits0
 from inclinometry.orientation import angles, fields
 

@@ -14,7 +14,7 @@ from lxml import etree
 from tests.refusals import coded, refused
 
 from inclinometry.errors import FileError
-from inclinometry.files.exchange import SurveyFile
+from inclinometry.files.survey_file import SurveyFile
 from inclinometry.files.witsml import read_witsml, write_witsml
 from inclinometry.orientation import angles, fields
 

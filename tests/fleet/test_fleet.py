@@ -19,7 +19,7 @@ from inclinometry.fleet.store import Store
 from inclinometry.fleet.task import converter, run
 from inclinometry.fleet.work import Done, carry_out
 from inclinometry.laboratory import certificates
-from inclinometry.laboratory.certified import Certificates
+from inclinometry.laboratory.valid_certificates import Certificates
 from inclinometry.orientation import angles
 from inclinometry.sensors import Tool, Triad
 from inclinometry.simulate.tool import realistic_tool, with_temperature

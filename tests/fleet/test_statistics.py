@@ -21,12 +21,12 @@ from inclinometry.files.json_codec import canonical
 from inclinometry.files.tool_json import read_extras, read_tool
 from inclinometry.history import relative_parameters
 from inclinometry.laboratory import certificates, drift
-from inclinometry.laboratory.certified import Certificates
-from inclinometry.laboratory.guided import plan_for
+from inclinometry.laboratory.guided_plans import plan_for
 from inclinometry.laboratory.ledger.ledger import Ledger, LedgerError
 from inclinometry.laboratory.progress import Goal
 from inclinometry.laboratory.registry import RegisteredTool, find_rig, put_tool
 from inclinometry.laboratory.session import Capture, capture, load_session, open_session
+from inclinometry.laboratory.valid_certificates import Certificates
 from inclinometry.sensors import Tool
 from inclinometry.simulate.bench import Rig, simulate_bench
 

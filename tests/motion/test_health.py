@@ -10,9 +10,9 @@ import pytest
 
 from inclinometry.earth.site import Site
 from inclinometry.findings import Finding
-from inclinometry.motion.health import HealthCheck, HealthSettings, WindowHealth
 from inclinometry.motion.reference import azimuth_uncertainty
 from inclinometry.motion.result import Samples
+from inclinometry.motion.window_checks import HealthCheck, HealthSettings, WindowHealth
 from inclinometry.motion.window_filter import WindowBuffer
 from inclinometry.simulate.drilling import SCENARIOS, DrillingSimulation, Scenario, simulate_drilling
 from inclinometry.simulate.drilling.scenario import Casing, Hole, Stuck

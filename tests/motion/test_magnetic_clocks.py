@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from inclinometry.earth.site import Site
-from inclinometry.motion.choose import ChooserSettings, choose_attitude
+from inclinometry.motion.automatic import ChooserSettings, choose_attitude
 from inclinometry.motion.magnetic.clocks import clock_offset
 from inclinometry.motion.magnetic.phase import MagneticSettings
 from inclinometry.motion.magnetic.window import magnetic_attitude

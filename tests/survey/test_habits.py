@@ -65,7 +65,7 @@ def test_all_depths_off_by_a_hundred_from_one_on():
     md, inclination, azimuth = hole()
     md[21:] += 100.0
     (found,) = check_run(Run(md, inclination, azimuth))
-    assert (found.code, found.rows) == ("run-depth-shift", tuple(range(21, 60)))
+    assert (found.code, found.rows) == ("run-depth-digit", tuple(range(21, 60)))
 
 
 @pytest.mark.parametrize(

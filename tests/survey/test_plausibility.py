@@ -158,7 +158,7 @@ def test_channels_of_one_triad_of_six_axes(order, signs, mistake):
     def change(g, b):
         b[:] = b[:, order] * signs
 
-    assert one(axes(change=change), "run-channels").values == {"mistake": mistake}
+    assert one(axes(change=change), "run-channels").values["mistake"] == mistake
 
 
 def test_the_last_depth_ten_times_too_large():
@@ -169,16 +169,20 @@ def test_the_last_depth_ten_times_too_large():
 
 def test_columns_and_units():
     md, inclination, azimuth = hole()
-    one(table(md, azimuth, inclination), "run-columns-exchanged")
-    one(table(md, np.radians(inclination), np.radians(azimuth)), "run-angles-radians")
-    one(table(md, np.abs(90.0 - inclination), azimuth), "run-inclination-horizontal")
+    one(table(md, azimuth, inclination), "run-angles", mistake="Columns of inclination and azimuth are exchanged")
+    one(table(md, np.radians(inclination), np.radians(azimuth)), "run-radians", angle="Inclinations and azimuths")
+    one(
+        table(md, np.abs(90.0 - inclination), azimuth),
+        "run-angles",
+        mistake="Inclination is counted from the horizontal",
+    )
     one(table(md, 180.0 - inclination, azimuth), "run-climbs")
 
 
 def test_a_level_hole_about_north_in_grads():
     md, r = np.arange(0.0, 1500.0, 30.0), np.random.default_rng(4)
     azimuth = (2.0 * r.normal(size=md.size)) % 360.0
-    one(table(md, np.full(md.size, 60.0), azimuth / 0.9), "run-azimuth-grads")
+    one(table(md, np.full(md.size, 60.0), azimuth / 0.9), "run-angles", mistake="Azimuths are in grads")
 
 
 def test_angles_that_nothing_explains():
@@ -186,7 +190,8 @@ def test_angles_that_nothing_explains():
     inclination, azimuth = r.uniform(20.0, 160.0, md.size), r.uniform(0.0, 360.0, md.size)
     one(table(md, inclination, azimuth), "run-off-line", total=md.size)
     (found,) = check_angles(axes(), np.radians(r.uniform(20.0, 160.0, 85)), None, "magnetic")
-    assert (found.code, found.values["angle"]) == ("run-angle-unexplained", "inclination")
+    assert (found.code, found.values["angle"]) == ("run-angle-differs", "inclination")
+    assert found.values["mistake"] == "no unit or sign explains it"
 
 
 def test_a_total_of_a_station_without_sensors():
@@ -217,12 +222,12 @@ def test_a_wrong_quadrant():
 def test_one_reading_at_five_depths():
     md, inclination, azimuth = hole()
     inclination[40:45], azimuth[40:45] = inclination[40], azimuth[40]
-    one(table(md, inclination, azimuth), "run-angles-repeated", count=5)
+    one(table(md, inclination, azimuth), "run-repeated", what="Inclination and azimuth", count=5)
 
     def pasted(g, b):
         g[30:35], b[30:35] = g[30], b[30]
 
-    one(axes(change=pasted), "run-reading-repeated", count=5)
+    one(axes(change=pasted), "run-repeated", what="All six readings", count=5)
 
 
 def test_a_block_of_rows_pasted_at_other_depths():
@@ -326,7 +331,7 @@ def test_axes_of_both_triads_exchanged(order, channel):
 
 @pytest.mark.parametrize("signs", [(1.0, 1.0, -1.0), (-1.0, -1.0, -1.0)])
 def test_axes_of_both_triads_reversed(signs):
-    one(axes(signs=signs), "run-axes-climb")
+    one(axes(signs=signs), "run-climbs", advice="Correct the column, or state the axes by --convention or --profile")
 
 
 def calibrated(change=lambda channels: channels):
@@ -366,12 +371,22 @@ def reordered(order, kinds=("accelerometer", "magnetometer")):
     ],
 )
 def test_channels_of_a_calibrated_tool(change, mistake):
-    assert one(calibrated(change), "run-channels-calibrated").values == {"mistake": (mistake,)}
+    assert one(calibrated(change), "run-channels").values["mistake"] == (mistake,)
 
 
 def test_fields_of_a_calibrated_tool_that_are_none_of_the_earth():
-    one(calibrated(lambda c: {**c, "magnetometer": 1e3 * c["magnetometer"]}), "run-field-calibrated", count=85)
-    one(calibrated(lambda c: {**c, "accelerometer": 1.1 * c["accelerometer"]}), "run-gravity-calibrated", count=85)
+    one(
+        calibrated(lambda c: {**c, "magnetometer": 1e3 * c["magnetometer"]}),
+        "run-total-calibrated",
+        quantity="magnetic field",
+        count=85,
+    )
+    one(
+        calibrated(lambda c: {**c, "accelerometer": 1.1 * c["accelerometer"]}),
+        "run-total-calibrated",
+        quantity="gravity",
+        count=85,
+    )
 
 
 def test_a_reading_that_is_no_field_in_another_order_is_no_obstacle():
@@ -443,8 +458,14 @@ def test_exchanged_axes_are_named_beside_a_clipped_channel():
 )
 def test_a_field_in_another_unit(g_factor, b_factor, unit, named):
     right = axes()
-    code = "run-field-unit" if g_factor == 1.0 else "run-gravity-unit"
-    one(Run.of_fields(right.md, g_factor * right.g, b_factor * right.b), code, unit=unit, named=named)
+    quantity = "magnetic field" if g_factor == 1.0 else "gravity"
+    one(
+        Run.of_fields(right.md, g_factor * right.g, b_factor * right.b),
+        "run-unit",
+        quantity=quantity,
+        unit=unit,
+        named=named,
+    )
 
 
 @pytest.mark.parametrize(("pairs", "refused"), [([(12, 60)], False), ([(12, 60), (70, 33)], True)])
@@ -486,7 +507,7 @@ def test_exchanged_columns_of_a_well_that_turns(turn_deg):
     inclination = np.abs(inclination)
     assert check_run(table(md, inclination, azimuth)) == []
     found = check_run(table(md, azimuth, inclination))
-    assert found[0].code in ("run-columns-exchanged", "run-top-exchanged")
+    assert found[0].code in ("run-angles", "run-top-exchanged")
 
 
 def test_depths_in_feet_of_six_digits():

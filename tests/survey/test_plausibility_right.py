@@ -92,7 +92,7 @@ def test_a_vertical_hole_at_a_steady_inclination_and_azimuth(seed, azimuth, alon
 def test_inclination_alone_in_radians(seed, digits):
     md, inclination, azimuth = hole(seed=seed)
     (found,) = check_run(table(md, np.radians(inclination).round(digits), azimuth))
-    assert (found.code, found.severity) == ("run-inclination-radians", "warning")
+    assert (found.values["angle"], found.severity) == ("Inclinations", "warning")
     assert np.log(1e3) <= found.values["log_ratio"] < np.log(1e4)
 
 
@@ -101,7 +101,7 @@ def test_azimuth_alone_in_radians(seed):
     md, inclination, azimuth = hole(seed=seed)
     deep = md > 600.0
     (found,) = check_run(table(md[deep], inclination[deep], np.radians(azimuth[deep]).round(4)))
-    assert (found.code, found.severity) == ("run-azimuth-radians", "warning")
+    assert (found.values["angle"], found.severity) == ("Azimuths", "warning")
 
 
 @pytest.mark.parametrize(("inclination", "azimuth"), [(0.8, 200.0), (20.0, 355.0), (45.0, 10.0), (130.0, 80.0)])
@@ -111,7 +111,7 @@ def test_both_angles_of_a_straight_hole_in_radians(seed, inclination, azimuth):
     run = noisy(seed, md, inclination, azimuth + (40.0 if inclination < 1.0 else 0.3) * np.sin(md))
     assert check_run(run) == []
     (found,) = check_run(table(md, run.inclination.round(4), run.azimuth.round(4)))
-    assert (found.code, found.severity) == ("run-angles-radians", "refused")
+    assert (found.values["angle"], found.severity) == ("Inclinations and azimuths", "refused")
 
 
 def test_a_plan_of_a_vertical_hole_is_no_file_in_radians():

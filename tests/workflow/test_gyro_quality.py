@@ -67,7 +67,7 @@ def test_the_same_run_twice_is_refused(tmp_path):
     copy = tmp_path / "b.csv"
     copy.write_bytes(path.read_bytes())
     for other in (path, copy):
-        with refused("work-same", error=FileError, file="a.csv"):
+        with refused("input-same-file", error=FileError, other="a.csv"):
             compare_run_files(path, other)
     # other bytes, the same azimuths; and the same from another north
     with refused("survey-runs-same", quantity="azimuth"):

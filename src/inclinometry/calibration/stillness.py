@@ -182,7 +182,7 @@ def still_intervals(
     rounding = quantisation_variance(x)
     alive = np.ptp(x, axis=0) > 0.0
     if not alive.any():
-        raise refused("fit-signals-constant")
+        raise refused("fit-signals-constant", {"channels": ("all",)})
     variance = np.maximum(moving_variance(x[:, alive], windows), rounding[alive])
     floor = noise_floor(variance, ratio)
     activity = np.mean(variance / floor, axis=1)

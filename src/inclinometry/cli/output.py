@@ -41,7 +41,7 @@ _aliases: dict[str, str] = {}
 
 
 @contextmanager
-def called(path: Path, name: str) -> Iterator[None]:
+def path_alias(path: Path, name: str) -> Iterator[None]:
     """Whatever is said of a file within, it is called so."""
     _aliases[str(path)] = name
     try:
@@ -61,7 +61,7 @@ def named(text: str) -> str:
     return text
 
 
-def say(text: str = "") -> None:
+def print_line(text: str = "") -> None:
     """A line on standard output; on a terminal broken between words."""
     console.print(wrapped(named(text), sys.stdout))
 
@@ -95,7 +95,7 @@ def excerpt(shown: int, total: int) -> str:
     return "" if shown == total else f", {shown} of {total}"
 
 
-def claim(outputs: Mapping[str, Path | None], inputs: Mapping[str, Path | None]) -> None:
+def check_outputs(outputs: Mapping[str, Path | None], inputs: Mapping[str, Path | None]) -> None:
     """Refuse, before anything is computed, outputs that cannot be written or would overwrite an input or each other."""
     taken = [(name, path) for name, path in inputs.items() if path is not None and _exists(path)]
     for name, path in outputs.items():
@@ -120,10 +120,10 @@ def claim(outputs: Mapping[str, Path | None], inputs: Mapping[str, Path | None])
             continue
         for other, there in taken:
             if _same(path, there):
-                raise FileError(Finding("option-same-file", {"name": name, "other": other}), path=path)
+                raise FileError(Finding("input-same-file", {"name": name, "other": other}), path=path)
         taken.append((name, path))
         if name == "--report" and path.suffix.lower() not in (".html", ".htm"):
-            raise FileError(Finding("option-ending", {"ending": path.suffix, "needed": (".html",)}), path=path)
+            raise FileError(Finding("file-ending", {"ending": path.suffix, "allowed": (".html",)}), path=path)
 
 
 def _exists(path: Path) -> bool:
@@ -140,12 +140,14 @@ def _same(one: Path, other: Path) -> bool:
     return os.path.normcase(one.resolve()) == os.path.normcase(other.resolve())
 
 
-def written(target: Path | None, report: Path | None = None, *, what: str = "", sources: Path | None = None) -> None:
+def print_outputs(
+    target: Path | None, report: Path | None = None, *, what: str = "", sources: Path | None = None
+) -> None:
     """What went where, or how it would."""
     done = [f"{what} written to {target}".strip()] if target is not None else []
     done += [f"report {'to' if done else 'written to'} {report}"] if report is not None else []
     done += [f"sources {'to' if done else 'written to'} {sources}"] if sources is not None else []
-    say(", ".join(done) or "nothing was written; -o names a file")
+    print_line(", ".join(done) or "nothing was written; -o names a file")
 
 
 def print_json(content: Any) -> None:

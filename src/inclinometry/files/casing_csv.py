@@ -114,7 +114,7 @@ def _order(table: Frame, depth: Array) -> Index:
     """Rows from top to bottom; FileError where depths repeat, turn back or leave the even grid."""
     least = 5  # steps below which a scatter of check-sums says nothing
     if len(depth) < least:
-        raise table.error(Finding("holes-depths-few", {"count": len(depth), "least": least}, severity="refused"))
+        raise table.error(Finding("input-few", {"name": "depths", "count": len(depth), "least": least}))
     steps = np.diff(depth)
     way = np.sign(np.median(steps)) or 1.0
     if (bad := np.flatnonzero(way * steps <= 0.0)).size:
@@ -130,8 +130,8 @@ def _order(table: Frame, depth: Array) -> Index:
         # as a run's depths: a wrong digit, or all shifted from one on
         if (off := broken_habit(depth if way > 0.0 else depth[::-1])) is not None:
             row = off.k if way > 0.0 else len(depth) - 1 - off.k
-            digit: dict[str, Value] = {"md_m": float(depth[row]), "step_m": off.usual, "expected_m": off.expected}
-            one = Finding("holes-depth-digit", digit, (row,), "refused")
+            digit: dict[str, Value] = {"md_m": float(depth[row]), "course_m": off.usual, "expected_m": off.expected}
+            one = Finding("run-depth-digit", digit, (row,), "refused")
         raise table.error(one, row)
     return np.argsort(depth)
 
@@ -143,15 +143,12 @@ def _sines(table: Frame, name: str, written: str, stated: str | None, step: floa
     if unit not in UNITS:
         raise table.error(Finding("readings-unit-unstated", {"column": name, "unit": unit or "", "allowed": UNITS}))
     values = table.number(name)
-    if unit == "deg":
-        sines = np.where(np.abs(values) <= 90.0, np.sin(np.radians(values)), 2.0)
-    else:
-        sines = values / {"digi-25000": 25000.0, "digi-20000": 20000.0, "sin": 1.0, "mm": 1000.0 * step}[unit]
-    if (bad := np.flatnonzero(np.abs(sines) > 1.0)).size:
+    level = {"digi-25000": 25000.0, "digi-20000": 20000.0, "sin": 1.0, "mm": 1000.0 * step, "deg": 90.0}[unit]
+    if (bad := np.flatnonzero(np.abs(values) > level)).size:
         row = int(bad[0])
-        facts: dict[str, Value] = {"column": name, "value": float(values[row]), "unit": unit}
-        raise table.error(Finding("holes-tilt-large", facts, (row,), "refused"), row)
-    return np.asarray(sines)
+        facts: dict[str, Value] = {"value": float(values[row]), "allowed": f"-{level:g} .. {level:g} ({unit})"}
+        raise table.error(Finding("file-value", facts | {"column": name}, (row,)), row)
+    return np.sin(np.radians(values)) if unit == "deg" else values / level
 
 
 def write_displacements(path: str | Path, found: Sequence[tuple[str, Displacement]]) -> None:

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from inclinometry.errors import FileError, InputError, refused, system_reason
-from inclinometry.files.exchange import SurveyFile, columns_of
+from inclinometry.files.survey_file import SurveyFile, columns_of
 from inclinometry.files.text import OLD_EXCEL, Block
 from inclinometry.files.writing import replacing
 from inclinometry.findings import Finding

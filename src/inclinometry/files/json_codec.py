@@ -14,7 +14,7 @@ import numpy as np
 
 from inclinometry.errors import FileError, in_file, refused, wrong_kind
 from inclinometry.files.writing import write_bytes
-from inclinometry.findings import Finding, Value
+from inclinometry.findings import Finding, Severity, Value, room, rooms, say
 from inclinometry.opening import whole
 
 if TYPE_CHECKING:
@@ -142,7 +142,10 @@ def validate(content: Json, name: str, path: str | Path) -> None:
     """Check against a shipped schema; FileError with the JSON path, the value found and what it must be."""
     from jsonschema.exceptions import best_match
 
-    error = best_match(_validator(name).iter_errors(content))
+    try:
+        error = best_match(_validator(name).iter_errors(content))
+    except RecursionError as error:  # findings may be values of findings
+        raise FileError(Finding("file-format", {"format": "JSON", "reason": str(error)}), path=path) from None
     if error is None:
         return
     where = "$" + "".join(f"[{p}]" if isinstance(p, int) else f".{p}" for p in error.absolute_path)
@@ -227,3 +230,37 @@ def shown(value: Any) -> str:
     if isinstance(value, dict | list):
         return f"{'a list' if isinstance(value, list) else 'an object'} of {len(value)} entries"
     return f"{text[:57]}..."
+
+
+# Findings of records: code and values, whose sentence is made where a user reads it.
+
+
+def restored(kept: Mapping[str, Any] | str, severity: Severity = "warning") -> Finding:
+    """A finding as a file keeps it; `record-text` for the sentence of an older file, or a code of another version."""
+    if isinstance(kept, str):
+        return Finding("record-text", {"text": kept}, severity=severity)
+    name = kept["code"].partition("-")[0]
+    own = room(name).get(kept["code"]) if name in rooms() else None
+    if own is not None and own.example.keys() <= kept["values"].keys():
+        values = {name: _restored(value) for name, value in kept["values"].items()}
+        found = Finding(kept["code"], values, tuple(row - 1 for row in kept["rows"]), kept["severity"])
+        try:
+            say(found)
+            return found
+        except (KeyError, TypeError, ValueError):  # a value of another kind
+            pass
+    return restored(str(dict(kept)), kept["severity"])
+
+
+def findings_in(record: Mapping[str, Any]) -> tuple[Finding, ...]:
+    """The findings of a stored record; older ones keep sentences: warnings, and notes or reasons."""
+    warned, noted = record.get("warnings", ()), record.get("notes", record.get("reasons", ()))
+    return (*map(restored, record.get("findings", warned)), *(restored(text, "note") for text in noted))
+
+
+def _restored(value: Any) -> Value:
+    if isinstance(value, dict):
+        return restored(value)
+    if isinstance(value, list):
+        return tuple(map(_restored, value))
+    return math.nan if value is None else value

@@ -17,10 +17,10 @@ from inclinometry.arrays import Array
 from inclinometry.errors import FileError, InputError, in_file
 from inclinometry.files import writing
 from inclinometry.files._quantities import meaning, quantities_by_column, same_unit
-from inclinometry.files.exchange import SurveyFile, columns_of
 from inclinometry.files.frame import Column, Frame
-from inclinometry.files.layout import row_width
 from inclinometry.files.profile import with_unit
+from inclinometry.files.survey_file import SurveyFile, columns_of
+from inclinometry.files.table_formats import row_width
 from inclinometry.files.text import NULLS
 from inclinometry.files.writing import write_text
 from inclinometry.findings import Finding

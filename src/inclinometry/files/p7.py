@@ -20,9 +20,9 @@ import numpy as np
 from inclinometry.errors import FileError, refused, wrong_kind
 from inclinometry.files import writing
 from inclinometry.files._quantities import quantities, unit_factor
-from inclinometry.files.exchange import SurveyFile, survey_of, to_vendor, values_of
 from inclinometry.files.frame import Column, Frame
-from inclinometry.files.layout import row_width
+from inclinometry.files.survey_file import SurveyFile, survey_of, to_vendor, values_of
+from inclinometry.files.table_formats import row_width
 from inclinometry.files.text import LineReader, NumberReader
 from inclinometry.files.writing import write_text
 from inclinometry.findings import Finding

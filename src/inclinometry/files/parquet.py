@@ -13,9 +13,9 @@ import numpy as np
 from inclinometry.arrays import Array
 from inclinometry.errors import FileError, InputError, in_file, system_reason, wrong_kind
 from inclinometry.files._quantities import quantities_by_column
-from inclinometry.files.exchange import SurveyFile, columns_of
 from inclinometry.files.frame import Column, Frame
 from inclinometry.files.profile import with_unit
+from inclinometry.files.survey_file import SurveyFile, columns_of
 from inclinometry.files.text import Progress
 from inclinometry.files.writing import replacing
 from inclinometry.findings import Finding

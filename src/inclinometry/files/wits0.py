@@ -21,8 +21,8 @@ from inclinometry.earth.site import REFERENCES
 from inclinometry.errors import FileError, InputError, in_file, not_among, out_of_range, refused, wrong_kind
 from inclinometry.files import writing
 from inclinometry.files._quantities import Meaning, meaning, quantities
-from inclinometry.files.exchange import SurveyFile, survey_of, to_vendor, values_of
 from inclinometry.files.frame import Column, Frame
+from inclinometry.files.survey_file import SurveyFile, survey_of, to_vendor, values_of
 from inclinometry.files.text import NUMBER, LineReader
 from inclinometry.files.toml_keys import load
 from inclinometry.files.writing import write_text

@@ -27,8 +27,8 @@ from inclinometry.digest import digest_bytes
 from inclinometry.errors import FileError, InputError, in_file, refused, wrong_kind
 from inclinometry.files import writing
 from inclinometry.files._quantities import quantities
-from inclinometry.files.exchange import SurveyFile, corrections_to_native, survey_of, to_vendor, values_of
 from inclinometry.files.frame import Column, Frame, unused
+from inclinometry.files.survey_file import SurveyFile, corrections_to_native, survey_of, to_vendor, values_of
 from inclinometry.files.text import NUMBER
 from inclinometry.files.writing import write_bytes
 from inclinometry.findings import Finding

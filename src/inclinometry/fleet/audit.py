@@ -15,7 +15,7 @@ from inclinometry.fleet.plan import table
 from inclinometry.fleet.raw import CATALOGUE, Raw, catalogue
 from inclinometry.fleet.store import STAGED, Store
 from inclinometry.fleet.task import VERSION, check_pages, footer_of
-from inclinometry.laboratory.certified import Certificates, Certified
+from inclinometry.laboratory.valid_certificates import Certificates, Certified
 
 Progress = Callable[[float], None] | None
 

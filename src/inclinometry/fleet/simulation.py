@@ -116,7 +116,7 @@ def simulate(
             {"output": output_, "ledger": place, "tools": tools, "calibrations": made, "runs": tools * runs}
         )
         return
-    output.say(
+    output.print_line(
         f"{output.counted(tools, 'tool')}, {output.counted(made, 'certified calibration')} in {place}, "
         f"{output.counted(tools * runs, 'run')} in {output_ / 'runs'}, the truth in {output_ / 'truth'}"
     )

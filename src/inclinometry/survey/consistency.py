@@ -85,7 +85,7 @@ def check_angles(
 
 def _beside(angle: str, given: float, ways: Mapping[str, float]) -> Finding:
     mistake = min(ways, key=lambda one: ways[one])
-    values: dict[str, Value] = {"angle": angle, "off_deg": float(np.degrees(given))}
-    if ways[mistake] > 0.3 * given:
-        return Finding("run-angle-unexplained", values)
-    return Finding("run-angle-differs", values | {"left_deg": float(np.degrees(ways[mistake])), "mistake": mistake})
+    sizes: dict[str, Value] = {"off_deg": float(np.degrees(given)), "left_deg": float(np.degrees(ways[mistake]))}
+    explained = ways[mistake] <= 0.3 * given
+    mistake = mistake if explained else "no unit or sign explains it"
+    return Finding("run-angle-differs", sizes | {"angle": angle, "mistake": mistake})

@@ -10,7 +10,7 @@ import numpy as np
 
 from inclinometry.arrays import Array, Mask, finite, frozen
 from inclinometry.errors import InputError
-from inclinometry.findings import Finding, Value, refused_if
+from inclinometry.findings import Finding, Severity, Value, refused_if
 from inclinometry.survey.run_stations import copied_block, repeated_block
 
 SPIKE_LIMIT: Final = 5.0
@@ -167,9 +167,7 @@ def _belongs(base: CasingReading, now: CasingReading) -> None:
     if off.size or len(base.depth) != len(now.depth):
         k = int(off[0]) if off.size else -1
         values: dict[str, Value] = {"md_m": float(now.depth[k]), "base_m": float(base.depth[k])}
-        if off.size:
-            raise InputError(Finding("holes-depths-differ", values, (k,), "refused"))
-        raise InputError(Finding("holes-depths-end", values, severity="refused"))
+        raise InputError(Finding("holes-depths-differ", values, (k,) if off.size else ()))
     if set(base.faces) != set(now.faces) or base.two_faces != now.two_faces:
         raise InputError(Finding("holes-axes-differ", severity="refused"))
 
@@ -210,13 +208,15 @@ def _moved(
         together = float(kept[1:] @ kept[:-1]) / max(float(kept @ kept), ROUNDING**2)
         # standard deviations of a correlation of neighbours, one over the root of n, beyond which it is no chance
         if together > 4.0 / np.sqrt(n) and errors.step_sd is None:
-            found.append(Finding("holes-bias-drift", name | {"correlation": together}))
-        for where, code in ((spikes, "holes-spikes"), (repeated, "holes-spikes-repeated")):
+            drifts = "check-sums of neighbouring depths go together, as of a bias that drifts"
+            found.append(_correlation(name, drifts, together))
+        for where, texts in ((spikes, SPIKES), (repeated, SPIKES_REPEATED)):
             rows = tuple(np.flatnonzero(where).tolist())
             at: dict[str, Value] = {"count": len(rows), "md_m": tuple(now.depth[list(rows[:6])].tolist())}
-            found += [Finding(code, name | at, rows, "warning" if where is spikes else "note")] if rows else []
+            severity: Severity = "warning" if where is spikes else "note"
+            found += [Finding("holes-spikes", name | at | texts, rows, severity)] if rows else []
     if errors.step_sd is None and (not now.two_faces or against.sd <= ROUNDING):
-        found.append(Finding("holes-random-unknown", name))
+        found.append(_unknown(name, "check-sums show no random error"))
     parts = {
         "random": np.sqrt(_summed(random**2 + extra**2, down)),
         "bias shift": _summed(np.full(n, errors.bias_shift), down),
@@ -228,7 +228,7 @@ def _moved(
     if other in now.faces:
         parts["rotation"] = errors.rotation * np.abs(_summed(now.deviation(other), down))
     elif errors.rotation:
-        found.append(Finding("holes-rotation-unknown", name))
+        found.append(_unknown(name, "the other axis was not read, so the part of a rotation is not known"))
     known = {key: frozen(part) for key, part in parts.items() if key == "random" or part.any()}
     moved = (-1.0 if down else 1.0) * _summed(steps, down) + 0.0
     return AxisDisplacement(frozen(steps), frozen(moved), known, sums, change, spikes, repeated)
@@ -241,13 +241,56 @@ def _summed(values: Array, down: bool) -> Array:
     return np.concatenate([np.cumsum(values[::-1])[::-1], [0.0]])
 
 
+UNKNOWN: Final = {
+    "a single run; the bias of the probe is not removed, and faults do not show": (
+        "Read a second run, turned by half a turn"
+    ),
+    "check-sums show no random error": "State it by --step-sd-mm",
+    "the other axis was not read, so the part of a rotation is not known": "Read both axes",
+}
+"""What a reading does not show, and what to do about it."""
+
+CORRELATIONS: Final = {
+    "run 180 follows run 0 instead of its negative": (
+        "Give run 180 as it was read, with its own sign, in a run turned by half a turn"
+    ),
+    "run 180 hardly agrees with run 0": "Check that both runs are of this casing",
+    "the tilt has the opposite sign of the base reading": (
+        "If runs 0 and 180 of one reading are exchanged, correct its columns"
+    ),
+    "check-sums of neighbouring depths go together, as of a bias that drifts": (
+        "Let the probe warm up; the random part of the uncertainty is too small"
+    ),
+}
+"""What a correlation shows, and what to do about it."""
+
+SPIKES: Final[Mapping[str, Value]] = {
+    "what": "check-sums are spikes",
+    "advice": "Read these depths again; else they add to the uncertainty",
+}
+SPIKES_REPEATED: Final[Mapping[str, Value]] = {
+    "what": "check-sums are spikes, as in the base reading",
+    "advice": "No action is needed",
+}
+
+
+def _unknown(name: Mapping[str, Value], what: str) -> Finding:
+    return Finding("holes-unknown", {**name, "what": what, "advice": UNKNOWN[what]})
+
+
+def _correlation(name: Mapping[str, Value], what: str, correlation: float) -> Finding:
+    values = {**name, "what": what, "advice": CORRELATIONS[what], "correlation": correlation}
+    return Finding("holes-correlation", values)
+
+
 def _same_way(name: Mapping[str, Value], base: Array, now: Array, found: list[Finding]) -> None:
     """InputError, or a warning, when a casing leans the other way: were the runs 0 and 180 of one reading exchanged?"""
     size = float(np.linalg.norm(base) * np.linalg.norm(now))
     match = float(base @ now) / size if size > 0.0 else 1.0
     if match > -STRAIGHT:
         return
-    one = Finding("holes-faces-exchanged", {**name, "correlation": match}, (), refused_if(match < -0.9))
+    opposite = "the tilt has the opposite sign of the base reading"
+    one = _correlation(name, opposite, match)._replace(severity=refused_if(match < -0.9))
     if one.severity == "refused":
         raise InputError(one)
     found.append(one)
@@ -265,15 +308,15 @@ def check_reading(reading: CasingReading) -> list[Finding]:
     for axis, faces in reading.faces.items():
         name: dict[str, Value] = {"reading": reading.name, "axis": axis.upper()}
         if not reading.two_faces:
-            found.append(Finding("holes-single-run", name))
+            found.append(_unknown(name, "a single run; the bias of the probe is not removed, and faults do not show"))
             continue
         one, two = finite(faces, axis).T
         spread = float(np.std(one) * np.std(two))
         match = 1.0 if spread == 0.0 else -float(np.cov(one, two, bias=True)[0, 1]) / spread
         if match < -STRAIGHT:
-            raise InputError(Finding("holes-faces-follow", name | {"correlation": match}, severity="refused"))
+            raise InputError(_correlation(name, "run 180 follows run 0 instead of its negative", match))
         if match < STRAIGHT:
-            found.append(Finding("holes-faces-differ", name | {"correlation": match}))
+            found.append(_correlation(name, "run 180 hardly agrees with run 0", match))
     numbers = np.column_stack(list(reading.faces.values()))
     block = copied_block(numbers) if len(np.unique(numbers, axis=0)) > 0.5 * len(numbers) else None
     if block is not None and block.chance <= 1e-2:

@@ -76,10 +76,16 @@ def _spread(values: Array) -> float:
 
 def _ways(run: Run) -> Iterator[tuple[str, dict[str, Value], Array, Array]]:
     """Code of a mistake, values of its own, and the angles without it."""
+
+    def columns(mistake: str, advice: str) -> dict[str, Value]:
+        return {"mistake": mistake, "advice": advice}
+
     i, a, half = run.inclination, run.azimuth, np.pi
-    yield "run-columns-exchanged", {}, np.where(a <= half, a, np.nan), i
-    yield "run-inclination-horizontal", {}, np.abs(half / 2 - i), a
-    yield "run-azimuth-grads", {}, i, a * 0.9
+    own = columns("Columns of inclination and azimuth are exchanged", "Correct the names of the columns")
+    yield "run-angles", own, np.where(a <= half, a, np.nan), i
+    own = columns("Inclination is counted from the horizontal", "Replace it by 90 minus the reading")
+    yield "run-angles", own, np.abs(half / 2 - i), a
+    yield "run-angles", columns("Azimuths are in grads", "Name the column azimuth_gon"), i, a * 0.9
     if run.g is not None and run.b is not None:
         # which channel lies along the hole shows; exchanged or cycled, and with what sign, does not
         for order, axis in (([0, 2, 1], "y"), ([2, 1, 0], "x")):
@@ -175,12 +181,11 @@ def _radians(run: Run) -> list[Finding]:
     if best is None:
         return _level_in_grads(i)
     ratio, of_i, of_a = best
-    largest: dict[str, Value] = {"inclination_max": float(i.max()), "azimuth_max": float(a.max()), "log_ratio": ratio}
-    if of_i and of_a:
-        return [Finding("run-angles-radians", largest, severity="refused")]
-    if of_i:
-        return [Finding("run-inclination-radians", largest | {"scatter_deg": given[0]})]
-    return [Finding("run-azimuth-radians", largest | {"scatter_deg": given[1]})]
+    wrong = (("inclination_rad", float(i.max()), of_i), ("azimuth_rad", float(a.max()), of_a))
+    angle = "Inclinations and azimuths" if of_i and of_a else "Inclinations" if of_i else "Azimuths"
+    values: dict[str, Value] = {"angle": angle, "columns": tuple(name for name, _, is_so in wrong if is_so)}
+    values |= {"most": tuple(size for _, size, is_so in wrong if is_so), "log_ratio": ratio}
+    return [Finding("run-radians", values, severity=refused_if(of_i and of_a))]
 
 
 def _level_in_grads(i: Array) -> list[Finding]:
@@ -200,6 +205,16 @@ def _level_in_grads(i: Array) -> list[Finding]:
     if ratio < np.log(30.0):
         return []
     return [Finding("run-level-grads", {"count": len(level), "inclination_deg": middle, "log_ratio": ratio})]
+
+
+_CLIMBS: Final = {
+    False: ("inclination may be counted from the other end", "If it is, replace it by 180 minus the reading"),
+    True: (
+        "z or all axes of both sensors may be reversed, or inclination counted from the other end",
+        "Correct the column, or state the axes by --convention or --profile",
+    ),
+}
+"""Cause and remedy of a hole that climbs, without and with six axes."""
 
 
 def _beginning(run: Run) -> list[Finding]:
@@ -224,7 +239,8 @@ def _beginning(run: Run) -> list[Finding]:
         if ratio >= np.log(3.0):
             refused = upright and at_top and ratio > np.log(5.0)
             values: dict[str, Value] = {"climb_m": climbed, "mean_deg": mean, "log_ratio": ratio}
-            return [Finding("run-axes-climb" if axes else "run-climbs", values, severity=refused_if(refused))]
+            values |= dict(zip(("cause", "advice"), _CLIMBS[axes], strict=True))
+            return [Finding("run-climbs", values, severity=refused_if(refused))]
     if at_top and abs(first - 90.0) < 4.0 and last < 55.0 and np.mean(np.diff(i) <= 0.5) > 0.8:
         return [Finding("run-top-level", {"first_deg": first, "md_m": float(md[0]), "last_deg": last})]
     steady = float(np.ptp(i)) < 60.0 or i.max() > 115.0
@@ -326,9 +342,14 @@ def explained(
     return tuple(alike[:2]) if best < min(0.2 * given, usual) else ()
 
 
+_EARTH: Final[dict[str, dict[str, Value]]] = {
+    "gravity": {"quantity": "gravity", "si": "m/s2", "low": 9.78, "high": 9.83},
+    "magnetic field": {"quantity": "magnetic field", "si": "nT", "low": 2e4, "high": 7e4},
+}
+"""What totals are on Earth."""
+
 _UNITS: Final = {
-    "gravity_m_s2": (
-        "run-gravity-unit",
+    "gravity": (
         (0.95 * STANDARD_GRAVITY, 1.05 * STANDARD_GRAVITY),
         (
             (STANDARD_GRAVITY, "g", "m/s2", "gx_g"),
@@ -339,8 +360,7 @@ _UNITS: Final = {
             (0.001, "mg", "g", "gx_mg"),
         ),
     ),
-    "field_nT": (
-        "run-field-unit",
+    "magnetic field": (
         (2e4, 7e4),
         (
             (1e3, "uT", "nT", "bx_uT"),
@@ -352,7 +372,7 @@ _UNITS: Final = {
         ),
     ),
 }
-"""Value -> code, range on Earth; factor to the field as it is, its unit, the unit named, the column's right name."""
+"""Total -> range on Earth; factor to the field as it is, its unit, the unit named, the column's right name."""
 
 
 def _channels(run: Run, *, stepped: bool) -> list[Finding]:
@@ -368,8 +388,10 @@ def _channels(run: Run, *, stepped: bool) -> list[Finding]:
     known = run.fields is not None
     mistake = explained(run.channels if known else dict(zip(VECTORS, (g, b), strict=True)), run.fields, roughness)
     if mistake:
-        code = "run-channels-calibrated" if known else "run-channels"
-        return [Finding(code, {"mistake": mistake}, severity="refused")]
+        uncalibrated = "Correct the columns, or state the axes by --convention or --profile"
+        calibrated = "Correct the names of the columns, or give the calibration of this tool"
+        values: dict[str, Value] = {"mistake": mistake, "advice": calibrated if known else uncalibrated}
+        return [Finding("run-channels", values, severity="refused")]
     if stepped:
         return []
     sizes = dict(zip(_UNITS, (np.linalg.norm(v, axis=1) for v in (g, b)), strict=True))
@@ -378,24 +400,22 @@ def _channels(run: Run, *, stepped: bool) -> list[Finding]:
     strength, length = sizes.values()
     low, high = (2e4, 7e4) if run.strength_known else (5e4 * 2.0 / 7.0, 5e4 * 3.5)
     weak, far = np.abs(strength / STANDARD_GRAVITY - 1.0) > 0.05, (length < low) | (length > high)
-    if weak.mean() > 0.5:
-        count: dict[str, Value] = {"count": int(weak.sum()), "total": len(weak)}
-        return [Finding("run-gravity-calibrated", count, severity="refused")]
-    if far.mean() > 0.5:
-        count = {"count": int(far.sum()), "total": len(far), "field_nT": float(np.median(length[far]))}
-        return [Finding("run-field-calibrated", count, severity="refused")]
+    for name, size, off in (("gravity", strength, weak), ("magnetic field", length, far)):
+        if off.mean() > 0.5:
+            values = {"count": int(off.sum()), "total": len(off), "median": float(np.median(size[off]))}
+            return [Finding("run-total-calibrated", _EARTH[name] | values, severity="refused")]
     return []
 
 
 def _units(sizes: Mapping[str, Array]) -> list[Finding]:
     """A field of a size that one change of unit explains."""
     for name, length in sizes.items():
-        code, (low, high), factors = _UNITS[name]
+        (low, high), factors = _UNITS[name]
         size = float(np.median(length))
         for factor, own, named, column in () if 0.55 * low < size < 2.0 * high else factors:
             if low <= factor * size <= high:
-                values: dict[str, Value] = {name: size, "unit": own, "named": named, "column": column}
-                return [Finding(code, values, severity="refused")]
+                values: dict[str, Value] = {"median": size, "unit": own, "named": named, "column": column}
+                return [Finding("run-unit", _EARTH[name] | values, severity="refused")]
     return []
 
 

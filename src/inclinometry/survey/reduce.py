@@ -59,7 +59,7 @@ class SensorCorrection:
     stations: int = 0
     chi_square: float = 0.0
     freedom: int = 0
-    warnings: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
     inputs: Mapping[str, str] = field(default_factory=dict)
     noise_factors: tuple[float, float] = (1.0, 1.0)
     information: Array = field(default_factory=lambda: np.zeros((0, 0)))
@@ -98,9 +98,8 @@ def correction_of(
     of_priors = ("gain", "offset", "power", "reference_temperature", "noise")
     of_estimate = ("parameters", "covariance", "chi_square", "freedom", "noise_factors")
     kept: dict[str, Any] = {name: getattr(priors, name) for name in of_priors}
-    kept |= {name: getattr(found, name) for name in (*of_estimate, "information", "score")}
+    kept |= {name: getattr(found, name) for name in (*of_estimate, "information", "score", "findings")}
     kept |= {"reference": reference, "priors": priors.source, "tool": tool, "inputs": dict(inputs or {})}
-    kept["warnings"] = tuple(map(str, found.findings))
     return SensorCorrection(**kept, md=(float(md[0]), float(md[-1])), stations=len(md))
 
 

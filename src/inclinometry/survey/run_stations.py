@@ -86,9 +86,7 @@ def check_depths(md: Array) -> list[Finding]:
     if one is None or found:
         return found
     values = {"course_m": one.usual, "md_m": float(md[one.k]), "expected_m": one.expected}
-    if one.onwards:
-        return [Finding("run-depth-shift", values, tuple(range(one.k, len(md))))]
-    return [Finding("run-depth-digit", values, (one.k,))]
+    return [Finding("run-depth-digit", values, tuple(range(one.k, len(md))) if one.onwards else (one.k,))]
 
 
 def _pipe(md: Array, course: Array) -> bool:
@@ -193,14 +191,14 @@ def check_repeats(run: Run) -> list[Finding]:
         facts: dict[str, Value] = {"count": count, "md_m": float(md[low]), "last_m": float(md[high])}
         turning = values[np.concatenate([[True], ~same])]
         if axes and float(np.median(np.abs(np.diff(turning, axis=0)).max(axis=1))) > 0.0:
-            return [Finding("run-reading-repeated", facts, rows, refused_if(count >= 3))]
+            return [Finding("run-repeated", facts | {"what": "All six readings"}, rows, refused_if(count >= 3))]
         # of angles, whose digits are few: how often neighbours agree elsewhere
         others = np.delete(same, range(low, high))
         i, a = np.degrees(run.inclination), np.degrees(np.unwrap(run.azimuth))
         steps = np.delete(np.hypot(np.diff(i), np.diff(a) * np.sin(run.inclination[1:])), range(low, high))
         alone = count >= 3 and len(others) >= 5 and not others.any() and np.median(steps) > 0.25
         if not axes and alone and scatter(i, md) + scatter(a, md) > 0.05:
-            return [Finding("run-angles-repeated", facts, rows, refused_if(count >= 5))]
+            return [Finding("run-repeated", facts | {"what": "Inclination and azimuth"}, rows, refused_if(count >= 5))]
     block = copied_block(values, 2 if axes else 3)
     if block is not None and block.chance <= 1e-2 and not few and (axes or _not_planned(run, block)):
         return [repeated_block(block, md)]

@@ -27,13 +27,13 @@ from inclinometry.files.columns import TEXT, channel, is_number
 from inclinometry.files.foreign import foreign_pieces
 from inclinometry.files.frame import Frame
 from inclinometry.files.holes_csv import hole_column
-from inclinometry.files.layout import NUMBER, find_layout, line_of, refuse_legs, with_layout
 from inclinometry.files.position_csv import read_well
 from inclinometry.files.profile import SEPARATORS, Profile, current, reading_with, stated_unit
 from inclinometry.files.site_toml import read_site
 from inclinometry.files.six_axis import read_survey
 from inclinometry.files.survey_csv import read_raw_survey
 from inclinometry.files.table import TableFile, read_table
+from inclinometry.files.table_formats import NUMBER, find_layout, line_of, refuse_legs, with_layout
 from inclinometry.files.text import LONGEST_LINE, texts_of
 from inclinometry.files.tool_json import read_calibration
 from inclinometry.findings import Finding, Value
@@ -44,7 +44,7 @@ from inclinometry.workflow.allan import noise_of_log
 from inclinometry.workflow.check_sensors import Candidate, Sensors, sensors_of_bench, sensors_of_run, sensors_of_survey
 from inclinometry.workflow.convert import check_survey
 from inclinometry.workflow.field import completed
-from inclinometry.workflow.six_axis import check_raw, with_place
+from inclinometry.workflow.six_axis import add_site_check, check_raw
 from inclinometry.workflow.stations import readings_of_log
 
 LOOKED_AT: Final = 20_000
@@ -151,7 +151,7 @@ def _findings(head: Path, uses: dict[str, Finding | None], record: Calibration |
             survey = read_survey(head, azimuth_reference="magnetic")
             found = check_survey(survey)
             if survey.g is not None and survey.b is not None:
-                found = with_place(found, Run.of_fields(survey.md, survey.g, survey.b), site)
+                found = add_site_check(found, Run.of_fields(survey.md, survey.g, survey.b), site)
         elif not uses["position"]:
             well = read_well(head)
             found = check_run(Run(well.md, well.inclination, well.azimuth))

@@ -54,7 +54,7 @@ def casing_movement(
     for path in map(Path, later):
         one = read_casing(path, unit)
         if one.table.digest in seen:
-            twice = Finding("holes-reading-twice", {"base": seen[one.table.digest]}, severity="refused")
+            twice = Finding("input-repeated", {"name": "reading", "value": seen[one.table.digest]})
             raise FileError(twice, path=path)
         seen[one.table.digest] = path.name
         # two folders may hold readings of one name

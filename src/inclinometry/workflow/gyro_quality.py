@@ -54,7 +54,9 @@ def compare_run_files(
 ) -> Comparison:
     """Compare the survey files of an in-run and an out-run; a site is needed only where their norths differ."""
     if digest_file(in_run) == digest_file(out_run):
-        raise FileError(Finding("work-same", {"file": Path(in_run).name}), path=out_run)
+        raise FileError(
+            Finding("input-same-file", {"name": Path(out_run).name, "other": Path(in_run).name}), path=out_run
+        )
     one, two = read_run(in_run), read_run(out_run)
     if one.azimuth_reference != two.azimuth_reference:
         if site is None:

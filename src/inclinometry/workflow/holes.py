@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from inclinometry.arrays import Array, Index
-from inclinometry.errors import FileError, InputError
+from inclinometry.errors import FileError, InputError, refused
 from inclinometry.files.columns import closest
 from inclinometry.files.holes_csv import Collar, Shots, read_collars, read_shots
 from inclinometry.files.text import Progress
@@ -69,8 +69,6 @@ def read_holes(
             faults[name] = Finding("holes-left-out", values | {"fault": error.finding})
     if faults and not (skip_faulty and found):
         first = dict(next(iter(faults.values())).values)
-        if skip_faulty:
-            raise FileError(Finding("holes-none-left", first, severity="refused"), path=surveys)
         first |= {"count": len(faults), "total": len(shots.rows), "names": _some(faults)}
         raise FileError(Finding("holes-faulty", first, severity="refused"), path=surveys)
     said = [*faults.values(), *unusual]
@@ -121,11 +119,10 @@ def _inclinations(shots: Shots, dip_down: str | None) -> Array:
 def _collar(name: str, known: Mapping[str, list[Collar]], path: Path) -> Collar:
     if name not in known:
         other = closest(name, list(known), 0.8)
-        near = Finding("holes-collar-near", {"name": other}) if other else ""
+        near = (other,) if other else ()
         raise InputError(Finding("holes-collar-missing", {"file": path.name, "near": near}, severity="refused"))
     if len(known[name]) > 1:
-        lines = ", ".join(str(one.line) for one in known[name])
-        raise InputError(Finding("holes-collar-double", {"file": path.name, "lines": lines}, severity="refused"))
+        raise refused("input-repeated", {"name": path.name, "value": name})
     return known[name][0]
 
 
@@ -142,11 +139,11 @@ def _shots(shots: Shots, inclination: Array, rows: Index, azimuth_add: float) ->
         for what, column in columns.items():
             low, high = np.radians(bounds.get(what, (-np.inf, np.inf)))
             if np.isnan(column[k]):
-                raise InputError(Finding("holes-cell-empty", {"what": what}, (k,), "refused"))
+                raise InputError(Finding("table-empty", {"column": what}, (k,)))
             if not low - 1e-9 <= column[k] <= high + 1e-9:
-                values: dict[str, Value] = {"what": what, "value_deg": float(np.degrees(column[k]))}
-                values |= {"low_deg": bounds[what][0], "high_deg": bounds[what][1]}
-                raise InputError(Finding("holes-angle-range", values, (k,), "refused"))
+                values: dict[str, Value] = {"column": what, "value": float(np.degrees(column[k]))}
+                values["allowed"] = f"{bounds[what][0]:g} .. {bounds[what][1]:g} deg"
+                raise InputError(Finding("file-value", values, (k,)))
         if k and depth[k] <= depth[k - 1]:
             values = {"md_m": float(depth[k]), "last_m": float(depth[k - 1])}
             raise InputError(Finding("holes-depth-order", values, (k,), "refused"))

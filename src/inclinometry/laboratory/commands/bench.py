@@ -89,7 +89,7 @@ def bench(
             _log_access()
         shown = f"[{host}]" if ":" in host else host
         sentence = f"the bench is at {scheme}://{shown}:{listening.getsockname()[1]}/ (Ctrl-C ends it)"
-        run(app, listening, certificate=certificate, key=key, ready=lambda: output.say(sentence))
+        run(app, listening, certificate=certificate, key=key, ready=lambda: output.print_line(sentence))
 
 
 def _log_access() -> None:

@@ -238,10 +238,10 @@ KINDS: Final[Mapping[str, Kind]] = {
         Kind("tool", {"serial": str}),
         Kind("rig", {"name": str}),
         Kind("site", {"name": str}),
-        Kind("session", {"serial": str, "purpose": str}),
+        Kind("session", {"serial": str, "purpose": str}, version=2),
         Kind("reading", {"session": str, "position": int, "attempt": int}, ("session", "position", "attempt")),
-        Kind("calibration", {"serial": str, "session": str}),
-        Kind("verification", {"serial": str, "calibration": str}, version=2),
+        Kind("calibration", {"serial": str, "session": str}, version=2),
+        Kind("verification", {"serial": str, "calibration": str}, version=3),
         Kind("certificate", {"number": str, "serial": str}, ("number",)),
         Kind("user", {"name": str}, version=2),
         Kind("event", {"subject_kind": str, "subject": str, "action": str}),
@@ -518,7 +518,7 @@ def unprotected(connection: Connection) -> list[str]:
     return [name for name in names if name not in sound]
 
 
-def strange(connection: Connection) -> list[str]:
+def foreign_triggers(connection: Connection) -> list[str]:
     """Triggers of a SQLite ledger that the program did not make: they could change what is recorded."""
     if connection.dialect.name != "sqlite":
         return []

@@ -247,7 +247,9 @@ def ahead_elsewhere(folder: Path, where: str, newest: SignedHead, accepted: str)
 def farthest(kept: list[Witnessed], newest: SignedHead, accepted: str) -> Witnessed | None:
     """The genuine head farthest beyond the newest of a ledger, of those made after `accepted`; None for none."""
     beyond = [(one.head.size, one) for one in kept if one.head is not None and one.head.size > newest.size]
-    found = [(size, one) for size, one in beyond if one.head and one.head.time > accepted and one.head.genuine()]
+    found = [
+        (size, one) for size, one in beyond if one.head and one.head.time > accepted and one.head.signature_is_valid()
+    ]
     return max(found, key=lambda pair: pair[0], default=(0, None))[1]
 
 
@@ -267,7 +269,7 @@ def remembered(connection: Connection, folders: Sequence[Path]) -> Witnessed | N
                 created = tuple_(CHAIN.c.seq, CHAIN.c.created).in_([(head.size, head.time) for head in heads])
                 same = {*connection.execute(select(CHAIN.c.seq).where(link | created)).scalars()}
                 for one in block:
-                    if one.head is not None and one.head.size in same and one.head.genuine():
+                    if one.head is not None and one.head.size in same and one.head.signature_is_valid():
                         return one
     return None
 

@@ -14,7 +14,7 @@ from inclinometry.files import json_codec
 from inclinometry.files.stability_toml import read_stability
 from inclinometry.findings import Finding, Value
 from inclinometry.history import DAYS_PER_YEAR
-from inclinometry.stability import ASSUMED, aged, years_between
+from inclinometry.stability import ASSUMED, add_stability, years_between
 
 
 @dataclass(frozen=True)
@@ -51,9 +51,9 @@ def at_the_run(
     if years is None:
         return calibration, [Finding("work-age-unknown", severity="note")]
     known = ASSUMED if age.stability is None else read_stability(age.stability)
-    tool = aged(calibration.tool, years, known)
+    tool = add_stability(calibration.tool, years, known)
     days = years * DAYS_PER_YEAR
     if not tool.stability.any():
-        return calibration, [Finding("work-age-none", {"days": days}, severity="note")]
-    values: dict[str, Value] = {"days": days, "source": known.source}
+        return calibration, [Finding("work-age", {"days": days, "source": ()}, severity="note")]
+    values: dict[str, Value] = {"days": days, "source": (known.source,)}
     return replace(calibration, tool=tool), [Finding("work-age", values, severity="note")]
