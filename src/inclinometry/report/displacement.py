@@ -73,7 +73,7 @@ def displacement_report(
         [
             ("Base reading", base),
             ("Later readings", label(", ").join(found)),
-            ("Step", f"{found[last].step:g} m"),
+            ("Step", label("{length:g} m", length=found[last].step)),
             ("Fixed end", found[last].fixed),
         ],
         about="What was read",

@@ -281,7 +281,7 @@ def msa_report(
                 "Chi-square",
                 label("{chi_square:.1f}, expected about {freedom}", chi_square=found.chi_square, freedom=found.freedom),
             ),
-            ("Reference g", f"{with_uncertainty(reference.g, reference.g_sigma)} m/s²"),
+            ("Reference g", label("{g} m/s²", g=with_uncertainty(reference.g, reference.g_sigma))),
             ("Reference b", label("{b} nT", b=with_uncertainty(reference.b, reference.b_sigma))),
             ("Reference dip", f"{dip}°"),
         ],
