@@ -54,6 +54,11 @@ def wrong_shape(name: str, shape: Sequence[int] | str, expected: str) -> InputEr
     return InputError(Finding("input-shape", {"name": name, "shape": shape, "expected": expected}))
 
 
+def out_of_order(name: str, value: Value, before: Value, row: int) -> InputError:
+    """A value that does not follow the one before it, in a row from 1."""
+    return InputError(Finding("input-order", {"name": name, "value": value, "before": before, "row": row}))
+
+
 def in_file(error: InclinometryError, path: str | Path, line: int | None = None) -> FileError:
     """The same refusal, of a file that its value was read from; without a line, where the error itself says."""
     if line is None and isinstance(error, FileError):

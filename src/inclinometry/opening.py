@@ -29,7 +29,8 @@ def opened(path: str | Path) -> Iterator[BufferedReader]:
         reason = getattr(error, "strerror", None) or str(error)
         raise FileError(Finding("file-unreadable", {"reason": reason}), path=path) from None
     if stream is None:
-        raise FileError(Finding("file-folder" if stat.S_ISDIR(mode) else "file-special"), path=path)
+        what = "folder" if stat.S_ISDIR(mode) else "pipe or device"
+        raise FileError(Finding("file-not-file", {"what": what}), path=path)
     with stream:
         yield stream
 

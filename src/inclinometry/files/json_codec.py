@@ -150,7 +150,7 @@ def validate(content: Json, name: str, path: str | Path) -> None:
         found = Finding("input-repeated", {"name": where, "value": shown(twice)})
     else:
         wanted = str(error.schema.get("description", error.message)).removeprefix("must be ")
-        found = Finding("file-value", {"column": where, "value": shown(error.instance), "allowed": wanted})
+        found = Finding("input-value", {"name": where, "value": shown(error.instance), "allowed": wanted})
     raise FileError(found, path=path)
 
 

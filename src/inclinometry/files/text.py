@@ -159,7 +159,7 @@ class NumberReader:
 
     def _refuse(self, text: str, name: str, line: int, degrees: bool = False) -> FileError:
         shown = text if len(text) <= 40 else text[:37] + "..."
-        found = Finding("file-number", {"column": name, "value": shown})
+        found = Finding("input-kind", {"name": name, "value": shown, "expected": "number"})
         if not text:
             found = Finding("table-empty", {"column": name})
         elif text.lower().lstrip("+-") in ("nan", "inf", "infinity") or NUMBER.fullmatch(text):

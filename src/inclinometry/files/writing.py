@@ -33,7 +33,7 @@ def replacing(path: str | Path) -> Iterator[BinaryIO]:
     try:
         target = Path(path).resolve()
         if target.is_dir():
-            raise FileError(Finding("file-folder"), path=path)
+            raise FileError(Finding("file-not-file", {"what": "folder"}), path=path)
         if not target.parent.is_dir():
             raise FileError(Finding("file-folder-absent", {"folder": str(target.parent)}), path=path)
     except (OSError, ValueError, RuntimeError) as error:
