@@ -17,7 +17,7 @@ import numpy as np
 
 from benchmarks import command
 from inclinometry.calibration import plans
-from inclinometry.calibration.acceptance import verify
+from inclinometry.calibration.conformity import verify
 from inclinometry.calibration.decision import Limits
 from inclinometry.calibration.joint import calibrate_joint
 from inclinometry.calibration.readings import BenchReadings

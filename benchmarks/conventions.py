@@ -18,10 +18,10 @@ from benchmarks import command
 from inclinometry.calibration import plans
 from inclinometry.calibration.conventions import Dials, check_axes, check_dials
 from inclinometry.calibration.design import optimal_plan
+from inclinometry.calibration.initial_values import fix_signs, starting_state
 from inclinometry.calibration.joint import calibrate_joint
 from inclinometry.calibration.likelihood import Model
 from inclinometry.calibration.readings import BenchReadings
-from inclinometry.calibration.start import fix_signs, starting_state
 from inclinometry.errors import InclinometryError, settled
 from inclinometry.findings import without_notes
 from inclinometry.simulate.bench import Rig, simulate_bench

@@ -19,7 +19,7 @@ from benchmarks import command
 from benchmarks.measure import laps
 from inclinometry.calibration import plans
 from inclinometry.calibration.design import evaluate_plan, next_position, optimal_plan, plan_value
-from inclinometry.calibration.start import stand_within
+from inclinometry.calibration.initial_values import stand_within
 
 SHOWN_DEG = (5.0, 10.0, 30.0, 60.0, 90.0)
 RIGS_DEG = (0.0, 0.1)

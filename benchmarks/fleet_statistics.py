@@ -42,7 +42,7 @@ from inclinometry.history import DAYS_PER_YEAR, ToolHistory, relative_parameters
 from inclinometry.orientation import fields
 from inclinometry.sensors import Tool, Triad
 from inclinometry.simulate.fleet import FleetScene, drift_variance, mounting_variance, shock_and_heat, simulate_fleet
-from inclinometry.survey.evidence import run_evidence
+from inclinometry.survey.history_from_run import run_evidence
 from inclinometry.survey.multistation import multistation
 from inclinometry.survey.multistation_priors import FieldReference, priors_from_tool
 from inclinometry.survey.reduce import correction_of

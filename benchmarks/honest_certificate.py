@@ -29,7 +29,7 @@ from inclinometry.earth.site import Site
 from inclinometry.position.certificate import calibration_sources
 from inclinometry.position.propagation import propagate
 from inclinometry.position.well import well_survey
-from inclinometry.stability import aged
+from inclinometry.stability import add_stability
 from inclinometry.survey.from_stations import survey_from_stations
 from inclinometry.survey.from_tool import stations_from_tool
 from inclinometry.uncertainty import ellipsoid_factor
@@ -117,7 +117,7 @@ def one(seed: int, name: str, years: float = 0.0) -> tuple[float, float, bool, b
     rng = np.random.default_rng([seed, int(name)])
     tool = drawn_tool(rng)
     calibration = calibrated(tool, PLANS[name](), rng)
-    own = aged(calibration.tool, years)
+    own = add_stability(calibration.tool, years)
     if years:
         tool = moved(tool, years, rng)
     dip = np.radians(rng.uniform(50.0, 78.0))

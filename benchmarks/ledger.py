@@ -28,7 +28,7 @@ from inclinometry.laboratory.ledger.admin import create
 from inclinometry.laboratory.ledger.exchange import backup, export, restore
 from inclinometry.laboratory.ledger.ledger import Draft, Ledger
 from inclinometry.laboratory.ledger.verify import verify
-from inclinometry.laboratory.session import closing, load_session, sessions
+from inclinometry.laboratory.session import closing_status, load_session, sessions
 
 ROOT = Path(__file__).parents[1]
 LONG, USUAL = 5000, 24
@@ -114,7 +114,7 @@ def pages(ledger: Ledger, long: str) -> dict[str, Callable[[], object]]:
         "a retaken position": lambda: ledger.latest("reading", session=long, position=7),
         "a record": lambda: ledger.get("reading", one.id),
         "rejected?": lambda: ledger.latest("event", **rejected),
-        "closed?": lambda: closing(ledger, long),
+        "closed?": lambda: closing_status(ledger, long),
         "events of all kinds": lambda: ledger.find("event", newest=True, limit=100),
         "events of readings": lambda: ledger.find("event", subject_kind="reading", newest=True, limit=100),
         "capture": lambda: ledger.append("reading", {**named, "position": next(_TURN)}, READING, author="anna"),

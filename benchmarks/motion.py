@@ -17,7 +17,7 @@ import numpy as np
 from benchmarks import command
 from benchmarks.measure import rms_deg
 from inclinometry.earth.site import Site
-from inclinometry.motion.choose import ChooserSettings, choose_attitude
+from inclinometry.motion.automatic import ChooserSettings, choose_attitude
 from inclinometry.motion.inertial.filter import inertial_attitude
 from inclinometry.motion.inertial.smoother import smoothed_attitude
 from inclinometry.motion.inertial.state import InertialSettings

@@ -24,9 +24,9 @@ from inclinometry.motion.inertial.state import (
     Model,
 )
 from inclinometry.motion.inertial.window import (
-    blank,
     filter_window,
-    sought,
+    initial_state,
+    reinitialise_attitude,
 )
 from inclinometry.motion.magnetic import _kernels
 from inclinometry.motion.magnetic.phase import MagneticSettings
@@ -130,7 +130,7 @@ def measurements() -> dict[str, tuple[Callable[[], object], int]]:
     if not np.abs(ours - plain).max() < 1e-7 * np.abs(plain).max():
         raise SystemExit("the two demodulations differ")
     long, model = usual.part(0, BLOCK), Model(InertialSettings(window=100.0), SITE, True)
-    state = sought(blank(long, model), long, model)
+    state = reinitialise_attitude(initial_state(long, model), long, model)
     few = usual.part(0, 1000)
     blocks = [usual.part(a, a + BLOCK) for a in range(0, len(usual), BLOCK)]
 

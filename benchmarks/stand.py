@@ -15,7 +15,7 @@ import numpy as np
 
 from benchmarks import command
 from inclinometry.calibration import plans
-from inclinometry.calibration.direct import (
+from inclinometry.calibration.closed_form_results import (
     calibrate_orthogonal,
     calibrate_rotations,
     calibrate_twelve,

@@ -26,7 +26,7 @@ from inclinometry.calibration.rate_table import RateCalibration
 from inclinometry.calibration.stillness import still_intervals
 from inclinometry.files.bench_csv import write_raw_survey
 from inclinometry.files.columns import GYRO_RUN, PARTS, SURVEY, channel
-from inclinometry.files.exchange import SurveyFile
+from inclinometry.files.survey_file import SurveyFile
 from inclinometry.gyro.planning import GyroSetup, standstill_time
 from inclinometry.position.propagation import SourceUncertainty
 from inclinometry.position.tool_code import ToolCode, term

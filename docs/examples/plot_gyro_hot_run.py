@@ -13,7 +13,7 @@ import numpy as np
 
 from inclinometry.gyro.tracking import quadratic_belief, track_scale
 from inclinometry.simulate.gyro import hot_run
-from inclinometry.workflow.hot_run import JOINT, reduce_hot_run, rms_degrees
+from inclinometry.workflow.gyro_heating_example import JOINT, reduce_hot_run, rms_degrees
 
 run = hot_run(8)
 stations, errors, track = reduce_hot_run(run)

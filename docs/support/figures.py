@@ -12,7 +12,6 @@ from benchmarks import closed_forms
 
 from inclinometry.arrays import Array
 from inclinometry.calibration import plans
-from inclinometry.calibration.causes import error_budget
 from inclinometry.calibration.classical import hidden_scale_error, solve_classical
 from inclinometry.calibration.closed import ClosedForm
 from inclinometry.calibration.identifiability import null_space
@@ -21,6 +20,7 @@ from inclinometry.calibration.likelihood import Model, State
 from inclinometry.calibration.plans import Plan
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.twelve import axial_conditioning, solve_orthogonal, solve_rotations
+from inclinometry.calibration.uncertainty_budget import error_budget
 from inclinometry.orientation import angles
 from inclinometry.rotations import dcm, rotation_exp, wrap_signed
 from inclinometry.sensors import Tool

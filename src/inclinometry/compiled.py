@@ -83,7 +83,7 @@ def compiled(*signatures: Any, sums_in_any_order: bool = False) -> Callable[[Fun
 
     def build(function: Function) -> Function:
         if numba is None:
-            return cast(Function, _quiet(function))
+            return cast(Function, _run_without_warnings(function))
         try:
             kernel = numba.njit([*signatures], nogil=True, cache=True, **how)(function)
         except (RuntimeError, OSError):  # no folder that can be written, or a full disk
@@ -93,7 +93,7 @@ def compiled(*signatures: Any, sums_in_any_order: bool = False) -> Callable[[Fun
     return build
 
 
-def _quiet(function: Callable[..., object]) -> Callable[..., object]:
+def _run_without_warnings(function: Callable[..., object]) -> Callable[..., object]:
     """The loop as it stands; what is infinite or no number is not commented, as in machine code."""
 
     @wraps(function)

@@ -22,13 +22,13 @@ from inclinometry.glossary import glossary
 _SPOKEN: ContextVar[str] = ContextVar("language of pages", default="en")
 
 
-def spoken() -> str:
+def current_language() -> str:
     """Language of what is composed here and now."""
     return _SPOKEN.get()
 
 
 @contextmanager
-def speaking(language: str) -> Iterator[None]:
+def using_language(language: str) -> Iterator[None]:
     """Whatever is composed while the block runs is in this language, "en", "ru" or "zh"."""
     if language not in LANGUAGES:
         raise not_among("language", language, LANGUAGES)
@@ -44,7 +44,7 @@ def label(text: str, /, **values: Any) -> str:
 
     A value that is a label itself is said too, {name:gen} in the form of it that stands as "value|gen".
     """
-    known = _labels(spoken())
+    known = _labels(current_language())
     said = known.get(text, text)
     if text not in known and text[:1].isupper():
         small = text[:1].lower() + text[1:]
@@ -60,7 +60,7 @@ def label(text: str, /, **values: Any) -> str:
 def _shown(value: Any, spec: str) -> str:
     if not isinstance(value, str):
         return number(format(value, spec))
-    form = _labels(spoken()).get(f"{value}|{spec}") if spec else None
+    form = _labels(current_language()).get(f"{value}|{spec}") if spec else None
     return label(value) if form is None else form
 
 
@@ -70,14 +70,14 @@ _NUMBERS = re.compile(r"[-+−±~<>≤≥=()\[\] ,;/×·…°%σ\d.]*\d\.\d[-+�
 
 def number(text: str) -> str:
     """Ready numbers with the decimal sign of the language ("0,25 ± 0,01"); any other text ("rev5.1") as it is."""
-    if spoken() != "ru" or "." not in text or not _NUMBERS.fullmatch(text) or re.search(r"\d\.\d+\.\d", text):
+    if current_language() != "ru" or "." not in text or not _NUMBERS.fullmatch(text) or re.search(r"\d\.\d+\.\d", text):
         return text
     return re.sub(r"(?<=\d)\.(?=\d)", ",", text)
 
 
 def said(found: Iterable[Finding]) -> list[str]:
     """Findings in the language that is spoken, each with its code; notes too."""
-    return [f"{say(one, spoken())} [{one.code}]" for one in found]
+    return [f"{say(one, current_language())} [{one.code}]" for one in found]
 
 
 @cache

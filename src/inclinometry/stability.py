@@ -47,7 +47,7 @@ are of tools in service, calibrated some time ago; half of them in the first yea
 """
 
 
-def aged(tool: Tool, years: float, stability: Stability = ASSUMED) -> Tool:
+def add_stability(tool: Tool, years: float, stability: Stability = ASSUMED) -> Tool:
     """The tool with the covariance of its change since the calibration, 0 to 50 years, as `stability`; gyros have none.
 
     A random walk, `inclinometry.calibration.drift`, equation (1): variance grows with time. The sensors now see the

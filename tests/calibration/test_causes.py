@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from inclinometry.calibration import plans
-from inclinometry.calibration.causes import calibration_shares, error_budget
 from inclinometry.calibration.expected import expected_uncertainty
 from inclinometry.calibration.joint import calibrate_joint
 from inclinometry.calibration.readings import BenchReadings
+from inclinometry.calibration.uncertainty_budget import calibration_shares, error_budget
 from inclinometry.constants import SHORT_INCLINATIONS
 from inclinometry.orientation import angles, fields
 from inclinometry.rotations import wrap_signed
@@ -31,7 +31,7 @@ def angle_errors(tool, truth, characteristic=None):
         signals = truth.triads[kind].signals(field)
         if characteristic is not None:
             flat = signals.reshape(-1, 3)
-            signals = characteristic.bent(flat, truth.triads[kind]).reshape(signals.shape)
+            signals = characteristic.apply_nonlinearity(flat, truth.triads[kind]).reshape(signals.shape)
         seen.append(tool.triads[kind].field(signals))
     found = angles(*seen)
     off = np.stack([found.inclination - grid[0], wrap_signed(found.azimuth - grid[1])], axis=-1)

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from inclinometry.calibration import plans
+from inclinometry.calibration.closed_form_results import calibrate_rotations, calibrate_twelve
 from inclinometry.calibration.conventions import Dials, check_axes, check_dials, check_noise
 from inclinometry.calibration.design import optimal_plan
-from inclinometry.calibration.direct import calibrate_rotations, calibrate_twelve
+from inclinometry.calibration.initial_values import fix_signs, linear_start, starting_state
 from inclinometry.calibration.joint import calibrate_joint
 from inclinometry.calibration.likelihood import Model, State
 from inclinometry.calibration.readings import BenchReadings
-from inclinometry.calibration.start import fix_signs, linear_start, starting_state
 from inclinometry.errors import InputError, settled
 from inclinometry.findings import Finding
 from inclinometry.rotations import dcm, rotation_x
@@ -173,7 +173,7 @@ def test_dials_of_an_inverted_base_are_those_of_the_rig_turned_round():
     a, i, t = np.random.default_rng(2).uniform(-np.pi, np.pi, (3, 50))
     way = Dials("horizontal-up", REVERSED, base="inverted")
     np.testing.assert_allclose(dcm(*Dials(base="inverted").settings(a, i, t)), dcm(a, i, t) @ TURNED, atol=1e-14)
-    np.testing.assert_allclose(way.shown(*way.settings(a, i, t)), (a, i, t), atol=1e-14)
+    np.testing.assert_allclose(way.dial_readings(*way.settings(a, i, t)), (a, i, t), atol=1e-14)
     counts = ("inclination upwards from the horizontal", "azimuth counterclockwise", "rig upside down")
     assert way.way.values["counts"] == counts
 

@@ -8,10 +8,10 @@ from tests.refusals import refused
 
 from inclinometry.calibration import plans
 from inclinometry.calibration.identifiability import constant_errors, null_space
+from inclinometry.calibration.initial_values import starting_state
 from inclinometry.calibration.joint import calibrate_joint
 from inclinometry.calibration.likelihood import NUISANCE, Model
 from inclinometry.calibration.plans import Plan
-from inclinometry.calibration.start import starting_state
 from inclinometry.calibration.variance import fit
 from inclinometry.errors import IdentifiabilityError
 from inclinometry.sensors import parameter_vector
@@ -192,7 +192,7 @@ class TestConstantErrorsOfTheRig:
         assert words not in [one.values.get("error") for one in fitted.findings]
 
     def test_costs_the_closed_form_what_the_specification_says(self, bench):
-        from inclinometry.calibration.direct import calibrate_orthogonal
+        from inclinometry.calibration.closed_form_results import calibrate_orthogonal
 
         tool = random_tool(3, bits=None, g=9.80665, b=50000.0)
         for settings, expected in ((plans.orthogonal(), 2 / 3 * np.sin(ERROR)), (plans.two_face(), 0.0)):
@@ -279,5 +279,5 @@ def test_what_is_unseen_is_two_changes_in_any_unit_of_the_signals(bench, unit):
 @pytest.mark.parametrize("count", [2, 3, 4])
 def test_too_few_stations_are_counted(bench, count):
     readings, _ = bench(plans.orthogonal(), random_tool(1), Rig(), bits=12)
-    with refused("plan-stations-few", error=IdentifiabilityError):
+    with refused("fit-few", error=IdentifiabilityError):
         calibrate_joint(readings.take(range(count)))

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from inclinometry.calibration import plans
-from inclinometry.calibration.direct import calibrate_orthogonal
+from inclinometry.calibration.closed_form_results import calibrate_orthogonal
 from inclinometry.calibration.joint import calibrate_joint, fit_once
 from inclinometry.constants import EARTH_RATE
 from inclinometry.earth.rate import earth_rate

@@ -7,7 +7,7 @@ import pytest
 from tests.refusals import coded, fits
 
 from inclinometry.calibration import plans
-from inclinometry.calibration.acceptance import OtherStand, verify
+from inclinometry.calibration.conformity import OtherStand, verify
 from inclinometry.calibration.conventions import WAYS, Dials
 from inclinometry.calibration.joint import calibrate_joint
 from inclinometry.calibration.plans import Plan
@@ -27,7 +27,7 @@ STANDS = {
 
 def counted(readings, way):
     """The readings as dials that count in this way give them."""
-    azimuth, inclination, toolface = way.shown(*readings.dials)
+    azimuth, inclination, toolface = way.dial_readings(*readings.dials)
     return dataclasses.replace(readings, azimuth=azimuth, inclination=inclination, toolface=toolface)
 
 

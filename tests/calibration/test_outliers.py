@@ -7,11 +7,11 @@ import pytest
 from scipy.stats import chi2
 
 from inclinometry.calibration import plans
+from inclinometry.calibration.initial_values import starting_state
 from inclinometry.calibration.joint import calibrate_joint
 from inclinometry.calibration.likelihood import Model
 from inclinometry.calibration.outliers import _tail, deletion_statistics, find_outliers
 from inclinometry.calibration.readings import BenchReadings
-from inclinometry.calibration.start import starting_state
 from inclinometry.calibration.variance import fit
 from inclinometry.sensors import parameter_vector
 from inclinometry.simulate.bench import Bump, Misread, Rig

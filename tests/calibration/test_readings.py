@@ -8,13 +8,13 @@ from tests.refusals import refused
 
 from inclinometry.calibration import plans
 from inclinometry.calibration.identifiability import null_space
+from inclinometry.calibration.initial_values import Stand, starting_state
 from inclinometry.calibration.likelihood import Model
 from inclinometry.calibration.norm import calibrate_norm
 from inclinometry.calibration.outliers import Outlier
 from inclinometry.calibration.rate_table import calibrate_rates
 from inclinometry.calibration.readings import BenchReadings, converter_steps
 from inclinometry.calibration.rollset import roll_harmonics, second_harmonics
-from inclinometry.calibration.start import Stand, starting_state
 from inclinometry.calibration.structured import blocks
 from inclinometry.calibration.variance import estimate_components, fit
 from inclinometry.rotations import dcm

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from inclinometry.calibration.initial_values import fix_signs, handedness, nearest_axes
 from inclinometry.calibration.likelihood import State
-from inclinometry.calibration.start import fix_signs, handedness, nearest_axes
 from inclinometry.findings import Finding
 from inclinometry.rotations import rotation_x, rotation_z
 

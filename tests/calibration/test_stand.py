@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from tests.refusals import refused
 
-from inclinometry.calibration.start import Stand, stand_within
+from inclinometry.calibration.initial_values import Stand, stand_within
 from inclinometry.errors import InputError
 from inclinometry.rotations import dcm
 

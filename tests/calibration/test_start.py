@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from inclinometry.calibration import plans
+from inclinometry.calibration.initial_values import _refined, linear_start, sphere, zero_from_north
 from inclinometry.calibration.likelihood import tangent_basis
-from inclinometry.calibration.start import _refined, linear_start, sphere, zero_from_north
 from inclinometry.rotations import dcm
 
 A = np.array([0.5, -0.3, np.sqrt(0.66)])

@@ -7,7 +7,7 @@ import pytest
 from tests.refusals import refused
 
 from inclinometry.calibration import plans
-from inclinometry.calibration.direct import calibrate_rotations
+from inclinometry.calibration.closed_form_results import calibrate_rotations
 from inclinometry.calibration.joint import calibrate_joint
 from inclinometry.calibration.likelihood import StandAngle
 from inclinometry.calibration.readings import BenchReadings

@@ -9,20 +9,20 @@ from scipy.stats import norm
 from tests.refusals import coded
 
 from inclinometry.calibration import plans
-from inclinometry.calibration.acceptance import verify
+from inclinometry.calibration.conformity import verify
+from inclinometry.calibration.initial_values import starting_state
 from inclinometry.calibration.joint import calibrate_joint
 from inclinometry.calibration.likelihood import Model, orientation
 from inclinometry.calibration.readings import BenchReadings
-from inclinometry.calibration.start import starting_state
 from inclinometry.calibration.structured import (
     MAGNETISED,
     Block,
     Evidence,
     blocks,
-    evidence,
+    cause_probabilities,
+    covariance_of_undetermined,
     fit_structured,
-    not_excluded,
-    untold,
+    undetermined_causes,
     with_repeating,
 )
 from inclinometry.calibration.variance import fit
@@ -143,7 +143,9 @@ def test_a_drift_that_the_readings_ask_for_is_fitted_beside_a_wander_that_they_h
             return self, state
 
     where = "inclinometry.calibration.structured"
-    monkeypatch.setattr(f"{where}.evidence", lambda run, noise, skip: [v for k, v in said_of.items() if k not in skip])
+    monkeypatch.setattr(
+        f"{where}.cause_probabilities", lambda run, noise, skip: [v for k, v in said_of.items() if k not in skip]
+    )
     monkeypatch.setattr(f"{where}.fit_with_variances", lambda *_: Run())
     assert [block.name for block in fit_structured(Run(), frozenset(), True)[1]] == ["drift"]
 
@@ -188,7 +190,7 @@ def test_evidence_of_a_block_is_the_ratio_of_two_dense_likelihoods(fitted):
     base, log = free(covariance)
     cost = residual @ base @ residual + log
     gain = np.linalg.solve(jacobian.T @ np.linalg.solve(covariance, jacobian), jacobian.T) @ np.linalg.inv(covariance)
-    found = evidence(fitted, frozenset(), skip={"the magnetometer is not linear"})
+    found = cause_probabilities(fitted, frozenset(), skip={"the magnetometer is not linear"})
     assert "the magnetometer is not linear" not in [told.block.name for told in found]
     assert len(found) >= 12
     for told in found:
@@ -300,7 +302,11 @@ def test_what_is_not_excluded_counts_by_its_chance():
     column, unit = np.ones((1, 1)), Block("x", np.zeros((1, 1, 1)))
 
     def added(ratio, block=unit):
-        return float(not_excluded([Evidence(block, ratio, 1.0, 2.0 * column, 3.0 * column)], np.zeros((1, 1)))[0, 0])
+        return float(
+            covariance_of_undetermined([Evidence(block, ratio, 1.0, 2.0 * column, 3.0 * column)], np.zeros((1, 1)))[
+                0, 0
+            ]
+        )
 
     assert added(1.0) == pytest.approx(12.0)  # all of it: 2 x 3 x 2
     assert added(60.0) == pytest.approx(12.0)
@@ -312,7 +318,7 @@ def test_what_is_not_excluded_counts_by_its_chance():
     # 1.96 of what is added
     assert norm.sf(norm.isf(0.025) * np.sqrt(added(0.0) / 12.0)) * 2.0 / 6.0 == pytest.approx(0.05, rel=1e-6)
     assert added(5.0, replace(unit, stays=False)) == 0.0
-    two = not_excluded([Evidence(unit, 1.0, 1.0, 2.0 * column, 3.0 * column)] * 2, np.zeros((1, 1)))
+    two = covariance_of_undetermined([Evidence(unit, 1.0, 1.0, 2.0 * column, 3.0 * column)] * 2, np.zeros((1, 1)))
     assert two[0, 0] == pytest.approx(24.0)
 
 
@@ -345,17 +351,20 @@ def test_what_is_left_open_is_said_in_degrees_of_the_angles():
     used = replace(plain, kind="accelerometer", at_use=in_use)
     none = np.zeros((24, 24))
     for block, carried in ((plain, column), (used, 0.0 * column)):
-        (said_,) = untold(tool, directions, [Evidence(block, 0.0, 1.0, carried, unit)], none)
+        (said_,) = undetermined_causes(tool, directions, [Evidence(block, 0.0, 1.0, carried, unit)], none)
         assert [said_.values[name] for name in ("inclination_deg", "azimuth_deg")] == wanted
         assert (said_.code, said_.severity, said_.values["causes"]) == ("bench-open", "note", ("a cause",))
     # what calibration and use have in common does no harm
-    assert untold(tool, directions, [Evidence(used, 0.0, 1.0, column, unit)], none) == []
+    assert undetermined_causes(tool, directions, [Evidence(used, 0.0, 1.0, column, unit)], none) == []
     # nor what the readings speak against, what ends with the run, or what is below the uncertainty
-    assert untold(tool, directions, [Evidence(plain, -1.5, 1.0, column, unit)], none) == []
-    assert untold(tool, directions, [Evidence(replace(plain, stays=False), 0.0, 1.0, column, unit)], none) == []
-    assert untold(tool, directions, [Evidence(plain, 0.0, 1.0, 1e-4 * column, unit)], none) == []
+    assert undetermined_causes(tool, directions, [Evidence(plain, -1.5, 1.0, column, unit)], none) == []
+    assert (
+        undetermined_causes(tool, directions, [Evidence(replace(plain, stays=False), 0.0, 1.0, column, unit)], none)
+        == []
+    )
+    assert undetermined_causes(tool, directions, [Evidence(plain, 0.0, 1.0, 1e-4 * column, unit)], none) == []
     alone = Tool("t", {"accelerometer": triads["accelerometer"]}, 1e-10 * np.eye(12))
-    (said_,) = untold(alone, directions, [Evidence(plain, 0.0, 1.0, column[:12], unit)], none[:12, :12])
+    (said_,) = undetermined_causes(alone, directions, [Evidence(plain, 0.0, 1.0, column[:12], unit)], none[:12, :12])
     assert (said_.code, said_.values["inclination_deg"]) == ("bench-open-inclination", wanted[0])
 
 

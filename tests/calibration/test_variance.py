@@ -7,10 +7,10 @@ from scipy.optimize import minimize
 from tests.refusals import refused
 
 from inclinometry.calibration import plans
+from inclinometry.calibration.initial_values import starting_state
 from inclinometry.calibration.joint import calibrate_joint
 from inclinometry.calibration.likelihood import Model
 from inclinometry.calibration.readings import BenchReadings
-from inclinometry.calibration.start import starting_state
 from inclinometry.calibration.structured import with_repeating
 from inclinometry.calibration.variance import (
     _Restricted,

@@ -7,7 +7,7 @@ from dataclasses import fields
 
 import numpy as np
 
-from inclinometry.files.exchange import SurveyFile
+from inclinometry.files.survey_file import SurveyFile
 
 
 def survey(**more):

@@ -11,8 +11,8 @@ from tests.refusals import refused
 
 from inclinometry.constants import FOOT
 from inclinometry.files.cave import write_compass, write_survex, write_therion
-from inclinometry.files.exchange import SurveyFile
 from inclinometry.files.six_axis import read_survey, write_excel_csv
+from inclinometry.files.survey_file import SurveyFile
 from inclinometry.survey.path import minimum_curvature
 
 from .surveys import same

@@ -18,9 +18,7 @@ from inclinometry.files._quantities import to_si
 from inclinometry.files.bench_csv import read_bench
 from inclinometry.files.casing_csv import read_casing
 from inclinometry.files.excel import write_excel
-from inclinometry.files.exchange import SurveyFile
 from inclinometry.files.las import write_las
-from inclinometry.files.layout import find_layout
 from inclinometry.files.log_csv import read_log
 from inclinometry.files.p7 import p7_file, write_p7
 from inclinometry.files.parquet import write_parquet
@@ -28,7 +26,9 @@ from inclinometry.files.position_csv import read_well
 from inclinometry.files.profile import PLAIN, Profile, reading_with, with_constants
 from inclinometry.files.run_file import open_run
 from inclinometry.files.six_axis import read_six_axis
+from inclinometry.files.survey_file import SurveyFile
 from inclinometry.files.table import read_table
+from inclinometry.files.table_formats import find_layout
 from inclinometry.files.witsml import write_witsml
 from inclinometry.orientation import fields
 
@@ -305,7 +305,7 @@ def test_degrees_minutes_and_seconds(tmp_path):
         assert (stop.value.line, values["readings"]) == (3, remedy)
     # minutes end at 60, and a length has none
     for row in ("30,10°75',20", "30°30',10,20"):
-        with refused("file-number", error=FileError):
+        with refused("input-kind", error=FileError):
             read_well(saved(path, f"MD (m),INC (deg),Azimuth true (deg)\n0,0,0\n{row}\n", encoding="utf-8"))
 
 
@@ -460,7 +460,7 @@ def test_an_error_in_a_packed_table_names_its_row(tmp_path):
     for row in range(1, 10):
         rows = [{"md_m": float(k), "tvd_m": "x" if k == row else float(k)} for k in range(1, 12)]
         (tmp_path / "a.json").write_text(json.dumps(rows))
-        with refused("file-number", error=FileError, column="tvd_m"):
+        with refused("input-kind", error=FileError, name="tvd_m"):
             read_table(tmp_path / "a.json", numeric=lambda _: True)
 
 

@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from tests.refusals import refused
 
 from inclinometry.errors import FileError
-from inclinometry.files.exchange import SurveyFile
 from inclinometry.files.p7 import p7_file, read_p7, write_p7
+from inclinometry.files.survey_file import SurveyFile
 from inclinometry.orientation import angles, dip_angle, fields
 
 from .surveys import same, saved
@@ -126,15 +126,15 @@ def test_two_surveys_and_unknown_records(tmp_path):
         ("IOGP,", "XOGP,", 1, "file-section"),
         (",7,1.0", ",1,1.0", 1, "file-section"),
         (EXAMPLE, EXAMPLE[:-30], 4, "table-row-width"),
-        (EXAMPLE, EXAMPLE.replace(",1,1,1740", ",1,1740.0,36.0"), 4, "file-value used"),
+        (EXAMPLE, EXAMPLE.replace(",1,1,1740", ",1,1740.0,36.0"), 4, "input-value used"),
         (EXAMPLE, EXAMPLE.replace("1740.0", "NaN"), 4, "input-finite md (m)"),
         (EXAMPLE, EXAMPLE.replace("1740.0", ""), 4, "table-empty"),
-        (EXAMPLE, EXAMPLE.replace("4.177509", "abc"), 4, "file-number gx_m_s2"),
-        (EXAMPLE, EXAMPLE.replace("36.0", "236.0"), 4, "file-value inclination_deg"),
-        (EXAMPLE, EXAMPLE.replace("2014:09:17", "2014-09-17"), 4, "file-value time"),
+        (EXAMPLE, EXAMPLE.replace("4.177509", "abc"), 4, "input-kind gx_m_s2"),
+        (EXAMPLE, EXAMPLE.replace("36.0", "236.0"), 4, "input-value inclination_deg"),
+        (EXAMPLE, EXAMPLE.replace("2014:09:17", "2014-09-17"), 4, "input-value time"),
         (EXAMPLE, EXAMPLE + "\n" + EXAMPLE, 5, "input-order"),
         (EXAMPLE, EXAMPLE + "\n" + "G7" + ",1" * 27, 5, "input-one-of M7"),
-        (EXAMPLE, EXAMPLE.replace("M7,0,1", "M7,0,x"), 4, "file-number survey"),
+        (EXAMPLE, EXAMPLE.replace("M7,0,1", "M7,0,x"), 4, "input-kind survey"),
         (EXAMPLE, "", None, "file-section"),
         ("Details,1,1,", "Details,1,9,", 3, "table-unit"),
         ("Details,1,1,", "Details,2,1,", 4, "input-missing --depth-unit"),

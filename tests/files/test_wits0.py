@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from tests.refusals import refused
 
 from inclinometry.errors import FileError, InputError
-from inclinometry.files.exchange import SurveyFile
+from inclinometry.files.survey_file import SurveyFile
 from inclinometry.files.wits0 import Wits0Map, read_frames, read_wits0, read_wits0_map, record_7, write_wits0
 from inclinometry.orientation import angles, fields
 
@@ -78,8 +78,8 @@ def test_round_trip_with_raw_sensors(tmp_path, convention):
         ("&&\n070840\n07131\n", 5, "wits-frame"),
         ("&&\n070840\nhello\n!!\n", 7, "wits-item"),
         ("&&\n070840\n071\n!!\n", 7, "wits-item"),
-        ("&&\n070840\n07131.2.3\n!!\n", 7, "file-number"),
-        ("&&\n070840\n0713NaN\n!!\n", 7, "file-number"),
+        ("&&\n070840\n07131.2.3\n!!\n", 7, "input-kind"),
+        ("&&\n070840\n0713NaN\n!!\n", 7, "input-kind"),
         ("&&\n070840\n07131\n07132\n!!\n", 8, "input-repeated"),
         ("&&\n!!\n", 5, "wits-frame"),
         ("!!\n", 5, "wits-frame"),
@@ -128,7 +128,7 @@ def test_values_that_stand_for_nothing(tmp_path):
         ("a,b\n1,2\n", "file-section"),
         (frame("0108100"), "wits-none"),
         (frame("x"), "wits-none"),
-        (frame("070830", "0713181"), "file-value inclination_deg"),
+        (frame("070830", "0713181"), "input-value inclination_deg"),
         (frame("070830", "07221"), "file-column gy_m_s2"),
         (frame("070830", "0715100"), "table-north"),
     ],

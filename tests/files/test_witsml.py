@@ -14,7 +14,7 @@ from lxml import etree
 from tests.refusals import coded, refused
 
 from inclinometry.errors import FileError
-from inclinometry.files.exchange import SurveyFile
+from inclinometry.files.survey_file import SurveyFile
 from inclinometry.files.witsml import read_witsml, write_witsml
 from inclinometry.orientation import angles, fields
 
@@ -159,13 +159,13 @@ MD_1, INCL = '<md uom="ft">1</md>', '<incl uom="dega">20'
         (INCL, f"{INCL}</incl>{INCL}", "input-repeated"),
         ("<gravTran2Raw ", '<gravTran2Raw uom="ft/s2">1</gravTran2Raw><gravTran2Raw ', "input-repeated"),
         ("<aziRef>grid north</aziRef>", "<aziRef>grid north</aziRef><uid>7</uid>", "input-repeated"),
-        (INCL, '<incl uom="dega">NaN', "file-number incl"),
+        (INCL, '<incl uom="dega">NaN', "input-kind incl"),
         (INCL, '<incl uom="dega">1e999', "input-finite inclination_deg"),
-        (INCL, '<incl uom="dega">2_0', "file-number incl"),
-        (INCL, '<incl uom="dega">', "file-number incl"),
-        (INCL, '<incl uom="dega">200', "file-value inclination_deg"),
+        (INCL, '<incl uom="dega">2_0', "input-kind incl"),
+        (INCL, '<incl uom="dega">', "input-kind incl"),
+        (INCL, '<incl uom="dega">200', "input-value inclination_deg"),
         ("<aziRef>grid north</aziRef>", "", "table-north"),
-        ("grid north", "lunar north", "file-value aziRef"),
+        ("grid north", "lunar north", "input-value aziRef"),
         ("1series", "131", "file-section"),
         ('version="1.4.1.1"', 'version="1.3.1.1"', "file-version"),
         ('<stnGridCorUsed uom="dega">-0.4917</stnGridCorUsed>',

@@ -21,12 +21,12 @@ from inclinometry.files.json_codec import canonical
 from inclinometry.files.tool_json import read_extras, read_tool
 from inclinometry.history import relative_parameters
 from inclinometry.laboratory import certificates, drift
-from inclinometry.laboratory.certified import Certificates
-from inclinometry.laboratory.guided import plan_for
+from inclinometry.laboratory.guided_plans import plan_for
 from inclinometry.laboratory.ledger.ledger import Ledger, LedgerError
 from inclinometry.laboratory.progress import Goal
 from inclinometry.laboratory.registry import RegisteredTool, find_rig, put_tool
 from inclinometry.laboratory.session import Capture, capture, load_session, open_session
+from inclinometry.laboratory.valid_certificates import Certificates
 from inclinometry.sensors import Tool
 from inclinometry.simulate.bench import Rig, simulate_bench
 
@@ -163,7 +163,7 @@ def test_a_check_of_another_tool_is_refused_and_leaves_nothing(
         before = opened.head()
     assert call(*command, "2026-02-01", "--tool", "SIM-0001", "--record", "--json") == 1
     said = json.loads(capsys.readouterr().out)
-    assert "does not fit its history" in said["refused"]
+    assert said["refused"]["code"] == "drift-contradicts"
     assert said["cause"]
     assert said["calibration"] is None
     with Ledger(ledger, read_only=True) as opened:
@@ -184,7 +184,7 @@ def test_commands_of_a_fleet_that_is_too_small_say_what_is_needed(
 ) -> None:
     ledger = str(folder / "lab.sqlite")
     assert call("fleet", "fit", "--ledger", ledger, "--type", "none") == 2
-    assert "[fleet-histories-none]" in " ".join(capsys.readouterr().err.split())
+    assert "[session-no-history]" in " ".join(capsys.readouterr().err.split())
     with Ledger(ledger) as opened:
         put_tool(opened, RegisteredTool("SIM-0001", "another"), author="test")
     assert call("fleet", "report", "--ledger", ledger) == 2

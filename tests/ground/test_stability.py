@@ -9,7 +9,7 @@ from inclinometry.files.stability_toml import read_stability, write_stability
 from inclinometry.files.tool_code_json import load_tool_code
 from inclinometry.sensors import Tool, Triad, angle_sensitivity
 from inclinometry.simulate.fleet import drift_variance
-from inclinometry.stability import ASSUMED, Stability, aged, from_drift
+from inclinometry.stability import ASSUMED, Stability, add_stability, from_drift
 
 TURNED = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, -1.0], [-1.0, 0.0, 0.0]])
 """Sensors in another order and sense than the axes."""
@@ -31,14 +31,14 @@ def test_what_is_assumed_is_half_of_the_published_terms():
 
 
 def test_it_grows_with_the_root_of_time_and_not_the_calibration():
-    one, four = aged(tool(), 1.0), aged(tool(), 4.0)
+    one, four = add_stability(tool(), 1.0), add_stability(tool(), 4.0)
     np.testing.assert_allclose(four.stability, 4.0 * one.stability)
     np.testing.assert_array_equal(one.covariance, tool().covariance)
-    assert not aged(tool(), 0.0).stability.any()
+    assert not add_stability(tool(), 0.0).stability.any()
 
 
 def test_an_offset_along_a_sensor_is_that_of_the_field_whatever_its_order_and_unit():
-    found = aged(tool(), 1.0)
+    found = add_stability(tool(), 1.0)
     offsets = np.sqrt(np.diagonal(found.stability)[3::4]) / 2e4
     np.testing.assert_allclose(offsets, [*[0.002 / 9.81] * 3, *[35.0 / 5e4] * 3])
     factors = np.sqrt([found.stability[row, row] for row in (1, 6, 8, 12, 17, 22)]) / 2e4
@@ -47,7 +47,7 @@ def test_an_offset_along_a_sensor_is_that_of_the_field_whatever_its_order_and_un
 
 def test_an_angle_errs_by_what_its_cause_is_called():
     here = {"accelerometer": np.array([-1.0, 0.0, 0.0]), "magnetometer": np.array([0.6, 0.0, 0.8])}
-    parts = angle_sensitivity(aged(tool(), 1.0), here).components(aged(tool(), 1.0))
+    parts = angle_sensitivity(add_stability(tool(), 1.0), here).components(add_stability(tool(), 1.0))
     # horizontal: an offset along the tool over gravity
     assert np.sqrt(parts["stability"][0, 0]) == pytest.approx(0.002 / 9.81, rel=1e-6)
     assert "stability" not in angle_sensitivity(tool(), here).components(tool())
@@ -69,7 +69,7 @@ def test_a_file_says_what_the_tool_does(tmp_path):
 
 def test_an_age_out_of_range_is_refused():
     with refused("input-value", name="time since the calibration"):
-        aged(tool(), -1.0)
+        add_stability(tool(), -1.0)
 
 
 def test_the_drift_of_a_fleet_pools_the_axes_of_a_kind():

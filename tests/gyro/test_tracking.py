@@ -13,7 +13,7 @@ from inclinometry.gyro.joint import earth_in_tool, solve_joint
 from inclinometry.gyro.north import estimate_north
 from inclinometry.gyro.point_mass import Rates, solve_law
 from inclinometry.gyro.result import FLAGS
-from inclinometry.gyro.tracking import ScaleBelief, ScaleTracker, quadratic_belief, smooth_scale, track_scale
+from inclinometry.gyro.tracking import ScaleState, ScaleTracker, quadratic_belief, smooth_scale, track_scale
 from inclinometry.rotations import wrap_signed
 from inclinometry.simulate.gyro import hot_run
 
@@ -26,7 +26,7 @@ BOTH = pytest.mark.parametrize("follow", [track_scale, smooth_scale])
 class Run:
     """Stations well away from K = 0, with a scale drawn from a belief and 0.0005 of each station's own."""
 
-    def __init__(self, seed: int, size: int, belief: ScaleBelief, sigma: float, inclination: Any = (5.0, 35.0)) -> None:
+    def __init__(self, seed: int, size: int, belief: ScaleState, sigma: float, inclination: Any = (5.0, 35.0)) -> None:
         rng = np.random.default_rng(seed)
         self.temperature = np.linspace(20.0, 140.0, size) + rng.normal(0.0, 1.0, size)
         powers = belief.basis(self.temperature)
@@ -222,7 +222,7 @@ def test_belief_predicts_the_spread_of_its_own_draws() -> None:
     [
         (0, [[np.nan, 0.1]] * 3, "input-value"),
         (0, [0.6, -0.7, 0.1], "input-shape"),
-        (1, np.zeros((3, 2, 2)), "gyro-covariance"),
+        (1, np.zeros((3, 2, 2)), "input-covariance"),
         (1, np.eye(4), "input-shape"),
         (2, [0.5, 0.5], "input-shape"),
         (2, 4.0, "input-value"),
@@ -247,10 +247,10 @@ def test_wrong_input_is_refused(follow: Any, place: int, value: Any, says: str) 
 @pytest.mark.parametrize(
     ("make", "says"),
     [
-        (lambda: ScaleBelief(np.ones(4), np.eye(4)), "input-shape"),
-        (lambda: ScaleBelief(np.ones(2), np.eye(3)), "input-shape"),
-        (lambda: ScaleBelief(np.array([1.0]), np.array([[-1.0]])), "input-value"),
-        (lambda: ScaleBelief(np.array([np.nan]), np.array([[1.0]])), "input-finite"),
+        (lambda: ScaleState(np.ones(4), np.eye(4)), "input-shape"),
+        (lambda: ScaleState(np.ones(2), np.eye(3)), "input-shape"),
+        (lambda: ScaleState(np.array([1.0]), np.array([[-1.0]])), "input-value"),
+        (lambda: ScaleState(np.array([np.nan]), np.array([[1.0]])), "input-finite"),
         (lambda: quadratic_belief(reference_temperature=np.nan), "input-value"),
         (lambda: quadratic_belief(sd=-0.001), "input-value"),
         (lambda: quadratic_belief().predict(np.nan), "input-finite"),
@@ -281,7 +281,7 @@ def test_the_stream_is_the_run_to_the_last_bit() -> None:
 @pytest.mark.parametrize("scale", [0.8, 1.0152, 1.05, 1.2])  # 1.0152: five standard uncertainties
 def test_a_statement_that_the_readings_contradict_is_named(follow: Any, scale: float) -> None:
     belief = quadratic_belief(sd=0.003)
-    run = Run(4, 20, ScaleBelief(np.array([scale]), np.array([[0.0]])), 2e-4)
+    run = Run(4, 20, ScaleState(np.array([scale]), np.array([[0.0]])), 2e-4)
     track = follow(*run.input, belief)
     assert track.contradicted
     assert "gyro-scale-contradicted" in coded(track.findings)

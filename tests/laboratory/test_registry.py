@@ -19,7 +19,7 @@ from inclinometry.laboratory.certificate.laboratory import Laboratory
 from inclinometry.laboratory.ledger.engine import KINDS, check
 from inclinometry.laboratory.ledger.ledger import Ledger, Record
 from inclinometry.laboratory.ledger.verify import verify
-from inclinometry.laboratory.registry import extract, listed
+from inclinometry.laboratory.registry import cached_from_record, listed
 
 FULL = (
     registry.RegisteredTool("IN-7", "tool", {"acc": {"unit": "g"}}, "m", "c", "d", "native", (0.1, 0.2), 12, True),
@@ -37,7 +37,7 @@ UNUSED = {"tool": {"limits"}, "rig": {"certificate"}, "site": {"longitude_deg", 
 def test_the_stored_schema_is_what_the_declaration_stores(full: Any) -> None:
     kind = type(full).__name__.removeprefix("Registered").lower()
     text = files("inclinometry.laboratory.ledger").joinpath("schemas", f"{kind}-1.json").read_text("utf-8")
-    schema, body = json.loads(text), registry.stored(full)
+    schema, body = json.loads(text), registry.to_record_body(full)
     properties = schema["properties"]
     assert set(properties) == set(body) | UNUSED[kind]
     key = next(iter(KINDS[kind].keys))
@@ -57,15 +57,15 @@ def test_the_stored_schema_is_what_the_declaration_stores(full: Any) -> None:
 @pytest.mark.parametrize("full", FULL)
 def test_a_stored_body_gives_back_what_was_registered(full: Any) -> None:
     """To the ninth decimal of a degree, in which angles are stored; what is not said is as declared."""
-    again = registry.registered(type(full), next(iter(vars(full).values())), registry.stored(full))
+    again = registry.from_record_body(type(full), next(iter(vars(full).values())), registry.to_record_body(full))
     for one, _, (name, _place, _) in registry.declared(type(full)):
         was, read = getattr(full, one.name), getattr(again, one.name)
         if name.endswith("_deg"):
             np.testing.assert_allclose(read, was, rtol=0.0, atol=1e-11)
         else:
             assert read == was
-    assert registry.registered(registry.RegisteredSite, "hall", {}) == registry.RegisteredSite("hall")
-    assert registry.registered(registry.RegisteredTool, "IN-7", {"name": "tool"}) == registry.RegisteredTool(
+    assert registry.from_record_body(registry.RegisteredSite, "hall", {}) == registry.RegisteredSite("hall")
+    assert registry.from_record_body(registry.RegisteredTool, "IN-7", {"name": "tool"}) == registry.RegisteredTool(
         "IN-7", "tool"
     )
 
@@ -161,9 +161,9 @@ def test_an_extract_is_worked_out_once(laboratory: Ledger) -> None:
         return str(record.body["reason"])
 
     one = listed(laboratory, "event")[0]
-    assert [extract(laboratory, one, "reason", reason) for _ in range(3)] == ["0"] * 3
+    assert [cached_from_record(laboratory, one, "reason", reason) for _ in range(3)] == ["0"] * 3
     assert asked == [one.id]
-    assert extract(laboratory, one, "length", lambda record: len(record.body)) == 1
+    assert cached_from_record(laboratory, one, "length", lambda record: len(record.body)) == 1
 
 
 def test_a_list_of_what_is_not_a_kind_is_refused(laboratory: Ledger) -> None:

@@ -14,13 +14,13 @@ from hypothesis import strategies as st
 
 from inclinometry.earth.site import Site
 from inclinometry.findings import Finding
-from inclinometry.motion.choose import AttitudeChooser, ChooserSettings, choose_attitude
-from inclinometry.motion.health import HealthSettings
+from inclinometry.motion.automatic import AttitudeChooser, ChooserSettings, choose_attitude
 from inclinometry.motion.magnetic.phase import MagneticSettings
 from inclinometry.motion.magnetic.window import magnetic_attitude
 from inclinometry.motion.reference import to_magnetic
 from inclinometry.motion.result import METHODS, Attitude, Samples, joined
 from inclinometry.motion.timing import StretchCutter, rejoined
+from inclinometry.motion.window_checks import HealthSettings
 from inclinometry.rotations import wrap_signed
 from inclinometry.simulate.drilling import SCENARIOS, DrillingSimulation, simulate_drilling
 from inclinometry.simulate.drilling.scenario import Casing, Dropped, Hole, Jitter, MagLag, Repeated, Stuck
@@ -107,7 +107,7 @@ def test_accelerometers_alone_serve_at_rest_only() -> None:
     assert methods(rows) == {"refused": 6}
     assert all("no-field" in rows.names(k) for k in range(6))
     (moving,) = rows.findings[0].values["kinds"]
-    assert (moving.values["kind"], moving.values["methods"][0].code) == ("moving", "motion-method-refused")
+    assert (moving.values["kind"], moving.values["method"]) == ("moving", "refused")
 
 
 @pytest.mark.long

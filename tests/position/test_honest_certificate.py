@@ -27,9 +27,9 @@ def test_without_its_age_an_old_certificate_lies():
     """What the stability is for: the same wells, the sensors as on the day of the calibration."""
     from benchmarks import honest_certificate
 
-    aged, honest_certificate.aged = honest_certificate.aged, lambda tool, years: tool
+    aged, honest_certificate.add_stability = honest_certificate.add_stability, lambda tool, years: tool
     try:
         row = next(run(40, ("24",), 1.0))
     finally:
-        honest_certificate.aged = aged
+        honest_certificate.add_stability = aged
     assert max(row["inside"]) < 0.7

@@ -18,7 +18,7 @@ from inclinometry.calibration.comparison import compare_calibrations
 from inclinometry.calibration.drift_alarm import CAUSES
 from inclinometry.calibration.drift_status import fleet_status
 from inclinometry.findings import translations
-from inclinometry.language import label, number, speaking
+from inclinometry.language import label, number, using_language
 from inclinometry.report.allan import allan_report
 from inclinometry.report.calibration import calibration_report
 from inclinometry.report.comparison import two_report
@@ -127,7 +127,7 @@ def words_left(page):
 @pytest.mark.parametrize("language", ["ru", "zh"])
 @pytest.mark.parametrize("name", REPORTS)
 def test_no_english_is_left(name, language):
-    with speaking(language):
+    with using_language(language):
         page = REPORTS[name]()
     check(re.sub(r"(?s)<script.*?</script>", "", page))
     assert words_left(page) == []
@@ -135,7 +135,7 @@ def test_no_english_is_left(name, language):
 
 @pytest.mark.parametrize("language", ["ru", "zh"])
 def test_every_cause_of_an_alarm_is_said(language):
-    with speaking(language):
+    with using_language(language):
         said = [label(cause) for cause in CAUSES]
     assert not [one for one in said if re.search(r"[A-Za-z]{2}", one)]
     assert len(set(said)) == len(CAUSES)
@@ -164,7 +164,7 @@ def test_a_label_has_its_values_and_is_translated(text, given):
 
 
 def test_numbers_have_the_sign_of_the_language():
-    with speaking("ru"):
+    with using_language("ru"):
         assert label("{name}: rms {rms}°{lost}", name="joint", rms="0.25", lost="") == "совместный: СКЗ 0,25°"
         assert (number("-0.12 ± 0.05"), label("Bench & sons")) == ("-0,12 ± 0,05", "Bench & sons")
         assert label("Written by inclinometry {version}.", version="0.1.0") == "Written by inclinometry 0.1.0."
@@ -172,12 +172,12 @@ def test_numbers_have_the_sign_of_the_language():
 
 def test_parameters_have_names():
     assert parameter_name("accelerometer.tensor[2,1]") == "accelerometer Z cross-axis Y"
-    with speaking("ru"):
+    with using_language("ru"):
         assert parameter_name("accelerometer.tensor[2,2]") == "акселерометр Z: масштаб"
 
 
 def test_other_languages_are_refused():
-    with refused("input-choice", name="language"), speaking("de"):
+    with refused("input-choice", name="language"), using_language("de"):
         pass
 
 

@@ -18,7 +18,7 @@ from inclinometry.history import UNSEEN, ToolHistory, tool_from_relative
 from inclinometry.orientation import fields
 from inclinometry.sensors import Tool
 from inclinometry.simulate.fleet import drift_variance
-from inclinometry.survey.evidence import run_evidence
+from inclinometry.survey.history_from_run import run_evidence
 from inclinometry.survey.multistation import multistation
 from inclinometry.survey.multistation_priors import FieldReference, priors_from_tool, published_priors
 from inclinometry.survey.reduce import SensorCorrection, correction_of

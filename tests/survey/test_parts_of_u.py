@@ -8,7 +8,7 @@ from inclinometry.constants import VECTORS
 from inclinometry.earth.site import Site
 from inclinometry.orientation import fields
 from inclinometry.sensors import Tool, Triad
-from inclinometry.stability import aged
+from inclinometry.stability import add_stability
 from inclinometry.survey.from_stations import survey_from_stations
 from inclinometry.survey.from_tool import stations_from_tool
 from inclinometry.survey.reduce import parts_of, reduce_survey
@@ -45,7 +45,7 @@ def test_noise_scatters_as_the_random_part_says_and_correlated():
 
 
 def test_the_parts_make_up_u_and_both_ways_agree():
-    own = aged(tool(), 1.0)
+    own = add_stability(tool(), 1.0)
     one = reduce_survey(MD, seen(), own, site=SITE)
     other = survey_from_stations(stations_from_tool(MD, seen(), own), site=SITE)
     for survey in (one, other):

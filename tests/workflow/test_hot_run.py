@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from inclinometry.simulate.gyro import hot_run
-from inclinometry.workflow.hot_run import FIXED, JOINT, PATENT, reduce_hot_run, rms_degrees
+from inclinometry.workflow.gyro_heating_example import FIXED, JOINT, PATENT, reduce_hot_run, rms_degrees
 
 
 @pytest.fixture(scope="module")

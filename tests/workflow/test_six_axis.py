@@ -8,7 +8,7 @@ from tests.refusals import coded, refused
 
 from inclinometry.earth.site import Site
 from inclinometry.errors import FileError
-from inclinometry.files.exchange import SurveyFile
+from inclinometry.files.survey_file import SurveyFile
 from inclinometry.orientation import angles, dip_angle, fields
 from inclinometry.workflow.field import declination_doubts
 from inclinometry.workflow.six_axis import fields_of_survey, quality, read_six_axis, survey_six_axis
@@ -64,7 +64,7 @@ def test_a_survey_that_cannot():
         azimuth_reference="magnetic",
         measured=holes,
     )
-    with refused("work-cell", error=FileError, names=("dip",), md_m=90.0):
+    with refused("table-empty", error=FileError, column="dip"):
         fields_of_survey(gap, Site(), "a.csv")
 
 

@@ -26,10 +26,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from inclinometry.arrays import Array
+from inclinometry.calibration.initial_values import FIELD_ANGLE, handedness, linear_start, nearest_axes
 from inclinometry.calibration.likelihood import NUISANCE, Model, State, orientation
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
-from inclinometry.calibration.start import FIELD_ANGLE, handedness, linear_start, nearest_axes
 from inclinometry.errors import not_among
 from inclinometry.findings import Finding, Severity, Value, refused_if
 from inclinometry.orientation import dip_angle
@@ -78,12 +78,12 @@ class Dials:
             return -azimuth, np.pi - from_vertical, toolface + np.pi
         return azimuth, from_vertical, toolface
 
-    def shown(self, azimuth: Array, inclination: Array, toolface: Array) -> tuple[Array, Array, Array]:
+    def dial_readings(self, azimuth: Array, inclination: Array, toolface: Array) -> tuple[Array, Array, Array]:
         """What the dials say at settings of the conventions, rad; the inverse of `settings`.
 
         Examples
         --------
-        >>> [round(np.degrees(x)) for x in Dials("horizontal-up", "counterclockwise").shown(1.0, 0.0, -1.0)]
+        >>> [round(np.degrees(x)) for x in Dials("horizontal-up", "counterclockwise").dial_readings(1.0, 0.0, -1.0)]
         [-57, -90, -57]
         """
         if self.base == "inverted":
@@ -164,7 +164,7 @@ def _alike(key: tuple[bool, bool]) -> list[Dials]:
 def stated_dials(readings: BenchReadings) -> tuple[Dials, tuple[Array, Array, Array]]:
     """How the dials were stated to count, and what they themselves said, rad."""
     stated = Dials(*readings.counted)  # type: ignore[arg-type]
-    return stated, stated.shown(*readings.dials)
+    return stated, stated.dial_readings(*readings.dials)
 
 
 def check_dials(readings: BenchReadings, *, left_handed: bool = False) -> list[Finding]:
@@ -181,7 +181,7 @@ def check_dials(readings: BenchReadings, *, left_handed: bool = False) -> list[F
         signals[kind] = (values - values.mean(axis=0)) / np.where(spread > 0.0, spread, 1.0)
     stated, dials = stated_dials(readings)
     level, odd = _class(stated)
-    own = _left(signals, readings.dials)
+    own = _residual_sum_of_squares(signals, readings.dials)
     shares = {kind: float(np.sqrt(left / signals[kind].size)) for kind, left in own.items()}
     keys = [(level, not odd)] if spans(readings.dials) else []  # else a reversed dial is a mirror image and no more
     # share of the field from which inclination from the horizontal, which leaves 0.3, is tried
@@ -190,7 +190,7 @@ def check_dials(readings: BenchReadings, *, left_handed: bool = False) -> list[F
     best: tuple[float, float, str, tuple[bool, bool]] | None = None
     for key in keys:
         other = stated.counting(_alike(key)[0])
-        better, times, worst = _compare(signals, own, _left(signals, other.settings(*dials)))
+        better, times, worst = _compare(signals, own, _residual_sum_of_squares(signals, other.settings(*dials)))
         if best is None or better > best[0]:
             best = better, times, worst, key
     if best is None or best[0] < 25.0:  # log-likelihood ratio beyond which another convention fits better
@@ -202,7 +202,7 @@ def check_dials(readings: BenchReadings, *, left_handed: bool = False) -> list[F
     ways = [stated.counting(way) for way in ways]
     if np.ptp(dials[0]) == 0.0:
         ways = [way for way in ways if way.azimuth_counts == stated.azimuth_counts]
-    likely, others = _single_out(readings, dials, ways, left_handed=left_handed)
+    likely, others = _most_likely_convention(readings, dials, ways, left_handed=left_handed)
     # how many times smaller what it leaves must be for a refusal
     return [_otherwise([likely, *others], times, kind, shares[kind], refused_if(times >= 2.0))]
 
@@ -219,7 +219,7 @@ def spans(settings: Sequence[Array] | Array) -> bool:
     return bool(np.linalg.matrix_rank(np.column_stack([matrix.reshape(-1, 9), np.ones(len(matrix))]), 1e-6) == 10)
 
 
-def _left(signals: Mapping[str, Array], settings: Sequence[Array]) -> dict[str, float]:
+def _residual_sum_of_squares(signals: Mapping[str, Array], settings: Sequence[Array]) -> dict[str, float]:
     """Sum of squares that each triad's linear fit leaves, kind -> float, in squares of the field."""
     matrix = dcm(*settings)
     ones = np.ones((len(matrix), 1))
@@ -248,7 +248,7 @@ def _compare(
     return better, times[worst], worst
 
 
-def _single_out(
+def _most_likely_convention(
     readings: BenchReadings, dials: Sequence[Array], ways: list[Dials], *, left_handed: bool
 ) -> tuple[Dials, list[Dials]]:
     """Of conventions that fit alike the one that makes a usual tool, and the others as usual as that.
@@ -384,7 +384,7 @@ def _against(state: State, look: Dials, *, told: bool) -> tuple[list[Finding], l
     plain: list[float] = []
     for kind, coefficients in state.coefficients.items():
         rows = coefficients[0, :, :3]
-        along = _along(rows)
+        along = _nearest_tool_axes(rows)
         against = [] if along is None else [i for i, (_, sign) in along.items() if sign < 0.0]
         if kind == "accelerometer" and along is not None and len(against) == len(along):
             against = []  # all of them: specific force
@@ -432,7 +432,7 @@ def _mirror(axes: Mapping[str, Array | None]) -> Dials:
     return _MIRROR if across >= along else _CROSSED
 
 
-def _along(rows: Array) -> dict[int, tuple[int, float]] | None:
+def _nearest_tool_axes(rows: Array) -> dict[int, tuple[int, float]] | None:
     """Sensor -> tool axis and sign, of those that lie along one within 25 deg.
 
     None where one of up to three sensors lies along none, or more than three leave an axis without a sensor.
@@ -543,7 +543,11 @@ def _unexplained(
     found = {}
     for kind, seen in channels.items():
         design = seen.axes @ turns / seen.length[:, None]  # (K, m, 3) by the field in rig axes
-        orders = _wirings(len(seen.length)) if wired else [(tuple(range(len(seen.length))), np.ones(len(seen.length)))]
+        orders = (
+            _channel_permutations(len(seen.length))
+            if wired
+            else [(tuple(range(len(seen.length))), np.ones(len(seen.length)))]
+        )
         found[kind] = min(
             _rms(design, (signs * seen.signals[:, list(order)] - seen.offset) / seen.length, fields[kind])
             for order, signs in orders
@@ -564,7 +568,7 @@ def _rms(design: Array, wanted: Array, field: StandField) -> float:
     return float(np.sqrt(3.0 * np.mean(rest**2)))
 
 
-def _wirings(count: int) -> list[tuple[tuple[int, ...], Array]]:
+def _channel_permutations(count: int) -> list[tuple[tuple[int, ...], Array]]:
     """Orders and signs of channels; of many sensors the single faults: up to two reversed, two exchanged."""
     if count <= 4:  # sensors of a triad up to which every order and sign is tried
         orders = list(permutations(range(count)))

@@ -17,12 +17,12 @@ from inclinometry.arrays import Array, Index, Mask, finite, within
 from inclinometry.calibration.dials import same
 from inclinometry.calibration.expected import ExpectedUncertainty, expected_uncertainty
 from inclinometry.calibration.identifiability import null_space
+from inclinometry.calibration.initial_values import Stand, stand_within
 from inclinometry.calibration.likelihood import NUISANCE, Model, State
 from inclinometry.calibration.plans import Plan
-from inclinometry.calibration.start import Stand, stand_within
+from inclinometry.calibration.undetermined import few_stations, undetermined
 from inclinometry.constants import DIP, INCLINATION_RANGE, SHORT_INCLINATIONS, VECTORS
 from inclinometry.errors import IdentifiabilityError, out_of_range, refused, wrong_shape
-from inclinometry.findings import Finding
 from inclinometry.orientation import fields
 from inclinometry.sensors import Tool, Triad, angle_sensitivity
 from inclinometry.tabular import check_record
@@ -188,11 +188,11 @@ def best_addition(problem: Problem, information: Array, taken: list[int], doubli
     free[taken] = False
     candidates = np.flatnonzero(free)
 
-    def after(chosen: Index, attitudes: Index) -> Array:
+    def covariance_after(chosen: Index, attitudes: Index) -> Array:
         return before[attitudes] - reductions(white[chosen], problem.gradients[attitudes])
 
     first_few = 64
-    few = after(candidates, order[:first_few])
+    few = covariance_after(candidates, order[:first_few])
     reference = few.max(axis=1).min()
     bound = _powers(few / reference, doublings)
     ranked = np.argsort(bound, kind="stable")
@@ -200,9 +200,9 @@ def best_addition(problem: Problem, information: Array, taken: list[int], doubli
     # no addition raises a variance: attitudes that matter little even without it are left out
     tail = np.cumsum(_power(before[order] / reference, doublings)[::-1])[::-1]
     order = order[tail > 1e-7 * bound.min()]  # share of the objective that may be left out of a comparison
-    whole = _powers(after(candidates[first], order) / reference, doublings)
+    whole = _powers(covariance_after(candidates[first], order) / reference, doublings)
     more = rest[bound[rest] < whole.min()]
-    whole = np.concatenate([whole, _powers(after(candidates[more], order) / reference, doublings)])
+    whole = np.concatenate([whole, _powers(covariance_after(candidates[more], order) / reference, doublings)])
     return int(candidates[np.concatenate([first, more])[np.argmin(whole)]])
 
 
@@ -632,7 +632,7 @@ def _enough(about: Information, n: int, captured: int, positions: int) -> None:
         raise out_of_range("n", n, "1, 2, 3, ...")
     least = max(-(-(4 * t.count + 2) // t.count) + 1 for t in about.tool.triads.values())
     if n + captured < least:
-        raise IdentifiabilityError(Finding("plan-stations-few", {"stations": n + captured, "least": least}))
+        raise IdentifiabilityError(few_stations(n + captured, least))
     if n > positions:
         raise out_of_range("n", n, f"<= {positions}")
 
@@ -641,4 +641,5 @@ def _determined(about: Information, settings: Array) -> None:
     """Refuse settings that leave parameters undetermined, naming them."""
     blind = null_space(*about.model(settings))
     if not blind.complete:
-        raise IdentifiabilityError(Finding("plan-blind", {"stations": len(settings), "unseen": blind.unseen}))
+        remedy = "Add stations, or allow further inclinations and toolfaces"
+        raise IdentifiabilityError(undetermined("stations", blind.unseen, remedy))

@@ -18,12 +18,12 @@ from inclinometry.arrays import Array, Index
 from inclinometry.calibration.design import NOISE, RIG_SD, Information, Problem, inclination_grid, information, search
 from inclinometry.calibration.drift import DriftModel, DriftState
 from inclinometry.calibration.drift_alarm import FALSE_ALARMS, FEWEST, Alarm, cause_test, gaussian_maxima, judged
+from inclinometry.calibration.initial_values import stand_within
 from inclinometry.calibration.likelihood import NUISANCE, Model, State
 from inclinometry.calibration.plans import Plan
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.record import joint_calibration
 from inclinometry.calibration.result import Calibration, same_units
-from inclinometry.calibration.start import stand_within
 from inclinometry.calibration.temperature import powers_of
 from inclinometry.calibration.variance import fit, noise_guess, rig_guess
 from inclinometry.constants import DIP, FIELD_NAME, INCLINATION_RANGE, VECTORS

@@ -143,7 +143,7 @@ def _dictionary(
         names.append(name)
         rows.append(row)
 
-    def turned(kind: str, axis: int) -> tuple[Array, Array]:
+    def rotate_model(kind: str, axis: int) -> tuple[Array, Array]:
         change = np.zeros_like(state.coefficients[kind])
         # N e for each row: n -> n x e, the tensor seen from a tool frame turned about `axis`
         change[..., :3] = np.cross(state.coefficients[kind][..., :3], np.eye(3)[axis])
@@ -156,12 +156,12 @@ def _dictionary(
     for number, axis in enumerate(order):
         add(Finding("bench-turn", {"turn": tilts[number]}), {kind: tilted(kind, axis) for kind in kinds})
     for axis in range(3):
-        add(Finding("bench-turn", {"turn": turns[axis]}), {kind: turned(kind, axis) for kind in kinds})
+        add(Finding("bench-turn", {"turn": turns[axis]}), {kind: rotate_model(kind, axis) for kind in kinds})
     for kind in kinds:
         for number, axis in enumerate(order):
             add(Finding("bench-turn-alone", {"turn": tilts[number], "kind": kind}), {kind: tilted(kind, axis)})
         for axis in range(3):
-            add(Finding("bench-turn-alone", {"turn": turns[axis], "kind": kind}), {kind: turned(kind, axis)})
+            add(Finding("bench-turn-alone", {"turn": turns[axis], "kind": kind}), {kind: rotate_model(kind, axis)})
         for sensor, column in product(range(state.coefficients[kind].shape[1]), range(4)):
             change = np.zeros_like(state.coefficients[kind])
             change[0, sensor, column] = 1.0

@@ -8,14 +8,14 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from inclinometry.calibration.causes import calibration_shares
 from inclinometry.calibration.diagnosis import check_fit, check_start
 from inclinometry.calibration.diagnosis import diagnose as diagnosed
 from inclinometry.calibration.expected import expected_uncertainty
+from inclinometry.calibration.initial_values import enough
 from inclinometry.calibration.joint_fit import begin, fit_run, result, with_assumed_stand
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
-from inclinometry.calibration.start import enough
+from inclinometry.calibration.uncertainty_budget import calibration_shares
 from inclinometry.tabular import check_record
 
 
@@ -75,8 +75,8 @@ def calibrate_joint(
     ------
     InputError
         Readings or options that cannot be used; dials that count in another convention than was said, readings that fit
-        in none; a dip or latitude that contradicts the stated one (`inclinometry.calibration.start.fix_signs`); a
-        level, north or dip stated with an uncertainty, more than five standard uncertainties from a fit without it.
+        in none; a dip or latitude that contradicts the stated one (see `initial_values.fix_signs`);
+        a level, north or dip stated with an uncertainty, more than five standard uncertainties from a fit without it.
     IdentifiabilityError
         Fewer readings than parameters, or a plan that leaves parameters undetermined, named in words.
 

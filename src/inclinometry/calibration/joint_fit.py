@@ -10,29 +10,29 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from inclinometry.arrays import Array, Index, finite, within
-from inclinometry.calibration.causes import UNDETECTED, parameter_causes
 from inclinometry.calibration.conventions import check_noise
 from inclinometry.calibration.identifiability import null_space
+from inclinometry.calibration.initial_values import fix_signs, starting_state
 from inclinometry.calibration.likelihood import NUISANCE, Model, StandAngle, State
 from inclinometry.calibration.outliers import Outlier, find_outliers
 from inclinometry.calibration.plausibility import refuse_odd
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.record import joint_calibration
 from inclinometry.calibration.result import Calibration
-from inclinometry.calibration.start import fix_signs, starting_state
 from inclinometry.calibration.structured import (
     Block,
     Evidence,
-    bent,
-    evidence,
+    cause_probabilities,
+    covariance_of_undetermined,
     fit_structured,
-    not_excluded,
+    response_nonlinearity,
     structure_first,
-    untold,
+    undetermined_causes,
     with_repeating,
 )
 from inclinometry.calibration.temperature import choose_powers
 from inclinometry.calibration.twelve import DOWN
+from inclinometry.calibration.uncertainty_budget import UNDETECTED, parameter_causes
 from inclinometry.calibration.variance import (
     Fitted,
     effective_freedom,
@@ -180,7 +180,7 @@ def fit_run(begun: Start, *, robust: bool, look: bool) -> Fit:
         judged, looked_for = fit(judged.model, signed), None
         fitted = fit(fitted.model, turned) if apart else judged
     if looked_for is None:
-        looked_for = evidence(fitted, noise, {block.name for block in shown}) if look else []
+        looked_for = cause_probabilities(fitted, noise, {block.name for block in shown}) if look else []
     return Fit(begun, fitted, judged, plain, kept, outliers, shown, looked_for, signs)
 
 
@@ -201,7 +201,7 @@ def _fitted(begun: Start, look: bool) -> Fitted:
 
 def result(done: Fit, name: str) -> Calibration:
     """The record of a fit; where causes were looked for, what they do not determine is in its covariance."""
-    left = not_excluded(done.looked_for, done.fitted.covariance)
+    left = covariance_of_undetermined(done.looked_for, done.fitted.covariance)
     fitted = with_averaged_covariance(done.fitted, done.start.free_noise, done.start.free_rig)
     fitted = replace(fitted, covariance=fitted.covariance + left)
     size, whole = fitted.model.parameters, np.diagonal(fitted.covariance)
@@ -214,8 +214,8 @@ def result(done: Fit, name: str) -> Calibration:
         return found
     causes, response = parameter_causes(done.fitted, done.used)
     causes[UNDETECTED] = left[:size, :size]
-    found = replace(found, causes=causes, response=response, bent=bent(done.fitted))
-    notes = untold(found.tool, found.field_directions, done.looked_for, left[:size, :size])
+    found = replace(found, causes=causes, response=response, bent=response_nonlinearity(done.fitted))
+    notes = undetermined_causes(found.tool, found.field_directions, done.looked_for, left[:size, :size])
     return replace(found, findings=(*found.findings, *notes))
 
 

@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 
 from inclinometry.arrays import Array, Index
 from inclinometry.calibration.conventions import check_dials, check_noise, left_ratio, log_ratio, spans, stated_dials
+from inclinometry.calibration.initial_values import linear_start, sphere
 from inclinometry.calibration.likelihood import NUISANCE, orientation, tangent_basis
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
-from inclinometry.calibration.start import linear_start, sphere
 from inclinometry.calibration.twelve import DOWN
 from inclinometry.calibration.variance import Fitted
 from inclinometry.constants import DIALS
@@ -85,7 +85,7 @@ def check_whole(readings: BenchReadings) -> list[Finding]:
             stations = tuple(readings.station)
             best += _ranked(signals, own, _exchanges(signals, settings, stations))
             best += _ranked(signals, own, _gains(signals, settings, stations))
-            best = sorted((_sharpened(signals, own, settings, *one) for one in best), key=lambda one: -one[0])
+            best = sorted((_refine_gain_step(signals, own, settings, *one) for one in best), key=lambda one: -one[0])
     likelihood, drift, far = _drift(signals, settings, own)
     if (
         best
@@ -303,7 +303,7 @@ def _ranked(
     return sorted(((*_compare(signals, own, one), one) for _, one in rough[:3]), key=lambda one: -one[0])
 
 
-def _sharpened(
+def _refine_gain_step(
     signals: Mapping[str, Array],
     own: Mapping[str, float],
     settings: tuple[Array, Array, Array],
@@ -319,7 +319,7 @@ def _sharpened(
     step = one.step
 
     def undone(log_gain: float) -> _Whole:
-        return _stepped(signals, settings, step._replace(gain=float(np.exp(log_gain))))
+        return _remove_gain_step(signals, settings, step._replace(gain=float(np.exp(log_gain))))
 
     middle = float(np.log(step.gain))
     found = minimize_scalar(
@@ -424,10 +424,10 @@ def _gains(
                 linear, square = (total - 2 * changed) * b, (total - changed) * c
                 root = (-linear + np.sqrt(linear**2 + 4.0 * square * changed * a)) / max(2.0 * square, 1e-300)
                 for gain in (0.5, 2.0, 0.1, 10.0, float(np.clip(root, 0.05, 20.0))):
-                    yield _stepped(signals, settings, _Step(kind, start, stations[start], channels, gain))
+                    yield _remove_gain_step(signals, settings, _Step(kind, start, stations[start], channels, gain))
 
 
-def _stepped(signals: Mapping[str, Array], settings: tuple[Array, Array, Array], step: _Step) -> _Whole:
+def _remove_gain_step(signals: Mapping[str, Array], settings: tuple[Array, Array, Array], step: _Step) -> _Whole:
     """The run with a change of gain undone."""
     values, channels = signals[step.kind], step.channels
     even = values.copy()
@@ -473,7 +473,7 @@ def _trends(
     """Log-likelihood ratio of a trend of each sort, its largest, and the sort."""
     matrix = dcm(*settings)
     for what in _DRIFT:
-        trend, even = _undone(kind, what, values, matrix)
+        trend, even = _remove_trend(kind, what, values, matrix)
         left = _left(kind, even, settings)
         freedom = max(values.size - 5 * values.shape[1] - 2, 1)
         ratio = 0.5 * freedom * float(np.log(left_ratio(values, own, left)))
@@ -510,7 +510,7 @@ def _clipped(kind: str, values: Array, settings: tuple[Array, Array, Array], wha
     return not (found[what][0] > 6.0 and found[what][1] > _DRIFT[what])
 
 
-def _undone(kind: str, what: str, values: Array, matrix: Array) -> tuple[Array, Array]:
+def _remove_trend(kind: str, what: str, values: Array, matrix: Array) -> tuple[Array, Array]:
     """Trends (m,) of the offsets or gains of a triad's sensors from the first station to the last, and signals without.
 
     By turns with the direction of the field.

@@ -68,16 +68,23 @@ class Power:
     @property
     def findings(self) -> tuple[Finding, ...]:
         """The same, as notes."""
-        found = [Finding("verify-power", {"times": times(self.factor)}, severity="note")]
-        for name, factor in self.by_angle.items():
-            found.append(Finding("verify-power-angle", {"angle": name, "times": times(factor)}, severity="note"))
-        risks = {"verify-power-producer": self.producer, "verify-power-consumer": self.consumer}
+        found = [
+            Finding("verify-power", {"angle": name, "times": times(factor)}, severity="note")
+            for name, factor in {"all angles": self.factor, **self.by_angle}.items()
+        ]
+        risks = {
+            "producer's risk: a tool that meets its certificate and the limits fails": self.producer,
+            "consumer's risk: a tool with certified errors exceeds a limit and passes": self.consumer,
+        }
         if self.consumer is None:
-            risks = {"verify-power-twice": self.twice, "verify-power-meets": self.producer}
-        for code, risk in risks.items():
+            risks = {
+                "a tool with twice its certified errors agrees": self.twice,
+                "a tool that meets its certificate does not agree": self.producer,
+            }
+        for event, risk in risks.items():
             # as far as so many draws determine it
             percent = 100.0 * risk if risk is not None and risk >= 2.0 / DRAWS else "<0.1 %"
-            found.append(Finding(code, {"risk_percent": percent}, severity="note"))
+            found.append(Finding("verify-risk", {"risk_percent": percent, "event": event}, severity="note"))
         return tuple(found)
 
 
@@ -99,7 +106,7 @@ def power(
     rng, judged = np.random.default_rng(106), np.isfinite(accepted)
     count, tool = len(limits), parts.tool
 
-    def drawn(by: Array) -> Array:
+    def draw_tools(by: Array) -> Array:
         return np.asarray(np.einsum("nkm,kam->nka", rng.standard_normal((DRAWS, count, by.shape[2])), by))
 
     def parameters(covariance: Array) -> Array:
@@ -109,13 +116,13 @@ def power(
         return np.asarray((change @ by.reshape(3 * count, by.shape[2]).T).reshape(DRAWS, count, 3))
 
     change, by_tool = parameters(parts.covariance), parts.by_parameter[..., :tool]
-    noise = drawn(parts.by_noise)
+    noise = draw_tools(parts.by_noise)
     own = moved(by_tool, change[:, :tool]) + noise
-    setting = drawn(parts.by_setting)
+    setting = draw_tools(parts.by_setting)
     if np.isfinite(freedom):
         setting *= np.sqrt(freedom / rng.chisquare(freedom, DRAWS))[:, None, None]
     error = own + moved(parts.by_parameter[..., tool:], change[:, tool:]) + setting
-    worse = moved(by_tool, parameters(parts.covariance[:tool, :tool])) + drawn(parts.by_reading)
+    worse = moved(by_tool, parameters(parts.covariance[:tool, :tool])) + draw_tools(parts.by_reading)
 
     def passing(factor: float, columns: slice = slice(None)) -> NDArray[np.bool_]:
         seen = error[..., columns] + np.sqrt(factor**2 - 1.0) * worse[..., columns]

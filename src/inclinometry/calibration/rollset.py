@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from inclinometry.arrays import Array, Index, finite, frozen
 from inclinometry.calibration.readings import BenchReadings
+from inclinometry.calibration.undetermined import unrolled
 from inclinometry.calibration.variance import least_noise
 from inclinometry.errors import IdentifiabilityError, wrong_shape
 from inclinometry.findings import Finding, Value
@@ -92,15 +93,11 @@ def roll_harmonics(roll: ArrayLike, signal: ArrayLike) -> RollHarmonics:
         raise wrong_shape("signal", values.shape, f"({len(angle)},)")
     distinct = len(np.unique(np.round(np.mod(angle, 2.0 * np.pi), 6)))
     if distinct < 3:
-        raise IdentifiabilityError(
-            Finding("fit-rolls", {"count": distinct, "span_deg": float(np.degrees(np.ptp(angle)))})
-        )
+        raise IdentifiabilityError(unrolled("rolls", "offset, amplitude and phase"))
     design = _design(angle, 1)
     solution, _, _, singular = np.linalg.lstsq(design, values)
     if singular[-1] < 1e-3 * singular[0]:
-        raise IdentifiabilityError(
-            Finding("fit-rolls", {"count": distinct, "span_deg": float(np.degrees(np.ptp(angle)))})
-        )
+        raise IdentifiabilityError(unrolled("rolls", "offset, amplitude and phase"))
     residual = values - design @ solution
     freedom = len(values) - 3
     variance = float(residual @ residual) / freedom if freedom else 0.0
@@ -212,7 +209,7 @@ def second_harmonics(readings: BenchReadings) -> SecondHarmonics | None:
                     }
                     said.append(Finding("bench-roll-square", facts))
     else:
-        said = _untold(readings, c2, spread, freedom)
+        said = _undetermined_harmonics(readings, c2, spread, freedom)
     return SecondHarmonics(tuple(sets), c1, c2, spread, uneven, u_uneven, square, u_square, swing, freedom, tuple(said))
 
 
@@ -274,7 +271,7 @@ def _causes(
     return inverse @ np.array(design).T @ np.array(wanted), sd, columns, told
 
 
-def _untold(
+def _undetermined_harmonics(
     readings: BenchReadings, second: Mapping[str, Array], u: Mapping[str, Array], freedom: int
 ) -> list[Finding]:
     """Second harmonics where the sensors swing in one phase, so that dial and characteristic look alike."""

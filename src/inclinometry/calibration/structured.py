@@ -82,7 +82,7 @@ class Evidence(NamedTuple):
     spread: Array
 
     @property
-    def added(self) -> Array:
+    def covariance_contribution(self) -> Array:
         """What it adds to the covariance (p, p) of the fit if it is there."""
         return np.asarray(self.carried @ self.spread @ self.carried.T)
 
@@ -160,7 +160,7 @@ def blocks(fitted: Fitted, free_noise: Set[str]) -> Iterator[Block]:
             held[:, at] = 4e-3 * tensor @ rotation_z(model.settings[:, 2] + state.errors[:, 2])
             yield Block(MAGNETISED, held)
             name = f"the {kind} stays behind where its field rises and falls (hysteresis)"
-            way = _way(share)
+            way = _field_trend_sign(share)
             still = np.flatnonzero((way == 0.0).any(axis=1))
             unknown = np.zeros((size, len(at), len(still)))
             unknown[still, :, np.arange(len(still))] = way[still] == 0.0
@@ -188,7 +188,7 @@ def _dial_blocks(fitted: Fitted) -> Iterator[Block]:
             yield Block(name, sd * columns, (1.0, 3.0), stays=False)
 
 
-def _way(share: Array) -> Array:
+def _field_trend_sign(share: Array) -> Array:
     """Whether what each sensor sees (K, m) rose (1) or fell (-1) from the station before; 0 where no one can say."""
     step = np.diff(share, axis=0, prepend=share[:1])
     return np.where(np.abs(step) > 0.02, np.sign(step), 0.0)  # more than dials err
@@ -232,7 +232,7 @@ def _by_value(fitted: Fitted, dial: int) -> Array | None:
     return columns
 
 
-def evidence(fitted: Fitted, free_noise: Set[str], skip: Set[str] = frozenset()) -> list[Evidence]:
+def cause_probabilities(fitted: Fitted, free_noise: Set[str], skip: Set[str] = frozenset()) -> list[Evidence]:
     """What a run says of each block, those named in `skip` left out; `free_noise` as for `blocks`."""
     jacobian = fitted.at.jacobian
     inverse, left = fitted.projected()
@@ -264,7 +264,7 @@ def evidence(fitted: Fitted, free_noise: Set[str], skip: Set[str] = frozenset())
 def structure_first(fitted: Fitted, free_noise: Set[str]) -> bool:
     """Whether a block explains a run better than one bad station would: else outliers are looked for before blocks."""
     free_offsets = 10.0  # what a station with an offset of its own in every channel pays in evidence, about
-    ratio = max(one.ratio for one in evidence(fitted, free_noise))
+    ratio = max(one.ratio for one in cause_probabilities(fitted, free_noise))
     return bool(ratio > max(_CHOSEN, deletion_statistics(fitted).max() / 2.0 - free_offsets))
 
 
@@ -272,7 +272,7 @@ def fit_structured(fitted: Fitted, free_noise: Set[str], free_rig: bool) -> tupl
     """The fit with the blocks the readings ask for, one after the other, these blocks, what it says of the others."""
     chosen: list[Block] = []
     while True:
-        found = evidence(fitted, free_noise, {block.name for block in chosen})
+        found = cause_probabilities(fitted, free_noise, {block.name for block in chosen})
         asked = [one for one in found if one.ratio >= _CHOSEN]
         if not asked:
             return fitted, chosen, found
@@ -288,7 +288,7 @@ def fit_structured(fitted: Fitted, free_noise: Set[str], free_rig: bool) -> tupl
         chosen.append(best.block)
 
 
-def bent(fitted: Fitted) -> dict[str, Array]:
+def response_nonlinearity(fitted: Fitted) -> dict[str, Array]:
     """Kind -> (m, 2) quadratic and cubic part of each sensor's response, of full scale, where they were fitted."""
     names, found = fitted.model.structure_name, {}
     for kind, signals in fitted.model.signals.items():
@@ -298,7 +298,7 @@ def bent(fitted: Fitted) -> dict[str, Array]:
     return found
 
 
-def not_excluded(looked_for: Sequence[Evidence], covariance: Array) -> Array:
+def covariance_of_undetermined(looked_for: Sequence[Evidence], covariance: Array) -> Array:
     """What blocks that were not fitted may still add to a covariance (p, p), each by how probable it is."""
     from scipy.special import ndtri
 
@@ -311,11 +311,13 @@ def not_excluded(looked_for: Sequence[Evidence], covariance: Array) -> Array:
             chance = 1.0 if one.ratio > _HIDDEN else odds / (1.0 + odds)
             # of errors that are there with this chance the variance says too little: 95 % are to lie within 1.96 u
             share = (ndtri(1.0 - 0.025 / max(chance, 0.05)) / ndtri(0.975)) ** 2
-            total += max(chance, share) * one.added
+            total += max(chance, share) * one.covariance_contribution
     return total
 
 
-def untold(tool: Tool, directions: Mapping[str, Array], looked_for: Sequence[Evidence], held: Array) -> list[Finding]:
+def undetermined_causes(
+    tool: Tool, directions: Mapping[str, Array], looked_for: Sequence[Evidence], held: Array
+) -> list[Finding]:
     """Which causes the readings do not exclude that would move the angles by more than the calibration's uncertainty.
 
     `held` is the part of the tool's covariance that is theirs: what is open is said, however much of it is held.
@@ -338,7 +340,7 @@ def untold(tool: Tool, directions: Mapping[str, Array], looked_for: Sequence[Evi
     size = by_parameter.shape[-1]
     sensors = np.cumsum([0, *(tool.triads[kind].count for kind in slope.kinds)])
 
-    def moved(what: Array, spread: Array) -> Array:
+    def angle_change_rms(what: Array, spread: Array) -> Array:
         """Root mean squares (angle, inclination) over azimuths and toolfaces, rad."""
         return np.asarray(np.sqrt(np.einsum("aitjp,pq,aitjq->ji", what, spread, what) / turn.size**2))
 
@@ -350,9 +352,9 @@ def untold(tool: Tool, directions: Mapping[str, Array], looked_for: Sequence[Evi
             by_sensor = by_signal[..., sensors[place] : sensors[place + 1], None] * strength[:, None]
             direct = by_sensor * one.block.at_use(seen)[..., None, :, :]
             what = what + direct.reshape(*direct.shape[:-2], -1)
-        return moved(what, one.spread)
+        return angle_change_rms(what, one.spread)
 
-    u = moved(by_parameter, tool.covariance - held)
+    u = angle_change_rms(by_parameter, tool.covariance - held)
     possible = [(one.block.name, effect(one)) for one in looked_for if one.block.stays and one.ratio > _OPEN]
     open_to = [(name, size) for name, size in possible if (size > u).any()]
     if not open_to:

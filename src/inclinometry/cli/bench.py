@@ -11,7 +11,6 @@ import numpy as np
 from cyclopts import Parameter
 
 from inclinometry.arrays import Array
-from inclinometry.calibration.causes import error_budget
 from inclinometry.calibration.conventions import Dials
 from inclinometry.calibration.expected import (
     ALL_ANGLES,
@@ -23,6 +22,7 @@ from inclinometry.calibration.expected import (
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration, rounded
 from inclinometry.calibration.rollset import SecondHarmonics, second_harmonics
+from inclinometry.calibration.uncertainty_budget import error_budget
 from inclinometry.cli import options, output
 from inclinometry.cli.stand import UNKNOWN, USUAL_DIALS, USUAL_FIT, DialOptions, FitOptions, LeftHanded, StandOptions
 from inclinometry.constants import ANGLES, UNIT_LABELS
@@ -45,7 +45,7 @@ from inclinometry.workflow.calibrate import calibrate as calibrate_readings
 from inclinometry.workflow.calibrate import compare as compare_methods
 
 if TYPE_CHECKING:
-    from inclinometry.calibration.acceptance import OtherStand, Verification
+    from inclinometry.calibration.conformity import OtherStand, Verification
     from inclinometry.calibration.hand_rotations import HandRotations
     from inclinometry.earth.site import Site
     from inclinometry.sensors import Tool
@@ -80,7 +80,7 @@ def show_two(
     json: bool,
 ) -> None:
     """Calibrate two files of one tool, print both with their differences, write the report."""
-    output.claim(
+    output.check_outputs(
         {"--report": report}, {"the first file": paths[0], "the second": paths[1], "--site": site, "--truth": truth}
     )
     from inclinometry.workflow.compare_two import compare_two, content
@@ -116,7 +116,7 @@ def show_two(
         output.table(f"{kind}: {units}", ["sensor", *found.names, "difference", "in its u"], rows)
     for column, name in enumerate(ALL_ANGLES[:2]):
         if not np.isfinite(found.difference[:, column]).any():
-            output.say(f"{name}: not in both calibrations")
+            output.print_line(f"{name}: not in both calibrations")
             continue
         curves = {f"u, {n}": u for n, u in zip(found.names, found.uncertainty, strict=True)}
         curves["difference, rms"] = found.difference
@@ -126,7 +126,7 @@ def show_two(
         rows = [list(row) for row in zip(degrees, *cells, strict=True)]
         output.table(f"{name}, deg: u {FROM_CALIBRATION}, worst attitude", ["inclination deg", *curves], rows)
     if report is not None:
-        output.say(f"report written to {report}")
+        output.print_line(f"report written to {report}")
 
 
 DataSheet: TypeAlias = Annotated[
@@ -183,7 +183,7 @@ def calibrate(
         field, norm, hand-rotations: the accelerometer reads specific force (-g at rest, positive up). Other methods
         detect it.
     """
-    output.claim(
+    output.check_outputs(
         {"--output": output_, "--report": report},
         {"the readings": readings, "--site": site, "--data-sheet": data_sheet, "--gyro-log": gyro_log},
     )
@@ -237,7 +237,7 @@ def calibrate(
         show_hand_rotations(by_hand, data.units)
     else:
         show_calibration(found, expected)
-    output.written(output_, report)
+    output.print_outputs(output_, report)
 
 
 def hand_rotations_json(found: HandRotations) -> dict[str, Any]:
@@ -273,7 +273,7 @@ def show_hand_rotations(found: HandRotations, units: Mapping[str, str]) -> None:
     unit = "accel in {accelerometer} and per m/s2, gyro in {gyro} and per rad/s".format(**units)
     header = ["sensor", "bias", "conversion", *(f"{axis} mrad" for axis in "xyz")]
     output.table(f"in the accelerometer's axes: {unit}", header, rows)
-    output.say(
+    output.print_line(
         f"{output.counted(len(found.rests), 'rest')}, {output.counted(len(found.rotations), 'rotation')}: predicted "
         f"and seen gravity differ by {np.degrees(found.rms):.2g} deg rms; over the log the gyro's bias scattered by "
         f"{', '.join(f'{value:.3g}' for value in found.bias_scatter)} {units['gyro']}"
@@ -376,7 +376,7 @@ def show_calibration(found: Calibration, expected: ExpectedUncertainty) -> None:
     sd = np.degrees(found.rig.sd)
     stations = output.counted(len(found.residuals.station), "station")
     rig = f"rig settings: standard deviation {sd.max():.3f} deg" if found.field_directions else "without a rig"
-    output.say(f"method {found.method}, {stations}, {rig}")
+    output.print_line(f"method {found.method}, {stations}, {rig}")
 
 
 def compare(
@@ -493,7 +493,7 @@ def _by_method(title: str, methods: list[str], inclination: Array, values: Mappi
 def show_comparison(found: Comparison, title: str = "") -> None:
     """Table of the methods on the terminal."""
     if title:
-        output.say(title)
+        output.print_line(title)
     methods = [a.method for a in found.attempts if a.calibration is not None]
     for column, name in enumerate(ALL_ANGLES[:2]):
         stated = {m: u.from_calibration[:, column] for m, u in found.uncertainty.items()}
@@ -505,7 +505,7 @@ def show_comparison(found: Comparison, title: str = "") -> None:
         _by_method("true error of azimuth, rms, deg, at inclination", methods, found.inclination, wrong)
     for attempt in found.attempts:
         if attempt.calibration is None:
-            output.say(f"{attempt.method}: not applicable. {attempt.reason}".rstrip())
+            output.print_line(f"{attempt.method}: not applicable. {attempt.reason}".rstrip())
     for attempt in found.attempts:
         if attempt.calibration is not None and attempt.method == "joint":
             output.findings(attempt.calibration.findings)
@@ -574,10 +574,10 @@ def verify(
     count
         With --planned: readings averaged at each position. Default: 1.
     """
-    from inclinometry.calibration.acceptance import verify as verify_readings
+    from inclinometry.calibration.conformity import verify as verify_readings
     from inclinometry.files.limits import read_limits
 
-    output.claim(
+    output.check_outputs(
         {"--output": output_, "--report": report},
         {"the readings": readings, "--calibration": calibration, "--limits": None if limits is None else Path(limits)},
     )
@@ -637,7 +637,7 @@ def _other_stand(
     stand: str, north: float | None, north_sd: float, level_sd: float, rig_sd: float | None, gravity_sd: float | None
 ) -> OtherStand | None:
     """What the options say of another stand; an option that says nothing there is refused."""
-    from inclinometry.calibration.acceptance import OtherStand
+    from inclinometry.calibration.conformity import OtherStand
 
     useless = {"--north-deg": north is not None, "--north-sd-deg": north_sd != 0.0, "--level-sd-deg": level_sd != 0.0}
     if stand == "same":
@@ -656,10 +656,10 @@ def _verify_planned(
     plan: Path, calibration: Path, limits: str | None, target: Path | None, count: int, json: bool
 ) -> int:
     """What a verification at these positions will be worth."""
-    from inclinometry.calibration.acceptance import planned
+    from inclinometry.calibration.conformity import planned
     from inclinometry.files.bench_csv import read_plan
     from inclinometry.files.limits import read_limits
-    from inclinometry.files.verification_json import worth_of, write_planned
+    from inclinometry.files.verification_json import power_summary, write_planned
 
     bounds = None if limits is None else read_limits(limits)
     tool = read_calibration(calibration)
@@ -677,7 +677,7 @@ def _verify_planned(
                 "positions": len(found.station),
                 "limits": _agreed(found),
                 "coverage_factor": found.coverage_factor,
-                **worth_of(found),
+                **power_summary(found),
                 "findings": [one.plain() for one in found.findings],
             }
         )
@@ -696,9 +696,9 @@ def _verify_planned(
         found.limits_source,
     )
     for one in only_notes(found.findings):
-        output.say(str(one))
+        output.print_line(str(one))
     if target is not None:
-        output.written(target)
+        output.print_outputs(target)
     return 0
 
 
@@ -737,5 +737,5 @@ def show_verification(found: Verification) -> None:
         found.limits_source,
     )
     for one in only_notes(found.findings):
-        output.say(str(one))
-    output.say(f"{found.judgement}: {'; '.join(said)}")
+        output.print_line(str(one))
+    output.print_line(f"{found.judgement}: {'; '.join(said)}")

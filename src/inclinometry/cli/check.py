@@ -39,7 +39,7 @@ def check(
     from inclinometry.files.writing import write_text
     from inclinometry.workflow.check import look
 
-    output.claim({"--output": output_}, {"the file": file, "--calibration": calibration, "--site": site})
+    output.check_outputs({"--output": output_}, {"the file": file, "--calibration": calibration, "--site": site})
     with output.busy(f"looking at {file.name}"):
         seen = look(file, calibration, site)
     status = 1 if seen.refused else 0
@@ -65,25 +65,25 @@ def check(
     able = [command for command, lacking in seen.uses.items() if not lacking]
     taken = f"accepted by {'; '.join(able)}" if able else "accepted by no command as it is"
     refused = f"; refused: {', '.join(seen.refused)}" if seen.refused else ""
-    output.say(f"{seen.layout}; {seen.rows:,} rows; {taken}{refused}")
+    output.print_line(f"{seen.layout}; {seen.rows:,} rows; {taken}{refused}")
     if output_ is not None:
-        output.say(f"draft of a profile written to {output_}: complete it, then give --profile {output_}")
+        output.print_line(f"draft of a profile written to {output_}: complete it, then give --profile {output_}")
     elif not able:
         again = file if output.named(str(file)) == str(file) else "-"
-        output.say(f"write a draft of a profile: inclinometry check {again} -o profile.toml")
+        output.print_line(f"write a draft of a profile: inclinometry check {again} -o profile.toml")
     return status
 
 
 def _show(file: Path, seen: Look) -> None:
     """Columns, findings, conventions and commands on the terminal."""
-    output.say(f"{file}: {seen.layout}; {seen.rows:,} rows")
+    output.print_line(f"{file}: {seen.layout}; {seen.rows:,} rows")
     rows = []
     for column in seen.columns:
         low, high = (f"{value:.6g}" if np.isfinite(value) else "" for value in (column.low, column.high))
         rows.append([column.name, column.here or "not known", low, high, str(column.remark or "")])
     output.table("columns", ["in the file", "taken as", "lowest", "highest", "remark"], rows)
     for one in seen.findings:
-        output.say(f"{one.severity}: {one} [{one.code}]")
+        output.print_line(f"{one.severity}: {one} [{one.code}]")
     if seen.candidates:
         header = ["convention", "dip deg", "scatter deg", "z points down"]
         fits = [
@@ -91,7 +91,7 @@ def _show(file: Path, seen: Look) -> None:
         ]
         output.table("how each convention of axes fits", header, fits)
     for command, lacking in seen.uses.items():
-        output.say(f"{command}: {lacking or 'accepted'}")
+        output.print_line(f"{command}: {lacking or 'accepted'}")
 
 
 def list_(
@@ -106,7 +106,7 @@ def list_(
         codes of findings.
     """
     for name, about in _listed(what):
-        output.say(f"{name:32} {about}".rstrip())
+        output.print_line(f"{name:32} {about}".rstrip())
 
 
 def _listed(what: str) -> list[tuple[str, str]]:

@@ -42,11 +42,11 @@ def coefficients(
     from inclinometry.files.coefficients import coefficients_c, coefficients_csv, coefficients_json
     from inclinometry.files.writing import write_text
 
-    output.claim({"--output": output_}, {"the tool": tool})
+    output.check_outputs({"--output": output_}, {"the tool": tool})
     endings = {".json": "json", ".h": "c", ".csv": "csv"}
     chosen = format_ or (endings.get(output_.suffix.lower(), "table") if output_ else "table")
     if chosen == "table" and output_ is not None:
-        raise FileError(Finding("option-ending", {"ending": output_.suffix, "needed": tuple(endings)}), path=output_)
+        raise FileError(Finding("file-ending", {"ending": output_.suffix, "allowed": tuple(endings)}), path=output_)
     content = read_coefficients(tool, temperature)
     if chosen == "table":
         show_coefficients(content)
@@ -54,10 +54,10 @@ def coefficients(
     form = {"json": coefficients_json, "c": coefficients_c, "csv": coefficients_csv}
     text = form[chosen](content)
     if output_ is None:
-        output.say(text.rstrip("\n"))
+        output.print_line(text.rstrip("\n"))
     else:
         write_text(text, output_)
-        output.say(f"written to {output_}")
+        output.print_line(f"written to {output_}")
 
 
 def show_coefficients(content: dict[str, Any]) -> None:

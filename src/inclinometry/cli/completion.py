@@ -8,4 +8,4 @@ def install() -> None:
     from inclinometry.cli import output
     from inclinometry.cli.app import app
 
-    output.say(f"completion written to {app.install_completion()}; it is there in the next shell")
+    output.print_line(f"completion written to {app.install_completion()}; it is there in the next shell")

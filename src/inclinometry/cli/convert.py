@@ -62,7 +62,7 @@ def convert(
     """
     if ignore and not check:
         raise refused("input-needs", {"name": "--ignore", "needed": ("--check",)})
-    output.claim({"the target": target}, {"the source": source, "--map": map_})
+    output.check_outputs({"the target": target}, {"the source": source, "--map": map_})
     with output.busy(f"converting {source.name}"):
         done = convert_file(
             source,
@@ -96,4 +96,4 @@ def _show(done: Conversion, target: Path, json: bool) -> None:
             }
         )
         return
-    output.say(f"{output.counted(len(done.survey), 'station')} written to {target}")
+    output.print_line(f"{output.counted(len(done.survey), 'station')} written to {target}")

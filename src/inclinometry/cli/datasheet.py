@@ -26,12 +26,12 @@ def datasheet(sheet: Path | None = None, /, *, output_: Output, template: Flag =
     template
         Write a data sheet to fill in instead.
     """
-    output.claim({"--output": output_}, {"the data sheet": sheet})
+    output.check_outputs({"--output": output_}, {"the data sheet": sheet})
     if (sheet is None) != template:
         raise refused("input-one-of", {"names": ("SHEET", "--template")})
     if sheet is None:
         write_text(TEMPLATE, output_)
-        output.say(f"template written to {output_}")
+        output.print_line(f"template written to {output_}")
         return
     found = read_datasheet(sheet)
     write_calibration(found, output_)
@@ -40,4 +40,4 @@ def datasheet(sheet: Path | None = None, /, *, output_: Output, template: Flag =
         output.print_json({"tool": found.tool.name, "output": output_, "digest": digest_file(output_)})
         return
     show_parameters(found)
-    output.say(f"written to {output_}")
+    output.print_line(f"written to {output_}")

@@ -11,7 +11,7 @@ from inclinometry.cli.bench import show_comparison, show_verification
 from inclinometry.cli.extras import need
 from inclinometry.cli.options import Json, Output
 from inclinometry.cli.survey import show_survey
-from inclinometry.errors import FileError
+from inclinometry.errors import FileError, system_reason
 from inclinometry.findings import Finding
 from inclinometry.workflow.demo import (
     HOT_RUNS,
@@ -23,7 +23,7 @@ from inclinometry.workflow.demo import (
     steps,
     well_sentences,
 )
-from inclinometry.workflow.hot_run import rms_degrees
+from inclinometry.workflow.gyro_heating_example import rms_degrees
 
 
 def demo(*, output_: Output = Path("demo-output"), json: Json = False) -> None:
@@ -39,7 +39,7 @@ def demo(*, output_: Output = Path("demo-output"), json: Json = False) -> None:
     try:
         output_.mkdir(parents=True, exist_ok=True)
     except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
+        reason = system_reason(error)
         raise FileError(Finding("file-unwritable", {"reason": reason}), path=output_) from None
     for title, step in steps():
         with output.step(title):
@@ -49,34 +49,34 @@ def demo(*, output_: Output = Path("demo-output"), json: Json = False) -> None:
         return
     _show_real(found)
     for name, comparison in found.comparisons.items():
-        output.say()
+        output.print_line()
         show_comparison(comparison, f"plan {name}")
-    output.say()
+    output.print_line()
     if found.verification is not None:
         show_verification(found.verification)
-    output.say()
+    output.print_line()
     if found.survey is not None and found.survey_error is not None:
         show_survey(found.survey, 8)
         inclined = found.survey.inclination > np.radians(5.0)
         rms = np.degrees(np.sqrt(np.mean(found.survey_error[inclined] ** 2, axis=0)))
-        output.say(
+        output.print_line(
             "rms error against the true well beyond 5 deg of inclination, deg: "
             f"inclination {rms[0]:.3f}, azimuth {rms[1]:.3f}"
         )
     show_hot_run(found)
     if found.well is not None:
-        output.say("\na well drilled with a magnetised string, surveyed by the tool calibrated above:")
+        output.print_line("\na well drilled with a magnetised string, surveyed by the tool calibrated above:")
         for sentence in well_sentences(found.well):
-            output.say(f"  {sentence}")
+            output.print_line(f"  {sentence}")
     if found.drilling is not None:
         head, *lines = drilling_sentences(*found.drilling)
-        output.say(f"\n{head}")
+        output.print_line(f"\n{head}")
         for line in lines:
-            output.say(f"  {line}")
-        output.say(f"  pictured in {output_ / 'drilling' / PICTURE}")
+            output.print_line(f"  {line}")
+        output.print_line(f"  pictured in {output_ / 'drilling' / PICTURE}")
     for sentence in ["\na fleet by its histories, simulated:", *fleet_sentences(found.fleet)]:
-        output.say(sentence)
-    output.say(f"\nOpen {output_ / 'index.html'} for the reports.")
+        output.print_line(sentence)
+    output.print_line(f"\nOpen {output_ / 'index.html'} for the reports.")
 
 
 def _show_real(found: Demo) -> None:
@@ -97,12 +97,12 @@ def _show_real(found: Demo) -> None:
             for name in ours
             for i in range(3)
         ]
-        output.say()
+        output.print_line()
         title = f"Xsens MTi, real log: {found.xsens_poses} poses found, rms of the norm {found.xsens.rms:.5f} m/s2"
         output.table(title, ["parameter", "found", "u", "imu_tk"], rows)
     if found.cave is not None:
         spread, scatter = np.degrees(found.cave)
-        output.say(
+        output.print_line(
             "\nSAP6 cave instrument HC, shots 1-16, no rig: over the roll set it has not seen the tool axis spreads by "
             f"{spread:.3f} deg and the dip by {scatter:.3f} deg"
         )
@@ -115,7 +115,7 @@ def show_hot_run(found: Demo) -> None:
     here, many = rms_degrees([found.hot_run]), found.hot_runs_rms
     lost = {name: int(np.isnan(error).sum()) for name, error in found.hot_run.items()}
     rows = [[name, f"{here[name]:.3f}", str(lost[name]), f"{many[name]:.3f}"] for name in here]
-    output.say()
+    output.print_line()
     output.table(
         "hot gyro run, 20 to 140 degC, noise 0.015 deg/h: rms azimuth error where there is one, deg",
         ["method", "this run", "no azimuth at", f"{HOT_RUNS} runs"],
@@ -124,7 +124,7 @@ def show_hot_run(found: Demo) -> None:
         f"{found.folder / 'gyro' / 'hot_run.png'}",
     )
     # ten blocks of 150 runs gave 0.18 to 3.1 for the patent, 0.093 to 0.105 for the joint estimate
-    output.say("the patent's rms over many runs hangs on the few stations near K = 0 that it does not refuse")
+    output.print_line("the patent's rms over many runs hangs on the few stations near K = 0 that it does not refuse")
 
 
 def summary(found: Demo) -> dict[str, object]:

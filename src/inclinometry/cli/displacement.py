@@ -65,7 +65,7 @@ def displacement(
     """
     inputs: dict[str, Path | None] = {"the base reading": base}
     inputs |= {f"reading {n}": path for n, path in enumerate((later, *more), 1)}
-    output.claim({"--output": output_, "--report": report}, inputs)
+    output.check_outputs({"--output": output_, "--report": report}, inputs)
     errors = CasingErrors(step_sd, bias_shift, sensitivity, depth_sd, rotation)
     moved = casing_movement(base, (later, *more), unit, errors, fixed=fixed, spike_limit=spike_limit)
     told = moved.base_sums, moved.found, moved.findings, moved.inputs
@@ -77,7 +77,7 @@ def displacement(
         output.print_json(_content(moved))
         return
     _show(moved)
-    output.written(output_, report, what="displacements")
+    output.print_outputs(output_, report, what="displacements")
 
 
 def _show(moved: Movement) -> None:

@@ -96,7 +96,7 @@ def dynamic(
     magnetometer_axes
         The same for the magnetometer only, applied before --axes. Default: x,y,z.
     """
-    output.claim(
+    output.check_outputs(
         {"--output": output_, "--report": report},
         {"the run": run, "--site": site, "--calibration": calibration, "--allan": allan},
     )
@@ -124,7 +124,7 @@ def dynamic(
         output.print_json(summary(found, output_))
         return
     show_dynamic(found)
-    output.written(output_, report, what=output.counted(len(found.rows), "window"))
+    output.print_outputs(output_, report, what=output.counted(len(found.rows), "window"))
 
 
 def _axes(text: str | None, option: str) -> Axes | None:
@@ -196,7 +196,7 @@ def show_dynamic(found: DynamicRun, most: int = 12) -> None:
         # the most frequent first
         counts = {name: int((rows.flags[rows.refused] >> k & 1).sum()) for k, name in enumerate(FLAGS)}
         reasons = [f"{name} {n}" for name, n in sorted(counts.items(), key=lambda pair: -pair[1]) if n]
-        output.say(f"{output.counted(refused, 'window')} refused: {', '.join(reasons)}")
+        output.print_line(f"{output.counted(refused, 'window')} refused: {', '.join(reasons)}")
     output.findings(found.findings)
 
 

@@ -23,7 +23,7 @@ def explain(code: str, /, *, json: Json = False) -> None:
         entry = {"group": rule.group or None, "means": rule.means or None, "found": rule.found or None}
         output.print_json({"code": code, "sentence": shown["sentence"], **entry, "example": shown["values"]})
         return
-    output.say(f"{code}: {shown['sentence']}")
+    output.print_line(f"{code}: {shown['sentence']}")
     if rule.means:
         ignore = f"Accept a file with --ignore {code} or its group {rule.group}" if rule.group else "Cannot be ignored"
-        output.say(f"\n{rule.means}\nFound: {rule.found}\n{ignore}.\nValues: {', '.join(rule.example)}.")
+        output.print_line(f"\n{rule.means}\nFound: {rule.found}\n{ignore}.\nValues: {', '.join(rule.example)}.")

@@ -81,11 +81,11 @@ def run(
         if language is not None and "language" in bound.signature.parameters:
             bound.arguments["language"] = language  # of a certificate, or of a user of the ledger
         elif language is not None:
-            from inclinometry.language import speaking
+            from inclinometry.language import using_language
 
             if page is None and words[:1] != ("demo",):
                 raise refused("input-needs", {"name": "--language", "needed": (option,)})
-            stack.enter_context(speaking(language))
+            stack.enter_context(using_language(language))
         stack.enter_context(_tables(profile, units, null))
         status = command(*bound.args, **bound.kwargs)
     if open_ and page is not None:
@@ -136,7 +136,7 @@ def _verbose() -> Iterator[None]:
 
 def _streams(given: Mapping[str, Any], stack: ExitStack) -> Iterator[tuple[str, Any]]:
     """Arguments of a command: a path `-` is a copy of standard input, as --output standard output; a word stays."""
-    from inclinometry.cli.output import called
+    from inclinometry.cli.output import path_alias
 
     copy, most = None, 4 << 30  # bytes
     for name, value in given.items():
@@ -155,7 +155,7 @@ def _streams(given: Mapping[str, Any], stack: ExitStack) -> Iterator[tuple[str, 
                         out.write(piece)
                         if out.tell() > most:
                             raise FileError(Finding("option-piped", {"most": most}), path="standard input")
-                stack.enter_context(called(copy, "standard input"))
+                stack.enter_context(path_alias(copy, "standard input"))
                 found.append(copy)
             else:
                 found.append(as_typed(one) if isinstance(one, str) else one)

@@ -110,7 +110,7 @@ def north(
     errors
         Write errors.json, the error model of the run, for position --errors.
     """
-    output.claim(
+    output.check_outputs(
         {"--output": output_, "--report": report, "--errors": errors},
         {"the readings": raw, "--site": site, "--calibration": calibration, "--history": history},
     )
@@ -141,7 +141,7 @@ def north(
         output.print_json(_summary(found, output_))
         return
     show_run(found)
-    output.written(output_, report, what=output.counted(len(found), "station"))
+    output.print_outputs(output_, report, what=output.counted(len(found), "station"))
 
 
 def scale(
@@ -176,7 +176,7 @@ def scale(
     scale_sd
         Standard uncertainty of the scale factor at the first station.
     """
-    output.claim(
+    output.check_outputs(
         {"--output": output_, "--report": report},
         {"the readings": run, "--site": site, "--calibration": calibration, "--history": history},
     )
@@ -204,13 +204,13 @@ def scale(
                 "u_coefficients": np.sqrt(np.diag(known.covariance)),
                 "reference_temperature_degC": known.reference_temperature,
                 "temperature_range_degC": known.temperature_range,
-                "learnt": sum(record.learnt),
+                "observable": sum(record.learnt),
                 "output": output_,
             }
         )
         return
     show_scale(found)
-    output.say(f"scale factor of {output.counted(len(found), 'station')} written to {output_}")
+    output.print_line(f"scale factor of {output.counted(len(found), 'station')} written to {output_}")
 
 
 def _run(
@@ -253,7 +253,7 @@ def show_run(found: GyroRun, most: int = 12) -> None:
     shown = output.excerpt(len(rows), len(survey))
     output.table(f"stations{shown} ({found.north.method}), deg with standard uncertainty", header, rows)
     for check in found.checks:
-        output.say(f"{check.name}: {check.verdict}. {check.reason}")
+        output.print_line(f"{check.name}: {check.verdict}. {check.reason}")
 
 
 def show_scale(found: GyroRun) -> None:

@@ -46,7 +46,7 @@ def holes(
     output_
         CSV of all holes.
     """
-    output.claim({"--output": output_}, {"the surveys": surveys, "--collars": collars})
+    output.check_outputs({"--output": output_}, {"the surveys": surveys, "--collars": collars})
     with output.reading(surveys) as progress:
         found = read_holes(
             surveys, collars, dip_down=dip_down, azimuth_add=azimuth_add, skip_faulty=skip_faulty, progress=progress
@@ -68,7 +68,7 @@ def holes(
     title = f"ends of the holes{output.excerpt(len(cells), len(rows))}"
     output.table(title, header, cells)
     if output_ is not None:
-        output.written(output_, what=output.counted(len(rows), "hole"))
+        output.print_outputs(output_, what=output.counted(len(rows), "hole"))
     return 1 if found.faults else 0
 
 

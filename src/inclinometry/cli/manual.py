@@ -28,7 +28,7 @@ def manual(*, where: Annotated[Flag, Parameter(group=OUTPUT)] = False, json: Jso
     if json:
         output.print_json({"manual": page})
         return
-    output.say(str(page))
+    output.print_line(str(page))
     if not where:
         import webbrowser
 

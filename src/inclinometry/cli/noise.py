@@ -40,7 +40,7 @@ def allan(
     """
     from inclinometry.workflow.allan import noise_of_log
 
-    output.claim({"--output": output_, "--report": report}, {"the log": log})
+    output.check_outputs({"--output": output_, "--report": report}, {"the log": log})
     with output.reading(log) as progress:
         found = noise_of_log(log, start=start, stop=stop, progress=progress)
     with output.reported(report, "allan:allan_report", found):
@@ -50,7 +50,7 @@ def allan(
         output.print_json(allan_content(found))
         return
     show_noise(found)
-    output.written(output_, report, what=output.counted(len(found.channels), "channel"))
+    output.print_outputs(output_, report, what=output.counted(len(found.channels), "channel"))
 
 
 def show_noise(found: NoiseRecord) -> None:

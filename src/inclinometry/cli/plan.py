@@ -78,7 +78,7 @@ def plan(
     """
     from inclinometry.workflow.plan import advice, gain_of_repeats, make_plan, plan_file
 
-    output.claim({"--output": output_}, {"plan": plan_file(name)})
+    output.check_outputs({"--output": output_}, {"plan": plan_file(name)})
     with output.working("searching the plan") as progress:
         found = make_plan(
             name,
@@ -103,9 +103,9 @@ def plan(
         told = {"plan": found.name, "stations": len(whole), "output": output_, "findings": findings}
         output.print_json(told | ({"repeats": gain} if gain else {}))
         return
-    output.say(f"{found.name}: {output.counted(len(whole), 'station')} written to {output_}")
+    output.print_line(f"{found.name}: {output.counted(len(whole), 'station')} written to {output_}")
     if gain:
-        output.say(f"  {output.counted(repeats, 'position')} visited once more at the end: {gain}")
+        output.print_line(f"  {output.counted(repeats, 'position')} visited once more at the end: {gain}")
 
 
 def readings(
@@ -137,7 +137,7 @@ def readings(
     from inclinometry.files.profile import Profile, current, reading_with
     from inclinometry.workflow.stations import readings_of_log
 
-    output.claim({"--output": output_}, {"the log": log, "--plan": plan})
+    output.check_outputs({"--output": output_}, {"the log": log, "--plan": plan})
     with reading_with(Profile(units=current().units)):  # --profile says what the log is, --units both
         positions = None if plan is None else read_plan(plan)
     with output.reading(log) as progress:
@@ -148,6 +148,6 @@ def readings(
             {"stations": len(found), "output": output_, "findings": [one.plain() for one in found.findings]}
         )
         return
-    output.say(f"{output.counted(len(found), 'still station')} written to {output_}")
+    output.print_line(f"{output.counted(len(found), 'still station')} written to {output_}")
     for one in intervals.findings:
-        output.say(f"  {one}")
+        output.print_line(f"  {one}")

@@ -96,13 +96,13 @@ def position(
         Write each error source at each station as CSV.
     """
     from inclinometry.files.profile import reading_with, with_constants
-    from inclinometry.workflow.age import Age
+    from inclinometry.workflow.calibration_age import Age
     from inclinometry.workflow.position import read_position
 
     code = {"--tool-code": None if tool_code is None else Path(tool_code)}
     read = {"the survey": survey, "--site": site, "--calibration": calibration, "--raw": raw}
     read |= {"--corrections": corrections, "--errors": errors, "--stability": stability, **code}
-    output.claim({"--output": output_, "--report": report, "--sources": sources}, read)
+    output.check_outputs({"--output": output_, "--report": report, "--sources": sources}, read)
     if corrections is not None and raw is None:
         raise refused("input-needs", {"name": "--corrections", "needed": ("--raw", "--calibration")})
     if raw is not None and calibration is None:
@@ -139,7 +139,7 @@ def position(
         output.print_json(_content(found, output_))
         return
     show_position(found)
-    output.written(output_, report, what=output.counted(len(found.path), "station"), sources=sources)
+    output.print_outputs(output_, report, what=output.counted(len(found.path), "station"), sources=sources)
 
 
 def _write(found: WellPosition, target: Path | None, report: Path | None, sources: Path | None) -> None:

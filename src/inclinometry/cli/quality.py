@@ -88,7 +88,7 @@ def show_checks(title: str, checks: Sequence[Check]) -> None:
     output.table(title, ["check", "value", "limit", "unit", "verdict"], rows)
     for check in checks:
         if check.verdict != "pass":
-            output.say(f"{check.name}: {check.reason} [{check.reason.code}]")
+            output.print_line(f"{check.name}: {check.reason} [{check.reason.code}]")
 
 
 def show_comparison(found: Comparison) -> None:

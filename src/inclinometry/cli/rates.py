@@ -48,7 +48,7 @@ def table(
     g_sensitivity
         Fit the g-sensitivity of the gyros.
     """
-    output.claim({"--output": output_}, {"the steps": steps, "--calibration": calibration, "--site": site})
+    output.check_outputs({"--output": output_}, {"the steps": steps, "--calibration": calibration, "--site": site})
     place = read_site(site)
     with output.reading(steps) as progress:
         data = read_rate_steps(steps, progress=progress)
@@ -82,7 +82,7 @@ def table(
     else:
         show_rates(rates)
         steps_used = f"{used} of {output.counted(len(data), 'step')} used"
-        output.say(f"{steps_used}, tool {calibrated.tool.name} written to {output_}")
+        output.print_line(f"{steps_used}, tool {calibrated.tool.name} written to {output_}")
 
 
 def show_rates(found: RateCalibration) -> None:

@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from inclinometry.calibration.orient import RigOrientation, orient_rig
+from inclinometry.calibration.stand_orientation import RigOrientation, orient_rig
+from inclinometry.calibration.undetermined import undetermined
 from inclinometry.cli import output
 from inclinometry.cli.options import AzimuthFrom, GravitySd, Input, InputOrNone, Json, SdOrNone
 from inclinometry.constants import COVERAGE_FACTOR
@@ -59,7 +60,9 @@ def orient(
     if site is not None and found.north_of == "magnetic" and place.declination_sigma is None:
         said.append(Finding("work-declination-sigma"))
     if found.tilt < COVERAGE_FACTOR * found.u["tilt"]:
-        said.append(Finding("work-tilt-small", {"tilt_deg": float(np.degrees(found.tilt))}, severity="note"))
+        direction = "direction of the tilt, which is within its uncertainty"
+        small = undetermined("settings", (direction,), "Add settings, if the direction is needed")
+        said.append(small._replace(severity="note"))
     output.findings(said)
     if json:
         output.print_json(
@@ -77,8 +80,8 @@ def orient(
         return
     cells = [[words, f"{v:.3f}", f"{u:.3f}", f"{min(COVERAGE_FACTOR * u, 180.0):.3f}"] for _, words, v, u in rows]
     output.table(f"how the rig stands, by tool {found.tool}", ["", "deg", "u deg", "U (k = 2) deg"], cells)
-    output.say("the true angle of a dial is what it shows plus its zero")
-    output.say(
+    output.print_line("the true angle of a dial is what it shows plus its zero")
+    output.print_line(
         f"{output.counted(len(data), 'setting')}, standard deviation {np.degrees(found.setting_sd):.3f} deg, "
         f"largest turn left {np.degrees(found.residual.max()):.3f} deg"
     )

@@ -121,7 +121,7 @@ def bench(
     from inclinometry.workflow import simulate as use
     from inclinometry.workflow.plan import plan_file
 
-    output.claim({"--output": output_, "--truth": truth}, {"--plan": plan_file(plan), "--tool": tool})
+    output.check_outputs({"--output": output_, "--truth": truth}, {"--plan": plan_file(plan), "--tool": tool})
     places = use.plan_named(plan)
     heat = None
     if temperature:
@@ -204,7 +204,7 @@ def well(
     """
     from inclinometry.workflow import simulate as use
 
-    output.claim({"--output": output_, "--path": path}, {"--truth": truth})
+    output.check_outputs({"--output": output_, "--path": path}, {"--truth": truth})
     found = use.well(
         use.read_visited(truth)[0],
         seed,
@@ -257,7 +257,7 @@ def log(
     from inclinometry.workflow import simulate as use
     from inclinometry.workflow.plan import plan_file
 
-    output.claim({"--output": output_, "--truth": truth}, {"--plan": plan_file(plan), "--tool": tool})
+    output.check_outputs({"--output": output_, "--truth": truth}, {"--plan": plan_file(plan), "--tool": tool})
     places = use.plan_named(plan)
     known = None if tool is None else read_data_sheet(tool)
     found, made = use.log(places, seed, known, dwell=dwell, move=move, rate=rate)
@@ -327,7 +327,7 @@ def gyro(
     from inclinometry.files.writing import write_text
     from inclinometry.workflow import simulate_gyro as use
 
-    output.claim({"--output": output_, "--truth": truth, "--site": site}, {})
+    output.check_outputs({"--output": output_, "--truth": truth, "--site": site}, {})
     if axes == 3 and gyros == 1:
         raise refused("input-needs", {"name": "--axes 3", "needed": ("--gyros 2",)})
     if not 2 <= stations <= 100_000:
@@ -405,7 +405,7 @@ def drilling(
     from inclinometry.files.writing import write_text
     from inclinometry.workflow import simulate_drilling as use
 
-    output.claim({"--output": output_, "--truth": truth, "--site": site}, {})
+    output.check_outputs({"--output": output_, "--truth": truth, "--site": site}, {})
     request = use.DrillingRequest(scenario, seed, duration, inclination, azimuth)
     with output.working("simulating") as progress:
         samples = use.write_drilling(request, output_, truth, progress=progress)
@@ -422,4 +422,4 @@ def _done(what: str, json: bool, content: Mapping[str, object]) -> None:
         output.print_json(content)
     else:
         truth = f", truth to {content['truth']}" if content.get("truth") else ""
-        output.say(f"{what} written to {content['output']}{truth}")
+        output.print_line(f"{what} written to {content['output']}{truth}")

@@ -68,7 +68,7 @@ def quality(
         failed = [check.name for check in judged.checks if check.verdict == "fail"]
         left = [check.name for check in judged.checks if check.verdict not in ("pass", "fail")]
         said = [f"{what}: {', '.join(names)}" for what, names in (("failed", failed), ("not judged", left)) if names]
-        output.say(f"{judged.verdict}: " + ("; ".join(said) or "every check passed"))
+        output.print_line(f"{judged.verdict}: " + ("; ".join(said) or "every check passed"))
     return 0 if judged.verdict == "pass" else 1
 
 
@@ -141,7 +141,7 @@ def msa(
         Standard deviation of the axial magnetic interference, nT. Default: 2000.
     """
 
-    output.claim(
+    output.check_outputs(
         {"--output": output_, "--report": report},
         {"the raw channels": raw, "--calibration": calibration, "--site": site},
     )
@@ -160,7 +160,7 @@ def msa(
     if json:
         output.print_json(_summary(run, done, output_))
         return
-    output.say(str(done.found.corrected.history[-1]))
+    output.print_line(str(done.found.corrected.history[-1]))
     show_parameters(done)
 
 

@@ -13,7 +13,7 @@ from inclinometry.constants import ANGLES
 from inclinometry.errors import refused
 from inclinometry.orientation import SWITCH
 from inclinometry.survey.reduce import Survey
-from inclinometry.workflow.age import Age
+from inclinometry.workflow.calibration_age import Age
 from inclinometry.workflow.corrections import CORRECTIONS, correction_steps
 from inclinometry.workflow.six_axis import SixAxisSurvey
 from inclinometry.workflow.survey import survey_file, write_survey
@@ -66,7 +66,7 @@ def survey(
         Two accelerometers: down (0 to 90 deg) or up (90 to 180 deg).
     """
     inputs = {**_inputs(raw, calibration, site, bha, correct), "--stability": stability}
-    output.claim({"--output": output_, "--report": report}, inputs)
+    output.check_outputs({"--output": output_, "--report": report}, inputs)
     if calibration is None and (age_days is not None or stability is not None):
         raise refused("input-needs", {"name": "--age-days, --stability", "needed": ("--calibration",)})
     with output.reading(raw) as progress:
@@ -98,10 +98,10 @@ def survey(
         output.print_json(_summary(done, output_))
     else:
         for step in found.history:
-            output.say(str(step))
+            output.print_line(str(step))
         show_survey(found)
-        output.written(output_, report, what=output.counted(len(found), "station"))
-        output.say(_in_a_line(found))
+        output.print_outputs(output_, report, what=output.counted(len(found), "station"))
+        output.print_line(_in_a_line(found))
 
 
 def _in_a_line(found: Survey) -> str:

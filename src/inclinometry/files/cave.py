@@ -18,7 +18,7 @@ import numpy as np
 
 from inclinometry.constants import FOOT
 from inclinometry.errors import InputError, refused
-from inclinometry.files.exchange import SurveyFile
+from inclinometry.files.survey_file import SurveyFile
 from inclinometry.files.writing import write_bytes, write_text
 from inclinometry.findings import Finding
 from inclinometry.survey.path import minimum_curvature

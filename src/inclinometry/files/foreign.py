@@ -30,7 +30,7 @@ from inclinometry.findings import Finding
 from inclinometry.opening import damaged, opened, too_large, whole
 
 if TYPE_CHECKING:
-    from inclinometry.files.exchange import SurveyFile
+    from inclinometry.files.survey_file import SurveyFile
 
 MOST_COLUMNS: Final = 1000
 MOST_VALUES: Final = 100_000_000
@@ -309,11 +309,11 @@ def _p7(path: Path) -> Pieces:
 
     surveys = read_p7(path).surveys
     if len(surveys) != 1:
-        raise FileError(Finding("file-surveys", {"count": len(surveys)}), path=path)
+        raise FileError(Finding("file-surveys", {"names": tuple(map(str, surveys))}), path=path)
     return _survey(path, next(iter(surveys.values())))
 
 
 def _survey(path: Path, file: SurveyFile) -> Iterator[Frame]:
-    from inclinometry.files.exchange import columns_of
+    from inclinometry.files.survey_file import columns_of
 
     yield Frame(path, columns_of(file), np.arange(2, len(file) + 2), 1)

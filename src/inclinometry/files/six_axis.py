@@ -13,11 +13,11 @@ from inclinometry.files import writing
 from inclinometry.files._quantities import is_depth, is_number
 from inclinometry.files.columns import SURVEY
 from inclinometry.files.excel import sheet_blocks
-from inclinometry.files.exchange import SurveyFile, columns_of, survey_of
 from inclinometry.files.foreign import Read
 from inclinometry.files.frame import Column
 from inclinometry.files.las import las_frame
 from inclinometry.files.parquet import parquet_pieces
+from inclinometry.files.survey_file import SurveyFile, columns_of, survey_of
 from inclinometry.files.table import TableFile
 from inclinometry.files.text import Progress
 from inclinometry.findings import Finding

@@ -17,8 +17,8 @@ from inclinometry.errors import FileError, InputError
 from inclinometry.files.columns import channel, is_number
 from inclinometry.files.foreign import MOST_COLUMNS, MOST_VALUES, Read, foreign_pieces
 from inclinometry.files.frame import Column, Frame, row_error
-from inclinometry.files.layout import Piece, TextTable
 from inclinometry.files.profile import Reading, current, stated_unit
+from inclinometry.files.table_formats import Piece, TextTable
 from inclinometry.files.text import NULLS, ArrowNumbers, Cells, LineReader, NumberReader, Progress, texts_of
 from inclinometry.files.timestamps import Clock, part_of_time
 from inclinometry.findings import Finding

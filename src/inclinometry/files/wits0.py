@@ -21,8 +21,8 @@ from inclinometry.earth.site import REFERENCES
 from inclinometry.errors import FileError, InputError, in_file, not_among, out_of_range, refused, wrong_kind
 from inclinometry.files import writing
 from inclinometry.files._quantities import Meaning, meaning, quantities
-from inclinometry.files.exchange import SurveyFile, survey_of, to_vendor, values_of
 from inclinometry.files.frame import Column, Frame
+from inclinometry.files.survey_file import SurveyFile, survey_of, to_vendor, values_of
 from inclinometry.files.text import NUMBER, LineReader
 from inclinometry.files.toml_keys import load
 from inclinometry.files.writing import write_text
@@ -178,8 +178,8 @@ def read_wits0(path: str | Path, channels: Wits0Map) -> SurveyFile:
         mine = [item for item in channels.meanings if _there(frame, item)]
         wrong = next((item for item in mine if not NUMBER.fullmatch(frame.items[item])), None)
         if wrong is not None:
-            why = {"column": channels.channels[wrong], "value": frame.items[wrong][:40]}
-            broken.append((frame.lines[wrong], Finding("file-number", why)))
+            why = {"name": channels.channels[wrong], "value": frame.items[wrong][:40], "expected": "number"}
+            broken.append((frame.lines[wrong], Finding("input-kind", why)))
         elif channels.depth_item not in mine or len(mine) < 2:
             passed += 1
         elif any(

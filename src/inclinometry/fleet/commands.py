@@ -103,15 +103,15 @@ def add(
     finally:
         raw.record(store, added)
     output.findings(gaps)
-    output.warnings(_lines(problems))
+    output.findings(*_files(problems))
     new = len(paths) - there - len(problems)
     if json:
         output.print_json({"added": new, "there_already": there, "refused": _plain(problems)})
     else:
         already = f", {there} there already" if there else ""
-        output.say(f"{output.counted(new, 'run')} added to {fleet}{already}")
+        output.print_line(f"{output.counted(new, 'run')} added to {fleet}{already}")
         if problems:
-            output.say(f"{output.counted(len(problems), 'file')} refused")
+            output.print_line(f"{output.counted(len(problems), 'file')} refused")
     return 1 if problems else 0
 
 
@@ -134,8 +134,10 @@ def plan(
             ["tool", "files"],
             [[name, str(count)] for name, count in sorted(tools.items())],
         )
-    output.say(f"{len(todo.todo)} to make, {behind} to take out, {todo.current} as wanted, {len(todo.refused)} refused")
-    output.warnings(_lines(left_out))
+    output.print_line(
+        f"{len(todo.todo)} to make, {behind} to take out, {todo.current} as wanted, {len(todo.refused)} refused"
+    )
+    output.findings(*_files(left_out))
     return 1 if todo.refused else 0
 
 
@@ -176,7 +178,7 @@ def run(
     client = None
     if scheduler is not None:
         client = ways.connect(scheduler)
-        output.say(f"dashboard {client.dashboard_link}")
+        output.print_line(f"dashboard {client.dashboard_link}")
         receipts = ways.by_dask(todo.todo, client)
     elif threads is not None:
         receipts = ways.by_threads(todo.todo, threads)
@@ -205,11 +207,11 @@ def run(
         )
         return 1 if problems else 0
     adopted = f", {done.adopted} adopted" if done.adopted else ""
-    output.say(f"{product}: {done.made} made{adopted}, {done.removed} taken out, {todo.current} were as wanted")
+    output.print_line(f"{product}: {done.made} made{adopted}, {done.removed} taken out, {todo.current} were as wanted")
     if done.samples:
         rate = done.samples / max(done.seconds, 1e-9) / 1e6
-        output.say(f"{done.samples} samples in {done.seconds:.1f} s of work, {rate:.2g} million a second")
-    output.warnings(_lines(problems))
+        output.print_line(f"{done.samples} samples in {done.seconds:.1f} s of work, {rate:.2g} million a second")
+    output.findings(*_files(problems))
     return 1 if problems else 0
 
 
@@ -253,16 +255,16 @@ def status(*, fleet: Address = "fleet", ledger: LedgerAddress = None, digest: Fl
         output.print_json(content | {"products": products})
     else:
         size = content["bytes"] / 1e6
-        output.say(
+        output.print_line(
             f"{output.counted(content['tools'], 'tool')}, {output.counted(content['files'], 'file')} of counts, "
             f"{content['samples']} samples, {size:.1f} MB"
         )
         for product, row in products.items():
-            output.say(
+            output.print_line(
                 f"{product}: {row['current']} as wanted, {row['to_make']} to make, {row['to_take_out']} to take out, "
                 f"{row['refused']} refused; version {row['version']}"
             )
-            output.say(f"{product}: table digest {row['digest']}")
+            output.print_line(f"{product}: table digest {row['digest']}")
     return 1 if any(row["refused"] or row["to_make"] for row in products.values()) else 0
 
 
@@ -278,10 +280,10 @@ def verify(*, fleet: Address = "fleet", json: Json = False) -> int:
         findings = [one.plain() for one in bare]
         output.print_json({"ok": not problems, "problems": _plain(problems), "findings": findings})
         return 1 if problems else 0
-    output.warnings(_lines(problems))
+    output.findings(*_files(problems))
     output.findings(bare)
     sound = "every file with a checksum is what it was" if bare else "every file is what it was"
-    output.say(f"{output.counted(len(problems), 'file')} damaged" if problems else sound)
+    output.print_line(f"{output.counted(len(problems), 'file')} damaged" if problems else sound)
     return 1 if problems else 0
 
 
@@ -295,8 +297,8 @@ def why(file: str, /, *, fleet: Address = "fleet", ledger: LedgerAddress = None,
     """
     from inclinometry.fleet import audit
     from inclinometry.fleet.store import Store
-    from inclinometry.laboratory.certified import Certificates
     from inclinometry.laboratory.ledger.ledger import Ledger, default_path
+    from inclinometry.laboratory.valid_certificates import Certificates
 
     with Ledger(default_path() if ledger is None else ledger, read_only=True) as opened:
         found = audit.why(Store(fleet), file, Certificates(opened))
@@ -304,16 +306,16 @@ def why(file: str, /, *, fleet: Address = "fleet", ledger: LedgerAddress = None,
         output.print_json(audit.shown(found))
         return 1 if found.findings else 0
     raw, certified = found.raw, found.certificate
-    output.say(f"{found.name}: {'current' if found.current else 'not current any more'}")
-    output.say(f"  product      {found.footer['product']}, key {found.footer['key']}, {found.footer['code']}")
+    output.print_line(f"{found.name}: {'current' if found.current else 'not current any more'}")
+    output.print_line(f"  product      {found.footer['product']}, key {found.footer['key']}, {found.footer['code']}")
     if raw is not None:
-        output.say(f"  input        tool {raw.tool}, run {raw.run}, {raw.date}: {raw.name}")
-        output.say(f"               {raw.digest}")
-        output.say(f"               read from {raw.source} ({raw.source_digest})")
-    output.say(f"  calibration  {certified.calibration if certified else ''}")
-    output.say(f"               {found.footer['calibration']}")
+        output.print_line(f"  input        tool {raw.tool}, run {raw.run}, {raw.date}: {raw.name}")
+        output.print_line(f"               {raw.digest}")
+        output.print_line(f"               read from {raw.source} ({raw.source_digest})")
+    output.print_line(f"  calibration  {certified.calibration if certified else ''}")
+    output.print_line(f"               {found.footer['calibration']}")
     state = f", {certified.state}, holds from {certified.since}" if certified else ""
-    output.say(f"  certificate  {found.footer['certificate']}{state}")
+    output.print_line(f"  certificate  {found.footer['certificate']}{state}")
     output.findings(found.findings)
     return 1 if found.findings else 0
 
@@ -337,17 +339,17 @@ def clean(*, fleet: Address = "fleet", days: float = 7.0, dry_run: Flag = False)
     found = audit.superfluous(store, days)
     for name in found:
         if dry_run:
-            output.say(name)
+            output.print_line(name)
         else:
             store.remove(name)
-    output.say(f"{output.counted(len(found), 'file')} {'would go' if dry_run else 'removed'}")
+    output.print_line(f"{output.counted(len(found), 'file')} {'would go' if dry_run else 'removed'}")
 
 
 def _plan(fleet: str, ledger: str | None, product: str, window_s: float | None) -> Plan:
     from inclinometry.fleet.plan import plan as made
     from inclinometry.fleet.store import Store
-    from inclinometry.laboratory.certified import Certificates
     from inclinometry.laboratory.ledger.ledger import Ledger, default_path
+    from inclinometry.laboratory.valid_certificates import Certificates
 
     if window_s is not None and not 1e-6 <= window_s <= 86400.0:
         raise out_of_range("--window-s", window_s, "0.000001 .. 86400")
@@ -360,8 +362,10 @@ def _plan(fleet: str, ledger: str | None, product: str, window_s: float | None) 
         return made(Store(address), Certificates(opened), product, window_ns)
 
 
-def _lines(problems: Iterable[tuple[str, Finding]]) -> list[str]:
-    return [f"{name}: {found} [{found.code}]" for name, found in problems]
+def _files(problems: Iterable[tuple[str, Finding]]) -> tuple[list[Finding], list[str]]:
+    """Findings, and the files that they are about."""
+    pairs = list(problems)
+    return [found for _, found in pairs], [name for name, _ in pairs]
 
 
 def _plain(problems: Iterable[tuple[str, Finding]]) -> list[dict[str, Any]]:

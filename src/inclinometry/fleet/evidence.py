@@ -18,7 +18,7 @@ from inclinometry.laboratory.commands import LedgerAddress
 from inclinometry.laboratory.ledger.ledger import Ledger
 
 if TYPE_CHECKING:
-    from inclinometry.laboratory.certified import Certificates
+    from inclinometry.laboratory.valid_certificates import Certificates
     from inclinometry.survey.reduce import SensorCorrection
 
 
@@ -69,9 +69,9 @@ def evidence(
         Withdraw a run from the history, with the reason; its record stays.
     """
     from inclinometry.laboratory import drift
-    from inclinometry.laboratory.certified import Certificates
     from inclinometry.laboratory.commands.enter import doses_of
     from inclinometry.laboratory.commands.ledger import _where, _who
+    from inclinometry.laboratory.valid_certificates import Certificates
 
     doses_of(hours, shock, heat)
     if withdraw is not None:
@@ -79,7 +79,7 @@ def evidence(
             raise refused("input-not-with", {"name": str(raw), "other": "--withdraw"})
         with Ledger(_where(ledger)) as opened:
             drift.withdraw_run(opened, tool, run, withdraw, author=_who())
-        output.say(f"{tool}: run {run} is no evidence any more")
+        output.print_line(f"{tool}: run {run} is no evidence any more")
         return 0
     if raw is None or date_ is None:
         raise refused("input-missing", {"names": ("RAW", "--date")})
@@ -87,7 +87,7 @@ def evidence(
     from inclinometry.files.tool_json import tool_of
     from inclinometry.fleet.statistics import known_drift
     from inclinometry.history import UNSEEN
-    from inclinometry.survey.evidence import run_evidence
+    from inclinometry.survey.history_from_run import run_evidence
 
     with Ledger(_where(ledger), read_only=not record) as opened:
         certificates = Certificates(opened)
@@ -110,15 +110,15 @@ def evidence(
     seen = int(np.sum(np.linalg.eigvalsh(covariance) < (0.1 * UNSEEN) ** 2))
     if json:
         content = {"tool": tool, "run": run, "date": day.isoformat(), "stations": found.stations}
-        content |= {"verdict": str(alarm.finding), "cause": alarm.cause if alarm.raised else None}
+        content |= {"verdict": alarm.finding.plain(), "cause": alarm.cause if alarm.raised else None}
         output.print_json(content | {"parameters_seen": seen, "recorded": record and not alarm.raised})
         return 1 if alarm.raised else 0
     shown = f"{found.stations} stations show {seen} of {len(values)} directions"
-    output.say(f"{tool}, run {run} of {day}: {alarm.finding}; {shown}")
+    output.print_line(f"{tool}, run {run} of {day}: {alarm.finding}; {shown}")
     if alarm.raised:
-        output.say("it contradicts the history and is not taken in: make a full calibration")
+        output.print_line("it contradicts the history and is not taken in: make a full calibration")
     elif record:
-        output.say("recorded as evidence")
+        output.print_line("recorded as evidence")
     return 1 if alarm.raised else 0
 
 
@@ -160,6 +160,6 @@ def _kept(certificates: Certificates, serial: str, path: Path) -> tuple[str, Sen
     correction = read_corrections(path)
     for one in certificates.of(serial):
         if certificates.content(one.calibration)[0] == correction.inputs.get("tool"):
-            output.warnings(correction.warnings)
+            output.findings(correction.findings)
             return one.calibration, correction
     raise FileError(Finding("fleet-evidence-raw", {"tool": serial}), path=path)

@@ -13,7 +13,7 @@ from inclinometry.fleet.commit import Table
 from inclinometry.fleet.raw import Raw, catalogue
 from inclinometry.fleet.store import Store
 from inclinometry.fleet.task import KINDS, VERSION, Task, key, schema
-from inclinometry.laboratory.certified import Certificates, Certified
+from inclinometry.laboratory.valid_certificates import Certificates, Certified
 
 
 class Plan(NamedTuple):

@@ -70,7 +70,7 @@ def fit(
     from inclinometry.position.fleet_code import fleet_tool_code
     from inclinometry.stability import from_drift
 
-    output.claim({"--tool-code": tool_code, "--stability": stability}, {})
+    output.check_outputs({"--tool-code": tool_code, "--stability": stability}, {})
     if tool is not None and stability is None:
         raise refused("input-needs", {"name": "--tool", "needed": ("--stability",)})
     known = None if beside is None else load_tool_code(beside)
@@ -98,7 +98,7 @@ def fit(
     }
     _say_fit(status, rows, tool_code, record, json)
     if stability is not None and not json:
-        output.say(f"stability written to {stability}")
+        output.print_line(f"stability written to {stability}")
 
 
 def _say_fit(status: FleetStatus, rows: dict[str, Any], tool_code: Path | None, record: bool, json: bool) -> None:
@@ -129,13 +129,13 @@ def _say_fit(status: FleetStatus, rows: dict[str, Any], tool_code: Path | None, 
         }
         output.print_json(content)
         return
-    output.say(
+    output.print_line(
         f"type {model.type}: {output.counted(model.tools, 'tool')} with "
         f"{output.counted(model.calibrations, 'calibration')}, "
         f"{model.first} to {model.last}"
     )
     if model.left_out:
-        output.say(f"left out, because they jumped: {', '.join(model.left_out)}")
+        output.print_line(f"left out, because they jumped: {', '.join(model.left_out)}")
     output.table(
         "azimuth, degrees (k = 1), rms over azimuth and toolface",
         ["inclination", *(f"{np.degrees(i):.0f}" for i in SHOWN)],
@@ -147,13 +147,13 @@ def _say_fit(status: FleetStatus, rows: dict[str, Any], tool_code: Path | None, 
         [[title, unit, f"{drift:.3g}", f"{mounting:.3g}"] for title, unit, drift, mounting in panels],
         f"nT in a field of {_FIELD:.0f} nT",
     )
-    output.say(
+    output.print_line(
         f"own drift variance of a tool: a factor of {factor_of_tools:.2g} about the type's (one standard deviation)"
     )
     if record:
-        output.say("kept in the ledger")
+        output.print_line("kept in the ledger")
     if tool_code is not None:
-        output.say(f"tool code written to {tool_code}")
+        output.print_line(f"tool code written to {tool_code}")
 
 
 def report(
@@ -190,7 +190,7 @@ def report(
     from inclinometry.laboratory.commands.ledger import _where
     from inclinometry.report.fleet import fleet_report
 
-    output.claim({"--output": output_}, {})
+    output.check_outputs({"--output": output_}, {})
     asked = Requirement(limit, reliability, (inclination,))
     with Ledger(_where(ledger), read_only=True) as opened:
         histories = _histories(opened, type_)
@@ -223,13 +223,15 @@ def report(
         lines,
         "u: standard uncertainty of azimuth, deg, at inclination 60, now and after a check of six positions",
     )
-    output.say(f"{len(overdue)} overdue, {len(alarmed)} with an alarm")
+    output.print_line(f"{len(overdue)} overdue, {len(alarmed)} with an alarm")
     for tool in alarmed:
-        output.say(f"  {tool.history.serial}: {tool.alarm.finding if tool.alarm else ''}; make a full calibration")
+        output.print_line(
+            f"  {tool.history.serial}: {tool.alarm.finding if tool.alarm else ''}; make a full calibration"
+        )
     for rig in off:
-        output.say(f"  {rig.rig} is off: {rig.cause}, p {rig.p_value:.1g}")
+        output.print_line(f"  {rig.rig} is off: {rig.cause}, p {rig.p_value:.1g}")
     if output_ is not None:
-        output.written(None, output_)
+        output.print_outputs(None, output_)
     return 1 if overdue or alarmed or off else 0
 
 
@@ -284,12 +286,12 @@ def check(
     from inclinometry.history import relative_parameters
     from inclinometry.laboratory import drift
     from inclinometry.laboratory.certificate.laboratory_toml import read_laboratory
-    from inclinometry.laboratory.certified import Certificates
     from inclinometry.laboratory.commands.enter import certified, doses_of, performed_on
     from inclinometry.laboratory.commands.ledger import _where, _who
     from inclinometry.laboratory.import_file import LARGEST, import_file
-    from inclinometry.laboratory.registry import find_rig
+    from inclinometry.laboratory.registry import find_rig, not_registered
     from inclinometry.laboratory.session import load_session
+    from inclinometry.laboratory.valid_certificates import Certificates
     from inclinometry.workflow.calibrate import readings_at
 
     day, doses = performed_on(performed), doses_of(hours, shock, heat)
@@ -299,7 +301,7 @@ def check(
     with Ledger(_where(ledger), read_only=not (record or certify)) as opened:
         stand = find_rig(opened, rig)
         if stand is None:
-            raise refused("fleet-rig-unknown", {"rig": rig, "ledger": opened.shown})
+            raise not_registered("rig", rig)
         known = drift.ledger_history(opened, Certificates(opened), tool)
         given = readings_at(readings, dials=stand.dials)
         model, past = known_drift(opened, known.history.type)
@@ -320,8 +322,8 @@ def check(
     if found.calibration is not None and known.history.reference is not None:
         u = azimuth_sd(relative_parameters(found.calibration.tool, known.history.reference)[1])
     if json:
-        refusal = str(found.refusal) if found.alarm.raised else None
-        content: dict[str, Any] = {"tool": tool, "refused": refusal, "verdict": str(found.alarm.finding)}
+        refusal = found.refusal.plain() if found.alarm.raised else None
+        content: dict[str, Any] = {"tool": tool, "refused": refusal, "verdict": found.alarm.finding.plain()}
         content |= {
             "cause": found.alarm.cause if found.alarm.raised else None,
             "u_azimuth_deg": None if u is None else np.degrees(u),
@@ -329,13 +331,13 @@ def check(
         output.print_json(content | {"calibration": None if made is None else made.id, "certificate": number})
         return 1 if found.alarm.raised else 0
     if u is None:
-        output.say(f"{tool}: refused: {found.refusal}")
+        output.print_line(f"{tool}: refused: {found.refusal}")
         return 1
-    output.say(f"{tool}: {found.alarm.finding}")
+    output.print_line(f"{tool}: {found.alarm.finding}")
     shown = ", ".join(f"{x:.3f}" for x in np.degrees(u))
-    output.say(f"standard uncertainty of azimuth at inclination 5, 30, 60, 90: {shown} deg")
+    output.print_line(f"standard uncertainty of azimuth at inclination 5, 30, 60, 90: {shown} deg")
     if made is not None:
-        output.say(f"calibration {made.id} of {day} recorded{f', certificate {number}' if number else ''}")
+        output.print_line(f"calibration {made.id} of {day} recorded{f', certificate {number}' if number else ''}")
     return 0
 
 
@@ -360,7 +362,7 @@ def _histories(ledger: Ledger, type_: str | None) -> list[ToolHistory]:
         found, passed_over = ledger_histories(ledger, type_)
     output.findings(passed_over)
     if not found:
-        raise refused("fleet-histories-none", {"ledger": ledger.shown})
+        raise refused("session-no-history", {"name": ledger.shown})
     if len(found) > 1:
         several = {kind: len(histories) for kind, histories in found.items() if sum(len(h) > 1 for h in histories)}
         if len(several) != 1:

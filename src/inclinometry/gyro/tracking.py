@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from inclinometry.arrays import Array, Mask, finite, frozen, within
-from inclinometry.errors import out_of_range, refused, wrong_shape
+from inclinometry.errors import InputError, out_of_order, out_of_range, refused, wrong_shape
 from inclinometry.findings import Finding
 from inclinometry.gyro.joint import LARGEST
 from inclinometry.gyro.point_mass import (
@@ -32,6 +32,7 @@ from inclinometry.gyro.point_mass import (
     solve_law,
 )
 from inclinometry.gyro.result import covariances, one_value, per_station, vectors
+from inclinometry.opening import too_large
 from inclinometry.tabular import Column, Tabular, draw
 
 SPAN = 100.0
@@ -45,7 +46,7 @@ MOST = 3000
 
 
 @dataclass(frozen=True, eq=False)
-class ScaleBelief:
+class ScaleState:
     """What is known of the scale factor before a run, as a function of temperature.
 
     scale(T) = c0 + c1 d + c2 d^2, d = (T - reference_temperature) / 100 degC.
@@ -64,7 +65,7 @@ class ScaleBelief:
             raise wrong_shape("coefficients, covariance", f"{mean.shape}, {spread.shape}", "(p,), (p, p), 1 <= p <= 3")
         one_value(self.reference_temperature, "reference_temperature", *TEMPERATURES, "degC")
         if self.temperature_range is not None and not self.temperature_range[0] <= self.temperature_range[1]:
-            raise refused("input-order", {"name": "temperature_range", "row": 2})
+            raise out_of_order("temperature_range", *reversed(self.temperature_range), 2)
         if np.linalg.eigvalsh(spread).min() < -1e-12 * max(np.trace(spread), 1e-300):
             raise out_of_range("eig(covariance)", float(np.linalg.eigvalsh(spread).min()), ">= 0")
         object.__setattr__(self, "coefficients", frozen(mean))
@@ -88,12 +89,12 @@ def quadratic_belief(
     slope_sd: float = 0.005,
     bend_sd: float = 0.003,
     reference_temperature: float = 20.0,
-) -> ScaleBelief:
+) -> ScaleState:
     """A scale known at one temperature, with an unknown slope and bend per 100 degC."""
     for name, value in (("sd", sd), ("slope_sd", slope_sd), ("bend_sd", bend_sd)):
         one_value(value, name, 0.0, 10.0)
     spread = np.diag(np.square([sd, slope_sd, bend_sd]))
-    return ScaleBelief(np.array([scale, 0.0, 0.0]), spread, reference_temperature)
+    return ScaleState(np.array([scale, 0.0, 0.0]), spread, reference_temperature)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -110,7 +111,7 @@ class ScaleTrack(Tabular):
     scale: Array
     scale_sd: Array
     learnt: Mask  #: (n,) False where a station's rates say nothing of its scale
-    belief: ScaleBelief  #: what is known after the run, for the next one
+    belief: ScaleState  #: what is known after the run, for the next one
     thermometer: bool = True  #: whether the temperatures were measured
     contradicted: bool = False  #: whether the readings contradict what was known before the run
     findings: tuple[Finding, ...] = ()
@@ -157,7 +158,7 @@ class ScaleTracker:
 
     Parameters
     ----------
-    belief : ScaleBelief
+    belief : ScaleState
         What is known before the first station.
     latitude : float
         rad, north positive.
@@ -179,7 +180,7 @@ class ScaleTracker:
     (1.001, 1.001, 0)
     """
 
-    def __init__(self, belief: ScaleBelief, latitude: float, *, thermometer: bool = True) -> None:
+    def __init__(self, belief: ScaleState, latitude: float, *, thermometer: bool = True) -> None:
         self.prior = _possible(belief)
         self.latitude = one_value(latitude, "latitude", -np.pi / 2, np.pi / 2, "rad")
         self.thermometer = thermometer
@@ -254,7 +255,7 @@ class ScaleTracker:
         return self._run(self._stations).laid(np.array(self._seen))
 
     @property
-    def belief(self) -> ScaleBelief:
+    def belief(self) -> ScaleState:
         """What is known after the stations so far."""
         return self.laid().belief if self._stations else self.prior
 
@@ -281,7 +282,7 @@ class _Laid(NamedTuple):
     first: Array
     plain_first: Array
     plain: Smoothed
-    belief: ScaleBelief
+    belief: ScaleState
     contradicts: Finding | None
 
 
@@ -290,12 +291,12 @@ class _Run(NamedTuple):
 
     rates: Rates
     heat: Array
-    belief: ScaleBelief
+    belief: ScaleState
     start: float  #: temperature of the first station
     moves: bool  #: whether temperature says anything
 
     @classmethod
-    def of(cls, rates: Rates, heat: Array, belief: ScaleBelief) -> _Run:
+    def of(cls, rates: Rates, heat: Array, belief: ScaleState) -> _Run:
         """All stations of a run."""
         start = belief.reference_temperature if np.isnan(heat[0]) else float(heat[0])
         return cls(rates, heat, belief, start, _moves(belief, float(heat.min()), float(heat.max())))
@@ -336,7 +337,7 @@ class _Run(NamedTuple):
             ends = (*(span or ()), float(self.heat[:size].min()), float(self.heat[:size].max()))
             span = min(ends), max(ends)
         cov = back @ end[1] @ back.T
-        belief = ScaleBelief(back @ end[0], 0.5 * (cov + cov.T), self.belief.reference_temperature, span)
+        belief = ScaleState(back @ end[0], 0.5 * (cov + cov.T), self.belief.reference_temperature, span)
         members, first = PLAIN, plain_first
         if self.moves:
             members, first = self._bank(mean, spread, end, grid, likelihood[:size])
@@ -384,7 +385,7 @@ class _Run(NamedTuple):
         return members, first(members)
 
 
-def _moves(belief: ScaleBelief, low: float, high: float) -> bool:
+def _moves(belief: ScaleState, low: float, high: float) -> bool:
     """Whether temperatures say anything of the scale; NaN: there are none."""
     # within 1 degC what they say of the scale is below the smallest step that is tried
     return belief.coefficients.size > 1 and high - low > 1.0
@@ -455,7 +456,7 @@ def _checked(
     inclination: ArrayLike,
     latitude: float,
     temperature: ArrayLike | None,
-    belief: ScaleBelief,
+    belief: ScaleState,
 ) -> _Run:
     high = vectors(rates, "rates", LARGEST)
     cov = covariances(covariance, "covariance", np.isfinite(high[:, 2]), positive=True)
@@ -471,7 +472,7 @@ def track_scale(
     inclination: ArrayLike,
     latitude: float,
     temperature: ArrayLike | None,
-    belief: ScaleBelief,
+    belief: ScaleState,
 ) -> ScaleTrack:
     """Learn the scale factor by a `ScaleTracker`: each station uses those before it; temperature in degC."""
     run = _checked(rates, covariance, inclination, latitude, temperature, belief)
@@ -498,7 +499,7 @@ def smooth_scale(
     inclination: ArrayLike,
     latitude: float,
     temperature: ArrayLike | None,
-    belief: ScaleBelief,
+    belief: ScaleState,
 ) -> ScaleTrack:
     """Learn the scale factor from the whole run: each station uses all others, those after it too.
 
@@ -506,7 +507,7 @@ def smooth_scale(
     """
     run = _checked(rates, covariance, inclination, latitude, temperature, belief)
     if len(run.heat) > MOST:
-        raise refused("gyro-stations-many", {"count": len(run.heat), "most": MOST})
+        raise InputError(too_large("stations", len(run.heat), MOST))
     laid = run.laid(run.rates.likelihood(WHOLE))
     whole = laid.plain
     if run.moves:
@@ -520,7 +521,7 @@ def smooth_scale(
     )  # fmt: skip
 
 
-def _possible(belief: ScaleBelief) -> ScaleBelief:
+def _possible(belief: ScaleState) -> ScaleState:
     """A belief whose scale factor is on the grid."""
     one_value(belief.coefficients[0], "scale", LOWEST, HIGHEST)
     return belief

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from inclinometry.arrays import Array
-from inclinometry.calibration.acceptance import NEAR_VERTICAL, attitude_covariance
+from inclinometry.calibration.conformity import NEAR_VERTICAL, attitude_covariance
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
 from inclinometry.constants import DIALS

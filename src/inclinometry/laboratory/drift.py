@@ -16,6 +16,7 @@ from inclinometry.calibration.drift_check import DriftCheck, check_with_prior
 from inclinometry.calibration.drift_status import FleetStatus
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.errors import InclinometryError, out_of_range, refused
+from inclinometry.files.json_codec import restored
 from inclinometry.files.tool_json import tool_of
 from inclinometry.findings import Finding
 from inclinometry.history import (
@@ -26,21 +27,21 @@ from inclinometry.history import (
     tool_from_relative,
     tool_history,
 )
-from inclinometry.laboratory.certified import Certificates, every
 from inclinometry.laboratory.ledger.ledger import Ledger, LedgerError, Record
 from inclinometry.laboratory.placeholders import stated
 from inclinometry.laboratory.progress import Goal, Progress, progress_of, unfitted, waiting_for
 from inclinometry.laboratory.registry import (
     RegisteredRig,
     RegisteredTool,
+    external_value,
     find_tool,
     listed,
     not_registered,
-    outside,
     rig_of,
 )
 from inclinometry.laboratory.results import finish_calibration, record_fit
 from inclinometry.laboratory.session import Session, bench_readings, load_session
+from inclinometry.laboratory.valid_certificates import Certificates, every
 from inclinometry.sensors import Tool
 
 DOSES: Final = ("hours", "shock", "heat")
@@ -62,7 +63,7 @@ class RunEvidence(NamedTuple):
 
     run : its name. date : its day. hours, shock, heat : since the calibration or run before.
     reference : id of the calibration's record that the stations were reduced with, to which values (24,) and covariance
-        (24, 24) are relative (`survey.evidence.run_evidence`).
+        (24, 24) are relative (`survey.history_from_run.run_evidence`).
     stations, chi_square, freedom, priors : of the analysis. inputs : name -> digest.
     """
 
@@ -136,7 +137,7 @@ def ledger_history(ledger: Ledger, certificates: Certificates, serial: str) -> L
         found.append(CalibrationRecord(one.performed, seen, str(session["rig"]), hours, shock, heat))
         carried[:] = 0.0
     if not found:
-        raise refused("session-no-history", {"serial": serial})
+        raise refused("session-no-history", {"name": serial})
     for run in _runs(ledger, serial):
         if run.date < found[0].date:
             about = {"serial": serial, "run": run.run, "day": str(run.date)}
@@ -166,7 +167,7 @@ def _runs(ledger: Ledger, serial: str) -> list[CalibrationRecord]:
 
 def record_run(ledger: Ledger, serial: str, run: RunEvidence, *, author: str) -> Record:
     """Record the evidence of a run for a tool's history; it takes the place of what a run of this name said before."""
-    details = {name: outside("", value) for name, value in run._asdict().items()}
+    details = {name: external_value("", value) for name, value in run._asdict().items()}
     keys = {"subject_kind": "run", "subject": serial, "action": "recorded"}
     return ledger.append("event", keys, {"details": details}, author=author)
 
@@ -228,9 +229,8 @@ class StoredFit:
 
     model, past : of the type, and the largest statistics of its past calibrations.
     day : for which the fleet was looked at. record : the ledger's.
-    tools : serial number -> "due" (ISO date), "last" (day of the last calibration), "alarm" (sentence; empty without
-        one), "cause" (values of its finding), "now_deg", "six_deg" (u(azimuth) at inclination 60 on that day, and after
-        a check of six positions).
+    tools : serial number -> "due" (ISO date), "last" (day of the last calibration), "alarm" (finding, or None),
+        "now_deg", "six_deg" (u(azimuth) at inclination 60 on that day, and after a check of six positions).
     """
 
     model: DriftModel
@@ -242,13 +242,12 @@ class StoredFit:
 
 def put_fit(ledger: Ledger, status: FleetStatus, *, author: str) -> Record:
     """Keep what was fitted to a type, for checks of its tools and the pages of the bench."""
-    model = {name: outside("", value) for name, value in asdict(status.model).items()}
+    model = {name: external_value("", value) for name, value in asdict(status.model).items()}
     tools = {
         tool.history.serial: {
             "due": tool.due.date.isoformat(),
             "last": tool.last.isoformat(),
-            "alarm": str(tool.alarm.finding) if tool.alarm is not None and tool.alarm.raised else "",
-            "cause": dict(tool.alarm.finding.values) if tool.alarm is not None and tool.alarm.raised else {},
+            "alarm": tool.alarm.finding.stored() if tool.alarm is not None and tool.alarm.raised else None,
             "now_deg": float(np.degrees(tool.now[SIXTY])),
             "six_deg": float(np.degrees(tool.checked[SIXTY])),
         }
@@ -267,7 +266,11 @@ def find_fit(ledger: Ledger, type: str) -> StoredFit | None:
     said = record.body["details"]
     arrays = {name: np.array(said["model"][name]) for name in ("drift", "reproducibility", "effects")}
     model = DriftModel(**{**said["model"], **arrays, "left_out": tuple(said["model"]["left_out"])})
-    return StoredFit(model, np.array(said["past"]), date.fromisoformat(said["day"]), record, said["tools"])
+    tools = {
+        serial: {**about, "alarm": restored(about["alarm"]) if about["alarm"] else None}
+        for serial, about in said["tools"].items()
+    }
+    return StoredFit(model, np.array(said["past"]), date.fromisoformat(said["day"]), record, tools)
 
 
 def kept_drift(ledger: Ledger, tools: Sequence[RegisteredTool]) -> dict[str, Mapping[str, Any]]:
@@ -310,7 +313,7 @@ def check_tool(
     if day < last:
         raise out_of_range("date", str(day), f">= {last}")
     if history.reference is None:
-        raise refused("session-no-history", {"serial": history.serial})
+        raise refused("session-no-history", {"name": history.serial})
     state = _predicted(history, model, day, doses)
     return check_with_prior(
         readings, history.reference, state, model, rig_sd=np.array(rig.sd), past=past, name=history.serial
@@ -342,9 +345,7 @@ def refuse_check(ledger: Ledger, serial: str) -> StoredFit:
     if tool is None or fit is None or about is None:
         raise refused("session-no-fit", {"serial": serial})
     if about["alarm"]:
-        # older records have the sentence only
-        alarm = Finding("drift-cause", about["cause"]) if about.get("cause") else str(about["alarm"])
-        raise refused("session-off-history", {"serial": serial, "alarm": alarm})
+        raise refused("session-off-history", {"serial": serial, "alarm": about["alarm"]})
     return fit
 
 

@@ -17,7 +17,7 @@ from sqlalchemy import func, select
 
 from inclinometry.arrays import Array, within
 from inclinometry.calibration.conventions import USUAL, Dials
-from inclinometry.calibration.start import Stand, stand_within
+from inclinometry.calibration.initial_values import Stand, stand_within
 from inclinometry.conventions import current_name
 from inclinometry.digest import digest_bytes
 from inclinometry.errors import out_of_range, refused
@@ -29,7 +29,7 @@ from inclinometry.laboratory.ledger.ledger import Draft, Ledger, LedgerError, Re
 T = TypeVar("T")
 
 
-class Outside(NamedTuple):
+class ExternalField(NamedTuple):
     """What a field is called outside the program: in a body of the interface, and where a record keeps it.
 
     With a unit in the name; what ends in _deg is an angle, in radians inside.
@@ -66,7 +66,9 @@ class RegisteredTool:
     customer: Text = ""
     description: Text = ""
     convention: str = "native"
-    inclination_range: Annotated[Pair, Outside("inclination_range_deg", "range_deg.inclination", (0.0, 180.0))] = (
+    inclination_range: Annotated[
+        Pair, ExternalField("inclination_range_deg", "range_deg.inclination", (0.0, 180.0))
+    ] = (
         float(np.radians(10.0)),
         float(np.radians(90.0)),
     )
@@ -85,10 +87,10 @@ class RegisteredRig:
     """
 
     name: str
-    sd: Annotated[tuple[float, float, float], Outside("sd_deg", "sd_deg", (0.0, 10.0))]
-    azimuth: Annotated[Pair, Outside("azimuth_deg", "stand.azimuth", (-360.0, 720.0))] = (0.0, 2.0 * np.pi)
-    inclination: Annotated[Pair, Outside("inclination_deg", "stand.inclination", (0.0, 180.0))] = (0.0, np.pi)
-    toolface: Annotated[Pair, Outside("toolface_deg", "stand.toolface", (-360.0, 720.0))] = (0.0, 2.0 * np.pi)
+    sd: Annotated[tuple[float, float, float], ExternalField("sd_deg", "sd_deg", (0.0, 10.0))]
+    azimuth: Annotated[Pair, ExternalField("azimuth_deg", "stand.azimuth", (-360.0, 720.0))] = (0.0, 2.0 * np.pi)
+    inclination: Annotated[Pair, ExternalField("inclination_deg", "stand.inclination", (0.0, 180.0))] = (0.0, np.pi)
+    toolface: Annotated[Pair, ExternalField("toolface_deg", "stand.toolface", (-360.0, 720.0))] = (0.0, 2.0 * np.pi)
     description: Text = ""
     traceability: Text = ""
     place: Text = ""
@@ -109,17 +111,17 @@ class RegisteredSite:
     """
 
     name: str
-    g: Annotated[float | None, Outside("g_mps2", "g_mps2", (9.5, 10.1))] = None
-    b: Annotated[float | None, Outside("b_nT", "b_nT", (5e3, 2e5))] = None
-    dip: Annotated[float | None, Outside("dip_deg", "dip_deg", (-90.0, 90.0)), Interval(ge=-90.0, le=90.0)] = None
+    g: Annotated[float | None, ExternalField("g_mps2", "g_mps2", (9.5, 10.1))] = None
+    b: Annotated[float | None, ExternalField("b_nT", "b_nT", (5e3, 2e5))] = None
+    dip: Annotated[float | None, ExternalField("dip_deg", "dip_deg", (-90.0, 90.0)), Interval(ge=-90.0, le=90.0)] = None
     latitude: Annotated[
-        float | None, Outside("latitude_deg", "latitude_deg", (-90.0, 90.0)), Interval(ge=-90.0, le=90.0)
+        float | None, ExternalField("latitude_deg", "latitude_deg", (-90.0, 90.0)), Interval(ge=-90.0, le=90.0)
     ] = None
     laboratory: Annotated[Mapping[str, Text], MaxLen(20)] = field(default_factory=dict)
     description: Text = ""
 
 
-def declared(of: Any, first: int = 1) -> tuple[tuple[Field[Any], Any, Outside], ...]:
+def declared(of: Any, first: int = 1) -> tuple[tuple[Field[Any], Any, ExternalField], ...]:
     """Fields of what is registered beside its key, with their types and what they are called outside.
 
     `first` is 0 for a record that has no key.
@@ -128,12 +130,12 @@ def declared(of: Any, first: int = 1) -> tuple[tuple[Field[Any], Any, Outside], 
 
 
 @cache
-def _declared(of: Any) -> tuple[tuple[Field[Any], Any, Outside], ...]:
+def _declared(of: Any) -> tuple[tuple[Field[Any], Any, ExternalField], ...]:
     hints = get_type_hints(of, include_extras=True)
     found = []
     for one in fields(of):
         marks = getattr(hints[one.name], "__metadata__", ())
-        place = next((mark for mark in marks if isinstance(mark, Outside)), Outside(one.name, one.name))
+        place = next((mark for mark in marks if isinstance(mark, ExternalField)), ExternalField(one.name, one.name))
         found.append((one, hints[one.name], place))
     return tuple(found)
 
@@ -144,7 +146,7 @@ def limits_of(of: type[Any], name: str) -> tuple[float, float]:
     return limits or (-np.inf, np.inf)
 
 
-def outside(name: str, value: Any) -> Any:
+def external_value(name: str, value: Any) -> Any:
     """A value as it is written outside under this name."""
     if name.endswith("_deg") and value is not None:
         return np.degrees(value).round(9).tolist()
@@ -153,22 +155,22 @@ def outside(name: str, value: Any) -> Any:
     if isinstance(value, date):
         return value.isoformat()
     if isinstance(value, Mapping):
-        return {key: outside("", inner) for key, inner in value.items()}
+        return {key: external_value("", inner) for key, inner in value.items()}
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
     return value
 
 
-def stored(one: Any, first: int = 1) -> dict[str, Any]:
+def to_record_body(one: Any, first: int = 1) -> dict[str, Any]:
     """The body of the record of a tool, rig or site, or of another record whose fields are `declared`."""
     body: dict[str, Any] = {}
     for field_, _, (name, place, _) in declared(type(one), first):
         group, _, last = place.rpartition(".")
-        (body.setdefault(group, {}) if group else body)[last] = outside(name, getattr(one, field_.name))
+        (body.setdefault(group, {}) if group else body)[last] = external_value(name, getattr(one, field_.name))
     return body
 
 
-def registered(of: type[T], key: str, said: Mapping[str, Any]) -> T:
+def from_record_body(of: type[T], key: str, said: Mapping[str, Any]) -> T:
     """The tool, rig or site of which a record or a body of the interface says this; the rest as declared."""
     return of(key, **given(of, said))  # type: ignore[call-arg]
 
@@ -218,19 +220,19 @@ def put_tool(ledger: Ledger, tool: RegisteredTool, *, author: str) -> Record:
         raise out_of_range("inclination_range", (low, high), "low <= high")
     if tool.interval_months is not None and not MONTHS[0] <= tool.interval_months <= MONTHS[-1]:
         raise out_of_range("interval_months", tool.interval_months, f"{MONTHS[0]} .. {MONTHS[-1]}")
-    return ledger.append("tool", {"serial": tool.serial}, stored(tool), author=author)
+    return ledger.append("tool", {"serial": tool.serial}, to_record_body(tool), author=author)
 
 
 def find_tool(ledger: Ledger, serial: str) -> RegisteredTool | None:
     """The tool as it is now; None when it was never registered."""
     record = ledger.latest("tool", serial=serial)
-    return None if record is None else registered(RegisteredTool, serial, record.body)
+    return None if record is None else from_record_body(RegisteredTool, serial, record.body)
 
 
 def tools(ledger: Ledger, *, limit: int = 1000, after: str = "") -> list[RegisteredTool]:
     """Tools by serial number, beyond `after`."""
     return [
-        registered(RegisteredTool, record.keys["serial"], record.body)
+        from_record_body(RegisteredTool, record.keys["serial"], record.body)
         for record in ledger.current("tool", limit=limit, after=after)
     ]
 
@@ -238,7 +240,7 @@ def tools(ledger: Ledger, *, limit: int = 1000, after: str = "") -> list[Registe
 def put_rig(ledger: Ledger, rig: RegisteredRig, *, author: str) -> Record:
     """Register a rig, or record what changed."""
     stand_within(rig.azimuth, rig.inclination, rig.toolface, candidates=1)  # refuses limits that are none
-    body = stored(_within_limits(rig, "sd"))
+    body = to_record_body(_within_limits(rig, "sd"))
     if rig.dials == USUAL:
         del body["dials"]
     return ledger.append("rig", {"name": rig.name}, body, author=author)
@@ -247,37 +249,37 @@ def put_rig(ledger: Ledger, rig: RegisteredRig, *, author: str) -> Record:
 def find_rig(ledger: Ledger, name: str) -> RegisteredRig | None:
     """The rig as it is now; None when it was never registered."""
     record = ledger.latest("rig", name=name)
-    return None if record is None else registered(RegisteredRig, name, record.body)
+    return None if record is None else from_record_body(RegisteredRig, name, record.body)
 
 
 def rig_of(ledger: Ledger, session: str) -> RegisteredRig | None:
     """The rig of a session as it was when the session was opened: its uncertainty is not changed after the readings."""
     opened = ledger.get("session", session)
     found = ledger.find("rig", name=opened.body["rig"], newest=True, after=opened.seq, limit=1)
-    return registered(RegisteredRig, found[0].keys["name"], found[0].body) if found else None
+    return from_record_body(RegisteredRig, found[0].keys["name"], found[0].body) if found else None
 
 
 def dials_of(ledger: Ledger, rig: str, before: int = 0) -> Dials:
     """How a rig's dials are known to count, by the records before a place in the chain, by all of them when 0."""
     found = ledger.find("rig", name=rig, newest=True, after=before, limit=1)
-    return registered(RegisteredRig, rig, found[0].body).dials if found else USUAL
+    return from_record_body(RegisteredRig, rig, found[0].body).dials if found else USUAL
 
 
 def rigs(ledger: Ledger) -> list[RegisteredRig]:
     """Rigs by name."""
-    return [registered(RegisteredRig, record.keys["name"], record.body) for record in ledger.current("rig")]
+    return [from_record_body(RegisteredRig, record.keys["name"], record.body) for record in ledger.current("rig")]
 
 
 def put_site(ledger: Ledger, site: RegisteredSite, *, author: str) -> Record:
     """Register a site, or record what changed."""
-    body = {name: value for name, value in stored(_within_limits(site)).items() if value is not None}
+    body = {name: value for name, value in to_record_body(_within_limits(site)).items() if value is not None}
     return ledger.append("site", {"name": site.name}, body, author=author)
 
 
 def find_site(ledger: Ledger, name: str) -> RegisteredSite | None:
     """The site as it is now; None when it was never registered."""
     record = ledger.latest("site", name=name)
-    return None if record is None else registered(RegisteredSite, name, record.body)
+    return None if record is None else from_record_body(RegisteredSite, name, record.body)
 
 
 def not_registered(kind: str, name: str) -> LedgerError:
@@ -295,7 +297,7 @@ def registered_site(ledger: Ledger, name: str) -> RegisteredSite:
 
 def sites(ledger: Ledger) -> list[RegisteredSite]:
     """Sites by name."""
-    return [registered(RegisteredSite, record.keys["name"], record.body) for record in ledger.current("site")]
+    return [from_record_body(RegisteredSite, record.keys["name"], record.body) for record in ledger.current("site")]
 
 
 # Reference standards and the laboratory itself: events of the ledger, so that a program that does not know them reads
@@ -308,19 +310,19 @@ LARGEST_LOGO: Final = 200_000
 def put_standard(ledger: Ledger, standard: Standard, *, author: str) -> Record:
     """Register a reference standard, or record what changed."""
     keys = {"subject_kind": "standard", "subject": standard.name, "action": "registered"}
-    return ledger.append("event", keys, {"details": stored(standard)}, author=author)
+    return ledger.append("event", keys, {"details": to_record_body(standard)}, author=author)
 
 
 def find_standard(ledger: Ledger, name: str) -> Standard | None:
     """The standard as it is now; None when it was never registered."""
     record = ledger.latest("event", subject_kind="standard", subject=name, action="registered")
-    return None if record is None else registered(Standard, name, record.body["details"])
+    return None if record is None else from_record_body(Standard, name, record.body["details"])
 
 
 def standards(ledger: Ledger) -> list[Standard]:
     """Reference standards by name."""
     newest = {r.keys["subject"]: r for r in ledger.find("event", subject_kind="standard", action="registered")}
-    return [registered(Standard, name, newest[name].body["details"]) for name in sorted(newest)]
+    return [from_record_body(Standard, name, newest[name].body["details"]) for name in sorted(newest)]
 
 
 def logo_kind(data: bytes) -> str:
@@ -423,7 +425,7 @@ _KEPT: Final[WeakKeyDictionary[Ledger, dict[tuple[str, str], Any]]] = WeakKeyDic
 _LOCK: Final = Lock()
 
 
-def extract(ledger: Ledger, one: Record, what: str, make: Callable[[Record], T]) -> T:
+def cached_from_record(ledger: Ledger, one: Record, what: str, make: Callable[[Record], T]) -> T:
     """What `make` finds in the body of a listed record, read and worked out only once in a process.
 
     `what` is the name of the extract, the same for the same `make`.

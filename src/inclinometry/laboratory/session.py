@@ -12,14 +12,14 @@ from inclinometry.arrays import Array, finite, within
 from inclinometry.calibration.conventions import USUAL, Dials
 from inclinometry.calibration.plans import Plan
 from inclinometry.calibration.readings import LARGEST, BenchReadings
-from inclinometry.calibration.result import uncoded
 from inclinometry.constants import KINDS
 from inclinometry.errors import not_among, out_of_range, refused, wrong_shape
-from inclinometry.findings import Finding, only_notes, without_notes
+from inclinometry.files.json_codec import findings_in
+from inclinometry.findings import Finding
 from inclinometry.laboratory.ledger.ledger import ConflictError, Draft, Ledger, LedgerError, Record
 from inclinometry.laboratory.placeholders import stated
 from inclinometry.laboratory.registry import (
-    Outside,
+    ExternalField,
     RegisteredSite,
     Vectors,
     dials_of,
@@ -27,7 +27,7 @@ from inclinometry.laboratory.registry import (
     given,
     not_registered,
     registered_site,
-    stored,
+    to_record_body,
 )
 from inclinometry.rotations import wrap_positive
 from inclinometry.workflow.calibrate import at_site
@@ -36,7 +36,7 @@ LOW, HIGH = -60.0, 250.0
 """Temperatures of any oven, degC."""
 
 
-def campaign(plan: Plan, temperatures: Sequence[float]) -> tuple[Plan, tuple[float, ...]]:
+def positions_at_temperatures(plan: Plan, temperatures: Sequence[float]) -> tuple[Plan, tuple[float, ...]]:
     """All positions of a plan at each temperature (degC, in the order of the oven), and the target temperature of each.
 
     A reading is used with the temperature measured: a ramp will do as well as a soak, as long as the tool is even
@@ -85,15 +85,15 @@ class Capture:
     """
 
     channels: Vectors
-    dial: Annotated[tuple[float, float, float], Outside("dial_deg", "dial_deg")]
+    dial: Annotated[tuple[float, float, float], ExternalField("dial_deg", "dial_deg")]
     count: int = 1
     sd: Vectors = field(default_factory=dict)
     drift: Vectors = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
-    duration: Annotated[float, Outside("duration_s", "duration_s")] = 0.0
-    temperature: Annotated[float | None, Outside("temperature_degC", "temperature_degC")] = None
+    duration: Annotated[float, ExternalField("duration_s", "duration_s")] = 0.0
+    temperature: Annotated[float | None, ExternalField("temperature_degC", "temperature_degC")] = None
     still: bool = True
-    how: Annotated[str, Outside("captured", "captured")] = "key"
+    how: Annotated[str, ExternalField("captured", "captured")] = "key"
     note: str = ""
 
 
@@ -175,7 +175,7 @@ def open_session(
 ) -> Session:
     """Begin a run of positions with a registered tool on a rig; the session keeps what the dials say at them.
 
-    Settings are further fields of the schema "session-1". `dialled`: the plan holds what the dials say already, as for
+    Settings are further fields of the schema "session-2". `dialled`: the plan holds what the dials say already, as for
     readings that were taken.
     """
     if purpose not in PURPOSES:
@@ -189,7 +189,7 @@ def open_session(
         registered_site(ledger, site)
     rows = plan.azimuth, plan.inclination, plan.toolface
     if not dialled:
-        rows = on_dials(dials_of(ledger, rig), rows)
+        rows = dial_angles(dials_of(ledger, rig), rows)
     degrees = np.degrees(np.stack(rows, axis=1)).round(9)
     stated: dict[str, Any] = {"name": plan.name, "positions_deg": degrees.tolist()}
     if plan.roll_set:
@@ -199,14 +199,14 @@ def open_session(
     return load_session(ledger, record.id)
 
 
-def on_dials(dials: Dials, setting: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
+def dial_angles(dials: Dials, setting: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
     """What dials say at azimuth, inclination, toolface of the conventions, rad: a reversed one from 0 to a full turn.
 
     >>> dials = Dials("horizontal", azimuth_counts="counterclockwise")
     >>> [float(x) for x in np.degrees(on_dials(dials, tuple(np.radians([90.0, 30.0, 0.0])))).round(9)]
     [270.0, 60.0, 0.0]
     """
-    azimuth, inclination, toolface = dials.shown(*setting)
+    azimuth, inclination, toolface = dials.dial_readings(*setting)
     if dials.base != USUAL.base or dials.azimuth_counts != USUAL.azimuth_counts:
         azimuth = wrap_positive(azimuth)
     if dials.base != USUAL.base or dials.toolface_counts != USUAL.toolface_counts:
@@ -216,7 +216,7 @@ def on_dials(dials: Dials, setting: tuple[Array, Array, Array]) -> tuple[Array, 
 
 def dial_at(dials: Dials, azimuth: float, inclination: float, toolface: float) -> tuple[float, float, float]:
     """`on_dials` of one setting, rad."""
-    one, two, three = on_dials(dials, (np.array(azimuth), np.array(inclination), np.array(toolface)))
+    one, two, three = dial_angles(dials, (np.array(azimuth), np.array(inclination), np.array(toolface)))
     return float(one), float(two), float(three)
 
 
@@ -232,12 +232,15 @@ def load_session(ledger: Ledger, session: str) -> Session:
     body, plan = record.body, record.body["plan"]
     ended, site = _closing(ledger, record.id), site_of(ledger, record)
     sets = plan.get("roll_set") or [""] * len(plan["positions_deg"])
+    settings = {name: value for name, value in body.items() if name not in ("plan", "rig")}
+    if "wanted" in settings:  # version 1
+        settings["target_u_deg"] = settings.pop("wanted")
     places = enumerate(zip(plan["positions_deg"], sets, strict=True), 1)
     positions = tuple(Position(number, _radians(row), name) for number, (row, name) in places)
     taken: dict[int, RecordedReading] = {}
     attempts: dict[int, int] = {}
     for reading in ledger.find("reading", session=record.id, limit=20 * MOST_POSITIONS):
-        found = _taken(reading)
+        found = _reading_from_record(reading)
         taken[found.number] = found
         attempts[found.number] = max(attempts.get(found.number, 0), found.attempt)
     numbers = {one.record: number for number, one in taken.items()}
@@ -258,7 +261,7 @@ def load_session(ledger: Ledger, session: str) -> Session:
         taken,
         attempts,
         "" if ended is None else str(ended.keys["action"]),
-        {name: value for name, value in body.items() if name not in ("plan", "rig")} | ({"site": site} if site else {}),
+        settings | ({"site": site} if site else {}),
         dials_of(ledger, body["rig"], 0 if ended is None else ended.seq),
         find_site(ledger, site),
     )
@@ -276,7 +279,7 @@ def sessions(ledger: Ledger, *, serial: str | None = None, limit: int = 100, bef
     return ledger.find("session", newest=True, after=before, limit=limit, **keys)
 
 
-def closing(ledger: Ledger, session: str) -> str:
+def closing_status(ledger: Ledger, session: str) -> str:
     """What closed a session: "finished", "abandoned", or "" while it is open."""
     found = _closing(ledger, session)
     return "" if found is None else str(found.keys["action"])
@@ -295,7 +298,7 @@ def capture(
     `attempt` is the one the caller believes this is: given, a reading another user took meanwhile raises
     ConflictError.
     """
-    if closing(ledger, session):
+    if closing_status(ledger, session):
         raise LedgerError(CLOSED)
     before = ledger.count("reading", session=session, position=number)
     planned = len(ledger.get("session", session).body["plan"]["positions_deg"])
@@ -309,7 +312,7 @@ def capture(
     keys = {"session": session, "position": number, "attempt": before + 1}
     # whoever closes the session at this moment is noticed
     draft = Draft("reading", keys, _capture_body(taken))
-    return _taken(ledger.append_all([draft], author=author, unless=[unless_closed(session)])[0])
+    return _reading_from_record(ledger.append_all([draft], author=author, unless=[require_open(session)])[0])
 
 
 def reading_draft(session: str, number: int, taken: Capture) -> Draft:
@@ -329,9 +332,9 @@ def close_session(ledger: Ledger, session: str, how: str, *, author: str, reason
     """Close a session: "finished" or "abandoned"; nothing more is captured in it."""
     if how == "abandoned" and not stated(reason):
         raise refused("input-missing", {"names": ("reason",)})
-    if closing(ledger, session):
+    if closing_status(ledger, session):
         raise LedgerError(CLOSED)
-    ledger.append_all([close_session_draft(session, how, reason)], author=author, unless=[unless_closed(session)])
+    ledger.append_all([close_session_draft(session, how, reason)], author=author, unless=[require_open(session)])
 
 
 def close_session_draft(session: str, how: str, reason: str = "") -> Draft:
@@ -341,7 +344,7 @@ def close_session_draft(session: str, how: str, reason: str = "") -> Draft:
     return Draft("event", {"subject_kind": "session", "subject": session, "action": how}, {"reason": reason})
 
 
-def unless_closed(session: str) -> tuple[str, Mapping[str, Any], Finding]:
+def require_open(session: str) -> tuple[str, Mapping[str, Any], Finding]:
     """For what may be recorded only while a session is open: two who finish at once record one result."""
     return "event", {"subject_kind": "session", "subject": session, "action": list(CLOSING)}, CLOSED
 
@@ -349,8 +352,7 @@ def unless_closed(session: str) -> tuple[str, Mapping[str, Any], Finding]:
 def file_statements(readings: BenchReadings) -> dict[str, Any]:
     """What a file says beside its readings, as the settings of a session keep it; `bench_readings` takes it up."""
     reference = {_FIELDS[name][0]: value / _FIELDS[name][1] for name, value in readings.reference.items()}
-    noted, warned = (list(map(str, of(readings.findings))) for of in (only_notes, without_notes))
-    said = {"reference": reference, "notes": noted, "warnings": warned}
+    said = {"reference": reference, "findings": [one.stored() for one in readings.findings]}
     return {"station": list(readings.station), **{name: value for name, value in said.items() if value}}
 
 
@@ -403,7 +405,7 @@ def bench_readings(session: Session) -> BenchReadings:
         roll_set=roll_set if any(roll_set) else (),
         units=dict(rows[0].capture.units),
         reference={kept[name]: value * _FIELDS[kept[name]][1] for name, value in said.get("reference", {}).items()},
-        findings=(*uncoded(said.get("notes", ()), "note"), *uncoded(said.get("warnings", ()))),
+        findings=findings_in(said),
         digest=said.get("imported", "") if imported else "",
     )
     return at_site(session.dials.read(readings), session.site)
@@ -435,10 +437,10 @@ def _capture_body(taken: Capture) -> dict[str, Any]:
         name: {kind: finite(v, f"{name} of the {kind}", (None,)) for kind, v in getattr(taken, name).items()}
         for name in ("channels", "sd", "drift")
     }
-    body = stored(replace(taken, **vectors), 0)
+    body = to_record_body(replace(taken, **vectors), 0)
     return {name: value for name, value in body.items() if value or name not in (*vectors, "note")}
 
 
-def _taken(record: Record) -> RecordedReading:
+def _reading_from_record(record: Record) -> RecordedReading:
     keys, found = record.keys, Capture(**given(Capture, {"channels": {}, **record.body}, 0))
     return RecordedReading(record.id, keys["position"], keys["attempt"], record.created, record.author, found)

@@ -10,11 +10,11 @@ import numpy as np
 from inclinometry.arrays import Index, Mask
 from inclinometry.earth.site import Site
 from inclinometry.findings import Finding
+from inclinometry.motion.automatic import TURNING
 from inclinometry.motion.axes import expected_dip
-from inclinometry.motion.choose import TURNING
-from inclinometry.motion.health import HealthCheck, WindowHealth, named
 from inclinometry.motion.reference import FAR_DIP, RunDip, azimuth_uncertainty, widened
 from inclinometry.motion.result import BITS, Attitude, Fault, Samples, distinct, joined
+from inclinometry.motion.window_checks import HealthCheck, WindowHealth, add_flag_reasons
 from inclinometry.motion.window_filter import Stream, WindowBuffer
 
 
@@ -61,8 +61,8 @@ class CheckedStream:
         if self._misfits and not found:
             dip = expected_dip(self._site)
             if dip is not None and abs(self._seen.dip - dip) > FAR_DIP:
-                degrees = {"dip_deg": float(np.degrees(self._seen.dip)), "expected_deg": float(np.degrees(dip))}
-                found = (Finding("motion-misfit-dip", {**degrees, "count": self._misfits}),)
+                degrees = {"dip_deg": float(np.degrees(self._seen.dip)), "site_deg": float(np.degrees(dip))}
+                found = (Finding("motion-dip-axes", {**degrees, "windows": self._misfits, "total": self._judged_rows}),)
             else:
                 found = (Finding("motion-misfit", {"count": self._misfits}),)
         if self._moved:
@@ -115,7 +115,7 @@ class CheckedStream:
         start, stop, health, refused, u_azimuth, turned = self._verdicts[0]
         if not start <= float(row.time[0]) <= stop:
             return row
-        row = widened(named(row, health), u_azimuth)
+        row = widened(add_flag_reasons(row, health), u_azimuth)
         if self._still:
             moved = turned or bool(int(row.flags[0]) & (BITS["not-still"] | BITS["vibration"]))
             self._judged_rows, self._moved = self._judged_rows + 1, self._moved + moved

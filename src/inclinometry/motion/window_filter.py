@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inclinometry.arrays import Array
-from inclinometry.errors import out_of_range, refused
+from inclinometry.errors import out_of_order, out_of_range, refused
 from inclinometry.findings import Finding
 from inclinometry.motion._hole_direction import (
     azimuth_unknown,
@@ -176,12 +176,12 @@ class Row(NamedTuple):
         return bool(self.flags & suspect)
 
     @property
-    def evidence(self) -> bool:
+    def usable_for_bend(self) -> bool:
         """Whether the row may testify to a bend."""
-        return self.known and not self.flags & BIASED
+        return self.has_direction and not self.flags & BIASED
 
     @property
-    def known(self) -> bool:
+    def has_direction(self) -> bool:
         """Whether the row tells a whole direction."""
         if self.matrix is None or self.covariance is None:
             return False
@@ -391,10 +391,10 @@ class Recursion:
 
     def _measurement(self, predicted: Belief, row: Row, time: float) -> tuple[Array, Array] | None:
         """Offset and noise of a row from the prediction for `time`; None when the row is no evidence."""
-        if row.matrix is None or row.covariance is None or not row.known:
+        if row.matrix is None or row.covariance is None or not row.has_direction:
             return None
         # after twelve rejected one after another flagged ones are evidence too: a wrong reference flags them all
-        if not row.evidence and self._rejected < 12:
+        if not row.usable_for_bend and self._rejected < 12:
             return None
         offset, noise, _ = observe(predicted.frame, row.matrix, row.covariance)
         return offset - predicted.rate * (row.time - time), noise * self._scale
@@ -549,7 +549,7 @@ class RobustStream:
                 int(rows.flags[place]),
             )
             if not row.time > self._last:
-                raise refused("input-backwards", {"time_s": row.time, "before_s": self._last})
+                raise out_of_order("time", row.time, self._last, int(place) + 1)
             self._last = row.time
             if row.matrix is not None:
                 done += self._release(row)

@@ -433,11 +433,14 @@ class Evaluator:
             return self._accumulated(term, term.state, inside)
         if term.hold:
             live = self._weights(term, inside)
-            return [live.plus(self._carried(term, stretches(self.here & (inclination > high)), high))]
+            return [live.plus(self._hold_entry_weight(term, stretches(self.here & (inclination > high)), high))]
         if term.start:
             parts = stretches(self.here & (inclination > low))
             groups = [[part] for part in parts] if self._restarts else [parts]
-            return [self._weights(term, np.zeros(self.size, bool)).plus(self._carried(term, g, low)) for g in groups]
+            return [
+                self._weights(term, np.zeros(self.size, bool)).plus(self._hold_entry_weight(term, g, low))
+                for g in groups
+            ]
         return [self._weights(term, inside)]
 
     @property
@@ -511,7 +514,7 @@ class Evaluator:
             found.append(whole.times(mask))
         return found or [whole]
 
-    def _carried(self, term: Term, parts: list[slice], gate: float) -> Weights:
+    def _hold_entry_weight(self, term: Term, parts: list[slice], gate: float) -> Weights:
         """The weight a term had where the hole entered each stretch, kept throughout it (SPE 90408, appendix C)."""
         inclination, azimuth = self._entries(parts, gate)
         site = self.survey.site

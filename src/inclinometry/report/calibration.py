@@ -30,7 +30,7 @@ from inclinometry.report.figure import (
     station_axis,
     styled,
 )
-from inclinometry.report.page import CONVENTIONS, Picture, cut, picture, render
+from inclinometry.report.page import CONVENTIONS, Picture, limit_rows, picture, render
 from inclinometry.sensors import GRAVITY
 from inclinometry.tabular import check_record
 
@@ -249,14 +249,14 @@ def calibration_report(
         facts=words.run_facts(calibration, readings),
         rig=words.rig_sentences(calibration),
         rig_figures=_rig_figures(calibration),
-        rig_table=rig_table and cut(rig_table),
+        rig_table=rig_table and limit_rows(rig_table),
         tests=tables.test_table(tests),
         residuals=words.residual_sentences(calibration),
         residual_figures=[
             picture(residual_figure(calibration, kind), f"res{kind}", text) for kind, text in captions.items()
         ],
-        residual_tables=[(k, cut(t)) for k, t in tables.residual_tables(calibration, readings).items()],
-        rolls=second and cut(tables.roll_table(second, readings.units if readings else {})),
+        residual_tables=[(k, limit_rows(t)) for k, t in tables.residual_tables(calibration, readings).items()],
+        rolls=second and limit_rows(tables.roll_table(second, readings.units if readings else {})),
         roll_sentences=_rolls(second) if second else [],
         triads=[tables.triad_block(tool, kind) for kind in tool.triads],
         identifiability=words.identifiability_sentences(calibration),

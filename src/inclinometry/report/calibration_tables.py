@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from inclinometry.arrays import Array
-from inclinometry.calibration.causes import error_budget
 from inclinometry.calibration.expected import (
     ALL_ANGLES,
     FROM_CALIBRATION,
@@ -21,6 +20,7 @@ from inclinometry.calibration.expected import (
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
 from inclinometry.calibration.rollset import SecondHarmonics
+from inclinometry.calibration.uncertainty_budget import error_budget
 from inclinometry.constants import ANGLES, COVERAGE_FACTOR, DEG_PER_HOUR, DIALS, STANDARD_GRAVITY
 from inclinometry.language import label, number
 from inclinometry.orientation import angles, fields, inclination_toolface
@@ -303,7 +303,7 @@ def residual_tables(calibration: Calibration, readings: BenchReadings | None) ->
         head = [
             "station",
             *(label("{dial} set, deg", dial=dial) for dial in DIALS if settings),
-            *(f"{n}, {label(unit)}" for n in names),
+            *(label("{name}, {unit}", name=n, unit=unit) for n in names),
         ]
         head += [*(f"{n} / σ" for n in names), "leverage"]
         note = "Reading minus model at the settings as dialled; coloured beyond two, bold beyond three deviations."

@@ -11,7 +11,7 @@ from inclinometry.constants import COVERAGE_FACTOR
 from inclinometry.findings import Finding
 from inclinometry.language import label, number, said
 from inclinometry.report.figure import BAD, DASHES, MARKERS, SERIES, legend_above, panel
-from inclinometry.report.page import Section, Table, TableRow, cut, picture, report
+from inclinometry.report.page import Section, Table, TableRow, limit_rows, picture, report
 from inclinometry.report.words import listed, rounded, significant
 from inclinometry.survey.displacement import AxisDisplacement, CheckSums, Displacement
 
@@ -68,12 +68,12 @@ def displacement_report(
                 ],
             ),
             Section("Where the uncertainty comes from", tables=[_budget(found)]),
-            Section(label("Profile of {last}", last=last), tables=[cut(_table(found[last]))]),
+            Section(label("Profile of {last}", last=last), tables=[limit_rows(_table(found[last]))]),
         ],
         [
             ("Base reading", base),
             ("Later readings", label(", ").join(found)),
-            ("Step", f"{found[last].step:g} m"),
+            ("Step", label("{length:g} m", length=found[last].step)),
             ("Fixed end", found[last].fixed),
         ],
         about="What was read",
@@ -159,7 +159,7 @@ def _budget(found: Mapping[str, Displacement]) -> Table:
         for axis, one in each.axes.items():
             for what, part in {**one.components, "together": one.u}.items():
                 u = significant(1000.0 * float(part[0 if each.fixed == "bottom" else -1]))
-                body.append(TableRow([f"{name}, {axis.upper()}, {label(what)}", u]))
+                body.append(TableRow([label(", ").join((name, axis.upper(), label(what))), u]))
     return Table("Standard uncertainty at the end that is free to move", ["reading, axis, source", "u, mm"], body)
 
 

@@ -15,7 +15,7 @@ from inclinometry.calibration.drift_status import RIG_LEVEL, FleetStatus, ToolSt
 from inclinometry.constants import COVERAGE_FACTOR, FIELD_UNITS, VECTORS
 from inclinometry.language import label
 from inclinometry.report.figure import BAD, DASHES, INK, MARKERS, SERIES, legend_above, new_figure, panel, styled
-from inclinometry.report.page import Section, Table, TableRow, cut, picture, report
+from inclinometry.report.page import Section, Table, TableRow, limit_rows, picture, report
 from inclinometry.report.words import significant
 
 if TYPE_CHECKING:
@@ -154,10 +154,10 @@ def fleet_report(status: FleetStatus) -> str:
     return report(
         "Fleet report",
         label("Fleet of type {type}", type=model.type),
-        label("{count} tools on {day}: {names}.", count=len(tools), day=status.day, names="; ".join(said)),
+        label("{count} tools on {day}: {names}.", count=len(tools), day=status.day, names=label("; ").join(said)),
         [
             _due(status),
-            Section("Alarms", _alarm_sentences(alarmed), tables=[cut(_alarm_table(alarmed))] if alarmed else []),
+            Section("Alarms", _alarm_sentences(alarmed), tables=[limit_rows(_alarm_table(alarmed))] if alarmed else []),
             Section("Rigs", _rig_sentences(status, off), tables=[_rig_table(status)] if status.rigs else []),
             _type(status),
             # tools with alarms, then those due first
@@ -189,7 +189,7 @@ def _due(status: FleetStatus) -> Section:
         beyond=beyond,
     )
     figure = azimuth_figure(list(status.tools)[:6], status)
-    return Section("Due dates", [rule], [cut(_due_table(status))], [picture(figure, "azimuth", caption)])
+    return Section("Due dates", [rule], [limit_rows(_due_table(status))], [picture(figure, "azimuth", caption)])
 
 
 def _type(status: FleetStatus) -> Section:
@@ -344,7 +344,7 @@ def _type_table(status: FleetStatus) -> Table:
         )
         effects = [" / ".join(significant(float(factor * model.effects[row, k])) for row in rows) for k in range(2)]
         cells = [
-            f"{label(title)}, {label(unit)}",
+            label("{name}, {unit}", name=title, unit=unit),
             significant(drift),
             significant(mounting) if mounting else "not seen",
         ]

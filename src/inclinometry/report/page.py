@@ -10,7 +10,7 @@ from html import escape, unescape
 from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from inclinometry.language import label, spoken
+from inclinometry.language import current_language, label
 from inclinometry.report.figure import inline_svg
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ def render(template: str, **content: Any) -> str:
         release = version("inclinometry")
     except PackageNotFoundError:
         release = "source"
-    page = _environment().get_template(template).render(version=release, language=spoken(), **content)
+    page = _environment().get_template(template).render(version=release, language=current_language(), **content)
     return clean(_with_contents(page))
 
 
@@ -176,7 +176,7 @@ def picture(figure: Figure, name: str, caption: str) -> Picture:
     return Picture(caption, *inline_svg(figure, name, caption))
 
 
-def cut(table: Table) -> Table:
+def limit_rows(table: Table) -> Table:
     """No more rows than a page bears; what is left out is said."""
     if len(table.body) <= MOST_ROWS:
         return table

@@ -16,7 +16,7 @@ from inclinometry.position.propagation import PositionUncertainty
 from inclinometry.position.tool_code import ToolCode
 from inclinometry.position.well import WellSurvey, ellipsoid, hole_sigmas, horizontal_ellipse
 from inclinometry.report.figure import DASHES, INK, SERIES, legend_above, new_figure, panel, styled
-from inclinometry.report.page import CONVENTIONS, Picture, Table, TableRow, cut, picture, render
+from inclinometry.report.page import CONVENTIONS, Picture, Table, TableRow, limit_rows, picture, render
 from inclinometry.report.survey_figures import thinned
 from inclinometry.report.words import plain, rounded, significant
 from inclinometry.rotations import wrap_positive
@@ -375,7 +375,7 @@ def source_table(
         sizes += [significant(float(s), 3) for s in part.sigma]
         how = label(": ").join(map(label, (part.propagation, shared[part.propagation])))
         rows.append(TableRow([part.name, words.get(part.name, ""), how, *sizes]))
-    sigmas = [f"σ {label(axis)}, {label('m')}" for axis in ("north", "east", "vertical")]
+    sigmas = [label("{name}, {unit}", name=f"σ {label(axis)}", unit="m") for axis in ("north", "east", "vertical")]
     head = ["source", "what it is", "shared by", "σ major axis, m", "share, %", *sigmas]
     caption = "Every source at the last station; share: of the variance along the ellipse's major axis"
     return Table(caption, head, rows, text_columns=3)
@@ -606,7 +606,7 @@ def position_report(
         # counted from grid north where the site has no convergence: nothing to draw
         compass=compass_picture(survey, row) if survey.reference == "true" else [],
         missing=missing(uncertainty, tool_code, calibration, "errors" in (inputs or {})),
-        stations=cut(station_table(path, uncertainty)),
+        stations=limit_rows(station_table(path, uncertainty)),
         facts=fact_pairs(path, survey, azimuth_reference, tool_code, calibration, inputs or {}),
     )
 

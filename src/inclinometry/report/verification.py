@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from inclinometry.calibration.acceptance import Verification
+from inclinometry.calibration.conformity import Verification
 from inclinometry.calibration.decision import AGREES, DISAGREES
 from inclinometry.constants import COVERAGE_FACTOR
 from inclinometry.findings import only_notes, without_notes
 from inclinometry.language import label, said
 from inclinometry.report.figure import BAD, INK, SERIES, panel, station_axis
-from inclinometry.report.page import Section, Table, TableRow, cut, picture, report
+from inclinometry.report.page import Section, Table, TableRow, limit_rows, picture, report
 from inclinometry.report.words import plain, rounded, significant
 
 if TYPE_CHECKING:
@@ -155,7 +155,7 @@ def verification_report(verification: Verification) -> str:
                 pictures=errors,
             ),
             Section("Error curves", pictures=curves),
-            Section("Every position", tables=[cut(_table(verification))]),
+            Section("Every position", tables=[limit_rows(_table(verification))]),
         ],
         facts,
         about="What was judged",

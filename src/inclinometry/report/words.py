@@ -11,10 +11,10 @@ import numpy as np
 
 from inclinometry.arrays import Array
 from inclinometry.calibration.expected import ALL_ANGLES, ExpectedUncertainty, field_dip
+from inclinometry.calibration.initial_values import zero_from_north
 from inclinometry.calibration.likelihood import tangent_basis
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
-from inclinometry.calibration.start import zero_from_north
 from inclinometry.constants import COVERAGE_FACTOR, DIALS
 from inclinometry.findings import without_notes
 from inclinometry.language import label, number
@@ -119,6 +119,11 @@ def worst_and_median(name: str, expanded: Array) -> str:
 
 DECISIVE = 0.9
 """Leverage from which a station decides alone: an error there would go unseen."""
+
+
+def quoted(name: str) -> str:
+    """A name in the quotation marks of the language."""
+    return label("“{name}”", name=name)
 
 
 def listed(words: list[str]) -> str:

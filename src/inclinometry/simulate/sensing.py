@@ -37,7 +37,7 @@ class Characteristic:
         if not (abs(self.square) <= 0.1 and 0.0 <= self.hysteresis <= 0.1):
             raise out_of_range("square, hysteresis", f"{self.square:g}, {self.hysteresis:g}", "-0.1 .. 0.1, 0 .. 0.1")
 
-    def bent(self, clean: Array, triad: Triad) -> Array:
+    def apply_nonlinearity(self, clean: Array, triad: Triad) -> Array:
         """Signals (n, m), in the order of reading, of sensors that would give `clean` were they straight."""
         full = signal_of(triad, FULL_SCALE[triad.kind])
         value = clean - triad.offset[0]
@@ -112,7 +112,7 @@ def sense(
         step = None if bits is None else signal_step(kind, triad.unit, bits)
         straight[kind] = clean
         if characteristic is not None and kind in characteristic:
-            clean = characteristic[kind].bent(clean, triad)
+            clean = characteristic[kind].apply_nonlinearity(clean, triad)
         random = streams[f"{kind}.noise"]
         signals[kind], sd, saturated[kind] = read_sensors(clean, spread, step, bits, repeats, random)
         if repeats > 1:

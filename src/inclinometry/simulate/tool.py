@@ -197,7 +197,7 @@ def random_tools(seed: Seed, draws: int, **design: Unpack[Design]) -> ToolBatch:
     Conversion factors U(0.95, 1.05), offsets U(-0.05, 0.05) of the full field, sensor axes a random rotation of the
     nominal ones plus N(0, 0.1) per component, made unit vectors again (about 8 degrees from orthogonal).
     """
-    return _tools(_wild, seed, draws, **design)
+    return _tools(_draw_extreme_tools, seed, draws, **design)
 
 
 def realistic_tools(seed: Seed, draws: int, **design: Unpack[Design]) -> ToolBatch:
@@ -295,7 +295,9 @@ def _tools(
     return ToolBatch(tensors, offsets, sd, units, {kind: strength[kind] for kind in kinds})
 
 
-def _wild(streams: Streams, kind: str, draws: int, count: int, strength: float) -> tuple[Array, Array, Array]:
+def _draw_extreme_tools(
+    streams: Streams, kind: str, draws: int, count: int, strength: float
+) -> tuple[Array, Array, Array]:
     """Axes (draws, m, 3), conversion factors (draws, m) and physical offsets (draws, m) of the scenarios."""
     rotation = random_rotations(streams[f"{kind}.rotation"], draws)
     axes = nominal_axes(count) @ rotation + 0.1 * streams[f"{kind}.axes"].standard_normal((draws, count, 3))

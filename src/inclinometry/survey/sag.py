@@ -92,7 +92,7 @@ def deflected_shape(beam: Beam, share: float, curvature: float, touching: Sequen
     if beam.clamped:
         held[-2:], side[-2] = True, 1
     problem = _Problem(band, force, wall, bounded & ~held, held)
-    values, side = _settled(problem, side) or _descended(problem, side * held)
+    values, side = _update_contacts(problem, side) or _solve_by_descent(problem, side * held)
     pressed = force - _times(band, values)
     contact = np.where(held, np.sign(pressed), side)[::2]
     return Shape(beam.x, values[::2], values[1::2], np.where(bounded[::2], contact, 0.0), pressed[::2])
@@ -115,7 +115,7 @@ class _Problem(NamedTuple):
         return worst if pull[worst] > 1e-9 * np.abs(self.force).max(initial=1e-12) else None
 
 
-def _settled(problem: _Problem, start: Index) -> tuple[Array, Index] | None:
+def _update_contacts(problem: _Problem, start: Index) -> tuple[Array, Index] | None:
     """Close the contact passed furthest, else open the one that pulls hardest; None where that goes in circles."""
     side = start.copy()
     for _ in range(2 * len(side)):  # then the slower way
@@ -132,7 +132,7 @@ def _settled(problem: _Problem, start: Index) -> tuple[Array, Index] | None:
     return None
 
 
-def _descended(problem: _Problem, start: Index) -> tuple[Array, Index]:
+def _solve_by_descent(problem: _Problem, start: Index) -> tuple[Array, Index]:
     """The same by steps that stay between the walls and never gain energy: slower, but it ends."""
     side, values = start.copy(), start * problem.wall
     for _ in range(50 * len(side)):

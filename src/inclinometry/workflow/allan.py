@@ -51,7 +51,7 @@ def noise_of_log(
             except InputError as error:
                 raise FileError(Finding("work-column", {"name": name, "finding": error.finding}), path=path) from None
             channels.append(ChannelNoise(name, kind, log.units[kind], curve, model))
-            findings += _doubts(log, name, values[:, place], model, rest)
+            findings += _rest_warnings(log, name, values[:, place], model, rest)
     return NoiseRecord(tuple(channels), log.dt, len(log), {"log": log.digest}, tuple(findings))
 
 
@@ -95,19 +95,23 @@ def _longest_rest(log: Log, path: str | Path) -> tuple[float, float] | None:
         return None
     names = [name for kind in log.channels for name in log.names[kind]]
     moved: dict[str, Value] = {"name": names[worst], "still_percent": 100.0 * still, "ratio": float(ratio[worst])}
-    if last - first < SHORTEST:
-        raise FileError(Finding("work-moved", moved), path=path)
-    raise FileError(Finding("work-moved-rest", {**moved, "start_s": times[0], "stop_s": times[1]}), path=path)
+    rest = None if last - first < SHORTEST else times
+    raise FileError(Finding("work-moved", {**moved, "rest": _said(rest)}), path=path)
 
 
-def _doubts(log: Log, name: str, values: Array, model: NoiseModel, rest: tuple[float, float] | None) -> list[Finding]:
+def _said(rest: tuple[float, float] | None) -> tuple[str, ...]:
+    """A rest as findings say it."""
+    return () if rest is None else (f"{rest[0]:.6g} .. {rest[1]:.6g} s",)
+
+
+def _rest_warnings(
+    log: Log, name: str, values: Array, model: NoiseModel, rest: tuple[float, float] | None
+) -> list[Finding]:
     """Signs that the instrument was not at rest, or that its noise is of another kind."""
     at = _moved(values)
     if at is not None:
         jump: dict[str, Value] = {"name": name, "time_s": float(log.time[0] + at * log.dt)}
-        if rest is None:
-            return [Finding("work-jump", jump)]
-        return [Finding("work-jump-rest", {**jump, "start_s": rest[0], "stop_s": rest[1]})]
+        return [Finding("work-jump", {**jump, "rest": _said(rest)})]
     misfit = 3.0
     if model.chi_square > misfit * model.dof + 10.0:
         fit: dict[str, Value] = {"name": name, "chi_square": model.chi_square, "freedom": model.dof}

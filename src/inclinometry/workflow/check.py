@@ -27,13 +27,13 @@ from inclinometry.files.columns import TEXT, channel, is_number
 from inclinometry.files.foreign import foreign_pieces
 from inclinometry.files.frame import Frame
 from inclinometry.files.holes_csv import hole_column
-from inclinometry.files.layout import NUMBER, find_layout, line_of, refuse_legs, with_layout
 from inclinometry.files.position_csv import read_well
 from inclinometry.files.profile import SEPARATORS, Profile, current, reading_with, stated_unit
 from inclinometry.files.site_toml import read_site
 from inclinometry.files.six_axis import read_survey
 from inclinometry.files.survey_csv import read_raw_survey
 from inclinometry.files.table import TableFile, read_table
+from inclinometry.files.table_formats import NUMBER, find_layout, line_of, refuse_legs, with_layout
 from inclinometry.files.text import LONGEST_LINE, texts_of
 from inclinometry.files.tool_json import read_calibration
 from inclinometry.findings import Finding, Value
@@ -44,7 +44,7 @@ from inclinometry.workflow.allan import noise_of_log
 from inclinometry.workflow.check_sensors import Candidate, Sensors, sensors_of_bench, sensors_of_run, sensors_of_survey
 from inclinometry.workflow.convert import check_survey
 from inclinometry.workflow.field import completed
-from inclinometry.workflow.six_axis import check_raw, with_place
+from inclinometry.workflow.six_axis import add_site_check, check_raw
 from inclinometry.workflow.stations import readings_of_log
 
 LOOKED_AT: Final = 20_000
@@ -151,7 +151,7 @@ def _findings(head: Path, uses: dict[str, Finding | None], record: Calibration |
             survey = read_survey(head, azimuth_reference="magnetic")
             found = check_survey(survey)
             if survey.g is not None and survey.b is not None:
-                found = with_place(found, Run.of_fields(survey.md, survey.g, survey.b), site)
+                found = add_site_check(found, Run.of_fields(survey.md, survey.g, survey.b), site)
         elif not uses["position"]:
             well = read_well(head)
             found = check_run(Run(well.md, well.inclination, well.azimuth))
@@ -268,15 +268,19 @@ def _column(table: Frame, name: str, profile: Profile, uses: dict[str, Finding |
         except InputError as error:
             remark = error.finding
     if isinstance(values, tuple):
-        return ColumnLook(name, here, np.nan, np.nan, remark or Finding("check-text", {"count": len(set(values))}))
+        return ColumnLook(name, here, np.nan, np.nan, remark or _cells("different texts", len(set(values))))
     finite = values[np.isfinite(values)]
     if not finite.size:
-        return ColumnLook(name, here, np.nan, np.nan, remark or Finding("check-empty"))
+        return ColumnLook(name, here, np.nan, np.nan, remark or _cells("empty cells", len(values)))
     gaps = len(values) - finite.size
     low, high = float(finite.min()), float(finite.max())
     if remark is None and (gaps or (low == high and len(finite) > 3)):
-        remark = Finding("check-gaps", {"count": gaps}) if gaps else Finding("check-constant")
+        remark = _cells("empty cells", gaps) if gaps else _cells("different values", 1)
     return ColumnLook(name, here, low, high, remark)
+
+
+def _cells(what: str, count: int) -> Finding:
+    return Finding("check-cells", {"what": what, "count": count})
 
 
 def _notes(table: Frame, columns: tuple[ColumnLook, ...]) -> list[Finding]:
@@ -287,7 +291,7 @@ def _notes(table: Frame, columns: tuple[ColumnLook, ...]) -> list[Finding]:
             middle = float(np.median(steps))
             even = float(np.mean(np.abs(steps - middle) <= 0.5 * middle))
             rate = {"rate_Hz": 1.0 / middle, "uneven_percent": 100.0 * (1.0 - even)}
-            notes.append(Finding("check-rate" if even > 0.999 else "check-uneven", rate, severity="note"))
+            notes.append(Finding("check-rate", rate, severity="note"))
     units = {column.name: channel(column.here) for column in columns}
     for what, names in _triads(table, columns):
         values = np.stack([table.number(name) for name in names], axis=1)
@@ -298,8 +302,8 @@ def _notes(table: Frame, columns: tuple[ColumnLook, ...]) -> list[Finding]:
         here = units[names[0]]
         stated = stated_unit(names[0]) is not None or (here is not None and here.unit != "counts")
         if what != "gyro" and not stated:
-            fits = _units_that_fit(what, size) or [Finding("check-unit-counts")]
-            length: dict[str, Value] = {"columns": tuple(names), "length": size, "units": tuple(fits)}
+            fits = tuple(_units_that_fit(what, size)) or ("counts or volts",)
+            length: dict[str, Value] = {"columns": tuple(names), "length": size, "units": fits}
             notes.append(Finding("check-length", length, severity="note"))
     return notes
 
@@ -334,16 +338,17 @@ def _kind(name: str) -> str:
 
 
 def _units_that_fit(kind: str, size: float) -> list[Finding]:
-    """Units in which a still tool on the Earth would read this length, with how far off it is."""
+    """Units in which a still tool on the Earth would read this length, and what the field then is."""
     fits = []
     if kind in ("accelerometer", "triad"):
         for unit, one in (("m/s2", STANDARD_GRAVITY), ("g", 1.0), ("mg", 1000.0)):
             if abs(size / one - 1.0) < 0.1:
-                fits.append(Finding("check-unit-gravity", {"unit": unit, "off_percent": 100.0 * (size / one - 1.0)}))
+                gravity = size / one * STANDARD_GRAVITY
+                fits.append(Finding("check-unit", {"unit": unit, "name": "gravity", "value": gravity, "own": "m/s2"}))
     if kind in ("magnetometer", "triad"):
         for unit, one in (("nT", 1.0), ("uT", 1e-3), ("gauss", 1e-5), ("mG", 1e-2)):
             if 20_000.0 <= size / one <= 70_000.0:
-                fits.append(Finding("check-unit-field", {"unit": unit, "field_nT": size / one}))
+                fits.append(Finding("check-unit", {"unit": unit, "name": "|b|", "value": size / one, "own": "nT"}))
     return fits
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from inclinometry.arrays import Array
 from inclinometry.calibration import plans
-from inclinometry.calibration.acceptance import Verification, verify
+from inclinometry.calibration.conformity import Verification, verify
 from inclinometry.calibration.drift import SIXTY
 from inclinometry.calibration.drift_check import plan_information
 from inclinometry.calibration.drift_status import FleetStatus, fleet_status
@@ -57,7 +57,7 @@ from inclinometry.workflow.calibrate import Comparison, Options, compare, method
 from inclinometry.workflow.dynamic import dynamic_run, write_dynamic
 from inclinometry.workflow.dynamic_methods import DynamicOptions
 from inclinometry.workflow.examples import XSENS_GRAVITY, cave_instrument, xsens_stations
-from inclinometry.workflow.hot_run import JOINT, reduce_hot_run, rms_degrees
+from inclinometry.workflow.gyro_heating_example import JOINT, reduce_hot_run, rms_degrees
 from inclinometry.workflow.position import WellPosition, read_position
 from inclinometry.workflow.simulate_drilling import DrillingRequest, site_text, write_drilling
 from inclinometry.workflow.six_axis import Analysis, JudgedStations, msa, quality, read_six_axis, survey_six_axis

@@ -18,8 +18,8 @@ from inclinometry.earth.site import Site
 from inclinometry.errors import not_among, out_of_range, refused
 from inclinometry.files.run_file import BLOCK
 from inclinometry.findings import Finding, Value
+from inclinometry.motion.automatic import AttitudeChooser, ChooserSettings
 from inclinometry.motion.checked import CheckedStream
-from inclinometry.motion.choose import AttitudeChooser, ChooserSettings
 from inclinometry.motion.inertial.filter import GyroStream, InertialStream
 from inclinometry.motion.inertial.smoother import smoothed_attitude
 from inclinometry.motion.inertial.state import InertialSettings

@@ -16,9 +16,9 @@ from inclinometry.digest import digest_file
 from inclinometry.earth.site import Site, convert_azimuth
 from inclinometry.errors import FileError, refused, settled
 from inclinometry.files.columns import channel
-from inclinometry.files.exchange import SurveyFile
 from inclinometry.files.site_toml import read_site
 from inclinometry.files.survey_csv import RawSurvey, read_raw_survey
+from inclinometry.files.survey_file import SurveyFile
 from inclinometry.files.table import TableFile
 from inclinometry.files.text import Progress
 from inclinometry.files.tool_code_json import load_tool_code
@@ -44,7 +44,7 @@ from inclinometry.survey.reduce import SensorCorrection, Survey, apply_correctio
 from inclinometry.survey.run import Run
 from inclinometry.survey.stations import Stations
 from inclinometry.tabular import check_record
-from inclinometry.workflow.age import Age, at_the_run
+from inclinometry.workflow.calibration_age import Age, at_the_run
 from inclinometry.workflow.convert import format_of, read_survey_file
 from inclinometry.workflow.corrections import (
     corrected,
@@ -149,7 +149,7 @@ def check_raw(raw: RawSurvey, record: Calibration | None, site: Site) -> list[Fi
             record.tool.triads[kind].full for kind in VECTORS
         ):
             run = calibrated_run(raw, record.tool)
-            return with_place(check_run(run), run, site)
+            return add_site_check(check_run(run), run, site)
     g, b = (raw.channels.get(kind) for kind in VECTORS)
     whole = g is not None and b is not None and g.shape[1] == b.shape[1] == 3
     level = np.zeros(len(raw.md))  # directions that say nothing
@@ -167,7 +167,7 @@ def _survey_file(path: str | Path, form: str | None, convention: str | None) -> 
         return found
     rows = np.asarray(found.used)
     if not rows.any():
-        raise FileError(Finding("work-none-used"), path=path)
+        raise FileError(Finding("file-empty", {"what": "stations marked as used"}), path=path)
     kept = _rows(found, rows)
     left = Finding("table-left", {"count": int((~rows).sum()), "total": len(rows)}, severity="note")
     return replace(kept, findings=(*kept.findings, left))
@@ -197,11 +197,15 @@ def _vectors(found: SurveyFile, name: str, path: str | Path) -> Array:
     values: Array | None = getattr(found, name)
     if values is None:
         raise FileError(Finding("input-missing", {"names": _AXES[name]}), path=path)
-    empty = np.isnan(values).any(axis=1)
-    if empty.any():
-        depth = found.md[int(np.argmax(empty))]
-        raise FileError(Finding("work-cell", {"names": _AXES[name], "md_m": float(depth)}), path=path)
+    for axis, column in zip(_AXES[name], values.T, strict=True):
+        _refuse_empty(axis, column, path)
     return values
+
+
+def _refuse_empty(name: str, column: Array, path: str | Path) -> None:
+    empty = np.isnan(column)
+    if empty.any():
+        raise FileError(Finding("table-empty", {"column": name}), path=path, row=int(np.argmax(empty)) + 1)
 
 
 def _temperature(found: SurveyFile) -> Array | None:
@@ -227,9 +231,7 @@ def fields_of_survey(found: SurveyFile, site: Site, path: str | Path) -> tuple[A
         raise FileError(Finding("work-six-axes", {"names": tuple(lacking)}), path=path)
     values = {name: np.asarray(column) for name, column in columns.items()}
     for name, column in values.items():
-        if np.isnan(column).any():
-            depth = found.md[int(np.argmax(np.isnan(column)))]
-            raise FileError(Finding("work-cell", {"names": (name,), "md_m": float(depth)}), path=path)
+        _refuse_empty(name, column, path)
     inclination, azimuth, g_total, b_total, dip = values.values()
     azimuth = convert_azimuth(azimuth, found.azimuth_reference or "", "magnetic", site)
     toolface = np.zeros(len(found)) if found.toolface is None else np.nan_to_num(found.toolface)
@@ -356,10 +358,10 @@ def run_findings(
     found = check_run(run)
     if beside is not None and beside.inclination is not None:
         found += check_angles(run, beside.inclination, beside.azimuth, beside.azimuth_reference, site.declination)
-    return settled(with_place(found, run, site), ignored, path)
+    return settled(add_site_check(found, run, site), ignored, path)
 
 
-def with_place(found: list[Finding], run: Run, site: Site) -> list[Finding]:
+def add_site_check(found: list[Finding], run: Run, site: Site) -> list[Finding]:
     """Findings of a run, and whether its fields are those of a place with a sign or both coordinates exchanged."""
     if any(one.group in ("axes", "columns", "units") for one in found):
         return found
@@ -428,7 +430,7 @@ def _refuse_unknown(site: Site) -> None:
         return
     known = {"g": site.gravity, "b_nT": site.b, "dip_deg": site.dip}
     lacking = tuple(name for name, value in known.items() if value is None)
-    raise refused("work-site-lacks", {"names": lacking})
+    raise refused("work-site-lacks", {"names": lacking, "needed": ("latitude_deg", "longitude_deg", "date")})
 
 
 @dataclass(frozen=True, eq=False)
@@ -557,6 +559,6 @@ def msa(run: SixAxis, priors: str = "iscwsa", axial_sigma: float | None = None) 
     refuse_beyond(found.parameters)
     tool = "" if run.tool is None else run.tool.name
     correction = correction_of(found, reference, chosen, tool, run.inputs)
-    ignored = [f"ignored {one.code}: {one}" for one in run.findings if one.severity == "ignored"]
-    correction = replace(correction, warnings=(*ignored, *correction.warnings))
+    ignored = [one for one in run.findings if one.severity == "ignored"]
+    correction = replace(correction, findings=(*ignored, *correction.findings))
     return Analysis(found, correction, before)

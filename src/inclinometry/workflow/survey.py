@@ -26,7 +26,7 @@ from inclinometry.survey.plausibility import check_run
 from inclinometry.survey.reduce import Survey, parts_of, reduce_survey
 from inclinometry.survey.run import Run
 from inclinometry.tabular import check_record
-from inclinometry.workflow.age import Age, at_the_run
+from inclinometry.workflow.calibration_age import Age, at_the_run
 from inclinometry.workflow.field import completed, declination_doubts
 from inclinometry.workflow.six_axis import (
     JudgedStations,
@@ -118,7 +118,7 @@ def survey_file(
             raw, site, calibration, age, form=form, convention=convention, ignored=ignored, progress=progress
         )
         done = survey_six_axis(run, correct, bha)
-        return replace(done, survey=_marked(done.survey))
+        return replace(done, survey=_flag_overruled_checks(done.survey))
     if convention is not None or form not in (None, "csv"):
         raise refused("input-not-with", {"name": "--from, --convention", "other": "--calibration"})
     place, said = (None, list[Finding]()) if site is None else completed(read_site(site))
@@ -129,7 +129,7 @@ def survey_file(
     said += [] if place is None or found.azimuth_reference == "magnetic" else declination_doubts(place)
     inputs = {**found.inputs, "tool": digest_file(calibration)}
     findings = settled(check_run(_run(data, found, record, second)), ignored, raw)
-    found = _marked(replace(found, inputs=inputs, findings=(*findings, *said, *found.findings)))
+    found = _flag_overruled_checks(replace(found, inputs=inputs, findings=(*findings, *said, *found.findings)))
     judged = _judged(data, record, place) if charts and second != "gyro" and place is not None else None
     return SixAxisSurvey(found, place or Site(), judged)
 
@@ -142,7 +142,7 @@ def _run(raw: RawSurvey, found: Survey, record: Calibration, second: str | None)
     return calibrated_run(raw, record.tool)
 
 
-def _marked(found: Survey) -> Survey:
+def _flag_overruled_checks(found: Survey) -> Survey:
     """The survey with a flag at every station where a finding was ignored."""
     if any(one.severity == "ignored" for one in found.findings):
         return replace(found, flags=[[*row, "overruled"] for row in found.flags])

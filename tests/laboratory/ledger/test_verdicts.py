@@ -230,7 +230,7 @@ def test_what_is_no_head_is_refused(head: heads.SignedHead, change: dict[str, An
 def test_what_is_a_head_is_read(head: heads.SignedHead, tmp_path: Path) -> None:
     """The same again, also of an empty ledger; genuine only while nothing was changed."""
     assert heads.parse_signed(head.statement(), "head.json") == head
-    assert head.genuine()
+    assert head.signature_is_valid()
     assert heads.parse_signed({**head.statement(), "size": 0, "root": "0123456789abcdef" * 4}, "head.json").size == 0
     for wrong in ([], None, "head", 7):
         with refused("ledger-other-file", error=FileError):
@@ -241,7 +241,7 @@ def test_what_is_a_head_is_read(head: heads.SignedHead, tmp_path: Path) -> None:
     assert str(head).startswith(f"7 of {head.time}")
     for name, value in {"size": 8, "root": "0" * 64, "link": "0" * 64, "time": "later", "ledger": "0" * 32}.items():
         changed = {**head.statement(), name: value}
-        assert not heads.parse_signed(changed, "head.json").genuine(), name
+        assert not heads.parse_signed(changed, "head.json").signature_is_valid(), name
         file.write_text(json.dumps(changed))
         with refused("key-forged", error=FileError):
             heads.read_head(file)
@@ -261,11 +261,11 @@ def test_heads_of_one_size_need_no_proof_and_of_two_one_that_fits(place: Callabl
         new = ledger.signed_head()
         with ledger.snapshot() as connection:
             proof, earlier = (heads.proof_since(connection, 8, size) for size in (new.size, 9))
-    assert heads.grown(old, old, {}, None) is None
+    assert heads.check_extension(old, old, {}, None) is None
     content = {"consistency": {"from": 8, "proof": proof}, "changes": [7, *keys.changes()]}
-    assert heads.grown(old, new, content, None) is heads.grown(old, new, content, public) is None
+    assert heads.check_extension(old, new, content, None) is heads.check_extension(old, new, content, public) is None
     of_one_key = {"consistency": {"from": 8, "proof": earlier}}
-    assert heads.grown(old, same, of_one_key, public) is None
+    assert heads.check_extension(old, same, of_one_key, public) is None
     twin, strange = (
         heads.SignedHead(**{**vars(old), **change}) for change in ({"root": "0" * 64}, {"ledger": "0" * 32})
     )
@@ -279,7 +279,7 @@ def test_heads_of_one_size_need_no_proof_and_of_two_one_that_fits(place: Callabl
         (old, new, {**content, "consistency": {"from": 8, "proof": []}}, None, "ledger-rewritten"),
         (twin, old, {}, None, "ledger-rewritten"),
     ):
-        assert heads.grown(one, other, content_, key).code == code
+        assert heads.check_extension(one, other, content_, key).code == code
 
 
 # keys in files

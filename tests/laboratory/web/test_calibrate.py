@@ -15,7 +15,7 @@ from tests.refusals import refused
 from inclinometry.calibration import plans
 from inclinometry.calibration.conventions import Dials
 from inclinometry.laboratory.attitude import FarError
-from inclinometry.laboratory.guided import plan_for
+from inclinometry.laboratory.guided_plans import plan_for
 from inclinometry.laboratory.instruments.simulated_instrument import SimulatedInstrument
 from inclinometry.laboratory.ledger.admin import create
 from inclinometry.laboratory.ledger.ledger import ConflictError

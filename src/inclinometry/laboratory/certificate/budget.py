@@ -11,7 +11,7 @@ from inclinometry.arrays import Array
 from inclinometry.calibration.expected import ALL_ANGLES, Certified, ExpectedUncertainty, expanded, expected_uncertainty
 from inclinometry.calibration.result import Calibration
 from inclinometry.constants import COVERAGE_FACTOR, SHORT_INCLINATIONS
-from inclinometry.stability import ASSUMED, aged
+from inclinometry.stability import ASSUMED, add_stability
 from inclinometry.uncertainty import coverage_probability
 
 Record = dict[str, Any]
@@ -54,7 +54,7 @@ def uncertainty_table(certified: Certified, found: ExpectedUncertainty, months: 
     }
     if months is not None:
         # what the sensors may have moved by when the next calibration is due
-        later = replace(calibration, tool=aged(calibration.tool, months / 12.0))
+        later = replace(calibration, tool=add_stability(calibration.tool, months / 12.0))
         end = expected_uncertainty(later, found.inclination).of_one_reading
         table["end_of_interval"] = _columns(found, end, k)
         table["end_of_interval_source"] = ASSUMED.source

@@ -249,7 +249,7 @@ def sign_pdf(data: bytes, key: DocumentKey, made: Seal, name: str) -> bytes:
         out = Archived(about, signer=signer).sign_pdf(writer, bytes_reserved=24_000, output=io.BytesIO())
         return bytes(out.getvalue())
 
-    made_pdf: bytes = _apart(signed)
+    made_pdf: bytes = _run_outside_event_loop(signed)
     return made_pdf
 
 
@@ -287,7 +287,7 @@ def unsigned(content: Mapping[str, Any]) -> dict[str, Any]:
     return {name: value for name, value in content.items() if name != SIGNATURE}
 
 
-def _apart(work: Callable[[], Any]) -> Any:
+def _run_outside_event_loop(work: Callable[[], Any]) -> Any:
     """The result of work that brings an event loop of its own, which may not run inside that of a server."""
     found: list[Any] = []
     failed: list[BaseException] = []
@@ -345,7 +345,7 @@ def look(data: bytes, where: str, public: Public) -> Looked:
 def _look(data: bytes, where: str, public: Public) -> Looked:
     head = data.lstrip()[:5]
     if data.startswith(b"%PDF"):
-        return _apart(lambda: _look_at_pdf(data, public))  # type: ignore[no-any-return]
+        return _run_outside_event_loop(lambda: _look_at_pdf(data, public))  # type: ignore[no-any-return]
     if head.startswith(b"<"):
         return _look_at_dcc(data, where, public)
     if head.startswith(b"{"):
@@ -407,7 +407,7 @@ def _look_at_dcc(data: bytes, where: str, public: Public) -> Looked:
     from inclinometry.laboratory.certificate.dcc import dcc_root, read_dcc
 
     root = dcc_root(data, where)
-    seen = Looked("DCC", "", "", _beside_the_signed(root))
+    seen = Looked("DCC", "", "", _unsigned_content(root))
     with suppress(FileError):  # only to name it: what it proves is read from what was signed
         said = read_dcc(data, where)
         seen = seen._replace(number=said.number, digest=said.digest)
@@ -433,7 +433,7 @@ def _look_at_dcc(data: bytes, where: str, public: Public) -> Looked:
     return seen._replace(number=said.number, digest=said.digest, key=key)
 
 
-def _beside_the_signed(root: Any) -> Finding | None:
+def _unsigned_content(root: Any) -> Finding | None:
     """What stands in a digital certificate that its signature does not cover, or may not; None when nothing does.
 
     An enveloped signature is over the document without itself, over its key and its properties: any other content of

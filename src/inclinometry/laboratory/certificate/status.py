@@ -20,13 +20,13 @@ from inclinometry.errors import FileError
 from inclinometry.files.json_codec import load
 from inclinometry.findings import Finding, Value
 from inclinometry.laboratory.certificate.record import record_digest
-from inclinometry.laboratory.certified import ended, ending, every
 from inclinometry.laboratory.ledger import chain, heads
 from inclinometry.laboratory.ledger.chain import LedgerError, missing
 from inclinometry.laboratory.ledger.engine import CHAIN
 from inclinometry.laboratory.ledger.keys import Public, descends, fingerprint, genuine
 from inclinometry.laboratory.ledger.ledger import Ledger, Record, accepted_breaks
 from inclinometry.laboratory.ledger.merkle import Tree, includes, leaf_hash
+from inclinometry.laboratory.valid_certificates import ended, ending, every
 
 SCHEMA: Final = "inclinometry/certificate-status"
 VERSION: Final = 2  # 1 carried no accepted breaks
@@ -45,7 +45,7 @@ def make_status(ledger: Ledger, numbers: Sequence[str] = ()) -> dict[str, Any]:
         if head is None:
             raise LedgerError(Finding("ledger-unsigned", {"ledger": ledger.shown}))
         tree = Tree(heads.leaves(connection, 0, head.size))
-        if tree.root().hex() != head.root or not head.genuine():
+        if tree.root().hex() != head.root or not head.signature_is_valid():
             raise LedgerError(Finding("ledger-modified", {"ledger": ledger.shown, "signed_record": head.size}))
         head = _of_now(ledger, head)
 
@@ -135,7 +135,7 @@ def read_status(path: str | Path, public: Public) -> Status:
         raise _not_status(path)
     head = heads.parse_signed(content.get("head"), path)
     changes = tuple(one for one in content.get("changes", ()) if isinstance(one, dict) and genuine(one))
-    if not genuine(content) or not head.genuine():
+    if not genuine(content) or not head.signature_is_valid():
         about = {"place": Path(path).name, "key": fingerprint(head.key)}
         raise FileError(Finding("key-forged", about), path=path)
     for key in (str(content["key"]), head.key):

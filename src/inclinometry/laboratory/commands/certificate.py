@@ -9,7 +9,7 @@ from typing import Any, Literal
 from inclinometry.cli import output
 from inclinometry.cli.options import AlsoWritten, Flag, Input, InputOrNone, Json, Output
 from inclinometry.errors import FileError, refused
-from inclinometry.files.json_codec import parse
+from inclinometry.files.json_codec import findings_in, parse
 from inclinometry.files.writing import write_bytes
 from inclinometry.findings import Finding
 from inclinometry.laboratory.certificate.issue import record_from_files
@@ -75,7 +75,7 @@ def certificate(
     """
     read = {"verification": verification, "laboratory": laboratory, "previous": previous, "as_found": as_found}
     inputs = {"tool.json": tool, **{f"--{name.replace('_', '-')}": path for name, path in read.items()}}
-    output.claim({"--output": output_, "--dcc": dcc, "--record": record}, inputs)
+    output.check_outputs({"--output": output_, "--dcc": dcc, "--record": record}, inputs)
     if fonts is not None and not any(
         path.suffix.lower() in (".ttf", ".otf", ".ttc", ".otc") for path in (fonts.rglob("*") if fonts.is_dir() else ())
     ):
@@ -96,17 +96,17 @@ def certificate(
     for path, data in files.items():
         write_bytes(data, path)
     output.findings(_lacking(made))
-    output.warnings(made["warnings"])
+    output.findings(findings_in(made))
     digest, statement = record_digest(made), made["conformity"]["statement"]
     if json:
         about = {name: made[name] for name in ("number", "title", "missing")}
         output.print_json(about | {"digest": digest, "conformity": statement, "written": list(files)})
         return
-    output.say(f"{made['title']} {made['number']}, conformity {statement}")
-    output.say(f"record {digest}")
+    output.print_line(f"{made['title']} {made['number']}, conformity {statement}")
+    output.print_line(f"record {digest}")
     why = "" if unsigned else ": no laboratory's key is here (`inclinometry ledger key --make`)"
-    output.say(f"not signed{why}" if sealed is None else f"signed by the key {sealed.key}")
-    output.say(f"written to {', '.join(map(str, files))}")
+    output.print_line(f"not signed{why}" if sealed is None else f"signed by the key {sealed.key}")
+    output.print_line(f"written to {', '.join(map(str, files))}")
 
 
 def _lacking(record: dict[str, Any]) -> list[Finding]:
@@ -186,9 +186,9 @@ def verify(*files: str, key: Input, json: Json = False) -> int:
         return 0 if ok else 1
     _say(rows, held)
     for one in breaks:
-        output.say(str(break_of(one)))
+        output.print_line(str(break_of(one)))
     for found_ in mixed:
-        output.say(f"{found_} [{found_.code}]")
+        output.print_line(f"{found_} [{found_.code}]")
     return 0 if ok else 1
 
 
@@ -260,10 +260,10 @@ def _say(rows: list[dict[str, Any]], held: dict[str, Any]) -> None:
         if not row["genuine"]:
             said = f"{verdict}: {row['problem']['sentence']} [{row['problem']['code']}]"
         name = "square code" if row["kind"] == "square code" else f"{row['file']}: {row['kind']}"
-        output.say(f"{name}{number}: {said}")
+        output.print_line(f"{name}{number}: {said}")
     if None in held.values():
         if any(row["genuine"] for row in rows):  # what the laboratory did not make it cannot end
-            output.say(
+            output.print_line(
                 "whether it was voided or superseded since is not known: no statement of the ledger was given "
                 "(`inclinometry ledger status`)"
             )
@@ -274,8 +274,8 @@ def _say(rows: list[dict[str, Any]], held: dict[str, Any]) -> None:
         as_of = f"as of record {by.head.size} of {by.head.time[:19]} UTC"
         row = by.rows.get(number)
         if row is None:
-            output.say(f"certificate {number}: not among those that the statement lists, {as_of}")
+            output.print_line(f"certificate {number}: not among those that the statement lists, {as_of}")
             continue
         other = f" by {row['by']}" if row.get("by") else ""
         why = f" ({row['reason']})" if row.get("reason") else ""
-        output.say(f"certificate {number}: {row['state']}{other}{why}, {as_of}")
+        output.print_line(f"certificate {number}: {row['state']}{other}{why}, {as_of}")

@@ -113,7 +113,7 @@ def enter(
             with output.busy("calibrating"):
                 tried = try_file(readings, about_rig, where, wishes)
             if (certify or supersedes) and not stated(accept_warnings) and (unsettled := open_warnings(tried, None)):
-                raise refused("session-open-warnings", {"warnings": tuple(unsettled)})
+                raise refused("session-open-warnings", {"finding": tuple(unsettled)})
             if registry.find_rig(opened, rig) is None:
                 registry.put_rig(opened, about_rig, author=_who())
             if tool is None:
@@ -134,7 +134,9 @@ def enter(
         content = {"serial": serial, "calibration": found.id, "certificate": number}
         output.print_json(content | {"findings": [one.plain() for one in tried.findings]})
         return
-    output.say(f"{serial}: calibration {found.id} of {day} recorded{f', certificate {number}' if number else ''}")
+    output.print_line(
+        f"{serial}: calibration {found.id} of {day} recorded{f', certificate {number}' if number else ''}"
+    )
 
 
 def _rig(ledger: Ledger, name: str, stated: Options, dials: DialOptions) -> registry.RegisteredRig:
@@ -218,7 +220,7 @@ def void(number: str, /, *, reason: str, ledger: LedgerAddress = None) -> None:
     """
     with Ledger(_where(ledger)) as opened:
         found = certificates.void(opened, number, reason, author=_who())
-    output.say(f"certificate {number} is {found.state}")
+    output.print_line(f"certificate {number} is {found.state}")
 
 
 def laboratory(
@@ -259,7 +261,7 @@ def laboratory(
         output.print_json({**settings, "logo": there is not None, "standards": rows})
         return
     for name, text in settings.items():
-        output.say(f"{name}: {text}")
+        output.print_line(f"{name}: {text}")
     for line in (one.cited for one in registered):
-        output.say(f"reference standard: {line}")
-    output.say("logo: " + ("none" if there is None else f"{len(there[1])} bytes"))
+        output.print_line(f"reference standard: {line}")
+    output.print_line("logo: " + ("none" if there is None else f"{len(there[1])} bytes"))

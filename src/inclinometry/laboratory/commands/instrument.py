@@ -88,15 +88,15 @@ def instrument(
             names = {"protocol": server.protocol.name, "tool": server.tool.name}
             output.print_json({"url": server.url, "rig": rig, **names})
         else:
-            output.say(f"instrument at {server.url}, protocol {server.protocol.name}")
+            output.print_line(f"instrument at {server.url}, protocol {server.protocol.name}")
             if rig is not None:
-                output.say(f"rig at {rig}, SCPI")
-            output.say("Ctrl-C stops it")
+                output.print_line(f"rig at {rig}, SCPI")
+            output.print_line("Ctrl-C stops it")
         # whoever started this program may wait for the address in a pipe
         sys.stdout.flush()
         stop.wait(duration_s)
     if not json:
-        output.say(f"stopped after {output.counted(server.sent, 'sample')}")
+        output.print_line(f"stopped after {output.counted(server.sent, 'sample')}")
 
 
 @contextmanager

@@ -55,12 +55,12 @@ def init(
             ledger.correct_clock(clock, author=_who())
         if accept is not None:
             ledger.accept(accept, author=_who())
-        output.say(f"ledger {ledger.shown} holds {output.counted(ledger.head().seq, 'record')}")
+        output.print_line(f"ledger {ledger.shown} holds {output.counted(ledger.head().seq, 'record')}")
         for place in others(ledger.keys.folder) if ledger.head().seq else ():
             ledger.record_witness(place, "named", author=_who())
         signed = ledger.signed_head()
         if signed is not None:
-            output.say(f"signed by the key {fingerprint(signed.key)} in {ledger.keys.folder}")
+            output.print_line(f"signed by the key {fingerprint(signed.key)} in {ledger.keys.folder}")
 
 
 def verify(
@@ -102,23 +102,23 @@ def verify(
         output.print_json(plain | {"head": str(found.head), "signed": signed})
         return 0 if found.unsuspected else 1
     for one in (*found.faults, *found.silent, *found.findings):
-        output.say(f"{one} [{one.code}]")
+        output.print_line(f"{one} [{one.code}]")
     if found.ok:
         records, documents = output.counted(found.records, "record"), output.counted(found.documents, "document")
         alone = "" if found.proven else " by what the ledger itself says"
-        output.say(f"{records} and {documents} are sound{alone}")
-        output.say(f"head {found.head}")
+        output.print_line(f"{records} and {documents} are sound{alone}")
+        output.print_line(f"head {found.head}")
         if not found.silent:
             return 0 if found.unsuspected else 1
         who = "a witness" if len(found.silent) == 1 else f"{len(found.silent)} witnesses"
-        output.say(
+        output.print_line(
             f"not proven: {who} did not answer, and a cut tail or an older copy may be known there alone; verify again "
             "when it answers, or take it off with `inclinometry ledger witness PLACE --remove`"
         )
         return 1
     of_keys = all(fault.code in ("key-public-other", "key-damaged") for fault in found.faults)
     what = "the laboratory's keys are not what they were" if of_keys else "this ledger was changed behind its back"
-    output.say(f"{output.counted(len(found.faults), 'fault')}: {what}")
+    output.print_line(f"{output.counted(len(found.faults), 'fault')}: {what}")
     return 1
 
 
@@ -135,10 +135,10 @@ def _certificate(where: str, number: str, json: bool) -> int:
         output.print_json({"ok": not problems, "state": found.state, "digest": digest, "problems": told})
         return end
     for one in problems:
-        output.say(f"{one} [{one.code}]")
+        output.print_line(f"{one} [{one.code}]")
     if not problems:
-        output.say(f"certificate {number} ({found.state}): files, record and calibration agree")
-    output.say(f"digest of its record {digest}; compare it with the one on paper")
+        output.print_line(f"certificate {number} ({found.state}): files, record and calibration agree")
+    output.print_line(f"digest of its record {digest}; compare it with the one on paper")
     return end
 
 
@@ -151,11 +151,11 @@ def export(target: Path, /, *, ledger: LedgerAddress = None) -> None:
         File to write, a ZIP.
     """
     where = _where(ledger)
-    output.claim({"the export": target}, {"--ledger": path_of(where)})
+    output.check_outputs({"the export": target}, {"--ledger": path_of(where)})
     with Ledger(where, read_only=True) as opened, output.working("exporting") as progress:
         head = exchange.export(opened, target, progress=progress)
-    output.say(f"{output.counted(head.seq, 'record')} written to {target}")
-    output.say(f"head {head}")
+    output.print_line(f"{output.counted(head.seq, 'record')} written to {target}")
+    output.print_line(f"head {head}")
 
 
 def import_(source: Path, /, *, ledger: LedgerAddress = None) -> None:
@@ -173,8 +173,8 @@ def import_(source: Path, /, *, ledger: LedgerAddress = None) -> None:
     try:
         with create(where) as opened, output.working("importing") as progress:
             head = restore(opened, source, progress=progress)
-            output.say(f"{output.counted(head.seq, 'record')} imported into {opened.shown}")
-            output.say(f"head {head}")
+            output.print_line(f"{output.counted(head.seq, 'record')} imported into {opened.shown}")
+            output.print_line(f"head {head}")
     except BaseException:
         if made and path is not None:  # nothing was imported: no empty ledger is left behind
             for end in ("", "-wal", "-shm"):
@@ -191,10 +191,10 @@ def backup(target: Path, /, *, ledger: LedgerAddress = None) -> None:
         File to write; it must not exist.
     """
     where = _where(ledger)
-    output.claim({"the backup": target}, {"--ledger": path_of(where)})
+    output.check_outputs({"the backup": target}, {"--ledger": path_of(where)})
     with Ledger(where, read_only=True) as opened, output.busy("backing up"):
         exchange.backup(opened, target)
-    output.say(f"{where} copied to {target}")
+    output.print_line(f"{where} copied to {target}")
 
 
 def history(serial: str, /, *, ledger: LedgerAddress = None, json: Json = False) -> None:
@@ -311,7 +311,7 @@ def password(name: str, /, *, ledger: LedgerAddress = None) -> None:
     with Ledger(_where(ledger)) as opened:
         current = _ask(f"current password of {name}", once=True)
         change_password(opened, name, current, _ask(f"new password of {name}", "INCLINOMETRY_NEW_PASSWORD"))
-    output.say(f"the password of {name} was changed; its logins at a bench end")
+    output.print_line(f"the password of {name} was changed; its logins at a bench end")
 
 
 def _ask(what: str, variable: str = "INCLINOMETRY_PASSWORD", *, once: bool = False, word: str = "password") -> str:

@@ -18,7 +18,7 @@ from inclinometry.laboratory.commands import LedgerAddress
 from inclinometry.laboratory.commands.ledger import _ask, _where, _who, path_of
 from inclinometry.laboratory.ledger.chain import LedgerError
 from inclinometry.laboratory.ledger.engine import default_path, shown
-from inclinometry.laboratory.ledger.heads import grown, proof_since, read_head
+from inclinometry.laboratory.ledger.heads import check_extension, proof_since, read_head
 from inclinometry.laboratory.ledger.keys import Keys, fingerprint, read_public
 from inclinometry.laboratory.ledger.ledger import Ledger, send
 from inclinometry.laboratory.ledger.witness import PRINT, name_others, others, witnessed
@@ -78,13 +78,13 @@ def key(
         compared = not uncompared if keys.there else None
         output.print_json(about | {"compared": compared, "changes": keys.changes(), "witnesses": others(keys.folder)})
         return
-    output.say(f"key {fingerprint(found)} in {keys.folder}")
+    output.print_line(f"key {fingerprint(found)} in {keys.folder}")
     if uncompared:
         output.findings([uncompared])
     for one in keys.changes():
-        output.say(_change(one))
+        output.print_line(_change(one))
     if public is not None:
-        output.say(f"public key written to {public}")
+        output.print_line(f"public key written to {public}")
 
 
 def _change(one: Mapping[str, Any]) -> str:
@@ -119,7 +119,7 @@ def head(
     if file is not None:
         return _check(file, since, key, json)
     where = _where(ledger)
-    output.claim({"--output": output_}, {"--since": since, "--ledger": path_of(where)})
+    output.check_outputs({"--output": output_}, {"--since": since, "--ledger": path_of(where)})
     with Ledger(where, read_only=True) as opened:
         newest = opened.own_head()
         if newest is None:
@@ -138,8 +138,8 @@ def head(
     if json:
         output.print_json(content)
     else:
-        output.say(f"head {newest}")
-        output.say(f"signature {newest.signature}")
+        output.print_line(f"head {newest}")
+        output.print_line(f"signature {newest.signature}")
     return 0
 
 
@@ -147,16 +147,16 @@ def _check(file: Path, since: Path | None, key: Path | None, json: bool) -> int:
     found, content = read_head(file)
     public = None if key is None else read_public(key).keys[0]
     old = found if since is None else read_head(since)[0]
-    problem = grown(old, found, content, public)
+    problem = check_extension(old, found, content, public)
     if json:
         plain = None if problem is None else problem.plain()
         output.print_json({"ok": not problem, "problem": plain, "size": found.size, "ledger": found.ledger})
         return 1 if problem else 0
-    output.say(f"genuine: head {found}" if problem is None else f"{problem} [{problem.code}]")
+    output.print_line(f"genuine: head {found}" if problem is None else f"{problem} [{problem.code}]")
     if not problem and since is not None:
-        output.say(f"the ledger of {found.size} records begins with the {old.size} of {old.time[:19]}")
+        output.print_line(f"the ledger of {found.size} records begins with the {old.size} of {old.time[:19]}")
     if public is None:
-        output.say("no public key was given: compare the fingerprint of the key with the laboratory's")
+        output.print_line("no public key was given: compare the fingerprint of the key with the laboratory's")
     return 1 if problem else 0
 
 
@@ -174,17 +174,19 @@ def status(*numbers: str, ledger: LedgerAddress = None, output_: Output) -> None
     from inclinometry.laboratory.certificate.status import break_of, make_status
 
     where = _where(ledger)
-    output.claim({"--output": output_}, {"--ledger": path_of(where)})
+    output.check_outputs({"--output": output_}, {"--ledger": path_of(where)})
     with Ledger(where, read_only=True) as opened:
         made = make_status(opened, numbers)
     write_bytes(canonical(made), output_)
     states = [one["state"] for one in made["certificates"]]
     order = [state for state in ("issued", "void", "superseded") if state in states]
     listed = ", ".join(f"{states.count(state)} {state}" for state in order)
-    output.say(f"{output.counted(len(states), 'certificate')} as of record {made['head']['size']}: {listed or 'none'}")
+    output.print_line(
+        f"{output.counted(len(states), 'certificate')} as of record {made['head']['size']}: {listed or 'none'}"
+    )
     for one in made["accepted"]:
-        output.say(str(break_of(one)))
-    output.say(f"written to {output_}")
+        output.print_line(str(break_of(one)))
+    output.print_line(f"written to {output_}")
 
 
 def witness(place: str | None = None, /, *, ledger: LedgerAddress = None, remove: Flag = False) -> int:
@@ -205,9 +207,9 @@ def witness(place: str | None = None, /, *, ledger: LedgerAddress = None, remove
         _remove(keys, place, ledger)
     elif place is not None:
         _name(keys, place, _where(ledger))
-    output.say(f"{keys.folder / 'heads'} (this computer)")
+    output.print_line(f"{keys.folder / 'heads'} (this computer)")
     for one in others(keys.folder):
-        output.say(shown(one))
+        output.print_line(shown(one))
     where = _where(ledger)
     if ledger is None and not default_path().is_file():
         return 0

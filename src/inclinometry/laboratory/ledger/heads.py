@@ -52,7 +52,7 @@ class SignedHead:
         """As it is stored, sent and printed."""
         return {"schema": SCHEMA, "version": 1, **vars(self)}
 
-    def genuine(self) -> bool:
+    def signature_is_valid(self) -> bool:
         """Whether the signature is that of the key."""
         return right(self.key, self.signature, signed_bytes(self.statement()))
 
@@ -160,7 +160,7 @@ class Sealing:
             return "", []
         if not self.keys.there:
             raise _by_other(newest, self.keys, self._where)
-        if (head.seq, head.link) != (newest.size, newest.link) or not newest.genuine():
+        if (head.seq, head.link) != (newest.size, newest.link) or not newest.signature_is_valid():
             raise self._modified(newest.size)
         key = self.keys.signing()
         # whoever signs with the same key needs no word about others
@@ -228,13 +228,13 @@ def read_head(path: str | Path) -> tuple[SignedHead, dict[str, Any]]:
     """
     content = load(path)
     found = parse_signed(content, path)
-    if not found.genuine():
+    if not found.signature_is_valid():
         about = {"place": Path(path).name, "key": fingerprint(found.key)}
         raise FileError(Finding("key-forged", about), path=path)
     return found, content
 
 
-def grown(old: SignedHead, new: SignedHead, content: Mapping[str, Any], public: str | None) -> Finding | None:
+def check_extension(old: SignedHead, new: SignedHead, content: Mapping[str, Any], public: str | None) -> Finding | None:
     """What is wrong between an old head and a new one with its proof; None when the ledger only grew."""
     if old.ledger != new.ledger:
         return Finding("ledger-another", {"ledger": old.ledger})

@@ -365,14 +365,14 @@ class Ledger:
             accepted = self._accepted(connection)
         lost = None if newest is None else ahead_elsewhere(self.keys.folder, self.where, newest, accepted)
         if newest is not None and lost is not None:
-            raise self._behind(newest, lost)
+            raise self._explain_rollback(newest, lost)
 
     def _accepted(self, connection: Connection) -> str:
         """Time when a user last answered for what a verification found; "" for never."""
         times = select(func.max(TABLES["event"].c.created)).where(_matching("event", heads.ACCEPTED))
         return str(connection.execute(times).scalar() or "")
 
-    def _behind(self, newest: heads.SignedHead, lost: Witnessed) -> LedgerError:
+    def _explain_rollback(self, newest: heads.SignedHead, lost: Witnessed) -> LedgerError:
         """The error of a ledger of which a witness remembers more than it holds."""
         if lost.head is None:
             raise TypeError("a head that is not readable is beyond nothing")
@@ -387,7 +387,7 @@ class Ledger:
         if not 0 <= self._seen <= newest.size:
             lost = ahead(self.keys.folder, newest, self._accepted(connection))
             if lost is not None:
-                raise self._behind(newest, lost)
+                raise self._explain_rollback(newest, lost)
         self._seen = newest.size
 
     def _never_signed(self, connection: Connection, folders: Sequence[Path] = ()) -> None:

@@ -33,7 +33,7 @@ Testimony: TypeAlias = tuple[list[Witnessed], list[Finding], list[Finding]]
 """What `witnessed` gives: heads that are kept, witnesses that do not answer, those that keep none."""
 
 
-def asked(ledger: Ledger) -> tuple[str, Testimony, Witnessed | None]:
+def collect_heads(ledger: Ledger) -> tuple[str, Testimony, Witnessed | None]:
     """The ledger last seen in this place, what the witnesses say of the one that is there, and by which head it is
     known where it holds none of its own."""
     known = None
@@ -211,7 +211,7 @@ class Signatures:
 
     def _forged(self, head: SignedHead, witness: str) -> bool:
         """Whether the signature of a head is not that of its key."""
-        if head.genuine():
+        if head.signature_is_valid():
             return False
         place = f"{witness or self._where}: {head.size} ({head.time[:19]})"
         said = Finding("key-forged", {"place": place, "key": fingerprint(head.key)})

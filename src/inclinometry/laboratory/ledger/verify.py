@@ -21,13 +21,13 @@ from inclinometry.laboratory.ledger.engine import (
     STORED,
     TABLES,
     as_stored,
+    foreign_triggers,
     row_digest,
-    strange,
     unprotected,
 )
 from inclinometry.laboratory.ledger.heads import SignedHead
 from inclinometry.laboratory.ledger.ledger import Ledger
-from inclinometry.laboratory.ledger.signatures import Signatures, asked, lost
+from inclinometry.laboratory.ledger.signatures import Signatures, collect_heads, lost
 
 Progress = Callable[[float], None]
 MOST_FAULTS: Final = 100
@@ -94,9 +94,9 @@ def verify(
     no one did who has not the laboratory's key; the heads that witnesses keep, that nothing was cut off its end and no
     older copy put in its place, by anyone who cannot write to all of them.
     """
-    witnesses = asked(ledger)
+    witnesses = collect_heads(ledger)
     with ledger.snapshot() as connection, _any_text(connection):
-        triggers = [*unprotected(connection), *strange(connection)]
+        triggers = [*unprotected(connection), *foreign_triggers(connection)]
         faults = [Finding("ledger-unprotected", {"names": tuple(triggers)})] if triggers else []
         faults += _structure(connection, ledger.shown)
         signatures = Signatures(connection, ledger, public, *witnesses, copy=copy)

@@ -21,7 +21,7 @@ from typing import Final, NamedTuple
 from sqlalchemy import select, tuple_
 from sqlalchemy.engine import Connection
 
-from inclinometry.errors import FileError, InclinometryError, InputError
+from inclinometry.errors import FileError, InclinometryError, InputError, system_reason
 from inclinometry.findings import Finding
 from inclinometry.laboratory.ledger.chain import LedgerError, compact
 from inclinometry.laboratory.ledger.engine import CHAIN, TABLES, engine, readable, record_of, shown, translated
@@ -143,7 +143,7 @@ def _unwritten(error: Exception, head: SignedHead, place: str) -> Finding:
     """That a witness has not got a head; what else is wrong with it where that is known."""
     if isinstance(error, InclinometryError):
         return error.finding
-    reason = str(getattr(error, "strerror", None) or error)
+    reason = system_reason(error)
     return Finding("key-witness-unwritten", {"record": head.size, "place": place, "reason": reason})
 
 
@@ -151,7 +151,7 @@ def _unreadable(error: Exception) -> Finding:
     """Why a witness cannot be read."""
     if isinstance(error, InclinometryError):
         return error.finding
-    return Finding("file-unreadable", {"reason": str(getattr(error, "strerror", None) or error)})
+    return Finding("file-unreadable", {"reason": system_reason(error)})
 
 
 def silent_witness(place: str, error: Exception) -> Finding:
@@ -247,7 +247,9 @@ def ahead_elsewhere(folder: Path, where: str, newest: SignedHead, accepted: str)
 def farthest(kept: list[Witnessed], newest: SignedHead, accepted: str) -> Witnessed | None:
     """The genuine head farthest beyond the newest of a ledger, of those made after `accepted`; None for none."""
     beyond = [(one.head.size, one) for one in kept if one.head is not None and one.head.size > newest.size]
-    found = [(size, one) for size, one in beyond if one.head and one.head.time > accepted and one.head.genuine()]
+    found = [
+        (size, one) for size, one in beyond if one.head and one.head.time > accepted and one.head.signature_is_valid()
+    ]
     return max(found, key=lambda pair: pair[0], default=(0, None))[1]
 
 
@@ -267,7 +269,7 @@ def remembered(connection: Connection, folders: Sequence[Path]) -> Witnessed | N
                 created = tuple_(CHAIN.c.seq, CHAIN.c.created).in_([(head.size, head.time) for head in heads])
                 same = {*connection.execute(select(CHAIN.c.seq).where(link | created)).scalars()}
                 for one in block:
-                    if one.head is not None and one.head.size in same and one.head.genuine():
+                    if one.head is not None and one.head.size in same and one.head.signature_is_valid():
                         return one
     return None
 

@@ -113,7 +113,7 @@ class Guard:
             await _refuse(scope, send, problem)
             return
         if scope["type"] == "websocket":
-            await self._app(scope, self._watched(receive, send, login), send)
+            await self._app(scope, self._messages_until_logout(receive, send, login), send)
             return
         body = BodyLimit(scope, receive, headers)
         await self._app(scope, body.receive, _answered(scope, headers, body, send))
@@ -148,7 +148,7 @@ class Guard:
             return Finding("web-token")
         return None
 
-    def _watched(self, receive: Receive, send: Send, login: Login | None) -> Receive:
+    def _messages_until_logout(self, receive: Receive, send: Send, login: Login | None) -> Receive:
         """The messages of a websocket until its login ends: whoever has logged out does nothing more on any page."""
 
         async def watched() -> Message:

@@ -16,13 +16,13 @@ from inclinometry.motion.inertial.window import (
     MOST_REFUSED,
     Observation,
     azimuth_variance,
-    blank,
-    given,
+    initial_state,
     is_moving,
     is_still,
     linearised,
     reduce_window,
-    sought,
+    reinitialise_attitude,
+    start_from_attitude,
 )
 from inclinometry.motion.result import BITS, LARGEST_BREAK, METHODS, Attitude, Samples, refusals
 from inclinometry.motion.window_filter import WindowStream
@@ -217,12 +217,12 @@ class Engine:
         model, restarted, sought_before = self.model, self._lost, self._seeking
         state = self._state
         if state is None:
-            state = blank(window, model)
+            state = initial_state(window, model)
             state = replace(state, shaking=state.shaking._replace(slow=self._slow))
         clipped = window.clipped is not None and bool(window.clipped.any())
         stated = self._start is not None
         if self._start is not None:
-            state = given(state, window, self._start, model)
+            state = start_from_attitude(state, window, self._start, model)
             restarted = False
         elif self._lost and clipped:
             return None, True, model
@@ -234,7 +234,7 @@ class Engine:
                 self._seeking and not sought_before
             )  # later windows of the standstill add to the first
         if restarted:
-            state = sought(state, window, model)
+            state = reinitialise_attitude(state, window, model)
         if restarted or stated:
             return linearised(state, window, model, model.magnetic), True, model
         return state, False, model

@@ -19,8 +19,8 @@ from inclinometry.motion.inertial.state import (
     State,
     Tape,
     blank_tape,
-    carried,
     corrected,
+    error_transition,
 )
 from inclinometry.motion.inertial.window import Ends, reduce_window
 from inclinometry.motion.result import BITS, Attitude, Samples, joined, refusals
@@ -160,7 +160,7 @@ def _row(
     found = row(node.time, state, rest, node.seen, SETTLED, window, engine.model, method)
     tape = blank_tape(len(window))
     reduce_window(node.before, window, node.model, tape)
-    turn = carried(tape.error)
+    turn = error_transition(tape.error)
     lam[:], info[:] = turn.T @ lam, turn.T @ info @ turn
     backward(tape.steps, tape.updates, lam, info)
     if node.restarted:  # what came before tells nothing of this attitude, but of the sensors

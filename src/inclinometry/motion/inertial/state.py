@@ -218,14 +218,14 @@ def corrected(state: State, error: Array) -> State:
     turned = quaternion_multiply(quaternion_exp(-error[:3]), nominal[:4])
     nominal[:4] = turned / np.linalg.norm(turned)
     nominal[4:17] -= error[3:]
-    turn = carried(error)
+    turn = error_transition(error)
     covariance = turn @ state.covariance @ turn.T
     return replace(
         state, nominal=nominal, covariance=0.5 * (covariance + covariance.T), offset=turn @ (state.offset - error)
     )
 
 
-def carried(error: Array) -> Array:
+def error_transition(error: Array) -> Array:
     """Matrix (16, 16) that takes errors from before to after an error was taken out."""
     turn = np.eye(STATES)
     turn[:3, :3] = rotation_exp(-error[:3])

@@ -91,7 +91,7 @@ def tapers(size: int, interval: float) -> Array:
     return frozen(np.ascontiguousarray(np.stack([*found, *bends], axis=1)))
 
 
-def learnt(before: Shaking, tapered: Array, sensitivity: Array, floor: float) -> Shaking:
+def update_vibration(before: Shaking, tapered: Array, sensitivity: Array, floor: float) -> Shaking:
     """Vibration and lever arm from the tapers that gravity does not reach.
 
     Parameters
@@ -121,7 +121,7 @@ def learnt(before: Shaking, tapered: Array, sensitivity: Array, floor: float) ->
     return Shaking(scatter, bands, lever, information, before.windows + 1, count, before.slow)
 
 
-def at_zero(shaking: Shaking) -> Array:
+def mean_weights(shaking: Shaking) -> Array:
     """Shares (3,) of the scatter that a mean feels, north, east, down.
 
     What shakes about a fixed place has no mean acceleration: its spectrum falls towards zero frequency, and is taken
@@ -152,7 +152,7 @@ def measure_gravity(
     half = len(kept) // 2
     # a lever arm accelerates by the second derivative of c' r; by parts, twice, that falls on the taper
     levers = -kept[half:, 3:].reshape(-1, 3, 3)
-    shaking = learnt(shaking, kept[1:half, :3], levers[1:], _white(len(window), model))
+    shaking = update_vibration(shaking, kept[1:half, :3], levers[1:], _white(len(window), model))
     matrix, cross = dcm_from_quaternion(nominal[:4]), g * cross_matrix([0.0, 0.0, 1.0])
     rows = np.zeros((3, STATES))
     rows[:, :3] = cross @ matrix.T
@@ -166,12 +166,14 @@ def measure_gravity(
         t = expected[:, 0] / np.sqrt(expected[:, 1] + variance[:count])
         variance[:count] /= np.maximum(settings.weight(t), 1e-12)
     spread = expected[:, 1] + variance[:count]
-    known = heaving(shaking.slow, matrix[2])
+    known = slow_acceleration_variance(shaking.slow, matrix[2])
     refused = bool((expected[:, 0] ** 2 > settings.gate * (spread + known[:count])).any())
     found = known
     if settings.gate < ANY:  # what is only linearised at is not surprising
-        shaking = shaking._replace(slow=_watched(shaking, expected[:, 0], spread, matrix[2, :count], window, model))
-        found = heaving(shaking.slow, matrix[2])
+        shaking = shaking._replace(
+            slow=_update_slow_variance(shaking, expected[:, 0], spread, matrix[2, :count], window, model)
+        )
+        found = slow_acceleration_variance(shaking.slow, matrix[2])
     # the windows before were believed too much by the same acceleration; that to the north tilts about east
     fresh = np.where(known == 0.0, found, 0.0) / g**2
     # and a straight line through so many of them gave the bias, by rate / tilt
@@ -182,12 +184,14 @@ def measure_gravity(
     return (-1.0 if refused or min(taken) < 0.0 else max(taken)), shaking
 
 
-def _watched(shaking: Shaking, innovation: Array, spread: Array, axis: Array, window: Samples, model: Model) -> Array:
+def _update_slow_variance(
+    shaking: Shaking, innovation: Array, spread: Array, axis: Array, window: Samples, model: Model
+) -> Array:
     """`slow` of `Shaking` after another window's innovations of gravity (2 or 3) of variance `spread`."""
     count = len(axis)
     along = axis / max(float(axis @ axis), 1e-3)
     square = np.append(innovation, along @ innovation) ** 2
-    scatter = shaking.scatter[:count] * at_zero(shaking)[:count]
+    scatter = shaking.scatter[:count] * mean_weights(shaking)[:count]
     scatter = np.where(scatter > _white(len(window), model), scatter, 0.0)
     scatter, spread = np.append(scatter, along**2 @ scatter), np.append(spread, along**2 @ spread)
     # of Student's square with the freedom of a variance that is partly estimated the normal one of the same chance
@@ -199,7 +203,7 @@ def _watched(shaking: Shaking, innovation: Array, spread: Array, axis: Array, wi
     return np.asarray((1.0 - 1.0 / (2 * MEMORY)) * shaking.slow + seen)
 
 
-def heaving(slow: Array, axis: Array) -> Array:
+def slow_acceleration_variance(slow: Array, axis: Array) -> Array:
     """Variance (3,) of a window's gravity by accelerations slower than the window: `slow` of `Shaking`, where it shows.
 
     It does, along north, east, down or the tool's axis (its direction is given), where the mean square, 1 expected,
@@ -225,7 +229,7 @@ def _variance(shaking: Shaking, lever: Array, cosine: float, window: Samples, mo
     """
     g, size = model.gravity, len(window)
     seen = min(shaking.level, MEMORY)
-    variance = shaking.scatter * at_zero(shaking) * (1.0 + 2.0 / (FREE * seen))
+    variance = shaking.scatter * mean_weights(shaking) * (1.0 + 2.0 / (FREE * seen))
     variance += np.einsum("ni,ij,nj->n", lever, np.linalg.inv(shaking.information), lever)
     variance = np.maximum(variance, _white(size, model))
     variance[:2] += model.gyro_noise**2 * size * window.interval / 3.0 * g**2
@@ -342,7 +346,7 @@ def _seen(
         disturbed=False,
         gravity=level,
         shaking=float(np.sqrt(np.max(shaking.scatter))) if shaking.windows else 0.0,
-        slow=float(np.sqrt(np.max(heaving(shaking.slow, dcm_from_quaternion(state.quaternion)[2])))),
+        slow=float(np.sqrt(np.max(slow_acceleration_variance(shaking.slow, dcm_from_quaternion(state.quaternion)[2])))),
     )
 
 
@@ -439,7 +443,7 @@ def _standstill(nominal: Array, rate: Array, seconds: float, model: Model, ends:
         ends.measure(row, float(value), variance, NO_GATE)
 
 
-def blank(window: Samples, model: Model) -> State:
+def initial_state(window: Samples, model: Model) -> State:
     """Nothing known but what the settings and the site say."""
     site = model.site
     # a dip that no site states is taken from the first window
@@ -452,10 +456,12 @@ def blank(window: Samples, model: Model) -> State:
         strength = float(np.sqrt(np.mean(np.sum(np.asarray(window.mag) ** 2, axis=1)))) if site.b is None else site.b
     covariance = model.settings.prior(np.eye(3), float(north_sd))
     gyro = np.asarray(window.gyro)
-    return State(nominal, covariance, np.zeros(STATES), gyro[0].copy(), strength, 0.0, unshaken(model), np.zeros(3))
+    return State(
+        nominal, covariance, np.zeros(STATES), gyro[0].copy(), strength, 0.0, initial_vibration(model), np.zeros(3)
+    )
 
 
-def unshaken(model: Model) -> Shaking:
+def initial_vibration(model: Model) -> Shaking:
     """Before the first window."""
     settings = model.settings
     information = np.eye(3) / max(settings.lever_sigma, 1e-6) ** 2
@@ -470,13 +476,13 @@ def unshaken(model: Model) -> Shaking:
     )
 
 
-def sought(state: State, window: Samples, model: Model) -> State:
+def reinitialise_attitude(state: State, window: Samples, model: Model) -> State:
     """The state with its attitude found again from a window, and that of the sample before it.
 
     Magnetic: gravity and field averaged in the almost-inertial frame. Otherwise gravity, and azimuth by the rate that
     a standing tool reads or, where the model is blind, none; how good it is, is left to the measurements to judge.
     """
-    window = beginning(window, model)
+    window = initial_segment(window, model)
     gravity = hann_mean(state, window, np.asarray(window.accel))
     if model.magnetic:
         field = hann_mean(state, window, np.asarray(window.mag) - state.nominal[13:16])
@@ -494,10 +500,10 @@ def sought(state: State, window: Samples, model: Model) -> State:
         # rad, prior uncertainty of a tilt that the first window is only linearised at, not yet measured with
         tilt = 0.3
         attitude = matrix @ np.diag([tilt**2, tilt**2, UNKNOWN**2]) @ matrix.T
-    return placed(state, quaternion_from_dcm(matrix), attitude, np.asarray(window.gyro)[0])
+    return set_attitude(state, quaternion_from_dcm(matrix), attitude, np.asarray(window.gyro)[0])
 
 
-def placed(state: State, quaternion: Array, attitude: Array, last: Array) -> State:
+def set_attitude(state: State, quaternion: Array, attitude: Array, last: Array) -> State:
     """The state with another attitude of covariance (3, 3), independent of the rest; `last` sample of the gyro."""
     nominal, covariance, offset = state.nominal.copy(), state.covariance.copy(), state.offset.copy()
     nominal[:4] = quaternion
@@ -506,7 +512,7 @@ def placed(state: State, quaternion: Array, attitude: Array, last: Array) -> Sta
     return replace(state, nominal=nominal, covariance=covariance, offset=offset, last=last.copy(), axis=np.zeros(3))
 
 
-def given(state: State, window: Samples, start: Attitude, model: Model) -> State:
+def start_from_attitude(state: State, window: Samples, start: Attitude, model: Model) -> State:
     """The state at a stated attitude (its last row) of the first sample, taken one step back to the one before it.
 
     Raises
@@ -526,10 +532,10 @@ def given(state: State, window: Samples, start: Attitude, model: Model) -> State
     first = np.asarray(window.gyro)[0]
     rate = first * (1.0 - state.nominal[7:10]) - state.nominal[4:7]
     back = quaternion_multiply(quaternion_exp(rate * window.interval), start.quaternion[-1])
-    return placed(state, back, start.covariance[-1], first)
+    return set_attitude(state, back, start.covariance[-1], first)
 
 
-def beginning(window: Samples, model: Model) -> Samples:
+def initial_segment(window: Samples, model: Model) -> Samples:
     """So much of a window that an unknown scale has not yet turned its end far from its beginning."""
     turned = np.cumsum(np.linalg.norm(np.asarray(window.gyro), axis=1)) * window.interval
     # 0.2 rad that the scale's uncertainty may turn its end, but 64 samples at least
@@ -561,7 +567,7 @@ def linearised(state: State, window: Samples, model: Model, with_field: bool) ->
 
     # nothing is surprising yet: what is refused now would be refused for ever, but for a millionfold variance
     model = replace(model, settings=replace(model.settings, gate=ANY, weight=None))
-    size = len(beginning(window, model))
+    size = len(initial_segment(window, model))
     while True:
         part = window.part(0, size)
         # three times: scale x turns bends the first one

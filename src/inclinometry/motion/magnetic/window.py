@@ -143,7 +143,7 @@ def fit_window(samples: Samples, settings: MagneticSettings, known: ToolConstant
     return replace(fitted, constants=replace(fitted.constants, met=met))
 
 
-def sight(window: WindowFit, clock: float) -> tuple[float, float, float]:
+def gravity_to_field_angle(window: WindowFit, clock: float) -> tuple[float, float, float]:
     """Angle from field to gravity as read, its variance by noise, rad^2, and the speed; `clock` s were taken off
     gravity.
     """
@@ -484,7 +484,7 @@ def judge(window: WindowFit, settings: MagneticSettings, is_stuck: bool) -> Verd
     # from six times that on linear covariance and the small mean of shaking no longer hold
     if _tilt(covariance, matrix) > 6.0 * SHAKEN:
         return _refused(("vibration",), method)
-    flags, worst = _doubts(seen, settings, covariance, matrix)
+    flags, worst = _quality_flags(seen, settings, covariance, matrix)
     return Verdict(
         quaternion_from_dcm(matrix), covariance, common, flags, float(np.clip(1.0 - worst, 0.0, 1.0)), method
     )
@@ -522,7 +522,7 @@ def _tilt(covariance: Array, matrix: Array) -> float:
     return float(np.sqrt(across @ covariance[:2, :2] @ across)) if level > LEVEL else 0.0
 
 
-def _doubts(
+def _quality_flags(
     window: WindowFit, settings: MagneticSettings, covariance: Array, matrix: Array
 ) -> tuple[tuple[str, ...], float]:
     """Names of what is suspect, and the largest share of a limit that is used up."""
@@ -714,7 +714,7 @@ class MagneticStream:
             # what the field is turned by is no lag where it is disturbed
             if not set(verdict.flags) & {"clipped", "stuck", "aliased", "no-field", "disturbed", "misfit", "offset"}:
                 found = clocks(window.constants, self.settings)
-                now = sight(window, found.delay + found.eddy)
+                now = gravity_to_field_angle(window, found.delay + found.eddy)
                 before, delay = constants.sighted, window.constants.delay
                 if before is not None:
                     delay = summed(delay, sight_evidence(before, now))

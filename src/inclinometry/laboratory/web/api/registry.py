@@ -43,7 +43,7 @@ def body_of(of: type[Any], *without: str) -> Callable[[type[B]], type[B]]:
             if is_dataclass(hint):
                 made |= {inner.name: (get_type_hints(hint)[inner.name], inner.default) for inner in fields(hint)}
             elif one.name not in without:
-                default = ... if one.default is MISSING else registry.outside(name, one.default)
+                default = ... if one.default is MISSING else registry.external_value(name, one.default)
                 factory = one.default_factory
                 made[name] = (hint, default if factory is MISSING else Field(default_factory=factory))
         return create_model(body.__name__, __base__=body, __module__=body.__module__, __doc__=body.__doc__, **made)
@@ -108,7 +108,7 @@ def one_tool(ledger: TheLedger, _: Reader, serial: Key) -> dict[str, Any]:
 @router.put("/tools/{serial:path}")
 def change_tool(ledger: TheLedger, user: Operator, serial: Key, body: ToolBody) -> dict[str, Any]:
     """Register a tool, or record what changed."""
-    tool = registry.registered(registry.RegisteredTool, serial, body.model_dump(exclude_unset=True))
+    tool = registry.from_record_body(registry.RegisteredTool, serial, body.model_dump(exclude_unset=True))
     return shown(registry.put_tool(ledger, tool, author=user.name))
 
 
@@ -121,7 +121,7 @@ def list_rigs(ledger: TheLedger, _: Reader) -> list[dict[str, Any]]:
 @router.put("/rigs/{name:path}")
 def change_rig(ledger: TheLedger, user: Operator, name: Key, body: RigBody) -> dict[str, Any]:
     """Register a rig, or record what changed."""
-    rig = registry.registered(registry.RegisteredRig, name, body.model_dump(exclude_unset=True))
+    rig = registry.from_record_body(registry.RegisteredRig, name, body.model_dump(exclude_unset=True))
     return shown(registry.put_rig(ledger, rig, author=user.name))
 
 
@@ -134,20 +134,20 @@ def list_sites(ledger: TheLedger, _: Reader) -> list[dict[str, Any]]:
 @router.put("/sites/{name:path}")
 def change_site(ledger: TheLedger, user: Operator, name: Key, body: SiteBody) -> dict[str, Any]:
     """Register a site, or record what changed."""
-    site = registry.registered(registry.RegisteredSite, name, body.model_dump(exclude_unset=True))
+    site = registry.from_record_body(registry.RegisteredSite, name, body.model_dump(exclude_unset=True))
     return shown(registry.put_site(ledger, site, author=user.name))
 
 
 @router.get("/standards")
 def list_standards(ledger: TheLedger, _: Reader) -> list[dict[str, Any]]:
     """Reference standards by name."""
-    return [{"name": one.name, **registry.stored(one)} for one in registry.standards(ledger)]
+    return [{"name": one.name, **registry.to_record_body(one)} for one in registry.standards(ledger)]
 
 
 @router.put("/standards/{name:path}")
 def change_standard(ledger: TheLedger, user: Metrologist, name: Key, body: StandardBody) -> dict[str, Any]:
     """Register a reference standard, or record what changed."""
-    standard = registry.registered(Standard, name, body.model_dump(exclude_unset=True))
+    standard = registry.from_record_body(Standard, name, body.model_dump(exclude_unset=True))
     return shown(registry.put_standard(ledger, standard, author=user.name))
 
 

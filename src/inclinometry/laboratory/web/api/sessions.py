@@ -13,7 +13,7 @@ from inclinometry.errors import refused
 from inclinometry.findings import Finding, without_notes
 from inclinometry.laboratory import drift
 from inclinometry.laboratory.attitude import at_target
-from inclinometry.laboratory.guided import plan_for
+from inclinometry.laboratory.guided_plans import plan_for
 from inclinometry.laboratory.ledger.ledger import Ledger
 from inclinometry.laboratory.progress import Goal, Progress, goal_of, judge_of, proposal, session_progress
 from inclinometry.laboratory.registry import RegisteredRig, find_rig, given, not_registered, rig_of
@@ -133,7 +133,7 @@ def begin(ledger: TheLedger, user: Operator, body: SessionBody) -> dict[str, Any
     if body.left_handed:
         settings["settings"] = {**settings.get("settings", {}), "left_handed": True}
     goal = {"u_azimuth_deg": body.wanted_u_azimuth_deg, "u_inclination_deg": body.wanted_u_inclination_deg}
-    settings["wanted"] = settings.get("wanted", {}) | {k: v for k, v in goal.items() if v is not None}
+    settings["target_u_deg"] = settings.get("target_u_deg", {}) | {k: v for k, v in goal.items() if v is not None}
     session = open_session(
         ledger, body.serial, plan, rig=body.rig, author=user.name, purpose=body.purpose, settings=settings
     )

@@ -11,10 +11,11 @@ from fastapi.responses import HTMLResponse, RedirectResponse, Response
 from nicegui import ui
 from nicegui.elements.mixins.text_element import TextElement
 
+from inclinometry.findings import Finding
 from inclinometry.glossary import glossary
 from inclinometry.laboratory.drift import kept_drift
 from inclinometry.laboratory.registry import due_days, listed, tools
-from inclinometry.laboratory.session import closing, load_session
+from inclinometry.laboratory.session import closing_status, load_session
 from inclinometry.laboratory.web.frame import Visitor, current, frame, language_of
 from inclinometry.laboratory.web.logins import CodeError, Login, TooManyError
 from inclinometry.laboratory.web.pages.lists import day as when
@@ -140,9 +141,9 @@ def home(request: Request) -> None:
         if visitor.user.may("capture") and not listed(ledger, "session", limit=1):
             _guide(visitor, request, begun)
         with visitor.panel("home.open_sessions"):
-            still_open = [one for one in listed(ledger, "session", limit=5 * shown) if not closing(ledger, one.id)][
-                :shown
-            ]
+            still_open = [
+                one for one in listed(ledger, "session", limit=5 * shown) if not closing_status(ledger, one.id)
+            ][:shown]
             for record in still_open:
                 session = load_session(ledger, record.id)
                 with ui.row().classes("items-center"):
@@ -182,12 +183,12 @@ def home(request: Request) -> None:
             _alarms(visitor, {serial: one["alarm"] for serial, one in sorted(drift.items()) if one["alarm"]}, shown)
 
 
-def _alarms(visitor: Visitor, alarms: dict[str, str], shown: int) -> None:
+def _alarms(visitor: Visitor, alarms: dict[str, Finding], shown: int) -> None:
     """Tools whose last calibration does not fit their history, as `fleet fit` found."""
     if not alarms:
         return
     ui.label(visitor.say("home.alarms")).classes("subtitle")
-    for serial, sentence in list(alarms.items())[:shown]:
-        ui.link(f"{serial}: {visitor.sentence(sentence)}", to("/tools", serial)).classes("bad")
+    for serial, alarm in list(alarms.items())[:shown]:
+        ui.link(f"{serial}: {visitor.sentence(alarm)}", to("/tools", serial)).classes("bad")
     if len(alarms) > shown:
         ui.link(visitor.say("home.more_due", number=len(alarms) - shown), "/tools")

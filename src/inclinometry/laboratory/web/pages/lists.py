@@ -15,7 +15,7 @@ from nicegui import events, ui
 from nicegui.elements.mixins.text_element import TextElement
 
 from inclinometry.errors import InclinometryError, refused
-from inclinometry.laboratory.guided import CALIBRATING
+from inclinometry.laboratory.guided_plans import CALIBRATING
 from inclinometry.laboratory.import_file import LARGEST, import_file
 from inclinometry.laboratory.ledger.ledger import Record
 from inclinometry.laboratory.registry import not_registered, rigs, sites, tools

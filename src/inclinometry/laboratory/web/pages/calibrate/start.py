@@ -11,12 +11,12 @@ from nicegui import context, ui
 
 from inclinometry.errors import InclinometryError, InputError, wrong_kind
 from inclinometry.laboratory import registry
-from inclinometry.laboratory.guided import ADAPTIVE, CALIBRATING, plan_for
+from inclinometry.laboratory.guided_plans import ADAPTIVE, CALIBRATING, plan_for
 from inclinometry.laboratory.ledger.engine import plain as is_plain
 from inclinometry.laboratory.ledger.ledger import Ledger
 from inclinometry.laboratory.ledger.users import User
 from inclinometry.laboratory.placeholders import stated
-from inclinometry.laboratory.session import Session, closing, load_session, open_session
+from inclinometry.laboratory.session import Session, closing_status, load_session, open_session
 from inclinometry.laboratory.web.frame import Visitor, frame
 from inclinometry.laboratory.web.pages.forms import LONGEST_KEY, DialsChoice, FieldError, NumberField, tell
 from inclinometry.laboratory.web.pages.lists import day, only, visible
@@ -210,7 +210,7 @@ class StartForm:
         unfinished = [
             one
             for one in registry.listed(ledger, "session", limit=newest, serial=serial)
-            if not closing(ledger, one.id)
+            if not closing_status(ledger, one.id)
         ]
         self._resume.set_visibility(bool(unfinished))
         if not unfinished or self._told == unfinished[0].id:
@@ -244,7 +244,7 @@ class StartForm:
             settings["settings"] = {**settings.get("settings", {}), "left_handed": True}
         if wanted:
             only = "inclination" if set(wanted) == {"u_inclination_deg"} else "azimuth"
-            settings["wanted"] = {**wanted, "criterion": only}
+            settings["target_u_deg"] = {**wanted, "criterion": only}
         purpose = "temperature" if heat else "calibrate"
         return open_session(ledger, serial, plan, rig=name, author=author, purpose=purpose, settings=settings)
 

@@ -27,19 +27,19 @@ RELATIVE: Final = 1e-5
 """Movement, of the vectors' length, below which neighbours count as still as well."""
 
 
-def rails(values: Array, reach: float | None) -> Mask:
+def clipped_samples(values: Array, reach: float | None) -> Mask:
     """Samples (n,) of one channel that stand at the end of its range: a known one, or one that shows by a pile."""
     at = np.zeros(values.size, dtype=np.bool_)
     if reach is not None:
         at |= np.abs(values) >= reach * (1.0 - 1e-3)
     for sign in (1.0, -1.0):
-        found = _pile(sign * values)
+        found = _samples_at_maximum(sign * values)
         if found is not None:
             at |= found
     return at
 
 
-def _pile(values: Array) -> Mask | None:
+def _samples_at_maximum(values: Array) -> Mask | None:
     """Samples at the largest value when it is a rail."""
     top = float(values.max())
     at = values == top
@@ -77,7 +77,7 @@ def clipping_faults(window: Samples, ranges: Mapping[str, float]) -> tuple[list[
             continue
         reach = ranges.get(triad)
         for axis, column in zip("xyz", values.T, strict=True):
-            channel, at = f"{triad}_{axis}", rails(column, reach)
+            channel, at = f"{triad}_{axis}", clipped_samples(column, reach)
             count = int(at.sum())
             if count:
                 said: dict[str, Value] = {"channel": channel, "share_percent": 100.0 * count / len(window)}
@@ -89,7 +89,7 @@ def clipping_faults(window: Samples, ranges: Mapping[str, float]) -> tuple[list[
                 margin, least = (reach - abs(float(column.mean()))) / max(float(column.std()), 1e-12), 4.5
                 if margin < least:
                     said = {"channel": channel, "margin": max(margin, 0.0)}
-                    found.append(Fault("motion-clipped-filter", said, "clipped", channel, True))
+                    found.append(Fault("motion-clipped", said, "clipped", channel, True))
     return found, marked
 
 
@@ -243,8 +243,8 @@ class HealthCheck:
         self._settings = settings or HealthSettings()
         self._site = site
         self._axes = AxesCheck(site)
-        self._counts: Counter[tuple[str, str]] = Counter()
-        self._first: dict[tuple[str, str], Fault] = {}
+        self._counts: Counter[tuple[str, str, bool]] = Counter()
+        self._first: dict[tuple[str, str, bool], Fault] = {}
         self._windows = 0
         self._site_check = SiteCheck(site)
 
@@ -254,7 +254,7 @@ class HealthCheck:
         faults += stuck_faults(window) + held_faults(window)
         if share := 0.0 if window.clipped is None else float(window.clipped.mean()):
             faults.append(Fault("motion-samples-missing", {"share_percent": 100.0 * share}, "gap", "all", False))
-        faults += _dead(window)
+        faults += _accelerometer_fault(window)
         lame = window.mag is not None and any(one.refuse and one.where.startswith("gyro") for one in faults)
         judged = replace(window, gyro=None) if lame else window
         turning = find_turning(judged)
@@ -274,9 +274,9 @@ class HealthCheck:
             if steady and not aliased:
                 faults += self._axes.against(turning) + self._axes.dip(off)
         self._windows += 1
-        self._counts.update({(one.code, one.where) for one in faults})
+        self._counts.update({(one.code, one.where, one.refuse) for one in faults})
         for one in faults:
-            self._first.setdefault((one.code, one.where), one)
+            self._first.setdefault((one.code, one.where, one.refuse), one)
         if marked.any():
             already = np.zeros(len(window), np.bool_) if window.clipped is None else window.clipped
             window = replace(window, clipped=already | marked)
@@ -291,7 +291,7 @@ class HealthCheck:
         return (*(() if asked else self._site_check.findings()), *found, *self._axes.findings())
 
 
-def named(row: Attitude, health: WindowHealth) -> Attitude:
+def add_flag_reasons(row: Attitude, health: WindowHealth) -> Attitude:
     """The row with the reason that samples were marked for: missing ones are a gap, not clipped."""
     if health.has("clipped") or not health.has("gap"):
         return row
@@ -300,7 +300,7 @@ def named(row: Attitude, health: WindowHealth) -> Attitude:
     return replace(row, flags=np.where(clipped, row.flags ^ swap | np.uint32(BITS["gap"]), row.flags))
 
 
-def _dead(window: Samples) -> list[Fault]:
+def _accelerometer_fault(window: Samples) -> list[Fault]:
     """An accelerometer that does not even feel gravity."""
     if window.accel is None or not len(window):
         return []

@@ -12,7 +12,6 @@ from inclinometry.arrays import within
 from inclinometry.earth.site import Site
 from inclinometry.errors import InputError
 from inclinometry.findings import Finding, Value
-from inclinometry.motion.health import HealthCheck, HealthSettings, WindowHealth, named
 from inclinometry.motion.inertial.filter import GyroStream, InertialStream
 from inclinometry.motion.inertial.state import InertialSettings
 from inclinometry.motion.magnetic.phase import MagneticSettings
@@ -20,6 +19,7 @@ from inclinometry.motion.magnetic.window import MagneticStream
 from inclinometry.motion.reference import azimuth_uncertainty, to_magnetic, widened
 from inclinometry.motion.result import BITS, METHODS, Attitude, Samples, distinct, joined, refusals
 from inclinometry.motion.static import StaticSettings, static_attitude
+from inclinometry.motion.window_checks import HealthCheck, HealthSettings, WindowHealth, add_flag_reasons
 from inclinometry.motion.window_filter import WindowBuffer
 from inclinometry.motion.window_smoother import LazyStream, single
 from inclinometry.tabular import check_record
@@ -86,7 +86,7 @@ class AttitudeChooser:
     def finish(self) -> Attitude:
         """No rows (what is left is shorter than a window), but what was chosen and found."""
         rows = self._none() if self._buffer is None else self._rows(self._buffer.finish())
-        found = [*self._said(), *self._health.findings()]
+        found = [*self._summary_notes(), *self._health.findings()]
         for stream in self._magnetic.values():
             told = {"motion-block-gaps", "motion-no-window", *(one.code for one in found)}
             found += [one for one in stream.finish().findings if one.code not in told]
@@ -115,7 +115,7 @@ class AttitudeChooser:
             self._end = float(window.time[-1])
             health = self._health.check(window)
             row, kind, outcome = self._choose(health)
-            row = named(row, health)
+            row = add_flag_reasons(row, health)
             self._counts[kind, outcome] += 1
             rows.append(replace(row, flags=row.flags | np.uint32(health.flags), findings=()))
         return joined(rows) if rows else self._none()
@@ -129,55 +129,59 @@ class AttitudeChooser:
         usable = not health.unusable("accel")
         refused: Attitude | None = None
         if usable and (shake := _shake(window)) < self._settings.static.shake:
-            row = self._honest(self._static(window), health) if field else self._static(replace(window, mag=None))
+            row = (
+                self._add_field_departure(self._static(window), health)
+                if field
+                else self._static(replace(window, mag=None))
+            )
             if not bool(row.refused[0]) and not int(row.flags[0]) & BITS["not-still"]:
                 if field:
                     for stream in self._magnetic.values():
                         stream.rest(window)
-                if field or not self._drives(health):
-                    return self._settled(health, row, "still", good=field)
+                if field or not self._gyro_is_usable(health):
+                    return self._accept_row(health, row, "still", good=field)
                 kind = "still"
             refused = row if shake == 0.0 else None
         if usable and field and self._phased:
             # row of the window; without the gyro where that is damaged
-            use = self._drives(health)
+            use = self._gyro_is_usable(health)
             if use not in self._magnetic:
                 self._magnetic[use] = MagneticStream(self._magnetic_settings(use_gyro=use))
-            row = self._honest(self._magnetic[use].push(health.samples), health)
+            row = self._add_field_departure(self._magnetic[use].push(health.samples), health)
             if not bool(row.refused[0]):
-                return self._doubted(health, row, kind)
+                return self._magnetic_or_filtered_row(health, row, kind)
             refused = row
-        carried = self._carried(health) if usable and self._drives(health) else None
+        carried = self._row_from_gyro(health) if usable and self._gyro_is_usable(health) else None
         if carried is not None:
             outcome = "refused" if bool(carried.refused[0]) else METHODS[int(carried.method[0])]
             return carried, kind, outcome
-        if not self._drives(health):
+        if not self._gyro_is_usable(health):
             self._filter.restart()
             self._gyro.restart()
         if kind == "still" and usable:
             return self._static(replace(window, mag=None)), kind, "static"
         return refused if refused is not None else self._refusal(health), kind, "refused"
 
-    def _settled(self, health: WindowHealth, row: Attitude, kind: str, *, good: bool) -> tuple[Attitude, str, str]:
+    def _accept_row(self, health: WindowHealth, row: Attitude, kind: str, *, good: bool) -> tuple[Attitude, str, str]:
         """A row that needs no filter; the filters are told of the window."""
-        if self._drives(health):
-            clean = good and not _marked(health.samples)
+        if self._gyro_is_usable(health):
+            clean = good and not _has_flagged_samples(health.samples)
             self._filter.take(health.samples, good=clean, wanted=False)
-            self._gyro.take(health.samples, good=not _marked(health.samples), wanted=False)
+            self._gyro.take(health.samples, good=not _has_flagged_samples(health.samples), wanted=False)
         return row, kind, METHODS[int(row.method[0])]
 
-    def _doubted(self, health: WindowHealth, row: Attitude, kind: str) -> tuple[Attitude, str, str]:
+    def _magnetic_or_filtered_row(self, health: WindowHealth, row: Attitude, kind: str) -> tuple[Attitude, str, str]:
         """A magnetic row, or the filter's where the field is disturbed and the gyro knows the azimuth better."""
         disturbed = bool(int(row.flags[0] | health.flags) & BITS["disturbed"])
-        if not (disturbed and self._drives(health)):
-            return self._settled(health, row, kind, good=True)
+        if not (disturbed and self._gyro_is_usable(health)):
+            return self._accept_row(health, row, kind, good=True)
         other = self._filter.take(health.samples, good=False, wanted=True)
-        self._gyro.take(health.samples, good=not _marked(health.samples), wanted=False)
+        self._gyro.take(health.samples, good=not _has_flagged_samples(health.samples), wanted=False)
         if other is not None and single(other) and other.u.azimuth[0] < row.u.azimuth[0]:
             row = other
         return row, kind, METHODS[int(row.method[0])]
 
-    def _drives(self, health: WindowHealth) -> bool:
+    def _gyro_is_usable(self, health: WindowHealth) -> bool:
         """Whether a gyro can carry the attitude."""
         return health.samples.has("gyro") and not health.unusable("gyro")
 
@@ -185,14 +189,14 @@ class AttitudeChooser:
         settings = replace(self._settings.static, window=len(window) * window.interval)
         return static_attitude(window, settings, self._site)
 
-    def _honest(self, row: Attitude, health: WindowHealth) -> Attitude:
+    def _add_field_departure(self, row: Attitude, health: WindowHealth) -> Attitude:
         """The row with what the field's departure from the site's adds to its uncertainty."""
         return widened(row, azimuth_uncertainty(health.off, self._site))
 
-    def _carried(self, health: WindowHealth) -> Attitude | None:
+    def _row_from_gyro(self, health: WindowHealth) -> Attitude | None:
         """Row by gyro: of the filter that began in a good field, else of the gyro that finds north itself."""
         window = health.samples
-        whole = not _marked(window)
+        whole = not _has_flagged_samples(window)
         row = self._filter.take(window, good=False, wanted=True) if window.has("mag") else None
         lone = self._gyro.take(window, good=whole, wanted=not single(row))
         if single(row):
@@ -212,27 +216,20 @@ class AttitudeChooser:
         row = refusals([time], sorted(found or {"unobservable"}), "magnetic", self._north)
         return replace(row, rate=np.array([health.turning.mean]))
 
-    def _said(self) -> list[Finding]:
+    def _summary_notes(self) -> list[Finding]:
         """What the tool did and what was chosen, how often."""
         total, length = sum(self._counts.values()), self._size * self._interval
         if not total:
             return [Finding("motion-no-window", {"window_s": length})]
         kinds: list[Value] = []
         for kind in ("still", "sliding", "rotating", "moving"):
-            mine = {outcome: count for (each, outcome), count in sorted(self._counts.items()) if each == kind}
-            if mine:
-                methods = tuple(map(_outcome, mine, mine.values()))
-                kinds.append(Finding("motion-kind", {"kind": kind, "count": sum(mine.values()), "methods": methods}))
+            for (each, method), count in sorted(self._counts.items()):
+                if each == kind:
+                    kinds.append(Finding("motion-kind", {"kind": kind, "method": method, "count": count}))
         found = [
             Finding("motion-windows", {"total": total, "window_s": length, "kinds": tuple(kinds)}, severity="note")
         ]
         return found + ([Finding("motion-rests", {"count": self._short}, severity="note")] if self._short else [])
-
-
-def _outcome(name: str, count: int) -> Finding:
-    if name == "refused":
-        return Finding("motion-method-refused", {"count": count})
-    return Finding("motion-method", {"method": name, "count": count})
 
 
 def choose_attitude(samples: Samples, settings: ChooserSettings | None = None, site: Site | None = None) -> Attitude:
@@ -288,5 +285,5 @@ def _shake(window: Samples) -> float:
     return float(np.sqrt(np.mean(np.sum((accel - accel.mean(axis=0)) ** 2, axis=1))))
 
 
-def _marked(window: Samples) -> bool:
+def _has_flagged_samples(window: Samples) -> bool:
     return window.clipped is not None and bool(window.clipped.any())

@@ -14,7 +14,7 @@ from inclinometry.files import json_codec
 from inclinometry.files.stability_toml import read_stability
 from inclinometry.findings import Finding, Value
 from inclinometry.history import DAYS_PER_YEAR
-from inclinometry.stability import ASSUMED, aged, years_between
+from inclinometry.stability import ASSUMED, add_stability, years_between
 
 
 @dataclass(frozen=True)
@@ -45,15 +45,15 @@ def at_the_run(
             day = datetime.date.fromisoformat(created[:10])
         except ValueError:
             raise FileError(
-                Finding("file-value", {"column": "$.created", "value": created, "allowed": "YYYY-MM-DD"}), path=path
+                Finding("input-value", {"name": "$.created", "value": created, "allowed": "YYYY-MM-DD"}), path=path
             ) from None
         years = years_between(day, site.date)
     if years is None:
         return calibration, [Finding("work-age-unknown", severity="note")]
     known = ASSUMED if age.stability is None else read_stability(age.stability)
-    tool = aged(calibration.tool, years, known)
+    tool = add_stability(calibration.tool, years, known)
     days = years * DAYS_PER_YEAR
     if not tool.stability.any():
-        return calibration, [Finding("work-age-none", {"days": days}, severity="note")]
-    values: dict[str, Value] = {"days": days, "source": known.source}
+        return calibration, [Finding("work-age", {"days": days, "source": ()}, severity="note")]
+    values: dict[str, Value] = {"days": days, "source": (known.source,)}
     return replace(calibration, tool=tool), [Finding("work-age", values, severity="note")]

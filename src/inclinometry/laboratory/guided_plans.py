@@ -13,7 +13,7 @@ from inclinometry.laboratory.drift import CHECK, refuse_check
 from inclinometry.laboratory.ledger.ledger import Ledger
 from inclinometry.laboratory.progress import Goal
 from inclinometry.laboratory.registry import RegisteredRig, find_tool
-from inclinometry.laboratory.session import campaign
+from inclinometry.laboratory.session import positions_at_temperatures
 from inclinometry.laboratory.verification import protocols
 from inclinometry.workflow.plan import aimed_range, make_plan
 
@@ -60,6 +60,6 @@ def plan_for(
     else:
         raise not_among("plan", name, (*CALIBRATING, *protocols()))
     if temperatures:
-        plan, targets = campaign(plan, temperatures)
+        plan, targets = positions_at_temperatures(plan, temperatures)
         settings["settings"] = {**settings.get("settings", {}), "target_degC": list(targets)}
     return plan, settings

@@ -15,13 +15,13 @@ from inclinometry.calibration.classical import solve_classical
 from inclinometry.calibration.closed import ClosedForm, covariance, reading_covariance
 from inclinometry.calibration.conventions import check_axes
 from inclinometry.calibration.diagnosis import check_channels, roll_findings
+from inclinometry.calibration.initial_values import enough, fix_signs
 from inclinometry.calibration.joint_fit import begin
 from inclinometry.calibration.likelihood import State
 from inclinometry.calibration.plausibility import check_readings, unexplained
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.record import closed_calibration
 from inclinometry.calibration.result import Calibration, same_units
-from inclinometry.calibration.start import enough, fix_signs
 from inclinometry.calibration.twelve import DOWN, find_direction, solve_orthogonal, solve_rotations, solve_twelve
 from inclinometry.calibration.variance import Fitted, expected_variances, fit_with_variances
 from inclinometry.constants import EARTH_RATE, STANDARD_GRAVITY
