@@ -188,6 +188,8 @@ def _shown(name: str, value: Value, spec: str, language: str, own: str) -> str:
         if all(isinstance(one, Finding) and (rule(one.code).means or one.code == "record-text") for one in value):
             return ("" if language == "zh" else " ").join(shown)  # whole sentences
         join = _word(f" {last} ", language, own)
+        if language == "zh" and shown[-1][:1] > "\u2e80":  # a Chinese word needs no space beside it
+            join = join.strip()
         return join.join([_word(", ", language, own).join(shown[:-1]), shown[-1]] if shown[1:] else shown)
     if isinstance(value, str):
         if spec == "name":
