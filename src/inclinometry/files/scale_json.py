@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from inclinometry.arrays import Array, frozen
-from inclinometry.errors import FileError, InputError, in_file
+from inclinometry.errors import FileError, InputError, in_file, wrong_shape
 from inclinometry.files import json_codec
-from inclinometry.findings import Finding, Value
+from inclinometry.findings import Finding
 from inclinometry.gyro.tracking import ScaleState
 
 
@@ -49,7 +49,7 @@ def write_scale(record: ScaleRecord, path: str | Path) -> None:
     content = {
         "tool": record.tool,
         "inputs": dict(record.inputs),
-        "belief": {
+        "state": {
             "coefficients": belief.coefficients,
             "covariance": belief.covariance,
             "per_degC": 100.0,
@@ -58,10 +58,10 @@ def write_scale(record: ScaleRecord, path: str | Path) -> None:
         },
         "stations": {
             **{name: getattr(record, own) for own, name in _COLUMNS.items()},
-            "learnt": list(record.learnt),
+            "observable": list(record.learnt),
         },
     }
-    json_codec.store(content, path, "scale", 2)
+    json_codec.store(content, path, "scale", 3)
 
 
 def read_scale(path: str | Path) -> ScaleRecord:
@@ -72,14 +72,14 @@ def read_scale(path: str | Path) -> ScaleRecord:
     FileError
         Not such a file, a later version, a value out of place, with its JSON path.
     """
-    content = json_codec.stored(path, "scale", 2)
-    belief: dict[str, Any] = content["belief"]
+    content = json_codec.stored(path, "scale", 3)
+    state, observable = ("state", "observable") if content["version"] > 2 else ("belief", "learnt")
+    belief: dict[str, Any] = content[state]
     stations: dict[str, Any] = content["stations"]
     size = len(stations["md_m"])
     for name, values in stations.items():
         if len(values) != size:
-            facts: dict[str, Value] = {"place": f"$.stations.{name}", "count": len(values), "expected": size}
-            raise FileError(Finding("record-size", facts), path=path)
+            raise in_file(wrong_shape(f"$.stations.{name}", f"({len(values)},)", f"({size},)"), path)
     span = belief["temperature_range_degC"]
     try:
         mean, spread = np.array(belief["coefficients"]), np.array(belief["covariance"])
@@ -93,7 +93,7 @@ def read_scale(path: str | Path) -> ScaleRecord:
     except InputError as error:
         raise in_file(error, path) from None
     except ValueError as error:
-        raise FileError(Finding("file-format", {"format": "$.belief", "reason": str(error)}), path=path) from None
+        raise FileError(Finding("file-format", {"format": f"$.{state}", "reason": str(error)}), path=path) from None
     columns = {own: frozen(stations[name]) for own, name in _COLUMNS.items()}
-    learnt, inputs = tuple(stations["learnt"]), content["inputs"]
+    learnt, inputs = tuple(stations[observable]), content["inputs"]
     return ScaleRecord(tool=content["tool"], belief=known, learnt=learnt, inputs=inputs, **columns)

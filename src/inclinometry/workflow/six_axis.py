@@ -559,6 +559,6 @@ def msa(run: SixAxis, priors: str = "iscwsa", axial_sigma: float | None = None) 
     refuse_beyond(found.parameters)
     tool = "" if run.tool is None else run.tool.name
     correction = correction_of(found, reference, chosen, tool, run.inputs)
-    ignored = [f"ignored {one.code}: {one}" for one in run.findings if one.severity == "ignored"]
-    correction = replace(correction, warnings=(*ignored, *correction.warnings))
+    ignored = [one for one in run.findings if one.severity == "ignored"]
+    correction = replace(correction, findings=(*ignored, *correction.findings))
     return Analysis(found, correction, before)

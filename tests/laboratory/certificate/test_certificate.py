@@ -26,6 +26,7 @@ from inclinometry.calibration.result import Calibration
 from inclinometry.calibration.undetermined import few
 from inclinometry.constants import STEPS
 from inclinometry.errors import FileError
+from inclinometry.files.json_codec import restored
 from inclinometry.findings import Finding, say
 from inclinometry.laboratory.certificate.dcc import dcc_bytes
 from inclinometry.laboratory.certificate.laboratory import Laboratory, Standard
@@ -105,7 +106,7 @@ def test_special_characters_are_printed_as_they_are(tmp_path: Path) -> None:
     laboratory = replace(LABORATORY, name=NASTY, traceability=NASTY, address=NASTY)
     order = replace(ORDER, customer=NASTY, item=NASTY, condition=NASTY, rig=NASTY, environment=NASTY, serial=NASTY)
     content = record(laboratory=laboratory, order=order, previous=calibration(2), previous_from=NASTY, number=NASTY)
-    content["warnings"] = [NASTY]
+    content["findings"] = [restored(NASTY).stored()]
     whole = " ".join(pages(certificate_pdf(content), tmp_path)).replace(" ", "")
     # name, traceability, address (twice: place), customer, item, condition, rig, environment, serial, number, ...
     assert whole.count(NASTY.replace(" ", "")) >= 12
@@ -199,7 +200,7 @@ def test_every_kind_of_tool_can_be_certified(sensors: dict[str, int]) -> None:
         assert at[90.0] > 30.0
         (told,) = two_accelerometers(calibration.tool)
         assert told.values["percent"] == pytest.approx(0.3, abs=0.05)
-        assert str(told) in content["warnings"]
+        assert told.stored() in content["findings"]
     assert certificate_pdf(content).startswith(b"%PDF")
     schema = dcc_schema()
     assert schema.validate(etree.fromstring(dcc_bytes(content))), schema.error_log
@@ -285,7 +286,7 @@ def test_conformity_and_its_rule(seen, statement, rule) -> None:  # type: ignore
 def test_the_first_page_says_to_what_the_statement_applies(tmp_path: Path) -> None:
     """Protocol with n of m, angles and inclinations judged, what was not; the reference of the rig."""
     seen = copy.deepcopy(verification(1.0))
-    seen["report"]["protocol"] = {"name": "twelve", "taken": 12, "positions": 12}
+    seen["report"]["protocol"] = {"name": "twelve", "positions_captured": 12, "positions": 12}
     for row in seen["report"]["positions"]:
         row["toolface"]["decision"] = "not judged"
     order = replace(ORDER, rig_traceability="NMI cert 12", rig_place="hall 9")
@@ -325,7 +326,7 @@ def test_warnings_and_units_are_in_the_language_of_the_certificate(seen: list[di
     """Nobody reads English on the Russian certificate of a doubtful verification, but names and codes."""
     doubted = copy.deepcopy(verification(1.0))
     said = few("positions to verify a tool", 4, 6, "Take more over the range of use")
-    doubted["report"]["warnings"] = [str(said)]
+    doubted["report"]["findings"] = [said.stored()]
     certificate_pdf(record(verification=doubted) | {"language": "ru"})
     text = json.dumps(seen[0], ensure_ascii=False)
     assert str(said) not in text
@@ -338,13 +339,13 @@ def test_warnings_and_units_are_in_the_language_of_the_certificate(seen: list[di
 def test_the_box_is_green_only_where_nothing_speaks_against_it(seen: list[dict[str, str]]) -> None:
     """Warnings of the verification and remarks stand in the box itself, and take its green away."""
     doubted = copy.deepcopy(verification(1.0))
-    doubted["report"]["warnings"] = ["the stand is poor"]
-    plain = copy.deepcopy(verification(1.0)) | {"report": verification(1.0)["report"] | {"warnings": []}}
-    clean = record(verification=plain) | {"warnings": [], "accepted": None}
+    doubted["report"]["findings"] = [restored("the stand is poor").stored()]
+    plain = copy.deepcopy(verification(1.0)) | {"report": verification(1.0)["report"] | {"findings": []}}
+    clean = record(verification=plain) | {"findings": [], "accepted": None}
     for content in (
         clean,
         clean | {"verification": doubted},
-        clean | {"warnings": ["the sign is assumed"]},
+        clean | {"findings": [restored("the sign is assumed").stored()]},
         record(verification=verification(0.01)),
         record(verification=None),
     ):
