@@ -160,8 +160,8 @@ def say(found: Finding, language: str = "en") -> str:
     """The sentence of a finding.
 
     A field is {name}, or {name:spec}: a format of numbers (.3g where there is none; lengths as given), `word` for
-    one that is translated, `name` for one that is said as pages label it, `whole` for a sentence of a file, which is
-    not cut, `or` and `and` for several values.
+    one that is translated, `unit` for a unit after its number, `name` for one that is said as pages label it, `whole`
+    for a sentence of a file, which is not cut, `or` and `and` for several values.
     """
     of, count, own = rule(found.code), found.values.get("count", 1), found.code.partition("-")[0]
     text = _translated(language, own, found.code, of.sentences, count if isinstance(count, int) else 1)
@@ -188,10 +188,15 @@ def _shown(name: str, value: Value, spec: str, language: str, own: str) -> str:
         if all(isinstance(one, Finding) and (rule(one.code).means or one.code == "record-text") for one in value):
             return ("" if language == "zh" else " ").join(shown)  # whole sentences
         join = _word(f" {last} ", language, own)
+        if language == "zh" and shown[-1][:1] > "\u2e80":  # a Chinese word needs no space beside it
+            join = join.strip()
         return join.join([_word(", ", language, own).join(shown[:-1]), shown[-1]] if shown[1:] else shown)
     if isinstance(value, str):
         if spec == "name":
-            return translations(language, "label").get(value) or translations(language, "word").get(value, value)
+            known = translations(language, "word") | translations(language, "label")
+            return known.get(value, _short(value))
+        if spec == "unit":
+            return _word(f" {value}", language, own)
         return _word(value, language, own) if spec == "word" else value if spec == "whole" else _short(value)
     unit = next((end for end in UNITS if name.endswith(end)), "")
     text = format(value, spec or ("d" if isinstance(value, int) else ".12g" if unit == "_m" else ".3g"))

@@ -102,8 +102,8 @@ def test_azimuths_are_turned_to_the_grid(run, tables):
         ("H1,0,-60,90", "H1,200,-60,90", 3, "holes-depth-order"),
         ("H1,100,-60,90", "H1,100,,90", 3, "table-empty"),
         ("H1,100,-60,90", "H1,100,-60,", 3, "table-empty"),
-        ("H1,100,-60,90", "H1,100,-95,90", 3, "file-value"),
-        ("H1,100,-60,90", "H1,100,-60,400", 3, "file-value"),
+        ("H1,100,-60,90", "H1,100,-95,90", 3, "input-value"),
+        ("H1,100,-60,90", "H1,100,-60,400", 3, "input-value"),
         ("H1,100,-60,90", "H1,160,-60,90", 2, "holes-end-above"),
         ("H1,100,-60,90", "H1,100,60,270", 2, "survey-half-turn"),
         ("UP,50", "up,50", 4, "holes-collar-missing"),
@@ -143,7 +143,7 @@ def test_each_hole_is_held_against_what_a_run_is(run):
 
 def test_collars_that_are_double_or_alone(run, tables):
     Path("collars.csv").write_text(COLLARS + "H1,1,2,3,\nX9,1,2,3,\n")
-    assert "H1, line 2: Several collars in collars.csv, lines 2, 5." in holes(run).err
+    assert "H1, line 2: collars.csv:2,5: H1 occurs more than once." in holes(run).err
     Path("collars.csv").write_text(COLLARS + "X9,1,2,3,\n")
     (one,) = said(holes(run, "--json").ok(), "holes-collar-alone")
     assert one["values"] == {"count": 1, "names": "X9"}

@@ -55,8 +55,8 @@ def test_the_same_record_gives_the_same_bytes(tmp_path):
     [
         ({"schema": "inclinometry/tool"}, "record-kind"),
         ({"version": 3}, "file-version"),
-        ({"samples": "many"}, "file-value $.samples"),
-        ({"channels": []}, "file-value $.channels"),
+        ({"samples": "many"}, "input-value $.samples"),
+        ({"channels": []}, "input-value $.channels"),
         ({"surplus": 1}, "input-unknown $.surplus"),
     ],
 )

@@ -68,8 +68,8 @@ A = {"depth_m": DEPTH, "a0_sin": TILT, "a180_sin": -TILT}
         (A | {"b0_mm": TILT, "b180_mm": -TILT}, 1, "table-units"),
         ({"depth_m": DEPTH, "a0": TILT}, 1, "readings-unit-unstated"),
         ({"depth_m": DEPTH, "a0_furlong": TILT}, 1, "readings-unit-unstated"),
-        (A | {"a0_sin": spoilt(TILT, 6, 1.5)}, 8, "file-value"),
-        ({"depth_m": DEPTH, "a0_deg": spoilt(TILT, 6, 91.0)}, 8, "file-value"),
+        (A | {"a0_sin": spoilt(TILT, 6, 1.5)}, 8, "input-value"),
+        ({"depth_m": DEPTH, "a0_deg": spoilt(TILT, 6, 91.0)}, 8, "input-value"),
         (A | {"a180_sin": TILT}, 1, "holes-correlation"),
         (A | {"depth_m": spoilt(DEPTH, 6, 3.0)}, 8, "holes-depth-order"),
         (A | {"depth_m": spoilt(DEPTH, 6, 2.0)}, 8, "holes-depth-order"),
@@ -90,7 +90,7 @@ def test_a_depth_with_a_wrong_digit_is_named(tmp_path, way):
     with pytest.raises(FileError) as caught:
         read_casing(casing(tmp_path, columns, np.arange(30)[::way]))
     found = caught.value.finding
-    assert (found.code, found.values) == ("run-depth-digit", {"md_m": 3.8, "course_m": 0.5, "expected_m": 3.5})
+    assert (found.code, found.values) == ("holes-depth-step", {"md_m": 3.8, "step_m": 0.5, "expected_m": 3.5})
     assert caught.value.line == (9 if way > 0 else 24)
 
 

@@ -106,15 +106,15 @@ def both(change):
     [
         (put("schema", "inclinometry/tool"), "record-kind"),
         (put("version", 3), "file-version"),
-        (put("parameters", 0, "value", "much"), "file-value $.parameters[0].value"),
+        (put("parameters", 0, "value", "much"), "input-value $.parameters[0].value"),
         (put("covariance", "parameters", 0, "MBY"), "record-names"),
         (put("covariance", "matrix", 0, 0, -1.0), "record-covariance"),
         (both(list.reverse), "record-names"),
-        (both(lambda rows: rows.pop(0)), "record-size"),
+        (both(lambda rows: rows.pop(0)), "input-shape"),
         (put("reference", "b_nT", 5.0), "input-value reference b"),
         (lambda content: content.pop("noise"), "input-missing $.noise"),
         (put("noise", 2, 2, -1.0), "record-covariance"),
-        (put("parameters", 1, "gain", 0, 0, 6), "file-value $.parameters[1].gain[0][0]"),
+        (put("parameters", 1, "gain", 0, 0, 6), "input-value $.parameters[1].gain[0][0]"),
     ],
 )
 def test_refused(tmp_path, change, words):

@@ -122,10 +122,10 @@ def test_cached_results_of_formulas_are_read(book, tmp_path):
     ("rows", "words"),
     [
         ([], "file-empty"),
-        ([NAMES, [0, "#DIV/0!", "A"]], "file-number inclination_deg"),
-        ([NAMES, [0, True, "A"]], "file-number inclination_deg"),
-        ([NAMES, [0, datetime.date(2026, 5, 1), "A"]], "file-number inclination_deg"),
-        ([NAMES, [0, 1, "A"], [], [30, 181, "A"]], "file-value inclination_deg"),
+        ([NAMES, [0, "#DIV/0!", "A"]], "input-kind inclination_deg"),
+        ([NAMES, [0, True, "A"]], "input-kind inclination_deg"),
+        ([NAMES, [0, datetime.date(2026, 5, 1), "A"]], "input-kind inclination_deg"),
+        ([NAMES, [0, 1, "A"], [], [30, 181, "A"]], "input-value inclination_deg"),
     ],
 )
 def test_refusals(book, rows, words):
@@ -241,7 +241,7 @@ def test_sheets_that_are_no_tables(tmp_path, book):
     for row in (NAMES, [0, 1, "A"]):
         workbook.active.append(row)
     workbook.save(tmp_path / "chart.xlsx")
-    with refused("table-chart", error=FileError):
+    with refused("input-choice", error=FileError):
         read_excel(tmp_path / "chart.xlsx", sheet="picture")
 
 

@@ -82,7 +82,7 @@ def test_types_of_other_writers(write):
 @pytest.mark.parametrize(
     ("columns", "words"),
     [
-        ({"md_m": [1.0], "tvd_m": [True]}, "file-number tvd_m"),
+        ({"md_m": [1.0], "tvd_m": [True]}, "input-kind tvd_m"),
         ({"md_m": [1.0], "tvd_m": [[1.0]]}, "input-kind tvd_m"),
         ({"md_m": [1.0], "tvd_m": [1.0], "blob": [b"1"]}, "input-kind blob"),
         ({"md_m": [1.0], "tvd": [1.0]}, "table-unit-missing"),
@@ -113,7 +113,7 @@ def test_damaged_files(tmp_path):
             read_parquet(tmp_path / "b.parquet")
     with refused("file-absent", error=FileError):
         read_parquet(tmp_path / "c.parquet")
-    with refused("file-folder", error=FileError):
+    with refused("file-not-file", error=FileError):
         read_parquet(tmp_path)
 
 
@@ -164,7 +164,7 @@ def test_a_page_that_was_changed_is_found_by_its_checksum(tmp_path, names, read)
 def test_names_twice_and_texts_that_are_damaged(tmp_path):
     path = tmp_path / "a.parquet"
     pq.write_table(pa.Table.from_arrays([pa.array([1.0, 2.0])] * 3, names=["md_m", "tvd_m", "tvd_m"]), path)
-    with refused("table-twice", error=FileError):
+    with refused("input-repeated", error=FileError):
         read_parquet(path)
     pq.write_table(pa.table({"md_m": [1.0, 2.0], "tvd_m": [1.0, 2.0], "crew": ["AAAA", "BBBB"]}), path,
                    compression="none", use_dictionary=False)  # fmt: skip

@@ -10,7 +10,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from inclinometry.arrays import Array, finite, frozen, within
+from inclinometry.arrays import Array, finite, frozen, increasing, within
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.constants import KINDS
 from inclinometry.errors import not_among, refused, wrong_shape
@@ -35,9 +35,7 @@ def sampling_period(time: Array) -> tuple[float, NDArray[np.int64]]:
     steps = np.diff(time)
     if len(steps) == 0:
         raise refused("input-few", {"name": "samples", "count": len(time), "least": 2})
-    if np.any(steps <= 0.0):
-        at = int(np.argmax(steps <= 0.0)) + 1
-        raise refused("input-backwards", {"time_s": float(time[at]), "before_s": float(time[at - 1])})
+    increasing(time, "time_s")
     period = float(np.median(steps))
     return period, np.flatnonzero(steps > 5.0 * period).astype(np.int64) + 1
 

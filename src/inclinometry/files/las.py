@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inclinometry.arrays import Array
-from inclinometry.errors import FileError, InputError, in_file
+from inclinometry.errors import FileError, InputError, in_file, wrong_kind
 from inclinometry.files import writing
 from inclinometry.files._quantities import meaning, quantities_by_column, same_unit
 from inclinometry.files.frame import Column, Frame
@@ -143,8 +143,7 @@ def _floats(path: Path, cells: Sequence[str], name: str, rows: Sequence[int], nu
     wrong = ~np.isfinite(values)
     if wrong.any() or "_" in "".join(cells):
         at = int(np.argmax(wrong)) if wrong.any() else next(i for i, cell in enumerate(cells) if "_" in cell)
-        wrong_cell = Finding("file-number", {"column": name, "value": cells[at]})
-        raise FileError(wrong_cell, path=path, line=int(rows[at]))
+        raise in_file(wrong_kind(name, cells[at], "number"), path, int(rows[at]))
     return np.where(values == null, np.nan, values)
 
 
@@ -175,7 +174,7 @@ def las_frame(where: Path) -> Frame:
         if not name:
             raise FileError(Finding("table-unnamed", {"place": place}), path=where)
         if names.index(name) < place - 1:
-            raise FileError(Finding("table-twice", {"column": name}), path=where)
+            raise FileError(Finding("input-repeated", {"name": "column", "value": name}), path=where)
     wrap = str(_value(las.version, "WRAP") or "NO").strip().upper() == "YES"
     units = {name: str(curve.unit) for name, curve in zip(names, las.curves, strict=True) if curve.unit}
     columns, rows = read_data(where, numbered(lines, first), names, units, _null(where, las), wrap)
@@ -192,7 +191,7 @@ def las_frame(where: Path) -> Frame:
             try:
                 wanted = float(value)
             except (TypeError, ValueError):
-                raise FileError(Finding("file-number", {"column": name, "value": str(value)}), path=where) from None
+                raise in_file(wrong_kind(name, str(value), "number"), where) from None
             # headers are often printed with fewer digits than the data
             if not abs(wanted - found) <= 0.006 + 1e-6 * abs(found):
                 apart = Finding("file-differs", {"name": name, "stated": wanted, "there": float(found)})
@@ -271,7 +270,7 @@ def _null(path: Path, las: Any) -> float:
     try:
         return float(value)
     except (TypeError, ValueError):
-        raise FileError(Finding("file-number", {"column": "NULL", "value": str(value)}), path=path) from None
+        raise in_file(wrong_kind("NULL", str(value), "number"), path) from None
 
 
 def _head_texts(path: Path, las: Any) -> tuple[dict[str, str], str | None]:

@@ -89,7 +89,7 @@ def take_item(frame: WitsFrame, line: int, text: str) -> Finding | None:
     if item is None:
         return Finding("wits-item", {"text": text[:40]})
     if item[1] in frame.items:
-        return Finding("table-twice", {"column": item[1]})
+        return Finding("input-repeated", {"name": "column", "value": item[1]})
     largest = 10_000  # items of one frame; 25 records of 99 items are defined
     if len(frame.items) >= largest:
         return too_large("items of a frame", len(frame.items) + 1, largest)
@@ -178,8 +178,8 @@ def read_wits0(path: str | Path, channels: Wits0Map) -> SurveyFile:
         mine = [item for item in channels.meanings if _there(frame, item)]
         wrong = next((item for item in mine if not NUMBER.fullmatch(frame.items[item])), None)
         if wrong is not None:
-            why = {"column": channels.channels[wrong], "value": frame.items[wrong][:40]}
-            broken.append((frame.lines[wrong], Finding("file-number", why)))
+            why = {"name": channels.channels[wrong], "value": frame.items[wrong][:40], "expected": "number"}
+            broken.append((frame.lines[wrong], Finding("input-kind", why)))
         elif channels.depth_item not in mine or len(mine) < 2:
             passed += 1
         elif any(

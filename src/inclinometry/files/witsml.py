@@ -42,6 +42,10 @@ NORTHS: Final = {"magnetic north": "magnetic", "true north": "true", "grid north
 
 
 @lru_cache(maxsize=1)
+def _twice(name: str) -> Finding:
+    return Finding("input-repeated", {"name": "element", "value": name})
+
+
 def _data() -> Mapping[str, Any]:
     return tomllib.loads(files("inclinometry.files").joinpath("witsml_1411.toml").read_text(encoding="utf-8"))
 
@@ -118,7 +122,7 @@ def quantity_of(path: Path, name: str, element: Any, kind: str) -> float:
     """Value in SI (rad, nT); FileError naming element and line for what is no finite number or has no such unit."""
     text = text_of(element)
     if not NUMBER.fullmatch(text):
-        wrong = Finding("file-number", {"column": name, "value": text[:40]})
+        wrong = Finding("input-kind", {"name": name, "value": text[:40], "expected": "number"})
         raise FileError(wrong, path=path, line=element.sourceline)
     try:
         return float(text) * _factor(name, kind, element.get("uom"))
@@ -266,13 +270,13 @@ def read_witsml(
         if name == "trajectoryStation" or len(child):
             continue
         if name in header:
-            raise FileError(Finding("table-twice", {"column": name}), path=where, line=child.sourceline)
+            raise FileError(_twice(name), path=where, line=child.sourceline)
         header[name] = f"{text_of(child)} {child.get('uom', '')}".strip()
         if name == "aziRef":
             known = (*NORTHS, "unknown")
             if text_of(child) not in known:
                 value = text_of(child)[:60]
-                wrong = Finding("file-value", {"column": "aziRef", "value": value, "allowed": ", ".join(known)})
+                wrong = Finding("input-value", {"name": "aziRef", "value": value, "allowed": ", ".join(known)})
                 raise FileError(wrong, path=where, line=child.sourceline)
             north = NORTHS.get(text_of(child))
         if name in of_all:
@@ -304,7 +308,7 @@ def _station(path: Path, element: Any) -> _Station:
     kept = {*_station_texts(), "dTimStn"}
     for name, child in children(element):
         if name in station.texts or name in station.values:
-            raise FileError(Finding("table-twice", {"column": name}), path=path, line=child.sourceline)
+            raise FileError(_twice(name), path=path, line=child.sourceline)
         if name in GROUPS:
             _quantities_of(path, station, name, children(child))
         elif name in kept:
@@ -324,7 +328,7 @@ def _quantities_of(path: Path, station: _Station, group: str, found: Any) -> Non
         if name not in known:
             station.unread.add(name)
         elif name in station.values:
-            raise FileError(Finding("table-twice", {"column": name}), path=path, line=child.sourceline)
+            raise FileError(_twice(name), path=path, line=child.sourceline)
         else:
             station.values[name] = quantity_of(path, name, child, known[name][1])
 

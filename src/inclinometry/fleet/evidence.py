@@ -110,7 +110,7 @@ def evidence(
     seen = int(np.sum(np.linalg.eigvalsh(covariance) < (0.1 * UNSEEN) ** 2))
     if json:
         content = {"tool": tool, "run": run, "date": day.isoformat(), "stations": found.stations}
-        content |= {"verdict": str(alarm.finding), "cause": alarm.cause if alarm.raised else None}
+        content |= {"verdict": alarm.finding.plain(), "cause": alarm.cause if alarm.raised else None}
         output.print_json(content | {"parameters_seen": seen, "recorded": record and not alarm.raised})
         return 1 if alarm.raised else 0
     shown = f"{found.stations} stations show {seen} of {len(values)} directions"

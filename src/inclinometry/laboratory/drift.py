@@ -137,7 +137,7 @@ def ledger_history(ledger: Ledger, certificates: Certificates, serial: str) -> L
         found.append(CalibrationRecord(one.performed, seen, str(session["rig"]), hours, shock, heat))
         carried[:] = 0.0
     if not found:
-        raise refused("session-no-history", {"serial": serial})
+        raise refused("session-no-history", {"name": serial})
     for run in _runs(ledger, serial):
         if run.date < found[0].date:
             about = {"serial": serial, "run": run.run, "day": str(run.date)}
@@ -313,7 +313,7 @@ def check_tool(
     if day < last:
         raise out_of_range("date", str(day), f">= {last}")
     if history.reference is None:
-        raise refused("session-no-history", {"serial": history.serial})
+        raise refused("session-no-history", {"name": history.serial})
     state = _predicted(history, model, day, doses)
     return check_with_prior(
         readings, history.reference, state, model, rig_sd=np.array(rig.sd), past=past, name=history.serial

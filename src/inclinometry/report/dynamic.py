@@ -281,7 +281,7 @@ def envelope_figure(axes: Axes, channels: Sequence[result.Envelope], what: str) 
         look: dict[str, Any] = {"color": SERIES[place], "alpha": 0.18, "linewidth": 0.0}
         axes.fill_between(one.time / unit, one.low, one.high, **look)
         _line(axes, one.time / unit, one.mean, SERIES[place], one.name, place)
-    axes.set_ylabel(f"{label(what)}, {_printed(channels[0].unit)}")
+    axes.set_ylabel(label("{name}, {unit}", name=what, unit=_printed(channels[0].unit)))
     axes.set_xlabel(label("time, {sign}", sign=sign))
     legend_above(axes, 3)
 
@@ -293,7 +293,7 @@ def excerpt_figure(axes: Axes, found: result.Excerpt, names: Sequence[str], what
         axes.plot(
             found.time, found.channels[name], color=SERIES[place], linestyle=DASHES[place], label=name, linewidth=1.0
         )
-    axes.set_ylabel(f"{label(what)}, {_printed(found.units[names[0]])}")
+    axes.set_ylabel(label("{name}, {unit}", name=what, unit=_printed(found.units[names[0]])))
     legend_above(axes, 3)
 
 

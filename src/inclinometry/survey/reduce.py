@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from inclinometry.arrays import Array, Mask, finite, frozen, within
+from inclinometry.arrays import Array, Mask, finite, frozen, increasing, within
 from inclinometry.constants import ANGLES, COVERAGE_FACTOR, EARTH_RATE, GRAVITY_SPREAD
 from inclinometry.earth.gravity import relative_gravity
 from inclinometry.earth.site import Site, convert_azimuth
@@ -330,8 +330,7 @@ def reduce_survey(
     depth = finite(md, "md", (None,))
     if not depth.size:
         raise refused("input-empty", {"name": "md"})
-    if (np.diff(depth) <= 0.0).any():
-        raise refused("input-order", {"name": "md", "row": int(np.argmax(np.diff(depth) <= 0.0)) + 2})
+    increasing(depth, "md")
     if calibration_dip is not None:
         within(calibration_dip, "calibration_dip", -np.pi / 2, np.pi / 2, "rad")
     heat = None if temperature is None else finite(temperature, "temperature", (len(depth),))

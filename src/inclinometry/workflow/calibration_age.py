@@ -45,7 +45,7 @@ def at_the_run(
             day = datetime.date.fromisoformat(created[:10])
         except ValueError:
             raise FileError(
-                Finding("file-value", {"column": "$.created", "value": created, "allowed": "YYYY-MM-DD"}), path=path
+                Finding("input-value", {"name": "$.created", "value": created, "allowed": "YYYY-MM-DD"}), path=path
             ) from None
         years = years_between(day, site.date)
     if years is None:

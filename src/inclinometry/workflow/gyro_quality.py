@@ -35,8 +35,8 @@ def read_run(path: str | Path) -> Run:
         row = int(np.argmax(~((inclination >= 0.0) & (inclination <= np.pi))))
         raise FileError(
             Finding(
-                "file-value",
-                {"column": "inclination_deg", "value": float(np.degrees(inclination[row])), "allowed": "0 .. 180"},
+                "input-value",
+                {"name": "inclination_deg", "value": float(np.degrees(inclination[row])), "allowed": "0 .. 180"},
             ),
             path=path,
             row=row + 1,

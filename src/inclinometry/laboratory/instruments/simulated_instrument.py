@@ -21,7 +21,7 @@ import numpy as np
 
 from inclinometry.arrays import Array
 from inclinometry.calibration.plans import Plan
-from inclinometry.errors import InputError, out_of_range, refused
+from inclinometry.errors import InputError, out_of_range, refused, system_reason
 from inclinometry.findings import Value
 from inclinometry.laboratory.instruments.protocol import FieldReader, Lines, Protocol, Refused, Sample, encode, shown
 from inclinometry.laboratory.instruments.protocol_toml import read_protocol
@@ -49,7 +49,7 @@ class LineServer(socketserver.ThreadingTCPServer):
         try:
             super().__init__((host, port), socketserver.BaseRequestHandler)
         except (OSError, UnicodeError) as error:
-            reason = str(getattr(error, "strerror", None) or error)
+            reason = system_reason(error)
             raise refused("capture-listen", {"host": host, "port": port, "reason": reason}) from None
         self.host, self.port = host, int(self.server_address[1])
         self._accepting = threading.Thread(target=self.serve_forever, args=(0.1,), daemon=True)
@@ -473,16 +473,11 @@ def fits(tool: Tool, protocol: Protocol) -> None:
         triad = tool.triads.get(kind)
         count = 0 if triad is None else triad.count
         if triad is None or count != len(channel.fields):
-            about: dict[str, Value] = {
-                "protocol": protocol.name,
-                "kind": kind,
-                "count": count,
-                "expected": len(channel.fields),
-            }
-            raise refused("capture-protocol-channels", about)
+            about: dict[str, Value] = {"what": "channels", "expected": len(channel.fields), "found": count}
+            raise refused("capture-protocol-channels", {"protocol": protocol.name, "kind": kind, **about})
         if triad.unit != channel.unit:
-            named = {"protocol": protocol.name, "kind": kind, "unit": triad.unit, "expected": channel.unit}
-            raise refused("capture-protocol-unit", named)
+            about = {"what": "unit", "expected": channel.unit, "found": triad.unit}
+            raise refused("capture-protocol-channels", {"protocol": protocol.name, "kind": kind, **about})
 
 
 def speaks(protocol: Protocol, sample: Sample) -> None:
