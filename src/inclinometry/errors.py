@@ -6,8 +6,10 @@ made of a finding, whose sentence is its message.
 
 from __future__ import annotations
 
+import errno
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from typing import Final
 
 from inclinometry.findings import Finding, Value, codes
 
@@ -74,6 +76,22 @@ class FileError(InputError):
         super().__init__(finding)
         self.args = (f"{where}: {finding}",)
         self.path, self.line, self.row = Path(path), line, row
+
+
+_SYSTEM: Final = {
+    errno.ENOENT: "no such file or folder", errno.EACCES: "permission denied", errno.EPERM: "permission denied",
+    errno.EISDIR: "this is a folder", errno.ENOTDIR: "this is not a folder", errno.EEXIST: "it exists already",
+    errno.EROFS: "read-only folder", errno.ENOSPC: "the disk is full", errno.EBUSY: "another program uses it",
+    errno.ENAMETOOLONG: "the name is too long", errno.ENXIO: "no such device", errno.ENODEV: "no such device",
+    errno.EADDRINUSE: "another program uses it", errno.ECONNREFUSED: "connection refused", errno.ETIMEDOUT: "no answer",
+}  # fmt: skip
+"""Usual errors of the system, as words of the catalogue."""
+
+
+def system_reason(error: BaseException) -> str:
+    """Why the system, or a library, did not do it: a word of the catalogue for the usual reasons, else its own text."""
+    usual = _SYSTEM.get(getattr(error, "errno", None) or 0)
+    return usual or str(getattr(error, "strerror", None) or error)
 
 
 class IdentifiabilityError(InclinometryError, ValueError):

@@ -188,10 +188,13 @@ def _shown(name: str, value: Value, spec: str, language: str, own: str) -> str:
         if all(isinstance(one, Finding) and (rule(one.code).means or one.code == "record-text") for one in value):
             return ("" if language == "zh" else " ").join(shown)  # whole sentences
         join = _word(f" {last} ", language, own)
+        if language == "zh" and shown[-1][:1] > "\u2e80":  # a Chinese word needs no space beside it
+            join = join.strip()
         return join.join([_word(", ", language, own).join(shown[:-1]), shown[-1]] if shown[1:] else shown)
     if isinstance(value, str):
         if spec == "name":
-            return translations(language, "label").get(value) or translations(language, "word").get(value, value)
+            known = translations(language, "word") | translations(language, "label")
+            return known.get(value, _short(value))
         if spec == "unit":
             return _word(f" {value}", language, own)
         return _word(value, language, own) if spec == "word" else value if spec == "whole" else _short(value)

@@ -22,7 +22,7 @@ from rich.table import Table
 from rich.text import Text
 
 from inclinometry.cli.extras import need_for
-from inclinometry.errors import FileError, in_file
+from inclinometry.errors import FileError, in_file, system_reason
 from inclinometry.findings import Finding
 
 # no markup: names of files, tools and stations are printed as they are, brackets and colons included
@@ -113,9 +113,7 @@ def check_outputs(outputs: Mapping[str, Path | None], inputs: Mapping[str, Path 
         except (OSError, ValueError, RuntimeError) as error:
             if isinstance(error, FileError):
                 raise
-            raise FileError(
-                Finding("file-unwritable", {"reason": getattr(error, "strerror", None) or str(error)}), path=path
-            ) from None
+            raise FileError(Finding("file-unwritable", {"reason": system_reason(error)}), path=path) from None
         if not stream and not os.access(target.parent, os.W_OK):
             raise FileError(Finding("file-unwritable", {"reason": "read-only folder"}), path=path)
         if stream:

@@ -65,6 +65,16 @@ def _wrap(start: str, cells: list[str], end: str, depth: int) -> str:
     return start + pad + f",{pad}".join(cells) + "\n" + " " * depth + end
 
 
+_USUAL: Final = {
+    "Expecting value": "a value is missing", "Expecting ',' delimiter": "a comma or a closing bracket is missing",
+    "Expecting ':' delimiter": "a colon is missing", "Extra data": "text after the end",
+    "Expecting property name enclosed in double quotes": "a name in double quotes is missing",
+    "Unterminated string starting at": "a closing quote is missing",
+    "Invalid control character at": "a character that must be escaped", "Invalid \\escape": "not a valid escape",
+}  # fmt: skip
+"""Usual errors of JSON, as words of the catalogue."""
+
+
 def load(path: str | Path) -> Json:
     """The object in a JSON file; FileError for anything else, doubled keys and NaN included."""
     try:
@@ -76,7 +86,8 @@ def load(path: str | Path) -> Json:
     try:
         content = parse(text)
     except json.JSONDecodeError as error:
-        found = Finding("file-format", {"format": "JSON", "reason": f"{error.msg} (column {error.colno})"})
+        at = Finding("file-at-column", {"reason": _USUAL.get(error.msg, error.msg), "column": error.colno})
+        found = Finding("file-format", {"format": "JSON", "reason": at})
         raise FileError(found, path=path, line=error.lineno) from None
     except (ValueError, RecursionError) as error:
         raise FileError(Finding("file-format", {"format": "JSON", "reason": str(error)}), path=path) from None

@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 
 from inclinometry.arrays import Array
-from inclinometry.errors import FileError, InputError, in_file, wrong_kind
+from inclinometry.errors import FileError, InputError, in_file, system_reason, wrong_kind
 from inclinometry.files._quantities import quantities_by_column
 from inclinometry.files.frame import Column, Frame
 from inclinometry.files.profile import with_unit
@@ -38,7 +38,7 @@ def parquet_pieces(path: Path, progress: Progress | None = None) -> Iterator[Fra
         fields = list(stored.schema_arrow)
         twice = next((f.name for place, f in enumerate(fields) if f.name in [g.name for g in fields[:place]]), None)
         if twice is not None:
-            raise FileError(Finding("table-twice", {"column": twice}), path=path)
+            raise FileError(Finding("input-repeated", {"name": "column", "value": twice}), path=path)
         bare = {with_unit(field.name, _unit(field)): field.name for field in fields}
         header = _header(stored.schema_arrow.metadata or {})
         total, done = stored.metadata.num_rows, 0
@@ -59,7 +59,7 @@ def parquet_pieces(path: Path, progress: Progress | None = None) -> Iterator[Fra
     except UnicodeDecodeError as error:
         raise FileError(not_text("utf-8", error.reason), path=path) from None
     except (pa.ArrowException, OSError, ValueError) as error:
-        raise FileError(damaged("Parquet", getattr(error, "strerror", None) or error), path=path) from None
+        raise FileError(damaged("Parquet", system_reason(error)), path=path) from None
 
 
 def _unit(field: Any) -> str | None:

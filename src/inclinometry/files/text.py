@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inclinometry.arrays import Array
-from inclinometry.errors import FileError
+from inclinometry.errors import FileError, system_reason
 from inclinometry.files.frame import row_error
 from inclinometry.findings import Finding
 from inclinometry.opening import damaged, not_text, opened, too_large
@@ -168,7 +168,7 @@ class NumberReader:
             whole, minutes, seconds = parts.groups()
             value = _in_degrees(whole[: whole[0] in "+-"], whole.lstrip("+-"), minutes, seconds)
             marked = f"{whole}°{minutes}'" + (f'{seconds}"' if seconds else "")
-            found = Finding("table-minutes", {"column": name, "value": shown, "decimal": value, "marked": marked})
+            found = Finding("table-decimal", {"column": name, "value": shown, "readings": (f"{value:.8g}", marked)})
         elif "," in text and not set(text) - set("+-0123456789.,"):
             found = Finding("table-thousands", {"column": name, "value": shown})
         return self._error(found, line)
@@ -280,7 +280,7 @@ class LineReader:
         except zlib.error as error:
             raise FileError(damaged("gzip", error), path=self.path) from None
         except OSError as error:
-            reason = error.strerror or str(error)
+            reason = system_reason(error)
             raise FileError(Finding("file-unreadable", {"reason": reason}), path=self.path) from None
         yield b""
 

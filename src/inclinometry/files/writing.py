@@ -15,7 +15,7 @@ from typing import BinaryIO
 import numpy as np
 
 from inclinometry.arrays import Array
-from inclinometry.errors import FileError, refused
+from inclinometry.errors import FileError, refused, system_reason
 from inclinometry.findings import Finding
 from inclinometry.opening import not_text
 from inclinometry.tabular import degrees as degrees
@@ -74,7 +74,7 @@ def _readable(path: str | Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        reason = error.strerror or str(error)
+        reason = system_reason(error)
         raise FileError(Finding("file-unwritable", {"reason": reason}), path=path) from None
 
 
