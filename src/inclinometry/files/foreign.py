@@ -24,8 +24,8 @@ from inclinometry.arrays import Array
 from inclinometry.constants import UNIT_LABELS
 from inclinometry.errors import FileError, InputError, in_file
 from inclinometry.files.frame import Column, Frame
-from inclinometry.files.profile import with_unit
-from inclinometry.files.text import Block, Progress
+from inclinometry.files.profile import current, with_unit
+from inclinometry.files.text import Block, Progress, wide
 from inclinometry.findings import Finding
 from inclinometry.opening import damaged, opened, too_large, whole
 
@@ -91,10 +91,10 @@ def _kind(start: bytes) -> Read | None:
         b"MATLAB": _mat,
     }
     read: Read | None = next((read for magic, read in kinds.items() if start.startswith(magic)), None)
-    text = start.removeprefix(b"\xef\xbb\xbf").lstrip()
+    text = (wide(start) or start).removeprefix(b"\xef\xbb\xbf").lstrip()
     if read is None and text[:1] in (b"{", b"["):
         return _json
-    if read is None and text[:2].upper() == b"~V":
+    if read is None and re.match(rb"(#[^\n]*\s+)*~V", text, re.I):
         return _las
     if read is None and text[:1] == b"<" and b"trajectorys" in start:
         return _witsml
@@ -301,7 +301,8 @@ def _las(path: Path) -> Pieces:
 def _witsml(path: Path) -> Pieces:
     from inclinometry.files.witsml import read_witsml
 
-    return _survey(path, read_witsml(path))
+    stated = current().constants.get("azimuth_reference")
+    return _survey(path, read_witsml(path, azimuth_reference=None if stated is None else str(stated)))
 
 
 def _p7(path: Path) -> Pieces:
@@ -316,4 +317,7 @@ def _p7(path: Path) -> Pieces:
 def _survey(path: Path, file: SurveyFile) -> Iterator[Frame]:
     from inclinometry.files.survey_file import columns_of
 
-    yield Frame(path, columns_of(file), np.arange(2, len(file) + 2), 1)
+    columns = columns_of(file)
+    if file.azimuth_reference == current().constants.get("azimuth_reference"):
+        columns.pop("azimuth_reference", None)  # it is stated for the whole file
+    yield Frame(path, columns, np.arange(2, len(file) + 2), 1)

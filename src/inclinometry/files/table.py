@@ -63,9 +63,11 @@ class TableFile:
         self._bare: Mapping[str, str] = {}
         self._north: str | None = None
         self._header: Mapping[str, str] = {}
+        self.findings: tuple[Finding, ...] = ()
         if isinstance(first, Frame):
             written, self.word, self.line = list(first.columns), first.word, first.header_line
             self._bare, self._north, self._header = first.bare, first.north, first.header
+            self.findings = first.findings
             pieces: Iterator[Piece] = ((f.lines, list(f.columns.values())) for f in chain([first], found))
         else:
             self._header = {} if first is None else first.header
@@ -290,6 +292,7 @@ class TableFile:
             self._north,
             self._header,
             self.digest,
+            self.findings,
         )
 
     def _take_nulls(self, numbers: dict[str, Array], gaps: Collection[str], lines: NDArray[np.int64]) -> None:
