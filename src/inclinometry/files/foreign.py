@@ -96,6 +96,8 @@ def _kind(start: bytes) -> Read | None:
         return _json
     if read is None and re.match(rb"(#[^\n]*\s+)*~V", text, re.I):
         return _las
+    if read is None and re.match(rb"&&\s", text):
+        return _wits
     if read is None and text[:1] == b"<" and b"trajectorys" in start:
         return _witsml
     if read is None and text[:5] in (b"IOGP,", b"OGP,0", b"OGP,1"):
@@ -229,7 +231,7 @@ def _zipped(path: Path) -> Pieces:
     if not _of_numpy(path):
         from inclinometry.files.excel import sheet_blocks
 
-        return sheet_blocks(path)
+        return sheet_blocks(path, current().sheet)
     try:
         with np.load(path, allow_pickle=False) as stored:
             arrays = {name: stored[name] for name in stored.files}
@@ -301,23 +303,34 @@ def _las(path: Path) -> Pieces:
 def _witsml(path: Path) -> Pieces:
     from inclinometry.files.witsml import read_witsml
 
+    stated, trajectory = current().constants.get("azimuth_reference"), current().sheet
+    north = None if stated is None else str(stated)
+    return _survey(path, read_witsml(path, trajectory=trajectory, azimuth_reference=north))
+
+
+def _wits(path: Path) -> Pieces:
+    from inclinometry.files.wits0 import read_record_7
+
+    unit = next((unit for unit in current().units if unit in ("m", "ft")), None)
     stated = current().constants.get("azimuth_reference")
-    return _survey(path, read_witsml(path, azimuth_reference=None if stated is None else str(stated)))
+    return _survey(path, read_record_7(path, unit, None if stated is None else str(stated)))
 
 
 def _p7(path: Path) -> Pieces:
     from inclinometry.files.p7 import read_p7
 
-    surveys = read_p7(path).surveys
-    if len(surveys) != 1:
-        raise FileError(Finding("file-surveys", {"count": len(surveys)}), path=path)
-    return _survey(path, next(iter(surveys.values())))
+    surveys, sheet = {str(number): survey for number, survey in read_p7(path).surveys.items()}, current().sheet
+    if sheet not in surveys and (sheet is not None or len(surveys) != 1):
+        choice = Finding("input-choice", {"name": "--sheet", "value": sheet or "-", "allowed": tuple(surveys)})
+        raise FileError(choice, path=path)
+    return _survey(path, surveys[sheet or next(iter(surveys))])
 
 
 def _survey(path: Path, file: SurveyFile) -> Iterator[Frame]:
     from inclinometry.files.survey_file import columns_of
 
-    columns = columns_of(file)
+    # an item of WITS that nothing names
+    columns = {f"item {name}" if name.isdigit() else name: column for name, column in columns_of(file).items()}
     if file.azimuth_reference == current().constants.get("azimuth_reference"):
         columns.pop("azimuth_reference", None)  # it is stated for the whole file
-    yield Frame(path, columns, np.arange(2, len(file) + 2), 1)
+    yield Frame(path, columns, np.arange(2, len(file) + 2), 1, findings=file.findings)

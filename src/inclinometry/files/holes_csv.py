@@ -123,7 +123,11 @@ def _by_hole(
     try:
         for name in names:
             for what, own in wanted.items():
-                factor = None if name in (*ids, "azimuth_reference") else factor_of(name, hole_names(what), own, current().units)
+                factor = (
+                    None
+                    if name in (*ids, "azimuth_reference")
+                    else factor_of(name, hole_names(what), own, current().units)
+                )
                 if factor is None:
                     continue
                 if what in found:

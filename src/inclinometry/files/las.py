@@ -247,7 +247,7 @@ def las_frame(where: Path) -> Frame:
 def _span(
     path: Path, las: Any, index_unit: str | None, depth: Array, rows: NDArray[np.int64]
 ) -> tuple[bool, list[Finding]]:
-    """Whether the header says that the log goes up, and that data go beyond STRT or STOP; FileError if they end before."""
+    """Whether the log goes up by its header, and data beyond STRT or STOP; FileError where they end before."""
     ends = dict[str, float]()
     for name in ("STRT", "STOP"):
         item = next((item for item in las.well if str(item.original_mnemonic).upper() == name), None)
