@@ -222,7 +222,7 @@ def rogatykh_equations() -> dict[str, str]:
 
 _LARGEST: Words = (
     "largest error, counts of 1000",
-    "наибольшая погрешность, отсчёты из 1000",
+    "наибольшая погрешность, единицы кода из 1000",
     "最大误差（满值 1000 计数）",
 )
 
@@ -353,7 +353,7 @@ def rogatykh_example() -> dict[str, str]:
     rows: list[list[str | Words]] = [
         [str(k + 1), *map(str, dial), f"{u:.2f}"] for k, (dial, u) in enumerate(zip(dials, signals, strict=True))
     ]
-    head: list[str | Words] = [NUMBER, "θ, °", "α, °", "φ, °", ("U, counts", "U, отсчёты", "U,计数")]
+    head: list[str | Words] = [NUMBER, "θ, °", "α, °", "φ, °", ("U, counts", "U, единицы кода", "U,计数")]
     batch = n[None], a0[None], np.array([u0])
     nine, upright = measured_nine(*batch, np.pi / 2), measured_nine(*batch, 0.0)["C_C"]
     found = {name: float(v[0]) for name, v in lengths(nine, upright).items()}
@@ -361,7 +361,7 @@ def rogatykh_example() -> dict[str, str]:
     cells: list[list[str | Words]] = [[f"${name}$", f"{value:.2f}"] for name, value in follow.items()]
     return (
         tables("rog_readings", head, rows)
-        | tables("rog_follow", [("coefficient", "коэффициент", "系数"), ("counts", "отсчёты", "计数")], cells)
+        | tables("rog_follow", [("coefficient", "коэффициент", "系数"), ("counts", "единицы кода", "计数")], cells)
         | shown({f"rog_{name.replace(' ', '_')}": f"{value:.2f}" for name, value in found.items()})
     )
 

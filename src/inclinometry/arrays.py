@@ -10,7 +10,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from inclinometry.errors import out_of_range, refused, wrong_kind, wrong_shape
+from inclinometry.errors import out_of_order, out_of_range, refused, wrong_kind, wrong_shape
 
 Array: TypeAlias = NDArray[np.float64]
 Index: TypeAlias = NDArray[np.intp]
@@ -55,6 +55,14 @@ def within(value: ArrayLike, name: str, low: float, high: float, unit: str = "")
         allowed = f"{low:g} .. {high:g}" if high < np.inf else f">= {low:g}"
         raise out_of_range(f"{name}{at}", float(array[where]), f"{allowed} {unit}".rstrip())
     return array
+
+
+def increasing(values: Array, name: str) -> None:
+    """InputError where finite values (n,) do not strictly increase."""
+    back = np.flatnonzero(np.diff(values) <= 0.0)
+    if back.size:
+        before, value = values[back[0] : back[0] + 2].tolist()
+        raise out_of_order(name, value, before, int(back[0]) + 2)
 
 
 def not_degrees(value: ArrayLike, name: str) -> Array:

@@ -6,8 +6,10 @@ made of a finding, whose sentence is its message.
 
 from __future__ import annotations
 
+import errno
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from typing import Final
 
 from inclinometry.findings import Finding, Value, codes
 
@@ -54,6 +56,11 @@ def wrong_shape(name: str, shape: Sequence[int] | str, expected: str) -> InputEr
     return InputError(Finding("input-shape", {"name": name, "shape": shape, "expected": expected}))
 
 
+def out_of_order(name: str, value: Value, before: Value, row: int) -> InputError:
+    """A value that does not follow the one before it, in a row from 1."""
+    return InputError(Finding("input-order", {"name": name, "value": value, "before": before, "row": row}))
+
+
 def in_file(error: InclinometryError, path: str | Path, line: int | None = None) -> FileError:
     """The same refusal, of a file that its value was read from; without a line, where the error itself says."""
     if line is None and isinstance(error, FileError):
@@ -69,6 +76,22 @@ class FileError(InputError):
         super().__init__(finding)
         self.args = (f"{where}: {finding}",)
         self.path, self.line, self.row = Path(path), line, row
+
+
+_SYSTEM: Final = {
+    errno.ENOENT: "no such file or folder", errno.EACCES: "permission denied", errno.EPERM: "permission denied",
+    errno.EISDIR: "this is a folder", errno.ENOTDIR: "this is not a folder", errno.EEXIST: "it exists already",
+    errno.EROFS: "read-only folder", errno.ENOSPC: "the disk is full", errno.EBUSY: "another program uses it",
+    errno.ENAMETOOLONG: "the name is too long", errno.ENXIO: "no such device", errno.ENODEV: "no such device",
+    errno.EADDRINUSE: "another program uses it", errno.ECONNREFUSED: "connection refused", errno.ETIMEDOUT: "no answer",
+}  # fmt: skip
+"""Usual errors of the system, as words of the catalogue."""
+
+
+def system_reason(error: BaseException) -> str:
+    """Why the system, or a library, did not do it: a word of the catalogue for the usual reasons, else its own text."""
+    usual = _SYSTEM.get(getattr(error, "errno", None) or 0)
+    return usual or str(getattr(error, "strerror", None) or error)
 
 
 class IdentifiabilityError(InclinometryError, ValueError):

@@ -7,6 +7,7 @@ gettext catalogues (catalogue/run.ru.po), whose context is the code. Nothing tes
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Mapping
 from functools import cache
 from pathlib import Path
@@ -43,11 +44,20 @@ class Finding(NamedTuple):
         """Name under which --ignore takes several codes; empty where a finding cannot be ignored."""
         return rule(self.code).group
 
+    def stored(self) -> dict[str, Any]:
+        """As files keep it: rows from 1, values as they are."""
+        values = {name: _plain(value, Finding.stored) for name, value in self.values.items()}
+        return {
+            "code": self.code,
+            "severity": self.severity,
+            "rows": [int(row) + 1 for row in self.rows],
+            "values": values,
+        }
+
     def plain(self) -> dict[str, Any]:
-        """As --json has it: rows from 1, values as they are."""
-        values = {name: _plain(value) for name, value in self.values.items()}
-        rows = [row + 1 for row in self.rows]
-        return {"code": self.code, "severity": self.severity, "rows": rows, "values": values, "sentence": str(self)}
+        """As --json has it: what files keep, and the sentence."""
+        values = {name: _plain(value, Finding.plain) for name, value in self.values.items()}
+        return self.stored() | {"values": values, "sentence": str(self)}
 
 
 def refused_if(when: object) -> Severity:
@@ -150,8 +160,8 @@ def say(found: Finding, language: str = "en") -> str:
     """The sentence of a finding.
 
     A field is {name}, or {name:spec}: a format of numbers (.3g where there is none; lengths as given), `word` for
-    one that is translated, `name` for one that is said as pages label it, `whole` for a sentence of a file, which is
-    not cut, `or` and `and` for several values.
+    one that is translated, `unit` for a unit after its number, `name` for one that is said as pages label it, `whole`
+    for a sentence of a file, which is not cut, `or` and `and` for several values.
     """
     of, count, own = rule(found.code), found.values.get("count", 1), found.code.partition("-")[0]
     text = _translated(language, own, found.code, of.sentences, count if isinstance(count, int) else 1)
@@ -175,11 +185,18 @@ def _shown(name: str, value: Value, spec: str, language: str, own: str) -> str:
         last = spec.removesuffix("word").strip()
         last, each = (last, spec[len(last) :].strip()) if last in ("and", "or") else ("and", spec)
         shown = [_shown(name, one, each, language, own) for one in value]
+        if all(isinstance(one, Finding) and (rule(one.code).means or one.code == "record-text") for one in value):
+            return ("" if language == "zh" else " ").join(shown)  # whole sentences
         join = _word(f" {last} ", language, own)
+        if language == "zh" and shown[-1][:1] > "\u2e80":  # a Chinese word needs no space beside it
+            join = join.strip()
         return join.join([_word(", ", language, own).join(shown[:-1]), shown[-1]] if shown[1:] else shown)
     if isinstance(value, str):
         if spec == "name":
-            return translations(language, "label").get(value) or translations(language, "word").get(value, value)
+            known = translations(language, "word") | translations(language, "label")
+            return known.get(value, _short(value))
+        if spec == "unit":
+            return _word(f" {value}", language, own)
         return _word(value, language, own) if spec == "word" else value if spec == "whole" else _short(value)
     unit = next((end for end in UNITS if name.endswith(end)), "")
     text = format(value, spec or ("d" if isinstance(value, int) else ".12g" if unit == "_m" else ".3g"))
@@ -200,10 +217,12 @@ def _word(text: str, language: str, own: str) -> str:
     return _translated(language, "words" if text in words() else own, "word", (text,))
 
 
-def _plain(value: Value) -> Any:
+def _plain(value: Value, how: Callable[[Finding], Any]) -> Any:
     if isinstance(value, Finding):
-        return value.plain()
-    return [_plain(one) for one in value] if isinstance(value, tuple) else value
+        return how(value)
+    if isinstance(value, tuple):
+        return [_plain(one, how) for one in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 # Translations: .po files as translators write them, read without a build step.

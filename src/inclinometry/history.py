@@ -17,7 +17,7 @@ import numpy as np
 
 from inclinometry.arrays import Array, finite, frozen
 from inclinometry.constants import GRAVITY_SPREAD, KIND_PREFIX, VECTORS
-from inclinometry.errors import not_among, out_of_range, refused, wrong_shape
+from inclinometry.errors import not_among, out_of_order, out_of_range, refused, wrong_shape
 from inclinometry.sensors import Tool, Triad, in_field_of
 from inclinometry.tabular import Column, Tabular
 
@@ -93,7 +93,7 @@ class ToolHistory(Tabular):
             raise refused("input-empty", {"name": of})
         for before, after in zip(self.date, self.date[1:], strict=False):
             if after < before:
-                raise refused("input-order", {"name": f"{of}: date", "row": self.date.index(after) + 1})
+                raise out_of_order(f"{of}: date", str(after), str(before), self.date.index(after) + 1)
         values = finite(self.values, f"{of}: values", (size, len(PARAMETERS)))
         covariance = finite(self.covariance, f"{of}: covariance", (size, len(PARAMETERS), len(PARAMETERS)))
         least = np.linalg.eigvalsh(covariance)

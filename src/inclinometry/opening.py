@@ -10,7 +10,7 @@ from io import BufferedReader
 from pathlib import Path
 from typing import Final
 
-from inclinometry.errors import FileError
+from inclinometry.errors import FileError, system_reason
 from inclinometry.findings import Finding
 
 LARGEST_SETTINGS: Final = 2_000_000
@@ -26,10 +26,11 @@ def opened(path: str | Path) -> Iterator[BufferedReader]:
     except FileNotFoundError:
         raise FileError(Finding("file-absent"), path=path) from None
     except (OSError, ValueError) as error:  # ValueError: a zero byte in the name
-        reason = getattr(error, "strerror", None) or str(error)
+        reason = system_reason(error)
         raise FileError(Finding("file-unreadable", {"reason": reason}), path=path) from None
     if stream is None:
-        raise FileError(Finding("file-folder" if stat.S_ISDIR(mode) else "file-special"), path=path)
+        what = "folder" if stat.S_ISDIR(mode) else "pipe or device"
+        raise FileError(Finding("file-not-file", {"what": what}), path=path)
     with stream:
         yield stream
 
@@ -47,7 +48,7 @@ def whole(path: str | Path, largest: int) -> bytes:
         try:
             data = b"" if size > largest else stream.read()
         except OSError as error:
-            reason = error.strerror or str(error)
+            reason = system_reason(error)
             raise FileError(Finding("file-unreadable", {"reason": reason}), path=path) from None
     if size > largest:
         raise FileError(too_large("bytes", size, largest), path=path)

@@ -149,8 +149,7 @@ def draw(
 
 
 def _warned(record: object) -> list[str]:
-    found = [str(one) for one in getattr(record, "findings", ()) if one.severity == "warning"]
-    return [*getattr(record, "warnings", ()), *found]
+    return [str(one) for one in getattr(record, "findings", ()) if one.severity == "warning"]
 
 
 def check_record(value: object, kind: type | tuple[type, ...], function: str) -> None:

@@ -131,7 +131,7 @@ def covariance_matrix(value: ArrayLike, name: str = "covariance") -> Array:
     scale = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
     unit = matrix / (scale[..., :, None] * scale[..., None, :])
     if np.abs(unit - np.swapaxes(unit, -1, -2)).max(initial=0.0) > 1e-9:
-        raise refused("sensor-asymmetric", {"name": name})
+        raise refused("input-covariance", {"name": name, "allowed": ">= 0"})
     smallest = float(np.linalg.eigvalsh(unit).min(initial=0.0))
     if smallest < -1e-9 * max(1, matrix.shape[-1]):
         raise out_of_range(f"eig({name})", smallest, ">= 0")

@@ -109,12 +109,12 @@ class TestAgainstTheCertificate:
         assert found.tool == "SN 7"
         assert found.inputs == {"readings": readings.digest, "calibration readings": calibration.inputs["readings"]}
         inside = int(np.sum(np.abs(found.errors) <= 2.0 * found.u))
-        assert found.findings[0].values == {"inside": inside, "total": 24, "k": 2.0}
+        assert fits(found.findings[0], ["verify-agreement"], {"inside": inside, "total": 24, "k": 2.0})
         # two-sided 99 % over 24 judged errors: 0.005 / 24 in each tail, 3.53 standard deviations of a known rig
         known = dataclasses.replace(calibration.rig, freedom=np.full(3, np.inf))
         sure = verify(readings, dataclasses.replace(calibration, rig=known))
-        assert sure.findings[1].code == "verify-within"
-        assert sure.findings[1].values["factor"] == pytest.approx(3.53, abs=0.005)
+        assert (sure.findings[0].code, sure.findings[0].values["beyond"]) == ("verify-agreement", 0)
+        assert sure.findings[0].values["factor"] == pytest.approx(3.53, abs=0.005)
         assert 3.6 < agreement_factor(24, calibration.rig.freedom) < 4.5
         assert (found.coverage_factor, sure.coverage_factor) == (2.0, 2.0)
         assert {d for row in found.decision for d in row} == {"agrees"}
@@ -131,7 +131,7 @@ class TestAgainstTheCertificate:
         calibration, _, _, readings = pair
         found = verify(readings, with_tensor(calibration, kind, turned(np.radians(angle), axis)))
         assert found.verdict == "does not agree"
-        assert any(fits(one, ["verify-angle-deviates"], {"angle": named}) for one in found.findings)
+        assert any(fits(one, ["verify-angle"], {"of": "U", "angle": named}) for one in found.findings)
 
     def test_another_tool_fails(self, bench, pair):
         calibration, _, rig, _ = pair
@@ -143,7 +143,7 @@ class TestAgainstTheCertificate:
         found = verify(bench(positions(1), tool, wrong, bits=12)[0], calibration)
         assert found.verdict == "does not agree"
         # the record says 3 degrees more than what was set, so the tool reads less
-        one = next(one for one in found.findings if fits(one, ["verify-angle-deviates"], {"angle": "azimuth"}))
+        one = next(one for one in found.findings if fits(one, ["verify-angle"], {"of": "U", "angle": "azimuth"}))
         assert (one.values["count"], one.values["total"], one.values["station"]) == (1, 8, "5")
         assert one.values["error_deg"] < 0.0
 
@@ -168,7 +168,7 @@ class TestAgainstLimits:
         narrow = dataclasses.replace(WIDE, inclination=np.radians(0.3))
         found = verify(readings, with_tensor(calibration, "accelerometer", turned(np.radians(1.5), 1)), narrow)
         assert found.verdict == "fail"
-        assert fits(found.findings[0], ["verify-angle-exceeds"], {"angle": "inclination"})
+        assert fits(found.findings[0], ["verify-angle"], {"of": "limit", "angle": "inclination"})
         free = verify(readings, calibration, dataclasses.replace(narrow, inclination=None))
         assert free.verdict == "pass"
         assert {row[0] for row in free.decision} == {"not judged"}
@@ -195,7 +195,7 @@ class TestAgainstLimits:
                 verify(readings, calibration, dataclasses.replace(limits, **{name: one * expanded}))
         (narrow,) = raised.value.finding.values["limits"]
         assert narrow.values["angle"] == name
-        give = next(one.values["limit_deg"] for one in narrow.values["ways"] if one.code == "verify-way-limit")
+        give = narrow.values["least_deg"]
         assert 2.0 <= np.radians(give) / expanded < 2.2
         found = verify(readings, calibration, dataclasses.replace(limits, **{name: float(np.radians(give))}))
         assert found.verdict == "pass"
@@ -205,9 +205,7 @@ class TestAgainstLimits:
         with refused("verify-limit-narrow") as raised:
             verify(readings, calibration, dataclasses.replace(limits, **{name: 1.9 * expanded}))
         (narrow,) = raised.value.finding.values["limits"]
-        better = np.radians(
-            next(one.values["rig_deg"] for one in narrow.values["ways"] if one.code == "verify-way-rig")
-        )
+        better = np.radians(narrow.values["rig_deg"][0])
         rig = dataclasses.replace(calibration.rig, sd=np.full(3, better))
         other = dataclasses.replace(calibration, rig=rig)
         assert verify(readings, other, dataclasses.replace(limits, **{name: 1.9 * expanded})).verdict == "pass"

@@ -87,5 +87,5 @@ def test_refusals():
     with refused("input-value", name="conversion_factor"):
         solve_classical(signals, *DIALS, conversion_factor=-1.0)
     for rows in (slice(0, 3), slice(0, 4)):
-        with refused("plan-settings-few", error=IdentifiabilityError):
+        with refused("fit-undetermined", error=IdentifiabilityError):
             solve_classical(signals[rows], *(v[rows] for v in DIALS), conversion_factor=1.0)

@@ -251,7 +251,7 @@ class TestRefusals:
     def test_few_stations(self, bench):
         readings, _ = bench(plans.orthogonal(), random_tool(1), Rig(), bits=12)
         for count in (0, 1, 3):
-            with refused("plan-stations-few", error=IdentifiabilityError):
+            with refused("fit-few", error=IdentifiabilityError):
                 calibrate_classical(readings.take(range(count)), data_sheet=random_tool(1))
 
 

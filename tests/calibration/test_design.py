@@ -325,10 +325,10 @@ def test_a_captured_stand_has_no_next_position():
 
 
 def test_too_few_stations():
-    with refused("plan-stations-few", error=IdentifiabilityError):
+    with refused("fit-few", error=IdentifiabilityError):
         optimal_plan(5, stand=COARSE)
     captured = settings_of(plans.twelve())[:3]
-    with refused("plan-stations-few", error=IdentifiabilityError):
+    with refused("fit-few", error=IdentifiabilityError):
         optimal_plan(2, stand=COARSE, start_from=captured)
     assert len(optimal_plan(6, stand=COARSE, restarts=1)) == 6
     assert len(optimal_plan(3, stand=COARSE, start_from=captured, restarts=1)) == 3
@@ -338,14 +338,14 @@ def test_too_few_stations():
 
 def test_a_stand_that_only_rolls_cannot_calibrate():
     stand = stand_within(azimuth=(0.0, 0.0), inclination=(0.0, 0.0), candidates=50)
-    with refused("plan-blind", error=IdentifiabilityError):
+    with refused("fit-undetermined", error=IdentifiabilityError):
         optimal_plan(12, stand=stand)
 
 
 def test_a_plan_that_only_rolls_promises_nothing():
     rolls = np.stack([np.zeros(8), np.zeros(8), np.arange(8) * 45 * DEG], axis=1)
     assert plan_value(rolls) == np.inf
-    with refused("plan-blind", error=IdentifiabilityError):
+    with refused("fit-undetermined", error=IdentifiabilityError):
         evaluate_plan(rolls)
 
 

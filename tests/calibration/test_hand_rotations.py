@@ -235,7 +235,7 @@ def test_what_is_shown_follows_from_the_estimate_and_its_covariance(fitted):
     assert found.rotations.tolist() == list(range(19))
     assert any(fits(one, ["fit-rotations-used"], {"count": 19}) for one in found.findings)
     # 18 check the fit
-    assert "fit-rotations-few" not in coded(found.findings)
+    assert "fit-few" not in coded(found.findings)
     assert len({found, replace(found)}) == 2
     with pytest.raises(FrozenInstanceError):
         found.gain = None
@@ -312,7 +312,8 @@ def test_exchanged_and_reversed_channels_are_found_and_said():
     found = calibrate_hand_rotations(time, accel, gyro[:, [1, 0, 2]] * [1.0, 1.0, -1.0])
     expected = truth(tool)[9:18].reshape(3, 3)[:, [1, 0, 2]] * [1.0, 1.0, -1.0]
     np.testing.assert_allclose(found.gain, expected, atol=2e-4 * np.abs(expected).max())
-    assert any(fits(one, ["fit-gyro-axes"], {"axes": ("+y", "+x", "-z")}) for one in found.findings)
+    axes = {"kind": "gyro", "axes": ("+y", "+x", "-z")}
+    assert any(fits(one, ["bench-axes-exchanged"], axes) for one in found.findings)
 
 
 def test_any_scale_factor_is_found_without_a_data_sheet():
@@ -364,7 +365,7 @@ def test_rotations_about_one_axis_name_what_they_do_not_show(axis):
     others = ["xyz".index(name) for name in "xyz" if name != axis]
     rng = np.random.default_rng(1)
     gyro[:, others] = rng.normal(0, 0.2, (len(time), 2))
-    with refused("fit-gyro-other", "fit-gyro-unseen", error=IdentifiabilityError):
+    with refused("fit-gyro-other", "fit-undetermined", error=IdentifiabilityError):
         calibrate_hand_rotations(time, accel, gyro)
 
 
@@ -376,14 +377,14 @@ def test_rolls_at_a_few_inclinations_name_the_gyros_that_did_not_turn():
         log = simulate_log(tool, np.zeros(12), np.full(12, inclination), roll, dwell=2.0, move=1.5, rate=50.0, seed=k)
         parts.append((log.time + at, log.signals["accelerometer"], log.signals["gyro"]))
         at += log.time[-1] + 5.0
-    with refused("fit-gyro-unseen", error=IdentifiabilityError, channels=("gyro_x", "gyro_y")):
+    with refused("fit-undetermined", error=IdentifiabilityError, parameters=("gyro_x", "gyro_y")):
         calibrate_hand_rotations(*(np.concatenate(part) for part in zip(*parts, strict=True)))
 
 
 def test_refusals():
     _, log = log_of(4)
     time, accel, gyro = signals(log)
-    with refused("fit-gyro-constant", channels=("gyro_y",)):
+    with refused("fit-signals-constant", channels=("gyro_y",)):
         calibrate_hand_rotations(time, accel, gyro * [1.0, 0.0, 1.0])
     with refused("input-shape", name="gyro"):
         calibrate_hand_rotations(time, accel[:-1], gyro)

@@ -279,5 +279,5 @@ def test_what_is_unseen_is_two_changes_in_any_unit_of_the_signals(bench, unit):
 @pytest.mark.parametrize("count", [2, 3, 4])
 def test_too_few_stations_are_counted(bench, count):
     readings, _ = bench(plans.orthogonal(), random_tool(1), Rig(), bits=12)
-    with refused("plan-stations-few", error=IdentifiabilityError):
+    with refused("fit-few", error=IdentifiabilityError):
         calibrate_joint(readings.take(range(count)))

@@ -24,7 +24,7 @@ def readings(bench):
 
 
 def test_too_few_stations_with_numbers(readings):
-    with refused("plan-stations-few", error=IdentifiabilityError):
+    with refused("fit-few", error=IdentifiabilityError):
         calibrate_joint(readings.take(range(4)))
 
 
@@ -59,7 +59,7 @@ def test_as_many_readings_as_parameters_are_enough_to_begin_with(sensors):
     signals = np.random.default_rng(1).normal(size=(20, sensors))
     least = -(-(4 * sensors + 2) // sensors)
     enough(BenchReadings({"accelerometer": signals[:least]}))
-    with refused("plan-stations-few", error=IdentifiabilityError):
+    with refused("fit-few", error=IdentifiabilityError):
         enough(BenchReadings({"accelerometer": signals[: least - 1]}))
 
 

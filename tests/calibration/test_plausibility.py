@@ -403,7 +403,11 @@ def test_a_pass_within_limits_of_tens_of_degrees_is_reserved():
     found, here = calibrate_joint(run(plan=TWELVE)), run(9, plan)
     loose = Limits("loose", "a test", np.radians(1.0), np.radians(30.0), np.radians(2.0))
     (first, *_) = verify(here, found, loose).reservations
-    assert fits(first, ["verify-wide-limit"], {"angle": "azimuth", "limit_deg": 30.0, "usual_deg": 10.0})
+    assert fits(
+        first,
+        ["verify-wide"],
+        {"remedy": "Give a narrower limit", "angle": "azimuth", "limit_deg": 30.0, "usual_deg": 10.0},
+    )
     # and one that is of use, and that finds a tool a few times as bad, is not
     fair = Limits("fair", "a test", np.radians(0.45), np.radians(1.2), np.radians(0.8))
     seen = verify(here, found, fair)
@@ -412,7 +416,9 @@ def test_a_pass_within_limits_of_tens_of_degrees_is_reserved():
     poor = replace(
         found, covariance=found.covariance * 1e6, tool=replace(found.tool, covariance=found.tool.covariance * 1e6)
     )
-    assert fits(verify(here, poor).reservations[0], ["verify-wide-agreement"], {"angle": "azimuth"})
+    assert fits(
+        verify(here, poor).reservations[0], ["verify-wide"], {"remedy": "Check the calibration", "angle": "azimuth"}
+    )
 
 
 def test_agreed_limits_that_find_only_a_much_worse_tool_reserve_the_pass():
@@ -422,5 +428,5 @@ def test_agreed_limits_that_find_only_a_much_worse_tool_reserve_the_pass():
         seen = verify(here, found, bounds)
         assert seen.verdict == "pass"
         assert (seen.power.factor > 10.0) is reserved
-        assert ("verify-detects-limits" in coded(seen.reservations)) is reserved
+        assert ("verify-detects-little" in coded(seen.reservations)) is reserved
         assert seen.judgement == ("pass, with reservations" if reserved else "pass")

@@ -115,7 +115,7 @@ def test_more_positions_find_more_and_wide_limits_find_nothing(calibration: Cali
     # agreed limits far beyond the tool are the customer's business: risks are small, and what a pass is worth is said
     wide = planned(plans.spread(), calibration, Limits("a", "b", *np.radians([2.0, 9.0, 2.0])))
     (one,) = without_notes(wide.findings)
-    assert fits(one, ["verify-detects-limits"], {"positions": 12})
+    assert fits(one, ["verify-detects-little"], {"positions": 12, "remedy": "Agree on narrower limits"})
     assert wide.reservations == (one,)
     usual = planned(plans.spread(), calibration, Limits("a", "b", *np.radians([0.3, 0.9, 0.4])))
     assert without_notes(usual.findings) == ()

@@ -154,14 +154,14 @@ class TestHonest:
         u = signals_of(truth, rates, gravity) + 0.05 * np.random.default_rng(1).normal(size=(len(rates), 3))
         asked = calibrate_rates(u, rates, gravity=gravity, g_sensitive=True)
         assert asked.chance < 1e-6
-        assert asked.findings[0].code == "fit-g-significant"
+        assert fits(asked.findings[0], ["fit-g-significant"], {"remedy": "Keep it"})
         unasked = calibrate_rates(u, rates, gravity=gravity)
         assert unasked.chance == asked.chance
         assert unasked.findings[0].code == "fit-g-needed"
         none = signals_of((*truth[:2], 0.0 * truth[2]), rates, gravity)
         none = none + 0.05 * np.random.default_rng(1).normal(size=none.shape)
         (one,) = calibrate_rates(none, rates, gravity=gravity, g_sensitive=True).findings
-        assert one.code == "fit-g-insignificant"
+        assert (one.code, one.values["verdict"]) == ("fit-g-significant", "not significant")
         assert calibrate_rates(none, rates, gravity=gravity).findings == ()
         assert calibrate_rates(none, rates).chance is None
 
@@ -169,7 +169,7 @@ class TestHonest:
         rates, gravity = steps()
         u = signals_of(gyros(), rates, gravity) + np.random.default_rng(1).normal(size=(len(rates), 3))
         found = calibrate_rates(u, rates, gravity=gravity, g_sensitive=True, sd=0.1)
-        assert found.findings[-1].code == "fit-rates-misfit"
+        assert found.findings[-1].code == "fit-misfit"
 
     def test_the_tool_keeps_the_block_of_its_own_parameters(self):
         rates, gravity = steps()
@@ -325,7 +325,7 @@ class TestAgainstTheTextbook:
         left, *_ = self.left(u, rates, np.ones((32, 1)))
         size = np.sqrt(left) / np.linalg.norm(tensor[0], axis=1)
         assert fits(
-            one, ["fit-gyro-noisy"], {"sensor": 3, "times": pytest.approx(size[2] / np.sort(size)[1], rel=2e-3)}
+            one, ["bench-channel-noisy"], {"sensor": 3, "times": pytest.approx(size[2] / np.sort(size)[1], rel=2e-3)}
         )
         assert calibrate_rates(u[:, :2], rates).findings == ()
 
@@ -342,7 +342,7 @@ class TestAgainstTheTextbook:
             ratio = scatter[2] / np.sort(scatter)[1]
             wanted.append(bool(ratio > 3.0 and 3.0 * f.sf(ratio**2, dof, dof) < 0.001))
             named.append(
-                any(fits(one, ["fit-gyro-noisy"], {"sensor": 3}) for one in calibrate_rates(u, rates).findings)
+                any(fits(one, ["bench-channel-noisy"], {"sensor": 3}) for one in calibrate_rates(u, rates).findings)
             )
         assert named == wanted
         assert 0 < sum(named) < 30
@@ -389,29 +389,29 @@ class TestWhatIsMissing:
     )
     def test_an_axis_about_which_nothing_turned(self, mounts, words):
         rates, _ = steps(np.radians(mounts))
-        with refused("fit-rate-constant", error=IdentifiabilityError, axis=words):
+        with refused("fit-constant", error=IdentifiabilityError, what="rate", axis=words):
             calibrate_rates(np.ones((len(rates), 3)), rates)
 
     def test_too_few_steps(self):
         rates, _ = steps(MOUNTS[:3], SPEEDS[[0, 3]])
-        with refused("fit-steps-few", error=IdentifiabilityError):
+        with refused("fit-few", error=IdentifiabilityError):
             calibrate_rates(np.ones((6, 3)), rates)
         assert calibrate_rates(1e3 * rates, rates, sd=1.0).dof == 6
 
     def test_one_temperature_for_degree_one(self):
         rates, _ = steps()
-        with refused("fit-temperatures-few", error=IdentifiabilityError):
+        with refused("fit-few", error=IdentifiabilityError):
             calibrate_rates(np.ones((len(rates), 3)), rates, temperature=np.full(len(rates), 20.0), degree=1)
 
     def test_an_axis_turned_about_at_one_temperature_only(self):
         rates, _ = steps()
         heat = np.where(np.abs(rates[:, 1]) > 0.01, 20.0, np.tile([20.0, 60.0], len(rates) // 2))
-        with refused("fit-steps-mixed", error=IdentifiabilityError):
+        with refused("fit-undetermined", error=IdentifiabilityError):
             calibrate_rates(np.ones((len(rates), 3)), rates, temperature=heat, degree=1)
 
     def test_one_speed_in_one_sense_cannot_tell_gravity_from_rate(self):
         rates, gravity = steps(MOUNTS, SPEEDS[[3]])
-        with refused("fit-steps-mixed", error=IdentifiabilityError):
+        with refused("fit-undetermined", error=IdentifiabilityError):
             calibrate_rates(np.ones((len(rates), 3)), rates, gravity=gravity, g_sensitive=True, sd=1.0)
         # and where nobody asked for it there is nothing to say
         assert calibrate_rates(1e3 * rates, rates, gravity=gravity).chance is None
@@ -419,7 +419,7 @@ class TestWhatIsMissing:
     def test_gravity_that_never_changes(self):
         rates, _ = steps()
         gravity = np.tile([0.0, 0.0, 1.0], (len(rates), 1))
-        with refused("fit-gravity-constant", error=IdentifiabilityError):
+        with refused("fit-constant", error=IdentifiabilityError):
             calibrate_rates(np.ones((len(rates), 3)), rates, gravity=gravity, g_sensitive=True)
 
     @pytest.mark.parametrize(
@@ -526,5 +526,5 @@ class TestAtTheStand:
         alone = replace(readings, channels={"accelerometer": readings.channels["accelerometer"]}, sd={}, units={})
         with refused("input-triads"):
             g_sensitivity_at_stand(alone, calibrate_joint(alone, diagnose=False), LATITUDE)
-        with refused("fit-steps-mixed", error=IdentifiabilityError):
+        with refused("fit-undetermined", error=IdentifiabilityError):
             g_sensitivity_at_stand(readings, calibrate_joint(readings, diagnose=False), np.pi / 2)

@@ -111,8 +111,8 @@ def test_clustered_second_harmonic_is_not_told():
 @pytest.mark.parametrize(
     ("roll", "signal", "error", "words"),
     [
-        ([0.0, 1.0], [1.0, 2.0], IdentifiabilityError, "fit-rolls"),
-        ([0.0, 0.01, 0.02], [1.0, 2.0, 3.0], IdentifiabilityError, "fit-rolls"),
+        ([0.0, 1.0], [1.0, 2.0], IdentifiabilityError, "fit-undetermined"),
+        ([0.0, 0.01, 0.02], [1.0, 2.0, 3.0], IdentifiabilityError, "fit-undetermined"),
         ([0.0, 1.0, 2.0], [1.0, 2.0], InputError, "input-shape signal"),
     ],
 )

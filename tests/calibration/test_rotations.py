@@ -127,7 +127,7 @@ def test_gravity_at_45_and_135_does_not_show_its_direction():
     signals = ClosedForm(np.eye(3), np.zeros(3), DOWN).signals(*dials)
     noisy = signals + 1e-3 * np.random.default_rng(6).normal(size=signals.shape)
     for values in (signals, noisy):
-        with refused("plan-direction-unseen", error=IdentifiabilityError):
+        with refused("fit-undetermined", error=IdentifiabilityError):
             find_direction(values, *dials)
     away = dials_of(plans.rotations(np.radians(30.0)))
     found = find_direction(ClosedForm(np.eye(3), np.zeros(3), DOWN).signals(*away), *away)

@@ -179,7 +179,7 @@ def test_a_million_samples():
 @pytest.mark.parametrize(
     ("time", "signals", "words"),
     [
-        ([0.0, 1.0, 0.5, 2.0] * 30, np.zeros((120, 1)), "input-backwards"),
+        ([0.0, 1.0, 0.5, 2.0] * 30, np.zeros((120, 1)), "input-order"),
         (np.arange(5.0), np.zeros((5, 1)), "input-few samples"),
         (np.arange(500.0), np.zeros((500, 2)), "fit-signals-constant"),
         (np.arange(500.0), np.zeros((400, 2)), "input-shape channels"),

@@ -106,7 +106,7 @@ def test_without_temperature_none_is_claimed(bench):
 def test_the_degree_may_be_given_and_is_limited_by_the_soaks(bench):
     readings = campaign(bench, random_tool(1, temperature_degree=1), [20, 80])
     assert calibrate_joint(readings, temperature_degree=1, diagnose=False).tool.triads["magnetometer"].degree == 1
-    with refused("fit-temperatures-few", error=IdentifiabilityError):
+    with refused("fit-few", error=IdentifiabilityError):
         calibrate_joint(readings, temperature_degree=2)
     with refused("input-value", name="temperature degree"):
         calibrate_joint(readings, temperature_degree=-1)

@@ -31,7 +31,7 @@ def set_cell(row, name, value):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("bad.csv", "-o", "bad.json"), "[file-number]"),
+        (("bad.csv", "-o", "bad.json"), "[input-kind]"),
         (("empty.csv", "-o", "bad.json"), "[file-empty]"),
         (("nowhere.csv", "-o", "bad.json"), "nowhere.csv"),
         (("readings.csv", "-o", "no/such/folder/tool.json"), "no/such/folder"),

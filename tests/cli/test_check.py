@@ -279,7 +279,7 @@ def test_rests_turning_axis_and_how_each_convention_fits(run):
         assert found[wrong]["dip_deg"] == pytest.approx(-dip, abs=0.1)
         notes = {one["code"]: one["values"] for one in done.json["findings"]}
         assert notes["check-rests"]["rests"] == 8
-        assert notes["check-turning-rate"]["axis"] == "z"
+        assert notes["check-turning"]["axis"] == "z"
     _log("exchanged.csv", np.eye(3), 1.0, exchange=True)
     done = run("check", "exchanged.csv")
     assert "[sensor-mapping]" in done.out

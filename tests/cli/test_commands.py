@@ -115,7 +115,7 @@ def test_a_verification_says_before_it_begins_what_it_will_find(run, bench):
         assert ("[verify-detects-little]" in done.err) is not worth
     told = run("verify plan.csv --calibration tool.json --planned --json").json
     assert told["positions"] == 6
-    assert told["found_with_90_percent"]["times"] > 4.0
+    assert told["detected_factor_90_percent"]["times"] > 4.0
     run("verify plan.csv --calibration tool.json --planned --report r.html -o p.json").refused(
         "--report ", "[input-not-with]"
     )
@@ -131,11 +131,11 @@ def test_what_is_planned_is_written(run, bench):
     done = run("verify", "plan.csv", *given, "--planned", "-o", "planned.json").ok()
     assert "written to planned.json" in done.out
     content = json_codec.of_kind(
-        json_codec.load(Path("planned.json")), "planned.json", "inclinometry/planned-verification", version=2
+        json_codec.load(Path("planned.json")), "planned.json", "inclinometry/planned-verification", version=3
     )
     assert len(content["positions"]) == 12
     shown = run("verify", "plan.csv", *given, "--planned", "--json").json
-    for key, value in content["worth"].items():
+    for key, value in content["power"].items():
         # a terminal shows twelve digits; without agreed limits there is no consumer's risk
         assert value is shown[key] if value is None else value == pytest.approx(shown[key], rel=1e-9)
     again = Path("planned.json").read_bytes()

@@ -15,10 +15,10 @@ def source(tmp_path):
 def test_it_says_what_the_target_does_not_hold(run):
     done = run("convert a.csv b.las")
     assert (done.status, done.out) == (0, "2 stations written to b.las\n")
-    assert "warning: Column crew is not kept (values: 2)" in done.err
+    assert "warning: Not kept: crew (2 of 2 values)." in done.err
     done = run("convert a.csv b.txt --to las --json")
     assert [(one["code"], one["values"]) for one in done.json["lost"]] == [
-        ("work-lost-column", {"column": "crew", "count": 2})
+        ("work-lost-values", {"names": ["crew"], "lost": 2, "total": 2})
     ]
     assert (done.json["stations"], done.json["from"], done.json["to"]) == (2, "csv", "las")
     assert Path("b.txt").read_text() == Path("b.las").read_text()
@@ -94,7 +94,7 @@ def test_legs_for_cave_programs_are_written_and_not_read(run):
     for ending in ("svx", "th", "dat"):
         done = run("convert", "a.csv", f"a.{ending}").ok()
         assert "[work-lost-angles]" in done.err
-        assert "Column tvd_m " in done.err
+        assert "tvd_m " in done.err
     assert "[work-format]" in run("convert a.svx b.csv").err
     done = run("convert a.csv b.csv --to csv-excel")
     assert (done.status, done.err) == (0, "")

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from inclinometry.files.json_codec import restored
 from inclinometry.orientation import fields
 from inclinometry.survey.quality import BLINDNESS
 
@@ -103,7 +104,7 @@ def test_a_stored_warning_is_repeated(run):
     given()
     assert run(*MSA).status == 0
     stored = json.loads(Path("corrections.json").read_text())
-    stored["warnings"] = ["station 3 does not fit the others"]
+    stored["findings"] = [restored("station 3 does not fit the others").stored()]
     Path("corrections.json").write_text(json.dumps(stored))
     done = run(*SURVEY, "--correct", "corrections.json")
     assert "station 3 does not fit the others" in done.err

@@ -126,7 +126,7 @@ def test_a_spike_and_a_changed_bias_are_named(run, two):
     [
         (5, 0, "2.2", "[run-depth-digit]"),
         (7, 2, "", "later.csv, line 8: Column A180 is empty"),
-        (7, 1, "30000", "[file-value]"),
+        (7, 1, "30000", "[input-value]"),
     ],
 )
 def test_a_file_that_cannot_be_taken_is_named_with_its_line(run, two, row, column, value, words):

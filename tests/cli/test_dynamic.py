@@ -169,7 +169,7 @@ def test_a_bad_line_is_named_and_nothing_written(simulated, run):
     done = run("dynamic run.csv --site site.toml --method magnetic -o a.csv")
     assert done.status == 2
     assert "run.csv, line 702: " in done.err
-    assert "[file-number]" in done.err
+    assert "[input-kind]" in done.err
     assert not Path("a.csv").exists()
 
 

@@ -126,22 +126,22 @@ def test_what_the_file_states_wins(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("stated", "code"),
+    ("stated", "remedy"),
     [
         (0.866, None),
         (0.90, None),
         (0.7, None),  # of another place along the well
-        (-0.866, "work-convergence-sign"),
-        (1.2, "work-convergence"),
-        (0.0, "work-convergence"),
+        (-0.866, "positive is grid north east of true north"),
+        (1.2, "convergence, place or crs"),
+        (0.0, "convergence, place or crs"),
     ],
 )
-def test_a_convergence_that_contradicts_the_grid_is_doubted(tmp_path, stated, code):
+def test_a_convergence_that_contradicts_the_grid_is_doubted(tmp_path, stated, remedy):
     own = ("b_nT = 51000", "dip_deg = 73", "declination_deg = 4", f"convergence_deg = {stated}", 'crs = "EPSG:32632"')
     before = site(tmp_path, *WHERE, *own)
     done, said = completed(before)
     assert done == before  # what is stated wins
-    assert coded(said) == ([] if code is None else [code])
+    assert [(one.code, one.values["remedy"]) for one in said] == [("work-site-angle", remedy)] * (remedy is not None)
     assert completed(site(tmp_path, *own))[1] == []  # without a place nothing can be compared
 
 
@@ -163,7 +163,7 @@ def test_nothing_is_guessed(tmp_path):
     assert completed(site(tmp_path, *WHERE))[1][0].values["needed"] == ("date",)
     done, said = completed(site(tmp_path, *WHERE, "date = 2026-01-01"))
     assert done.height_m is None
-    assert coded(said) == ["work-filled", "work-height"]
+    assert coded(said) == ["work-filled", "work-assumed"]
     done, said = completed(Site(crs="EPSG:32632", b=5e4, dip=1.0, declination=0.1))
     assert done.convergence is None
     assert said[0].values["needed"] == ("latitude", "longitude")

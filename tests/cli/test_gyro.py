@@ -200,8 +200,8 @@ def test_histories_that_do_not_belong(run, simulated):
     )
     write_scale(replace(read_scale("scale.json"), tool="A7"), "A7.json")
     command = (*NORTH, "-o", "out.csv", "--history", "A7.json")
-    refused(run, *command, "--calibration", "B9.json", parts=["[work-history-tool]"])
-    refused(run, *command, parts=["[work-history-tool]"])
+    refused(run, *command, "--calibration", "B9.json", parts=["[work-other-tool]"])
+    refused(run, *command, parts=["[work-other-tool]"])
     refused(
         run,
         *NORTH,
@@ -245,7 +245,7 @@ RATES, FORCES = ("gyro_x_deg_h", "gyro_y_deg_h"), ("accel_x_m_s2", "accel_y_m_s2
         (lambda: edit(index_deg=lambda r: repr(float(np.radians(float(r["index_deg"]))))), ["degrees"]),
         (lambda: keep(lambda n: n % 4 != 3), ["Station 1: 3 readings", "four"]),
         (lambda: keep(lambda n: n != 6), ["Station 2", "0 deg, 90 deg and 270 deg"]),
-        (lambda: save([rows_of("raw.csv")[n] for n in (0, 2, 1, 3)], "raw.csv"), ["gyro-positions-order"]),
+        (lambda: save([rows_of("raw.csv")[n] for n in (0, 2, 1, 3)], "raw.csv"), ["gyro-positions-other"]),
         (lambda: Path("site.toml").write_text("latitude_deg = -45.0\n"), ["latitude of the wrong sign"]),
         (lambda: Path("site.toml").write_text("latitude_deg = 95.0\n"), ["latitude_deg is 95"]),
         (lambda: Path("site.toml").write_text('north_reference = "true"\n'), ["latitude_deg", "[input-missing]"]),

@@ -66,4 +66,4 @@ def test_a_gyro_of_another_time_is_refused(accel, tmp_path, capsys):
     other.write_bytes(b"\n".join([*rows[1:], rows[-1].replace(b"5.1", b"5.2", 1)]))
     words = ["calibrate", accel, "--profile", "xsens-accelerometer", "--gyro-log", other, "--gyro-profile"]
     assert run(*words, "xsens-gyro", "--method", "hand-rotations") == 2
-    assert "[work-times]" in capsys.readouterr().err
+    assert "[work-rows]" in capsys.readouterr().err

@@ -49,7 +49,7 @@ def test_a_name_below_a_file_and_a_link_to_itself(run, site):
 def test_a_device_is_not_read_until_the_memory_is_out(run, site, command):
     rows = "\n".join(f"{number},0,0,9.8,1,2,3" for number in range(9))
     Path("a.csv").write_text(f"md_m,accel_x_m_s2,accel_y_m_s2,accel_z_m_s2,mag_x_nT,mag_y_nT,mag_z_nT\n{rows}\n")
-    run(*command).refused("/dev/zero: ", "[file-special]")
+    run(*command).refused("/dev/zero: ", "[file-not-file]")
     assert not Path("i.sqlite").exists()
 
 

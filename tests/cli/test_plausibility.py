@@ -242,7 +242,7 @@ def test_verify_says_its_reservation_in_words_and_in_json(run):
     assert "Wide limit, azimuth: 40 deg" in done.err
     assert "Wide limit, azimuth: 40 deg" in Path("verify.json").read_text()
     done = run("verify v.csv --calibration tool.json --limits wide.toml --json")
-    assert "verify-detects-limits" in [one["code"] for one in done.json["reservations"]]
+    assert "verify-detects-little" in [one["code"] for one in done.json["reservations"]]
 
 
 def test_quality_does_not_call_what_it_could_not_judge_not_passed(run):

@@ -65,5 +65,5 @@ def test_the_same_run_twice_is_status_2(tmp_path, run):
     for other in (path, copy):
         done = run("gyro", "quality", str(path), str(other))
         assert done.status == 2
-        assert "[work-same]" in done.err
+        assert "[input-same-file]" in done.err
         assert "PASS" not in done.out

@@ -195,10 +195,10 @@ SLOW = {"speeds": np.array([-0.5, 0.5]), "rate_unit": np.radians(1.0)}
         (SLOW, {}, InputError, "work-rate-scale"),
         ({"unit": "deg_s"}, {}, InputError, "work-rate-scale"),
         ({}, {"temperature_degree": 1}, InputError, "input-needs"),
-        ({"heat": 20.0}, {"temperature_degree": 1}, IdentifiabilityError, "fit-temperatures-few"),
-        ({"speeds": np.array([0.1, 0.1])}, {"g_sensitivity": True}, IdentifiabilityError, "fit-steps-mixed"),
+        ({"heat": 20.0}, {"temperature_degree": 1}, IdentifiabilityError, "fit-few"),
+        ({"speeds": np.array([0.1, 0.1])}, {"g_sensitivity": True}, IdentifiabilityError, "fit-undetermined"),
         ({}, {"site": "nowhere.toml"}, InputError, "input-missing"),
-        ({}, {"output_": "steps.csv"}, FileError, "option-same-file"),
+        ({}, {"output_": "steps.csv"}, FileError, "input-same-file"),
     ],
 )
 def test_wrong_input(folder, steps, more, error, words):

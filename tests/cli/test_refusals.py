@@ -244,9 +244,9 @@ def test_interrupt_while_importing(tmp_path):
 @pytest.mark.parametrize(
     ("command", "said"),
     [
-        ("allan log.csv -o a.json --report x.pdf", "[option-ending]"),
-        ("allan log.csv -o a.json --report x.txt", "[option-ending]"),
-        ("allan log.csv -o a.json --report x", "[option-ending]"),
+        ("allan log.csv -o a.json --report x.pdf", "[file-ending]"),
+        ("allan log.csv -o a.json --report x.txt", "[file-ending]"),
+        ("allan log.csv -o a.json --report x", "[file-ending]"),
         ("allan log.csv -o a.json --report a.html --language de", 'Choose from: "en", "ru", "zh"'),
         ("allan log.csv -o a.json --report a.html --language=", "--language"),
         ("allan log.csv -o a.json --language ru", "[input-needs]"),

@@ -119,7 +119,7 @@ def test_repeated_stations(run):
     assert done.status == 1
     assert "NOT JUDGED" in done.out
     Path("second.csv").write_bytes(Path("first.csv").read_bytes())
-    run(*REPEAT).refused("[work-same]")
+    run(*REPEAT).refused("[input-same-file]")
 
 
 def test_another_tool_is_allowed_more(run):
@@ -149,9 +149,9 @@ def test_two_depths(run):
     ("text", "words"),
     [
         ("station,md_m\nA,1000\n", "[work-rows]"),
-        ("station,md_m\nA,1000\nC,2000\n", "[work-station]"),
+        ("station,md_m\nA,1000\nC,2000\n", "[work-rows]"),
         ("station,x\nA,1000\n", "md_m or md_ft"),
-        ("station,md_m\nA,1000\nB,2000\n", "[work-same]"),
+        ("station,md_m\nA,1000\nB,2000\n", "[input-same-file]"),
         ("station,md_m\nA,1000\nB,\n", "line 3: Column md_m is empty"),
     ],
 )

@@ -214,15 +214,15 @@ def test_a_declination_of_the_wrong_sign_is_drawn_and_doubted(run):
     # WMM2025 there: 9 deg west
     given(more=f'north_reference = "true"\ndeclination_deg = 9.0\nsigma_declination_deg = 0.3\n{PLACE}')
     done = run(*SURVEY, "--report", "page.html").ok()
-    assert "[work-declination-sign]" in done.err
+    assert "[work-site-angle]" in done.err
     page = Path("page.html").read_text(encoding="utf-8")
     assert "Norths seen from above" in page
-    assert "[work-declination-sign]" in page
+    assert "[work-site-angle]" in page
     # gravity, field and dip do not depend on it, and the report of quality says so
     done = run(*QUALITY, "-v").ok()
     assert "[survey-blind]" in done.err
     given(more=f'north_reference = "true"\ndeclination_deg = -9.0\nsigma_declination_deg = 0.3\n{PLACE}')
-    assert "[work-declination-sign]" not in run(*SURVEY).err
+    assert "[work-site-angle]" not in run(*SURVEY).err
 
 
 def test_a_singular_axial_correction_is_said(run):

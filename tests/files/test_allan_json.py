@@ -12,6 +12,7 @@ from inclinometry.allan import AllanCurve, ChannelNoise, Coefficient, NoiseModel
 from inclinometry.errors import FileError
 from inclinometry.files import json_codec
 from inclinometry.files.allan_json import allan_content, read_allan, write_allan
+from inclinometry.findings import Finding
 
 UNSEEN = Coefficient(float("nan"), float("nan"), 2e-6)
 
@@ -20,7 +21,13 @@ def record(unit="rad/s", kind="gyro"):
     one = np.ones(2)
     curve = AllanCurve(0.1 * one, 1e-5 * one, 50.0 * one, np.array([1, 2]), 0.1, 100)
     model = NoiseModel(Coefficient(1e-6, 1e-8, 1.1e-6), UNSEEN, UNSEEN, None, None, np.eye(3), 3.0, 2)
-    return NoiseRecord([ChannelNoise("a_x", kind, unit, curve, model)], 0.1, 100, {"log": "sha256:1"}, ["one"])
+    return NoiseRecord(
+        [ChannelNoise("a_x", kind, unit, curve, model)],
+        0.1,
+        100,
+        {"log": "sha256:1"},
+        (Finding("input-empty", {"name": "md_m"}),),
+    )
 
 
 def test_degrees_and_hours(tmp_path):
@@ -47,9 +54,9 @@ def test_the_same_record_gives_the_same_bytes(tmp_path):
     ("change", "words"),
     [
         ({"schema": "inclinometry/tool"}, "record-kind"),
-        ({"version": 2}, "file-version"),
-        ({"samples": "many"}, "file-value $.samples"),
-        ({"channels": []}, "file-value $.channels"),
+        ({"version": 3}, "file-version"),
+        ({"samples": "many"}, "input-value $.samples"),
+        ({"channels": []}, "input-value $.channels"),
         ({"surplus": 1}, "input-unknown $.surplus"),
     ],
 )

@@ -62,7 +62,7 @@ def test_a_full_disk_is_a_file_error(tmp_path, monkeypatch):
 def test_places_that_cannot_be_written(tmp_path):
     with refused("file-folder-absent", error=FileError):
         write_text("x", tmp_path / "none" / "a.txt")
-    with refused("file-folder", error=FileError):
+    with refused("file-not-file", error=FileError):
         write_text("x", tmp_path)
     with refused("file-unwritable", error=FileError):
         write_text("x", "a\0b")

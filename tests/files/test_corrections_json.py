@@ -6,6 +6,8 @@ from tests.refusals import refused
 
 from inclinometry.errors import FileError
 from inclinometry.files.corrections_json import read_corrections, write_corrections
+from inclinometry.files.json_codec import restored
+from inclinometry.findings import example
 from inclinometry.survey.multistation import Parameter
 from inclinometry.survey.multistation_priors import FieldReference
 from inclinometry.survey.reduce import SensorCorrection, apply_correction
@@ -44,7 +46,7 @@ def correction(power=0.0):
         stations=4,
         chi_square=11.5,
         freedom=12,
-        warnings=("toolfaces leave a gap",),
+        findings=(example("input-empty")._replace(rows=(2, 5)), restored("toolfaces leave a gap", "note")),
         inputs={"raw": "sha256:1"},
         information=np.linalg.inv(covariance),
         score=np.arange(5.0),
@@ -60,7 +62,7 @@ def test_round_trip(tmp_path, power):
     assert found.parameters == wanted.parameters
     for name in ("covariance", "gain", "offset", "power", "reference_temperature", "noise", "information", "score"):
         np.testing.assert_array_equal(getattr(found, name), getattr(wanted, name))
-    for name in ("priors", "tool", "md", "stations", "chi_square", "freedom", "warnings"):
+    for name in ("priors", "tool", "md", "stations", "chi_square", "freedom", "findings"):
         assert getattr(found, name) == getattr(wanted, name)
     assert dict(found.inputs) == {"raw": "sha256:1"}
     # degrees in the file
@@ -103,8 +105,8 @@ def both(change):
     ("change", "words"),
     [
         (put("schema", "inclinometry/tool"), "record-kind"),
-        (put("version", 2), "file-version"),
-        (put("parameters", 0, "value", "much"), "file-value $.parameters[0].value"),
+        (put("version", 3), "file-version"),
+        (put("parameters", 0, "value", "much"), "input-value $.parameters[0].value"),
         (put("covariance", "parameters", 0, "MBY"), "record-names"),
         (put("covariance", "matrix", 0, 0, -1.0), "record-covariance"),
         (both(list.reverse), "record-names"),
@@ -112,7 +114,7 @@ def both(change):
         (put("reference", "b_nT", 5.0), "input-value reference b"),
         (lambda content: content.pop("noise"), "input-missing $.noise"),
         (put("noise", 2, 2, -1.0), "record-covariance"),
-        (put("parameters", 1, "gain", 0, 0, 6), "file-value $.parameters[1].gain[0][0]"),
+        (put("parameters", 1, "gain", 0, 0, 6), "input-value $.parameters[1].gain[0][0]"),
     ],
 )
 def test_refused(tmp_path, change, words):

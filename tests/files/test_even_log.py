@@ -54,8 +54,8 @@ HUNDRED, NINE = np.arange(100.0), np.arange(9.0)
         (NINE + 0.51 * (NINE == 4), "input-uneven"),
         (np.concatenate([np.arange(500.0), 499.0 + np.arange(1, 500) * 1.02]), "input-uneven"),
         ([0.0, 1.0], "input-few rows"),
-        ([0.0, 1.0, 1.0], "readings-order"),
-        ([0.0, 2.0, 1.0], "readings-order"),
+        ([0.0, 1.0, 1.0], "input-order"),
+        ([0.0, 2.0, 1.0], "input-order"),
     ],
 )
 def test_times_that_are_not_even_are_named_with_their_line(tmp_path, time, words):
@@ -77,5 +77,5 @@ def test_date_and_time_are_the_time_of_a_log(tmp_path):
 def test_the_largest_reading_is_allowed_and_the_first_beyond_it_is_named(tmp_path):
     path = tmp_path / "log.csv"
     path.write_text(f"time_s,gyro_x\n0,{LARGEST!r}\n1,0\n2,{-1.5 * LARGEST!r}\n3,{2.0 * LARGEST!r}\n")
-    with refused("file-value", error=FileError, column="gyro_x"):
+    with refused("input-value", error=FileError, name="gyro_x"):
         read_even_log(path)

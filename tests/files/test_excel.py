@@ -122,10 +122,10 @@ def test_cached_results_of_formulas_are_read(book, tmp_path):
     ("rows", "words"),
     [
         ([], "file-empty"),
-        ([NAMES, [0, "#DIV/0!", "A"]], "file-number inclination_deg"),
-        ([NAMES, [0, True, "A"]], "file-number inclination_deg"),
-        ([NAMES, [0, datetime.date(2026, 5, 1), "A"]], "file-number inclination_deg"),
-        ([NAMES, [0, 1, "A"], [], [30, 181, "A"]], "file-value inclination_deg"),
+        ([NAMES, [0, "#DIV/0!", "A"]], "input-kind inclination_deg"),
+        ([NAMES, [0, True, "A"]], "input-kind inclination_deg"),
+        ([NAMES, [0, datetime.date(2026, 5, 1), "A"]], "input-kind inclination_deg"),
+        ([NAMES, [0, 1, "A"], [], [30, 181, "A"]], "input-value inclination_deg"),
     ],
 )
 def test_refusals(book, rows, words):

@@ -59,11 +59,11 @@ def sheet(**columns):
 @pytest.mark.parametrize(
     ("columns", "line", "words"),
     [
-        ({"inclination_deg": ("", "bent", "3")}, 3, "file-number inclination_deg"),
+        ({"inclination_deg": ("", "bent", "3")}, 3, "input-kind inclination_deg"),
         ({"inclination_deg": [1.0, np.inf, 3.0]}, 3, "input-finite inclination_deg"),
-        ({"inclination_deg": [1.0, 2.0, 181.0]}, 5, "file-value inclination_deg"),
-        ({"inclination_deg": [1.0, -0.1, 18.0]}, 3, "file-value inclination_deg"),
-        ({"tvd_m": [0.0, 1.0, 2.0], "used": ("yes", "no", "perhaps")}, 5, "file-value used"),
+        ({"inclination_deg": [1.0, 2.0, 181.0]}, 5, "input-value inclination_deg"),
+        ({"inclination_deg": [1.0, -0.1, 18.0]}, 3, "input-value inclination_deg"),
+        ({"tvd_m": [0.0, 1.0, 2.0], "used": ("yes", "no", "perhaps")}, 5, "input-value used"),
         ({"tvd_m": [0.0, 1.0, 2.0], "TVD (ft)": [0.0, 1.0, 2.0]}, None, "table-same"),
         ({"operator": ("a", "b", "c")}, None, "table-depth-only"),
         ({"md_m": [0.0, 30.0, 20.0], "tvd_m": [0.0] * 3}, 5, "input-order"),
@@ -77,7 +77,7 @@ def sheet(**columns):
         (
             {"azimuth_deg": [1.0] * 3, "azimuth_reference": ("true", "", "up")},
             5,
-            "file-value azimuth_reference",
+            "input-value azimuth_reference",
         ),
         ({"AZIM_TN (deg)": [1.0] * 3, "azimuth_reference": ("grid",) * 3}, None, "input-north"),
     ],

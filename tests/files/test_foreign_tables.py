@@ -305,7 +305,7 @@ def test_degrees_minutes_and_seconds(tmp_path):
         assert (stop.value.line, (round(values["decimal"], 6), values["marked"])) == (3, remedy)
     # minutes end at 60, and a length has none
     for row in ("30,10°75',20", "30°30',10,20"):
-        with refused("file-number", error=FileError):
+        with refused("input-kind", error=FileError):
             read_well(saved(path, f"MD (m),INC (deg),Azimuth true (deg)\n0,0,0\n{row}\n", encoding="utf-8"))
 
 
@@ -316,7 +316,8 @@ def test_a_number_that_stands_for_nothing(tmp_path):
     assert stop.value.line == 3
     with reading_with(None, null=-999.25):
         well = read_well(path)
-    assert (well.md.tolist(), well.left_out, well.lines.tolist()) == ([0.0, 60.0], (3,), [2, 4])
+    assert (well.md.tolist(), well.lines.tolist()) == ([0.0, 60.0], [2, 4])
+    assert [(one.code, one.values["line"]) for one in well.findings] == [("work-rows-left-out", 3)]
     # half a station is none, and no gap either
     with reading_with(None, null=-999.25), refused("input-empty", error=FileError):
         read_well(saved(path, "MD (m),INC (deg),AZI_TRUE (deg)\n0,0,0\n30,-999.25,20\n60,3,20\n"))
@@ -460,7 +461,7 @@ def test_an_error_in_a_packed_table_names_its_row(tmp_path):
     for row in range(1, 10):
         rows = [{"md_m": float(k), "tvd_m": "x" if k == row else float(k)} for k in range(1, 12)]
         (tmp_path / "a.json").write_text(json.dumps(rows))
-        with refused("file-number", error=FileError, column="tvd_m"):
+        with refused("input-kind", error=FileError, name="tvd_m"):
             read_table(tmp_path / "a.json", numeric=lambda _: True)
 
 

@@ -120,11 +120,11 @@ def renamed(old, new):
     [
         (HEADER, [*ROWS[:5], ROWS[0]], "gyro-station-again"),
         (HEADER, cell("md_m", 2, "11"), "readings-station-differs"),
-        (HEADER, [r.replace("B,40", "B,10") for r in ROWS], "readings-order"),
-        (HEADER, [*ROWS, "C,30,0,20,1,2,3,4,900"], "readings-order"),
+        (HEADER, [r.replace("B,40", "B,10") for r in ROWS], "input-order"),
+        (HEADER, [*ROWS, "C,30,0,20,1,2,3,4,900"], "input-order"),
         (HEADER, cell("station", 0, ""), "input-empty"),
-        (HEADER, cell("index_deg", 4, "1e6"), "file-value index_deg"),
-        (HEADER, cell("temperature_degC", 3, "500"), "file-value temperature_degC"),
+        (HEADER, cell("index_deg", 4, "1e6"), "input-value index_deg"),
+        (HEADER, cell("temperature_degC", 3, "500"), "input-value temperature_degC"),
         (*without("station"), "file-column station"),
         (*without("md_m"), "file-column md_m"),
         (*without("index_deg"), "file-column index_deg"),
@@ -134,7 +134,7 @@ def renamed(old, new):
         (*renamed("index_deg", "index"), "table-unit-missing"),
         (*renamed("md_m", "md"), "table-unit-missing"),
         (*renamed("time_s", "time"), "table-unit-missing"),
-        (*spreads("gyro_x_deg_h_sd,gyro_y_deg_h_sd", "0,1"), "file-value gyro_x_deg_h_sd"),
+        (*spreads("gyro_x_deg_h_sd,gyro_y_deg_h_sd", "0,1"), "input-value gyro_x_deg_h_sd"),
     ],
 )
 def test_what_is_no_run(tmp_path, header, rows, code):

@@ -65,7 +65,7 @@ def test_files_that_hold_no_record(tmp_path, data, line, words):
 def test_files_that_cannot_be_read_and_a_mark_before_the_text(tmp_path):
     for path, code in (
         (tmp_path / "a.json", "file-absent"),
-        (tmp_path, "file-folder"),
+        (tmp_path, "file-not-file"),
         ("a\0b", "file-unreadable"),
     ):
         with refused(code, error=FileError):

@@ -54,7 +54,7 @@ def test_a_file(tmp_path):
         (read_limits, "a\0b", InputError, "input-choice limits"),
         (read_limits, "x" * 5000, InputError, "input-choice limits"),
         (read_limits, "nowhere/limits.toml", FileError, "file-absent"),
-        (read_limits, Path(), FileError, "file-folder"),
+        (read_limits, Path(), FileError, "file-not-file"),
     ],
 )
 def test_an_unknown_name_lists_the_names(read, name, error, words):
@@ -71,7 +71,7 @@ def test_an_unknown_name_lists_the_names(read, name, error, words):
         ("inclination_deg = 0.1\n", "input-missing source"),
         ('source = ""\ninclination_deg = 0.1\n', "input-kind source"),
         ('source = "x"\n', "file-limits"),
-        ('source = "x"\nazimuth_deg = 0\n', "file-value azimuth_deg"),
+        ('source = "x"\nazimuth_deg = 0\n', "input-value azimuth_deg"),
         ('source = "x"\nazimuth_deg = -1\n', "input-value azimuth_deg"),
         ('source = "x"\nazimuth_deg = nan\n', "input-value azimuth_deg"),
         ('source = "x"\nazimuth_deg = true\n', "input-kind azimuth_deg"),

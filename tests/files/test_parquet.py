@@ -82,7 +82,7 @@ def test_types_of_other_writers(write):
 @pytest.mark.parametrize(
     ("columns", "words"),
     [
-        ({"md_m": [1.0], "tvd_m": [True]}, "file-number tvd_m"),
+        ({"md_m": [1.0], "tvd_m": [True]}, "input-kind tvd_m"),
         ({"md_m": [1.0], "tvd_m": [[1.0]]}, "input-kind tvd_m"),
         ({"md_m": [1.0], "tvd_m": [1.0], "blob": [b"1"]}, "input-kind blob"),
         ({"md_m": [1.0], "tvd": [1.0]}, "table-unit-missing"),
@@ -113,7 +113,7 @@ def test_damaged_files(tmp_path):
             read_parquet(tmp_path / "b.parquet")
     with refused("file-absent", error=FileError):
         read_parquet(tmp_path / "c.parquet")
-    with refused("file-folder", error=FileError):
+    with refused("file-not-file", error=FileError):
         read_parquet(tmp_path)
 
 

@@ -362,7 +362,7 @@ def test_a_profile_may_not_contradict_a_unit_by_another_name(tmp_path):
     "name", ["AZM", "Azi", "Azimuth", "AZIM", "AZIM_M", "AZIMT", "AZIMG", "Azim N", "HAZI", "Bearing"]
 )
 def test_a_name_without_a_north_states_none(tmp_path, name):
-    with refused("readings-north-missing", error=FileError):
+    with refused("table-north", error=FileError):
         read_well(saved(tmp_path / "a.csv", f"MD (m),INC (deg),{name} (deg)\n0,0,0\n100,5,9\n"))
     for north in ("magnetic", "true", "grid"):
         with reading_with(Profile(constants={"azimuth_reference": north})):

@@ -108,12 +108,12 @@ def long_csv(path, spoil, line=60_000, count=80_000):
 
 
 SPOILT = {
-    "text": (lambda s: s.replace("0.25", "broken"), "file-number"),
+    "text": (lambda s: s.replace("0.25", "broken"), "input-kind"),
     "short": (lambda s: s.rsplit(",", 1)[0], "table-row-width"),
     "long": (lambda s: s + ",7", "table-row-width"),
     "infinite": (lambda s: s.replace("0.25", "inf"), "input-finite"),
-    "absurd": (lambda s: s.replace("0.25", "1e40"), "file-value"),
-    "back": (lambda s: "59.0" + s[s.index(",") :], "input-backwards"),
+    "absurd": (lambda s: s.replace("0.25", "1e40"), "input-value"),
+    "back": (lambda s: "59.0" + s[s.index(",") :], "input-order"),
     "no time": (lambda s: s[s.index(",") :], "table-empty"),
     "time nan": (lambda s: "nan" + s[s.index(",") :], "table-empty"),
 }
@@ -121,7 +121,7 @@ SPOILT = {
 
 def test_a_bad_line_soon_after_a_preamble_is_named(tmp_path):
     path = long_csv(tmp_path / "run.csv", lambda s: s.replace("0.25", "broken"), 5, 9)
-    with refused("file-number", error=FileError, column="accel_y"):
+    with refused("input-kind", error=FileError, name="accel_y"):
         list(open_run(saved(path, "# run 3\n\n" + path.read_text())).blocks())
 
 
@@ -156,7 +156,7 @@ def test_a_bad_row_of_parquet_is_named(tmp_path):
     data = samples(70_000)
     for name, value, message in (
         ("mag_y", np.inf, "input-finite"),
-        ("time_s", 0.0, "input-backwards"),
+        ("time_s", 0.0, "input-order"),
         ("time_s", np.nan, "table-empty"),
     ):
         spoilt = {name: values.copy() for name, values in data.items()}
@@ -206,7 +206,7 @@ def test_parquet_that_cannot_be_used(tmp_path):
     names = ("time_s", "gyro_x", "gyro_y", "gyro_z")
     values = [pa.array([1.0]), *[pa.array([True])] * 3]
     pq.write_table(pa.Table.from_arrays(values, names=list(names)), tmp_path / "b.parquet")
-    with refused("file-number", error=FileError, column="gyro_x"):
+    with refused("input-kind", error=FileError, name="gyro_x"):
         list(open_run(tmp_path / "b.parquet").blocks())
     with writing(tmp_path / "empty.parquet", COLUMNS):
         pass
@@ -246,7 +246,7 @@ def test_one_large_row_group_is_read_in_little_memory(tmp_path):
 def test_temperatures_that_no_sensor_has_and_rows_of_comments_only(tmp_path):
     path = tmp_path / "run.csv"
     path.write_text("time_s,mag_x,mag_y,temperature_degC\n# begin\n\n0,1,2,20\n1,2,3,401\n")
-    with refused("file-value", error=FileError, column="temperature_degC") as caught:
+    with refused("input-value", error=FileError, name="temperature_degC") as caught:
         list(open_run(path).blocks())
     assert caught.value.line == 5
     (block,) = open_run(saved(path, "time_s,mag_x,mag_y,temperature_degC\n0,1,2,-100\n1,2,3,400\n2,2,3,\n")).blocks()

@@ -64,23 +64,23 @@ def test_what_is_not_finite_is_not_written(tmp_path):
     [
         (put("schema", "inclinometry/tool"), "scale factors of a gyro"),
         (lambda c: c.pop("schema"), "scale factors of a gyro"),
-        (put("version", 3), "version 3"),
-        (put("belief", "coefficients", []), "$.belief.coefficients"),
-        (put("belief", "coefficients", [1.0, 2.0, 3.0, 4.0]), "$.belief.coefficients"),
-        (put("belief", "coefficients", ["1"]), "$.belief.coefficients[0]"),
-        (put("belief", "coefficients", [1.0]), ""),
-        (put("belief", "covariance", [[1.0, 0.0, 0.0], [0.0], [0.0, 0.0, 1.0]]), "$.belief"),
-        (put("belief", "covariance", 0, 0, -1.0), ""),
-        (put("belief", "per_degC", 1.0), "$.belief.per_degC"),
-        (put("belief", "temperature_range_degC", [20.0]), "$.belief.temperature_range_degC"),
-        (put("belief", "temperature_range_degC", [90.0, 20.0]), ""),
-        (put("belief", "other", 1.0), "other"),
-        (put("stations", "learnt", [True]), "$.stations.learnt"),
+        (put("version", 4), "version 4"),
+        (put("state", "coefficients", []), "$.state.coefficients"),
+        (put("state", "coefficients", [1.0, 2.0, 3.0, 4.0]), "$.state.coefficients"),
+        (put("state", "coefficients", ["1"]), "$.state.coefficients[0]"),
+        (put("state", "coefficients", [1.0]), ""),
+        (put("state", "covariance", [[1.0, 0.0, 0.0], [0.0], [0.0, 0.0, 1.0]]), "$.state"),
+        (put("state", "covariance", 0, 0, -1.0), ""),
+        (put("state", "per_degC", 1.0), "$.state.per_degC"),
+        (put("state", "temperature_range_degC", [20.0]), "$.state.temperature_range_degC"),
+        (put("state", "temperature_range_degC", [90.0, 20.0]), ""),
+        (put("state", "other", 1.0), "other"),
+        (put("stations", "observable", [True]), "$.stations.observable"),
         (put("stations", "scale", 0, None), "$.stations.scale[0]"),
-        (put("stations", "learnt", 0, 1), "$.stations.learnt[0]"),
+        (put("stations", "observable", 0, 1), "$.stations.observable[0]"),
         (lambda c: c["stations"].pop("md_m"), "md_m"),
         (put("tool", 7), "$.tool"),
-        (lambda c: c.pop("belief"), "belief"),
+        (lambda c: c.pop("state"), "state"),
     ],
 )
 def test_what_does_not_fit_is_named(tmp_path, change, place):
@@ -95,7 +95,12 @@ def test_what_had_wandered_in_a_file_of_version_1_is_part_of_the_scale_factor(tm
     path, written = tmp_path / "s.json", record()
     write_scale(written, path)
     wandered = {"walk_per_root_degC": 1e-5, "jitter": 5e-4, "wandered": [2e-4, 3e-8, 77.7]}
-    changed(path, lambda content: content.update(version=1, belief=content["belief"] | wandered))
+
+    def older(content):
+        content |= {"version": 1, "belief": content.pop("state") | wandered}
+        content["stations"]["learnt"] = content["stations"].pop("observable")
+
+    changed(path, older)
     found = read_scale(path).belief
     np.testing.assert_allclose(found.coefficients - written.belief.coefficients, [2e-4, 0.0, 0.0], atol=1e-15)
     np.testing.assert_allclose(found.covariance - written.belief.covariance, np.diag([3e-8, 0.0, 0.0]), atol=1e-20)

@@ -156,12 +156,12 @@ ONE = "100,0,0,9.8,20000,0,45000"
         (SIX + ",azimth_deg", [ONE + ",1"], "table-near"),
         (SIX, [ONE, ONE], "input-order"),
         (SIX, [ONE.replace("9.8", "inf")], "input-finite gz_m_s2"),
-        (SIX, [ONE.replace("9.8", "9800")], "file-value gz_m_s2"),
+        (SIX, [ONE.replace("9.8", "9800")], "input-value gz_m_s2"),
         (SIX, [ONE.replace("9.8", "")], "input-empty"),
         ("md_m,inclination_deg", ["0,1"], "input-missing gx_m_s2"),
         (SIX + ",g_total", [ONE + ",1"], "table-unit-missing"),
         ("(ft),(g),(g),(g),(nT),(nT),(nT)", [ONE], "table-twice"),
-        (SIX, ["(m),(m/s2),,,(nT),,"], "file-number md_m"),
+        (SIX, ["(m),(m/s2),,,(nT),,"], "input-kind md_m"),
     ],
 )
 def test_refusals(write, header, rows, words):

@@ -47,8 +47,8 @@ def test_feet_are_converted(tmp_path):
 @pytest.mark.parametrize(
     ("header", "rows", "wanted"),
     [
-        ("md_m", ["10,1,2", "20,1,2", "20,1,2"], "readings-order"),
-        ("md_ft", ["10,1,2", "30,1,2", "20,1,2"], "readings-order"),
+        ("md_m", ["10,1,2", "20,1,2", "20,1,2"], "input-order"),
+        ("md_ft", ["10,1,2", "30,1,2", "20,1,2"], "input-order"),
         ("md", ["10,1,2"], "table-unit-missing"),
         ("depth", ["10,1,2"], "table-unit-missing"),
         ("md_m,md_ft", ["1,2,3,4"], "table-same"),
@@ -135,7 +135,7 @@ def test_a_survey_needs_all_its_columns(tmp_path):
     with refused("file-column", error=FileError, columns=("inclination_deg",)):
         read_survey_csv(text_file(tmp_path, "md_m\n1\n"))
     header = ",".join(SURVEY)
-    with refused("readings-order", error=FileError):
+    with refused("input-order", error=FileError):
         read_survey_csv(text_file(tmp_path, f"{header}\n1{',' * 12}\n1{',' * 12}\n"))
 
 
@@ -158,7 +158,7 @@ def test_plans_that_do_not_fit(tmp_path):
         read_plan(text_file(tmp_path, "azimuth,inclination_deg,toolface_deg\n1,2,3\n"))
     with refused("file-column", error=FileError, columns=("azimuth_deg",)):
         read_plan(text_file(tmp_path, "station\n1\n"))
-    with refused("file-value", error=FileError, column="inclination_deg"):
+    with refused("input-value", error=FileError, name="inclination_deg"):
         read_plan(text_file(tmp_path, "azimuth_deg,inclination_deg,toolface_deg\n1,200,3\n"))
 
 
@@ -174,7 +174,7 @@ def test_a_log(tmp_path):
 @pytest.mark.parametrize(
     ("text", "wanted"),
     [
-        ("time_s,gyro_x,gyro_y\n0,1,2\n0,1,2\n", "readings-order"),
+        ("time_s,gyro_x,gyro_y\n0,1,2\n0,1,2\n", "input-order"),
         ("time_d,gyro_x,gyro_y\n0,1,2\n", "table-near"),
         ("time,gyro_x,gyro_y\n0,1,2\n", "table-unit-missing"),
         ("gyro_x,gyro_y\n0,1\n", "file-column"),

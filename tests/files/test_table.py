@@ -78,9 +78,9 @@ def test_dialects_read_alike(tmp_path, content):
         ("mag_x,mag_x\n1,2\n", "table-twice", 1),
         ("mag_x,,mag_y\n1,2,3\n", "table-unnamed", 1),
         ("1,2\n3,4\n", "table-names-numbers", 1),
-        ("mag_x,mag_y\n1,2\n1,abc\n", "file-number", 3),
-        ("mag_x,mag_y\n1,1_000\n", "file-number", 2),
-        ("mag_x,mag_y\n1,١\n", "file-number", 2),
+        ("mag_x,mag_y\n1,2\n1,abc\n", "input-kind", 3),
+        ("mag_x,mag_y\n1,1_000\n", "input-kind", 2),
+        ("mag_x,mag_y\n1,١\n", "input-kind", 2),
         ("mag_x,mag_y\n1,nan\n", "input-finite", 2),
         ("mag_x,mag_y\n1,-inf\n", "input-finite", 2),
         ("mag_x,mag_y\n1,1e999\n", "input-finite", 2),
@@ -98,7 +98,7 @@ def test_dialects_read_alike(tmp_path, content):
         ("station,mag_y\n#1,2\n", "table-comment", 2),
         (gzip.compress(b"mag_x\n1\n" * 9, mtime=0)[:-12], "file-format", None),
         (b"PK\x03\x04rest", "file-format", None),
-        (b"mag_x\n1\n\xff\n", "file-number", 3),
+        (b"mag_x\n1\n\xff\n", "input-kind", 3),
         (b"mag_x\n1\n\xff\xf1\xe2\n", "file-text", 3),
         ("mag_x\n1\n".encode("utf-16-le"), "file-text", None),
         (b"\xff\xfe\x00\x00m\x00\x00\x00", "file-text", None),
@@ -112,7 +112,11 @@ def test_errors_name_the_place_and_the_remedy(tmp_path, content, code, line):
 
 
 def test_files_that_are_none(tmp_path):
-    for path, words in ((tmp_path / "none.csv", "file-absent"), (tmp_path, "file-folder"), ("a\0b", "file-unreadable")):
+    for path, words in (
+        (tmp_path / "none.csv", "file-absent"),
+        (tmp_path, "file-not-file"),
+        ("a\0b", "file-unreadable"),
+    ):
         with refused(words, error=FileError):
             read_table(path)
 
@@ -149,7 +153,11 @@ def test_line_numbers_survive_blank_lines_comments_and_blocks(tmp_path):
     table = read(tmp_path, "\r\n".join(rows))
     np.testing.assert_array_equal(table.lines, table.number("mag_x"))
     rows[40_000 - 1] = "oops,x"
-    assert wrong(tmp_path, "\n".join(rows)) == ("file-number", {"column": "mag_x", "value": "oops"}, 40000)
+    assert wrong(tmp_path, "\n".join(rows)) == (
+        "input-kind",
+        {"name": "mag_x", "value": "oops", "expected": "number"},
+        40000,
+    )
 
 
 def test_decimal_comma_in_later_blocks(tmp_path):
@@ -172,7 +180,7 @@ def test_progress_reaches_the_size(tmp_path):
 
 def test_kinds_of_columns(tmp_path):
     table = read(tmp_path, "operator,mag_x\nAnn,1\n")
-    with refused("file-number", error=FileError, column="operator"):
+    with refused("input-kind", error=FileError, name="operator"):
         table.number("operator")
     assert table.text("mag_x") == ("1.0",)
     assert "mag_x" in table
@@ -262,7 +270,7 @@ def test_a_bad_cell_far_down_is_named_with_its_line(long_table, cell):
     with path.open("r+") as stream:
         stream.seek(place)
         stream.write(cell.ljust(4))
-    with refused("file-number", "input-finite", "table-empty", "table-row-width", error=FileError):
+    with refused("input-kind", "input-finite", "table-empty", "table-row-width", error=FileError):
         read_table(path)
 
 
@@ -312,7 +320,7 @@ def test_what_a_spreadsheet_puts_on_top_is_no_header(tmp_path, first):
 def test_where_a_long_text_or_a_quote_stands(tmp_path):
     for count, shown in ((41, "x" * 37 + "..."), (40, "x" * 40)):
         found = wrong(tmp_path, f"mag_x\n1\n{'x' * count}\n")
-        assert found == ("file-number", {"column": "mag_x", "value": shown}, 3)
+        assert found == ("input-kind", {"name": "mag_x", "value": shown, "expected": "number"}, 3)
     assert wrong(tmp_path, 'mag_x,crew\n1,"a"\n2,b\n3,"c\n4,d\n')[::2] == ("table-quote", 4)
     code, values, line = wrong(tmp_path, b"mag_x,crew\n1,\xc3\xa9\n2,a\n3,\xe9\n4,b\n")
     assert (code, "0xe9" in values["reason"], line) == ("file-text", True, 4)

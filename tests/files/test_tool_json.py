@@ -14,14 +14,27 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from tests.refusals import refused
 
-from inclinometry.calibration.result import Calibration, Residuals, Rig, uncoded
+from inclinometry.calibration.result import Calibration, Residuals, Rig
 from inclinometry.errors import FileError
 from inclinometry.files import json_codec
+from inclinometry.files.json_codec import restored
 from inclinometry.files.tool_json import read_calibration, read_extras, read_tool, write_calibration, write_truth
+from inclinometry.findings import Finding
 from inclinometry.sensors import Tool, Triad
 
 from .json_records import changed, put
 
+POWER = Finding("verify-power", {"angle": "azimuth", "times": 1.0 / 3.0}, severity="ignored")
+FINDINGS = (
+    Finding("input-empty", {"name": "md_m"}, (0, 3)),
+    Finding(
+        "verify-planned", {"finding": Finding("verify-power", {"angle": "azimuth", "times": 2.3})}, severity="note"
+    ),
+    Finding("verify-not-judged", {"names": ("azimuth", "toolface"), "why": "at no position"}),
+    POWER,
+    restored("Roll the tool."),
+)
+"""One with rows, one within another, a list, a number to the bit, a sentence of an older file."""
 VERSION_1 = Path(__file__).parents[1] / "reference" / "tool-json" / "tool-1.json"
 
 
@@ -47,7 +60,7 @@ def make(seed=3, degree=0, sensors=3, inside=True):
                           {k: rng.normal(size=(4, sensors)) for k in kinds}, rng.uniform(size=4))  # fmt: skip
     return Calibration(
         tool, "joint", {"readings.csv": "sha256:00"}, {k: unit(rng.normal(size=3)) for k in kinds},
-        (*tool.parameter_names, "a", "b", "c", "d", "zero"), joint, rig, residuals, uncoded(["Roll the tool."]),
+        (*tool.parameter_names, "a", "b", "c", "d", "zero"), joint, rig, residuals, FINDINGS,
     )  # fmt: skip
 
 
@@ -107,25 +120,25 @@ def test_the_bytes_are_canonical(tmp_path):
     )
 
 
-def test_the_files_of_both_versions_are_read_for_ever():
+def test_the_files_of_all_versions_are_read_for_ever():
     calibration = read_calibration(VERSION_1)
     assert calibration.tool.name == "SN 1"
     # made by products of matrices of 53 rows, whose last bits are the processor's: 53 eps of the largest, a hundredfold
-    assert same(calibration, make(), rtol=1e-12)
+    assert same(calibration, replace(make(), findings=FINDINGS[-1:]), rtol=1e-12)
     calibration = read_calibration(VERSION_1.with_name("tool-2.json"))
     assert calibration.tool.name == "SN 1"
     assert calibration.shares["toolface dial"].shape == (5, 3)
 
 
 def test_the_shares_of_the_causes_are_kept(tmp_path):
-    """In version 2; an angle that the tool does not give has none."""
+    """An angle that the tool does not give has none."""
     shares = {"azimuth dial": np.full((5, 3), 0.25), "sensor noise": np.full((5, 3), 0.75)}
     shares["sensor noise"][:, 1] = np.nan
     calibration = replace(make(), shares=shares)
     write_calibration(calibration, tmp_path / "tool.json")
     content = json.loads((tmp_path / "tool.json").read_text("utf-8"))
-    assert content["version"] == 2
-    jsonschema.validate(content, json_codec.schema("tool-2"))
+    assert content["version"] == 3
+    jsonschema.validate(content, json_codec.schema("tool-3"))
     found = read_calibration(tmp_path / "tool.json").shares
     for name, share in shares.items():
         np.testing.assert_array_equal(found[name], share)
@@ -150,24 +163,24 @@ TRIAD = ("triads", "accelerometer")
     ("change", "code", "place"),
     [
         (put("schema", "a"), "record-kind", ""),
-        (put("version", 3), "file-version", ""),
-        (put("version", "1"), "file-value", "$.version"),
-        (put("convention", "z-up"), "file-value", "$.convention"),
-        (put("triads", {}), "file-value", "$.triads"),
-        (put(*TRIAD, "tensor", 0, 1, "x"), "file-value", "$.triads.accelerometer.tensor[0][1]"),
-        (put(*TRIAD, "tensor", 0, 1, True), "file-value", "$.triads.accelerometer.tensor[0][1]"),
-        (put(*TRIAD, "tensor", 0, [1, 2]), "file-value", "$.triads.accelerometer.tensor[0]"),
+        (put("version", 4), "file-version", ""),
+        (put("version", "1"), "input-value", "$.version"),
+        (put("convention", "z-up"), "input-value", "$.convention"),
+        (put("triads", {}), "input-value", "$.triads"),
+        (put(*TRIAD, "tensor", 0, 1, "x"), "input-value", "$.triads.accelerometer.tensor[0][1]"),
+        (put(*TRIAD, "tensor", 0, 1, True), "input-value", "$.triads.accelerometer.tensor[0][1]"),
+        (put(*TRIAD, "tensor", 0, [1, 2]), "input-value", "$.triads.accelerometer.tensor[0]"),
         (put(*TRIAD, "offset", [1, 2]), "record-size", "$.triads.accelerometer.offset"),
         (put(*TRIAD, "tensor", 0, 1, 10**400), "input-value", "$.triads.accelerometer.tensor[0][1]"),
-        (put(*TRIAD, "unit", ""), "file-value", "$.triads.accelerometer.unit"),
-        (put(*TRIAD, "unit", "x" * 33), "file-value", "$.triads.accelerometer.unit"),
+        (put(*TRIAD, "unit", ""), "input-value", "$.triads.accelerometer.unit"),
+        (put(*TRIAD, "unit", "x" * 33), "input-value", "$.triads.accelerometer.unit"),
         (put(*TRIAD, "field_unit", "nT"), "input-choice", "$.triads.accelerometer.field_unit"),
-        (put(*TRIAD, "field_strength", -1), "file-value", "$.triads.accelerometer.field_strength"),
-        (put(*TRIAD, "field_strength", 0), "file-value", "$.triads.accelerometer.field_strength"),
+        (put(*TRIAD, "field_strength", -1), "input-value", "$.triads.accelerometer.field_strength"),
+        (put(*TRIAD, "field_strength", 0), "input-value", "$.triads.accelerometer.field_strength"),
         (put(*TRIAD, "temperature_coefficients", 0, "power", 2), "input-value", "temperature_coefficients.power"),
-        (put(*TRIAD, "noise", 0, -1), "file-value", "$.triads.accelerometer.noise[0]"),
+        (put(*TRIAD, "noise", 0, -1), "input-value", "$.triads.accelerometer.noise[0]"),
         (put(*TRIAD, "noise", [1, 2]), "record-size", "$.triads.accelerometer.noise"),
-        (put("triads", "compass", {}), "file-value", "$.triads"),
+        (put("triads", "compass", {}), "input-value", "$.triads"),
         (put("covariance", "parameters", 0, "x"), "record-names", "$.covariance.parameters"),
         (put("covariance", "matrix", 0, [1]), "record-size", "$.covariance.matrix[0]"),
         (put("covariance", "matrix", []), "record-size", "$.covariance.matrix"),
@@ -176,9 +189,12 @@ TRIAD = ("triads", "accelerometer")
         (put("covariance", "matrix", 2, 2, 1e-3), "record-covariance", "$.covariance.matrix"),
         (put("tool_covariance", {"parameters": ["x"], "matrix": [[-2]]}), "record-covariance", "$.tool_covariance"),
         (put("field_directions", "accelerometer", [0, 0, 2]), "input-value", "|$.field_directions.accelerometer|"),
-        (put("rig", "sd_rad", [1]), "file-value", "$.rig.sd_rad"),
-        (put("temperature_range_degC", [1]), "file-value", "$.temperature_range_degC"),
-        (put("warnings", [1]), "file-value", "$.warnings[0]"),
+        (put("rig", "sd_rad", [1]), "input-value", "$.rig.sd_rad"),
+        (put("temperature_range_degC", [1]), "input-value", "$.temperature_range_degC"),
+        (put("findings", [1]), "input-value", "$.findings[0]"),
+        (put("findings", 0, "values", "name", {"code": "x"}), "input-value", "$.findings[0].values.name"),
+        (put("findings", 0, "severity", "grave"), "input-value", "$.findings[0].severity"),
+        (put("findings", 0, "rows", [0]), "input-value", "$.findings[0].rows[0]"),
         (lambda c: c.pop("rig"), "input-missing", "$.rig"),
         (put("surplus", 1), "input-unknown", "$.surplus"),
         (put("residuals", "values", "gyro", [[1], [1, 2]]), "record-size", "$.residuals.values.gyro[1]"),
@@ -226,15 +242,15 @@ def test_truth(tmp_path):
 def test_the_schemas_stand_alone(tmp_path):
     write_truth(make(degree=1).tool, {"seed": 1}, tmp_path / "truth.json")
     write_calibration(make(degree=1), tmp_path / "tool.json")
-    for name in ("tool", "truth"):
+    for name, version in (("tool", 3), ("truth", 1)):
         content = json.loads((tmp_path / f"{name}.json").read_text("utf-8"))
-        jsonschema.validate(content, json_codec.schema(f"{name}-1"))
+        jsonschema.validate(content, json_codec.schema(f"{name}-{version}"))
         content["triads"]["accelerometer"]["unit"] = 1
         with pytest.raises(jsonschema.ValidationError):
-            jsonschema.validate(content, json_codec.schema(f"{name}-1"))
+            jsonschema.validate(content, json_codec.schema(f"{name}-{version}"))
 
 
-@pytest.mark.parametrize("version", ["tool-1", "tool-2"])
+@pytest.mark.parametrize("version", ["tool-1", "tool-2", "tool-3"])
 def test_what_the_schemas_share_is_the_same(version):
     tool, truth = json_codec.schema(version)["$defs"], json_codec.schema("truth-1")["$defs"]
     assert {name: tool[name] for name in truth} == truth
@@ -283,7 +299,7 @@ def test_the_g_sensitivity_of_a_gyro_comes_back(tmp_path):
     write_calibration(calibration, path)
     assert same(read_calibration(path), calibration)
     content = json.loads(path.read_text())
-    jsonschema.validate(content, json_codec.schema("tool-1"))
+    jsonschema.validate(content, json_codec.schema("tool-3"))
     write_truth(calibration.tool, {}, tmp_path / "truth.json")
     assert same(read_tool(tmp_path / "truth.json").triads, calibration.tool.triads)
     # and is no key where there is none, so that older files and readers know nothing of it
@@ -296,8 +312,8 @@ def test_the_g_sensitivity_of_a_gyro_comes_back(tmp_path):
     ("kind", "value", "words"),
     [
         ("gyro", [[1, 2, 3], [1, 2, 3]], "input-shape g_sensitivity"),
-        ("gyro", [[1, 2], [1, 2], [1, 2]], "file-value $.triads.gyro.g_sensitivity[2]"),
-        ("gyro", "much", "file-value $.triads.gyro.g_sensitivity"),
+        ("gyro", [[1, 2], [1, 2], [1, 2]], "input-value $.triads.gyro.g_sensitivity[2]"),
+        ("gyro", "much", "input-value $.triads.gyro.g_sensitivity"),
         ("magnetometer", [[1, 2, 3]] * 3, "input-not-with"),
     ],
 )

@@ -12,13 +12,19 @@ from tests.refusals import refused
 
 from inclinometry.calibration.conformity import Verification
 from inclinometry.calibration.decision import Limits
-from inclinometry.calibration.result import uncoded
 from inclinometry.errors import FileError
+from inclinometry.files.json_codec import findings_in, restored
 from inclinometry.files.tool_json import read_calibration
 from inclinometry.files.verification_json import read_verification, write_verification
+from inclinometry.findings import Finding
 
 from .json_records import changed
 
+FINDINGS = (
+    restored("inclination at 2", "note"),
+    Finding("verify-not-judged", {"names": ("toolface",), "why": "at no position"}, severity="note"),
+    Finding("input-empty", {"name": "md_m"}),
+)
 TOOL = Path(__file__).parents[1] / "reference" / "convention-house" / "tool.json"
 LIMITS = Limits("mine", "works standard 7", np.radians(0.1), np.radians(1.0), None, np.radians(3.0), "none")
 
@@ -44,7 +50,7 @@ def verification():
         limits_name="mine",
         limits_source="works standard 7",
         inputs={"readings": "sha256:00"},
-        findings=(*uncoded(["inclination at 2", "level assumed"], "note"), *uncoded(["few positions"])),
+        findings=FINDINGS,
     )
 
 
@@ -61,8 +67,7 @@ def test_every_position_in_degrees(tmp_path, calibration):
     assert second["azimuth"] == {"error_deg": None, "U_deg": None, "limit_deg": pytest.approx(1.0),
                                  "decision": "not judged"}  # fmt: skip
     assert second["inclination"]["error_deg"] == pytest.approx(-0.15)
-    assert content["report"]["reasons"] == ["inclination at 2", "level assumed"]
-    assert content["report"]["warnings"] == ["few positions"]
+    assert findings_in(content["report"]) == FINDINGS
     assert content["limits"] == {
         "name": "mine", "source": "works standard 7", "guard": "none",
         "min_inclination_deg_for_azimuth": pytest.approx(3.0), "inclination_deg": pytest.approx(0.1),
@@ -80,6 +85,8 @@ def test_a_file_of_version_1_without_agreed_limits_is_read_without_them(tmp_path
     old = json.loads(path.read_text()) | {"version": 1, "verdict": "pass"}
     report = old["report"]
     report["coverage_factor"] = 3.64
+    del report["findings"]
+    report["warnings"] = ["few positions"]
     report["reasons"] = ["every judged angle is within its limit at every position", "level assumed"]
     for row in report["positions"]:
         for name in ("inclination", "azimuth", "toolface"):
@@ -87,11 +94,14 @@ def test_a_file_of_version_1_without_agreed_limits_is_read_without_them(tmp_path
             one["decision"] = one["decision"].replace("fail", "pass")
             one["U_deg"] = None if one["U_deg"] is None else 1.82 * one["U_deg"]
     path.write_text(json.dumps(old))
-    assert read_verification(path, calibration)["verdict"] == "pass"  # limits that were agreed stay
+    content = read_verification(path, calibration)
+    assert content["verdict"] == "pass"  # limits that were agreed stay
+    said = [(one.severity, str(one)) for one in findings_in(content["report"])]
+    assert said == [("warning", "few positions"), *(("note", text) for text in report["reasons"])]
     path.write_text(json.dumps(old | {"limits": {"name": "certificate", "source": "derived: ..."}}))
     content = read_verification(path, calibration)
     assert (content["verdict"], content["limits"], content["report"]["coverage_factor"]) == ("agrees", None, 2.0)
-    assert content["report"]["reasons"] == ["level assumed"]
+    assert list(map(str, findings_in(content["report"]))) == ["few positions"]  # no reasons of a pass that is none
     first, second = content["report"]["positions"]
     assert first["inclination"] == {"error_deg": pytest.approx(0.05), "U_deg": pytest.approx(0.02), "limit_deg": None,
                                     "decision": "agrees"}  # fmt: skip
@@ -104,7 +114,7 @@ def test_it_is_of_one_calibration_of_one_tool(tmp_path, calibration):
     path = tmp_path / "verify.json"
     write_verification(path, verification(), LIMITS, calibration)
     with refused("record-calibration-other", error=FileError):
-        read_verification(path, replace(calibration, findings=uncoded(["another"])))
+        read_verification(path, replace(calibration, findings=(restored("another"),)))
     other = replace(calibration, tool=replace(calibration.tool, name="another"))
     with refused("record-tool-other", error=FileError):
         read_verification(path, other)

@@ -95,7 +95,7 @@ def test_a_scheduler_that_goes_away_is_said_and_the_next_run_goes_on(scene: Scen
                 scheduler.kill()
 
     begun = time.monotonic()
-    with refused("fleet-scheduler-lost", error=workers.SchedulerLostError):
+    with refused("fleet-dask-lost", error=workers.SchedulerLostError):
         carry_out(Store(scene.fleet), todo, some())
     assert time.monotonic() - begun < 60.0
     assert len(table(Store(scene.fleet), "windows").paths()) == 2
@@ -126,12 +126,12 @@ def test_a_scheduler_whose_workers_are_gone_is_said_and_what_was_lost_with_them_
             return made, first
 
         made, first = begun("windows")
-        with refused("fleet-workers-lost", error=workers.SchedulerLostError):
+        with refused("fleet-dask-lost", error=workers.SchedulerLostError):
             list(made)
         monkeypatch.setattr(workers, "by_dask", partial(workers.by_dask, patience=1.5))
         ledger = str(scene.folder / "lab.sqlite")
         assert commands.run(fleet=scene.fleet, ledger=ledger, scheduler=cluster.scheduler_address) == 1
-        assert "[fleet-workers-lost]" in capsys.readouterr().err
+        assert "[fleet-dask-lost]" in capsys.readouterr().err
         cluster.scale(1)
         made, first = begun("angles")
         Timer(0.5, cluster.scale, (1,)).start()

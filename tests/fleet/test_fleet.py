@@ -304,7 +304,7 @@ def test_files_that_cannot_be_added(scene: Scene, tmp_path: Path) -> None:
     store = Store(scene.fleet)
     columns = signals(3, 200)
     back = {**columns, "time_s": np.where(np.arange(200) > 100, columns["time_s"] - 1.0, columns["time_s"])}
-    with refused("input-backwards", error=FileError):
+    with refused("input-order", error=FileError):
         raw.add(store, write_run(tmp_path / "back.parquet", back), raw.About("IN-1", "x", date(2026, 3, 1)), {})
     # the clock: set to the time of day within the run, standing still, with a gap
     for name, time_s, said in (

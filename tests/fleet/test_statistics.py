@@ -163,7 +163,7 @@ def test_a_check_of_another_tool_is_refused_and_leaves_nothing(
         before = opened.head()
     assert call(*command, "2026-02-01", "--tool", "SIM-0001", "--record", "--json") == 1
     said = json.loads(capsys.readouterr().out)
-    assert "does not fit its history" in said["refused"]
+    assert said["refused"]["code"] == "drift-contradicts"
     assert said["cause"]
     assert said["calibration"] is None
     with Ledger(ledger, read_only=True) as opened:
@@ -184,7 +184,7 @@ def test_commands_of_a_fleet_that_is_too_small_say_what_is_needed(
 ) -> None:
     ledger = str(folder / "lab.sqlite")
     assert call("fleet", "fit", "--ledger", ledger, "--type", "none") == 2
-    assert "[fleet-histories-none]" in " ".join(capsys.readouterr().err.split())
+    assert "[session-no-history]" in " ".join(capsys.readouterr().err.split())
     with Ledger(ledger) as opened:
         put_tool(opened, RegisteredTool("SIM-0001", "another"), author="test")
     assert call("fleet", "report", "--ledger", ledger) == 2

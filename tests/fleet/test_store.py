@@ -15,8 +15,8 @@ def test_what_is_no_file_is_named_and_not_read(tmp_path: Path) -> None:
     (tmp_path / "raw").mkdir()
     (tmp_path / "raw" / "zero").symlink_to("/dev/zero")
     for name, said in (
-        ("raw/zero", "file-special"),
-        ("raw", "file-folder"),
+        ("raw/zero", "file-not-file"),
+        ("raw", "file-not-file"),
         ("raw/none", "file-absent"),
     ):
         with refused(said, error=FileError), Store(str(tmp_path)).reading(name):

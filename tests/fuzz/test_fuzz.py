@@ -87,7 +87,7 @@ def test_a_pipe_is_refused(examples, tmp_path, capsys):
     with pytest.raises(SystemExit) as ended:
         main(["calibrate", str(tmp_path / "pipe.csv")])
     assert ended.value.code == 2
-    assert "[file-special]" in capsys.readouterr().err
+    assert "[file-not-file]" in capsys.readouterr().err
 
 
 def test_keys_of_a_hundred_thousand_parts(tmp_path, capsys):

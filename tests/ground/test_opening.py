@@ -41,14 +41,14 @@ def test_a_huge_file_is_not_read(tmp_path, read, largest):
 @pytest.mark.parametrize("read", [json_codec.load, lambda path: toml_keys.load(path, ()), digest_file])
 @pytest.mark.parametrize("device", ["/dev/zero", "/dev/urandom"])
 def test_a_device_has_no_end(read, device):
-    with refused("file-special", error=FileError):
+    with refused("file-not-file", error=FileError):
         read(device)
 
 
 @UNIX
 def test_a_pipe_is_refused(tmp_path):
     os.mkfifo(tmp_path / "pipe")
-    with refused("file-special", error=FileError):
+    with refused("file-not-file", error=FileError):
         whole(tmp_path / "pipe", 1000)
 
 
@@ -58,7 +58,7 @@ def test_what_the_system_says_of_a_name(tmp_path):
     (tmp_path / "loop").symlink_to(tmp_path / "loop")
     for path, said in (
         (tmp_path / "none", "file-absent"),
-        (tmp_path, "file-folder"),
+        (tmp_path, "file-not-file"),
         (tmp_path / ("x" * 300), "file-unreadable"),
         (tmp_path / "file" / "below", "file-unreadable"),
         (tmp_path / "loop", "file-unreadable"),

@@ -77,7 +77,7 @@ def test_bad_propagation(jacobian: np.ndarray, covariance: np.ndarray, message: 
 @pytest.mark.parametrize(
     ("matrix", "message"),
     [
-        ([[1.0, 0.5], [0.4, 1.0]], "sensor-asymmetric"),
+        ([[1.0, 0.5], [0.4, 1.0]], "input-covariance"),
         ([[1.0, 2.0], [2.0, 1.0]], "input-value"),
         ([[-1.0]], "input-value"),
         (np.ones((2, 3)), "input-shape"),

@@ -314,7 +314,7 @@ def test_bad_input_is_refused() -> None:
     gravity, rate = readings(1.0, rad(30.0), 0.0, rad(45.0))
     with refused("input-value", name="latitude"):
         solve_patent([gravity], [rate], 45.0)
-    with refused("gyro-gravity-unknown"):
+    with refused("input-needs"):
         solve_patent([gravity[:2]], [rate], rad(45.0))
     with refused("input-shape", name="gravity"):
         solve_patent([gravity], [rate, rate], rad(45.0))

@@ -140,7 +140,7 @@ def test_what_no_time_lowers_is_said():
     assert np.isinf(plan.time[plan.at(1.0)])
     assert np.isfinite(plan.time[plan.at(0.0)])
     assert np.isinf(plan.time[plan.floor > plan.wanted]).all()
-    assert "third gyro, along the tool" in plan.findings[0].values["improvements"]
+    assert "third gyro, along the tool" in plan.findings[0].values["enough"]
     # a third gyro sees the scale from everywhere
     third = standstill_time(
         np.radians(60.0), np.radians(80.0), np.radians(0.2), GyroSetup(ARW, scale_sd=0.01, axes=3, axial_bias_sd=1e-12)
@@ -150,7 +150,7 @@ def test_what_no_time_lowers_is_said():
     # between the worst floor and half of it
     wanted = 0.7 * float(standstill_time(1.0, 0.5, 0.1, tilted).floor.max())
     level = standstill_time(1.0, 0.5, wanted, tilted)
-    assert "half the error of the level" in level.findings[0].values["improvements"]
+    assert "half the error of the level" in level.findings[0].values["enough"]
 
 
 def test_floor_at_the_blind_azimuth_is_the_prior():

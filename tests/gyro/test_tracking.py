@@ -222,7 +222,7 @@ def test_belief_predicts_the_spread_of_its_own_draws() -> None:
     [
         (0, [[np.nan, 0.1]] * 3, "input-value"),
         (0, [0.6, -0.7, 0.1], "input-shape"),
-        (1, np.zeros((3, 2, 2)), "gyro-covariance"),
+        (1, np.zeros((3, 2, 2)), "input-covariance"),
         (1, np.eye(4), "input-shape"),
         (2, [0.5, 0.5], "input-shape"),
         (2, 4.0, "input-value"),

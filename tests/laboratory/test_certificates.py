@@ -86,7 +86,8 @@ def test_from_issue_to_the_auditor(laboratory: Ledger, made: Made) -> None:
     assert (conformity["statement"], conformity["rule"]) == ("pass", "simple")
     assert list(conformity["judged"]) == ["inclination"]
     assert conformity["judged"]["inclination"]["positions"] == 6
-    assert content["verification"]["report"]["protocol"] == {"name": "six of twelve", "taken": 6, "positions": 6}
+    protocol = content["verification"]["report"]["protocol"]
+    assert protocol == {"name": "six of twelve", "positions_captured": 6, "positions": 6}
     files = documents(laboratory, record)
     assert [name for name, _, _ in files.values()] == [f"{year}-0001_IN-7{end}" for end in (".pdf", ".xml", ".json")]
     assert files["pdf"][2].startswith(b"%PDF")

@@ -32,8 +32,8 @@ def test_an_open_warning_blocks_until_it_is_accepted_with_a_reason(
     accepted = made.body["record"]["accepted"]
     assert (accepted["by"], accepted["reason"]) == ("Anna Berg", "field points down")
     assert accepted["on"] == made.body["record"]["dates"]["issued"]
-    assert accepted["warnings"] == made.body["record"]["warnings"]
-    assert len(accepted["warnings"]) == 1
+    assert accepted["findings"] == made.body["record"]["findings"]
+    assert len(accepted["findings"]) == 1
     files = documents(laboratory, made)
     said = f"Warnings accepted by Anna Berg on {accepted['on']}: field points down"
     root = etree.fromstring(files["dcc"][2])
@@ -52,4 +52,4 @@ def test_an_open_warning_blocks_until_it_is_accepted_with_a_reason(
 def test_with_the_dip_of_its_site_there_is_nothing_to_accept(laboratory: Ledger, bench: SimpleNamespace) -> None:
     put_site(laboratory, RegisteredSite("hall", dip=float(np.radians(70.0))), author="anna")
     made = issue(laboratory, bench.finished(laboratory, site="hall").id, None, LABORATORY, author="anna", pdf=False)
-    assert (made.body["record"]["accepted"], made.body["record"]["warnings"]) == (None, [])
+    assert (made.body["record"]["accepted"], made.body["record"]["findings"]) == (None, [])

@@ -12,6 +12,7 @@ from tests.refusals import refused
 from inclinometry.calibration import plans
 from inclinometry.calibration.decision import Limits
 from inclinometry.calibration.plans import Plan
+from inclinometry.files.json_codec import findings_in
 from inclinometry.files.limits import limit_names, read_limits
 from inclinometry.findings import Finding, without_notes
 from inclinometry.laboratory.ledger.ledger import Ledger, LedgerError
@@ -47,7 +48,7 @@ def test_a_good_tool_passes_and_the_verdict_is_recorded(laboratory: Ledger, benc
     calibration = bench.finished(laboratory).id
     session = bench.calibrated(laboratory, protocols()["roll-8"], 9, purpose="verify")
     record = finish_verification(laboratory, session.id, calibration, author="anna", limits=LIMITS)
-    assert record.body["verdict"] == "pass", record.body["report"]["reasons"]
+    assert record.body["verdict"] == "pass", record.body["report"]["findings"]
     row = record.body["report"]["positions"][3]
     assert row["azimuth"]["decision"] == "pass"
     assert abs(row["azimuth"]["error_deg"]) < row["azimuth"]["U_deg"] < row["azimuth"]["limit_deg"]
@@ -70,7 +71,7 @@ def test_no_verdict_on_a_part_of_the_protocol(laboratory: Ledger, bench: SimpleN
     assert laboratory.count("verification") == 0
     bench.take(laboratory, session, bench.sensors(realistic_tool(7), 11), [2])
     record = finish_verification(laboratory, session.id, calibration, author="anna", limits=LIMITS)
-    assert record.body["report"]["protocol"] == {"name": "roll-4", "taken": 4, "positions": 4}
+    assert record.body["report"]["protocol"] == {"name": "roll-4", "positions_captured": 4, "positions": 4}
 
 
 @pytest.mark.long
@@ -84,7 +85,8 @@ def test_a_limit_that_no_position_judges_gives_no_verdict(laboratory: Ledger, be
     only = Limits("wide", "this test", LIMITS.inclination, None, None)
     record = finish_verification(laboratory, session.id, calibration, author="anna", limits=only)
     assert record.body["verdict"] == "pass"
-    assert str(Finding("verify-not-covered", {"angles": ("azimuth", "toolface")})) in record.body["report"]["reasons"]
+    about = {"names": ("azimuth", "toolface"), "why": "at no position"}
+    assert Finding("verify-not-judged", about, severity="note") in findings_in(record.body["report"])
 
 
 @pytest.mark.long
@@ -183,10 +185,10 @@ def test_what_was_foreseen_stands_on_the_protocol(laboratory: Ledger, bench: Sim
     worth = foreseen(laboratory, calibration, "spread-12").power
     made = begin_verification(laboratory, calibration, "spread-12", author="anna")
     kept = load_session(laboratory, made.id)
-    assert kept.settings["settings"]["foreseen"] == list(map(str, worth.findings))
+    assert kept.settings["settings"]["foreseen"] == [one.stored() for one in worth.findings]
     bench.take(laboratory, made, bench.sensors(realistic_tool(7), 5))
-    said = finish_verification(laboratory, made.id, calibration, author="anna").body["report"]["reasons"]
-    assert [f"planned: {one}" for one in worth.findings] == said[-len(worth.findings) :]
+    said = findings_in(finish_verification(laboratory, made.id, calibration, author="anna").body["report"])
+    assert [one.values["finding"] for one in said if one.code == "verify-planned"] == list(worth.findings)
 
 
 @pytest.mark.long
@@ -277,7 +279,7 @@ def test_what_came_out_as_foreseen_is_said_once(laboratory: Ledger, bench: Simpl
     kept = begin_verification(laboratory, calibration, "spread-12", author="anna")
     bench.take(laboratory, kept, bench.sensors(realistic_tool(7), 9))
     record = finish_verification(laboratory, kept.id, calibration, author="anna")
-    reasons = record.body["report"]["reasons"]
-    plain = [said.removeprefix("planned: ") for said in reasons]
-    assert len(set(plain)) == len(plain)
-    assert sum(said.startswith("planned: This check detects") for said in reasons) == 1
+    found = findings_in(record.body["report"])
+    plain = [one.values["finding"] if one.code == "verify-planned" else one for one in found]
+    assert len(set(map(str, plain))) == len(plain)
+    assert [one.values.get("angle") for one in plain if one.code == "verify-power"].count("all angles") == 1

@@ -174,15 +174,15 @@ def test_weak_field_and_lost_rotation_are_no_field() -> None:
     ("triad", "matrix", "code"),
     [
         ("accel", np.eye(3) / G, "motion-unit"),
-        ("accel", -np.eye(3), "motion-dip-sign"),
+        ("accel", -np.eye(3), "motion-signs"),
         ("mag", np.eye(3) / 1000.0, "motion-unit"),
         ("mag", SWAP, "motion-field-mirrored"),
         ("mag", np.diag([1.0, -1.0, 1.0]), "motion-field-mirrored"),
         ("mag", np.diag([1.0, 1.0, -1.0]), "motion-mag-axes-dip"),
         ("accel", np.array([[1.0, 0, 0], [0, 0, 1.0], [0, -1.0, 0]]), "motion-mag-axes"),
         ("gyro", -np.eye(3), "motion-field-mirrored"),
-        ("gyro", np.eye(3) * np.degrees(1.0), "motion-gyro-fast"),
-        ("gyro", np.array([[0, 0, 1.0], [0, 1.0, 0], [-1.0, 0, 0]]), "motion-axis-gyro"),
+        ("gyro", np.eye(3) * np.degrees(1.0), "motion-size"),
+        ("gyro", np.array([[0, 0, 1.0], [0, 1.0, 0], [-1.0, 0, 0]]), "motion-axis"),
     ],
 )
 def test_wrong_units_signs_and_axes_are_refused_with_the_remedy(triad: str, matrix: np.ndarray, code: str) -> None:
@@ -210,8 +210,8 @@ def permuted(order: tuple[int, int, int], signs: tuple[float, float, float] = (1
     [
         (3.0, "accel", permuted((2, 0, 1)), ("motion-axis-accel",)),
         (15.0, "accel", permuted((0, 2, 1)), ("motion-axis-accel", "motion-mag-axes")),
-        (30.0, "mag", permuted((2, 0, 1)), ("motion-axis-mag",)),
-        (60.0, "mag", permuted((0, 2, 1), (1.0, -1.0, 1.0)), ("motion-axis-mag",)),
+        (30.0, "mag", permuted((2, 0, 1)), ("motion-axis",)),
+        (60.0, "mag", permuted((0, 2, 1), (1.0, -1.0, 1.0)), ("motion-axis",)),
         (88.0, "mag", permuted((1, 0, 2)), ("motion-field-mirrored", "motion-mag-axes")),
     ],
 )
@@ -249,7 +249,7 @@ def test_swapped_axes_are_named_without_a_gyro() -> None:
 
 
 def test_specific_force_of_a_still_tool_without_a_field() -> None:
-    with refused("motion-gravity-up"):
+    with refused("motion-signs"):
         checked(run("stationary"), mapped=("accel", -np.eye(3)), drop="mag")
 
 
@@ -280,7 +280,7 @@ def test_short_runs_with_wrong_signs_are_refused() -> None:
     """Three windows are enough for gravity reversed, and for a gyro that turns the other way; turning or sliding."""
     for name in ("vibration-5g", "sliding"):
         simulation = simulate_drilling(name, 4, duration=30.5)
-        for triad, code in (("accel", "motion-dip-sign"), ("gyro", "motion-field-mirrored")):
+        for triad, code in (("accel", "motion-signs"), ("gyro", "motion-field-mirrored")):
             with refused(code):
                 checked(simulation, site=SITE, mapped=(triad, -np.eye(3)))
 

@@ -43,7 +43,7 @@ def test_a_late_gyro_is_not_blamed_on_the_magnetometer(delay: float) -> None:
     assert found.azimuth < 0.053
     assert found.inclination < 0.026
     assert found.nees < 1.5
-    assert said(rows) == {"motion-gyro-late"}
+    assert said(rows) == {"motion-late"}
     clocks = clock_offset(samples, CLOCKED)
     assert not clocks.significant
     assert abs(clocks.gyro_lag_s - delay) < 3.0 * clocks.gyro_sigma_s
@@ -52,7 +52,7 @@ def test_a_late_gyro_is_not_blamed_on_the_magnetometer(delay: float) -> None:
 def test_a_late_accelerometer_is_named() -> None:
     run = run_of("vibration-5g", 0, 40.0)
     rows = magnetic_attitude(later(samples_of(run), 1e-3, "accel"), CLOCKED)
-    (late,) = [one for one in rows.findings if one.code == "motion-accel-late"]
+    (late,) = [one for one in rows.findings if one.code == "motion-late"]
     assert late.values["late_ms"] == pytest.approx(1.0, abs=0.05)
     assert score([(rows, run)]).azimuth < 0.053
 

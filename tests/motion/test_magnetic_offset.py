@@ -55,7 +55,7 @@ def test_delay_is_taken_off(gyro: bool) -> None:
     assert found.inclination < 0.026
     assert found.azimuth < 0.053
     assert all("step" in rows[0][0].names(row) for row in range(len(rows[0][0])))
-    (delay,) = [one for one in rows[0][0].findings if one.code in ("motion-mag-late", "motion-mag-lag")]
+    (delay,) = [one for one in rows[0][0].findings if one.code in ("motion-late", "motion-mag-lag")]
     assert delay.values["late_ms"] == pytest.approx(4.0, abs=0.1)
 
 

@@ -78,7 +78,7 @@ def test_input_that_cannot_be_used() -> None:
     samples = samples_of(run_of("smooth", 1), True, 0, 400)
     stream = MagneticStream(CHOSEN)
     stream.push(samples.part(0, 300))
-    with refused("input-backwards"):
+    with refused("input-order"):
         stream.push(samples.part(290, 400))
     with refused("input-block"):
         stream.push(samples_of(run_of("smooth", 1), False, 300, 400))

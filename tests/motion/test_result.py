@@ -67,7 +67,7 @@ def test_refused_rows_have_no_angles_and_say_why() -> None:
 
 def test_joining_refuses_disorder_and_two_norths() -> None:
     """Rows must be in order and count from one north."""
-    with refused("input-backwards"):
+    with refused("input-order"):
         joined([one(1.0), one(0.0)])
     with refused("input-north", norths=("magnetic", "true")):
         joined([one(0.0), one(1.0, north="true")])

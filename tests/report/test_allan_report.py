@@ -35,6 +35,6 @@ def test_page():
 
 
 def test_warnings_are_shown_escaped():
-    text = allan_report(record([Finding("survey-remark", {"remark": "<b>gyro_x</b>"})]))
+    text = allan_report(record([Finding("record-text", {"text": "<b>gyro_x</b>"})]))
     assert "<b>gyro_x" not in text
     assert "<b>gyro_x</b>" in check(text).text

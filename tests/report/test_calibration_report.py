@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from inclinometry.calibration.result import Calibration, Residuals, Rig, uncoded
+from inclinometry.calibration.result import Calibration, Residuals, Rig
+from inclinometry.files.json_codec import restored
 from inclinometry.findings import example
 from inclinometry.report.calibration import calibration_report
 from inclinometry.sensors import Tool, Triad
@@ -75,7 +76,7 @@ def test_adapts_to_the_sensors_there_are(sensors, given, drawings):
 @pytest.mark.long
 def test_names_from_files_are_only_text():
     readings, found = calibrated({"accelerometer": 3, "magnetometer": 3}, name=HOSTILE, station=[HOSTILE] * 24)
-    sharp = replace(found, findings=uncoded([HOSTILE]), inputs={HOSTILE: HOSTILE}, method=HOSTILE)
+    sharp = replace(found, findings=(restored(HOSTILE),), inputs={HOSTILE: HOSTILE}, method=HOSTILE)
     text = calibration_report(sharp, readings=readings, closed_forms={HOSTILE: found})
     page = check(text)
     assert "script" not in page.tags

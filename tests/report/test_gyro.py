@@ -167,7 +167,7 @@ def test_stations_that_do_not_go_together_are_refused(run, name):
 
 def test_hostile_names(run):
     evil = "</style><script>alert(1)</script>"
-    said = Finding("survey-remark", {"remark": evil})
+    said = Finding("record-text", {"text": evil})
     found = replace(gyro_survey(run.md, run.north, tool=evil, inputs={evil: evil}), findings=(said,))
     checks = [Check(evil, "fail", 1.0, 1.0, (), said, evil)]
     others = {evil: run.others["patent"]}

@@ -73,7 +73,7 @@ def test_hostile_names():
         survey(5),
         tool=evil,
         flags=[[evil]] * 5,
-        findings=(Finding("survey-remark", {"remark": evil}),),
+        findings=(Finding("record-text", {"text": evil}),),
         inputs={evil: evil},
     )
     assert check(survey_report(found)).text.count(evil) >= 8

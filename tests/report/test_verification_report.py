@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from inclinometry.calibration.conformity import Verification
-from inclinometry.calibration.result import uncoded
+from inclinometry.files.json_codec import restored
 from inclinometry.findings import example
 from inclinometry.report.verification import verification_report
 
@@ -60,14 +60,14 @@ def test_nothing_judged(found):
 def test_hostile_names(found):
     evil = "<img src=x onerror=alert(1)>"
     sharp = replace(
-        found, station=[evil] * 12, tool=evil, limits_name=evil, limits_source=evil, findings=uncoded([evil, evil])
+        found, station=[evil] * 12, tool=evil, limits_name=evil, limits_source=evil, findings=(restored(evil),) * 2
     )
     assert check(verification_report(sharp)).text.count(evil) >= 12 + 5
 
 
 @pytest.mark.long
 def test_a_pass_with_warnings_is_not_green(found):
-    doubted = verification_report(replace(found, findings=(example("verify-few"),)))
+    doubted = verification_report(replace(found, findings=(example("verify-freedom"),)))
     assert 'class="verdict good"' in verification_report(found)
     assert 'class="verdict warn"' in doubted
     assert "PASS, with reservations" in check(doubted).text

@@ -187,10 +187,10 @@ def test_a_disturbed_station_is_named_and_a_wrong_scale_blamed_on_all():
     rate[7] *= 1.05
     check = judge(gravity, rate, 45.0)["horizontal Earth rate"]
     assert (check.verdict, check.stations) == ("fail", (7,))
-    assert (check.reason.code, check.reason.values["station"]) == ("gyro-horizontal-station", "8")
+    assert (check.reason.code, check.reason.values["station"]) == ("gyro-horizontal", "8")
     check = judge(gravity, 1.05 * rate, 45.0)["horizontal Earth rate"]
     assert len(check.stations) > 20
-    assert check.reason.code == "gyro-horizontal-run"
+    assert check.reason.code == "gyro-horizontal"
     # a scale that is stated undoes it
     assert judge(*stations(45.0)[:1], 1.05 * stations(45.0)[1], 45.0, scale=1 / 1.05)["latitude"].verdict == "pass"
 
@@ -252,9 +252,9 @@ def test_a_faultless_run_of_many_stations_passes():
         ({"latitude_deg": 91.0}, "input-value"),
         ({"scale": 0.0}, "input-value"),
         ({"scale_sd": -0.1}, "input-value"),
-        ({"rate_covariance": np.zeros((30, 3, 3))}, "gyro-covariance"),
-        ({"gravity_covariance": np.full((30, 3, 3), np.nan)}, "gyro-covariance"),
-        ({"g": None, "gravity": without_z(stations(1.0)[0])}, "gyro-gravity-unknown"),
+        ({"rate_covariance": np.zeros((30, 3, 3))}, "input-covariance"),
+        ({"gravity_covariance": np.full((30, 3, 3), np.nan)}, "input-covariance"),
+        ({"g": None, "gravity": without_z(stations(1.0)[0])}, "input-needs"),
         ({"gravity": stations(1.0, 29)[0]}, "input-shape"),
         ({"rate": stations(1.0)[1] * [np.nan, 1, 1]}, "input-value"),
     ],
@@ -274,7 +274,7 @@ def test_mistakes_of_unit_are_named(three):
     assert rate_unit_suspect(rate + 1e-3).values["cause"][-1] == "the tool moved"
     assert rate_unit_suspect(0.01 * rate).values["cause"][-1] == "the tool is nearly parallel to the Earth's axis"
     assert rate_unit_suspect(1e-9 * rate).values["cause"] == ("no usual mistake of unit",)
-    assert rate_unit_suspect(0.0 * rate).code == "gyro-rates-zero"
+    assert rate_unit_suspect(0.0 * rate).code == "gyro-channels-zero"
 
 
 def test_the_plausible_range_includes_its_ends():

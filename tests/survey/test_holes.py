@@ -48,7 +48,7 @@ def test_it_goes_straight_on_above_the_first_shot_and_below_the_last():
 @pytest.mark.parametrize(
     ("depth", "last", "code"),
     [
-        ([-1.0, 5.0], None, "file-value"),
+        ([-1.0, 5.0], None, "input-value"),
         ([0.0, 50.0], 40.0, "holes-end-above"),
         ([0.0], None, "holes-length-unknown"),
     ],

@@ -174,7 +174,7 @@ def test_what_is_refused(path, tmp_path):
     with refused("motion-no-window"):
         reduced(path, window=100.0)
     (tmp_path / "mag.csv").write_text("time_s,mag_x,mag_y,mag_z\n0,20000,0,45000\n")
-    with refused("motion-no-triads"):
+    with refused("input-missing"):
         reduced(tmp_path / "mag.csv")
     (tmp_path / "two.csv").write_text("time_s,accel_x,accel_y,accel_z,mag_x,mag_y,mag_z\n0,0,0,9,2e4,0,4e4\n")
     with refused("input-few", error=FileError, count=1, least=2):
@@ -236,5 +236,5 @@ def test_a_parquet_file_has_no_lines(tmp_path):
 
 def test_a_run_without_accelerometer_is_told_what_to_add(tmp_path):
     (tmp_path / "run.csv").write_text("time_s,mag_x,mag_y,mag_z\n0,1,2,3\n")
-    with refused("motion-no-triads"):
+    with refused("input-missing"):
         reduced(tmp_path / "run.csv", "auto")

@@ -173,7 +173,7 @@ def test_what_is_stated_stands_above_the_calibration_and_that_above_the_allan_cu
 def test_a_grade_without_a_gyro_is_refused(tmp_path):
     time, seen = still(20.0)
     path = write(tmp_path / "a.csv", time, accel=seen["accel"], mag=seen["mag"])
-    with refused("motion-gyro-stated"):
+    with refused("input-needs"):
         reduced(path, **FOG)
 
 
@@ -260,7 +260,7 @@ def test_z_up_is_told_from_specific_force_and_without_a_dip_by_the_latitude(tmp_
     }
     path = write(tmp_path / "a.csv", time, **turned)
     for site in (SITE, Site(latitude=LATITUDE, g=G)):
-        with refused("motion-dip-sign") as caught:
+        with refused("motion-signs") as caught:
             reduced(path, site=site)
         assert caught.value.finding.values["options"] == ("--convention z-up",)
 
@@ -288,7 +288,7 @@ def test_a_site_file_of_another_place_is_doubted(tmp_path, moves):
         reduced(path, site=Site(latitude=LATITUDE, g=G, b=FIELD, dip=np.radians(70.0)))
     values = caught.value.finding.values
     assert (values["dip_deg"], values["site_deg"]) == pytest.approx((65.0, 70.0), abs=0.05)
-    assert not {"motion-dip-axes", "motion-site-dip"} & {one.code for one in reduced(path).findings}
+    assert not {"motion-dip-axes", "motion-site"} & {one.code for one in reduced(path).findings}
 
 
 @pytest.mark.parametrize("method", ["static", "quaternion", "robust"])

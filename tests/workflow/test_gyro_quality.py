@@ -67,7 +67,7 @@ def test_the_same_run_twice_is_refused(tmp_path):
     copy = tmp_path / "b.csv"
     copy.write_bytes(path.read_bytes())
     for other in (path, copy):
-        with refused("work-same", error=FileError, file="a.csv"):
+        with refused("input-same-file", error=FileError, other="a.csv"):
             compare_run_files(path, other)
     # other bytes, the same azimuths; and the same from another north
     with refused("survey-runs-same", quantity="azimuth"):
@@ -90,7 +90,7 @@ def test_vertical_stations_have_no_azimuth_and_flags_are_judged(tmp_path):
 def test_files_that_are_no_run(tmp_path):
     with refused("input-north", error=FileError, norths=("grid", "true")):
         read_run(write(tmp_path / "a.csv", north=["true"] * 11 + ["grid"]))
-    with refused("file-value", error=FileError, column="inclination_deg"):
+    with refused("input-value", error=FileError, name="inclination_deg"):
         read_run(write(tmp_path / "a.csv", inclination=np.where(np.arange(12) == 2, np.nan, 30.0)))
 
 

@@ -38,7 +38,7 @@ SWAP = {"accelerometer": lambda v: v[:, ::-1], "gyro": lambda v: v[:, ::-1]}
         (channels(accelerometer=lambda v: v / 9.80665), "gyro-accel-in-g"),
         (channels(accelerometer=lambda v: v * 102.0), "gyro-accel-heavy"),
         (lambda c: {"units": {**c["units"], "gyro": "counts"}}, "input-unit"),
-        (lambda c: {"time": c["time"][::-1]}, "gyro-time-order"),
+        (lambda c: {"time": c["time"][::-1]}, "input-order"),
     ],
 )
 def test_readings_that_cannot_be_right_are_refused(simulated, change, wanted):
@@ -73,7 +73,7 @@ def test_a_latitude_far_off_is_said(simulated):
     # radians in the file of degrees
     with pytest.raises(FileError) as caught:
         north_run(data, Site(latitude=np.radians(0.785)))
-    assert caught.value.finding.code == "gyro-latitude-far"
+    assert caught.value.finding.code == "gyro-latitude-off"
     assert caught.value.finding.values["fitted_deg"] == pytest.approx(45.0, abs=1.0)
 
 
@@ -87,10 +87,10 @@ def test_a_site_without_latitude(simulated, site):
 @pytest.mark.parametrize(
     ("scheme", "rows", "wanted"),
     [
-        ("four", [0, 1, 2], "gyro-positions-missing"),
-        ("four", [0, 2, 1, 3], "gyro-positions-order"),
+        ("four", [0, 1, 2], "gyro-positions-other"),
+        ("four", [0, 2, 1, 3], "gyro-positions-other"),
         ("four", [0, 0, 0, 0], "gyro-positions-few"),
-        ("mirrored", [0, 1, 2, 3], "gyro-positions-missing"),
+        ("mirrored", [0, 1, 2, 3], "gyro-positions-other"),
         ("carousel", [0, 1, 2, 3], "gyro-positions-few"),
         ("n", [0, 2], "gyro-positions-few"),
     ],

@@ -286,5 +286,5 @@ def test_a_wrong_scale_of_three_accelerometers_is_named(tmp_path):
             units={"accelerometer": "m/s^2", "gyro": "deg/h"},
         )
         found = north_run(read_gyro_run(tmp_path / "raw.csv"), FAR).survey.findings
-        off = [one.values["off_percent"] for one in found if one.code == "gyro-gravity-scale"]
+        off = [one.values["off_percent"] for one in found if one.code == "gyro-gravity-off"]
         assert off == ([pytest.approx(0.4, abs=0.005)] if factor > 1.0 else [])

@@ -6,6 +6,7 @@ import numpy as np
 from tests.refusals import coded, refused
 
 from inclinometry.errors import FileError
+from inclinometry.findings import without_notes
 from inclinometry.workflow.position import read_position
 
 HEAD = "md_m,inclination_deg,azimuth_deg,azimuth_reference"
@@ -79,9 +80,11 @@ def test_what_a_site_lacks_is_filled_or_asked_for(tmp_path):
 def test_a_declination_of_the_wrong_sign_shows_where_the_place_is_known(tmp_path):
     # WMM2025: about +15.5 deg near Seattle
     place = ("latitude_deg = 47.6", "longitude_deg = -122.3", "date = 2026-05-01")
-    for declination, wanted in (("15.3", []), ("-15.3", ["work-declination-sign"]), ("5", ["work-declination"])):
+    for declination, wanted in (("15.3", []), ("-15.3", ["east is positive"]), ("5", ["declination or place"])):
         found = read_position(*files(tmp_path, "magnetic", *place, f"declination_deg = {declination}"))
-        assert coded(one for one in found.findings if one.severity != "note") == wanted
+        said = without_notes(found.findings)
+        assert coded(said) == ["work-site-angle"] * len(wanted)
+        assert [one.values["remedy"] for one in said] == wanted
 
 
 def test_depths_that_look_like_feet_and_doglegs_that_look_like_typing(tmp_path):

@@ -12,7 +12,6 @@ from inclinometry.earth.site import Site
 from inclinometry.errors import FileError
 from inclinometry.files.gyro_csv import read_rate_steps
 from inclinometry.files.tool_json import read_calibration
-from inclinometry.findings import Finding
 from inclinometry.workflow.rate_table import calibrate_on_table
 
 LATITUDE = np.radians(45.0)
@@ -104,8 +103,8 @@ def test_signals_in_another_unit(tmp_path, said, true):
     if said == true:
         assert fitted(path)[1] == ()
         return
-    units = {"unit": true.replace("_", "/"), "named": said.replace("_", "/")}
-    with refused("work-rate-scale", mistakes=(Finding("work-rate-unit", units),)):
+    mistake = f"{true.replace('_', '/')} given as {said.replace('_', '/')}"
+    with refused("work-rate-scale", mistakes=(mistake,)):
         fitted(path)
 
 
@@ -127,15 +126,15 @@ def test_one_gyro_in_another_unit_is_named(tmp_path):
 def test_a_table_of_the_other_sign(tmp_path, gain, unit):
     # letters give it away by the tensor, numbered gyros by the Earth's rate
     path = steps(tmp_path / "s.csv", gain=gain, unit=unit, stated=-1.0)
-    with refused("work-rate-reversed", "work-rate", error=FileError):
+    with refused("work-rate-scale", "work-rate", error=FileError):
         fitted(path)
     if len(gain) == 3:
-        with refused("work-rate-reversed", error=FileError):
+        with refused("work-rate-scale", error=FileError, ratio=-1.0):
             fitted(path, g_sensitive=True)
 
 
 def test_gyros_of_the_other_sign(tmp_path, capsys):
-    with refused("work-rate-reversed", error=FileError, mistakes=("sign of every gyro column",)):
+    with refused("work-rate-scale", error=FileError, ratio=-1.0, mistakes=("sign of every gyro column",)):
         fitted(steps(tmp_path / "s.csv", gain=-GAIN))
     one = GAIN * [[1.0], [-1.0], [1.0]]
     with refused("work-rate-axes", error=FileError):
@@ -158,7 +157,7 @@ def test_gyros_of_the_other_sign(tmp_path, capsys):
 def test_counts_have_no_scale_but_the_earth_s_rate_tells(tmp_path, stated):
     with refused("work-rate", error=FileError):
         fitted(steps(tmp_path / "s.csv", unit="", gain=SKEWED, stated=stated))
-    with refused("work-rate", "work-rate-reversed", error=FileError):
+    with refused("work-rate", "work-rate-scale", error=FileError):
         fitted(steps(tmp_path / "s.csv", unit="", stated=stated))
 
 
@@ -258,4 +257,4 @@ def test_a_gyro_of_very_different_noise_is_named(tmp_path):
     # as rates, not as signals: a gyro of ten times the gain may scatter ten times as much
     for gain, named in (([1.0, 1.0, 1.0], True), ([1.0, 1.0, 20.0], False)):
         found = calibrate_rates(np.degrees(rates) * 3600.0 * gain + noise, rates).findings
-        assert any(one.code == "fit-gyro-noisy" and one.values["sensor"] == 3 for one in found) is named
+        assert any(one.code == "bench-channel-noisy" and one.values["sensor"] == 3 for one in found) is named

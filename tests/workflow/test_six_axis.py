@@ -64,7 +64,7 @@ def test_a_survey_that_cannot():
         azimuth_reference="magnetic",
         measured=holes,
     )
-    with refused("work-cell", error=FileError, names=("dip",), md_m=90.0):
+    with refused("table-empty", error=FileError, column="dip"):
         fields_of_survey(gap, Site(), "a.csv")
 
 

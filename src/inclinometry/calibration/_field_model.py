@@ -421,7 +421,7 @@ def warn_axes(kinds: Sequence[str], at: Unknowns, flip: bool) -> list[Finding]:
             continue
         axes = unit(tensor) * (-1.0 if flip and kind == "accelerometer" else 1.0)
         if np.min(np.diagonal(axes)) < np.cos(np.radians(45.0)):
-            out.append(Finding("fit-axes", {"kind": kind, "axes": tuple(map(_nearest, axes))}))
+            out.append(Finding("bench-axes-exchanged", {"kind": kind, "axes": tuple(map(_nearest, axes))}))
     return out
 
 

@@ -14,8 +14,9 @@ from inclinometry.arrays import Array, finite
 from inclinometry.calibration.closed import ClosedForm
 from inclinometry.calibration.dials import three_dials
 from inclinometry.calibration.twelve import DOWN, unit_direction
+from inclinometry.calibration.undetermined import unsettled
 from inclinometry.errors import IdentifiabilityError, out_of_range, refused, wrong_shape
-from inclinometry.findings import Finding, Value
+from inclinometry.findings import Value
 from inclinometry.rotations import dcm
 
 
@@ -40,7 +41,7 @@ def solve_classical(
     design = np.column_stack([dcm(*dials) @ a, np.ones(len(dials[0]))])
     size = np.linalg.svd(design, compute_uv=False)
     if len(size) < 4 or size[-1] < 1e-6 * size[0]:
-        raise IdentifiabilityError(Finding("plan-settings-few", {"settings": len(design)}))
+        raise IdentifiabilityError(unsettled())
     spread = np.linalg.inv(design.T @ design)
     free = np.swapaxes(spread @ design.T @ values, -1, -2)  # (..., m, 4), the fit without a data sheet
     nominal = nominal_axes(free[..., :3])
@@ -66,7 +67,7 @@ def nominal_axes(tensor: ArrayLike, most_degrees: float = 20.0) -> Array:
     np.put_along_axis(nominal, place, np.sign(np.take_along_axis(n, place, axis=-1)), axis=-1)
     main = (n * nominal).sum(axis=-1)
     if not (main > 0.0).all():
-        raise refused("fit-signals-constant")
+        raise refused("fit-signals-constant", {"channels": ("all",)})
     off = np.degrees(np.arctan2(np.linalg.norm(n - nominal * main[..., None], axis=-1), main))
     if off.max() > most_degrees:
         sensor = int(np.unravel_index(np.argmax(off), off.shape)[-1])

@@ -111,12 +111,12 @@ def compare_calibrations(
 
 def _refuse_unlike(first: Tool, second: Tool) -> None:
     """Two calibrations that cannot be of one tool."""
-    if set(first.triads) != set(second.triads):
-        raise refused("fit-triads-unlike", {"first": tuple(first.triads), "second": tuple(second.triads)})
+    for kind in {**first.triads, **second.triads}:
+        counts = [tool.triads[kind].count if kind in tool.triads else 0 for tool in (first, second)]
+        if counts[0] != counts[1]:
+            raise refused("input-channels", {"kind": kind, "channels": counts[1], "calibrated": counts[0]})
     for kind, triad in first.triads.items():
         other = second.triads[kind]
-        if triad.count != other.count:
-            raise refused("fit-channels-unlike", {"kind": kind, "first": triad.count, "second": other.count})
         if triad.unit != other.unit:
             raise refused("fit-units", {"kind": kind, "unit": triad.unit, "other": other.unit})
 

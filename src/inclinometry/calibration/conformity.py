@@ -34,6 +34,7 @@ from inclinometry.calibration.stand_orientation import (
     leading_kinds,
 )
 from inclinometry.calibration.structured import MAGNETISED
+from inclinometry.calibration.undetermined import few
 from inclinometry.constants import ANGLES, COVERAGE_FACTOR, DIALS
 from inclinometry.errors import InclinometryError, InputError, refused, settled
 from inclinometry.findings import Finding, Value, without_notes
@@ -42,10 +43,7 @@ from inclinometry.rotations import cross_matrix, wrap_signed
 from inclinometry.sensors import field_sensitivity
 from inclinometry.tabular import Column, Tabular, check_record, degrees, draw
 
-RESERVING: Final = frozenset(
-    ("verify-wide-agreement", "verify-wide-limit", "verify-detects-limits", "verify-detects-little")
-    + ("bench-residuals-recur",)
-)
+RESERVING: Final = frozenset(("verify-wide", "verify-detects-little", "bench-residuals-recur"))
 """Findings with which a pass says little of the tool."""
 FITTED: Final = frozenset(("verify-field-fitted", "verify-tilt-fitted", "verify-base-fitted"))
 """What was found of another stand."""
@@ -340,8 +338,10 @@ def _with_power(
     worth = power(parts, found.names, bounds, accepted, limits is not None, known)
     more = list[Finding]()
     if worth.proves_little:
-        code = "verify-detects-little" if limits is None else "verify-detects-limits"
-        more.append(Finding(code, {"positions": len(found.station), "times": times(worth.factor)}))
+        wide = "Agree on narrower limits, or take a pass as a test of these limits only"
+        remedy = "Take more positions over the range of use, or a better stand" if limits is None else wide
+        detects: dict[str, Value] = {"positions": len(found.station), "times": times(worth.factor)}
+        more.append(Finding("verify-detects-little", {**detects, "remedy": remedy}))
     if worth.proves_little and limits is None and freedom.size and freedom.min() < 10.0:
         more.append(Finding("verify-freedom", {"factor": factor, "freedom": float(freedom.min())}))
     return replace(found, power=worth, findings=(*found.findings, *more, *worth.findings))
@@ -446,8 +446,10 @@ def _stand_orientation(
         said = Finding("verify-level", {"level_sd_deg": float(np.degrees(level[1]))}, severity="note")
         if both:
             turn[2, 2] = stand.north_sd**2
-            zero = {"zero_deg": np.degrees(stand.north or 0.0), "zero_sd_deg": np.degrees(stand.north_sd)}
-            said = said._replace(code="verify-level-north", values={**said.values, **zero, "north": north_of})
+            zero: dict[str, Value] = {"zero_deg": float(np.degrees(stand.north or 0.0))}
+            zero |= {"u_zero_deg": float(np.degrees(stand.north_sd))}
+            zero |= {"north": north_of, "source": "stated: errors are absolute"}
+            said = said._replace(code="verify-level-zero", values={**said.values, **zero})
         c, s = np.cos(stand.north or 0.0), np.sin(stand.north or 0.0)
         return np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]), turn, [said]
     fit = fit_base(readings, calibration, kinds, setting_sd=own, level=level, gravity=gravity)
@@ -455,9 +457,10 @@ def _stand_orientation(
     turn[np.ix_(free, free)] -= fit.covariance
     tilt, toward, north = described(fit.matrix)
     if level is not None:
-        zero = {"zero_deg": np.degrees(north), "u_zero_deg": np.degrees(np.sqrt(fit.covariance[0, 0]))}
-        found = {"level_sd_deg": np.degrees(level[1]), **zero, "north": north_of}
-        return fit.matrix, turn, [Finding("verify-level-fitted", found, severity="note")]
+        zero = {"zero_deg": float(np.degrees(north)), "u_zero_deg": float(np.degrees(np.sqrt(fit.covariance[0, 0])))}
+        zero |= {"north": north_of, "source": "from these readings: a constant error of azimuth is not judged"}
+        found: dict[str, Value] = {"level_sd_deg": float(np.degrees(level[1])), **zero}
+        return fit.matrix, turn, [Finding("verify-level-zero", found, severity="note")]
     spread = np.degrees(np.sqrt(np.diagonal(fit.covariance)))
     values: dict[str, Value] = {"tilt_deg": float(np.degrees(tilt)), "u_tilt_deg": float(spread[:2].max())}
     if kinds[0] != "accelerometer":
@@ -485,24 +488,28 @@ def _hidden_constant_error(readings: BenchReadings, fit: BaseFit, *, both: bool)
         kept = float(np.linalg.norm(fit.left(pattern))) / max(float(np.linalg.norm(pattern)), 1e-12)
         shares[name] = 100.0 * max(0.0, 1.0 - kept)
     values = {"inclination_percent": shares["inclination"], "toolface_percent": shares["toolface"]}
-    hidden = [Finding("verify-hidden", values, severity="note")]
-    hidden += [Finding("verify-azimuth-stand", severity="note")] if both else []
-    return hidden + ([Finding("verify-hidden-half", severity="note")] if shares["inclination"] > 50.0 else [])
+    hidden = Finding("verify-hidden", values, severity="note")
+    return [hidden, _idle_for("it is attributed to the stand", "a constant error of azimuth")] if both else [hidden]
+
+
+def _idle_for(why: str, *names: str) -> Finding:
+    """What is not judged, and why."""
+    return Finding("verify-not-judged", {"names": names, "why": why}, severity="note")
 
 
 def _reasons_not_judged(readings: BenchReadings, calibration: Calibration, kinds: Sequence[str]) -> list[Finding]:
     """What these sensors cannot be judged for."""
     found = []
     if len(kinds) == 1 and kinds[0] == "accelerometer":
-        found.append(Finding("verify-no-azimuth", severity="note"))
+        found.append(_idle_for("the tool has no second field of three components", "azimuth"))
     if kinds[0] != "accelerometer":
-        found.append(Finding("verify-field-only", {"kind": kinds[0]}, severity="note"))
+        found.append(_idle_for("a single field: its direction in tool axes is judged", "inclination", "azimuth"))
     if not calibration.tool.triads[kinds[0]].full:
-        found.append(Finding("verify-two-components", severity="note"))
+        why = "two components of gravity are measured, the third follows from |g|"
+        found.append(_idle_for(why, "positions near the plane across the third axis"))
     for kind in readings.channels:
         if kind not in kinds and not calibration.tool.triads[kind].full:
-            rank = calibration.tool.triads[kind].rank
-            found.append(Finding("verify-kind-idle", {"kind": kind, "rank": rank}, severity="note"))
+            found.append(_idle_for(f"{calibration.tool.triads[kind].rank} of 3 components", kind))
     return found
 
 
@@ -582,7 +589,7 @@ def _verify_single(
         values: dict[str, Value] = {"kind": kind, "unit": triad.unit, "rms": float(np.sqrt(np.mean(off**2)))}
         values |= {"off": float(off[worst, 0]), "u": float(signal[worst]), "station": readings.station[worst]}
         notes.append(Finding("verify-residual", values, severity="note"))
-    notes.append(Finding("verify-single", severity="note"))
+    notes.append(_idle_for("a single sensor: its angle to the field is judged", *ANGLES))
     factor = agreement_factor(int(np.sum(~idle)), np.full(3, np.inf))
     bounds = np.where(idle, np.inf, factor * u)
     dials = np.stack(readings.dials, axis=1)
@@ -727,7 +734,8 @@ def _scope(readings: BenchReadings, calibration: Calibration) -> list[Finding]:
     """What positions and temperature leave out."""
     found, few_positions = list[Finding](), 6
     if len(readings) < few_positions:
-        found.append(Finding("verify-few", {"positions": len(readings), "least": few_positions}))
+        remedy = "Take more over the range of use"
+        found.append(few("positions to verify a tool", len(readings), few_positions, remedy))
     span, heat = calibration.tool.temperature_range, readings.temperature
     if span and heat is not None and (heat.min() < span[0] - 5.0 or heat.max() > span[1] + 5.0):
         here = {"here_low_degC": float(heat.min()), "here_high_degC": float(heat.max())}

@@ -110,17 +110,19 @@ def decided(
             "station": station[worst],
             "error_deg": float(np.degrees(errors[worst, column])),
         }
-        if limits is None:
-            values["expanded_deg"] = float(np.degrees(expanded[worst, column]))
-            found.append(Finding("verify-angle-deviates", values, severity="note"))
-        else:
-            values["limit_deg"] = float(np.degrees(bounds[worst, column]))
-            found.append(Finding("verify-angle-exceeds", values, severity="note"))
+        most = expanded if limits is None else bounds
+        values |= {
+            "verdict": "Not in agreement" if limits is None else "Not accepted",
+            "of": "U" if limits is None else "limit",
+        }
+        found.append(
+            Finding("verify-angle", {**values, "most_deg": float(np.degrees(most[worst, column]))}, severity="note")
+        )
     if limits is not None and not wrong.any():
         found.append(Finding("verify-all-within", severity="note"))
     idle = tuple(name for column, name in enumerate(names) if name != "-" and not judged[:, column].any())
     if idle:
-        found.append(Finding("verify-not-covered", {"angles": idle}, severity="note"))
+        found.append(Finding("verify-not-judged", {"names": idle, "why": "at no position"}, severity="note"))
     if limits is not None:
         found += [*_passed_wrongly(errors, u, bounds, judged & ~wrong), *_too_narrow(expanded, bounds)]
     found += _too_wide(names, inclination, bounds, limits)
@@ -136,12 +138,10 @@ def _judged(error: float, limit: float, guard: float) -> str:
 
 
 def _agreement(errors: Array, expanded: Array, judged: Array, wrong: Array, factor: float) -> list[Finding]:
-    """How many deviations are within U, and whether all are within what a tool that meets its calibration shows."""
+    """How many deviations are within U, and how many beyond what a tool that meets its calibration shows."""
     count, inside = int(judged.sum()), int(np.sum((np.abs(errors) <= expanded)[judged != 0]))
-    return [
-        Finding("verify-inside", {"inside": inside, "total": count, "k": COVERAGE_FACTOR}, severity="note"),
-        Finding("verify-beyond" if wrong.any() else "verify-within", {"factor": factor}, severity="note"),
-    ]
+    values: dict[str, Value] = {"inside": inside, "total": count, "k": COVERAGE_FACTOR}
+    return [Finding("verify-agreement", {**values, "beyond": int(wrong.sum()), "factor": factor}, severity="note")]
 
 
 def _too_wide(names: Sequence[str], inclination: Array, bounds: Array, limits: Limits | None) -> list[Finding]:
@@ -159,7 +159,8 @@ def _too_wide(names: Sequence[str], inclination: Array, bounds: Array, limits: L
         return []
     size, most = (float(np.degrees(of[worst])) for of in (widest, wide))
     values: dict[str, Value] = {"angle": ANGLES[worst], "limit_deg": size, "usual_deg": most}
-    return [Finding("verify-wide-agreement" if limits is None else "verify-wide-limit", values)]
+    remedy = "Check the calibration" if limits is None else "Give a narrower limit"
+    return [Finding("verify-wide", {**values, "remedy": remedy})]
 
 
 def _too_narrow(expanded: Array, bounds: Array) -> list[Finding]:
@@ -181,7 +182,8 @@ def _passed_wrongly(errors: Array, u: Array, bounds: Array, passed: Array) -> li
         return []
     error, spread, limit = np.abs(errors[passed]), u[passed], bounds[passed]
     beyond = 1.0 - (ndtr((limit - error) / spread) - ndtr((-limit - error) / spread))
-    return [Finding("verify-risk", {"risk_percent": 100.0 * float(beyond.max())}, severity="note")]
+    event = "consumer's risk, at most, for an accepted angle"
+    return [Finding("verify-risk", {"risk_percent": 100.0 * float(beyond.max()), "event": event}, severity="note")]
 
 
 def refuse_unverifiable(
@@ -203,16 +205,17 @@ def refuse_unverifiable(
         # what a better rig may still add beside calibration and noise
         by_rig = float(np.sum(dial**2))
         room = (LARGEST_SHARE * limit / COVERAGE_FACTOR) ** 2 - (u[worst, column] ** 2 - by_rig)
-        ways = [Finding("verify-way-limit", {"limit_deg": _digits(np.degrees(expanded / LARGEST_SHARE), up=True)})]
+        ways: dict[str, Value] = {"least_deg": _digits(np.degrees(expanded / LARGEST_SHARE), up=True)}
+        ways |= {"rig_deg": (), "steep_deg": ()}
         if room > 0.0:
             rig = _digits(np.degrees(float(rig_sd[np.argmax(dial**2)]) * np.sqrt(room / by_rig)), up=False)
-            ways.append(Finding("verify-way-rig", {"rig_deg": rig}))
+            ways["rig_deg"] = (rig,)
         steep = away[judged[:, column] & (COVERAGE_FACTOR * u[:, column] > LARGEST_SHARE * limit)].max()
         if name != "inclination" and np.any(judged[:, column] & (away > steep)):
-            ways.append(Finding("verify-way-steep", {"from_deg": _digits(np.degrees(steep), up=True)}))
-        values: dict[str, Value] = {"angle": name, "limit_deg": float(np.degrees(limit)), "ways": tuple(ways)}
+            ways["steep_deg"] = (_digits(np.degrees(steep), up=True),)
+        values: dict[str, Value] = {"angle": name, "limit_deg": float(np.degrees(limit))}
         values["expanded_deg"] = _digits(np.degrees(expanded), up=True)
-        narrow.append(Finding("verify-limit", values))
+        narrow.append(Finding("verify-limit", {**values, **ways}))
     if narrow:
         raise refused("verify-limit-narrow", {"limits": tuple(narrow)})
 

@@ -20,9 +20,9 @@ from inclinometry.calibration.identifiability import null_space
 from inclinometry.calibration.initial_values import Stand, stand_within
 from inclinometry.calibration.likelihood import NUISANCE, Model, State
 from inclinometry.calibration.plans import Plan
+from inclinometry.calibration.undetermined import few_stations, undetermined
 from inclinometry.constants import DIP, INCLINATION_RANGE, SHORT_INCLINATIONS, VECTORS
 from inclinometry.errors import IdentifiabilityError, out_of_range, refused, wrong_shape
-from inclinometry.findings import Finding
 from inclinometry.orientation import fields
 from inclinometry.sensors import Tool, Triad, angle_sensitivity
 from inclinometry.tabular import check_record
@@ -632,7 +632,7 @@ def _enough(about: Information, n: int, captured: int, positions: int) -> None:
         raise out_of_range("n", n, "1, 2, 3, ...")
     least = max(-(-(4 * t.count + 2) // t.count) + 1 for t in about.tool.triads.values())
     if n + captured < least:
-        raise IdentifiabilityError(Finding("plan-stations-few", {"stations": n + captured, "least": least}))
+        raise IdentifiabilityError(few_stations(n + captured, least))
     if n > positions:
         raise out_of_range("n", n, f"<= {positions}")
 
@@ -641,4 +641,5 @@ def _determined(about: Information, settings: Array) -> None:
     """Refuse settings that leave parameters undetermined, naming them."""
     blind = null_space(*about.model(settings))
     if not blind.complete:
-        raise IdentifiabilityError(Finding("plan-blind", {"stations": len(settings), "unseen": blind.unseen}))
+        remedy = "Add stations, or allow further inclinations and toolfaces"
+        raise IdentifiabilityError(undetermined("stations", blind.unseen, remedy))

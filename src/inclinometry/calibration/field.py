@@ -25,6 +25,7 @@ from inclinometry.calibration._field_model import (
 from inclinometry.calibration.norm import algebraic_ellipsoid, require_coverage, unit
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import LEAST_REDUNDANCY, Calibration, Residuals, Rig
+from inclinometry.calibration.undetermined import unrolled
 from inclinometry.constants import FIELD_NAME
 from inclinometry.errors import ConvergenceError, IdentifiabilityError, refused
 from inclinometry.findings import Finding, Value
@@ -290,9 +291,9 @@ def calibrate_field(
     for k, group in bad_shots(found):
         values: dict[str, Value] = {"station": readings.station[k], "weight": float(found.weight[k, group])}
         if group < len(kinds):
-            found_so.append(Finding("fit-shot-odd", values | {"kind": kinds[group]}, (k,)))
+            found_so.append(Finding("fit-shot-odd", values | {"what": kinds[group]}, (k,)))
         else:
-            found_so.append(Finding("fit-shot-pointed", values, (k,)))
+            found_so.append(Finding("fit-shot-odd", values | {"what": "pointing within its roll set"}, (k,)))
     found_so += [Finding("fit-noise-expected", {"of": of}, severity="note") for of in found.blind]
     if len(shots.kinds) == 2 and (shots.member >= 0).all() and "dip" not in readings.reference:
         found_so.append(Finding("fit-rolls-alone"))
@@ -306,7 +307,7 @@ def _shots(readings: BenchReadings, findings: list[Finding]) -> tuple[Shots, lis
     if not kinds:
         raise refused("input-one-of", {"names": ("accelerometer", "magnetometer")})
     if "gyro" in readings.channels:
-        findings.append(Finding("fit-gyro-unused", severity="note"))
+        findings.append(Finding("fit-unused", {"kind": "gyro", "methods": ("joint",)}, severity="note"))
     for kind in kinds:
         sensors = readings.channels[kind].shape[1]
         if sensors < 3:
@@ -370,7 +371,7 @@ def _begin(
         except ConvergenceError:
             continue
     if not fits:
-        raise IdentifiabilityError(Finding("fit-no-start"))
+        raise IdentifiabilityError(Finding("fit-no-start", {"remedy": "Check the axes, and that the dip was constant"}))
     fit, flip = min(fits, key=lambda one: one[0].cost)
     # tool z on the side where the third sensor of the first triad points, or the one most along it
     at = fit.estimate
@@ -380,10 +381,13 @@ def _begin(
         at = reversed_z(at)
     # say how the sign was decided where it could be flagged
     if specific_force is None and not (both and "dip" in reference) and "accelerometer" in shots.kinds:
-        findings.append(Finding("fit-gravity-assumed"))
+        remedy = "state specific force"
+        findings.append(Finding("fit-force-assumed", {"what": "gravity, positive downwards", "remedy": remedy}))
     if both and "dip" in reference:
         if specific_force is None and flip:
-            findings.append(Finding("fit-force-assumed", severity="note"))
+            force: dict[str, Value] = {"what": "specific force, by the sign of the stated dip"}
+            force["remedy"] = "correct the dip"
+            findings.append(Finding("fit-force-assumed", force, severity="note"))
         if abs(at.dip - reference["dip"]) > np.radians(10.0):
             found, stated = np.degrees([at.dip, reference["dip"]]).tolist()
             findings.append(Finding("fit-dip-off", {"found_deg": found, "stated_deg": stated}))
@@ -395,7 +399,7 @@ def _axis(shots: Shots, fields: Sequence[Array]) -> Array:
     axis, singular = tool_axis(fields, shots.member, shots.sets)
     # the second singular value is the width of the circle the fields drew; 0.2 is some 10 deg of roll
     if singular[1] < 0.2:
-        raise IdentifiabilityError(Finding("fit-rolls-narrow"))
+        raise IdentifiabilityError(unrolled("roll sets", "direction of the tool axis"))
     return axis
 
 

@@ -17,6 +17,7 @@ from inclinometry.arrays import Array, finite, frozen, within
 from inclinometry.calibration.norm import NormFit, calibrate_norm, norm_residuals, unit
 from inclinometry.calibration.result import Calibration, Residuals, Rig
 from inclinometry.calibration.stillness import StillIntervals, runs, sd_of_mean, still_intervals
+from inclinometry.calibration.undetermined import CHECKED, OWN_AXES, few, undetermined
 from inclinometry.constants import EARTH_RATE, PER_RADIAN, STANDARD_GRAVITY
 from inclinometry.errors import ConvergenceError, IdentifiabilityError, refused, wrong_shape
 from inclinometry.findings import Finding, Value
@@ -178,18 +179,18 @@ def calibrate_hand_rotations(
     within(gravity, "gravity", 1e-6, 1e6, "m/s^2")
     still = [axis for axis, range_ in zip("xyz", np.ptp(log.gyro, axis=0), strict=True) if range_ == 0.0]
     if still:
-        raise refused("fit-gyro-constant", {"channels": tuple(f"gyro_{axis}" for axis in still)})
+        raise refused("fit-signals-constant", {"channels": tuple(f"gyro_{axis}" for axis in still)})
     rests = still_intervals(log.time, np.hstack([log.force, log.gyro]), window=window, shortest=shortest)
     if len(rests) < LEAST_ROTATIONS + 1:
-        few: dict[str, Value] = {"count": len(rests), "least": LEAST_ROTATIONS + 1, "rest_s": shortest}
-        raise IdentifiabilityError(Finding("fit-rests-few", few))
+        rest: dict[str, Value] = {"count": len(rests), "least": LEAST_ROTATIONS + 1, "rest_s": shortest}
+        raise IdentifiabilityError(Finding("fit-rests-few", rest))
     pairs = rests.pairs()
     fit = calibrate_norm([log.force[a:b].mean(axis=0) for a, b in pairs], gravity, kind="accelerometer")
     stated = None if bias is None else finite(bias, "bias", (3,))
     work = _Fit(log, rests, fit, stated)
     if len(work.legs) < LEAST_ROTATIONS:
-        lost: dict[str, Value] = {"count": len(work.legs), "least": LEAST_ROTATIONS, "dropped": len(work.dropped)}
-        raise IdentifiabilityError(Finding("fit-rotations-none", lost))
+        remedy = "Turn the tool further and more slowly between the rests, without gaps in the log"
+        raise IdentifiabilityError(few("rotations between rests", len(work.legs), LEAST_ROTATIONS, remedy))
     return work.result(work.start(gyro_unit))
 
 
@@ -352,7 +353,8 @@ class _Fit:
             try:
                 fit = levenberg_marquardt(normal, gain.ravel() / size, lambda theta, step: theta + step, tolerance=1e-6)
             except ConvergenceError:
-                raise IdentifiabilityError(Finding("fit-gyro-none")) from None
+                remedy = "Check that gyro and accelerometer are of one tool and one clock"
+                raise IdentifiabilityError(Finding("fit-no-start", {"remedy": remedy})) from None
             change = np.linalg.norm(fit.estimate * size - gain.ravel()) / np.linalg.norm(gain)
             gain = fit.estimate.reshape(3, 3) * size
             self.whiten = whiten
@@ -436,7 +438,8 @@ class _Fit:
             return
         share = np.sum(vectors[:, unseen] ** 2, axis=1).reshape(3, 3)
         gyros = [f"gyro_{axis}" for axis, part in zip("xyz", share.sum(axis=0), strict=True) if part > 0.3]
-        raise IdentifiabilityError(Finding("fit-gyro-unseen", {"channels": tuple(gyros) or ("gyro",)}))
+        remedy = "Turn the tool about each of its axes, with that axis away from the vertical"
+        raise IdentifiabilityError(undetermined("rotations", tuple(gyros) or ("gyro",), remedy))
 
     def _warnings(self, gain: Array, ratio: float) -> list[Finding]:
         found = list(self.fit.findings)
@@ -444,11 +447,12 @@ class _Fit:
         signs = [gain[i, j] > 0.0 for j, i in enumerate(main)]
         axes = tuple(f"{'+' if sign else '-'}{'xyz'[i]}" for i, sign in zip(main, signs, strict=True))
         if tuple(main) != (0, 1, 2) or not all(signs):
-            found.append(Finding("fit-gyro-axes", {"axes": axes}))
+            found.append(Finding("bench-axes-exchanged", {"kind": "gyro", "axes": axes}))
         if ratio > 4.0:
-            found.append(Finding("fit-rotations-scatter", {"times": float(np.sqrt(ratio))}))
+            remedy = "Look for knocks, a gyro that is not linear, or another clock"
+            found.append(Finding("fit-misfit", {"times": float(np.sqrt(ratio)), "remedy": remedy}))
         if len(self.legs) < 2 * LEAST_ROTATIONS:
-            found.append(Finding("fit-rotations-few", {"count": len(self.legs), "least": 2 * LEAST_ROTATIONS}))
+            found.append(few("rotations between rests", len(self.legs), 2 * LEAST_ROTATIONS, CHECKED))
         return found
 
 
@@ -514,5 +518,5 @@ def hand_rotations_calibration(
             {"accelerometer": scaled},
             np.full(count, min(1.0, 9.0 / count)),
         ),
-        (Finding("fit-own-axes"), *found.findings),
+        (OWN_AXES, *found.findings),
     )

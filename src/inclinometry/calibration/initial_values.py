@@ -12,6 +12,7 @@ from inclinometry.calibration.dials import ANGLE_TOLERANCE
 from inclinometry.calibration.likelihood import Model, State, tangent_basis
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.twelve import DOWN
+from inclinometry.calibration.undetermined import few_stations
 from inclinometry.constants import DIALS, KINDS
 from inclinometry.errors import IdentifiabilityError, InputError, out_of_range, refused, wrong_shape
 from inclinometry.findings import Finding, Value
@@ -335,7 +336,7 @@ def enough(readings: BenchReadings) -> None:
         unknown = 4 * sensors + 2
         if stations * sensors < unknown:
             least = -(-unknown // sensors) + 1
-            raise IdentifiabilityError(Finding("plan-stations-few", {"stations": stations, "least": least}))
+            raise IdentifiabilityError(few_stations(stations, least))
         _plausible(kind, values, readings)
 
 

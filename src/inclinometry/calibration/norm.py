@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from inclinometry.arrays import Array, finite, frozen
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration, Residuals, Rig
+from inclinometry.calibration.undetermined import CHECKED, NOTHING_LEFT, OWN_AXES, few, few_directions, no_ellipsoid
 from inclinometry.constants import STANDARD_GRAVITY
 from inclinometry.errors import ConvergenceError, IdentifiabilityError, out_of_range, refused, wrong_shape
 from inclinometry.findings import Finding, Value
@@ -59,7 +60,7 @@ def require_coverage(kind: str, directions: Array, needed: int) -> int:
     """Refuse directions that are too few or all on one side; return the number of distinct ones."""
     count = distinct(directions)
     if count < needed:
-        raise IdentifiabilityError(Finding("fit-directions", {"kind": kind, "count": count, "least": needed}))
+        raise IdentifiabilityError(few_directions(kind, count, needed))
     side = one_sided(directions)
     if side is not None:
         axis = int(np.argmax(np.abs(side)))
@@ -274,8 +275,7 @@ def calibrate_norm(
     if np.any(w < 0.0) or not np.any(w > 0.0):
         raise out_of_range("weight", float(w.min()), ">= 0")
     if len(y) < DIRECTIONS_NEEDED:
-        few: dict[str, Value] = {"kind": kind, "count": len(y), "least": DIRECTIONS_NEEDED}
-        raise IdentifiabilityError(Finding("fit-directions", few))
+        raise IdentifiabilityError(few_directions(kind, len(y), DIRECTIONS_NEEDED))
     start = algebraic_ellipsoid(y)
     # coverage is judged in the fitted ellipsoid where there is one: raw signals with a large offset all point one way
     count = require_coverage(kind, (y - start.centre) @ start.inverse.T, DIRECTIONS_NEEDED)
@@ -300,10 +300,10 @@ def _refine(y: Array, w: Array, inverse: Array, centre: Array, kind: str) -> tup
     try:
         fit = levenberg_marquardt(normal, start, lambda theta, step: theta + step)
     except ConvergenceError:
-        raise IdentifiabilityError(Finding("fit-no-ellipsoid", {"kind": kind})) from None
+        raise IdentifiabilityError(no_ellipsoid(kind)) from None
     information = normal(fit.estimate).hessian
     if np.any(fit.estimate[[0, 3, 5]] <= 0.0) or np.linalg.cond(information) > 1e10:
-        raise IdentifiabilityError(Finding("fit-no-ellipsoid", {"kind": kind}))
+        raise IdentifiabilityError(no_ellipsoid(kind))
     # back to the signals' own unit
     unitless = np.concatenate([np.full(6, size), np.full(3, 1.0 / size)])
     theta = fit.estimate / unitless
@@ -357,10 +357,9 @@ def _result(
     to_field = np.concatenate([np.full(6, strength), np.ones(3)])
     covariance = np.linalg.inv(information) * variance * np.outer(to_field, to_field)
     if count < 2 * DIRECTIONS_NEEDED:
-        few: dict[str, Value] = {"kind": kind, "count": count, "least": 2 * DIRECTIONS_NEEDED}
-        findings.append(Finding("fit-directions-few", few))
+        findings.append(few(f"field directions of the {kind}", count, 2 * DIRECTIONS_NEEDED, CHECKED))
     if len(y) == 9:
-        findings.append(Finding("fit-no-redundancy", {"count": 9}))
+        findings.append(NOTHING_LEFT)
     return NormFit(
         frozen(inverse),
         frozen(theta[6:]),
@@ -425,7 +424,7 @@ def calibrate_norms(
     heat = readings.temperature
     span = None if heat is None else (float(heat.min()), float(heat.max()))
     tool = Tool(name, triads, covariance, noise, span)
-    findings = [Finding("fit-own-axes")]
+    findings = [OWN_AXES]
     for kind, fit in fits.items():
         found: dict[str, Value] = {"kind": kind, "directions": fit.distinct, "readings": len(readings)}
         found["scatter_percent"] = 100.0 * fit.rms / fit.strength

@@ -68,16 +68,23 @@ class Power:
     @property
     def findings(self) -> tuple[Finding, ...]:
         """The same, as notes."""
-        found = [Finding("verify-power", {"times": times(self.factor)}, severity="note")]
-        for name, factor in self.by_angle.items():
-            found.append(Finding("verify-power-angle", {"angle": name, "times": times(factor)}, severity="note"))
-        risks = {"verify-power-producer": self.producer, "verify-power-consumer": self.consumer}
+        found = [
+            Finding("verify-power", {"angle": name, "times": times(factor)}, severity="note")
+            for name, factor in {"all angles": self.factor, **self.by_angle}.items()
+        ]
+        risks = {
+            "producer's risk: a tool that meets its certificate and the limits fails": self.producer,
+            "consumer's risk: a tool with certified errors exceeds a limit and passes": self.consumer,
+        }
         if self.consumer is None:
-            risks = {"verify-power-twice": self.twice, "verify-power-meets": self.producer}
-        for code, risk in risks.items():
+            risks = {
+                "a tool with twice its certified errors agrees": self.twice,
+                "a tool that meets its certificate does not agree": self.producer,
+            }
+        for event, risk in risks.items():
             # as far as so many draws determine it
             percent = 100.0 * risk if risk is not None and risk >= 2.0 / DRAWS else "<0.1 %"
-            found.append(Finding(code, {"risk_percent": percent}, severity="note"))
+            found.append(Finding("verify-risk", {"risk_percent": percent, "event": event}, severity="note"))
         return tuple(found)
 
 

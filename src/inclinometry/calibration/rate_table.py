@@ -14,6 +14,7 @@ from inclinometry.calibration.likelihood import NUISANCE, orientation
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
 from inclinometry.calibration.temperature import HIGHEST_DEGREE, powers_of, soaks
+from inclinometry.calibration.undetermined import few, few_temperatures, undetermined
 from inclinometry.constants import EARTH_RATE
 from inclinometry.earth.rate import earth_rate
 from inclinometry.errors import IdentifiabilityError, out_of_range, refused, wrong_shape
@@ -42,9 +43,10 @@ def names(degree: int, gravity: bool) -> list[Finding]:
     """What each column of `design` stands for, as part of a sentence."""
     found = []
     for power in range(degree + 1):
-        found += [Finding("fit-rate-response", {"axis": axis, "power": power}) for axis in "xyz"]
-        found.append(Finding("fit-rate-offset", {"power": power}))
-    return found + [Finding("fit-g-response", {"axis": axis}) for axis in "xyz" if gravity]
+        parts = (*(f"rate response {axis}" for axis in "xyz"), "offset")
+        found += [Finding("fit-parameter", {"what": part, "power": power}) for part in parts]
+    pulls = [f"g-sensitivity {axis}" for axis in "xyz" if gravity]
+    return found + [Finding("fit-parameter", {"what": pull, "power": 0}) for pull in pulls]
 
 
 def check_plan(
@@ -53,22 +55,25 @@ def check_plan(
     """Raise IdentifiabilityError naming what the steps lack; `matrix` is the design with columns of like size."""
     count, unknown = matrix.shape
     if degree and temperature is not None and soaks(temperature) <= degree:
-        values: dict[str, Value] = {"degree": degree, "temperatures": soaks(temperature), "least": degree + 1}
-        raise IdentifiabilityError(Finding("fit-temperatures-few", values))
+        raise IdentifiabilityError(few_temperatures(soaks(temperature), degree))
     unseen = _unseen(rates)
     if unseen:
-        raise IdentifiabilityError(Finding("fit-rate-constant", {"axis": unseen}))
+        remedy = "Mount the tool with that axis along the table's and turn it both ways"
+        raise IdentifiabilityError(Finding("fit-constant", {"what": "rate", "axis": unseen, "remedy": remedy}))
     unseen = None if gravity is None else _unseen(gravity)
     if unseen:
-        raise IdentifiabilityError(Finding("fit-gravity-constant", {"axis": unseen}))
+        remedy = "Mount the tool in more attitudes, or leave the g-sensitivity out"
+        raise IdentifiabilityError(Finding("fit-constant", {"what": "gravity", "axis": unseen, "remedy": remedy}))
     if count < unknown + spare:
-        raise IdentifiabilityError(Finding("fit-steps-few", {"steps": count, "least": unknown + spare}))
+        remedy = "Take more steps, or state the noise"
+        raise IdentifiabilityError(few("steps of the rate table", count, unknown + spare, remedy))
     singular, vectors = np.linalg.svd(matrix, full_matrices=False)[1:]
     if singular[-1] < BLIND * singular[0]:
         vector = np.abs(vectors[-1])
         every = names(degree, gravity is not None)
         mixed = tuple(one for one, share in zip(every, vector, strict=True) if share > 0.2 * vector.max())
-        raise IdentifiabilityError(Finding("fit-steps-mixed", {"parameters": mixed}))
+        remedy = "Add steps at other rates, both ways, about every axis, at every temperature"
+        raise IdentifiabilityError(undetermined("steps", mixed, remedy))
 
 
 def _unseen(vectors: Array) -> str | None:
@@ -416,7 +421,10 @@ def _gravity_notes(triad: Triad, fit: Fit, chance: float | None, unasked: Findin
     sensor, axis = np.unravel_index(int(np.argmax(np.abs(triad.g_sensitivity))), sd.shape)
     values: dict[str, Value] = {"chance": chance, "sensor": int(sensor) + 1, "axis": "xyz"[axis], "unit": triad.unit}
     values |= {"largest": float(triad.g_sensitivity[sensor, axis]), "u": float(sd[sensor, axis])}
-    return [Finding("fit-g-significant" if chance < SIGNIFICANT else "fit-g-insignificant", values)]
+    verdict, remedy = "not significant", "Leave it out"
+    if chance < SIGNIFICANT:
+        verdict, remedy = "significant", "Keep it; its uncertainty is not in the tool's covariance"
+    return [Finding("fit-g-significant", {**values, "verdict": verdict, "remedy": remedy})]
 
 
 def _misfit(chi_square: float, dof: int, fit: Fit) -> list[Finding]:
@@ -424,7 +432,8 @@ def _misfit(chi_square: float, dof: int, fit: Fit) -> list[Finding]:
 
     if fit.estimated or dof == 0 or float(chdtrc(dof, chi_square)) > SIGNIFICANT / 10.0:
         return []
-    return [Finding("fit-rates-misfit", {"times": float(np.sqrt(chi_square / dof))})]
+    remedy = "Check rates, mounting, g-sensitivity and temperature"
+    return [Finding("fit-misfit", {"times": float(np.sqrt(chi_square / dof)), "remedy": remedy})]
 
 
 def _uneven(fit: Fit) -> list[Finding]:
@@ -440,7 +449,7 @@ def _uneven(fit: Fit) -> list[Finding]:
     for gyro, ratio in enumerate(spread / max(usual, floor)):
         # a gyro that scatters as many times more than the others is named
         if ratio > 3.0 and len(spread) * float(fdtrc(fit.dof, fit.dof, ratio**2)) < SIGNIFICANT / 10.0:
-            found.append(Finding("fit-gyro-noisy", {"sensor": gyro + 1, "times": float(ratio)}))
+            found.append(Finding("bench-channel-noisy", {"kind": "gyro", "sensor": gyro + 1, "times": float(ratio)}))
     return found
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Final
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from inclinometry.arrays import Array
 from inclinometry.errors import refused
-from inclinometry.findings import Finding, Severity, without_notes
+from inclinometry.findings import Finding, without_notes
 from inclinometry.orientation import dip_angle
 from inclinometry.sensors import Tool
 from inclinometry.tabular import Column, Tabular, aligned, channel_columns, draw
@@ -69,11 +69,6 @@ def readings_text(readings: BenchReadings) -> str:
     return "\n".join(
         [f"BenchReadings: {len(readings)} stations {dials}{span}; {channels}", *map(str, readings.findings)]
     )
-
-
-def uncoded(texts: Iterable[str], severity: Severity = "warning") -> tuple[Finding, ...]:
-    """Sentences that a file keeps without their codes."""
-    return tuple(Finding("fit-stored", {"text": text}, severity=severity) for text in texts)
 
 
 LEAST_REDUNDANCY: Final = 1e-3
@@ -136,7 +131,7 @@ class Calibration(Tabular):
     parameter_names, covariance : the joint covariance of tool parameters, field directions (two tangent angles each,
         rad) and nuisance parameters. It is the inverse Fisher information; it holds when the noise and rig model hold
         and is meaningless along directions named in `findings` as invisible to the plan.
-    findings : what the readings and the fit give rise to say; tool.json keeps them as sentences.
+    findings : what the readings and the fit give rise to say.
     outliers : station -> finding, of stations at odds with the others (also among `findings`); not kept in tool.json.
     causes : of a joint fit, cause -> covariance that it brings to the tool's parameters, for `causes.error_budget`; and
         response (p, K M), how the parameters follow each reading, station by station; `bent`: kind ->

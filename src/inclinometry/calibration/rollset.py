@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from inclinometry.arrays import Array, Index, finite, frozen
 from inclinometry.calibration.readings import BenchReadings
+from inclinometry.calibration.undetermined import unrolled
 from inclinometry.calibration.variance import least_noise
 from inclinometry.errors import IdentifiabilityError, wrong_shape
 from inclinometry.findings import Finding, Value
@@ -92,15 +93,11 @@ def roll_harmonics(roll: ArrayLike, signal: ArrayLike) -> RollHarmonics:
         raise wrong_shape("signal", values.shape, f"({len(angle)},)")
     distinct = len(np.unique(np.round(np.mod(angle, 2.0 * np.pi), 6)))
     if distinct < 3:
-        raise IdentifiabilityError(
-            Finding("fit-rolls", {"count": distinct, "span_deg": float(np.degrees(np.ptp(angle)))})
-        )
+        raise IdentifiabilityError(unrolled("rolls", "offset, amplitude and phase"))
     design = _design(angle, 1)
     solution, _, _, singular = np.linalg.lstsq(design, values)
     if singular[-1] < 1e-3 * singular[0]:
-        raise IdentifiabilityError(
-            Finding("fit-rolls", {"count": distinct, "span_deg": float(np.degrees(np.ptp(angle)))})
-        )
+        raise IdentifiabilityError(unrolled("rolls", "offset, amplitude and phase"))
     residual = values - design @ solution
     freedom = len(values) - 3
     variance = float(residual @ residual) / freedom if freedom else 0.0

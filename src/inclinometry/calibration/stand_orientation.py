@@ -19,6 +19,7 @@ from inclinometry.calibration.likelihood import NUISANCE, orientation
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration, same_units
 from inclinometry.calibration.twelve import DOWN
+from inclinometry.calibration.undetermined import NOTHING_LEFT, undetermined, unsettled
 from inclinometry.constants import GRAVITY_SPREAD
 from inclinometry.earth.gravity import relative_gravity
 from inclinometry.errors import IdentifiabilityError, not_among, refused
@@ -132,7 +133,7 @@ def orient_rig(
     tilt = described(fit.matrix)[0]
     _refuse_far(fit, tilt)
     if len(readings) == 1:
-        findings.append(Finding("fit-no-redundancy", {"count": 1}))
+        findings.append(NOTHING_LEFT)
     both = len(kinds) == 2
 
     def after(step: Array) -> Array:
@@ -188,7 +189,8 @@ def _seen_base(
         except IdentifiabilityError:
             if not zeros:
                 raise
-            lost.append(Finding("fit-zero-assumed", {"zero": zeros.pop().replace("_", " ")}))
+            remedy = "Add settings at other azimuths and inclinations; until then it is 0"
+            lost.append(undetermined("settings", (zeros.pop().replace("_", " "),), remedy))
 
 
 def _refuse_far(fit: BaseFit, tilt: float) -> None:
@@ -264,7 +266,7 @@ def gravity_elsewhere(
     sd = sd if stated_sd is None else stated_sd
     values: dict[str, Value] = {"ratio": ratio, "u_percent": 100.0 * sd}
     if stated_sd is not None or sd < GRAVITY_SPREAD:
-        return ratio, sd, [Finding("fit-gravity-ratio", values, severity="note")]
+        return ratio, sd, [Finding("fit-gravity-unknown", values, severity="note")]
     return ratio, sd, [Finding("fit-gravity-unknown", values)]
 
 
@@ -357,7 +359,7 @@ def fit_base(
         scale = np.sqrt(np.maximum(np.diagonal(told), 1e-300))
         # least eigenvalue of the scaled information with which two angles count as told apart
         if np.linalg.eigvalsh(told / np.outer(scale, scale))[0] < 1e-6:
-            raise IdentifiabilityError(Finding("plan-settings-few", {"settings": len(design)}))
+            raise IdentifiabilityError(unsettled())
         system = _System(design, latent, rows @ noise @ np.swapaxes(rows, 1, 2), rows @ np.stack(own_turns, axis=2))
         sd = system.setting_sd((rows @ residual[..., None])[..., 0]) if setting_sd is None else setting_sd
         step, covariance = system.solve((rows @ residual[..., None])[..., 0], sd)

@@ -10,7 +10,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from inclinometry.arrays import Array, finite, frozen, within
+from inclinometry.arrays import Array, finite, frozen, increasing, within
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.constants import KINDS
 from inclinometry.errors import not_among, refused, wrong_shape
@@ -35,9 +35,7 @@ def sampling_period(time: Array) -> tuple[float, NDArray[np.int64]]:
     steps = np.diff(time)
     if len(steps) == 0:
         raise refused("input-few", {"name": "samples", "count": len(time), "least": 2})
-    if np.any(steps <= 0.0):
-        at = int(np.argmax(steps <= 0.0)) + 1
-        raise refused("input-backwards", {"time_s": float(time[at]), "before_s": float(time[at - 1])})
+    increasing(time, "time_s")
     period = float(np.median(steps))
     return period, np.flatnonzero(steps > 5.0 * period).astype(np.int64) + 1
 
@@ -182,7 +180,7 @@ def still_intervals(
     rounding = quantisation_variance(x)
     alive = np.ptp(x, axis=0) > 0.0
     if not alive.any():
-        raise refused("fit-signals-constant")
+        raise refused("fit-signals-constant", {"channels": ("all",)})
     variance = np.maximum(moving_variance(x[:, alive], windows), rounding[alive])
     floor = noise_floor(variance, ratio)
     activity = np.mean(variance / floor, axis=1)

@@ -7,9 +7,9 @@ import numpy as np
 from inclinometry.arrays import Array
 from inclinometry.calibration.likelihood import Model, State
 from inclinometry.calibration.readings import BenchReadings
+from inclinometry.calibration.undetermined import few_temperatures
 from inclinometry.calibration.variance import fit_with_variances
 from inclinometry.errors import IdentifiabilityError, out_of_range, refused
-from inclinometry.findings import Finding, Value
 
 HIGHEST_DEGREE = 3
 
@@ -43,8 +43,7 @@ def choose_powers(readings: BenchReadings, model: Model, start: State, degree: i
     most = min(HIGHEST_DEGREE, soaks(temperature) - 1)
     if degree is not None:
         if degree > most:
-            values: dict[str, Value] = {"degree": degree, "temperatures": most + 1, "least": degree + 1}
-            raise IdentifiabilityError(Finding("fit-temperatures-few", values))
+            raise IdentifiabilityError(few_temperatures(most + 1, degree))
         return powers_of(temperature, reference, degree), reference
     # each further power has to be seen by more readings than it has parameters
     sensors = sum(v.shape[1] for v in model.signals.values())

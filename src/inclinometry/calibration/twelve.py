@@ -24,6 +24,7 @@ from inclinometry.calibration.dials import (
     unequal_steps,
 )
 from inclinometry.calibration.harmonics import harmonic_weights, harmonics
+from inclinometry.calibration.undetermined import undetermined
 from inclinometry.errors import IdentifiabilityError, InputError, refused, wrong_kind, wrong_shape
 from inclinometry.findings import Finding, Value
 from inclinometry.rotations import dcm
@@ -105,7 +106,7 @@ def solve_moments(
         sums = np.stack([np.einsum("rb,rb->b", vectors[i], vectors[j]) for i, j in pairs])
         total = sums[:3].sum(axis=0)
         if not (total > 0.0).all():
-            raise IdentifiabilityError(Finding("fit-signals-constant"))
+            raise IdentifiabilityError(Finding("fit-signals-constant", {"channels": ("all",)}))
         sums = np.asarray(sums / total)
         a = signed(_leading(sums), hint) if known is None else np.repeat(known[:, None], level.shape[1], axis=1)
         _check_share(sums, a)
@@ -370,8 +371,8 @@ def find_direction(
     _, strength, axes = np.linalg.svd(np.concatenate([system.real, system.imag]))
     least_separation = 0.05  # second of the singular values over the first, where the direction is to be found
     if strength[1] <= least_separation * strength[0]:
-        ratio = float(strength[1] / strength[0])
-        raise IdentifiabilityError(Finding("plan-direction-unseen", {"ratio": ratio, "least": least_separation}))
+        remedy = "Give the dip and the azimuth of the rig's zero, or turn at another inclination"
+        raise IdentifiabilityError(undetermined("turns", ("direction of the field",), remedy))
     a = dcm(heading, lean, 0.0).T @ axes[2]
     return signed(a[:, None], unit_direction(sign_hint, "sign_hint"))[:, 0]
 

@@ -46,7 +46,7 @@ def coefficients(
     endings = {".json": "json", ".h": "c", ".csv": "csv"}
     chosen = format_ or (endings.get(output_.suffix.lower(), "table") if output_ else "table")
     if chosen == "table" and output_ is not None:
-        raise FileError(Finding("option-ending", {"ending": output_.suffix, "needed": tuple(endings)}), path=output_)
+        raise FileError(Finding("file-ending", {"ending": output_.suffix, "allowed": tuple(endings)}), path=output_)
     content = read_coefficients(tool, temperature)
     if chosen == "table":
         show_coefficients(content)

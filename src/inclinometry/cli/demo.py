@@ -11,7 +11,7 @@ from inclinometry.cli.bench import show_comparison, show_verification
 from inclinometry.cli.extras import need
 from inclinometry.cli.options import Json, Output
 from inclinometry.cli.survey import show_survey
-from inclinometry.errors import FileError
+from inclinometry.errors import FileError, system_reason
 from inclinometry.findings import Finding
 from inclinometry.workflow.demo import (
     HOT_RUNS,
@@ -39,7 +39,7 @@ def demo(*, output_: Output = Path("demo-output"), json: Json = False) -> None:
     try:
         output_.mkdir(parents=True, exist_ok=True)
     except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
+        reason = system_reason(error)
         raise FileError(Finding("file-unwritable", {"reason": reason}), path=output_) from None
     for title, step in steps():
         with output.step(title):

@@ -204,7 +204,7 @@ def scale(
                 "u_coefficients": np.sqrt(np.diag(known.covariance)),
                 "reference_temperature_degC": known.reference_temperature,
                 "temperature_range_degC": known.temperature_range,
-                "learnt": sum(record.learnt),
+                "observable": sum(record.learnt),
                 "output": output_,
             }
         )

@@ -22,7 +22,7 @@ from rich.table import Table
 from rich.text import Text
 
 from inclinometry.cli.extras import need_for
-from inclinometry.errors import FileError, in_file
+from inclinometry.errors import FileError, in_file, system_reason
 from inclinometry.findings import Finding
 
 # no markup: names of files, tools and stations are printed as they are, brackets and colons included
@@ -106,26 +106,24 @@ def check_outputs(outputs: Mapping[str, Path | None], inputs: Mapping[str, Path 
         try:
             target = path.resolve()
             if target.is_dir():
-                raise FileError(Finding("file-folder"), path=path)
+                raise FileError(Finding("file-not-file", {"what": "folder"}), path=path)
             if not target.parent.is_dir():
                 raise FileError(Finding("file-absent"), path=target.parent)
             stream = target.exists() and not target.is_file()
         except (OSError, ValueError, RuntimeError) as error:
             if isinstance(error, FileError):
                 raise
-            raise FileError(
-                Finding("file-unwritable", {"reason": getattr(error, "strerror", None) or str(error)}), path=path
-            ) from None
+            raise FileError(Finding("file-unwritable", {"reason": system_reason(error)}), path=path) from None
         if not stream and not os.access(target.parent, os.W_OK):
             raise FileError(Finding("file-unwritable", {"reason": "read-only folder"}), path=path)
         if stream:
             continue
         for other, there in taken:
             if _same(path, there):
-                raise FileError(Finding("option-same-file", {"name": name, "other": other}), path=path)
+                raise FileError(Finding("input-same-file", {"name": name, "other": other}), path=path)
         taken.append((name, path))
         if name == "--report" and path.suffix.lower() not in (".html", ".htm"):
-            raise FileError(Finding("option-ending", {"ending": path.suffix, "needed": (".html",)}), path=path)
+            raise FileError(Finding("file-ending", {"ending": path.suffix, "allowed": (".html",)}), path=path)
 
 
 def _exists(path: Path) -> bool:
@@ -206,15 +204,19 @@ MOST: Final = 3
 """Findings that one command prints; -v and --json have all, notes too."""
 
 
-def findings(found: Sequence[Finding]) -> None:
-    """Findings, one a line, with their codes, the ignored ones last; with -v all, notes too."""
+def findings(found: Sequence[Finding], files: Sequence[str] = ()) -> None:
+    """Findings, one a line, with their codes, the ignored ones last; with -v all, notes too.
+
+    files : that they are about, one each.
+    """
     errors = _errors()
     verbose = logging.getLogger("inclinometry").isEnabledFor(logging.INFO)
-    shown = [one for one in found if verbose or one.severity != "note"]
-    shown.sort(key=lambda one: ("ignored", "note").count(one.severity))
+    named_by = zip(found, (f"{file}: " for file in files) if files else [""] * len(found), strict=True)
+    shown = [pair for pair in named_by if verbose or pair[0].severity != "note"]
+    shown.sort(key=lambda pair: ("ignored", "note").count(pair[0].severity))
     most = len(shown) if verbose else MOST
-    for one in shown[:most]:
-        text = Text(wrapped(named(f"{one.severity}: {one} [{one.code}]"), sys.stderr))
+    for one, file in shown[:most]:
+        text = Text(wrapped(named(f"{one.severity}: {file}{one} [{one.code}]"), sys.stderr))
         text.stylize("yellow", 0, len(one.severity) + 1)
         errors.print(text)
     if shown[most:]:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from inclinometry.calibration.stand_orientation import RigOrientation, orient_rig
+from inclinometry.calibration.undetermined import undetermined
 from inclinometry.cli import output
 from inclinometry.cli.options import AzimuthFrom, GravitySd, Input, InputOrNone, Json, SdOrNone
 from inclinometry.constants import COVERAGE_FACTOR
@@ -59,7 +60,9 @@ def orient(
     if site is not None and found.north_of == "magnetic" and place.declination_sigma is None:
         said.append(Finding("work-declination-sigma"))
     if found.tilt < COVERAGE_FACTOR * found.u["tilt"]:
-        said.append(Finding("work-tilt-small", {"tilt_deg": float(np.degrees(found.tilt))}, severity="note"))
+        direction = "direction of the tilt, which is within its uncertainty"
+        small = undetermined("settings", (direction,), "Add settings, if the direction is needed")
+        said.append(small._replace(severity="note"))
     output.findings(said)
     if json:
         output.print_json(

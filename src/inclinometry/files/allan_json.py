@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from inclinometry.files import json_codec
 
 COEFFICIENTS = ("angle_random_walk", "bias_instability", "rate_random_walk")
 """What every record states, by the names of `NoiseModel`."""
+VERSION: Final = 2
 _DEG = 180.0 / np.pi
 
 
@@ -70,12 +71,12 @@ def allan_content(record: NoiseRecord) -> dict[str, Any]:
     """What `write_allan` writes, as plain mappings, lists and arrays; null where the record is too short to tell."""
     return {
         "schema": "inclinometry/allan",
-        "version": 1,
+        "version": VERSION,
         "inputs": dict(record.inputs),
         "sampling_interval_s": record.dt,
         "samples": record.samples,
         "channels": [_channel_content(channel) for channel in record.channels],
-        "warnings": list(map(str, record.findings)),
+        "findings": [one.stored() for one in record.findings],
     }
 
 
@@ -99,7 +100,7 @@ def _channel_content(channel: ChannelNoise) -> dict[str, Any]:
 
 def write_allan(record: NoiseRecord, path: str | Path) -> None:
     """Write allan.json: the same record gives the same bytes. FileError where it cannot be written."""
-    json_codec.store(allan_content(record), path, "allan")
+    json_codec.store(allan_content(record), path, "allan", VERSION)
 
 
 def read_allan(path: str | Path) -> Mapping[str, Any]:
@@ -110,4 +111,4 @@ def read_allan(path: str | Path) -> Mapping[str, Any]:
     FileError
         Not JSON, another kind of file, a newer version, or content the schema refuses.
     """
-    return json_codec.stored(path, "allan")
+    return json_codec.stored(path, "allan", VERSION)

@@ -151,7 +151,7 @@ def saturation(
             count = len(np.unique(station[at])) if at.sum() >= 2 else 0
             if count < 2 or at.all():
                 continue
-            facts: dict[str, Value] = {"channel": name, "value": extreme + 0.0, "count": count}
+            facts = _at_end([name], [extreme], count)
             weakly = settings is not None and len(values) <= most and _alone(values, kind, index, station)
             if count < 3:
                 notes += [Finding("readings-saturated-maybe", facts)] if weakly else []
@@ -177,6 +177,11 @@ def saturation(
     if notes or settings is None or len(values) > most:
         return notes
     return _common_end(values, names, station) or _short_channel(values, names, settings, station)
+
+
+def _at_end(channels: Sequence[str], values: Sequence[float], count: int) -> dict[str, Value]:
+    """Values of a finding of saturated channels."""
+    return {"channels": tuple(channels), "values": tuple(f"{one + 0.0:.12g}" for one in values), "count": count}
 
 
 # Channels of whole counts that rest at both ends, of which few positions make sensors of less gain. Converters end at
@@ -209,9 +214,10 @@ def _common_end(values: Array, names: Sequence[str], station: NDArray[np.intp]) 
         # each further end lies within 3 % of the first, somewhere
         if len(channels) < 2 or (0.03 * top) ** (len(alike) - 1) < 1e3:
             continue
-        read = tuple(f"{end:.12g}" for end in sorted({end for _, end in alike}))
-        facts: dict[str, Value] = {"channels": tuple(names[k] for k in channels), "values": read}
-        return [Finding("readings-ends-alike", {**facts, "ends": len(alike), "total": 2 * len(channels)})]
+        facts = _at_end(
+            [names[k] for k in channels], sorted({end for _, end in alike}), sum(ends[one] for one in alike)
+        )
+        return [Finding("readings-saturated", facts)]
     return []
 
 
@@ -232,8 +238,8 @@ def _short_channel(values: Array, names: Sequence[str], settings: Settings, stat
         share = float(gain[k] / np.delete(gain, k).min())
         if share < 0.87:  # two sensors of a triad differ by a few per cent
             low, high = float(values[:, k].min()), float(values[:, k].max())
-            facts: dict[str, Value] = {"channel": names[k], "low": low, "high": high, "share": share}
-            notes.append(Finding("readings-ends-gain", {**facts, "count": ends[k, low] + ends[k, high]}))
+            facts = _at_end([names[k]], [low, high], ends[k, low] + ends[k, high])
+            notes.append(Finding("readings-saturated", facts))
     return notes
 
 
@@ -550,8 +556,8 @@ def _count(table: Frame) -> Array | None:
     bad = (values < 1.0) | (values != np.floor(values))
     if bad.any():
         row = int(np.flatnonzero(bad)[0])
-        facts: dict[str, Value] = {"column": "count", "value": float(values[row]), "allowed": "int >= 1"}
-        raise table.error(Finding("file-value", facts), row)
+        facts: dict[str, Value] = {"name": "count", "value": float(values[row]), "allowed": "int >= 1"}
+        raise table.error(Finding("input-value", facts), row)
     return values
 
 

@@ -147,7 +147,7 @@ def _sines(table: Frame, name: str, written: str, stated: str | None, step: floa
     if (bad := np.flatnonzero(np.abs(values) > level)).size:
         row = int(bad[0])
         facts: dict[str, Value] = {"value": float(values[row]), "allowed": f"-{level:g} .. {level:g} ({unit})"}
-        raise table.error(Finding("file-value", facts | {"column": name}, (row,)), row)
+        raise table.error(Finding("input-value", facts | {"name": name}, (row,)), row)
     return np.sin(np.radians(values)) if unit == "deg" else values / level
 
 

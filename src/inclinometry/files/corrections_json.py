@@ -11,6 +11,7 @@ import numpy as np
 from inclinometry.arrays import Array
 from inclinometry.errors import FileError, InputError, in_file
 from inclinometry.files import json_codec
+from inclinometry.files.json_codec import findings_in
 from inclinometry.files.tool_json import covariance
 from inclinometry.findings import Finding
 from inclinometry.survey.multistation import Parameter
@@ -45,7 +46,7 @@ def write_corrections(correction: SensorCorrection, path: str | Path) -> None:
         "covariance": {"parameters": names, "matrix": correction.covariance},
         "noise": correction.noise,
         "noise_factors": correction.noise_factors,
-        "stations_alone": {"information": correction.information, "score": correction.score},
+        "without_priors": {"information": correction.information, "score": correction.score},
         "reference": reference,
         "run": {
             "stations": correction.stations,
@@ -54,15 +55,15 @@ def write_corrections(correction: SensorCorrection, path: str | Path) -> None:
             "chi_square": correction.chi_square,
             "degrees_of_freedom": correction.freedom,
         },
-        "warnings": list(correction.warnings),
+        "findings": [one.stored() for one in correction.findings],
     }
-    json_codec.store(content, path, "corrections")
+    json_codec.store(content, path, "corrections", 2)
 
 
 def _entry(name: str, correction: SensorCorrection, row: int) -> dict[str, Any]:
     """One parameter; those of the reference act on no channel."""
     p = correction.parameters[name]
-    entry = {"name": name, "unit": p.unit, "value": p.value, "u": p.u, "u_before": p.prior}
+    entry = {"name": name, "unit": p.unit, "value": p.value, "u": p.u, "u_prior": p.prior}
     if row >= len(correction.offset):
         return entry
     gain = correction.gain[row]
@@ -82,7 +83,7 @@ def read_corrections(path: str | Path) -> SensorCorrection:
     FileError
         Not such a file, a later version, a value out of place, with its JSON path.
     """
-    content = json_codec.stored(path, "corrections")
+    content = json_codec.stored(path, "corrections", 2)
     entries, run = content["parameters"], content["run"]
     names = [entry["name"] for entry in entries]
     if content["covariance"]["parameters"] != names or len(set(names)) < len(names):
@@ -92,11 +93,12 @@ def read_corrections(path: str | Path) -> SensorCorrection:
     noise = covariance(
         {"parameters": ["gx", "gy", "gz", "bx", "by", "bz"], "matrix": content["noise"]}, path, "$.noise"
     )
-    alone = {}  # files of earlier versions lack it
-    if "stations_alone" in content and content["stations_alone"]["score"]:
-        matrix_of = {"parameters": names, "matrix": content["stations_alone"]["information"]}
-        alone["information"] = covariance(matrix_of, path, "$.stations_alone.information")
-        alone["score"] = np.array(content["stations_alone"]["score"], dtype=np.float64)
+    alone = {}
+    kept, prior = ("stations_alone", "u_before") if content["version"] == 1 else ("without_priors", "u_prior")
+    if content.get(kept, {}).get("score"):  # not in all files
+        matrix_of = {"parameters": names, "matrix": content[kept]["information"]}
+        alone["information"] = covariance(matrix_of, path, f"$.{kept}.information")
+        alone["score"] = np.array(content[kept]["score"], dtype=np.float64)
     sensors = [entry for entry in entries if "offset" in entry]
     if entries[: len(sensors)] != sensors or len(entries) != len(sensors) + 3:
         places = {"place": "$.parameters", "other": "$.reference"}
@@ -107,7 +109,7 @@ def read_corrections(path: str | Path) -> SensorCorrection:
     ]
     try:
         return SensorCorrection(
-            parameters={e["name"]: Parameter(e["value"], e["u"], e["u_before"], e["unit"]) for e in entries},
+            parameters={e["name"]: Parameter(e["value"], e["u"], e[prior], e["unit"]) for e in entries},
             covariance=matrix,
             gain=np.stack([_gain(entry["gain"]) for entry in sensors]),
             offset=np.array([entry["offset"] for entry in sensors], dtype=np.float64),
@@ -121,7 +123,7 @@ def read_corrections(path: str | Path) -> SensorCorrection:
             stations=run["stations"],
             chi_square=run["chi_square"],
             freedom=run["degrees_of_freedom"],
-            warnings=tuple(content["warnings"]),
+            findings=findings_in(content),
             inputs=content["inputs"],
             noise_factors=tuple(content.get("noise_factors", (1.0, 1.0))),
             **alone,

@@ -12,7 +12,7 @@ from itertools import zip_longest
 from pathlib import Path
 from typing import Any, Final
 
-from inclinometry.errors import FileError, InputError, refused
+from inclinometry.errors import FileError, InputError, refused, system_reason
 from inclinometry.files.survey_file import SurveyFile, columns_of
 from inclinometry.files.text import OLD_EXCEL, Block
 from inclinometry.files.writing import replacing
@@ -121,7 +121,7 @@ def _check(path: Path) -> None:
     except FileError:
         raise
     except (OSError, ValueError, RuntimeError, zipfile.BadZipFile) as error:  # RuntimeError: a version of zip unknown
-        reason = getattr(error, "strerror", None) or str(error)
+        reason = system_reason(error)
         raise FileError(Finding("file-unreadable", {"reason": reason}), path=path) from None
     # blanks pack a thousand times; numbers hardly ten
     if size > _UNPACKED or (size > 200e6 and size > 60 * packed):

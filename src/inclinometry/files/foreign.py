@@ -320,7 +320,9 @@ def _p7(path: Path) -> Pieces:
     from inclinometry.files.p7 import read_p7
 
     surveys, sheet = {str(number): survey for number, survey in read_p7(path).surveys.items()}, current().sheet
-    if sheet not in surveys and (sheet is not None or len(surveys) != 1):
+    if sheet is None and len(surveys) != 1:
+        raise FileError(Finding("file-surveys", {"names": tuple(surveys)}), path=path)
+    if sheet not in (None, *surveys):
         choice = Finding("input-choice", {"name": "--sheet", "value": sheet or "-", "allowed": tuple(surveys)})
         raise FileError(choice, path=path)
     return _survey(path, surveys[sheet or next(iter(surveys))])

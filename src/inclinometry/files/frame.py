@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from inclinometry.arrays import Array, Mask, frozen
 from inclinometry.constants import FOOT
-from inclinometry.errors import FileError
+from inclinometry.errors import FileError, wrong_kind
 from inclinometry.files._quantities import columns_called
 from inclinometry.files.columns import KNOWN, advice, channel, channel_advice, closest
 from inclinometry.findings import Finding
@@ -60,7 +60,7 @@ class Frame:
         self.require([name])
         column = self.columns[name]
         if isinstance(column, tuple):
-            raise self.error(Finding("file-number", {"column": name, "value": column[0] if column else ""}))
+            raise self.error(wrong_kind(name, column[0] if column else "", "number").finding)
         return column
 
     def within(self, name: str, low: float, high: float) -> Array:
@@ -71,7 +71,7 @@ class Frame:
             row = int(np.argmax(bad))
             allowed = f"{low:g} .. {high:g}"
             value = float(values[row])
-            raise self.error(Finding("file-value", {"column": name, "value": value, "allowed": allowed}), row)
+            raise self.error(Finding("input-value", {"name": name, "value": value, "allowed": allowed}), row)
         return values
 
     def depth(self) -> tuple[str, Array]:

@@ -17,7 +17,7 @@ from inclinometry.files import writing
 from inclinometry.files.columns import GYRO_RUN, KIND_PREFIX, PARTS, UNIT_LABELS, channel, numbers_among
 from inclinometry.files.frame import Frame, unused
 from inclinometry.files.signals import Signals, read_signals, read_temperature
-from inclinometry.files.survey_csv import differs, out_of_order, survey_cells
+from inclinometry.files.survey_csv import differs, falls, survey_cells
 from inclinometry.files.table import read_table
 from inclinometry.files.text import Progress
 from inclinometry.findings import Finding, Value
@@ -151,8 +151,8 @@ def _positive(table: Frame, found: Signals) -> dict[str, Array]:
     for kind, sd in found.sd.items():
         if (sd <= 0.0).any():
             row, column = np.argwhere(sd <= 0.0)[0].tolist()
-            values: dict[str, Value] = {"column": f"{found.names[kind][column]}_sd", "value": 0, "allowed": "> 0"}
-            raise table.error(Finding("file-value", values), row)
+            values: dict[str, Value] = {"name": f"{found.names[kind][column]}_sd", "value": 0, "allowed": "> 0"}
+            raise table.error(Finding("input-value", values), row)
     return found.sd
 
 
@@ -191,7 +191,7 @@ def _depths(table: Frame, station: Index) -> Array:
     if wrong.any():
         at = int(np.argmax(wrong)) + 1
         row = int(first[at])
-        raise table.error(out_of_order(table, name, values, int(first[at - 1]), row), row)
+        raise table.error(falls(table, name, values, int(first[at - 1]), row), row)
     return frozen(metres[first])
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from inclinometry.errors import FileError, in_file, refused, wrong_kind
 from inclinometry.files.writing import write_bytes
-from inclinometry.findings import Finding, Value
+from inclinometry.findings import Finding, Severity, Value, room, rooms, say
 from inclinometry.opening import whole
 
 if TYPE_CHECKING:
@@ -65,6 +65,16 @@ def _wrap(start: str, cells: list[str], end: str, depth: int) -> str:
     return start + pad + f",{pad}".join(cells) + "\n" + " " * depth + end
 
 
+_USUAL: Final = {
+    "Expecting value": "a value is missing", "Expecting ',' delimiter": "a comma or a closing bracket is missing",
+    "Expecting ':' delimiter": "a colon is missing", "Extra data": "text after the end",
+    "Expecting property name enclosed in double quotes": "a name in double quotes is missing",
+    "Unterminated string starting at": "a closing quote is missing",
+    "Invalid control character at": "a character that must be escaped", "Invalid \\escape": "not a valid escape",
+}  # fmt: skip
+"""Usual errors of JSON, as words of the catalogue."""
+
+
 def load(path: str | Path) -> Json:
     """The object in a JSON file; FileError for anything else, doubled keys and NaN included."""
     try:
@@ -76,7 +86,8 @@ def load(path: str | Path) -> Json:
     try:
         content = parse(text)
     except json.JSONDecodeError as error:
-        found = Finding("file-format", {"format": "JSON", "reason": f"{error.msg} (column {error.colno})"})
+        at = Finding("file-at-column", {"reason": _USUAL.get(error.msg, error.msg), "column": error.colno})
+        found = Finding("file-format", {"format": "JSON", "reason": at})
         raise FileError(found, path=path, line=error.lineno) from None
     except (ValueError, RecursionError) as error:
         raise FileError(Finding("file-format", {"format": "JSON", "reason": str(error)}), path=path) from None
@@ -131,7 +142,10 @@ def validate(content: Json, name: str, path: str | Path) -> None:
     """Check against a shipped schema; FileError with the JSON path, the value found and what it must be."""
     from jsonschema.exceptions import best_match
 
-    error = best_match(_validator(name).iter_errors(content))
+    try:
+        error = best_match(_validator(name).iter_errors(content))
+    except RecursionError as error:  # findings may be values of findings
+        raise FileError(Finding("file-format", {"format": "JSON", "reason": str(error)}), path=path) from None
     if error is None:
         return
     where = "$" + "".join(f"[{p}]" if isinstance(p, int) else f".{p}" for p in error.absolute_path)
@@ -147,7 +161,7 @@ def validate(content: Json, name: str, path: str | Path) -> None:
         found = Finding("input-repeated", {"name": where, "value": shown(twice)})
     else:
         wanted = str(error.schema.get("description", error.message)).removeprefix("must be ")
-        found = Finding("file-value", {"column": where, "value": shown(error.instance), "allowed": wanted})
+        found = Finding("input-value", {"name": where, "value": shown(error.instance), "allowed": wanted})
     raise FileError(found, path=path)
 
 
@@ -216,3 +230,37 @@ def shown(value: Any) -> str:
     if isinstance(value, dict | list):
         return f"{'a list' if isinstance(value, list) else 'an object'} of {len(value)} entries"
     return f"{text[:57]}..."
+
+
+# Findings of records: code and values, whose sentence is made where a user reads it.
+
+
+def restored(kept: Mapping[str, Any] | str, severity: Severity = "warning") -> Finding:
+    """A finding as a file keeps it; `record-text` for the sentence of an older file, or a code of another version."""
+    if isinstance(kept, str):
+        return Finding("record-text", {"text": kept}, severity=severity)
+    name = kept["code"].partition("-")[0]
+    own = room(name).get(kept["code"]) if name in rooms() else None
+    if own is not None and own.example.keys() <= kept["values"].keys():
+        values = {name: _restored(value) for name, value in kept["values"].items()}
+        found = Finding(kept["code"], values, tuple(row - 1 for row in kept["rows"]), kept["severity"])
+        try:
+            say(found)
+            return found
+        except (KeyError, TypeError, ValueError):  # a value of another kind
+            pass
+    return restored(str(dict(kept)), kept["severity"])
+
+
+def findings_in(record: Mapping[str, Any]) -> tuple[Finding, ...]:
+    """The findings of a stored record; older ones keep sentences: warnings, and notes or reasons."""
+    warned, noted = record.get("warnings", ()), record.get("notes", record.get("reasons", ()))
+    return (*map(restored, record.get("findings", warned)), *(restored(text, "note") for text in noted))
+
+
+def _restored(value: Any) -> Value:
+    if isinstance(value, dict):
+        return restored(value)
+    if isinstance(value, list):
+        return tuple(map(_restored, value))
+    return math.nan if value is None else value

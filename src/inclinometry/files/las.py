@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inclinometry.arrays import Array
-from inclinometry.errors import FileError, InputError, in_file
+from inclinometry.errors import FileError, InputError, in_file, wrong_kind
 from inclinometry.files import writing
 from inclinometry.files._quantities import meaning, quantities_by_column, same_unit
 from inclinometry.files.frame import Column, Frame, unused
@@ -182,8 +182,7 @@ def _floats(path: Path, cells: Sequence[str], name: str, rows: Sequence[int], nu
     wrong = ~np.isfinite(values)
     if wrong.any() or "_" in "".join(cells):
         at = int(np.argmax(wrong)) if wrong.any() else next(i for i, cell in enumerate(cells) if "_" in cell)
-        wrong_cell = Finding("file-number", {"column": name, "value": cells[at]})
-        raise FileError(wrong_cell, path=path, line=int(rows[at]))
+        raise in_file(wrong_kind(name, cells[at], "number"), path, int(rows[at]))
     return np.where(values == null, np.nan, values)
 
 
@@ -258,7 +257,7 @@ def _span(
         try:
             ends[name] = float(value)  # type: ignore[arg-type]
         except (TypeError, ValueError):
-            raise FileError(Finding("file-number", {"column": name, "value": str(value)}), path=path) from None
+            raise in_file(wrong_kind(name, str(value), "number"), path) from None
     up, findings = ends["STRT"] > ends["STOP"], []
     for name, at in (("STRT", 0), ("STOP", -1)):
         stated, there = ends[name], float(depth[at])
@@ -338,7 +337,7 @@ def _null(path: Path, las: Any) -> float:
     try:
         return float(value)
     except (TypeError, ValueError):
-        raise FileError(Finding("file-number", {"column": "NULL", "value": str(value)}), path=path) from None
+        raise in_file(wrong_kind("NULL", str(value), "number"), path) from None
 
 
 def _head_texts(path: Path, las: Any) -> tuple[dict[str, str], str | None]:

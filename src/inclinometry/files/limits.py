@@ -50,7 +50,7 @@ def read_limits(name_or_path: str | Path) -> Limits:
     settings, source, values = _read("limits", name_or_path, keys, ("guard",))
     lowest = values.pop("min_inclination_deg_for_azimuth", 0.0)
     if zero := [key for key, value in values.items() if value == 0.0]:
-        wrong = Finding("file-value", {"column": zero[0], "value": 0.0, "allowed": "> 0"})
+        wrong = Finding("input-value", {"name": zero[0], "value": 0.0, "allowed": "> 0"})
         raise FileError(wrong, path=settings.path)
     if not values:
         raise FileError(Finding("file-limits", {"names": tuple(_ANGLES)}), path=settings.path)

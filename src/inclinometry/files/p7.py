@@ -17,7 +17,7 @@ from typing import Final
 
 import numpy as np
 
-from inclinometry.errors import FileError, refused, wrong_kind
+from inclinometry.errors import FileError, in_file, refused, wrong_kind
 from inclinometry.files import writing
 from inclinometry.files._quantities import quantities, unit_factor
 from inclinometry.files.frame import Column, Frame
@@ -166,10 +166,10 @@ def _sorted_lines(
                 raise FileError(row_width(len(cells), wanted), path=path, line=line)
             used = cells[1 + FIELDS[cells[0]].index("used")]
             if used not in ("0", "1"):
-                flag = Finding("file-value", {"column": "used", "value": used, "allowed": "0, 1"})
+                flag = Finding("input-value", {"name": "used", "value": used, "allowed": "0, 1"})
                 raise FileError(flag, path=path, line=line)
             if not (cells[2].isascii() and cells[2].isdigit()):
-                raise FileError(Finding("file-number", {"column": "survey", "value": cells[2]}), path=path, line=line)
+                raise in_file(wrong_kind("survey", cells[2], "number"), path, line)
             number = int(cells[2])
             kind, mine = rows.setdefault(number, (cells[0], []))
             if kind != cells[0]:
@@ -208,7 +208,7 @@ def _frame(path: Path, kind: str, rows: Sequence[tuple[int, list[str]]], unit: s
         time = iso_time(str(text))
         if time is None:
             allowed = "YYYY:MM:DD:hh:mm:ss"
-            wrong = Finding("file-value", {"column": "time", "value": str(text), "allowed": allowed})
+            wrong = Finding("input-value", {"name": "time", "value": str(text), "allowed": allowed})
             raise FileError(wrong, path=path, line=line)
         found.append(time)
     columns["time"] = tuple(found)

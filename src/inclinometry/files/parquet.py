@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 
 from inclinometry.arrays import Array
-from inclinometry.errors import FileError, InputError, in_file, wrong_kind
+from inclinometry.errors import FileError, InputError, in_file, system_reason, wrong_kind
 from inclinometry.files._quantities import quantities_by_column
 from inclinometry.files.frame import Column, Frame
 from inclinometry.files.profile import with_unit
@@ -59,7 +59,7 @@ def parquet_pieces(path: Path, progress: Progress | None = None) -> Iterator[Fra
     except UnicodeDecodeError as error:
         raise FileError(not_text("utf-8", error.reason), path=path) from None
     except (pa.ArrowException, OSError, ValueError) as error:
-        raise FileError(damaged("Parquet", getattr(error, "strerror", None) or error), path=path) from None
+        raise FileError(damaged("Parquet", system_reason(error)), path=path) from None
 
 
 def _unit(field: Any) -> str | None:

@@ -118,9 +118,9 @@ def read_well(path: str | Path, *, progress: Progress | None = None) -> WellStat
     if wrong.any():
         row = int(np.argmax(wrong))
         allowed = f"0 .. {deepest if name == 'md_m' else deepest / FOOT:.0f}"
-        facts: dict[str, Value] = {"column": name, "value": float(values[row]), "allowed": allowed}
+        facts: dict[str, Value] = {"name": name, "value": float(values[row]), "allowed": allowed}
         feet = name == "md_m" and values[row] > 0.0
-        raise table.error(_in_another_unit(facts, "md_ft") if feet else Finding("file-value", facts), row)
+        raise table.error(_in_another_unit(facts, "md_ft") if feet else Finding("input-value", facts), row)
     if len(metres) < 2:
         raise table.error(Finding("input-few", {"name": "stations", "count": len(metres), "least": 2}))
     md = frozen(metres)
@@ -156,7 +156,7 @@ def read_well(path: str | Path, *, progress: Progress | None = None) -> WellStat
 def _reference(table: Frame) -> str:
     """The north of all azimuths."""
     if "azimuth_reference" not in table:
-        raise table.error(Finding("readings-north-missing", {"allowed": REFERENCES}))
+        raise table.error(Finding("table-north", {"allowed": REFERENCES}))
     cells = [cell.strip() for cell in table.text("azimuth_reference")]
     for row, cell in enumerate(cells):
         if cell not in REFERENCES:
@@ -203,16 +203,16 @@ def _out_of_range(table: Frame, name: str, row: int, allowed: str) -> Finding:
     """What an angle out of range may be meant as."""
     values, azimuths = table.number(name), table.number("azimuth_deg")
     value, upright = float(values[row]), name == "inclination_deg" and len(values) > 2
-    facts: dict[str, Value] = {"column": name, "value": value}
+    facts: dict[str, Value] = {"name": name, "value": value}
     if abs(value) >= 900.0:
-        return Finding("readings-null", facts)
+        return Finding("table-null", {"column": name, "value": value})
     if upright and -90.0 <= value < 0.0 and (np.abs(values) <= 90.0).all():
         return Finding("readings-dip", facts)
     turned = (values >= 0.0).all() and np.mean(values > 180.0) > 0.1 and ((azimuths >= 0.0) & (azimuths <= 180.0)).all()
     if upright and turned:
         return Finding("readings-exchanged", facts)
     facts["allowed"] = allowed
-    return Finding("file-value", facts) if value < 0.0 else _in_another_unit(facts, name.replace("_deg", "_gon"))
+    return Finding("input-value", facts) if value < 0.0 else _in_another_unit(facts, name.replace("_deg", "_gon"))
 
 
 def _angle(table: Frame, name: str, low: float, high: float) -> Array:

@@ -14,7 +14,7 @@ import numpy as np
 
 from inclinometry.arrays import Array
 from inclinometry.calibration.readings import LARGEST
-from inclinometry.errors import FileError
+from inclinometry.errors import FileError, out_of_order
 from inclinometry.files.columns import LOG, channel, numbers_among
 from inclinometry.files.frame import Frame, row_error, unused
 from inclinometry.files.parquet import parquet_pieces
@@ -31,7 +31,7 @@ def _backward(time: Array, last: float) -> tuple[int, Finding] | None:
     if not back.any():
         return None
     row = int(np.argmax(back))
-    return row, Finding("input-backwards", {"time_s": float(time[row]), "before_s": float(before[row])})
+    return row, out_of_order("time_s", float(time[row]), float(before[row]), row + 1).finding
 
 
 def _of_column(name: str, values: Array) -> tuple[int, Finding] | None:
@@ -50,7 +50,7 @@ def _of_column(name: str, values: Array) -> tuple[int, Finding] | None:
         return row, Finding("table-empty", {"column": name})
     if np.isinf(value):
         return row, Finding("input-finite", {"name": name})
-    return row, Finding("file-value", {"column": name, "value": value, "allowed": f"{low:g} .. {high:g}"})
+    return row, Finding("input-value", {"name": name, "value": value, "allowed": f"{low:g} .. {high:g}"})
 
 
 BLOCK: Final = 1 << 15

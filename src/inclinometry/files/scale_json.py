@@ -49,7 +49,7 @@ def write_scale(record: ScaleRecord, path: str | Path) -> None:
     content = {
         "tool": record.tool,
         "inputs": dict(record.inputs),
-        "belief": {
+        "state": {
             "coefficients": belief.coefficients,
             "covariance": belief.covariance,
             "per_degC": 100.0,
@@ -58,10 +58,10 @@ def write_scale(record: ScaleRecord, path: str | Path) -> None:
         },
         "stations": {
             **{name: getattr(record, own) for own, name in _COLUMNS.items()},
-            "learnt": list(record.learnt),
+            "observable": list(record.learnt),
         },
     }
-    json_codec.store(content, path, "scale", 2)
+    json_codec.store(content, path, "scale", 3)
 
 
 def read_scale(path: str | Path) -> ScaleRecord:
@@ -72,8 +72,9 @@ def read_scale(path: str | Path) -> ScaleRecord:
     FileError
         Not such a file, a later version, a value out of place, with its JSON path.
     """
-    content = json_codec.stored(path, "scale", 2)
-    belief: dict[str, Any] = content["belief"]
+    content = json_codec.stored(path, "scale", 3)
+    state, observable = ("state", "observable") if content["version"] > 2 else ("belief", "learnt")
+    belief: dict[str, Any] = content[state]
     stations: dict[str, Any] = content["stations"]
     size = len(stations["md_m"])
     for name, values in stations.items():
@@ -93,7 +94,7 @@ def read_scale(path: str | Path) -> ScaleRecord:
     except InputError as error:
         raise in_file(error, path) from None
     except ValueError as error:
-        raise FileError(Finding("file-format", {"format": "$.belief", "reason": str(error)}), path=path) from None
+        raise FileError(Finding("file-format", {"format": f"$.{state}", "reason": str(error)}), path=path) from None
     columns = {own: frozen(stations[name]) for own, name in _COLUMNS.items()}
-    learnt, inputs = tuple(stations["learnt"]), content["inputs"]
+    learnt, inputs = tuple(stations[observable]), content["inputs"]
     return ScaleRecord(tool=content["tool"], belief=known, learnt=learnt, inputs=inputs, **columns)

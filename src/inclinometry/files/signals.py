@@ -102,7 +102,7 @@ def _deviations(table: Frame, names: Sequence[str]) -> Array:
     if (sd < 0.0).any():
         row, column = np.argwhere(sd < 0.0)[0].tolist()
         name, value = f"{names[column]}_sd", float(sd[row, column])
-        raise table.error(Finding("file-value", {"column": name, "value": value, "allowed": ">= 0"}), row)
+        raise table.error(Finding("input-value", {"name": name, "value": value, "allowed": ">= 0"}), row)
     return sd
 
 

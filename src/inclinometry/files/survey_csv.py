@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from inclinometry.arrays import Array, frozen
-from inclinometry.errors import refused, wrong_shape
+from inclinometry.errors import out_of_order, refused, wrong_shape
 from inclinometry.files import writing
 from inclinometry.files.columns import RAW_SURVEY, SURVEY, SURVEY_QUANTITIES, numbers_among
 from inclinometry.files.frame import Frame
@@ -92,13 +92,12 @@ def check_increasing(table: Frame, name: str, values: Array) -> None:
     back = np.flatnonzero(np.diff(values) <= 0.0)
     if back.size:
         row = int(back[0]) + 1
-        raise table.error(out_of_order(table, name, values, row - 1, row), row)
+        raise table.error(falls(table, name, values, row - 1, row), row)
 
 
-def out_of_order(table: Frame, name: str, values: Array, before: int, row: int) -> Finding:
+def falls(table: Frame, name: str, values: Array, before: int, row: int) -> Finding:
     """The refusal of a value, in a row, that turns back or repeats the one of a row before."""
-    facts: dict[str, Value] = {"name": name, "value": float(values[row]), "before": float(values[before])}
-    return Finding("readings-order", {**facts, "line": int(table.lines[before])})
+    return out_of_order(name, float(values[row]), float(values[before]), int(table.lines[row])).finding
 
 
 def differs(table: Frame, name: str, value: Value, other: Value, before: int, station: str | None = None) -> Finding:

@@ -15,7 +15,7 @@ from inclinometry.constants import ANGLES
 from inclinometry.conventions import Convention, named
 from inclinometry.earth.site import REFERENCES
 from inclinometry.earth.site import REFERENCES as NORTHS
-from inclinometry.errors import InputError, not_among, refused, wrong_kind, wrong_shape
+from inclinometry.errors import InputError, not_among, out_of_order, refused, wrong_kind, wrong_shape
 from inclinometry.files import writing
 from inclinometry.files._quantities import EXTRA, Meaning, Quantity, from_si, meaning, quantities
 from inclinometry.files.columns import closest
@@ -128,23 +128,20 @@ def _shaped(value: Any, name: str, shape: tuple[int, ...]) -> Any:
 
 
 def _increasing(md: Array, used: Mask | None) -> None:
-    row = first_not_increasing(md, used)
-    if row is not None:
-        raise refused("input-order", {"name": "md", "row": row + 1})
+    rows = first_not_increasing(md, used)
+    if rows is not None:
+        raise out_of_order("md", float(md[rows[1]]), float(md[rows[0]]), rows[1] + 1)
 
 
-def first_not_increasing(md: Array, used: Mask | None = None) -> int | None:
-    """Index of the first used station that is not deeper than the used one before it, or None.
+def first_not_increasing(md: Array, used: Mask | None = None) -> tuple[int, int] | None:
+    """Indices of the first two used stations in a row of which the second is not deeper, or None.
 
     >>> first_not_increasing(np.array([0.0, 30.0, 30.0])), first_not_increasing(np.array([0.0, 30.0]))
-    (2, None)
+    ((1, 2), None)
     """
-    rows = None if used is None else np.flatnonzero(used)
-    depths = md if rows is None else md[rows]
-    back = np.flatnonzero(depths[1:] <= depths[:-1])
-    if not back.size:
-        return None
-    return int(back[0] + 1 if rows is None else rows[back[0] + 1])
+    rows = np.arange(len(md)) if used is None else np.flatnonzero(used)
+    back = np.flatnonzero(np.diff(md[rows]) <= 0.0)
+    return (int(rows[back[0]]), int(rows[back[0] + 1])) if back.size else None
 
 
 KINDS: Final = {"g": "accelerometer", "b": "magnetometer", "w": "gyro"}
@@ -203,7 +200,7 @@ def _numbers(frame: Frame, name: str, what: Meaning) -> Array:
     values, quantity = frame.columns[name], quantities()[what.key]
     if isinstance(values, tuple):
         row = next((i for i, text in enumerate(values) if text), 0)
-        raise frame.error(Finding("file-number", {"column": name, "value": values[row]}), row)
+        raise frame.error(Finding("input-kind", {"name": name, "value": values[row], "expected": "number"}), row)
     if what.unit is None:
         return values
     infinite = np.isinf(values)
@@ -223,15 +220,17 @@ def _within(frame: Frame, name: str, values: Array, turned: Array, quantity: Qua
         row = int(np.argmax(bad))
         allowed = f"{quantity.low:g} .. {quantity.high:g} {unit.label}"
         value = float(values[row])
-        raise frame.error(Finding("file-value", {"column": name, "value": value, "allowed": allowed}), row)
+        raise frame.error(Finding("input-value", {"name": name, "value": value, "allowed": allowed}), row)
 
 
 def _depths(frame: Frame, md: Array, used: Mask | None) -> None:
     if np.isnan(md).any():
         raise frame.error(Finding("table-empty", {"column": "md"}), int(np.argmax(np.isnan(md))))
-    row = first_not_increasing(md, used)
-    if row is not None:
-        raise frame.error(Finding("input-order", {"name": "md", "row": int(frame.lines[row])}), row)
+    rows = first_not_increasing(md, used)
+    if rows is not None:
+        before, row = rows
+        wrong = out_of_order("md", float(md[row]), float(md[before]), int(frame.lines[row]))
+        raise frame.error(wrong.finding, row)
 
 
 def _flags(frame: Frame, name: str) -> Mask | None:
@@ -244,7 +243,7 @@ def _flags(frame: Frame, name: str) -> Mask | None:
     for row, text in enumerate(texts):
         if text.strip().lower() not in yes_no:
             allowed = "1, 0, true, false, yes, no"
-            raise frame.error(Finding("file-value", {"column": name, "value": text, "allowed": allowed}), row)
+            raise frame.error(Finding("input-value", {"name": name, "value": text, "allowed": allowed}), row)
     return np.array([yes_no[text.strip().lower()] for text in texts], dtype=np.bool_)
 
 
@@ -295,7 +294,7 @@ def _north(
 
 
 def _no_north(column: str, text: str) -> Finding:
-    return Finding("file-value", {"column": column, "value": text, "allowed": ", ".join(REFERENCES)})
+    return Finding("input-value", {"name": column, "value": text, "allowed": ", ".join(REFERENCES)})
 
 
 def _one_north(frame: Frame, column: str) -> str | None:

@@ -56,9 +56,9 @@ def named_place(lines: list[str]) -> int | None:
 
 def refuse_legs(lines: list[str], path: Path, first: int = 1) -> None:
     """FileError for the shots of a cave from station to station, which are no stations along a hole."""
-    for row, line in enumerate(lines[:LOOKED]):
-        if LEGS.fullmatch(line.strip()):
-            raise FileError(Finding("table-legs"), path=path, line=first + row)
+    rows = [row for row, line in enumerate(lines[:LOOKED]) if LEGS.fullmatch(line.strip())]
+    if rows:
+        raise FileError(Finding("table-legs"), path=path, line=first + rows[-1])
 
 
 def find_layout(lines: list[str]) -> tuple[Profile, str]:

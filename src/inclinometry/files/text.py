@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inclinometry.arrays import Array
-from inclinometry.errors import FileError
+from inclinometry.errors import FileError, system_reason
 from inclinometry.files.frame import row_error
 from inclinometry.findings import Finding
 from inclinometry.opening import damaged, not_text, opened, too_large
@@ -159,7 +159,7 @@ class NumberReader:
 
     def _refuse(self, text: str, name: str, line: int, degrees: bool = False) -> FileError:
         shown = text if len(text) <= 40 else text[:37] + "..."
-        found = Finding("file-number", {"column": name, "value": shown})
+        found = Finding("input-kind", {"name": name, "value": shown, "expected": "number"})
         if not text:
             found = Finding("table-empty", {"column": name})
         elif text.lower().lstrip("+-") in ("nan", "inf", "infinity") or NUMBER.fullmatch(text):
@@ -280,7 +280,7 @@ class LineReader:
         except zlib.error as error:
             raise FileError(damaged("gzip", error), path=self.path) from None
         except OSError as error:
-            reason = error.strerror or str(error)
+            reason = system_reason(error)
             raise FileError(Finding("file-unreadable", {"reason": reason}), path=self.path) from None
         yield b""
 

@@ -89,16 +89,30 @@ def parsed(text: str) -> dict[str, Any]:
         raise tomllib.TOMLDecodeError("brackets nested too deep (at line 1, column 1)") from None
 
 
+_USUAL: Final = {
+    "Invalid value": "not a valid value", "Expected '=' after a key in a key/value pair": "'=' is missing after a name",
+    "Expected newline or end of document after a statement": "text after the end of a value",
+    "Invalid statement": "not a valid line", "Cannot overwrite a value": "the name occurs twice",
+    "Unclosed array": "a closing bracket is missing", "Unclosed inline table": "a closing bracket is missing",
+    "Expected ']' at the end of a table declaration": "a closing bracket is missing",
+    "Unterminated string": "a closing quote is missing", "Invalid initial character for a key part": "not a valid name",
+    "Invalid date or datetime": "not a valid date",
+}  # fmt: skip
+"""Usual errors of TOML, as words of the catalogue."""
+
+
 def load(path: str | Path, keys: Iterable[str]) -> Settings:
     """Read a TOML file that may hold `keys`; FileError with the line of wrong syntax, or what a wrong key should be."""
     try:
         text = whole(path, LARGEST_SETTINGS).decode("utf-8-sig")
         return Settings(path, parsed(text), keys)
     except tomllib.TOMLDecodeError as error:
-        place = re.search(r"line (\d+)", str(error))
-        line = int(place[1]) if place else text.count("\n") + 1
-        found = Finding("file-format", {"format": "TOML", "reason": str(error)})
-        raise FileError(found, path=path, line=line) from None
+        # "Invalid value (at line 1, column 5)", "... (at end of document)"
+        said, _, place = str(error).removesuffix(")").rpartition(" (at ")
+        line, column = re.findall(r"\d+", place) or (text.count("\n") + 1, len(text) - text.rfind("\n"))
+        at = Finding("file-at-column", {"reason": _USUAL.get(said, said), "column": int(column)})
+        found = Finding("file-format", {"format": "TOML", "reason": at})
+        raise FileError(found, path=path, line=int(line)) from None
     except UnicodeDecodeError as error:
         reason = f"{error.reason} (byte {error.start})"
         raise FileError(Finding("file-format", {"format": "UTF-8", "reason": reason}), path=path) from None

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
 from inclinometry.arrays import Array, frozen
-from inclinometry.calibration.result import Calibration, Residuals, Rig, uncoded
+from inclinometry.calibration.result import Calibration, Residuals, Rig
 from inclinometry.constants import FIELD_UNITS, SHORT_INCLINATIONS
 from inclinometry.errors import FileError, InputError, in_file, not_among, out_of_range
 from inclinometry.files import json_codec
-from inclinometry.files.json_codec import Json, shown
+from inclinometry.files.json_codec import Json, findings_in, shown
 from inclinometry.findings import Finding, Value, only_notes, without_notes
 from inclinometry.sensors import Tool, Triad
 from inclinometry.tabular import check_record
@@ -104,7 +104,8 @@ def covariance(entry: Mapping[str, Any], path: str | Path, where: str) -> Array:
     return frozen(matrix)
 
 
-CONVENTION = "native"
+CONVENTION: Final = "native"
+VERSION: Final = 3
 
 
 def write_calibration(calibration: Calibration, path: str | Path, *, created: str | None = None) -> None:
@@ -125,7 +126,7 @@ def write_calibration(calibration: Calibration, path: str | Path, *, created: st
         The file cannot be written.
     """
     check_record(calibration, Calibration, "write_calibration")
-    json_codec.store(calibration_content(calibration, created), path, "tool")
+    json_codec.store(calibration_content(calibration, created), path, "tool", VERSION)
 
 
 def calibration_content(calibration: Calibration, created: str | None = None) -> dict[str, Any]:
@@ -134,7 +135,7 @@ def calibration_content(calibration: Calibration, created: str | None = None) ->
     names = list(calibration.parameter_names)
     content: dict[str, Any] = {
         "schema": "inclinometry/tool",
-        "version": 2 if calibration.shares else 1,
+        "version": VERSION,
         "tool": tool.name,
         "created": created,
         "method": calibration.method,
@@ -162,8 +163,7 @@ def calibration_content(calibration: Calibration, created: str | None = None) ->
             "leverage": residuals.leverage,
         },
         "temperature_range_degC": tool.temperature_range,
-        "warnings": list(map(str, without_notes(calibration.findings))),
-        "notes": list(map(str, only_notes(calibration.findings))),
+        "findings": [one.stored() for one in calibration.findings],
     }
     if np.isfinite(rig.freedom).any():
         content["rig"]["degrees_of_freedom"] = [float(nu) if np.isfinite(nu) else None for nu in rig.freedom]
@@ -182,6 +182,15 @@ def calibration_content(calibration: Calibration, created: str | None = None) ->
         # a method whose joint covariance does not contain the tool's own
         content["tool_covariance"] = {"parameters": list(tool.parameter_names), "matrix": tool.covariance}
     return content
+
+
+def older_content(calibration: Calibration) -> dict[str, Any]:
+    """The content of versions 1 and 2; verifications of that time have its digest."""
+    content = calibration_content(calibration)
+    del content["findings"]
+    kept = {"warnings": without_notes(calibration.findings), "notes": only_notes(calibration.findings)}
+    texts = {name: list(map(str, found)) for name, found in kept.items()}
+    return content | {"version": 2 if calibration.shares else 1, **texts}
 
 
 def _block(names: list[str], matrix: Array, wanted: tuple[str, ...]) -> Array | None:
@@ -269,8 +278,7 @@ def calibration_from(content: dict[str, Any], where: str | Path) -> Calibration:
                 {kind: _array(v) for kind, v in residuals["standardised"].items()},
                 _array(residuals["leverage"]),
             ),
-            # older files have no notes
-            (*uncoded(content["warnings"]), *uncoded(content.get("notes", ()), "note")),
+            findings_in(content),
             shares={
                 name: _array([[np.nan if v is None else v for v in row] for row in rows])
                 for name, rows in content.get("calibration_shares", {}).get("causes", {}).items()
@@ -313,8 +321,7 @@ def _load(path: str | Path, kinds: tuple[str, ...]) -> dict[str, Any]:
 
 def _checked(content: dict[str, Any], kinds: tuple[str, ...], path: str | Path) -> dict[str, Any]:
     """The content, when it is of one of these kinds and fits its schema."""
-    # a calibration without shares is written as version 1, which has no place for them
-    newest = 2 if content.get("schema") == "inclinometry/tool" else 1
+    newest = VERSION if content.get("schema") == "inclinometry/tool" else 1
     found = json_codec.of_kind(content, path, *kinds, version=newest)
     check_arrays(found, path)
     return found

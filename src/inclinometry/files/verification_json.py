@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -17,9 +16,13 @@ from inclinometry.constants import ANGLES, COVERAGE_FACTOR
 from inclinometry.digest import digest_bytes
 from inclinometry.errors import FileError
 from inclinometry.files import json_codec
-from inclinometry.files.tool_json import calibration_content
+from inclinometry.files.json_codec import findings_in
+from inclinometry.files.tool_json import calibration_content, older_content
 from inclinometry.files.writing import program
-from inclinometry.findings import Finding, only_notes, without_notes
+from inclinometry.findings import Finding, without_notes
+
+VERSION: Final = 3
+"""Of verify.json and of the plan of a verification."""
 
 
 def calibration_digest(calibration: Calibration) -> str:
@@ -31,10 +34,10 @@ def _digest(content: Mapping[str, Any]) -> str:
     return digest_bytes(json_codec.canonical(content))
 
 
-def _digests(calibration: Calibration) -> tuple[str, str]:
-    """The digest of its content, and that of the content as it was written when "native" was called "house"."""
-    content = calibration_content(calibration)
-    return _digest(content), _digest(content | {"convention": "house"})
+def _digests(calibration: Calibration) -> tuple[str, ...]:
+    """The digest of its content now, with sentences in place of findings, and with "house", now "native"."""
+    older = older_content(calibration)
+    return calibration_digest(calibration), _digest(older), _digest(older | {"convention": "house"})
 
 
 def write_verification(path: str | Path, found: Verification, limits: Limits | None, calibration: Calibration) -> None:
@@ -54,7 +57,7 @@ def write_verification(path: str | Path, found: Verification, limits: Limits | N
         "inputs": found.inputs,
         "program": program(),
     }
-    json_codec.store(content, path, "verification", 2)
+    json_codec.store(content, path, "verification", VERSION)
 
 
 def write_planned(path: str | Path, found: Verification, limits: Limits | None, calibration: Calibration) -> None:
@@ -70,12 +73,11 @@ def write_planned(path: str | Path, found: Verification, limits: Limits | None, 
         "limits": stated_limits(limits),
         "coverage_factor": found.coverage_factor,
         "positions": judged,
-        "worth": power_summary(found),
-        "said": list(map(str, only_notes(found.findings))),
-        "warnings": list(map(str, without_notes(found.findings))),
+        "power": power_summary(found),
+        "findings": [one.stored() for one in found.findings],
         "program": program(),
     }
-    json_codec.store(content, path, "planned-verification", 2)
+    json_codec.store(content, path, "planned-verification", VERSION)
 
 
 def power_summary(found: Verification) -> dict[str, Any]:
@@ -85,10 +87,10 @@ def power_summary(found: Verification) -> dict[str, Any]:
         return {}
     factors = {"times": power.factor, **power.by_angle}
     return {
-        "found_with_90_percent": {name: float(x) if np.isfinite(x) else None for name, x in factors.items()},
+        "detected_factor_90_percent": {name: float(x) if np.isfinite(x) else None for name, x in factors.items()},
         "producers_risk": power.producer,
         "consumers_risk": power.consumer,
-        "twice_as_bad_passes": power.twice,
+        "pass_probability_at_twice": power.twice,
     }
 
 
@@ -110,8 +112,7 @@ def judged_positions(found: Verification) -> dict[str, Any]:
     return {
         "coverage_factor": found.coverage_factor,
         "positions": rows,
-        "reasons": list(map(str, only_notes(found.findings))),
-        "warnings": list(map(str, without_notes(found.findings))),
+        "findings": [one.stored() for one in found.findings],
     }
 
 
@@ -128,15 +129,23 @@ def stated_limits(limits: Limits | None) -> dict[str, Any] | None:
     }
 
 
-def without_conformity(recorded: Mapping[str, Any]) -> dict[str, Any]:
+def as_now(recorded: Mapping[str, Any]) -> dict[str, Any]:
     """A recorded "verdict", "limits" and "report" as they are recorded now.
 
-    Records of older versions, where no one agreed on limits, state k times the standard uncertainty as a limit and
-    a pass within it: they say that the tool agrees, without limits, and U is that of k = 2.
+    Records of version 1, where no one agreed on limits, state k times the standard uncertainty as a limit and a pass
+    within it: they say that the tool agrees, without limits, and U is that of k = 2; the reasons of a pass go.
     """
-    limits, report = recorded["limits"], recorded["report"]
-    if limits is None or "guard" in limits:
-        return dict(recorded)
+    limits, report = recorded["limits"], dict(recorded["report"])
+    agreed = limits is None or "guard" in limits
+    if "findings" not in report:
+        found = findings_in(report) if agreed else without_notes(findings_in(report))
+        report["findings"] = [one.stored() for one in found]
+        del report["reasons"], report["warnings"]
+        if "protocol" in report:
+            name, captured, positions = (report["protocol"][key] for key in ("name", "taken", "positions"))
+            report["protocol"] = {"name": name, "positions_captured": captured, "positions": positions}
+    if agreed:
+        return {**recorded, "report": report}
     words = {"pass": AGREES, "fail": DISAGREES}
     k = report["coverage_factor"]
 
@@ -150,10 +159,7 @@ def without_conformity(recorded: Mapping[str, Any]) -> dict[str, Any]:
         {**row, **{name: angle(row[name], row["azimuth"]["decision"] == "not judged") for name in ANGLES}}
         for row in report["positions"]
     ]
-    # sentences of limits that no one agreed
-    old = r"within its limit|not accepted; worst|(producer|consumer)'s risk"
-    reasons = [one for one in report["reasons"] if not re.search(old, one)]
-    report = {**report, "coverage_factor": COVERAGE_FACTOR, "positions": rows, "reasons": reasons}
+    report |= {"coverage_factor": COVERAGE_FACTOR, "positions": rows}
     return {**recorded, "verdict": words[recorded["verdict"]], "limits": None, "report": report}
 
 
@@ -168,7 +174,7 @@ def _degree(value: float) -> float | None:
 
 def read_verification(path: str | Path, calibration: Calibration) -> dict[str, Any]:
     """Read verify.json; one of another tool or of another calibration is refused."""
-    content = without_conformity(json_codec.stored(path, "verification", 2))
+    content = as_now(json_codec.stored(path, "verification", VERSION))
     if content["tool"] != calibration.tool.name:
         tools = {"tool": f"{content['tool']:.60}", "calibrated": f"{calibration.tool.name:.60}"}
         raise FileError(Finding("record-tool-other", tools), path=path)

@@ -192,8 +192,8 @@ def read_wits0(path: str | Path, channels: Wits0Map) -> SurveyFile:
         mine = [item for item in channels.meanings if _there(frame, item)]
         wrong = next((item for item in mine if not NUMBER.fullmatch(frame.items[item])), None)
         if wrong is not None:
-            why = {"column": channels.channels[wrong], "value": frame.items[wrong][:40]}
-            broken.append((frame.lines[wrong], Finding("file-number", why)))
+            why = {"name": channels.channels[wrong], "value": frame.items[wrong][:40], "expected": "number"}
+            broken.append((frame.lines[wrong], Finding("input-kind", why)))
         elif channels.depth_item not in mine or len(mine) < 2:
             passed += 1
         elif any(

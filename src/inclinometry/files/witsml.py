@@ -118,7 +118,7 @@ def quantity_of(path: Path, name: str, element: Any, kind: str) -> float:
     """Value in SI (rad, nT); FileError naming element and line for what is no finite number or has no such unit."""
     text = text_of(element)
     if not NUMBER.fullmatch(text):
-        wrong = Finding("file-number", {"column": name, "value": text[:40]})
+        wrong = Finding("input-kind", {"name": name, "value": text[:40], "expected": "number"})
         raise FileError(wrong, path=path, line=element.sourceline)
     try:
         return float(text) * _factor(name, kind, element.get("uom"))
@@ -272,7 +272,7 @@ def read_witsml(
             known = (*NORTHS, "unknown")
             if text_of(child) not in known:
                 value = text_of(child)[:60]
-                wrong = Finding("file-value", {"column": "aziRef", "value": value, "allowed": ", ".join(known)})
+                wrong = Finding("input-value", {"name": "aziRef", "value": value, "allowed": ", ".join(known)})
                 raise FileError(wrong, path=where, line=child.sourceline)
             north = NORTHS.get(text_of(child))
         if name in of_all:

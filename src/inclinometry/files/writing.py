@@ -15,7 +15,7 @@ from typing import BinaryIO
 import numpy as np
 
 from inclinometry.arrays import Array
-from inclinometry.errors import FileError, refused
+from inclinometry.errors import FileError, refused, system_reason
 from inclinometry.findings import Finding
 from inclinometry.opening import not_text
 from inclinometry.tabular import degrees as degrees
@@ -33,7 +33,7 @@ def replacing(path: str | Path) -> Iterator[BinaryIO]:
     try:
         target = Path(path).resolve()
         if target.is_dir():
-            raise FileError(Finding("file-folder"), path=path)
+            raise FileError(Finding("file-not-file", {"what": "folder"}), path=path)
         if not target.parent.is_dir():
             raise FileError(Finding("file-folder-absent", {"folder": str(target.parent)}), path=path)
     except (OSError, ValueError, RuntimeError) as error:
@@ -74,7 +74,7 @@ def _readable(path: str | Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        reason = error.strerror or str(error)
+        reason = system_reason(error)
         raise FileError(Finding("file-unwritable", {"reason": reason}), path=path) from None
 
 

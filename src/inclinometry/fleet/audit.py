@@ -53,7 +53,7 @@ def why(store: Store, name: str, certificates: Certificates | None) -> Why:
     product = name.partition("/")[0]
     known = recorded(store, product).get(name)
     if known and digest_of(store, name) not in known:
-        raise refused("fleet-result-changed", {"name": name})
+        raise refused("fleet-result-changed", {"name": name, "reason": "SHA-256"})
     footer = footer_of(store, name)
     if "key" not in footer:
         raise refused("fleet-no-result", {"name": name})
@@ -116,7 +116,7 @@ def verify(store: Store, progress: Progress = None) -> Iterator[tuple[str, Findi
     for number, raw in enumerate(runs, 1):
         try:
             if digest_of(store, raw.name) != raw.digest:
-                yield raw.name, Finding("fleet-raw-changed")
+                yield raw.name, Finding("fleet-raw-changed", {"reason": "SHA-256"})
         except InclinometryError as error:
             yield raw.name, _finding(error)
         if progress is not None:
@@ -154,11 +154,11 @@ def _result(store: Store, name: str, digests: Collection[str], known: Collection
         yield Finding("fleet-result-gone", {"name": name})
         return
     if known and digest_of(store, name) not in known:
-        yield Finding("fleet-result-changed", {"name": name})
+        yield Finding("fleet-result-changed", {"name": name, "reason": "SHA-256"})
         return
     footer = footer_of(store, name)
     if not name.endswith(f"part-{footer.get('key')}.parquet"):
-        yield Finding("fleet-result-changed", {"name": name})
+        yield Finding("fleet-result-changed", {"name": name, "reason": "key"})
     elif digests and footer["input"] not in digests:
         yield Finding("fleet-input-unknown", {"digest": footer["input"]})
     if not known:
@@ -200,7 +200,7 @@ def digest(store: Store, product: str, *, contents: bool = True) -> str:
                 own.update(piece)
         known = held.recorded.get(name)
         if known and f"sha256:{own.hexdigest()}" not in known:
-            raise refused("fleet-result-changed", {"name": name})
+            raise refused("fleet-result-changed", {"name": name, "reason": "SHA-256"})
     return f"sha256:{found.hexdigest()}"
 
 

@@ -103,7 +103,7 @@ def add(
     finally:
         raw.record(store, added)
     output.findings(gaps)
-    output.warnings(_lines(problems))
+    output.findings(*_files(problems))
     new = len(paths) - there - len(problems)
     if json:
         output.print_json({"added": new, "there_already": there, "refused": _plain(problems)})
@@ -137,7 +137,7 @@ def plan(
     output.print_line(
         f"{len(todo.todo)} to make, {behind} to take out, {todo.current} as wanted, {len(todo.refused)} refused"
     )
-    output.warnings(_lines(left_out))
+    output.findings(*_files(left_out))
     return 1 if todo.refused else 0
 
 
@@ -211,7 +211,7 @@ def run(
     if done.samples:
         rate = done.samples / max(done.seconds, 1e-9) / 1e6
         output.print_line(f"{done.samples} samples in {done.seconds:.1f} s of work, {rate:.2g} million a second")
-    output.warnings(_lines(problems))
+    output.findings(*_files(problems))
     return 1 if problems else 0
 
 
@@ -280,7 +280,7 @@ def verify(*, fleet: Address = "fleet", json: Json = False) -> int:
         findings = [one.plain() for one in bare]
         output.print_json({"ok": not problems, "problems": _plain(problems), "findings": findings})
         return 1 if problems else 0
-    output.warnings(_lines(problems))
+    output.findings(*_files(problems))
     output.findings(bare)
     sound = "every file with a checksum is what it was" if bare else "every file is what it was"
     output.print_line(f"{output.counted(len(problems), 'file')} damaged" if problems else sound)
@@ -362,8 +362,10 @@ def _plan(fleet: str, ledger: str | None, product: str, window_s: float | None) 
         return made(Store(address), Certificates(opened), product, window_ns)
 
 
-def _lines(problems: Iterable[tuple[str, Finding]]) -> list[str]:
-    return [f"{name}: {found} [{found.code}]" for name, found in problems]
+def _files(problems: Iterable[tuple[str, Finding]]) -> tuple[list[Finding], list[str]]:
+    """Findings, and the files that they are about."""
+    pairs = list(problems)
+    return [found for _, found in pairs], [name for name, _ in pairs]
 
 
 def _plain(problems: Iterable[tuple[str, Finding]]) -> list[dict[str, Any]]:

@@ -125,7 +125,7 @@ class Table:
 
     def _broken(self, reason: str) -> Finding:
         # without its checksums nothing says that a result is what was made
-        return Finding("fleet-table", {"reason": reason, "folder": self.name})
+        return Finding("fleet-table", {"reason": reason, "folder": self.name, "again": "run --window-s"})
 
     def _table(self) -> Any:
         if self._opened is None:

@@ -110,7 +110,7 @@ def evidence(
     seen = int(np.sum(np.linalg.eigvalsh(covariance) < (0.1 * UNSEEN) ** 2))
     if json:
         content = {"tool": tool, "run": run, "date": day.isoformat(), "stations": found.stations}
-        content |= {"verdict": str(alarm.finding), "cause": alarm.cause if alarm.raised else None}
+        content |= {"verdict": alarm.finding.plain(), "cause": alarm.cause if alarm.raised else None}
         output.print_json(content | {"parameters_seen": seen, "recorded": record and not alarm.raised})
         return 1 if alarm.raised else 0
     shown = f"{found.stations} stations show {seen} of {len(values)} directions"
@@ -160,6 +160,6 @@ def _kept(certificates: Certificates, serial: str, path: Path) -> tuple[str, Sen
     correction = read_corrections(path)
     for one in certificates.of(serial):
         if certificates.content(one.calibration)[0] == correction.inputs.get("tool"):
-            output.warnings(correction.warnings)
+            output.findings(correction.findings)
             return one.calibration, correction
     raise FileError(Finding("fleet-evidence-raw", {"tool": serial}), path=path)

@@ -90,7 +90,7 @@ def catalogue(store: Store) -> list[Raw]:
 
 
 def _broken(reason: str) -> Finding:
-    return Finding("fleet-catalogue", {"reason": reason, "folder": CATALOGUE})
+    return Finding("fleet-table", {"reason": reason, "folder": CATALOGUE, "again": "add"})
 
 
 def record(store: Store, added: Sequence[Raw]) -> None:

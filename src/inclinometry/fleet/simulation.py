@@ -20,7 +20,7 @@ from inclinometry.cli import output
 from inclinometry.cli.extras import need
 from inclinometry.cli.options import Json, Output
 from inclinometry.constants import DIP
-from inclinometry.errors import FileError, out_of_range
+from inclinometry.errors import FileError, out_of_range, system_reason
 from inclinometry.files.tool_json import write_truth
 from inclinometry.files.writing import write_bytes, write_text
 from inclinometry.findings import Finding
@@ -102,7 +102,7 @@ def simulate(
     try:
         draft.mkdir(parents=True)
     except OSError as error:
-        raise FileError(Finding("file-unwritable", {"reason": str(error.strerror)}), path=output_) from None
+        raise FileError(Finding("file-unwritable", {"reason": system_reason(error)}), path=output_) from None
     try:
         with output.working(f"{tools * calibrations} calibrations") as progress:
             made = _fleet(draft, tools, calibrations, runs, samples, jumps, type_, seed, progress)

@@ -289,7 +289,7 @@ def check(
     from inclinometry.laboratory.commands.enter import certified, doses_of, performed_on
     from inclinometry.laboratory.commands.ledger import _where, _who
     from inclinometry.laboratory.import_file import LARGEST, import_file
-    from inclinometry.laboratory.registry import find_rig
+    from inclinometry.laboratory.registry import find_rig, not_registered
     from inclinometry.laboratory.session import load_session
     from inclinometry.laboratory.valid_certificates import Certificates
     from inclinometry.workflow.calibrate import readings_at
@@ -301,7 +301,7 @@ def check(
     with Ledger(_where(ledger), read_only=not (record or certify)) as opened:
         stand = find_rig(opened, rig)
         if stand is None:
-            raise refused("fleet-rig-unknown", {"rig": rig, "ledger": opened.shown})
+            raise not_registered("rig", rig)
         known = drift.ledger_history(opened, Certificates(opened), tool)
         given = readings_at(readings, dials=stand.dials)
         model, past = known_drift(opened, known.history.type)
@@ -322,8 +322,8 @@ def check(
     if found.calibration is not None and known.history.reference is not None:
         u = azimuth_sd(relative_parameters(found.calibration.tool, known.history.reference)[1])
     if json:
-        refusal = str(found.refusal) if found.alarm.raised else None
-        content: dict[str, Any] = {"tool": tool, "refused": refusal, "verdict": str(found.alarm.finding)}
+        refusal = found.refusal.plain() if found.alarm.raised else None
+        content: dict[str, Any] = {"tool": tool, "refused": refusal, "verdict": found.alarm.finding.plain()}
         content |= {
             "cause": found.alarm.cause if found.alarm.raised else None,
             "u_azimuth_deg": None if u is None else np.degrees(u),
@@ -362,7 +362,7 @@ def _histories(ledger: Ledger, type_: str | None) -> list[ToolHistory]:
         found, passed_over = ledger_histories(ledger, type_)
     output.findings(passed_over)
     if not found:
-        raise refused("fleet-histories-none", {"ledger": ledger.shown})
+        raise refused("session-no-history", {"name": ledger.shown})
     if len(found) > 1:
         several = {kind: len(histories) for kind, histories in found.items() if sum(len(h) > 1 for h in histories)}
         if len(several) != 1:

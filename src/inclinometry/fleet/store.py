@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, BinaryIO, Final, NamedTuple
 from urllib.parse import quote, unquote
 
-from inclinometry.errors import FileError, InputError
+from inclinometry.errors import FileError, InputError, system_reason
 from inclinometry.findings import Finding
 from inclinometry.opening import opened
 
@@ -159,7 +159,7 @@ def _said(where: str, written: bool = False) -> Iterator[None]:
     except OSError as error:
         if isinstance(error, InputError):
             raise
-        reason = (error.strerror or str(error)).splitlines()[0][:300]
+        reason = system_reason(error).splitlines()[0][:300]
         # what is read while a file is written, a damaged page, has no number of the system
         code = "file-unwritable" if written and error.errno else "file-unreadable"
         raise FileError(Finding(code, {"reason": reason}), path=where) from None

@@ -116,7 +116,7 @@ def footer_of(store: Store, name: str) -> dict[str, str]:
     except (pa.ArrowException, OSError, ValueError) as error:
         if isinstance(error, InputError):
             raise
-        raise refused("fleet-result-unreadable", {"name": name, "reason": str(error)[:200]}) from None
+        raise refused("fleet-result-changed", {"name": name, "reason": str(error)[:200]}) from None
     return {k.removeprefix(start): v for k, v in own.items() if k.startswith(start)}
 
 
@@ -134,13 +134,13 @@ def run(task: Task) -> Receipt:
         if there is not None:
             return _adopted(store, task, there)
         if store.size(task.raw) != task.size:
-            raise refused("fleet-raw-changed")
+            raise refused("fleet-raw-changed", {"reason": f"{store.size(task.raw)} B"})
         rows, size, samples, digest = _done(store, task)
     except InclinometryError as error:
         return Receipt(task.target, problem=error.finding)
     except (pa.ArrowException, OSError, KeyError, ValueError) as error:
         said = (str(error).strip().splitlines() or [type(error).__name__])[0][:300]
-        return Receipt(task.target, problem=Finding("fleet-raw-damaged", {"reason": said}))
+        return Receipt(task.target, problem=Finding("fleet-raw-changed", {"reason": said}))
     return Receipt(task.target, rows, size, samples, time.perf_counter() - begun, digest=digest)
 
 
@@ -148,10 +148,10 @@ def _adopted(store: Store, task: Task, size: int) -> Receipt:
     import pyarrow.parquet as pq
 
     if footer_of(store, task.target).get("key") != task.footer["key"]:
-        raise refused("fleet-result-changed", {"name": task.target})
+        raise refused("fleet-result-changed", {"name": task.target, "reason": "key"})
     found = digest_of(store, task.target)
     if task.known and found not in task.known:
-        raise refused("fleet-result-changed", {"name": task.target})
+        raise refused("fleet-result-changed", {"name": task.target, "reason": "SHA-256"})
     if not task.known:
         check_pages(store, task.target)
     with store.reading(task.target) as stream:
@@ -172,7 +172,7 @@ def check_pages(store: Store, name: str) -> None:
     except (pa.ArrowException, OSError, ValueError) as error:
         if isinstance(error, InputError):
             raise
-        raise refused("fleet-result-unreadable", {"name": name, "reason": str(error).splitlines()[0][:200]}) from None
+        raise refused("fleet-result-changed", {"name": name, "reason": str(error).splitlines()[0][:200]}) from None
 
 
 def _done(store: Store, task: Task) -> tuple[int, int, int, str]:

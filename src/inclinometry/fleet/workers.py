@@ -201,7 +201,7 @@ def by_dask(tasks: Sequence[Task], client: Any, *, patience: float = 60.0) -> Ge
                 looked = time.monotonic()
                 there = looked if known else there
             if looked - there > patience:
-                raise SchedulerLostError(Finding("fleet-workers-lost", {"waited_s": float(looked - there)}))
+                raise SchedulerLostError(Finding("fleet-dask-lost", {"who": "workers"}))
             if not waiting and not of:
                 waiting.append((accused[0], f"{accused.popleft().target} alone"))
             while waiting and len(of) < 4 * max(known, 1):
@@ -221,7 +221,7 @@ def by_dask(tasks: Sequence[Task], client: Any, *, patience: float = 60.0) -> Ge
             else:
                 yield receipt
     except (OSError, TimeoutError):
-        raise SchedulerLostError(Finding("fleet-scheduler-lost")) from None
+        raise SchedulerLostError(Finding("fleet-dask-lost", {"who": "scheduler"})) from None
 
 
 _DIED: Final = Finding("fleet-worker-died")
@@ -235,7 +235,7 @@ def _taken(future: Any, task: Task, ready: SimpleQueue[Any]) -> Receipt | None:
     try:
         receipt: Receipt = future.result(timeout=5.0)
     except CancelledError:
-        raise SchedulerLostError(Finding("fleet-scheduler-lost")) from None
+        raise SchedulerLostError(Finding("fleet-dask-lost", {"who": "scheduler"})) from None
     except KilledWorker:
         return Receipt(task.target, problem=_DIED)
     except Exception as error:  # whatever a worker of another version raises

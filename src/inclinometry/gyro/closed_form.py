@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 
 from inclinometry.arrays import Array, Mask, finite, within
 from inclinometry.constants import EARTH_RATE
-from inclinometry.errors import refused, wrong_shape
+from inclinometry.errors import InputError, refused, wrong_shape
 from inclinometry.gyro.result import North, vectors
 from inclinometry.orientation import inclination_toolface
 from inclinometry.rotations import wrap_positive
@@ -45,6 +45,12 @@ class Tilt(NamedTuple):
     strength: Array
 
 
+def too_heavy(row: int, acceleration: float, gravity: float) -> InputError:
+    """Accelerometers that read more than gravity, m/s^2."""
+    values = {"row": row, "acceleration_m_s2": acceleration, "gravity_m_s2": gravity}
+    return refused("gyro-accel-heavy", values)
+
+
 def tilt(gravity: ArrayLike, g: float | None = None) -> Tilt:
     """Inclination and toolface from gravity (n, 2) or (n, 3) in tool axes; `g` in its unit, needed where z is NaN.
 
@@ -54,7 +60,7 @@ def tilt(gravity: ArrayLike, g: float | None = None) -> Tilt:
     field = vectors(gravity, "gravity", 1e9)
     unseen = np.isnan(field[:, 2])
     if unseen.any() and g is None:
-        raise refused("gyro-gravity-unknown")
+        raise refused("input-needs", {"name": "gravity without z", "needed": ("g",)})
     level = np.hypot(field[:, 0], field[:, 1])
     total = np.where(unseen, 0.0 if g is None else g, np.hypot(level, field[:, 2]))
     ratio = np.divide(level, total, out=np.full(len(level), np.inf), where=total > 0.0)
@@ -62,14 +68,7 @@ def tilt(gravity: ArrayLike, g: float | None = None) -> Tilt:
     bad = ~(total > 0.0) | (unseen & (ratio > 1.0 + 0.05))
     if bad.any():
         row = int(np.argmax(bad))
-        raise refused(
-            "gyro-gravity-across",
-            {
-                "station": row + 1,
-                "across_m_s2": float(level[row]),
-                "gravity_m_s2": float(total[row]),
-            },
-        )
+        raise too_heavy(row + 1, float(level[row]), float(total[row]))
     whole = np.where(unseen, np.sqrt(np.maximum(total * total - level * level, 0.0)), field[:, 2])
     inclination, toolface = inclination_toolface(np.stack([field[:, 0], field[:, 1], whole], axis=1))
     sine, cosine = np.sin(inclination), np.cos(inclination)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from inclinometry.arrays import Array, Index, Mask, finite, frozen, within
-from inclinometry.errors import not_among, out_of_range, refused, wrong_shape
+from inclinometry.errors import not_among, out_of_order, out_of_range, refused, wrong_shape
 from inclinometry.findings import Value
 from inclinometry.gyro.bias_walk import bias_walk, walk_covariance
 from inclinometry.gyro.result import IndexAverage
@@ -391,10 +391,7 @@ def check_times(labels: Index, time: Array) -> None:
     if len(wrong):
         at, row = wrong[0]
         before, after = time[at, row : row + 2].tolist()
-        raise refused(
-            "gyro-time-order",
-            {"station": int(labels[at]), "before_s": before, "time_s": after, "reading": int(row) + 2},
-        )
+        raise out_of_order(f"time[{int(labels[at])}]", after, before, int(row) + 2)
 
 
 def _check_visits(scheme: Scheme, label: int, index: Array) -> None:
@@ -402,13 +399,12 @@ def _check_visits(scheme: Scheme, label: int, index: Array) -> None:
     found, wanted = _visits(index), np.radians(scheme.positions_deg)
     named: dict[str, Value] = {"station": label, "scheme": scheme.name, "needed_deg": scheme.positions_deg}
     if len(index) < len(wanted) or len(found) < len(_visits(wanted)):
-        named |= {"readings": len(index), "index_deg": _degrees(index)}
-        raise refused("gyro-positions-missing", named)
+        raise refused("gyro-positions-other", named | {"index_deg": _degrees(index)})
     for cycles in range(1, len(found) // 2 + 1):
         expected = _visits(np.tile(wanted, cycles))
         if len(expected) == len(found) and (np.abs(wrap_signed(found - expected)) <= TOLERANCE).all():
             return
-    raise refused("gyro-positions-order", named | {"index_deg": _degrees(found)})
+    raise refused("gyro-positions-other", named | {"index_deg": _degrees(found)})
 
 
 def _visits(index: Array) -> Array:

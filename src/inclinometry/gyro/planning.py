@@ -11,7 +11,7 @@ from inclinometry.allan import FLAT
 from inclinometry.arrays import Array, Mask, frozen, within
 from inclinometry.constants import EARTH_RATE
 from inclinometry.errors import not_among, out_of_range, refused
-from inclinometry.findings import Finding, Value
+from inclinometry.findings import Finding
 from inclinometry.gyro.closed_form import expected_rates
 from inclinometry.tabular import Column, Tabular, degrees, in_degrees
 from inclinometry.uncertainty import UNKNOWN
@@ -210,11 +210,7 @@ def _remedies(latitude: float, inclination: float, azimuth: Array, wanted: float
         "half the error of the level": replace(setup, tilt_sd=setup.tilt_sd / 2.0),
     }
     still = {what: left(other, azimuth[lost]).mean() for what, other in better.items() if other != setup}
-    full = [what for what, share in still.items() if share == 0.0]
-    part = [what for what, share in still.items() if 0.0 < share < 0.5]
-    values: dict[str, Value] = {"share_percent": 100.0 * float(lost.mean())}
-    if full:
-        return [Finding("gyro-plan-enough", {**values, "improvements": tuple(full)})]
-    if part:
-        return [Finding("gyro-plan-helps", {**values, "improvements": tuple(part)})]
-    return [Finding("gyro-plan-never", values)]
+    full = tuple(what for what, share in still.items() if share == 0.0)
+    part = tuple(what for what, share in still.items() if 0.0 < share < 0.5)
+    share = 100.0 * float(lost.mean())
+    return [Finding("gyro-plan-limit", {"share_percent": share, "enough": full, "helpful": part})]

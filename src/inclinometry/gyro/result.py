@@ -90,7 +90,7 @@ def covariances(value: ArrayLike, name: str, seen: Mask, *, positive: bool) -> A
         bad[whole] |= ~(np.linalg.det(out[whole] / mean) > 0.0)
     if bad.any():
         row = int(np.argmax(bad))
-        raise refused("gyro-covariance", {"name": f"{name}[{row}]", "allowed": "> 0" if positive else ">= 0"})
+        raise refused("input-covariance", {"name": f"{name}[{row}]", "allowed": "> 0" if positive else ">= 0"})
     return out
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from inclinometry.arrays import Array, Mask, finite, frozen, within
-from inclinometry.errors import out_of_range, refused, wrong_shape
+from inclinometry.errors import InputError, out_of_order, out_of_range, refused, wrong_shape
 from inclinometry.findings import Finding
 from inclinometry.gyro.joint import LARGEST
 from inclinometry.gyro.point_mass import (
@@ -32,6 +32,7 @@ from inclinometry.gyro.point_mass import (
     solve_law,
 )
 from inclinometry.gyro.result import covariances, one_value, per_station, vectors
+from inclinometry.opening import too_large
 from inclinometry.tabular import Column, Tabular, draw
 
 SPAN = 100.0
@@ -64,7 +65,7 @@ class ScaleState:
             raise wrong_shape("coefficients, covariance", f"{mean.shape}, {spread.shape}", "(p,), (p, p), 1 <= p <= 3")
         one_value(self.reference_temperature, "reference_temperature", *TEMPERATURES, "degC")
         if self.temperature_range is not None and not self.temperature_range[0] <= self.temperature_range[1]:
-            raise refused("input-order", {"name": "temperature_range", "row": 2})
+            raise out_of_order("temperature_range", *reversed(self.temperature_range), 2)
         if np.linalg.eigvalsh(spread).min() < -1e-12 * max(np.trace(spread), 1e-300):
             raise out_of_range("eig(covariance)", float(np.linalg.eigvalsh(spread).min()), ">= 0")
         object.__setattr__(self, "coefficients", frozen(mean))
@@ -506,7 +507,7 @@ def smooth_scale(
     """
     run = _checked(rates, covariance, inclination, latitude, temperature, belief)
     if len(run.heat) > MOST:
-        raise refused("gyro-stations-many", {"count": len(run.heat), "most": MOST})
+        raise InputError(too_large("stations", len(run.heat), MOST))
     laid = run.laid(run.rates.likelihood(WHOLE))
     whole = laid.plain
     if run.moves:

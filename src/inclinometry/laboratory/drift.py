@@ -16,6 +16,7 @@ from inclinometry.calibration.drift_check import DriftCheck, check_with_prior
 from inclinometry.calibration.drift_status import FleetStatus
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.errors import InclinometryError, out_of_range, refused
+from inclinometry.files.json_codec import restored
 from inclinometry.files.tool_json import tool_of
 from inclinometry.findings import Finding
 from inclinometry.history import (
@@ -136,7 +137,7 @@ def ledger_history(ledger: Ledger, certificates: Certificates, serial: str) -> L
         found.append(CalibrationRecord(one.performed, seen, str(session["rig"]), hours, shock, heat))
         carried[:] = 0.0
     if not found:
-        raise refused("session-no-history", {"serial": serial})
+        raise refused("session-no-history", {"name": serial})
     for run in _runs(ledger, serial):
         if run.date < found[0].date:
             about = {"serial": serial, "run": run.run, "day": str(run.date)}
@@ -228,9 +229,8 @@ class StoredFit:
 
     model, past : of the type, and the largest statistics of its past calibrations.
     day : for which the fleet was looked at. record : the ledger's.
-    tools : serial number -> "due" (ISO date), "last" (day of the last calibration), "alarm" (sentence; empty without
-        one), "cause" (values of its finding), "now_deg", "six_deg" (u(azimuth) at inclination 60 on that day, and after
-        a check of six positions).
+    tools : serial number -> "due" (ISO date), "last" (day of the last calibration), "alarm" (finding, or None),
+        "now_deg", "six_deg" (u(azimuth) at inclination 60 on that day, and after a check of six positions).
     """
 
     model: DriftModel
@@ -247,8 +247,7 @@ def put_fit(ledger: Ledger, status: FleetStatus, *, author: str) -> Record:
         tool.history.serial: {
             "due": tool.due.date.isoformat(),
             "last": tool.last.isoformat(),
-            "alarm": str(tool.alarm.finding) if tool.alarm is not None and tool.alarm.raised else "",
-            "cause": dict(tool.alarm.finding.values) if tool.alarm is not None and tool.alarm.raised else {},
+            "alarm": tool.alarm.finding.stored() if tool.alarm is not None and tool.alarm.raised else None,
             "now_deg": float(np.degrees(tool.now[SIXTY])),
             "six_deg": float(np.degrees(tool.checked[SIXTY])),
         }
@@ -267,7 +266,11 @@ def find_fit(ledger: Ledger, type: str) -> StoredFit | None:
     said = record.body["details"]
     arrays = {name: np.array(said["model"][name]) for name in ("drift", "reproducibility", "effects")}
     model = DriftModel(**{**said["model"], **arrays, "left_out": tuple(said["model"]["left_out"])})
-    return StoredFit(model, np.array(said["past"]), date.fromisoformat(said["day"]), record, said["tools"])
+    tools = {
+        serial: {**about, "alarm": restored(about["alarm"]) if about["alarm"] else None}
+        for serial, about in said["tools"].items()
+    }
+    return StoredFit(model, np.array(said["past"]), date.fromisoformat(said["day"]), record, tools)
 
 
 def kept_drift(ledger: Ledger, tools: Sequence[RegisteredTool]) -> dict[str, Mapping[str, Any]]:
@@ -310,7 +313,7 @@ def check_tool(
     if day < last:
         raise out_of_range("date", str(day), f">= {last}")
     if history.reference is None:
-        raise refused("session-no-history", {"serial": history.serial})
+        raise refused("session-no-history", {"name": history.serial})
     state = _predicted(history, model, day, doses)
     return check_with_prior(
         readings, history.reference, state, model, rig_sd=np.array(rig.sd), past=past, name=history.serial
@@ -342,9 +345,7 @@ def refuse_check(ledger: Ledger, serial: str) -> StoredFit:
     if tool is None or fit is None or about is None:
         raise refused("session-no-fit", {"serial": serial})
     if about["alarm"]:
-        # older records have the sentence only
-        alarm = Finding("drift-cause", about["cause"]) if about.get("cause") else str(about["alarm"])
-        raise refused("session-off-history", {"serial": serial, "alarm": alarm})
+        raise refused("session-off-history", {"serial": serial, "alarm": about["alarm"]})
     return fit
 
 

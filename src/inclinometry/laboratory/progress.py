@@ -286,8 +286,8 @@ def _relative_noise(calibration: Calibration, session: Session) -> dict[str, flo
 
 
 def goal_of(ledger: Ledger, session: Session) -> Goal:
-    """The goal of a session: `settings["wanted"]` in degrees, the attitude range of its tool."""
-    wanted: dict[str, Any] = dict(session.settings.get("wanted", {}))
+    """The goal of a session: `settings["target_u_deg"]` in degrees, the attitude range of its tool."""
+    wanted: dict[str, Any] = dict(session.settings.get("target_u_deg", {}))
     tool = find_tool(ledger, session.serial)
     angles = {name: wanted.get(f"{name}_deg") for name in ("u_azimuth", "u_inclination")}
     return Goal(

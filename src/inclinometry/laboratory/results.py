@@ -63,7 +63,7 @@ def can_be_evaluated_again(calibration: Record) -> bool:
     return bool(calibration.body["readings"]) and "evidence" not in calibration.body.get("settings", {})
 
 
-def _fit(ledger: Ledger, seen: Session, goal: Goal) -> tuple[Calibration, dict[str, str]]:
+def _fit(ledger: Ledger, seen: Session, goal: Goal) -> tuple[Calibration, dict[str, Finding]]:
     """The calibration of the readings of a session and its outliers; LedgerError where they make none."""
     # of readings that are all alike, or whose fit has no usable uncertainty
     undetermined = Finding("ledger-not-turned", severity="refused")
@@ -80,7 +80,7 @@ def _fit(ledger: Ledger, seen: Session, goal: Goal) -> tuple[Calibration, dict[s
         raise LedgerError(now.waiting or undetermined)
     if not np.isfinite(found.covariance).all() or (np.diagonal(found.covariance) < 0.0).any():
         raise LedgerError(undetermined)
-    return found, {str(number): str(what) for number, what in now.outliers.items()}
+    return found, {str(number): what for number, what in now.outliers.items()}
 
 
 def record_fit(
@@ -89,7 +89,7 @@ def record_fit(
     found: Calibration,
     *,
     author: str,
-    outliers: Mapping[str, str] | None = None,
+    outliers: Mapping[str, Finding] | None = None,
     settings: Mapping[str, Any] | None = None,
 ) -> Record:
     """Record what was fitted to the readings of a session and close it, in one step."""
@@ -97,13 +97,14 @@ def record_fit(
     return ledger.append_all(drafts, author=author, unless=[require_open(seen.id)])[0]
 
 
-def _draft(seen: Session, found: Calibration, outliers: Mapping[str, str], settings: Mapping[str, Any]) -> Draft:
+def _draft(seen: Session, found: Calibration, outliers: Mapping[str, Finding], settings: Mapping[str, Any]) -> Draft:
     """The record of what was fitted; an error where it could not be read again."""
     content = plain_content(found)
     # nothing is recorded that could not be read again, for what is recorded stays
     calibration_from(json.loads(canonical(dict(content))), "the fit")
     readings = [row.record for row in seen.valid]
-    body = calibration_body(found, content, readings, seen.rig, seen.plan, len(readings), outliers=dict(outliers))
+    apart = {number: what.stored() for number, what in outliers.items()}
+    body = calibration_body(found, content, readings, seen.rig, seen.plan, len(readings), outliers=apart)
     body |= {"settings": dict(settings)} if settings else {}
     return Draft("calibration", {"serial": seen.serial, "session": seen.id}, body)
 
@@ -119,8 +120,8 @@ def calibration_body(
 ) -> dict[str, Any]:
     """The body of the record of a calibration; `content` is that of its tool.json, `more` goes into the summary."""
     values = [[name, *pair] for name, pair in parameters(found.tool).items()]
-    warned = list(map(str, without_notes(found.findings)))
-    about = {"rig": rig, "plan": plan, "positions": positions, "warnings": warned, "parameters": values}
+    warned = [one.stored() for one in without_notes(found.findings)]
+    about = {"rig": rig, "plan": plan, "positions": positions, "findings": warned, "parameters": values}
     return {
         "tool_json": content,
         "method": found.method,

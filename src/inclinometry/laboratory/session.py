@@ -12,10 +12,10 @@ from inclinometry.arrays import Array, finite, within
 from inclinometry.calibration.conventions import USUAL, Dials
 from inclinometry.calibration.plans import Plan
 from inclinometry.calibration.readings import LARGEST, BenchReadings
-from inclinometry.calibration.result import uncoded
 from inclinometry.constants import KINDS
 from inclinometry.errors import not_among, out_of_range, refused, wrong_shape
-from inclinometry.findings import Finding, only_notes, without_notes
+from inclinometry.files.json_codec import findings_in
+from inclinometry.findings import Finding
 from inclinometry.laboratory.ledger.ledger import ConflictError, Draft, Ledger, LedgerError, Record
 from inclinometry.laboratory.placeholders import stated
 from inclinometry.laboratory.registry import (
@@ -175,7 +175,7 @@ def open_session(
 ) -> Session:
     """Begin a run of positions with a registered tool on a rig; the session keeps what the dials say at them.
 
-    Settings are further fields of the schema "session-1". `dialled`: the plan holds what the dials say already, as for
+    Settings are further fields of the schema "session-2". `dialled`: the plan holds what the dials say already, as for
     readings that were taken.
     """
     if purpose not in PURPOSES:
@@ -232,6 +232,9 @@ def load_session(ledger: Ledger, session: str) -> Session:
     body, plan = record.body, record.body["plan"]
     ended, site = _closing(ledger, record.id), site_of(ledger, record)
     sets = plan.get("roll_set") or [""] * len(plan["positions_deg"])
+    settings = {name: value for name, value in body.items() if name not in ("plan", "rig")}
+    if "wanted" in settings:  # version 1
+        settings["target_u_deg"] = settings.pop("wanted")
     places = enumerate(zip(plan["positions_deg"], sets, strict=True), 1)
     positions = tuple(Position(number, _radians(row), name) for number, (row, name) in places)
     taken: dict[int, RecordedReading] = {}
@@ -258,7 +261,7 @@ def load_session(ledger: Ledger, session: str) -> Session:
         taken,
         attempts,
         "" if ended is None else str(ended.keys["action"]),
-        {name: value for name, value in body.items() if name not in ("plan", "rig")} | ({"site": site} if site else {}),
+        settings | ({"site": site} if site else {}),
         dials_of(ledger, body["rig"], 0 if ended is None else ended.seq),
         find_site(ledger, site),
     )
@@ -349,8 +352,7 @@ def require_open(session: str) -> tuple[str, Mapping[str, Any], Finding]:
 def file_statements(readings: BenchReadings) -> dict[str, Any]:
     """What a file says beside its readings, as the settings of a session keep it; `bench_readings` takes it up."""
     reference = {_FIELDS[name][0]: value / _FIELDS[name][1] for name, value in readings.reference.items()}
-    noted, warned = (list(map(str, of(readings.findings))) for of in (only_notes, without_notes))
-    said = {"reference": reference, "notes": noted, "warnings": warned}
+    said = {"reference": reference, "findings": [one.stored() for one in readings.findings]}
     return {"station": list(readings.station), **{name: value for name, value in said.items() if value}}
 
 
@@ -403,7 +405,7 @@ def bench_readings(session: Session) -> BenchReadings:
         roll_set=roll_set if any(roll_set) else (),
         units=dict(rows[0].capture.units),
         reference={kept[name]: value * _FIELDS[kept[name]][1] for name, value in said.get("reference", {}).items()},
-        findings=(*uncoded(said.get("notes", ()), "note"), *uncoded(said.get("warnings", ()))),
+        findings=findings_in(said),
         digest=said.get("imported", "") if imported else "",
     )
     return at_site(session.dials.read(readings), session.site)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import json
+import math
 from dataclasses import replace
 from functools import cache
 from importlib.resources import files
@@ -16,7 +17,8 @@ from inclinometry.calibration.decision import Limits
 from inclinometry.calibration.plans import Plan, spread
 from inclinometry.constants import ANGLES
 from inclinometry.errors import not_among, refused
-from inclinometry.files.verification_json import judged_positions, stated_limits, without_conformity
+from inclinometry.files.json_codec import restored
+from inclinometry.files.verification_json import as_now, judged_positions, stated_limits
 from inclinometry.files.writing import program
 from inclinometry.findings import Finding
 from inclinometry.laboratory.ledger.ledger import Draft, Ledger, LedgerError, Record
@@ -164,7 +166,7 @@ def missing_positions(seen: Session, found: Verification, limits: Limits | None)
 
 def recorded(record: Record) -> dict[str, Any]:
     """Verdict, limits and report of a recorded verification, one of an older version as it is said now."""
-    return without_conformity({name: record.body[name] for name in ("verdict", "limits", "report")})
+    return as_now({name: record.body[name] for name in ("verdict", "limits", "report")})
 
 
 def judged(ledger: Ledger, session: str, calibration: str, limits: Limits | None = None) -> Verification:
@@ -177,13 +179,24 @@ def judged(ledger: Ledger, session: str, calibration: str, limits: Limits | None
 def report(found: Verification, seen: Session) -> dict[str, Any]:
     """Position by position, and how much of the protocol was taken."""
     taken = sum(seen.has(place.number) for place in seen.positions)
-    plan = {"name": seen.plan, "taken": taken, "positions": len(seen.positions)}
-    made = judged_positions(found)
-    foreseen = dict(seen.settings.get("settings", {})).get("foreseen", [])
-    before = [f"planned: {said}" for said in foreseen]
+    plan = {"name": seen.plan, "positions_captured": taken, "positions": len(seen.positions)}
+    foreseen = [restored(one, "note") for one in seen.stated.get("foreseen", ())]
     # what came out as foreseen is said once
-    found_since = [said for said in made["reasons"] if said not in foreseen]
-    return {"protocol": plan, **made, "reasons": [*found_since, *before]}
+    found_since = [one for one in found.findings if not any(_alike(one, other) for other in foreseen)]
+    before = [Finding("verify-planned", {"finding": one}, severity="note") for one in foreseen]
+    findings = [one.stored() for one in (*found_since, *before)]
+    return {"protocol": plan, **judged_positions(found), "findings": findings}
+
+
+def _alike(found: Finding, other: Finding) -> bool:
+    """Whether two findings are of one code and their numbers agree as far as sentences show them."""
+    close = 0.05
+    if found.code != other.code or found.values.keys() != other.values.keys():
+        return False
+    return all(
+        math.isclose(one, with_, rel_tol=close) if isinstance(one, float) and isinstance(with_, float) else one == with_
+        for one, with_ in zip(found.values.values(), map(other.values.__getitem__, found.values), strict=True)
+    )
 
 
 # Opening a verification on the stand, with the limits it will be judged by.
@@ -203,7 +216,7 @@ def begin_verification(
     # what is said before the first reading is kept, and stands on the protocol beside what was found
     worth = foreseen(ledger, calibration, protocol_name, limits).power
     if worth is not None:
-        kept["foreseen"] = list(map(str, worth.findings))
+        kept["foreseen"] = [one.stored() for one in worth.findings]
     if kept:
         settings["settings"] = kept
     if site := site_of(ledger, made):

@@ -223,20 +223,13 @@ class AttitudeChooser:
             return [Finding("motion-no-window", {"window_s": length})]
         kinds: list[Value] = []
         for kind in ("still", "sliding", "rotating", "moving"):
-            mine = {outcome: count for (each, outcome), count in sorted(self._counts.items()) if each == kind}
-            if mine:
-                methods = tuple(map(_outcome, mine, mine.values()))
-                kinds.append(Finding("motion-kind", {"kind": kind, "count": sum(mine.values()), "methods": methods}))
+            for (each, method), count in sorted(self._counts.items()):
+                if each == kind:
+                    kinds.append(Finding("motion-kind", {"kind": kind, "method": method, "count": count}))
         found = [
             Finding("motion-windows", {"total": total, "window_s": length, "kinds": tuple(kinds)}, severity="note")
         ]
         return found + ([Finding("motion-rests", {"count": self._short}, severity="note")] if self._short else [])
-
-
-def _outcome(name: str, count: int) -> Finding:
-    if name == "refused":
-        return Finding("motion-method-refused", {"count": count})
-    return Finding("motion-method", {"method": name, "count": count})
 
 
 def choose_attitude(samples: Samples, settings: ChooserSettings | None = None, site: Site | None = None) -> Attitude:

@@ -183,8 +183,10 @@ class AxesCheck:
         return tuple(fits) or ("--convention", "--axes")
 
     def _signrefused(self, dip: float, expected: float, seen: list[Harmonics]) -> InputError:
-        degrees = {"dip_deg": float(np.degrees(dip)), "expected_deg": float(np.degrees(expected))}
-        return refused("motion-dip-sign", {**degrees, "options": self._signs(seen)})
+        values: dict[str, Value] = {"name": "dip", "value": float(np.degrees(dip)), "unit": "deg"}
+        return refused(
+            "motion-signs", values | {"expected": f"{np.degrees(expected):.0f}", "options": self._signs(seen)}
+        )
 
     def _fields(self, found: Harmonics | None, *, field_usable: bool) -> list[Fault]:
         """Strength of gravity, and its angle to the field."""
@@ -210,14 +212,11 @@ class AxesCheck:
         self._speeds = [*self._speeds, float(size.max())][-KEPT:]
         most_speed = 220.0  # rad/s, 2100 rpm: faster than any string
         if len(self._speeds) >= ENOUGH and min(self._speeds) > most_speed:
-            speeds = {"speed_rpm": float(np.median(self._speeds)) * RPM, "most_rpm": most_speed * RPM}
-            raise refused("motion-gyro-fast", {**speeds})
+            raise refused("motion-size", too_fast(float(np.median(self._speeds)), most_speed))
         if float(size.max()) > 1.0:
             self._axes = [*self._axes, int(size.argmax()) if size.max() > 5.0 * size[2] else 2][-KEPT:]
             if len(self._axes) >= ENOUGH and 2 not in self._axes:
-                axis = "xyz"[self._axes[-1]]
-                down, up = TURNED_TO[axis]
-                raise refused("motion-axis-gyro", {"channel": f"gyro_{axis}", "axis": axis, "down": down, "up": up})
+                raise _along("gyro", self._axes[-1], "the tool turns about it", ("--axes",))
         if judged and turning.by == "gyro" and turning.span > 4.0 * np.pi and np.isfinite(turning.slope):
             self._slopes = [*self._slopes, turning.slope][-KEPT:]
             if len(self._slopes) >= SURE:
@@ -241,12 +240,9 @@ class AxesCheck:
             return
         self._along = [*self._along, int(mag.var(axis=0).argmin())][-KEPT:]
         if len(self._along) >= SURE and 2 not in self._along:
-            axis = "xyz"[self._along[-1]]
-            down, up = TURNED_TO[axis]
             # without a gyro the accelerometer's z may be as wrong
             options = ("--magnetometer-axes",) if self._speeds else ("--axes", "--magnetometer-axes")
-            where: dict[str, Value] = {"channel": f"mag_{axis}", "axis": axis, "down": down, "up": up}
-            raise refused("motion-axis-mag", where | {"options": options})
+            raise _along("mag", self._along[-1], "constant while the tool turns", options)
 
     def _gravity_axis(self, accel: Array, angle: Array) -> None:
         """Gravity lies along z and goes round in x and y; what is constant across the hole is the lever arm's."""
@@ -305,7 +301,21 @@ class AxesCheck:
         else:
             down = float(np.median(accel[:, 2] / np.linalg.norm(accel, axis=1)))
             if down < UP:
-                raise refused("motion-gravity-up", {"share": down, "options": self._signs(usable)})
+                values: dict[str, Value] = {"name": "gravity along the tool", "value": 100.0 * down, "unit": "%"}
+                raise refused("motion-signs", values | {"expected": "> 0", "options": self._signs(usable)})
+
+
+def too_fast(speed: float, most: float) -> dict[str, Value]:
+    """Values of a gyro that reads more than any string turns, rad/s."""
+    return {"sensor": "gyro", "reading": speed * RPM, "unit": "rpm", "allowed": f"<= {most * RPM:.0f}"}
+
+
+def _along(triad: str, place: int, evidence: str, options: tuple[str, ...]) -> InputError:
+    """Another channel than z lies along the hole."""
+    axis = "xyz"[place]
+    down, up = TURNED_TO[axis]
+    values: dict[str, Value] = {"channel": f"{triad}_{axis}", "evidence": evidence, "expected": f"{triad}_z"}
+    return refused("motion-axis", values | {"axis": axis, "options": options, "down": down, "up": up})
 
 
 def _unit(sensor: str, unit: str, strength: float, low: float, high: float, others: dict[str, float]) -> None:

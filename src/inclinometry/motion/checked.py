@@ -61,8 +61,8 @@ class CheckedStream:
         if self._misfits and not found:
             dip = expected_dip(self._site)
             if dip is not None and abs(self._seen.dip - dip) > FAR_DIP:
-                degrees = {"dip_deg": float(np.degrees(self._seen.dip)), "expected_deg": float(np.degrees(dip))}
-                found = (Finding("motion-misfit-dip", {**degrees, "count": self._misfits}),)
+                degrees = {"dip_deg": float(np.degrees(self._seen.dip)), "site_deg": float(np.degrees(dip))}
+                found = (Finding("motion-dip-axes", {**degrees, "windows": self._misfits, "total": self._judged_rows}),)
             else:
                 found = (Finding("motion-misfit", {"count": self._misfits}),)
         if self._moved:

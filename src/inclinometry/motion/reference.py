@@ -25,8 +25,13 @@ DISTURBED: Final = 0.05
 """and the Earth's with something beside it. A calibrated tool's offsets leave 1 to 2 %."""
 
 
-_Share: TypeAlias = tuple[float, float, str, dict[str, Value]]
+_Share: TypeAlias = tuple[float, float, dict[str, Value]]
 """A statistic of the field over its limits, for no field and for a disturbed one, and what is said of it."""
+
+
+def _seen(name: str, value: float, unit: str, expected: str) -> dict[str, Value]:
+    """Values of a disturbed field: a quantity, as it is and as it should be."""
+    return {"name": name, "value": value, "unit": unit, "expected": expected}
 
 
 def field_faults(window: Samples, turning: Turning, site: Site | None) -> list[Fault]:
@@ -37,8 +42,8 @@ def field_faults(window: Samples, turning: Turning, site: Site | None) -> list[F
     shares = [_strength(strength, site), _scatter(strength), _phase(turning)]
     lost, disturbed = max(shares, key=lambda one: one[0]), max(shares, key=lambda one: one[1])
     if lost[0] > 1.0:
-        return [Fault(*lost[2:], "no-field", "mag", True)]
-    return [Fault(*disturbed[2:], "disturbed", "mag", False)] if disturbed[1] > 1.0 else []
+        return [Fault("motion-field-disturbed", lost[2], "no-field", "mag", True)]
+    return [Fault("motion-field-disturbed", disturbed[2], "disturbed", "mag", False)] if disturbed[1] > 1.0 else []
 
 
 def field_strength(window: Samples, site: Site | None) -> tuple[float, float, bool]:
@@ -57,10 +62,10 @@ def field_strength(window: Samples, site: Site | None) -> tuple[float, float, bo
 def _strength(strength: Array, site: Site | None) -> _Share:
     mean = float(strength.mean())
     if site is None or site.b is None:
-        # nT, an eighth of the weakest field on Earth
-        return (3000.0 / max(mean, 1.0), 0.0, "motion-field-weak", {"field_nT": mean})
+        weak = 3000.0  # nT, an eighth of the weakest field on Earth
+        return (weak / max(mean, 1.0), 0.0, _seen("strength of the field", mean, "nT", f"> {weak:g}"))
     off = abs(mean / site.b - 1.0)
-    return (off / NO_FIELD, off / DISTURBED, "motion-field-strength", {"field_nT": mean, "site_nT": site.b})
+    return (off / NO_FIELD, off / DISTURBED, _seen("strength of the field", mean, "nT", f"{site.b:.5g}"))
 
 
 def _scatter(strength: Array) -> _Share:
@@ -68,18 +73,21 @@ def _scatter(strength: Array) -> _Share:
     size = max(strength.size // 20, 1)
     means = strength[: strength.size // size * size].reshape(-1, size).mean(axis=1)
     scatter = float(means.std() / max(float(means.mean()), 1.0))
-    values: dict[str, Value] = {"change_percent": 100.0 * scatter}
-    return (scatter / NO_FIELD, scatter / DISTURBED, "motion-field-changes", values)
+    values = _seen("change of its strength in a window", 100.0 * scatter, "%", f"< {100.0 * DISTURBED:g}")
+    return (scatter / NO_FIELD, scatter / DISTURBED, values)
 
 
 def _phase(turning: Turning) -> _Share:
     # from half a turn on a field's phase must follow it
     if turning.by != "gyro" or not np.isfinite(turning.restless) or turning.span < np.pi or turning.slope < 0.0:
-        return (0.0, 0.0, "", {})
+        return (0.0, 0.0, {})
     # rad about the gyro's angle beyond which the phase does not turn with the tool, and beyond which it is
     # suspect; a gyro's scale error drifts, which is taken off
-    values: dict[str, Value] = {"off_deg": float(np.degrees(turning.restless))}
-    return (turning.restless / 0.6, turning.restless / 0.15, "motion-field-phase", values)
+    lost, suspect = 0.6, 0.15
+    values = _seen(
+        "its angle to the gyro's", float(np.degrees(turning.restless)), "deg", f"< {np.degrees(suspect):.0f}"
+    )
+    return (turning.restless / lost, turning.restless / suspect, values)
 
 
 UNSURE: Final = 3.0
@@ -273,16 +281,17 @@ def departure(gravity: Array, field: Array, covariance: Array, site: Site | None
         off = size - site.b
         excess[1] = max(abs(off) - allowed, 0.0)
         if abs(off) > 0.2 * site.b + sure * own and far is None:  # not the Earth's field
-            far = Fault("motion-field-strength", {"field_nT": size, "site_nT": site.b}, "disturbed", "mag", True)
+            values = _seen("strength of the field", size, "nT", f"{site.b:.5g}")
+            far = Fault("motion-field-disturbed", values, "disturbed", "mag", True)
     return float(np.hypot(*excess)), far
 
 
 def dip_fault(dip: float, expected: float, *, believed: bool = False) -> Fault:
     """A dip, rad, that is not the site's; where the axes are believed it is the field."""
-    values = {"dip_deg": float(np.degrees(dip)), "site_deg": float(np.degrees(expected))}
+    seen, stated = float(np.degrees(dip)), float(np.degrees(expected))
     if believed:
-        return Fault("motion-dip-disturbed", values, "axes", "mag", True)
-    return Fault("motion-dip-axes", values, "axes", "accel and mag", True)
+        return Fault("motion-field-disturbed", _seen("dip", seen, "deg", f"{stated:.1f}"), "axes", "mag", True)
+    return Fault("motion-dip-axes", {"dip_deg": seen, "site_deg": stated}, "axes", "accel and mag", True)
 
 
 def referenced(
@@ -349,12 +358,9 @@ class SiteCheck:
             # scatter of their fields, of their departure from the site's, up to which they are one field
             if known is None or self._missed[place] < self._count or scatter[place] > 0.2 * abs(mean[place] - known):
                 continue
-            if place == 0:
-                pair = {"site_deg": float(np.degrees(known)), "seen_deg": float(np.degrees(mean[0]))}
-                found.append(Finding("motion-site-dip", {**pair, "windows": self._count}))
-            else:
-                pair = {"site_nT": known, "seen_nT": float(mean[1])}
-                found.append(Finding("motion-site-field", {**pair, "windows": self._count}))
+            name, unit, scale = (("dip", "deg", 180.0 / np.pi), ("strength of the field", "nT", 1.0))[place]
+            values = {"name": name, "unit": unit, "site": known * scale, "seen": float(mean[place]) * scale}
+            found.append(Finding("motion-site", {**values, "windows": self._count}))
         return tuple(found)
 
 

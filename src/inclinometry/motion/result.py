@@ -9,7 +9,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from inclinometry.arrays import Array, Mask, finite
+from inclinometry.arrays import Array, Mask, finite, increasing
 from inclinometry.constants import ANGLES, FIELD_UNITS, KIND_PREFIX, RPM
 from inclinometry.earth.site import REFERENCES
 from inclinometry.errors import out_of_range, refused, wrong_shape
@@ -339,9 +339,7 @@ def joined(parts: Sequence[Attitude]) -> Attitude:
         if field.name not in ("north", "findings")
     }
     time = columns["time"]
-    if (late := np.flatnonzero(np.diff(time) <= 0.0)).size:
-        before, after = time[late[0] : late[0] + 2].tolist()
-        raise refused("input-backwards", {"time_s": after, "before_s": before})
+    increasing(time, "time")
     findings = distinct(one for part in parts for one in part.findings)
     return Attitude(**columns, north=parts[0].north, findings=findings)
 

@@ -42,7 +42,7 @@ class TimingReport:
     # jitter, most_jitter: s, largest root mean square and largest single departure of stamps from the grid
     jitter: float = 0.0
     most_jitter: float = 0.0
-    gaps: list[dict[str, Value]] = field(default_factory=list)  #: values of the first `LISTED` cuts
+    first_cut: dict[str, Value] = field(default_factory=dict)  #: values of its finding
     missing: dict[str, int] = field(default_factory=dict)  #: channel -> readings that were not numbers
     absent: tuple[str, ...] = ()  #: triads without any value among the first rows, left out
 
@@ -52,25 +52,26 @@ class TimingReport:
             self.intervals.append(interval)
 
     def findings(self) -> tuple[Finding, ...]:
-        """What had to be repaired: notes, and a warning for each triad that is left out."""
+        """What had to be repaired: notes, and a warning of triads that are left out."""
         found: list[tuple[str, dict[str, Value]]] = []
         if self.repeats:
-            found.append(("motion-rows-dropped", {"count": self.repeats, "total": self.rows}))
+            dropped: dict[str, Value] = {"count": self.repeats, "total": self.rows, "reason": "repeat the row before"}
+            found.append(("motion-rows-dropped", dropped))
         if self.shared:
-            found.append(("motion-stamps-shared", {"count": self.shared}))
+            dropped = {"count": self.shared, "total": self.rows, "reason": "nearest to a place already filled"}
+            found.append(("motion-rows-dropped", dropped))
         if self.filled:
             found.append(("motion-samples-filled", {"count": self.filled}))
-        found += [("motion-cut", gap) for gap in self.gaps]
-        if self.cuts > len(self.gaps):
-            found.append(("motion-cuts-more", {"count": self.cuts - len(self.gaps)}))
+        if self.cuts:
+            found.append(("motion-cut", {**self.first_cut, "count": self.cuts}))
         if len(self.intervals) > 1:
             found.append(("motion-interval-changes", {"intervals_s": tuple(self.intervals[:LISTED])}))
         if self.intervals and self.jitter > 0.1 * min(self.intervals):
             found.append(("motion-jitter", {"jitter_s": self.jitter}))
         for name, count in self.missing.items():
             found.append(("motion-channel-gaps", {"channel": name, "count": count, "total": self.rows}))
-        absent = [Finding("motion-triad-absent", {"triad": triad}) for triad in self.absent]
-        return (*(Finding(code, values, severity="note") for code, values in found), *absent)
+        notes = tuple(Finding(code, values, severity="note") for code, values in found)
+        return (*notes, Finding("motion-triad-absent", {"triads": self.absent})) if self.absent else notes
 
 
 GATHERED: Final = 1024
@@ -165,9 +166,8 @@ class StretchCutter:
         back = np.flatnonzero(t < before)
         if back.size:
             row = int(back[0])
-            raise self._row_wrong(
-                "motion-time-backwards", row, {"time_s": float(t[row]), "before_s": float(before[row])}
-            )
+            values: dict[str, Value] = {"name": "time_s", "value": float(t[row]), "before": float(before[row])}
+            raise self._row_wrong("input-order", row, values)
         same = t == before
         at = np.flatnonzero(same)
         above = rows[at - 1]
@@ -239,7 +239,7 @@ class StretchCutter:
                 raise refused("motion-triad-slow", values)
             start += width
         if not set(kept) & set(CHANNELS):
-            raise refused("motion-no-values", {"count": len(rows)})
+            raise refused("motion-triad-absent", {"triads": self._given or ()})
         self.report.absent = tuple(name for name in self._given or () if name not in kept)
         return tuple(kept)
 
@@ -259,14 +259,11 @@ class StretchCutter:
         count = int(lost.argmax()) if lost.any() else places.size
         pieces = self._pieces(grid, step[:count], off[:count])
         if lost.any():
-            # give up the grid, and say why
+            # give up the grid, and say where
             after = float(self._time[count])
-            missing = int(step[count]) - 1
-            if missing > MOST_FILLED:
-                reason = Finding("motion-cut-missing", {"count": missing})
+            if step[count] > MOST_FILLED + 1:
                 self._ragged = 0
             else:
-                reason = Finding("motion-cut-grid", {"interval_s": grid.interval})
                 self._ragged = self._ragged + 1 if self._place < FEWEST else 0
                 if self._place >= GATHERED:
                     # a long stretch tells the interval better than its first rows did
@@ -275,8 +272,10 @@ class StretchCutter:
             if self._ragged > 5:
                 raise _no_grid(after)
             self.report.cuts += 1
-            if len(self.report.gaps) < LISTED:
-                self.report.gaps.append({"before_s": self._stamp, "after_s": after, "reason": reason})
+            if self.report.cuts == 1:
+                intervals = (after - self._stamp) / grid.interval
+                stamps = {"before_s": self._stamp, "after_s": after, "interval_s": grid.interval}
+                self.report.first_cut = {**stamps, "intervals": intervals}
             self._grid = None
         self._trace = trace[-FOLLOWED:]
         self._time, self._rows = self._time[count:], self._rows[count:]

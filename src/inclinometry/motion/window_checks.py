@@ -89,7 +89,7 @@ def clipping_faults(window: Samples, ranges: Mapping[str, float]) -> tuple[list[
                 margin, least = (reach - abs(float(column.mean()))) / max(float(column.std()), 1e-12), 4.5
                 if margin < least:
                     said = {"channel": channel, "margin": max(margin, 0.0)}
-                    found.append(Fault("motion-clipped-filter", said, "clipped", channel, True))
+                    found.append(Fault("motion-clipped", said, "clipped", channel, True))
     return found, marked
 
 
@@ -243,8 +243,8 @@ class HealthCheck:
         self._settings = settings or HealthSettings()
         self._site = site
         self._axes = AxesCheck(site)
-        self._counts: Counter[tuple[str, str]] = Counter()
-        self._first: dict[tuple[str, str], Fault] = {}
+        self._counts: Counter[tuple[str, str, bool]] = Counter()
+        self._first: dict[tuple[str, str, bool], Fault] = {}
         self._windows = 0
         self._site_check = SiteCheck(site)
 
@@ -274,9 +274,9 @@ class HealthCheck:
             if steady and not aliased:
                 faults += self._axes.against(turning) + self._axes.dip(off)
         self._windows += 1
-        self._counts.update({(one.code, one.where) for one in faults})
+        self._counts.update({(one.code, one.where, one.refuse) for one in faults})
         for one in faults:
-            self._first.setdefault((one.code, one.where), one)
+            self._first.setdefault((one.code, one.where, one.refuse), one)
         if marked.any():
             already = np.zeros(len(window), np.bool_) if window.clipped is None else window.clipped
             window = replace(window, clipped=already | marked)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inclinometry.arrays import Array
-from inclinometry.errors import out_of_range, refused
+from inclinometry.errors import out_of_order, out_of_range, refused
 from inclinometry.findings import Finding
 from inclinometry.motion._hole_direction import (
     azimuth_unknown,
@@ -549,7 +549,7 @@ class RobustStream:
                 int(rows.flags[place]),
             )
             if not row.time > self._last:
-                raise refused("input-backwards", {"time_s": row.time, "before_s": self._last})
+                raise out_of_order("time", row.time, self._last, int(place) + 1)
             self._last = row.time
             if row.matrix is not None:
                 done += self._release(row)

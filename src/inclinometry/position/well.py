@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from inclinometry.arrays import Array, finite, frozen, within
+from inclinometry.arrays import Array, finite, frozen, increasing, within
 from inclinometry.constants import EARTH_RATE
 from inclinometry.earth.site import Site, convert_azimuth
 from inclinometry.errors import SiteError, not_among, refused, wrong_shape
@@ -175,8 +175,7 @@ class WellSurvey(Tabular):
         md = finite(self.md, "md", (None,))
         if len(md) < 2:
             raise refused("input-few", {"name": "stations", "count": len(md), "least": 2})
-        if (np.diff(md) <= 0.0).any():
-            raise refused("input-order", {"name": "md", "row": int(np.argmax(np.diff(md) <= 0.0)) + 2})
+        increasing(md, "md")
         columns = {
             "md": md,
             "inclination": within(self.inclination, "inclination", 0.0, np.pi, "rad"),

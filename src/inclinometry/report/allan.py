@@ -64,14 +64,21 @@ def allan_report(record: NoiseRecord) -> str:
         for c in record.of(kind):
             found = (coefficient_text(*pair) for pair in coefficients_of(c))
             body.append(TableRow([c.name, *found, f"{c.model.chi_square:.1f}", str(c.model.dof)]))
-        head = ["channel", *(f"{label(s.title)}, {label(s.unit)}" for s in units[:3]), "misfit", "degrees of freedom"]
+        head = [
+            "channel",
+            *(label("{name}, {unit}", name=s.title, unit=s.unit) for s in units[:3]),
+            "misfit",
+            "degrees of freedom",
+        ]
         caption = label("{kind}: coefficient ± standard uncertainty, or upper limit (95 %)", kind=kind.capitalize())
         tables.append(Table(caption, head, body))
     what = label(
         "Allan deviation with its band (k = {k:g}), the fitted curve and its components",
         k=COVERAGE_FACTOR,
     )
-    pictures = [picture(allan_figure(c), f"allan{n}", f"{c.name}: {what}") for n, c in enumerate(record.channels)]
+    pictures = [
+        picture(allan_figure(c), f"allan{n}", f"{c.name}{label(': ')}{what}") for n, c in enumerate(record.channels)
+    ]
     parts = []
     for triad in record.kinds:
         shown, _ = coefficients_of(record.of(triad)[0])[0]
@@ -79,7 +86,8 @@ def allan_report(record: NoiseRecord) -> str:
         if levels:
             low, high = (significant(v) for v in (min(levels), max(levels)))
             span = low if low == high else label("{low} to {high}", low=low, high=high)
-            parts.append(f"{label(triad)} {number(span)} {label(shown.unit)} ({label(shown.title)})")
+            value, (unit, noise) = number(span), (shown.unit, shown.title)
+            parts.append(label("{triad} {value} {unit} ({noise})", triad=triad, value=value, unit=unit, noise=noise))
     length = label(
         "{samples} samples over {time_s} s",
         samples=record.samples,

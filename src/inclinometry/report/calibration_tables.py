@@ -303,7 +303,7 @@ def residual_tables(calibration: Calibration, readings: BenchReadings | None) ->
         head = [
             "station",
             *(label("{dial} set, deg", dial=dial) for dial in DIALS if settings),
-            *(f"{n}, {label(unit)}" for n in names),
+            *(label("{name}, {unit}", name=n, unit=unit) for n in names),
         ]
         head += [*(f"{n} / σ" for n in names), "leverage"]
         note = "Reading minus model at the settings as dialled; coloured beyond two, bold beyond three deviations."

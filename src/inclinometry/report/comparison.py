@@ -62,10 +62,10 @@ def two_report(found: TwoCalibrations) -> str:
         conventions=CONVENTIONS,
         state="warn" if far else "good",
         badge="Differ" if far else "Agree",
-        verdict=f"{(differ if far else agree).capitalize()}.",
+        verdict=label("{sentence}.", sentence=(differ if far else agree).capitalize()),
         notes=["The two are taken to be independent; each coefficient is at its calibration's reference temperature."],
         warnings=[
-            f"{n}: {one}"
+            f"{n}{label(': ')}{one}"
             for n, c in zip(found.names, found.calibrations, strict=True)
             for one in said(without_notes(c.findings))
         ],
@@ -84,7 +84,7 @@ def two_report(found: TwoCalibrations) -> str:
             if np.isfinite(found.difference[:, column]).any()
         ],
         facts=[
-            (f"{name}: {what}", digest)
+            (f"{name}{label(': ')}{what}", digest)
             for name, c in zip(found.names, found.calibrations, strict=True)
             for what, digest in c.inputs.items()
         ],

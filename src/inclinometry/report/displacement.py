@@ -73,7 +73,7 @@ def displacement_report(
         [
             ("Base reading", base),
             ("Later readings", label(", ").join(found)),
-            ("Step", f"{found[last].step:g} m"),
+            ("Step", label("{length:g} m", length=found[last].step)),
             ("Fixed end", found[last].fixed),
         ],
         about="What was read",
@@ -159,7 +159,7 @@ def _budget(found: Mapping[str, Displacement]) -> Table:
         for axis, one in each.axes.items():
             for what, part in {**one.components, "together": one.u}.items():
                 u = significant(1000.0 * float(part[0 if each.fixed == "bottom" else -1]))
-                body.append(TableRow([f"{name}, {axis.upper()}, {label(what)}", u]))
+                body.append(TableRow([label(", ").join((name, axis.upper(), label(what))), u]))
     return Table("Standard uncertainty at the end that is free to move", ["reading, axis, source", "u, mm"], body)
 
 

@@ -281,7 +281,7 @@ def envelope_figure(axes: Axes, channels: Sequence[result.Envelope], what: str) 
         look: dict[str, Any] = {"color": SERIES[place], "alpha": 0.18, "linewidth": 0.0}
         axes.fill_between(one.time / unit, one.low, one.high, **look)
         _line(axes, one.time / unit, one.mean, SERIES[place], one.name, place)
-    axes.set_ylabel(f"{label(what)}, {_printed(channels[0].unit)}")
+    axes.set_ylabel(label("{name}, {unit}", name=what, unit=_printed(channels[0].unit)))
     axes.set_xlabel(label("time, {sign}", sign=sign))
     legend_above(axes, 3)
 
@@ -293,12 +293,12 @@ def excerpt_figure(axes: Axes, found: result.Excerpt, names: Sequence[str], what
         axes.plot(
             found.time, found.channels[name], color=SERIES[place], linestyle=DASHES[place], label=name, linewidth=1.0
         )
-    axes.set_ylabel(f"{label(what)}, {_printed(found.units[names[0]])}")
+    axes.set_ylabel(label("{name}, {unit}", name=what, unit=_printed(found.units[names[0]])))
     legend_above(axes, 3)
 
 
 def _printed(unit: str) -> str:
-    return unit.replace("m/s^2", "m/s²").replace("m/s2", "m/s²")
+    return label(unit.replace("m/s^2", "m/s²").replace("m/s2", "m/s²"))
 
 
 METHOD_WORDS: Final = {
@@ -657,9 +657,9 @@ def _facts(run: result.DynamicRun) -> list[tuple[str, str]]:
             "Samples",
             label("{samples}, {missing} of them missing or clipped", samples=counts.samples, missing=counts.missing),
         ),
-        ("Sampling interval", f"{counts.interval:.6g} s"),
+        ("Sampling interval", label("{time_s:.6g} s", time_s=counts.interval)),
         ("Time", label("{start} to {stop} s", start=plain(counts.start, 3), stop=plain(counts.stop, 3))),
         ("Stretches without a gap", str(counts.stretches)),
-        ("Window", f"{run.window:g} s"),
+        ("Window", label("{time_s:.6g} s", time_s=run.window)),
         ("North reference", run.north),
     ]

@@ -19,7 +19,7 @@ from textwrap import wrap
 from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
 
 from inclinometry.files.writing import write_bytes
-from inclinometry.language import label
+from inclinometry.language import label, number
 
 if TYPE_CHECKING:
     from markupsafe import Markup
@@ -178,11 +178,20 @@ def inline_svg(figure: Figure, name: str, description: str) -> tuple[Markup, int
     return svg, round(72.0 * 13.0 / 10.5 * figure.get_figwidth())
 
 
+def decimal_signs(figure: Figure) -> None:
+    """Let the ticks of a figure have the decimal sign of the language that is spoken."""
+    for axis in (axis for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)):
+        formatter = axis.get_major_formatter()
+        ticks = formatter.format_ticks
+        vars(formatter)["format_ticks"] = lambda values, ticks=ticks: list(map(number, ticks(values)))
+
+
 def _translate(figure: Figure) -> None:
     """Every text of a figure, and the names on its axes, in the language that is spoken."""
     from matplotlib.text import Text
     from matplotlib.ticker import FixedLocator
 
+    decimal_signs(figure)
     for axes in figure.axes:
         for axis in (axes.xaxis, axes.yaxis):
             labels = [tick.get_text() for tick in axis.get_ticklabels()]

@@ -154,7 +154,7 @@ def fleet_report(status: FleetStatus) -> str:
     return report(
         "Fleet report",
         label("Fleet of type {type}", type=model.type),
-        label("{count} tools on {day}: {names}.", count=len(tools), day=status.day, names="; ".join(said)),
+        label("{count} tools on {day}: {names}.", count=len(tools), day=status.day, names=label("; ").join(said)),
         [
             _due(status),
             Section("Alarms", _alarm_sentences(alarmed), tables=[limit_rows(_alarm_table(alarmed))] if alarmed else []),
@@ -344,7 +344,7 @@ def _type_table(status: FleetStatus) -> Table:
         )
         effects = [" / ".join(significant(float(factor * model.effects[row, k])) for row in rows) for k in range(2)]
         cells = [
-            f"{label(title)}, {label(unit)}",
+            label("{name}, {unit}", name=title, unit=unit),
             significant(drift),
             significant(mounting) if mounting else "not seen",
         ]

@@ -22,7 +22,7 @@ from inclinometry.report.figure import BAD, DASHES, INK, MARKERS, SERIES, legend
 from inclinometry.report.page import CONVENTIONS, Picture, Section, Table, TableRow, limit_rows, picture, report
 from inclinometry.report.survey import flag_table, summary_table
 from inclinometry.report.survey_figures import angle_figure
-from inclinometry.report.words import listed, plain, rounded, significant, with_uncertainty, worst_and_median
+from inclinometry.report.words import listed, plain, quoted, rounded, significant, with_uncertainty, worst_and_median
 from inclinometry.rotations import wrap_signed
 from inclinometry.survey.flags import Check, worst
 from inclinometry.survey.reduce import Survey
@@ -363,12 +363,12 @@ def gyro_report(
     # no accelerometer of a tool reaches 5e-4 deg: below it no one stated their errors
     stated = bool(np.nanmax(expanded["inclination"], initial=0.0) > 5e-4)
     parts = listed([worst_and_median(name, u) for name, u in expanded.items() if stated or name != "inclination"])
-    failed = listed([f"“{label(check.name)}”" for check in checks if check.verdict == "fail"])
+    failed = listed([quoted(check.name) for check in checks if check.verdict == "fail"])
     condition = label(" Settle the failed check of {failed} before relying on it.", failed=failed) if failed else ""
     included = [name for name, part in survey.components.items() if np.nansum(part) > 0.0]
     left = [] if "latitude" in included else ["error of the latitude"]
     left += ["error of the convergence"] if survey.azimuth_reference == "grid" and "convergence" not in included else []
-    named = listed([f"“{label(name)}”" for name in included]) or "nothing"
+    named = listed(list(map(quoted, included))) or "nothing"
     left += [] if stated else ["errors of the accelerometers"]
     missing = listed(
         [

@@ -281,7 +281,7 @@ def msa_report(
                 "Chi-square",
                 label("{chi_square:.1f}, expected about {freedom}", chi_square=found.chi_square, freedom=found.freedom),
             ),
-            ("Reference g", f"{with_uncertainty(reference.g, reference.g_sigma)} m/s²"),
+            ("Reference g", label("{g} m/s²", g=with_uncertainty(reference.g, reference.g_sigma))),
             ("Reference b", label("{b} nT", b=with_uncertainty(reference.b, reference.b_sigma))),
             ("Reference dip", f"{dip}°"),
         ],
@@ -334,7 +334,7 @@ def _verdict(found: MultiStation, before: Stations, u_after: Array) -> str:
         parts.append(
             f"{described(name)} {number(with_uncertainty(factor * p.value, factor * p.u))} {label(unit)}".rstrip()
         )
-    what = "; ".join(parts) if parts else label("no sensor error stands out")
+    what = label("; ").join(parts) if parts else label("no sensor error stands out")
     able = u_after < VAGUE
     if not able.any():
         return label("{what}. No station is inclined enough for an azimuth.", what=what[0].upper() + what[1:])
@@ -373,7 +373,10 @@ def _fields(before: FieldQuality, after: FieldQuality, found: MultiStation) -> T
         state = "warn" if verdicts[1] != "pass" else ""
         unit = quantity.shown.replace("m/s^2", "m/s²")
         rows.append(
-            TableRow([f"{label(quantity.name)}, {label(unit)}", *sizes, " → ".join(map(label, verdicts))], state)
+            TableRow(
+                [label("{name}, {unit}", name=quantity.name, unit=unit), *sizes, " → ".join(map(label, verdicts))],
+                state,
+            )
         )
     head = ["quantity", "before", "after", "after, from the corrected reference", "verdict"]
     note = "Passing after the analysis is no independent proof: it was fitted to this reference."

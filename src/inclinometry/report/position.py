@@ -375,7 +375,7 @@ def source_table(
         sizes += [significant(float(s), 3) for s in part.sigma]
         how = label(": ").join(map(label, (part.propagation, shared[part.propagation])))
         rows.append(TableRow([part.name, words.get(part.name, ""), how, *sizes]))
-    sigmas = [f"σ {label(axis)}, {label('m')}" for axis in ("north", "east", "vertical")]
+    sigmas = [label("{name}, {unit}", name=f"σ {label(axis)}", unit="m") for axis in ("north", "east", "vertical")]
     head = ["source", "what it is", "shared by", "σ major axis, m", "share, %", *sigmas]
     caption = "Every source at the last station; share: of the variance along the ellipse's major axis"
     return Table(caption, head, rows, text_columns=3)

@@ -15,7 +15,7 @@ from inclinometry.report import survey_figures as draw
 from inclinometry.report.page import Picture, Section, Table, TableRow, limit_rows, picture, report
 from inclinometry.report.position import chain_table, compass_picture
 from inclinometry.report.quality import check_table, quality_pictures
-from inclinometry.report.words import listed, plain, rounded, significant, worst_and_median
+from inclinometry.report.words import listed, plain, quoted, rounded, significant, worst_and_median
 from inclinometry.survey.axial import SOURCE as AXIAL
 from inclinometry.survey.flags import FLAGS
 from inclinometry.survey.multistation import SOURCE as ANALYSIS
@@ -44,7 +44,7 @@ def survey_report(
         )
         for name in _known(survey)
     ]
-    names = listed([f"“{label(name)}”" for name in survey.components])
+    names = listed(list(map(quoted, survey.components)))
     seen = set(survey.components)
     missing = ["misalignment of the tool in the hole"]
     missing += [] if SAG in seen else ["sag"]

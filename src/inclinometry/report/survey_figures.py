@@ -129,6 +129,6 @@ def magnitude_figure(
                 at - COVERAGE_FACTOR * sigma, at + COVERAGE_FACTOR * sigma, color=SERIES[2], alpha=0.15, linewidth=0.0
             )
     axes.ticklabel_format(axis="y", useOffset=False)
-    axes.set_ylabel(f"{label(what)}, {label(unit)}" if unit else what)
+    axes.set_ylabel(label("{name}, {unit}", name=what, unit=unit) if unit else what)
     if reference is not None or flagged.any():
         legend_above(axes, 2)

@@ -121,6 +121,11 @@ DECISIVE = 0.9
 """Leverage from which a station decides alone: an error there would go unseen."""
 
 
+def quoted(name: str) -> str:
+    """A name in the quotation marks of the language."""
+    return label("“{name}”", name=name)
+
+
 def listed(words: list[str]) -> str:
     """Words with commas and a final "and".
 

@@ -330,8 +330,3 @@ def summary(flags: Sequence[Sequence[str]], meanings: Mapping[str, str] = FLAGS)
     """One finding for each kind of flag that occurs, in the order of the `meanings`."""
     where = {name: [row for row, names in enumerate(flags) if name in names] for name in meanings}
     return [flagged(name, rows, len(flags), meanings) for name, rows in where.items() if rows]
-
-
-def remarks(sentences: Iterable[str]) -> list[Finding]:
-    """Remarks that a file holds as English text."""
-    return [Finding("survey-remark", {"remark": sentence}) for sentence in sentences]

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from inclinometry.arrays import Array, Index, Mask, finite, within
+from inclinometry.arrays import Array, Index, Mask, finite, increasing, within
 from inclinometry.earth.site import Site, azimuth_sigma, convert_azimuth
 from inclinometry.errors import refused, wrong_shape
 from inclinometry.findings import Finding, Severity, Value
@@ -156,9 +156,7 @@ def compare_runs(in_run: SurveyRun, out_run: SurveyRun, limits: RepeatLimits) ->
 def _checked(run: SurveyRun, name: str) -> None:
     """InputError where a run cannot be compared."""
     md = finite(run.md, f"md of the {name}", (None,))
-    back = np.flatnonzero(np.diff(md) <= 0.0)
-    if back.size:
-        raise refused("input-order", {"name": f"md of the {name}", "row": int(back[0]) + 2})
+    increasing(md, f"md of the {name}")
     within(run.inclination, f"inclination of the {name}", 0.0, np.pi, "rad")
     for values, what in ((run.inclination, "inclination"), (run.azimuth, "azimuth")):
         if np.shape(values) != md.shape:
@@ -242,9 +240,8 @@ def gyro_survey(
     """
     depth = finite(md, "md", (None,))
     steps = np.diff(depth)
-    if not ((steps > 0.0).all() or (steps < 0.0).all()):
-        row = int(np.argmax(np.sign(steps) != np.sign(steps[0]))) if steps[0] else 0
-        raise refused("input-order", {"name": "md", "row": row + 2})
+    if not (steps < 0.0).all():
+        increasing(depth, "md")
     order = np.arange(len(depth)) if len(depth) < 2 or steps[0] > 0.0 else np.arange(len(depth))[::-1]
     azimuth, reference, components = north.azimuth, "true", dict(north.components)
     if site is not None and site.north_reference == "grid":

@@ -156,6 +156,14 @@ class _Readings(NamedTuple):
         return Misfit(*to_high_side(self.rate, spread, toolface), inclination, self.scale_sd, freedom)
 
 
+UNJUDGED: Final = (
+    "the horizontal rate is hardly known near a pole or near horizontal",
+    "the stations are too few or too vertical for a latitude",
+    "both signs of the latitude fit the rates alike",
+)
+"""Why the horizontal rate, the latitude and its sign are not judged."""
+
+
 def rate_unit_suspect(rates_rad_s: ArrayLike) -> Finding | None:
     """What explains rates (n, 2 or 3), rad/s, that the Earth cannot give across the tool; None where it can."""
     cross = vectors(rates_rad_s, "rates", 1e300)
@@ -164,7 +172,7 @@ def rate_unit_suspect(rates_rad_s: ArrayLike) -> Finding | None:
     if least <= share <= most:
         return None
     if share == 0.0:
-        return Finding("gyro-rates-zero", severity="refused")
+        return Finding("gyro-channels-zero", {"kind": "gyro"}, severity="refused")
     cause = [name for name, factor in MISREAD if least <= share * factor <= most]
     if share > most:
         cause += ["bias not removed (one index position only)", "the tool moved"]
@@ -256,7 +264,9 @@ def _horizontal_check(read: _Readings, stated: float, labels: Sequence[str]) -> 
     judged = sd <= 1.0 / 3.0 * wanted  # with a larger uncertainty no reasonable reading could fail
     name, count = "horizontal Earth rate", int(judged.sum())
     if not count:
-        return Check(name, "not judged", np.nan, np.nan, (), Finding("gyro-horizontal-unjudged"), unit="rad/s")
+        return Check(
+            name, "not judged", np.nan, np.nan, (), Finding("gyro-unjudged", {"reason": UNJUDGED[0]}), unit="rad/s"
+        )
     factor = float(coverage_factor(1.0 - FALSE_ALARM / count))
     share = np.where(judged, np.abs(size - wanted) / (factor * sd), -1.0)
     unlikely = read.misfit().at(stated).cost > chi_square_limit(1.0 - FALSE_ALARM / count, 1.0 + read.seen)
@@ -268,8 +278,7 @@ def _horizontal_check(read: _Readings, stated: float, labels: Sequence[str]) -> 
     }  # fmt: skip
     reason = Finding("gyro-horizontal-fits", values)
     if len(bad):
-        code = "gyro-horizontal-station" if len(bad) <= 0.2 * count else "gyro-horizontal-run"
-        reason = Finding(code, values | {"off": len(bad)}, tuple(bad.tolist()))
+        reason = Finding("gyro-horizontal", values | {"off": len(bad)}, tuple(bad.tolist()))
     verdict = "fail" if len(bad) else "pass"
     value = EARTH_RATE * abs(float(size[row]) - float(wanted))
     return Check(name, verdict, value, EARTH_RATE * limit, tuple(bad.tolist()), reason, unit="rad/s")
@@ -307,16 +316,14 @@ def _latitude_check(run: Misfit, stated: float, best: float, sd: float, common_s
     name, rows, off = "latitude", tuple(range(len(run.rate))), best - stated
     # a latitude known no better than this checks nothing
     if run.freedom <= 0 or not sd <= np.radians(10.0):
-        return Check(name, "not judged", off, np.nan, rows, Finding("gyro-latitude-unjudged"))
+        return Check(name, "not judged", off, np.nan, rows, Finding("gyro-unjudged", {"reason": UNJUDGED[1]}))
     limit = float(coverage_factor(1.0 - FALSE_ALARM)) * sd
     fitted, spread, given = np.degrees([best, sd, stated]).tolist()
     values = {"fitted_deg": fitted, "sd_deg": spread, "latitude_deg": given}
-    if abs(off) <= limit:
-        return Check(name, "pass", off, limit, rows, Finding("gyro-latitude-fits", values))
-    wide = float(np.hypot(limit, 3.0 * common_sd))
-    if abs(off) <= wide:
-        values |= {"limit_deg": float(np.degrees(wide))}
-        return Check(name, "pass", off, wide, rows, Finding("gyro-latitude-within", values))
+    allowed = limit if abs(off) <= limit else float(np.hypot(limit, 3.0 * common_sd))
+    if abs(off) <= allowed:
+        values |= {"limit_deg": float(np.degrees(allowed))}
+        return Check(name, "pass", off, allowed, rows, Finding("gyro-latitude-fits", values))
     return Check(name, "fail", off, limit, rows, Finding("gyro-latitude-off", values))
 
 
@@ -347,7 +354,7 @@ def _sign_check(read: _Readings, run: Misfit, stated: float, birge: float) -> Ch
     elif gain < -9.0:  # three sigma squared, to say that the stations tell the sign at all
         verdict, reason = "pass", Finding("gyro-sign-fits", latitudes | {"sigmas": -value})
     else:
-        verdict, reason = "not judged", Finding("gyro-sign-unjudged", latitudes)
+        verdict, reason = "not judged", Finding("gyro-unjudged", {"reason": UNJUDGED[2]})
     return Check("latitude sign", verdict, value, float(np.sqrt(wrong)), rows, reason, unit="sigma")
 
 
@@ -357,5 +364,5 @@ def refusal(checks: Sequence[Check], latitude: float) -> Finding | None:
     if sign.verdict != "fail" or not isinstance(sign.reason, Finding) or not isinstance(value.reason, Finding):
         return None
     if value.verdict == "fail" and abs(latitude + value.value) > 3.0 * abs(latitude):
-        return Finding("gyro-latitude-far", value.reason.values, severity="refused")
+        return value.reason._replace(severity="refused")
     return sign.reason._replace(severity="refused")

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from inclinometry.arrays import Array, finite, frozen
-from inclinometry.errors import InputError, refused
+from inclinometry.errors import InputError, out_of_range
 from inclinometry.findings import Finding
 from inclinometry.survey.path import Path, checked_stations, minimum_curvature
 
@@ -44,7 +44,7 @@ def drill_hole(depth: ArrayLike, inclination: ArrayLike, azimuth: ArrayLike, end
     md, slope, heading = checked_stations(depth, inclination, azimuth, least=1)
     shots, last = len(md), float(md[-1])
     if md[0] < 0.0:
-        raise refused("file-value", {"column": "depth", "value": float(md[0]), "allowed": ">= 0"})
+        raise out_of_range("depth", float(md[0]), ">= 0")
     if end is not None and end < last - 1e-6:
         raise InputError(Finding("holes-end-above", {"end_m": end, "md_m": last}, severity="refused"))
     if last == 0.0 and not end:

@@ -9,7 +9,7 @@ from typing import Any, Final, NamedTuple, Protocol, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from inclinometry.arrays import Array, Index, Mask, finite, frozen, within
+from inclinometry.arrays import Array, Index, Mask, finite, frozen, increasing, within
 from inclinometry.errors import out_of_range, refused, wrong_shape
 from inclinometry.rotations import TAU, dcm, wrap_positive, wrap_signed
 from inclinometry.tabular import Column, Tabular, check_record, draw, in_degrees
@@ -260,9 +260,7 @@ def checked_stations(
             raise wrong_shape(name, column.shape, str(depth.shape))
     if len(depth) < least:
         raise refused("input-few", {"name": "stations", "count": len(depth), "least": least})
-    step = np.diff(depth)
-    if step.min(initial=1.0) <= 0.0:
-        raise refused("input-order", {"name": "md", "row": int(np.argmax(step <= 0.0)) + 2})
+    increasing(depth, "md")
     if direction.min() < 0.0 or direction.max() >= TAU:
         direction = wrap_positive(direction)
     return frozen(depth), frozen(slope), frozen(direction)

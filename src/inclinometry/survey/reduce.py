@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from inclinometry.arrays import Array, Mask, finite, frozen, within
+from inclinometry.arrays import Array, Mask, finite, frozen, increasing, within
 from inclinometry.constants import ANGLES, COVERAGE_FACTOR, EARTH_RATE, GRAVITY_SPREAD
 from inclinometry.earth.gravity import relative_gravity
 from inclinometry.earth.site import Site, convert_azimuth
@@ -59,7 +59,7 @@ class SensorCorrection:
     stations: int = 0
     chi_square: float = 0.0
     freedom: int = 0
-    warnings: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
     inputs: Mapping[str, str] = field(default_factory=dict)
     noise_factors: tuple[float, float] = (1.0, 1.0)
     information: Array = field(default_factory=lambda: np.zeros((0, 0)))
@@ -98,9 +98,8 @@ def correction_of(
     of_priors = ("gain", "offset", "power", "reference_temperature", "noise")
     of_estimate = ("parameters", "covariance", "chi_square", "freedom", "noise_factors")
     kept: dict[str, Any] = {name: getattr(priors, name) for name in of_priors}
-    kept |= {name: getattr(found, name) for name in (*of_estimate, "information", "score")}
+    kept |= {name: getattr(found, name) for name in (*of_estimate, "information", "score", "findings")}
     kept |= {"reference": reference, "priors": priors.source, "tool": tool, "inputs": dict(inputs or {})}
-    kept["warnings"] = tuple(map(str, found.findings))
     return SensorCorrection(**kept, md=(float(md[0]), float(md[-1])), stations=len(md))
 
 
@@ -331,8 +330,7 @@ def reduce_survey(
     depth = finite(md, "md", (None,))
     if not depth.size:
         raise refused("input-empty", {"name": "md"})
-    if (np.diff(depth) <= 0.0).any():
-        raise refused("input-order", {"name": "md", "row": int(np.argmax(np.diff(depth) <= 0.0)) + 2})
+    increasing(depth, "md")
     if calibration_dip is not None:
         within(calibration_dip, "calibration_dip", -np.pi / 2, np.pi / 2, "rad")
     heat = None if temperature is None else finite(temperature, "temperature", (len(depth),))

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from inclinometry.arrays import Array, finite, frozen
+from inclinometry.arrays import Array, finite, frozen, increasing
 from inclinometry.errors import refused, wrong_shape
 from inclinometry.findings import Finding
 from inclinometry.tabular import Column, Tabular
@@ -53,8 +53,7 @@ class Stations(Tabular):
         for name, values in (("g", g), ("b", b)):
             if values.shape != (size, 3):
                 raise wrong_shape(name, values.shape, f"({size}, 3)")
-        if (np.diff(md) <= 0.0).any():
-            raise refused("input-order", {"name": "md", "row": int(np.argmax(np.diff(md) <= 0.0)) + 2})
+        increasing(md, "md")
         noise = np.zeros((size, 6, 6)) if not self.noise.size else finite(self.noise, "noise", (6, 6))
         for name, source in self.sources.items():
             wide = source.by_field.shape

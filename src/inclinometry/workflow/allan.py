@@ -95,9 +95,13 @@ def _longest_rest(log: Log, path: str | Path) -> tuple[float, float] | None:
         return None
     names = [name for kind in log.channels for name in log.names[kind]]
     moved: dict[str, Value] = {"name": names[worst], "still_percent": 100.0 * still, "ratio": float(ratio[worst])}
-    if last - first < SHORTEST:
-        raise FileError(Finding("work-moved", moved), path=path)
-    raise FileError(Finding("work-moved-rest", {**moved, "start_s": times[0], "stop_s": times[1]}), path=path)
+    rest = None if last - first < SHORTEST else times
+    raise FileError(Finding("work-moved", {**moved, "rest": _said(rest)}), path=path)
+
+
+def _said(rest: tuple[float, float] | None) -> tuple[str, ...]:
+    """A rest as findings say it."""
+    return () if rest is None else (f"{rest[0]:.6g} .. {rest[1]:.6g} s",)
 
 
 def _rest_warnings(
@@ -107,9 +111,7 @@ def _rest_warnings(
     at = _moved(values)
     if at is not None:
         jump: dict[str, Value] = {"name": name, "time_s": float(log.time[0] + at * log.dt)}
-        if rest is None:
-            return [Finding("work-jump", jump)]
-        return [Finding("work-jump-rest", {**jump, "start_s": rest[0], "stop_s": rest[1]})]
+        return [Finding("work-jump", {**jump, "rest": _said(rest)})]
     misfit = 3.0
     if model.chi_square > misfit * model.dof + 10.0:
         fit: dict[str, Value] = {"name": name, "chi_square": model.chi_square, "freedom": model.dof}

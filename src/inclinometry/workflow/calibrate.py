@@ -34,10 +34,10 @@ from inclinometry.tabular import Column, Tabular, check_record, degrees
 MethodName: TypeAlias = Literal["joint", "twelve", "orthogonal", "rotations", "classical", "field", "norm"]
 METHODS: Final = {
     "joint": "joint:calibrate_joint",
-    "twelve": "direct:calibrate_twelve",
-    "orthogonal": "direct:calibrate_orthogonal",
-    "rotations": "direct:calibrate_rotations",
-    "classical": "direct:calibrate_classical",
+    "twelve": "closed_form_results:calibrate_twelve",
+    "orthogonal": "closed_form_results:calibrate_orthogonal",
+    "rotations": "closed_form_results:calibrate_rotations",
+    "classical": "closed_form_results:calibrate_classical",
     "field": "field:calibrate_field",
     "norm": "norm:calibrate_norms",
 }

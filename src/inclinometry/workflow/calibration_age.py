@@ -45,7 +45,7 @@ def at_the_run(
             day = datetime.date.fromisoformat(created[:10])
         except ValueError:
             raise FileError(
-                Finding("file-value", {"column": "$.created", "value": created, "allowed": "YYYY-MM-DD"}), path=path
+                Finding("input-value", {"name": "$.created", "value": created, "allowed": "YYYY-MM-DD"}), path=path
             ) from None
         years = years_between(day, site.date)
     if years is None:
@@ -54,6 +54,6 @@ def at_the_run(
     tool = add_stability(calibration.tool, years, known)
     days = years * DAYS_PER_YEAR
     if not tool.stability.any():
-        return calibration, [Finding("work-age-none", {"days": days}, severity="note")]
-    values: dict[str, Value] = {"days": days, "source": known.source}
+        return calibration, [Finding("work-age", {"days": days, "source": ()}, severity="note")]
+    values: dict[str, Value] = {"days": days, "source": (known.source,)}
     return replace(calibration, tool=tool), [Finding("work-age", values, severity="note")]

@@ -11,7 +11,7 @@ from inclinometry.calibration.result import Calibration, same_units
 from inclinometry.errors import refused
 from inclinometry.files.position_csv import WellStations
 from inclinometry.files.survey_csv import RawSurvey
-from inclinometry.findings import Finding
+from inclinometry.findings import Finding, Value
 from inclinometry.position.certificate import (
     calibration_sources,
     error_model,
@@ -112,7 +112,9 @@ def _computed(tool: Tool, well: WellSurvey, stations: WellStations) -> tuple[tup
     if temperature is None or not np.isfinite(temperature).all():
         temperature = np.full(len(stations), warm[0]) if warm else None
         if warm:
-            said.append(Finding("work-temperature-assumed", {"temperature_degC": float(warm[0])}, severity="note"))
+            assumed: dict[str, Value] = {"name": "temperature", "value": float(warm[0]), "unit": "degC"}
+            assumed |= {"why": "the calibration's reference", "needed": ("temperature_degC",)}
+            said.append(Finding("work-assumed", assumed, severity="note"))
     known = np.full(len(well), np.nan) if stations.toolface is None else stations.toolface
     if not np.isnan(known).any():
         return error_model(tool, well, known, temperature=temperature), said
@@ -124,5 +126,7 @@ def _computed(tool: Tool, well: WellSurvey, stations: WellStations) -> tuple[tup
         # the same size to rounding is no reason to change
         if major > largest * (1.0 + 1e-9):
             largest, chosen, found = major, float(angle), sources
-    said.append(Finding("work-toolface-assumed", {"toolface_deg": float(np.degrees(chosen))}, severity="note"))
+    assumed = {"name": "toolface", "value": float(np.degrees(chosen)), "unit": "deg"}
+    assumed |= {"why": "gives the largest ellipse", "needed": ("toolface_deg", "--raw")}
+    said.append(Finding("work-assumed", assumed, severity="note"))
     return found, said

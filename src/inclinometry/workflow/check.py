@@ -268,15 +268,19 @@ def _column(table: Frame, name: str, profile: Profile, uses: dict[str, Finding |
         except InputError as error:
             remark = error.finding
     if isinstance(values, tuple):
-        return ColumnLook(name, here, np.nan, np.nan, remark or Finding("check-text", {"count": len(set(values))}))
+        return ColumnLook(name, here, np.nan, np.nan, remark or _cells("different texts", len(set(values))))
     finite = values[np.isfinite(values)]
     if not finite.size:
-        return ColumnLook(name, here, np.nan, np.nan, remark or Finding("check-empty"))
+        return ColumnLook(name, here, np.nan, np.nan, remark or _cells("empty cells", len(values)))
     gaps = len(values) - finite.size
     low, high = float(finite.min()), float(finite.max())
     if remark is None and (gaps or (low == high and len(finite) > 3)):
-        remark = Finding("check-gaps", {"count": gaps}) if gaps else Finding("check-constant")
+        remark = _cells("empty cells", gaps) if gaps else _cells("different values", 1)
     return ColumnLook(name, here, low, high, remark)
+
+
+def _cells(what: str, count: int) -> Finding:
+    return Finding("check-cells", {"what": what, "count": count})
 
 
 def _notes(table: Frame, columns: tuple[ColumnLook, ...]) -> list[Finding]:
@@ -287,7 +291,7 @@ def _notes(table: Frame, columns: tuple[ColumnLook, ...]) -> list[Finding]:
             middle = float(np.median(steps))
             even = float(np.mean(np.abs(steps - middle) <= 0.5 * middle))
             rate = {"rate_Hz": 1.0 / middle, "uneven_percent": 100.0 * (1.0 - even)}
-            notes.append(Finding("check-rate" if even > 0.999 else "check-uneven", rate, severity="note"))
+            notes.append(Finding("check-rate", rate, severity="note"))
     units = {column.name: channel(column.here) for column in columns}
     for what, names in _triads(table, columns):
         values = np.stack([table.number(name) for name in names], axis=1)
@@ -298,8 +302,8 @@ def _notes(table: Frame, columns: tuple[ColumnLook, ...]) -> list[Finding]:
         here = units[names[0]]
         stated = stated_unit(names[0]) is not None or (here is not None and here.unit != "counts")
         if what != "gyro" and not stated:
-            fits = _units_that_fit(what, size) or [Finding("check-unit-counts")]
-            length: dict[str, Value] = {"columns": tuple(names), "length": size, "units": tuple(fits)}
+            fits = tuple(_units_that_fit(what, size)) or ("counts or volts",)
+            length: dict[str, Value] = {"columns": tuple(names), "length": size, "units": fits}
             notes.append(Finding("check-length", length, severity="note"))
     return notes
 
@@ -334,16 +338,17 @@ def _kind(name: str) -> str:
 
 
 def _units_that_fit(kind: str, size: float) -> list[Finding]:
-    """Units in which a still tool on the Earth would read this length, with how far off it is."""
+    """Units in which a still tool on the Earth would read this length, and what the field then is."""
     fits = []
     if kind in ("accelerometer", "triad"):
         for unit, one in (("m/s2", STANDARD_GRAVITY), ("g", 1.0), ("mg", 1000.0)):
             if abs(size / one - 1.0) < 0.1:
-                fits.append(Finding("check-unit-gravity", {"unit": unit, "off_percent": 100.0 * (size / one - 1.0)}))
+                gravity = size / one * STANDARD_GRAVITY
+                fits.append(Finding("check-unit", {"unit": unit, "name": "gravity", "value": gravity, "own": "m/s2"}))
     if kind in ("magnetometer", "triad"):
         for unit, one in (("nT", 1.0), ("uT", 1e-3), ("gauss", 1e-5), ("mG", 1e-2)):
             if 20_000.0 <= size / one <= 70_000.0:
-                fits.append(Finding("check-unit-field", {"unit": unit, "field_nT": size / one}))
+                fits.append(Finding("check-unit", {"unit": unit, "name": "|b|", "value": size / one, "own": "nT"}))
     return fits
 
 

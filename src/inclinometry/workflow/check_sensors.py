@@ -123,17 +123,20 @@ def _turning(channels: Mapping[str, Array], units: Mapping[str, str]) -> list[Fi
         rms = np.sqrt(np.mean(gyro**2, axis=0))
         order = np.argsort(rms)
         if rms[order[2]] > 3.0 * rms[order[1]]:
-            rates: dict[str, Value] = {"axis": "xyz"[int(order[2])], "rates": tuple(rms.tolist())}
-            return [Finding("check-turning-rate", {**rates, "unit": units.get("gyro", "")}, severity="note")]
+            return [_turns("xyz"[int(order[2])], "gyro", rms, units)]
     for kind in ("magnetometer", "accelerometer"):
         values = channels.get(kind)
         if values is None or values.shape[1] != 3:
             continue
         moved = np.std(values, axis=0)
         if moved.max() > 0.0 and moved.min() < 0.1 * np.median(moved):
-            still = {"axis": "xyz"[int(np.argmin(moved))], "kind": kind}
-            return [Finding("check-turning-field", still, severity="note")]
+            return [_turns("xyz"[int(np.argmin(moved))], kind, moved, units)]
     return []
+
+
+def _turns(axis: str, kind: str, changes: Array, units: Mapping[str, str]) -> Finding:
+    values: dict[str, Value] = {"axis": axis, "kind": kind, "changes": tuple(changes.tolist())}
+    return Finding("check-turning", values | {"unit": units.get(kind, "")}, severity="note")
 
 
 def _conventions(channels: Mapping[str, Array], units: Mapping[str, str]) -> Sensors:

@@ -146,11 +146,11 @@ def convert(
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     _ = Path(folder, "a.csv").write_text("md_m,inclination_deg,crew\\n0,0,A\\n30,1.5,B\\n")
     ...     convert(Path(folder, "a.csv"), Path(folder, "a.las")).lost[0].values
-    {'column': 'crew', 'count': 2}
+    {'names': ('crew',), 'lost': 2, 'total': 2}
     """
     start, end = format_of(source, from_format), format_of(target, to_format, "--to")
     if end == "xlsx" and Path(target).suffix.lower() == ".xlsm":
-        raise FileError(Finding("option-ending", {"ending": ".xlsm", "needed": (".xlsx",)}), path=target)
+        raise FileError(Finding("file-ending", {"ending": ".xlsm", "allowed": (".xlsx",)}), path=target)
     items: Options = {} if channels is None else {"channels": channels}
     if items and not (_known(FORMATS[start].read, items) or _known(FORMATS[end].write, items)):
         raise refused("input-not-with", {"name": "--map", "other": f"{start}, {end}"})
@@ -236,21 +236,25 @@ def lost(
     except InclinometryError as error:
         raise FileError(Finding("work-unread", {"format": name, "finding": error.finding}), path=path) from None
     if len(found) != len(survey):
-        return (Finding("work-lost-stations", {"read": len(survey), "written": len(found)}),)
+        return (_not_kept(("stations",), len(survey) - len(found), len(survey)),)
     there = columns_of(found)
     missed = [_column_lost(name, values, there.get(name)) for name, values in columns_of(survey).items()]
     texts = set(found.header.values())
     gone = [key for key, text in survey.header.items() if text and found.header.get(key) != text and text not in texts]
     if gone:
-        missed.append(Finding("work-lost-texts", {"names": tuple(gone)}))
+        missed.append(_not_kept([f"header.{key}" for key in gone], len(gone), len(survey.header)))
     return tuple(one for one in missed if one is not None)
+
+
+def _not_kept(names: Sequence[str], lost: int, total: int) -> Finding:
+    return Finding("work-lost-values", {"names": tuple(names), "lost": lost, "total": total})
 
 
 def _of_legs(survey: SurveyFile) -> tuple[Finding, ...]:
     """What a file of legs, which is not read, does not hold."""
     gone = (_column_lost(name, values, None) for name, values in columns_of(survey).items() if name not in HELD)
     texts = [key for key, text in survey.header.items() if text]
-    more = [Finding("work-lost-texts", {"names": tuple(texts)})] if texts else []
+    more = [_not_kept([f"header.{key}" for key in texts], len(texts), len(texts))] if texts else []
     return (Finding("work-lost-angles"), *filter(None, gone), *more)
 
 
@@ -270,15 +274,15 @@ def _column_lost(name: str, wanted: Column, found: Column | None) -> Finding | N
     if isinstance(wanted, tuple):
         count = sum(bool(text) for text in wanted)
         if found is None:
-            return Finding("work-lost-column", {"column": name, "count": count}) if count else None
+            return _not_kept((name,), count, count) if count else None
         differ = sum(a != b for a, b in zip(wanted, found, strict=True))
-        return Finding("work-lost-values", {"column": name, "lost": differ, "total": count}) if differ else None
+        return _not_kept((name,), differ, count) if differ else None
     known = ~np.isnan(wanted)
     if found is None or isinstance(found, tuple):
-        return Finding("work-lost-column", {"column": name, "count": int(known.sum())})
+        return _not_kept((name,), int(known.sum()), int(known.sum()))
     gone = known & np.isnan(found)
     if gone.any():
-        return Finding("work-lost-values", {"column": name, "lost": int(gone.sum()), "total": int(known.sum())})
+        return _not_kept((name,), int(gone.sum()), int(known.sum()))
     change = np.abs(wanted - found)[known]
     if quantities_by_column()[name].dimension == "angle":
         change = np.minimum(change, np.abs(360.0 - change))

@@ -30,7 +30,7 @@ def read_p7(
     found = p7.read_p7(path, convention=convention, depth_unit=depth_unit, azimuth_reference=azimuth_reference)
     numbers = tuple(map(str, found.surveys))
     if sheet is None and len(found.surveys) > 1:
-        raise FileError(Finding("work-surveys", {"names": numbers}), path=path)
+        raise FileError(Finding("file-surveys", {"names": numbers}), path=path)
     wanted = (one for number, one in found.surveys.items() if sheet is None or str(number) == sheet.strip())
     survey = next(wanted, None)
     if survey is None:

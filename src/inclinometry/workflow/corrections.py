@@ -12,7 +12,7 @@ from inclinometry.errors import FileError, InputError, in_file, not_among, refus
 from inclinometry.files.corrections_json import read_corrections
 from inclinometry.findings import Finding, Value
 from inclinometry.sensors import Tool
-from inclinometry.survey.flags import Check, remarks
+from inclinometry.survey.flags import Check
 from inclinometry.survey.multistation import Parameter, beyond_errors
 from inclinometry.survey.multistation_priors import FieldReference
 from inclinometry.survey.quality_wiring import wiring_check
@@ -80,20 +80,21 @@ def matching_correction(
     correction = read_corrections(path)
     digests = (correction.inputs.get("tool"), inputs.get("tool"))
     if correction.tool != tool or digests[0] != digests[1]:
-        raise FileError(Finding("work-other-calibration", {"made": correction.tool, "tool": tool}), path=path)
+        tools = zip((correction.tool, tool), digests, strict=True)
+        its, own = (f"{name or '-'} (tool.json {(digest or '-')[:8]})" for name, digest in tools)
+        raise FileError(Finding("work-other-tool", {"name": "correction", "its": its, "own": own}), path=path)
     try:
         refuse_beyond(correction.parameters)
     except InputError as error:
         raise in_file(error, path) from None
-    said = remarks(correction.warnings)
     raw = inputs.get("raw")
     if raw is not None and correction.inputs.get("raw") == raw:
-        return correction, said
+        return correction, list(correction.findings)
     (first, last), (top, bottom) = correction.md, (float(stations.md[0]), float(stations.md[-1]))
     made: dict[str, Value] = {"stations": correction.stations, "from_m": float(first), "to_m": float(last)}
     if (bottom < first or top > last) and not tool:
         raise FileError(Finding("work-other-run", {**made, "top_m": top, "bottom_m": bottom}), path=path)
-    return correction, [Finding("survey-correction-other", made), *said]
+    return correction, [Finding("survey-correction-other", made), *correction.findings]
 
 
 CORRECTIONS: Final = ("axial", "msa", "sag")

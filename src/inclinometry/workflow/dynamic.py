@@ -218,8 +218,8 @@ def dynamic_run(
     # single windows are refused in the rows, with their flags; so is a run that has no field at all. Where every window
     # is refused for a dip that is not the site's, the site or the axes are wrong, not the windows
     if (rows.refused & (rows.flags & np.uint32(BITS["axes"] | BITS["misfit"]) > 0)).all():
-        of_dip = ("motion-dip-axes", "motion-dip-disturbed", "motion-misfit-dip")
-        wrong = next((one for one in work.rows.findings if one.code in of_dip), None)
+        of_dip = (("motion-dip-axes", None), ("motion-field-disturbed", "dip"))
+        wrong = next((one for one in work.rows.findings if (one.code, one.values.get("name")) in of_dip), None)
         if wrong is not None:
             raise FileError(wrong._replace(severity="refused"), path=run.path)
     report = work.cutter.report
@@ -263,7 +263,8 @@ def _method(run: RunFile, place: Site, options: DynamicOptions) -> Method:
     if missing:
         able = tuple(other for other, each in METHODS.items() if set(each.needs) <= there)
         if not able:
-            raise FileError(Finding("motion-no-triads", severity="refused"), path=run.path)
+            columns = ("accel_x", "accel_y", "accel_z")
+            raise FileError(Finding("input-missing", {"names": columns}, severity="refused"), path=run.path)
         lacks: dict[str, Value] = {"method": options.method, "missing": tuple(missing), "able": able}
         raise FileError(Finding("motion-method-triads", lacks, severity="refused"), path=run.path)
     if "magnetometer" in run.names:
@@ -333,7 +334,11 @@ class _Pipeline:
     def __init__(self, run: RunFile, place: Site, calibration: Calibration | None, options: DynamicOptions) -> None:
         method, gyro = _method(run, place, options), "gyro" in run.names
         if not gyro and (options.gyro_noise, options.gyro_bias_sigma, options.allan) != (None, None, None):
-            raise FileError(Finding("motion-gyro-stated", severity="refused"), path=run.path)
+            stated = {
+                "name": "--gyro-noise-deg-sqrt-h, --gyro-bias-sd-deg-h, --allan",
+                "needed": ("gyro_x", "gyro_y", "gyro_z"),
+            }
+            raise FileError(Finding("input-needs", stated, severity="refused"), path=run.path)
         setup = Setup(place, options, calibration, gyro=gyro)
         # known from somewhere, or an azimuth that rests on the gyro
         say = bool(setup.gyro) or options.method == "gyro" or "magnetometer" not in run.names

@@ -9,13 +9,14 @@ import numpy as np
 
 from inclinometry.arrays import Array, Mask
 from inclinometry.calibration.result import UNSTATED, Calibration, same_units
-from inclinometry.constants import EARTH_RATE, FIELD_UNITS, RPM, STANDARD_GRAVITY
+from inclinometry.constants import EARTH_RATE, STANDARD_GRAVITY
 from inclinometry.earth.site import Site
 from inclinometry.errors import FileError, refused
 from inclinometry.files._quantities import to_si
 from inclinometry.files.columns import KIND_PREFIX
 from inclinometry.files.run_file import RunBlock, RunFile
 from inclinometry.findings import Finding, Value
+from inclinometry.motion.axes import too_fast
 from inclinometry.sensors import Triad
 
 # Single values of a run that no sensor reads: markers of other programs for a missing value, and broken bytes.
@@ -159,17 +160,17 @@ class Signals:
         # casing takes all but a hundredth of the field along the hole
         least = {"accelerometer": 4.0, "magnetometer": 200.0}
         if middle < least.get(kind, 0.0):
+            unit = {"accelerometer": "m/s2", "magnetometer": "nT"}[kind]
             values: dict[str, Value] = {
                 "sensor": kind,
                 "reading": middle,
-                "unit": FIELD_UNITS[kind],
-                "least": least[kind],
+                "unit": unit,
+                "allowed": f">= {least[kind]:g}",
             }
-            raise FileError(Finding("motion-too-small", values, severity="refused"), path=self._run.path)
+            raise FileError(Finding("motion-size", values, severity="refused"), path=self._run.path)
         fastest = 210.0  # rad/s, 2000 rpm: a median rate beyond it is in degrees a second
         if kind == "gyro" and middle > fastest:
-            speeds = {"speed_rpm": middle * RPM, "most_rpm": fastest * RPM}
-            raise FileError(Finding("motion-gyro-fast", speeds, severity="refused"), path=self._run.path)
+            raise FileError(Finding("motion-size", too_fast(middle, fastest), severity="refused"), path=self._run.path)
 
 
 def _factor(kind: str, unit: str, names: tuple[str, ...]) -> float:

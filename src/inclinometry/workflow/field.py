@@ -96,13 +96,15 @@ def _with_field(site: Site) -> tuple[Site, list[Finding]]:
         return site, []
     if site.date is None or unknown:
         # a latitude alone serves gravity and gyros: that the field is unknown is then no surprise
-        said = Finding("work-not-known", {"names": tuple(lacking), "needed": tuple(unknown)}, severity="note")
+        said = Finding("work-site-lacks", {"names": tuple(lacking), "needed": tuple(unknown)}, severity="note")
         return site, [said] if len(unknown) == 1 else []
     done = complete_site(site, model_of(site.date))
     filled: dict[str, Value] = {"names": tuple(lacking), "source": done.origin(lacking[0]) or ""}
     filled["date"] = str(site.date)
     found = [Finding("work-filled", filled, severity="note")]
-    found += [] if site.height_m is not None else [Finding("work-height", severity="note")]
+    if site.height_m is None:
+        height: dict[str, Value] = {"name": "height", "value": 0.0, "unit": "m", "why": "sea level"}
+        found.append(Finding("work-assumed", {**height, "needed": ("height_m",)}, severity="note"))
     if "declination" in lacking and done.b is not None and done.dip is not None:
         found += _weak(done.b * float(np.cos(done.dip)), done.declination_sigma or 0.0)
     return done, found
@@ -115,7 +117,7 @@ def _with_convergence(site: Site) -> tuple[Site, list[Finding]]:
         # found where the convergence stated is not the grid's, or is the grid's with the other sign
         if site.latitude is None or site.longitude is None:
             return site, []
-        stated: dict[str, Value] = {"stated_deg": float(np.degrees(site.convergence)), "crs": site.crs}
+        stated: dict[str, Value] = {"stated_deg": float(np.degrees(site.convergence)), "model": site.crs}
         try:
             grid = float(grid_convergence(site.crs, site.latitude, site.longitude).convergence)
         except InputError as error:
@@ -127,11 +129,12 @@ def _with_convergence(site: Site) -> tuple[Site, list[Finding]]:
         flipped = apart > 0.05 and mirrored <= 0.05
         if not flipped and apart <= 0.2:
             return site, []
-        stated["grid_deg"] = float(np.degrees(grid))
-        return site, [Finding("work-convergence-sign" if flipped else "work-convergence", stated)]
+        stated |= {"name": "convergence", "model_deg": float(np.degrees(grid))}
+        remedy = "positive is grid north east of true north" if flipped else "convergence, place or crs"
+        return site, [Finding("work-site-angle", {**stated, "u_deg": 0.0, "remedy": remedy})]
     if site.latitude is None or site.longitude is None:
         lacking: dict[str, Value] = {"names": ("convergence",), "needed": ("latitude", "longitude")}
-        return site, [Finding("work-not-known", lacking, severity="note")]
+        return site, [Finding("work-site-lacks", lacking, severity="note")]
     convergence = float(grid_convergence(site.crs, site.latitude, site.longitude).convergence)
     # geometry: its uncertainty is that of the position, far below any azimuth's
     origins = (*site.origins, ("convergence", site.crs))
@@ -155,9 +158,10 @@ def declination_doubts(site: Site) -> list[Finding]:
     if away <= max(3.0 * sigma, np.radians(1.0)):
         return []
     turned = abs(float(wrap_signed(-site.declination - expected))) < 0.5 * away
-    values: dict[str, Value] = {"stated_deg": float(np.degrees(site.declination)), "model": found.model}
-    values |= {"model_deg": float(np.degrees(expected)), "u_deg": float(np.degrees(sigma))}
-    return [Finding("work-declination-sign" if turned else "work-declination", values)]
+    values: dict[str, Value] = {"name": "declination", "model": found.model}
+    values |= {"stated_deg": float(np.degrees(site.declination)), "model_deg": float(np.degrees(expected))}
+    values |= {"u_deg": float(np.degrees(sigma)), "remedy": "east is positive" if turned else "declination or place"}
+    return [Finding("work-site-angle", values)]
 
 
 def _weak(horizontal: float, sigma: float) -> list[Finding]:

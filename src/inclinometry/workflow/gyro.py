@@ -261,7 +261,7 @@ def _check_history(history: ScaleRecord | None, readings: GyroReadings, calibrat
         return
     name = "" if calibration is None else calibration.tool.name
     if history.tool != name:
-        raise refused("work-history-tool", {"history": history.tool, "tool": name})
+        raise refused("work-other-tool", {"name": "history", "its": history.tool or "-", "own": name or "-"})
     if readings.digest in _earlier(history).values():
         raise refused("work-history-same")
 

@@ -17,6 +17,7 @@ from inclinometry.files.columns import KIND_PREFIX
 from inclinometry.files.gyro_csv import GyroReadings
 from inclinometry.findings import Finding, Value
 from inclinometry.gyro.bias_walk import bias_walk
+from inclinometry.gyro.closed_form import too_heavy
 from inclinometry.gyro.faults import Density, Fault, find_faults, gravity_density, rate_density
 from inclinometry.gyro.indexing import SCHEMES, IndexTurns, average_index, index_batches
 from inclinometry.gyro.result import IndexAverage
@@ -96,6 +97,12 @@ def average_run(
     return Averages(gravity, rate, own, across @ turned @ across, np.sqrt(along), g_bias, w_bias, by_gravity, by_rate)
 
 
+def gravity_off(gravity: float, site: float) -> Finding:
+    """Of a gravity, m/s^2, that is not the site's."""
+    values = {"gravity_m_s2": gravity, "off_percent": 100.0 * (gravity / site - 1.0), "site_m_s2": site}
+    return Finding("gyro-gravity-off", values)
+
+
 def gravity_suspect(gravity: Array, g: float) -> Finding | None:
     """What is wrong with gravity (n, 3), m/s^2, whose length is not g; None where z is not measured or all is well."""
     length = np.linalg.norm(gravity, axis=1)
@@ -106,7 +113,7 @@ def gravity_suspect(gravity: Array, g: float) -> Finding | None:
         return None
     if abs(middle - 1.0) <= LIGHTEST:
         return Finding("gyro-accel-in-g", severity="refused")
-    return Finding("gyro-gravity-off", {"gravity_m_s2": middle, "site_m_s2": g}, severity="refused")
+    return gravity_off(middle, g)._replace(severity="refused")
 
 
 class _Sensors:
@@ -149,7 +156,8 @@ class _Sensors:
         """Channels that are already fields along the axes they are named after; the size (m,) of one."""
         letters, unit = self.readings.letters.get(self.kind), self.readings.units[self.kind]
         if not letters:
-            raise refused("gyro-channels-numbered", {"kind": self.kind})
+            columns = self._channels(range(self.signals.shape[1]))
+            raise refused("input-axes", {"kind": self.kind, "columns": columns})
         allowed = ("deg/h", "deg/s", "rad/s") if self.kind == "gyro" else ("counts", "m/s^2", "g", "mg")
         if unit not in allowed:
             raise refused("input-unit", {"kind": self.kind, "unit": unit, "allowed": allowed[-3:]})
@@ -288,8 +296,10 @@ class _Sensors:
             known[along] = size
         size *= self.strength / self.longest
         if self.kind == "accelerometer":
-            return known, [Finding("gyro-accel-bias-along", {"bias_m_s2": size}, severity="note")]
-        return known, [Finding("gyro-bias-along", {"bias_deg_h": float(np.degrees(size)) * 3600.0})]
+            bias: dict[str, Value] = {"kind": self.kind, "bias": size, "unit": "m/s2"}
+            return known, [Finding("gyro-bias-along", bias, severity="note")]
+        bias = {"kind": self.kind, "bias": float(np.degrees(size)) * 3600.0, "unit": "deg/h"}
+        return known, [Finding("gyro-bias-along", bias)]
 
     def _faults(self, possible: Possible, known: Array, right: Mask) -> list[Fault]:
         """Channels that failed, and where."""
@@ -346,8 +356,7 @@ class _Sensors:
         sizes = np.where(at_work, np.abs(self.signals).max(axis=1), 0.0) * self.strength
         if sizes.max() > heaviest:
             row = int(np.argmax(sizes))
-            values = {"acceleration_m_s2": float(sizes[row]), "line": int(self.readings.lines[row])}
-            raise refused("gyro-accel-heavy", values)
+            raise too_heavy(int(self.readings.lines[row]), float(sizes[row]), STANDARD_GRAVITY)
 
     def _check_direction(self) -> None:
         """Refuse readings of several sensors that follow the index only when it is counted the other way."""
@@ -402,12 +411,10 @@ class _Sensors:
         run, along, gyro = self.readings, self.along, self.kind == "gyro"
         names, rows = self._channels(fault.channels), tuple(range(fault.first, fault.last + 1))
         first, last = run.labels[fault.first], run.labels[fault.last]
-        where = Finding("gyro-at-station", {"station": first})
-        if fault.first < fault.last:
-            where = Finding("gyro-at-stations", {"first": first, "last": last})
         axial = gyro and bool(along[list(fault.channels)].all())
         effect = "it is not used there" if axial else "no azimuth there"
-        said: dict[str, Value] = {"channels": names, "where": where}
+        stations = first if fault.first == fault.last else f"{first} .. {last}"
+        said: dict[str, Value] = {"channels": (names,), "stations": stations}
         if fault.code == "one-value":
             at = (run.station == fault.last).nonzero()[0][0]
             value = float(run.channels[self.kind][at, fault.channels[0]])
@@ -415,16 +422,13 @@ class _Sensors:
         if fault.code == "noise":
             return Finding("gyro-fault-noise", said | {"times": fault.factor, "effect": effect}, rows)
         if axial or (gyro and fault.jump(np.flatnonzero(~along).tolist())):
-            start = run.labels[fault.first if fault.first > 0 else fault.last + 1]
-            meant = "it is not used" if axial else "azimuth does not depend on it"
-            return Finding("gyro-fault-jump", {"channels": names, "station": start, "effect": meant}, rows)
-        if fault.rival is not None and (other := self._channels(fault.rival[0])) != names:
-            return Finding("gyro-fault-either", said | {"others": other}, rows)
+            effect = "it is not used" if axial else "azimuth does not depend on it"
+        times: tuple[float, ...] = (fault.factor,)
         if fault.rival is not None:
-            return Finding("gyro-fault-sign-or-size", said, rows)
-        if fault.factor < 0.0:
-            return Finding("gyro-fault-sign", said, rows)
-        return Finding("gyro-fault-size", said | {"times": fault.factor}, rows)
+            other = self._channels(fault.rival[0])
+            said["channels"] = (names, other) if other != names else (names,)
+            times = (fault.factor, fault.rival[1])
+        return Finding("gyro-fault-size", said | {"times": times, "effect": effect}, rows)
 
     def _unlike(self, known: Array, right: Mask) -> list[Finding]:
         """What is said where one of two sensors across reads more than the other everywhere."""

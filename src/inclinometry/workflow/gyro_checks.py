@@ -15,7 +15,7 @@ from inclinometry.gyro.result import North
 from inclinometry.gyro.run import ScalePrior, Stations, solve
 from inclinometry.survey.flags import Check
 from inclinometry.survey.gyro_quality import rate_checks
-from inclinometry.workflow.gyro_average import LIGHTEST
+from inclinometry.workflow.gyro_average import LIGHTEST, gravity_off
 
 
 def check_rates(
@@ -68,8 +68,7 @@ def gravity_scale(stations: Stations) -> list[Finding]:
     heavy = (1e-3, 5.0)
     if abs(off) < heavy[0] or abs(sigmas) < heavy[1]:
         return []
-    values = {"off_percent": 100.0 * off, "site_m_s2": stations.g, "sigmas": abs(sigmas)}
-    return [Finding("gyro-gravity-scale", values)]
+    return [gravity_off(stations.g * (1.0 + off), stations.g)]
 
 
 def gravity_in_g(stations: Stations) -> Finding | None:

@@ -35,8 +35,8 @@ def read_run(path: str | Path) -> Run:
         row = int(np.argmax(~((inclination >= 0.0) & (inclination <= np.pi))))
         raise FileError(
             Finding(
-                "file-value",
-                {"column": "inclination_deg", "value": float(np.degrees(inclination[row])), "allowed": "0 .. 180"},
+                "input-value",
+                {"name": "inclination_deg", "value": float(np.degrees(inclination[row])), "allowed": "0 .. 180"},
             ),
             path=path,
             row=row + 1,
@@ -54,7 +54,9 @@ def compare_run_files(
 ) -> Comparison:
     """Compare the survey files of an in-run and an out-run; a site is needed only where their norths differ."""
     if digest_file(in_run) == digest_file(out_run):
-        raise FileError(Finding("work-same", {"file": Path(in_run).name}), path=out_run)
+        raise FileError(
+            Finding("input-same-file", {"name": Path(out_run).name, "other": Path(in_run).name}), path=out_run
+        )
     one, two = read_run(in_run), read_run(out_run)
     if one.azimuth_reference != two.azimuth_reference:
         if site is None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from inclinometry.errors import FileError, IdentifiabilityError, InputError, in_
 from inclinometry.files.log_csv import Log, read_log
 from inclinometry.files.profile import reading_with
 from inclinometry.files.text import Progress
-from inclinometry.findings import Finding
+from inclinometry.findings import Finding, Value
 
 
 def calibrate_log(
@@ -39,7 +40,8 @@ def calibrate_log(
     gravity = None if site is None else site.gravity
     if gravity is None:
         gravity = STANDARD_GRAVITY
-        told.append(Finding("work-gravity-assumed", {"gravity_m_s2": gravity}, severity="note"))
+        values: dict[str, Value] = {"name": "gravity", "value": gravity, "unit": "m/s2", "why": "standard gravity"}
+        told.append(Finding("work-assumed", {**values, "needed": ("--site",)}, severity="note"))
     try:
         found = calibrate_hand_rotations(
             log.time, triads["accelerometer"], triads["gyro"], gravity=gravity, gyro_unit=units["gyro"]
@@ -48,7 +50,7 @@ def calibrate_log(
         raise in_file(error, path) from None
     record = hand_rotations_calibration(found, digest, units=units, specific_force=specific_force, name=name)
     if "magnetometer" in log.channels:
-        told.append(Finding("work-magnetometer-unused", severity="note"))
+        told.append(Finding("fit-unused", {"kind": "magnetometer", "methods": ("norm",)}, severity="note"))
     pairs = found.rests.pairs()
     readings = BenchReadings(
         {kind: np.array([values[a:b].mean(axis=0) for a, b in pairs]) for kind, values in triads.items()},
@@ -80,7 +82,7 @@ def read_both(
             raise refused("input-not-with", {"name": "--gyro-log", "other": f"{Path(path).name}: gyro"})
         with reading_with(gyro_profile) if gyro_profile else nullcontext():
             other = read_log(gyro_log, progress=progress)
-        _same_times(log, other, gyro_log)
+        _same_times(log, other, path, gyro_log)
         channels["gyro"], units["gyro"] = _three(other, "gyro", gyro_log), other.units["gyro"]
         digest = digest_bytes(f"{log.digest} {other.digest}".encode())
         told += other.findings
@@ -95,24 +97,24 @@ def read_both(
     return log, triads, {kind: units[kind] for kind in triads}, digest, told
 
 
+_TRIADS: Final = {"accelerometer": ("accel_x .. accel_z",), "gyro": ("gyro_x .. gyro_z",)}
+
+
 def _three(log: Log, kind: str, path: str | Path) -> np.ndarray:
     """The three channels of a triad."""
     values = log.channels.get(kind)
     if values is None or values.shape[1] != 3:
-        raise FileError(
-            Finding("work-triad", {"kind": kind, "count": 0 if values is None else values.shape[1]}), path=path
-        )
+        raise FileError(Finding("input-missing", {"names": _TRIADS[kind]}), path=path)
     return values
 
 
-def _same_times(log: Log, other: Log, path: str | Path) -> None:
-    """Refuse two files that were not sampled together."""
+def _same_times(log: Log, other: Log, source: str | Path, path: str | Path) -> None:
+    """Refuse two files, `source` the first, that were not sampled together."""
     if len(log) != len(other):
-        raise FileError(Finding("work-rows", {"count": len(other), "expected": len(log)}), path=path)
+        counts = {"name": "rows", "here": len(other), "there": len(log), "file": Path(source).name}
+        raise FileError(Finding("work-rows", counts), path=path)
     off = np.abs(log.time - other.time)
     if off.max() > 0.1 * float(np.median(np.diff(log.time))):
         row = int(np.argmax(off))
-        raise FileError(
-            Finding("work-times", {"row": row + 1, "gyro_s": float(other.time[row]), "accel_s": float(log.time[row])}),
-            path=path,
-        )
+        times = {"name": "time", "here": float(other.time[row]), "there": float(log.time[row])}
+        raise FileError(Finding("work-rows", {**times, "file": Path(source).name}), path=path, row=row + 1)

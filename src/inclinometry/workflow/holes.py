@@ -141,9 +141,9 @@ def _shots(shots: Shots, inclination: Array, rows: Index, azimuth_add: float) ->
             if np.isnan(column[k]):
                 raise InputError(Finding("table-empty", {"column": what}, (k,)))
             if not low - 1e-9 <= column[k] <= high + 1e-9:
-                values: dict[str, Value] = {"column": what, "value": float(np.degrees(column[k]))}
+                values: dict[str, Value] = {"name": what, "value": float(np.degrees(column[k]))}
                 values["allowed"] = f"{bounds[what][0]:g} .. {bounds[what][1]:g} deg"
-                raise InputError(Finding("file-value", values, (k,)))
+                raise InputError(Finding("input-value", values, (k,)))
         if k and depth[k] <= depth[k - 1]:
             values = {"md_m": float(depth[k]), "last_m": float(depth[k - 1])}
             raise InputError(Finding("holes-depth-order", values, (k,), "refused"))

@@ -228,13 +228,19 @@ def _of_site(error: InputError, path: str | Path | None) -> InputError:
 _AXES: Final = {"north": "north", "east": "east", "tvd": "true vertical depth"}
 
 
+def _uncompared(
+    *names: str, needed: tuple[str, ...] = ("columns with known names, units and at least two numbers",)
+) -> Finding:
+    return Finding("work-not-compared", {"names": names, "needed": needed}, severity="note")
+
+
 def _listed_paths(stations: WellStations, site: Site) -> tuple[list[tuple[Listed, WellPath]], list[Finding]]:
     """The positions that the file states, each with the path it is compared with, and what is not compared."""
     listed = [one for one in stations.listed if not np.isnan(one.values).all()]
     lacking = tuple(name for axis, name in _AXES.items() if axis not in [one.axis for one in listed])
     notes = []
     if lacking and (listed or stations.unread):
-        notes.append(Finding("work-not-compared", {"names": lacking}, severity="note"))
+        notes.append(_uncompared(*lacking))
     own = minimum_curvature(stations.md, stations.inclination, stations.azimuth)
     # farther from their origin than the well is long: counted from grid north
     on_map = [one.axis != "tvd" and np.nanmin(np.abs(one.values)) > stations.md[-1] for one in listed]
@@ -243,7 +249,8 @@ def _listed_paths(stations: WellStations, site: Site) -> tuple[list[tuple[Listed
     try:
         azimuth = convert_azimuth(stations.azimuth, stations.azimuth_reference, "grid", site)
     except InputError:
-        notes.append(Finding("work-map-not-compared", severity="note"))
+        needed = ("azimuths from grid north", "declination and convergence in the site file")
+        notes.append(_uncompared("map coordinates", needed=needed))
         return [(one, own) for one, far in zip(listed, on_map, strict=True) if not far], notes
     grid = minimum_curvature(stations.md, stations.inclination, azimuth)
     return [(one, grid if far else own) for one, far in zip(listed, on_map, strict=True)], notes
@@ -268,7 +275,7 @@ def _against_listed(stations: WellStations, site: Site) -> list[Finding]:
             continue
         there = np.flatnonzero(~np.isnan(one.values))
         if there.size < 2:  # positions count from the first: one alone is compared with nothing
-            found.append(Finding("work-not-compared", {"names": (_AXES[one.axis],)}, severity="note"))
+            found.append(_uncompared(_AXES[one.axis]))
             continue
         moved = (one.values - getattr(path, one.axis))[there]
         away = np.abs(moved - moved[0])

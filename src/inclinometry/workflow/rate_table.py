@@ -129,7 +129,7 @@ def _causes(ratio: float, unit: str, residuals: _Residuals, together: bool) -> l
     rate.sort(key=lambda factor: abs(np.log(ratio / factor)))
     here = [unit] if unit in PER_RADIAN else list(PER_RADIAN)
     meant = [(true, said) for said in here for true in PER_RADIAN if near(PER_RADIAN[true] / PER_RADIAN[said])]
-    signals: list[Value] = [Finding("work-rate-unit", {"unit": true, "named": said}) for true, said in meant]
+    signals: list[Value] = [f"{true} given as {said}" for true, said in meant]
     if unit not in PER_RADIAN and signals:
         signals = ["gyro columns in another unit than those of the calibration"]
     better = min((residuals.ratio(factor) for factor in rate), default=1.0)
@@ -160,7 +160,7 @@ def _axes(steps: RateSteps, triad: Triad, before: Triad | None, residuals: _Resi
         better = residuals.ratio(-1.0)
         table, sure = RATE_MISTAKES[-1.0], better > CLEAR
         mistakes = (gyros,) if sure else (table,) if better < 1.0 / CLEAR else (table, gyros)
-        said = Finding("work-rate-reversed", {"mistakes": mistakes})
+        said = Finding("work-rate-scale", {"names": tuple(steps.names), "ratio": -1.0, "mistakes": mistakes})
     else:
         sure = True
         main = [f"{'-' if row[k] < 0 else '+'}{'xyz'[k]}" for row in own for k in [int(np.argmax(np.abs(row)))]]

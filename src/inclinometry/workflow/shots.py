@@ -94,7 +94,7 @@ def repeat_checks(
 ) -> list[Check]:
     """The checks of `repeated_stations` on two surveys; two calibrations count as two tools."""
     if first.inputs["raw"] == second.inputs["raw"]:
-        raise refused("work-same", {"file": "the first"})
+        raise refused("input-same-file", {"name": "SECOND", "other": "FIRST"})
     same = not other_tool and first.inputs.get("tool") == second.inputs.get("tool")
     return repeated_stations(first.stations, second.stations, same_tool=same, apart_m=apart_m)
 
@@ -102,16 +102,19 @@ def repeat_checks(
 def depth_check(first: str | Path, second: str | Path, first_sigma_m: float, second_sigma_m: float) -> Check:
     """Whether the depths of two files agree, row by row; where both have a column `station` it must be the same."""
     if digest_file(first) == digest_file(second):
-        raise FileError(Finding("work-same", {"file": Path(first).name}), path=second)
+        raise FileError(Finding("input-same-file", {"name": Path(second).name, "other": Path(first).name}), path=second)
     tables = [_depth_table(first), _depth_table(second)]
     one, two = (_given(table, path) for table, path in zip(tables, (first, second), strict=True))
     if len(one) != len(two):
-        raise FileError(Finding("work-rows", {"count": len(two), "expected": len(one)}), path=second)
+        raise FileError(
+            Finding("work-rows", {"name": "rows", "here": len(two), "there": len(one), "file": Path(first).name}),
+            path=second,
+        )
     if "station" in one and "station" in two:
         for row, names in enumerate(zip(one.text("station"), two.text("station"), strict=True)):
             if names[0] != names[1]:
-                other = {"name": names[1], "expected": names[0], "file": Path(first).name}
-                raise two.error(Finding("work-station", other), row)
+                other = {"name": "station", "here": names[1], "there": names[0], "file": Path(first).name}
+                raise two.error(Finding("work-rows", other), row)
     return dual_depth(_metres(one), _metres(two), first_sigma_m, second_sigma_m)
 
 

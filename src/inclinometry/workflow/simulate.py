@@ -185,7 +185,7 @@ def read_truth(path: str | Path) -> tuple[Tool, Rig]:
             raise FileError(Finding("input-unknown", {"names": (f"rig.{name:.60}",), "known": tuple(known)}), path=path)
         if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= 360.0:
             raise FileError(
-                Finding("file-value", {"column": f"rig.{name}", "value": f"{value!r:.60}", "allowed": "-360 .. 360"}),
+                Finding("input-value", {"name": f"rig.{name}", "value": f"{value!r:.60}", "allowed": "-360 .. 360"}),
                 path=path,
             )
     angles: dict[str, Any] = {name.removesuffix("_deg"): float(np.radians(value)) for name, value in stand.items()}

@@ -167,7 +167,7 @@ def _survey_file(path: str | Path, form: str | None, convention: str | None) -> 
         return found
     rows = np.asarray(found.used)
     if not rows.any():
-        raise FileError(Finding("work-none-used"), path=path)
+        raise FileError(Finding("file-empty", {"what": "stations marked as used"}), path=path)
     kept = _rows(found, rows)
     left = Finding("table-left", {"count": int((~rows).sum()), "total": len(rows)}, severity="note")
     return replace(kept, findings=(*kept.findings, left))
@@ -197,11 +197,15 @@ def _vectors(found: SurveyFile, name: str, path: str | Path) -> Array:
     values: Array | None = getattr(found, name)
     if values is None:
         raise FileError(Finding("input-missing", {"names": _AXES[name]}), path=path)
-    empty = np.isnan(values).any(axis=1)
-    if empty.any():
-        depth = found.md[int(np.argmax(empty))]
-        raise FileError(Finding("work-cell", {"names": _AXES[name], "md_m": float(depth)}), path=path)
+    for axis, column in zip(_AXES[name], values.T, strict=True):
+        _refuse_empty(axis, column, path)
     return values
+
+
+def _refuse_empty(name: str, column: Array, path: str | Path) -> None:
+    empty = np.isnan(column)
+    if empty.any():
+        raise FileError(Finding("table-empty", {"column": name}), path=path, row=int(np.argmax(empty)) + 1)
 
 
 def _temperature(found: SurveyFile) -> Array | None:
@@ -227,9 +231,7 @@ def fields_of_survey(found: SurveyFile, site: Site, path: str | Path) -> tuple[A
         raise FileError(Finding("work-six-axes", {"names": tuple(lacking)}), path=path)
     values = {name: np.asarray(column) for name, column in columns.items()}
     for name, column in values.items():
-        if np.isnan(column).any():
-            depth = found.md[int(np.argmax(np.isnan(column)))]
-            raise FileError(Finding("work-cell", {"names": (name,), "md_m": float(depth)}), path=path)
+        _refuse_empty(name, column, path)
     inclination, azimuth, g_total, b_total, dip = values.values()
     azimuth = convert_azimuth(azimuth, found.azimuth_reference or "", "magnetic", site)
     toolface = np.zeros(len(found)) if found.toolface is None else np.nan_to_num(found.toolface)
@@ -428,7 +430,7 @@ def _refuse_unknown(site: Site) -> None:
         return
     known = {"g": site.gravity, "b_nT": site.b, "dip_deg": site.dip}
     lacking = tuple(name for name, value in known.items() if value is None)
-    raise refused("work-site-lacks", {"names": lacking})
+    raise refused("work-site-lacks", {"names": lacking, "needed": ("latitude_deg", "longitude_deg", "date")})
 
 
 @dataclass(frozen=True, eq=False)
@@ -557,6 +559,6 @@ def msa(run: SixAxis, priors: str = "iscwsa", axial_sigma: float | None = None) 
     refuse_beyond(found.parameters)
     tool = "" if run.tool is None else run.tool.name
     correction = correction_of(found, reference, chosen, tool, run.inputs)
-    ignored = [f"ignored {one.code}: {one}" for one in run.findings if one.severity == "ignored"]
-    correction = replace(correction, warnings=(*ignored, *correction.warnings))
+    ignored = [one for one in run.findings if one.severity == "ignored"]
+    correction = replace(correction, findings=(*ignored, *correction.findings))
     return Analysis(found, correction, before)

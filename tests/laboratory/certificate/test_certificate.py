@@ -23,8 +23,10 @@ from tests.refusals import refused
 import inclinometry
 from inclinometry.calibration.expected import expected_uncertainty, tool_temperature
 from inclinometry.calibration.result import Calibration
+from inclinometry.calibration.undetermined import few
 from inclinometry.constants import STEPS
 from inclinometry.errors import FileError
+from inclinometry.files.json_codec import restored
 from inclinometry.findings import Finding, say
 from inclinometry.laboratory.certificate.dcc import dcc_bytes
 from inclinometry.laboratory.certificate.laboratory import Laboratory, Standard
@@ -104,7 +106,7 @@ def test_special_characters_are_printed_as_they_are(tmp_path: Path) -> None:
     laboratory = replace(LABORATORY, name=NASTY, traceability=NASTY, address=NASTY)
     order = replace(ORDER, customer=NASTY, item=NASTY, condition=NASTY, rig=NASTY, environment=NASTY, serial=NASTY)
     content = record(laboratory=laboratory, order=order, previous=calibration(2), previous_from=NASTY, number=NASTY)
-    content["warnings"] = [NASTY]
+    content["findings"] = [restored(NASTY).stored()]
     whole = " ".join(pages(certificate_pdf(content), tmp_path)).replace(" ", "")
     # name, traceability, address (twice: place), customer, item, condition, rig, environment, serial, number, ...
     assert whole.count(NASTY.replace(" ", "")) >= 12
@@ -198,7 +200,7 @@ def test_every_kind_of_tool_can_be_certified(sensors: dict[str, int]) -> None:
         assert at[90.0] > 30.0
         (told,) = two_accelerometers(calibration.tool)
         assert told.values["percent"] == pytest.approx(0.3, abs=0.05)
-        assert str(told) in content["warnings"]
+        assert told.stored() in content["findings"]
     assert certificate_pdf(content).startswith(b"%PDF")
     schema = dcc_schema()
     assert schema.validate(etree.fromstring(dcc_bytes(content))), schema.error_log
@@ -284,7 +286,7 @@ def test_conformity_and_its_rule(seen, statement, rule) -> None:  # type: ignore
 def test_the_first_page_says_to_what_the_statement_applies(tmp_path: Path) -> None:
     """Protocol with n of m, angles and inclinations judged, what was not; the reference of the rig."""
     seen = copy.deepcopy(verification(1.0))
-    seen["report"]["protocol"] = {"name": "twelve", "taken": 12, "positions": 12}
+    seen["report"]["protocol"] = {"name": "twelve", "positions_captured": 12, "positions": 12}
     for row in seen["report"]["positions"]:
         row["toolface"]["decision"] = "not judged"
     order = replace(ORDER, rig_traceability="NMI cert 12", rig_place="hall 9")
@@ -323,12 +325,12 @@ def test_what_cannot_be_shown_is_left_out_of_the_record() -> None:
 def test_warnings_and_units_are_in_the_language_of_the_certificate(seen: list[dict[str, str]]) -> None:
     """Nobody reads English on the Russian certificate of a doubtful verification, but names and codes."""
     doubted = copy.deepcopy(verification(1.0))
-    few = Finding("verify-few", {"positions": 4, "least": 6})
-    doubted["report"]["warnings"] = [str(few)]
+    said = few("positions to verify a tool", 4, 6, "Take more over the range of use")
+    doubted["report"]["findings"] = [said.stored()]
     certificate_pdf(record(verification=doubted) | {"language": "ru"})
     text = json.dumps(seen[0], ensure_ascii=False)
-    assert str(few) not in text
-    assert say(few, "ru").rstrip(".") in "".join(seen[0]["conformity"])
+    assert str(said) not in text
+    assert say(said, "ru").rstrip(".") in "".join(seen[0]["conformity"])
     assert "counts" not in text
     assert "ед. АЦП на g" in text
 
@@ -337,13 +339,13 @@ def test_warnings_and_units_are_in_the_language_of_the_certificate(seen: list[di
 def test_the_box_is_green_only_where_nothing_speaks_against_it(seen: list[dict[str, str]]) -> None:
     """Warnings of the verification and remarks stand in the box itself, and take its green away."""
     doubted = copy.deepcopy(verification(1.0))
-    doubted["report"]["warnings"] = ["the stand is poor"]
-    plain = copy.deepcopy(verification(1.0)) | {"report": verification(1.0)["report"] | {"warnings": []}}
-    clean = record(verification=plain) | {"warnings": [], "accepted": None}
+    doubted["report"]["findings"] = [restored("the stand is poor").stored()]
+    plain = copy.deepcopy(verification(1.0)) | {"report": verification(1.0)["report"] | {"findings": []}}
+    clean = record(verification=plain) | {"findings": [], "accepted": None}
     for content in (
         clean,
         clean | {"verification": doubted},
-        clean | {"warnings": ["the sign is assumed"]},
+        clean | {"findings": [restored("the sign is assumed").stored()]},
         record(verification=verification(0.01)),
         record(verification=None),
     ):
@@ -601,8 +603,28 @@ def test_the_reservation_of_a_pass_stands_in_the_box(seen: list[dict[str, str]])
     """Limits of tens of degrees, which find only a much worse tool."""
     certificate_pdf(record(verification=verification(40.0)))
     box = " ".join(seen[0]["conformity"]).replace("\u200b", "")
-    assert str(Finding("verify-wide-limit", {"angle": "inclination", "limit_deg": 40.0, "usual_deg": 2.0})) in box
-    assert str(Finding("verify-detects-limits", {"positions": 12, "times": ">100"})) in box
+    assert (
+        str(
+            Finding(
+                "verify-wide",
+                {"angle": "inclination", "limit_deg": 40.0, "usual_deg": 2.0, "remedy": "Give a narrower limit"},
+            )
+        )
+        in box
+    )
+    assert (
+        str(
+            Finding(
+                "verify-detects-little",
+                {
+                    "positions": 12,
+                    "times": ">100",
+                    "remedy": "Agree on narrower limits, or take a pass as a test of these limits only",
+                },
+            )
+        )
+        in box
+    )
     assert seen[0]["conformity_colour"] == "#8a5a00"
 
 

@@ -79,6 +79,15 @@ def plain(text: str) -> str:
     return text.replace("−", "-")
 
 
+def paper(content: dict[str, Any]) -> list[str]:
+    """The texts of a certificate; those in Russian have a decimal comma, which is read as a point."""
+    said = texts(certificate_pdf(content))
+    if content["language"] != "ru":
+        return said
+    assert not [text for text in said if re.fullmatch(r"[-+−±\d.,° ]*\d\.\d[-+−±\d.,° ]*", text)]
+    return [re.sub(r"(?<=\d),(?=\d)", ".", text) for text in said]
+
+
 def between(said: Sequence[str], first: str, last: str = "\0") -> list[str]:
     """The texts behind `first`, up to `last`."""
     start = max(n for n, text in enumerate(said) if text.startswith(first))
@@ -109,7 +118,7 @@ def compared(shown: Sequence[re.Match[str]], given: Sequence[tuple[float, float]
 def documents(language: str) -> tuple[dict[str, Any], Dcc, list[str]]:
     """A record, its digital certificate and the texts of its paper."""
     content = certificate(language)
-    return content, Dcc(content), texts(certificate_pdf(content))
+    return content, Dcc(content), paper(content)
 
 
 LANGUAGES = pytest.mark.parametrize("language", ["en", "ru"])
@@ -211,7 +220,7 @@ def test_one_coverage_factor_in_texts_tables_and_digital_certificate(language: s
 def test_without_a_stated_field_nothing_is_said_of_the_scale_before(language: str) -> None:
     """Paper and digital certificate have what compares: ratios of the scales, offsets as signals, directions."""
     content = certificate(language, stated=False)
-    dcc, said, say = Dcc(content), texts(certificate_pdf(content)), words(language)
+    dcc, said, say = Dcc(content), paper(content), words(language)
     tables = between(said, say("adjustment"), say("inputs"))
     caption = say("classical", triad=say("magnetometer"))
     shown = cells(between(tables, caption))

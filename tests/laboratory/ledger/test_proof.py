@@ -422,7 +422,7 @@ def endless(file: Path) -> Iterator[str]:
     """A device, then a file of more bytes than such a one can have, in the place of a file; what is said of it."""
     file.unlink(missing_ok=True)
     file.symlink_to("/dev/zero")
-    yield "file-special"
+    yield "file-not-file"
     file.unlink()
     with file.open("wb") as stream:
         stream.truncate(3_000_000_000)

@@ -7,7 +7,6 @@ import json
 import numpy as np
 import pytest
 
-from inclinometry.findings import rule
 from inclinometry.laboratory.ledger.keys import FOLDER, Keys
 from inclinometry.simulate.bench import Rig, simulate_bench
 from inclinometry.simulate.tool import realistic_tool
@@ -119,7 +118,7 @@ def test_a_reading_far_from_its_dials_needs_a_reason(api):
 def test_an_open_warning_is_resolved_by_the_site(api):
     """The page of the result and that of the certificate lead there; the calibration before leads to the new one."""
     where, before = calibrated(api, "AGAIN")
-    assert before["body"]["summary"]["warnings"][0].startswith(rule("bench-sign-assumed").says[0].partition("{")[0])
+    assert before["body"]["summary"]["findings"][0]["code"] == "bench-sign-assumed"
     go = "Set the site and evaluate again"
     assert f"/results/{before['id']}#site" in api.get(f"/certificates/new?calibration={before['id']}").text
     assert go in api.get(f"/results/{before['id']}").text
@@ -129,7 +128,7 @@ def test_an_open_warning_is_resolved_by_the_site(api):
     answer = api.post(f"{where}/evaluate", json={"site": "hall", "reason": "measured"})
     assert answer.status_code == 201
     after = answer.json()
-    assert after["body"]["summary"]["warnings"] == []
+    assert after["body"]["summary"]["findings"] == []
     assert api.get("/api/v1/calibrations?serial=AGAIN").json()[0]["id"] == after["id"]
     assert api.get(where).json()["settings"]["site"] == "hall"
     assert f"/results/{after['id']}" in api.get(f"/results/{before['id']}").text

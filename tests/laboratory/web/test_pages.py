@@ -262,7 +262,7 @@ def test_a_certificate_over_rest_names_who_answers(open_bench: SimpleNamespace) 
     content = browser.get(f"/api/v1/certificates/{answer.json()['number']}/json").json()
     assert content["laboratory"]["name"] == LABORATORY["name"]
     assert content["laboratory"]["authoriser"]
-    assert content["verification"]["report"]["protocol"] == {"name": "roll-8", "taken": 8, "positions": 8}
+    assert content["verification"]["report"]["protocol"] == {"name": "roll-8", "positions_captured": 8, "positions": 8}
 
 
 def test_forms_are_only_shown_to_those_who_may(users_bench: SimpleNamespace) -> None:

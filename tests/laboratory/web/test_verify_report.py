@@ -7,7 +7,7 @@ from unittest.mock import MagicMock
 
 import pytest
 
-from inclinometry.files.verification_json import without_conformity
+from inclinometry.files.verification_json import as_now
 from inclinometry.laboratory.web.pages import lists
 from inclinometry.laboratory.web.pages import verify as verify_report
 
@@ -23,7 +23,7 @@ def test_the_table_states_the_u_of_the_bars(monkeypatch: pytest.MonkeyPatch) -> 
     row = {"position": 1, **{f"{name}_deg": 15.0 for name in angles}, **dict.fromkeys(angles, angle)}
     visitor = SimpleNamespace(say=lambda key, **_: key, sentence=str, panel=MagicMock())
     report = {"coverage_factor": 4.0, "positions": [row], "reasons": [], "warnings": []}
-    held = without_conformity({"verdict": "pass", "limits": {"name": "certificate"}, "report": report})
+    held = as_now({"verdict": "pass", "limits": {"name": "certificate"}, "report": report})
     assert (held["verdict"], held["limits"], held["report"]["positions"][0]["azimuth"]["limit_deg"]) == (
         "agrees",
         None,

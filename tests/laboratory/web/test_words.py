@@ -11,13 +11,13 @@ from types import SimpleNamespace
 
 import pytest
 
+from inclinometry import findings
 from inclinometry.errors import FileError, in_file
+from inclinometry.files.json_codec import restored
 from inclinometry.findings import Finding, example
 from inclinometry.laboratory import web
 from inclinometry.laboratory.web.frame import Visitor
 from inclinometry.laboratory.web.words import LANGUAGES, catalogue, problem, say, sentence
-from inclinometry.language import using_language
-from inclinometry.report.stored import translated
 
 SOURCES = sorted(Path(web.__file__).parent.rglob("*.py"))
 
@@ -97,20 +97,14 @@ def test_an_unknown_sentence_stays_as_it_is() -> None:
     )
 
 
-def test_pages_and_reports_say_a_warning_alike() -> None:
-    """One table: what a report prints of a calibration, its page shows in the same words."""
-    warning = str(example("bench-base-tilted"))
-    with using_language("ru"):
-        assert sentence("ru", warning) == translated(warning) != warning
-
-
 @pytest.mark.parametrize("language", ["ru", "zh"])
-def test_a_long_sentence_of_a_file_is_whole_and_in_the_language_of_the_page(language: str) -> None:
+def test_a_long_sentence_of_an_older_file_is_whole_and_as_it_was_written(language: str) -> None:
     """Values of data are cut where they are said, a sentence that a file keeps is not."""
     visitor = Visitor(SimpleNamespace(without_path=str), None, language, None)
-    text = f"calibration: {example('bench-base-tilted')}"
-    assert visitor.sentence(Finding("fit-stored", {"text": text})) == sentence(language, text) != text
-    assert visitor.sentence(Finding("fit-stored", {"text": "x" * 500})) == "x" * 500
+    for text in (str(example("bench-base-tilted")), "x" * 500):
+        assert visitor.sentence(restored(text)) == text
+    found = example("bench-base-tilted")
+    assert visitor.sentence(restored(found.stored())) == findings.say(found, language) != str(found)
 
 
 @pytest.mark.parametrize("language", LANGUAGES)

@@ -13,6 +13,8 @@ from lxml import etree
 
 from inclinometry.arrays import Array
 from inclinometry.errors import FileError, refused
+from inclinometry.files.json_codec import findings_in
+from inclinometry.files.verification_json import as_now
 from inclinometry.findings import Finding
 from inclinometry.laboratory.certificate.record import adjusted, coverage, defined, record_digest, words
 from inclinometry.laboratory.certificate.requirements import missing_said
@@ -418,7 +420,7 @@ def _statements(parent: Any, record: Record) -> None:
         english(made, "dcc:name", "warnings and who accepted them")
         about = record["accepted"]
         signed = words("en")("accepted_by", **{**about, "by": about["by"] or "not stated"})
-        english(made, "dcc:declaration", "; ".join([*about["warnings"], signed]))
+        english(made, "dcc:declaration", "; ".join([*map(str, findings_in(about)), signed]))
     if record["interval_months"] is not None:
         made = element(parent, "dcc:statement", refType="basic_recalibration")
         english(made, "dcc:declaration", "Interval agreed with the customer.")
@@ -441,10 +443,8 @@ def _statements(parent: Any, record: Record) -> None:
 
 def _scope(record: Record) -> str:
     """The protocol, and to which angles and inclinations a statement of conformity applies."""
-    judged, protocol = record["conformity"].get("judged", {}), record["verification"]["report"].get("protocol")
-    said = (
-        f". Protocol: {protocol['name']}, {protocol['taken']} of {protocol['positions']} positions" if protocol else ""
-    )
+    judged, protocol = record["conformity"].get("judged", {}), as_now(record["verification"])["report"].get("protocol")
+    said = ". Protocol: {name}, {positions_captured} of {positions} positions".format(**protocol) if protocol else ""
     parts = [
         "{} at {} positions, inclination {:g} to {:g} deg".format(name, one["positions"], *one["inclination_deg"])
         for name, one in judged.items()

@@ -13,13 +13,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from inclinometry.errors import InputError
-from inclinometry.files.verification_json import without_conformity
+from inclinometry.files.verification_json import as_now
 from inclinometry.findings import Finding
 from inclinometry.laboratory.certificate import record as tables
 from inclinometry.laboratory.certificate.record import LETTERS, Words, families, record_digest, words
 from inclinometry.laboratory.certificate.requirements import missing_said, overdue
 from inclinometry.language import label, using_language
-from inclinometry.report.stored import translated
 from inclinometry.report.words import plain, significant
 
 if TYPE_CHECKING:
@@ -102,10 +101,10 @@ def _view(record: Content, seal: str) -> Content:
     # of an older record, limits that no one agreed are none
     for name in ("verification", "as_found"):
         if record.get(name) is not None:
-            record = record | {name: without_conformity(record[name])}
+            record = record | {name: as_now(record[name])}
     laboratory = record["laboratory"] or {}
     day = date.fromisoformat(record["dates"]["issued"])
-    remarks = [translated(warning) for warning in record["warnings"]]
+    remarks = tables.sentences(record)
     accepted = record.get("accepted")
     signed = [] if accepted is None else [say("accepted_by", **{**accepted, "by": accepted["by"] or say("not_stated")})]
     # of an older record only a laboratory that is not named is said
@@ -159,7 +158,8 @@ def _box(record: Content, remarks: Sequence[str], say: Words) -> Content:
     statement = found["verdict"] if compared else record["conformity"]["statement"]
     warned = []
     if statement != "not assessed":
-        warned = list(dict.fromkeys([*map(translated, found["report"]["warnings"]), *remarks]))
+        judged = [one for one in found["report"]["findings"] if one["severity"] != "note"]
+        warned = list(dict.fromkeys([*tables.sentences({"findings": judged}), *remarks]))
     colours = {"pass": "#1a7f37", "reserved": "#8a5a00", "fail": "#c1272d", "not assessed": "#5d6975"}
     colours |= {"agrees": "#5d6975", "does not agree": "#c1272d"}
     return {
@@ -192,7 +192,7 @@ def _facts(record: Content, say: Words) -> dict[str, list[list[str]]]:
     laboratory = record["laboratory"] or {}
     who = ", ".join(filter(None, (customer["name"], customer["address"].replace("\n", ", "))))
     sensors = label(", ").join(
-        label("{kind} ({count}, {unit})", kind=say(t["kind"]), count=t["sensors"], unit=translated(t["unit"]))
+        label("{kind} ({count}, {unit})", kind=say(t["kind"]), count=t["sensors"], unit=label(t["unit"]))
         for t in item["triads"]
     )
     performed = " – ".join(dict.fromkeys(filter(None, (dates["performed_from"], dates["performed_to"]))))

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from inclinometry import findings
 from inclinometry.arrays import Array
 from inclinometry.calibration.expected import certified, expected_uncertainty
 from inclinometry.calibration.result import Calibration
@@ -26,7 +27,7 @@ from inclinometry.digest import digest_bytes
 from inclinometry.errors import not_among, refused
 from inclinometry.files import json_codec
 from inclinometry.files.json_codec import canonical
-from inclinometry.files.verification_json import without_conformity
+from inclinometry.files.verification_json import as_now
 from inclinometry.findings import LANGUAGES, without_notes
 from inclinometry.glossary import terms
 from inclinometry.laboratory.certificate.budget import uncertainty_budget, uncertainty_table
@@ -37,7 +38,7 @@ from inclinometry.laboratory.certificate.requirements import (
     open_warnings,
     two_accelerometers,
 )
-from inclinometry.language import label
+from inclinometry.language import current_language, label, number
 from inclinometry.report.calibration import log_scale
 from inclinometry.report.calibration_tables import (
     Row,
@@ -47,8 +48,7 @@ from inclinometry.report.calibration_tables import (
     sensor_names,
     shape_rows,
 )
-from inclinometry.report.figure import BAD, INK, MARKERS, SERIES, new_figure, style, styled
-from inclinometry.report.stored import translated
+from inclinometry.report.figure import BAD, INK, MARKERS, SERIES, decimal_signs, new_figure, style, styled
 from inclinometry.report.words import plain, rounded, significant
 from inclinometry.rotations import wrap_signed
 from inclinometry.sensors import Tool, in_field_of
@@ -137,6 +137,7 @@ def paper_svg(figure: Figure) -> str:
     width, height = (float(side) for side in figure.get_size_inches())
     from matplotlib.text import Text
 
+    decimal_signs(figure)
     for text in figure.findobj(Text):  # letters of the size of the page's
         text.set_fontsize(8.0)
     # margins that fit every drawing above: finding them again takes as long as drawing
@@ -151,7 +152,7 @@ def paper_svg(figure: Figure) -> str:
 
 
 SCHEMA: Final = "inclinometry/certificate"
-VERSION: Final = 2
+VERSION: Final = 3
 
 
 def record_bytes(record: Mapping[str, Any]) -> bytes:
@@ -183,6 +184,10 @@ CHINESE: Final = (
 """Fonts with Chinese letters that come with systems; none is small enough to come with a program."""
 
 
+NAMES: Final = ("number", "name", "certificate", "previous", "reason")
+"""Places of names that others have given, also where one looks like a number."""
+
+
 class Words:
     """The texts of one language."""
 
@@ -190,9 +195,10 @@ class Words:
         self._texts = texts
 
     def __call__(self, key: str, **values: object) -> str:
-        """The text with its places filled in; the values are put in as they are."""
+        """The text with its places filled in: numbers with the decimal sign of the language, names as they are."""
         text = self._texts[key]
-        return text.format(**values) if values else text
+        shown = {name: number(v) if isinstance(v, str) and name not in NAMES else v for name, v in values.items()}
+        return text.format(**shown) if values else text
 
     def method(self, name: str) -> str:
         """What a method of calibration is; its own name where there is no sentence."""
@@ -265,7 +271,7 @@ def certificate_record(
     supersedes: str | None = None,
     accept_warnings: str = "",
 ) -> Record:
-    """Everything a certificate says, as JSON of the schema "certificate-2".
+    """Everything a certificate says, as JSON of the schema "certificate-3".
 
     Without a laboratory it says that it names none. `as_found` are the readings of `verification` with the parameters
     of `previous`; `inputs` name -> digest of further files and records it was made from; `head` that of the ledger's
@@ -277,8 +283,8 @@ def certificate_record(
         raise refused("input-missing", {"names": ("issued",)})
     stated = certified(calibration)
     tool, expected = stated.calibration.tool, expected_uncertainty(stated.calibration, INCLINATIONS)
-    judged, found_before = (None if one is None else without_conformity(one) for one in (verification, as_found))
-    remarks = [*map(str, without_notes(calibration.findings)), *map(str, two_accelerometers(tool))]
+    judged, found_before = (None if one is None else as_now(one) for one in (verification, as_found))
+    warned = (*without_notes(calibration.findings), *two_accelerometers(tool))
     accepted = accepted_warnings(open_warnings(calibration, judged), accept_warnings, laboratory, order)
     lacking = missing(laboratory, order, standards)
     record: Record = {
@@ -319,7 +325,7 @@ def certificate_record(
         "as_found": found_before and {**_judgement(found_before), "previous": previous_from},
         "conformity": _conformity(judged),
         "interval_months": order.interval_months,
-        "warnings": remarks,
+        "findings": [one.stored() for one in warned],
         "accepted": accepted,
         "inputs": {**{f"calibration {n}": d for n, d in calibration.inputs.items()}, **(inputs or {})},
         "head": head,
@@ -469,13 +475,18 @@ def table(
 ) -> Content:
     """A table as the template takes it; its first `left` columns are texts."""
     columns = ["auto"] * left + ["fr"] * (len(head) - left)
-    shown = [[*row[:left], *(re.sub(r"-(?=[0-9])", "−", cell) for cell in row[left:])] for row in rows]
+    shown = [[*row[:left], *(number(re.sub(r"-(?=[0-9])", "−", cell)) for cell in row[left:])] for row in rows]
     return {"caption": caption, "head": list(head), "rows": shown, "left": left, "size": size, "columns": columns}
 
 
 def section(title: str, texts: Sequence[str] = (), **parts: Any) -> Content:
     """A section as the template takes it."""
     return {"title": title, "texts": texts, "figures": [], "tables": [], "list": []} | parts
+
+
+def sentences(record: Mapping[str, Any]) -> list[str]:
+    """Findings of a record, or of a report in it, in the language of the certificate."""
+    return [findings.say(one, current_language()) for one in json_codec.findings_in(record)]
 
 
 def figure(svg: str, caption: str) -> Content:
@@ -518,7 +529,7 @@ def uncertainty_section(record: Content, say: Words) -> Content:
     if found.get("end_of_interval") is not None:
         texts.append(say("end_note", months=record["interval_months"]))
     picture = figure(paper_svg(uncertainty_figure(found)), say("curve_u"))
-    caption = f"U, k = {k:g}"
+    caption = say("b_expanded", k=f"{k:g}")
     texts = [*texts, say("gum", p=probability)]
     return section(title, texts, tables=[table(caption, head, rows)], figures=[picture])
 
@@ -538,10 +549,10 @@ def budget_section(record: Content, say: Words) -> Content | None:
     rows = []
     for one, part in zip(found["components"], parts, strict=True):
         kind = one["kind"] or ""
-        named = say(kind) if kind in KINDS else say("b_undetectable") if kind == UNDETECTED else translated(kind)
-        label = say(f"b_{one['cause']}", kind=named)
+        named = say(kind) if kind in KINDS else say("b_undetectable") if kind == UNDETECTED else label(kind)
+        cause = say(f"b_{one['cause']}", kind=named)
         shown = zip(part, places, strict=True)
-        rows.append([label, *("–" if abs(u) < 0.5 * 10.0**-place else f"{u:.{place}f}" for u, place in shown)])
+        rows.append([cause, *("–" if abs(u) < 0.5 * 10.0**-place else f"{u:.{place}f}" for u, place in shown)])
     rows.append([say("b_u"), *(_degrees(float(value), say) for value in whole)])
     rows.append([say("b_expanded", k=f"{k:g}"), *(_degrees(float(k * value), say) for value in whole)])
     by_cause = any(one["cause"] == "calibration" and one["kind"] not in KINDS for one in found["components"])
@@ -631,9 +642,9 @@ def parameter_section(record: Content, say: Words) -> Content:
         names, rows = sensor_names(count), []
         for start in range(0, len(found), 4):
             power, sensor = divmod(start // 4, count)
-            label = names[sensor] + (f" · T{power}" if power else "")
-            rows.append([label, *(_expanded(row, k) for row in found[start : start + 4])])
-        caption = say("tensor", triad=say(kind), unit=translated(triad["unit"]))
+            named = names[sensor] + (f" · T{power}" if power else "")
+            rows.append([named, *(_expanded(row, k) for row in found[start : start + 4])])
+        caption = say("tensor", triad=say(kind), unit=label(triad["unit"]))
         tables.append(table(caption, [say("sensor"), "N x", "N y", "N z", "U0"], rows))
     return section(say("parameters"), texts, tables=tables)
 
@@ -667,7 +678,7 @@ def classical_section(record: Content, say: Words) -> Content:
     if adjustment is not None:
         apart = adjustment["largest_difference_deg"]
         same = bool(apart) and max(apart.values()) < 1e-4
-        said = label(", ").join(f"{say(name)} {significant(value)}°" for name, value in apart.items()) or "–"
+        said = label(", ").join(f"{say(name)} {number(significant(value))}°" for name, value in apart.items()) or "–"
         note = {"previous": adjustment["previous"] or say("not_stated")} | ({} if same else {"differences": said})
         texts.append(say("adjustment_same" if same else "adjustment_note", **note))
         kinds = label(", ").join(say(kind) for kind in adjustment.get("relative", {}))
@@ -709,8 +720,8 @@ def adjusted(record: Mapping[str, Any], kind: str) -> list[tuple[Record, Record 
 
 def _classical_label(row: Content, say: Words) -> list[str]:
     name, _, what = row["name"].partition(" ")
-    element = say("toward", axis=what.removeprefix("toward ")) if what.startswith("toward ") else say(what)
-    return [f"{name} {element}", "°" if row["unit"] == "deg" else translated(row["unit"])]
+    named = say("toward", axis=what.removeprefix("toward ")) if what.startswith("toward ") else say(what)
+    return [f"{name} {named}", "°" if row["unit"] == "deg" else label(row["unit"])]
 
 
 def residual_section(record: Content, say: Words) -> Content:
@@ -768,8 +779,7 @@ def verification_section(record: Content, say: Words) -> Content | None:
             svg = paper_svg(error_figure(place if few else setting, error, u, bounds, letter, by_place=few))
             bars = say("limit_lines") if agreed else ""
             figures.append(figure(svg, say("by_position" if few else "curve_error", angle=say(name)) + bars))
-    lines = [translated(line) for line in (*report["reasons"], *report["warnings"])]
-    return section(say("verification"), texts, tables=tables, figures=figures, list=lines)
+    return section(say("verification"), texts, tables=tables, figures=figures, list=sentences(report))
 
 
 def _judged(positions: Sequence[Content], name: str) -> list[Content]:

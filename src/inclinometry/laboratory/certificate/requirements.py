@@ -12,6 +12,7 @@ from inclinometry.calibration.expected import expected_gravity_sd
 from inclinometry.calibration.result import Calibration
 from inclinometry.constants import GRAVITY_SPREAD
 from inclinometry.errors import InputError
+from inclinometry.files.json_codec import findings_in
 from inclinometry.findings import Finding, without_notes
 from inclinometry.laboratory.certificate.laboratory import Laboratory, Order, Standard
 from inclinometry.laboratory.placeholders import stated
@@ -70,25 +71,27 @@ def overdue(record: Mapping[str, Any]) -> list[str]:
     return [f"{one['name']} ({one['due']})" for one in record["standards"] if one["due"] and one["due"] < day]
 
 
-def open_warnings(calibration: Calibration, verification: Mapping[str, Any] | None) -> list[str]:
-    """What speaks against relying on a calibration and its verification, each sentence once."""
-    judged = () if verification is None else verification["report"]["warnings"]
-    own = map(str, [*without_notes(calibration.findings), *two_accelerometers(calibration.tool)])
-    return list(dict.fromkeys([*own, *judged]))
+def open_warnings(calibration: Calibration, verification: Mapping[str, Any] | None) -> list[Finding]:
+    """What speaks against relying on a calibration and its verification, each code with its values once."""
+    judged = () if verification is None else without_notes(findings_in(verification["report"]))
+    found: list[Finding] = []
+    for one in (*without_notes(calibration.findings), *two_accelerometers(calibration.tool), *judged):
+        if all((one.code, one.values) != (other.code, other.values) for other in found):
+            found.append(one)
+    return found
 
 
 def accepted_warnings(
-    warnings: list[str], reason: str, laboratory: Laboratory | None, order: Order
+    warnings: Sequence[Finding], reason: str, laboratory: Laboratory | None, order: Order
 ) -> dict[str, Any] | None:
     """Who accepted the open warnings, when and why; OpenWarningsError where no one did."""
     if not warnings:
         return None
     if not stated(reason):
-        told = tuple(one.removesuffix(".") for one in warnings)
-        raise OpenWarningsError(Finding("certificate-open-warnings", {"finding": told}))
+        raise OpenWarningsError(Finding("certificate-open-warnings", {"finding": tuple(warnings)}))
     by = "" if laboratory is None else laboratory.authoriser
     day = "" if order.issued is None else order.issued.isoformat()
-    return {"by": by, "on": day, "reason": reason.strip(), "warnings": warnings}
+    return {"by": by, "on": day, "reason": reason.strip(), "findings": [one.stored() for one in warnings]}
 
 
 def nonconforming(verification: Mapping[str, Any] | None) -> bool:

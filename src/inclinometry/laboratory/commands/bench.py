@@ -16,7 +16,7 @@ from cyclopts import Parameter
 
 from inclinometry.cli import output
 from inclinometry.cli.options import Flag
-from inclinometry.errors import out_of_range, refused
+from inclinometry.errors import out_of_range, refused, system_reason
 from inclinometry.findings import Finding
 from inclinometry.laboratory.commands import LedgerAddress, ProtocolName
 from inclinometry.laboratory.commands.ledger import _where
@@ -67,7 +67,7 @@ def bench(
         try:
             ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER).load_cert_chain(certificate, key)
         except OSError as error:
-            about = {"certificate": str(certificate), "key": str(key), "reason": error.strerror or str(error)}
+            about = {"certificate": str(certificate), "key": str(key), "reason": system_reason(error)}
             raise refused("web-tls", about) from None
     where = _where(ledger)
     with ExitStack() as stack:
@@ -129,7 +129,7 @@ def _listening(host: str, port: int) -> Iterator[socket.socket]:
             made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             made.bind((host, port))
         except (OSError, UnicodeError) as error:
-            reason = str(getattr(error, "strerror", None) or error)
+            reason = system_reason(error)
             raise refused("capture-listen", {"host": host, "port": port, "reason": reason}) from None
         yield made
 

@@ -9,7 +9,7 @@ from typing import Any, Literal
 from inclinometry.cli import output
 from inclinometry.cli.options import AlsoWritten, Flag, Input, InputOrNone, Json, Output
 from inclinometry.errors import FileError, refused
-from inclinometry.files.json_codec import parse
+from inclinometry.files.json_codec import findings_in, parse
 from inclinometry.files.writing import write_bytes
 from inclinometry.findings import Finding
 from inclinometry.laboratory.certificate.issue import record_from_files
@@ -96,7 +96,7 @@ def certificate(
     for path, data in files.items():
         write_bytes(data, path)
     output.findings(_lacking(made))
-    output.warnings(made["warnings"])
+    output.findings(findings_in(made))
     digest, statement = record_digest(made), made["conformity"]["statement"]
     if json:
         about = {name: made[name] for name in ("number", "title", "missing")}

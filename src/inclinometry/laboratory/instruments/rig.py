@@ -12,7 +12,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 
 from inclinometry.arrays import finite
-from inclinometry.errors import InputError, not_among, out_of_range, refused, wrong_kind
+from inclinometry.errors import InputError, not_among, out_of_range, refused, system_reason, wrong_kind
 from inclinometry.findings import Finding
 from inclinometry.laboratory.instruments.reader import PortError
 
@@ -178,7 +178,7 @@ class ScpiRig:
                 except OSError as error:
                     self._drop()
                     if fresh or isinstance(error, TimeoutError):
-                        why = error.strerror or str(error) or type(error).__name__
+                        why = system_reason(error) or type(error).__name__
                         place = f"{self._place[0]}:{self._place[1]}"
                         about = {"rig": self.name, "place": place, "reason": why}
                         raise PortError(Finding("capture-rig-silent", about)) from None

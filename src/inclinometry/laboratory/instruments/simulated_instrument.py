@@ -21,7 +21,7 @@ import numpy as np
 
 from inclinometry.arrays import Array
 from inclinometry.calibration.plans import Plan
-from inclinometry.errors import InputError, out_of_range, refused
+from inclinometry.errors import InputError, out_of_range, refused, system_reason
 from inclinometry.findings import Value
 from inclinometry.laboratory.instruments.protocol import FieldReader, Lines, Protocol, Refused, Sample, encode, shown
 from inclinometry.laboratory.instruments.protocol_toml import read_protocol
@@ -49,7 +49,7 @@ class LineServer(socketserver.ThreadingTCPServer):
         try:
             super().__init__((host, port), socketserver.BaseRequestHandler)
         except (OSError, UnicodeError) as error:
-            reason = str(getattr(error, "strerror", None) or error)
+            reason = system_reason(error)
             raise refused("capture-listen", {"host": host, "port": port, "reason": reason}) from None
         self.host, self.port = host, int(self.server_address[1])
         self._accepting = threading.Thread(target=self.serve_forever, args=(0.1,), daemon=True)

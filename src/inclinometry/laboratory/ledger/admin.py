@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import errno
-import os
 import sqlite3
 from pathlib import Path
 
@@ -11,6 +9,7 @@ from sqlalchemy import inspect
 from sqlalchemy.engine import Engine
 from sqlalchemy.exc import DBAPIError
 
+from inclinometry.errors import system_reason
 from inclinometry.findings import Finding
 from inclinometry.laboratory.ledger.chain import LedgerError
 from inclinometry.laboratory.ledger.engine import (
@@ -37,12 +36,12 @@ def create(where: str | Path, *, keys: Keys | None = None, sign: bool | None = N
         path = Path(where)
         try:
             if path.is_dir():
-                raise no_path(str(where), os.strerror(errno.EISDIR))
+                raise no_path(str(where), "this is a folder")
             if not path.parent.is_dir() and path != default_path():
-                raise no_path(str(where), os.strerror(errno.ENOENT))
+                raise no_path(str(where), "no such file or folder")
             path.parent.mkdir(parents=True, exist_ok=True)
         except (OSError, UnicodeEncodeError) as error:
-            reason = getattr(error, "strerror", None) or error
+            reason = system_reason(error)
             raise no_path(str(where), reason) from None
     made = engine(where, create=True)
     try:

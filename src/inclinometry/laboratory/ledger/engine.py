@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import json
 import os
 import re
@@ -38,7 +37,7 @@ from sqlalchemy.pool import NullPool
 from sqlalchemy.types import NullType
 
 from inclinometry.digest import digest_bytes
-from inclinometry.errors import InputError, not_among, out_of_range, refused, wrong_kind
+from inclinometry.errors import InputError, not_among, out_of_range, refused, system_reason, wrong_kind
 from inclinometry.findings import Finding, Value
 from inclinometry.laboratory.ledger import chain
 from inclinometry.laboratory.ledger.chain import LedgerError
@@ -113,10 +112,10 @@ def _file(text: str, create: bool, read_only: bool) -> Engine:
             raise ValueError("a NUL character")
         there, plain = path.exists(), path.is_file()
     except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or error
+        reason = system_reason(error)
         raise no_path(text, reason) from None
     if there and not plain:
-        raise no_path(text, os.strerror(errno.EISDIR if path.is_dir() else errno.ENXIO))
+        raise no_path(text, "this is a folder" if path.is_dir() else "no such device")
     if not there and not create:
         raise LedgerError(Finding("ledger-absent", {"ledger": text}))
     address = URL.create("sqlite", database=text)
@@ -239,10 +238,10 @@ KINDS: Final[Mapping[str, Kind]] = {
         Kind("tool", {"serial": str}),
         Kind("rig", {"name": str}),
         Kind("site", {"name": str}),
-        Kind("session", {"serial": str, "purpose": str}),
+        Kind("session", {"serial": str, "purpose": str}, version=2),
         Kind("reading", {"session": str, "position": int, "attempt": int}, ("session", "position", "attempt")),
-        Kind("calibration", {"serial": str, "session": str}),
-        Kind("verification", {"serial": str, "calibration": str}, version=2),
+        Kind("calibration", {"serial": str, "session": str}, version=2),
+        Kind("verification", {"serial": str, "calibration": str}, version=3),
         Kind("certificate", {"number": str, "serial": str}, ("number",)),
         Kind("user", {"name": str}, version=2),
         Kind("event", {"subject_kind": str, "subject": str, "action": str}),

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import errno
 import heapq
 import itertools
 import json
-import os
 import sqlite3
 import zipfile
 import zlib
@@ -20,7 +18,7 @@ from sqlalchemy import Select, func, select
 from sqlalchemy.engine import Connection
 
 from inclinometry.digest import digest_bytes
-from inclinometry.errors import FileError, InputError, in_file, wrong_kind
+from inclinometry.errors import FileError, InputError, in_file, system_reason, wrong_kind
 from inclinometry.files.writing import replacing
 from inclinometry.findings import Finding
 from inclinometry.laboratory.ledger import chain, engine
@@ -86,7 +84,7 @@ def backup(ledger: Ledger, path: str | Path) -> None:
     if "://" in ledger.where:
         raise LedgerError(Finding("ledger-backup-server"))
     if Path(path).exists():
-        raise FileError(Finding("file-unwritable", {"reason": os.strerror(errno.EEXIST)}), path=path)
+        raise FileError(Finding("file-unwritable", {"reason": "it exists already"}), path=path)
     with replacing(path) as stream:
         try:  # SQLite writes into the file by its name
             with closing(sqlite3.connect(ledger.where)) as source, closing(sqlite3.connect(stream.name)) as target:
@@ -130,7 +128,7 @@ def restore(ledger: Ledger, path: str | Path, *, progress: Progress | None = Non
     ) as error:  # fmt: skip
         raise FileError(Finding("file-format", {"format": "ZIP", "reason": str(error)}), path=path) from None
     except OSError as error:
-        reason = str(error.strerror or error)
+        reason = system_reason(error)
         raise FileError(Finding("file-unreadable", {"reason": reason}), path=path) from None
     return batch.head
 

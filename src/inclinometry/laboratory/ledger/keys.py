@@ -31,7 +31,7 @@ from cryptography.hazmat.primitives.serialization import (
     load_pem_public_key,
 )
 
-from inclinometry.errors import FileError, InputError, refused
+from inclinometry.errors import FileError, InputError, refused, system_reason
 from inclinometry.findings import Finding
 from inclinometry.laboratory.ledger.chain import LedgerError, compact
 from inclinometry.laboratory.placeholders import stated
@@ -222,7 +222,7 @@ class Keys:
         except FileNotFoundError:
             raise LedgerError(Finding("key-none", {"folder": str(self.folder)})) from None
         except OSError as error:
-            raise LedgerError(Finding("key-file", {"file": str(self.path), "reason": str(error.strerror)})) from None
+            raise LedgerError(Finding("key-file", {"file": str(self.path), "reason": system_reason(error)})) from None
         return self._key
 
     def make(self) -> SigningKey:
@@ -299,7 +299,7 @@ class Keys:
         try:
             there = path.exists()
         except OSError as error:
-            raise FileError(Finding("file-unreadable", {"reason": str(error.strerror)}), path=path) from None
+            raise FileError(Finding("file-unreadable", {"reason": system_reason(error)}), path=path) from None
         for number, line in enumerate(whole(path, LARGEST_SETTINGS).splitlines() if there else (), 1):
             if not line.strip():
                 continue
@@ -338,7 +338,7 @@ class Keys:
                 Path(made).unlink(missing_ok=True)
         except OSError as error:
             raise LedgerError(
-                Finding("key-file", {"file": str(self.folder / name), "reason": str(error.strerror)})
+                Finding("key-file", {"file": str(self.folder / name), "reason": system_reason(error)})
             ) from None
 
 

@@ -21,7 +21,7 @@ from typing import Final, NamedTuple
 from sqlalchemy import select, tuple_
 from sqlalchemy.engine import Connection
 
-from inclinometry.errors import FileError, InclinometryError, InputError
+from inclinometry.errors import FileError, InclinometryError, InputError, system_reason
 from inclinometry.findings import Finding
 from inclinometry.laboratory.ledger.chain import LedgerError, compact
 from inclinometry.laboratory.ledger.engine import CHAIN, TABLES, engine, readable, record_of, shown, translated
@@ -143,7 +143,7 @@ def _unwritten(error: Exception, head: SignedHead, place: str) -> Finding:
     """That a witness has not got a head; what else is wrong with it where that is known."""
     if isinstance(error, InclinometryError):
         return error.finding
-    reason = str(getattr(error, "strerror", None) or error)
+    reason = system_reason(error)
     return Finding("key-witness-unwritten", {"record": head.size, "place": place, "reason": reason})
 
 
@@ -151,7 +151,7 @@ def _unreadable(error: Exception) -> Finding:
     """Why a witness cannot be read."""
     if isinstance(error, InclinometryError):
         return error.finding
-    return Finding("file-unreadable", {"reason": str(getattr(error, "strerror", None) or error)})
+    return Finding("file-unreadable", {"reason": system_reason(error)})
 
 
 def silent_witness(place: str, error: Exception) -> Finding:

@@ -115,10 +115,9 @@ class Visitor:
         return say(self.language, key, **values)
 
     def sentence(self, text: Finding | str) -> str:
-        """A sentence of the program - a warning, what the instrument did - in the visitor's language."""
-        if isinstance(text, Finding) and text.code != "fit-stored":
-            return self.bench.without_path(findings.say(text, self.language))
-        return sentence(self.language, self.bench.without_path(str(text)))  # as files keep it
+        """What the program found or did, or one of its words, in the visitor's language."""
+        said = findings.say(text, self.language) if isinstance(text, Finding) else sentence(self.language, text)
+        return self.bench.without_path(said)
 
     def problem(self, error: InclinometryError) -> str:
         """What went wrong, in the visitor's language."""

@@ -240,13 +240,13 @@ def clock_findings(known: ToolConstants, settings: MagneticSettings, fastest: fl
         np.hypot(_found(known.gyro_lag)[1], _found(known.delay)[1])
     )
     if found.late and not settings.mag_delay_s and with_gyro and not lag:
-        return [Finding("motion-accel-late", {"late_ms": -delay}, severity="note")]
+        return [Finding("motion-late", {"sensor": "accelerometer", "late_ms": -delay}, severity="note")]
     said = []
     if found.late:
-        code = "motion-mag-late" if found.stepped else "motion-mag-lag"
-        said.append(Finding(code, {"late_ms": delay}, severity="note"))
+        late = Finding("motion-late", {"sensor": "magnetometer", "late_ms": delay}, severity="note")
+        said.append(late if found.stepped else Finding("motion-mag-lag", {"late_ms": delay}, severity="note"))
     if lag and not agrees:
-        said.append(Finding("motion-gyro-late", {"late_ms": lag}, severity="note"))
+        said.append(Finding("motion-late", {"sensor": "gyro", "late_ms": lag}, severity="note"))
     shift = float(np.degrees(fastest * found.sigma))
     # deg, turn of the field by a delay that cannot be seen, from which it is said
     if not found.seen and shift > 0.01:

@@ -9,7 +9,7 @@ import numpy as np
 
 from inclinometry.arrays import Array
 from inclinometry.constants import STANDARD_GRAVITY
-from inclinometry.errors import refused
+from inclinometry.errors import out_of_order, refused
 from inclinometry.motion.magnetic.phase import SECTORS, Complex, MagneticSettings, Track, remembered, smooth, untried
 from inclinometry.motion.result import LARGEST_BREAK, Samples
 
@@ -96,8 +96,7 @@ def _follows(last: Samples, block: Samples) -> bool:
         return True
     off = float(block.time[0] - last.time[-1]) / block.interval - 1.0
     if off < -LARGEST_BREAK:
-        values = {"time_s": float(block.time[0]), "before_s": float(last.time[-1])}
-        raise refused("input-backwards", values)
+        raise out_of_order("time", float(block.time[0]), float(last.time[-1]), 1)
     return off <= LARGEST_BREAK
 
 

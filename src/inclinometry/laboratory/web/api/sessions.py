@@ -133,7 +133,7 @@ def begin(ledger: TheLedger, user: Operator, body: SessionBody) -> dict[str, Any
     if body.left_handed:
         settings["settings"] = {**settings.get("settings", {}), "left_handed": True}
     goal = {"u_azimuth_deg": body.wanted_u_azimuth_deg, "u_inclination_deg": body.wanted_u_inclination_deg}
-    settings["wanted"] = settings.get("wanted", {}) | {k: v for k, v in goal.items() if v is not None}
+    settings["target_u_deg"] = settings.get("target_u_deg", {}) | {k: v for k, v in goal.items() if v is not None}
     session = open_session(
         ledger, body.serial, plan, rig=body.rig, author=user.name, purpose=body.purpose, settings=settings
     )

@@ -178,11 +178,9 @@ class IssueForm:
         with self._open:
             if found:
                 ui.label(visitor.say("results.open")).classes("subtitle")
-            for sentence in found:
-                ui.label(visitor.sentence(sentence)).classes("warn")
-                if sentence in map(str, without_notes(calibration.findings)[-1:]) and can_be_evaluated_again(
-                    self._calibration
-                ):
+            for one in found:
+                ui.label(visitor.sentence(one)).classes("warn")
+                if one in without_notes(calibration.findings)[-1:] and can_be_evaluated_again(self._calibration):
                     ui.link(visitor.say("results.again"), to("/results", self._calibration.id) + "#site")
         self.accept.set_visibility(bool(found))
         self.nonconforming.set_visibility(nonconforming(judged))

@@ -11,6 +11,7 @@ from fastapi.responses import HTMLResponse, RedirectResponse, Response
 from nicegui import ui
 from nicegui.elements.mixins.text_element import TextElement
 
+from inclinometry.findings import Finding
 from inclinometry.glossary import glossary
 from inclinometry.laboratory.drift import kept_drift
 from inclinometry.laboratory.registry import due_days, listed, tools
@@ -182,12 +183,12 @@ def home(request: Request) -> None:
             _alarms(visitor, {serial: one["alarm"] for serial, one in sorted(drift.items()) if one["alarm"]}, shown)
 
 
-def _alarms(visitor: Visitor, alarms: dict[str, str], shown: int) -> None:
+def _alarms(visitor: Visitor, alarms: dict[str, Finding], shown: int) -> None:
     """Tools whose last calibration does not fit their history, as `fleet fit` found."""
     if not alarms:
         return
     ui.label(visitor.say("home.alarms")).classes("subtitle")
-    for serial, sentence in list(alarms.items())[:shown]:
-        ui.link(f"{serial}: {visitor.sentence(sentence)}", to("/tools", serial)).classes("bad")
+    for serial, alarm in list(alarms.items())[:shown]:
+        ui.link(f"{serial}: {visitor.sentence(alarm)}", to("/tools", serial)).classes("bad")
     if len(alarms) > shown:
         ui.link(visitor.say("home.more_due", number=len(alarms) - shown), "/tools")

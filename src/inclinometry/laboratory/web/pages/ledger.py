@@ -12,6 +12,7 @@ from fastapi import Request
 from nicegui import ui
 
 from inclinometry.errors import InclinometryError
+from inclinometry.files.json_codec import restored
 from inclinometry.laboratory.ledger.chain import parse_head
 from inclinometry.laboratory.ledger.engine import KINDS
 from inclinometry.laboratory.ledger.ledger import LedgerError, Record
@@ -142,6 +143,9 @@ def fields(visitor: Visitor, body: Mapping[str, Any], above: str = "") -> list[t
         several = value if isinstance(value, list) else [value]
         if isinstance(value, Mapping) and above.count(" · ") + 1 < deepest and key not in whole_files:
             found += fields(visitor, value, f"{field} · ")
+            continue
+        if isinstance(value, list) and all(isinstance(one, Mapping) and "code" in one for one in value):
+            found.append((field, " ".join(visitor.sentence(restored(one)) for one in value), unit))
             continue
         if isinstance(value, Mapping) or len(several) > most or any(isinstance(x, list | Mapping) for x in several):
             text = visitor.say("ledger.entries", number=len(value))

@@ -222,7 +222,7 @@ def plan_words(visitor: Visitor, name: str) -> str:
 def scale_unknown(visitor: Visitor, kinds: Sequence[str], day: str = "") -> None:
     """What a change, of a day where there are several, does not show where the strength of a field is not stated."""
     if kinds:
-        named = ", ".join(visitor.say(f"live.{kind}") for kind in kinds)
+        named = visitor.sentence(", ").join(visitor.say(f"live.{kind}") for kind in kinds)
         key = "tools.scale_unknown" if day else "results.scale_unknown"
         ui.label(visitor.say(key, kinds=named, day=day)).classes("dim")
 

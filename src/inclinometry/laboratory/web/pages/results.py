@@ -115,7 +115,9 @@ def _headline(visitor: Visitor, record: Record, table: dict[str, Any]) -> None:
             parts.append(f"{say(f'bench.{name}')} ±{significant(max(values))}°")
     if parts:
         k = f"{table['coverage_factor']:g}"
-        text = say("results.headline", values=", ".join(parts), low=f"{low:.0f}", high=f"{high:.0f}", k=k)
+        text = say(
+            "results.headline", values=visitor.sentence(", ").join(parts), low=f"{low:.0f}", high=f"{high:.0f}", k=k
+        )
         ui.label(text).classes("subtitle number")
 
 

@@ -14,6 +14,7 @@ from nicegui import ui
 from inclinometry.calibration.decision import AGREES, GUARDS, Limits
 from inclinometry.constants import ANGLES, COVERAGE_FACTOR, DIALS
 from inclinometry.errors import InclinometryError, refused
+from inclinometry.files.json_codec import findings_in
 from inclinometry.files.limits import limit_names, read_limits
 from inclinometry.files.verification_json import stated_limits
 from inclinometry.findings import only_notes, without_notes
@@ -107,20 +108,16 @@ def show_report(visitor: Visitor, verdict: str, limits: Content | None, content:
     say = visitor.say
     with ui.card().classes("panel"):
         # green only when nothing below speaks against relying on it
-        tone = "warn" if content.get("warnings") else "good"
+        found = findings_in(content)
+        tone = "warn" if without_notes(found) else "good"
         word = f"{verdict} reserved" if verdict in ACCEPTED and tone == "warn" else verdict
         ui.label(say(f"verdict.{word}")).classes("judgement " + (tone if verdict in ACCEPTED else "bad"))
         if protocol := content.get("protocol"):
             ui.label(
                 say("verify.of_protocol", **{**protocol, "name": lists.plan_words(visitor, str(protocol["name"]))})
             )
-        reasons = [str(sentence) for sentence in content.get("reasons", ())]
-        for sentence in dict.fromkeys(reasons):
-            # an older record has what came out as foreseen twice
-            if f"before the first reading: {sentence}" not in reasons:
-                ui.label(visitor.sentence(sentence))
-        for sentence in dict.fromkeys(map(str, content.get("warnings", ()))):
-            ui.label(visitor.sentence(sentence)).classes("warn")
+        for one in found:
+            ui.label(visitor.sentence(one)).classes("" if one.severity == "note" else "warn")
         k = float(content.get("coverage_factor", COVERAGE_FACTOR))
         guard = "none" if limits is None else str(limits["guard"])
         if limits is None:

@@ -14,8 +14,7 @@ from typing import Any, Final
 from inclinometry import findings
 from inclinometry.errors import FileError, InclinometryError
 from inclinometry.glossary import terms
-from inclinometry.language import using_language
-from inclinometry.report.stored import translated
+from inclinometry.language import label, using_language
 
 LANGUAGES: Final = {"en": "English", "ru": "Русский", "zh": "中文"}
 
@@ -57,9 +56,9 @@ def problem(language: str, error: InclinometryError) -> str:
 
 
 def sentence(language: str, text: str) -> str:
-    """A sentence that a record keeps, in a language; as it is where it is not known."""
+    """A word of the program in a language; any other text as it is."""
     with using_language(language if language in LANGUAGES else "en"):
-        return translated(text)
+        return label(text)
 
 
 def preferred(header: str) -> str:

@@ -163,7 +163,7 @@ class Live:
 
 def far_words(visitor: Visitor, off: OffTarget) -> str:
     """Which dials are off, in the visitor's language: what they would say, and the target."""
-    said = "; ".join(map(visitor.sentence, off.dials))
+    said = visitor.sentence("; ").join(map(visitor.sentence, off.dials))
     return said[:1].upper() + said[1:]
 
 

@@ -244,7 +244,7 @@ class StartForm:
             settings["settings"] = {**settings.get("settings", {}), "left_handed": True}
         if wanted:
             only = "inclination" if set(wanted) == {"u_inclination_deg"} else "azimuth"
-            settings["wanted"] = {**wanted, "criterion": only}
+            settings["target_u_deg"] = {**wanted, "criterion": only}
         purpose = "temperature" if heat else "calibrate"
         return open_session(ledger, serial, plan, rig=name, author=author, purpose=purpose, settings=settings)
 
