@@ -165,8 +165,8 @@ def test_record_7_of_wits_needs_no_map():
 
 def test_witsml_takes_its_north_of_the_option():
     stations = "".join(
-        f'<trajectoryStation uid="{md}"><md uom="m">{md}</md><incl uom="dega">{md / 100}</incl><azi uom="dega">{azi}</azi>'
-        "</trajectoryStation>"
+        f'<trajectoryStation uid="{md}"><md uom="m">{md}</md><incl uom="dega">{md / 100}</incl>'
+        f'<azi uom="dega">{azi}</azi></trajectoryStation>'
         for md, azi in ((0, 10), (100, 20))
     )
     text = (

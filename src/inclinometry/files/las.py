@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import logging
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -217,7 +218,7 @@ def las_frame(where: Path) -> Frame:
             raise FileError(Finding("table-unnamed", {"place": place}), path=where)
         if names.index(name) < place - 1:
             if _is_number(name, {name: str(las.curves[place - 1].unit)}):
-                raise FileError(Finding("table-twice", {"column": name}), path=where)
+                raise FileError(Finding("input-repeated", {"name": "column", "value": name}), path=where)
             names[place - 1] = f"{name}:{place}"
             doubled[names[place - 1]] = name
     if doubled:
@@ -286,6 +287,11 @@ def _header(path: Path, head: str) -> Any:
     """The header as lasio reads it; LAS 1.2, 2.0 and 3.0 only."""
     import lasio
 
+    stated = re.search(r"(?im)^\s*VERS\s*\.\s*([^\s:]+)", head)
+    version = stated[1] if stated else ""
+    if version not in ("1.2", "1.20", "2.0", "2", "2.00", "3.0", "3", "3.00"):
+        known = Finding("file-version", {"format": "LAS", "version": version, "known": ("1.2", "2.0", "3.0")})
+        raise FileError(known, path=path)
     # the library compares each curve with all before it, and those of one name again with all of theirs
     lines = list(numbered(head.splitlines(), 1))
     if len(lines) > MOST_HEAD:
@@ -306,10 +312,6 @@ def _header(path: Path, head: str) -> Any:
         raise
     except Exception as error:  # LASHeaderError, but also key and index errors of what it did not foresee
         raise FileError(damaged("LAS", error), path=path) from None
-    version = str(_value(las.version, "VERS") or "").strip()
-    if version not in ("1.2", "1.20", "2.0", "2", "2.00", "3.0", "3", "3.00"):
-        known = Finding("file-version", {"format": "LAS", "version": version, "known": ("1.2", "2.0", "3.0")})
-        raise FileError(known, path=path)
     if not len(las.curves):
         raise FileError(Finding("file-section", {"section": "~Curve"}), path=path)
     return las
