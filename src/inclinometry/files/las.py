@@ -42,7 +42,7 @@ Numbered = Iterator[tuple[int, str]]
 class Sections(NamedTuple):
     """A LAS file, cut: its head as LAS 2.0 has it, the lines of its data, the number of their first, what parts cells.
 
-    spans : whether STRT and STOP speak of these data; of LAS 3.0 they speak of the log.
+    spans : whether STRT and STOP are the ends of these data; in LAS 3.0 they are those of the log.
     """
 
     head: str

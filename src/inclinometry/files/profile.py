@@ -77,7 +77,7 @@ class Profile:
         return self.separator is not None or bool(self.skip) or not self.header or self.units_row
 
     def key_of(self, name: str) -> str:
-        """The name by which the profile knows a column: its own, its number, or one that differs in capitals alone."""
+        """The name of a column in the profile: its own, its number, or one that differs in capitals alone."""
         bare = name.removeprefix("column ")
         alike = [key for key in self.columns if key.casefold() == bare.casefold()]
         return name if name in self.columns else alike[0] if len(alike) == 1 else bare

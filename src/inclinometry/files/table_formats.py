@@ -214,7 +214,7 @@ class TextTable:
         return given if given.lays_out else None
 
     def _find_head(self, first: Block, lines: list[str], found: Profile) -> None:
-        """The north that lines above the names state; names over two lines as one, where one line does not tell all."""
+        """The north that lines above the names state; names over two lines as one, where one line has a name twice."""
         mark = found.separator or ","
         for line in lines[: found.skip]:
             if stated := _NORTH.search(line):

@@ -153,7 +153,7 @@ def record_7(*, feet: bool = False) -> dict[str, str]:
 
 
 def read_record_7(path: str | Path, depth_unit: str | None, azimuth_reference: str | None) -> SurveyFile:
-    """A stream without a map: its record 7, depths in metres where no unit is stated, and a finding that says so."""
+    """A stream without a map: its record 7, depths in metres where no unit is stated, and a finding."""
     channels = record_7(feet=depth_unit == "ft")
     try:
         survey = read_wits0(path, Wits0Map(channels, azimuth_reference=azimuth_reference))
