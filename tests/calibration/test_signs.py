@@ -160,7 +160,7 @@ def test_a_contradiction_is_refused_with_both_numbers():
     g, b = np.array([0.0, 0.0, 1.0]), np.array([np.cos(0.7), 0.0, np.sin(0.7)])
     for kind, angle, found, stated in (("magnetometer", "dip", 40.11, 70.0), ("gyro", "latitude", -40.11, -55.0)):
         _, (said,) = decided(kind, (g, b), {angle: np.radians(stated)})
-        assert (said.code, said.severity) == (f"bench-{angle}-contradicted", "refused")
+        assert (said.code, said.values["angle"], said.severity) == ("bench-dip-contradicted", angle, "refused")
         assert said.values["found_deg"] == pytest.approx(found, abs=0.01)
         assert said.values["stated_deg"] == pytest.approx(stated)
         assert said.values["off_deg"] == pytest.approx(abs(stated - found), abs=0.01)

@@ -289,7 +289,7 @@ def test_with_an_open_warning_nothing_is_recorded_when_a_certificate_is_wanted(r
     Path("a.csv").write_text(table(without("reference_dip_deg", "reference_b_nT")))
     Path("lab.toml").write_text('name = "Laboratory"\naddress = "Street 1"\ncountry = "NO"\n')
     wanted = ("--certify", "--laboratory", "lab.toml")
-    entered(run, "a.csv", *wanted).refused("[session-open-warnings]")
+    entered(run, "a.csv", *wanted).refused("[certificate-open-warnings]")
     with Ledger("own.sqlite", read_only=True) as own:
         assert [own.count(kind) for kind in ("tool", "rig", "session", "calibration")] == [0, 0, 0, 0]
     assert entered(run, "a.csv", *wanted, "--accept-warnings", "the field points down").status == 0

@@ -316,7 +316,8 @@ def test_a_number_that_stands_for_nothing(tmp_path):
     assert stop.value.line == 3
     with reading_with(None, null=-999.25):
         well = read_well(path)
-    assert (well.md.tolist(), well.left_out, well.lines.tolist()) == ([0.0, 60.0], (3,), [2, 4])
+    assert (well.md.tolist(), well.lines.tolist()) == ([0.0, 60.0], [2, 4])
+    assert [(one.code, one.values["line"]) for one in well.findings] == [("work-rows-left-out", 3)]
     # half a station is none, and no gap either
     with reading_with(None, null=-999.25), refused("input-empty", error=FileError):
         read_well(saved(path, "MD (m),INC (deg),AZI_TRUE (deg)\n0,0,0\n30,-999.25,20\n60,3,20\n"))

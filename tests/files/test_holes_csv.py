@@ -43,7 +43,7 @@ def test_shots_of_two_holes_in_turns_with_an_empty_cell(tmp_path):
         ("hole,depth_m,azimuth_deg,dip_deg,inc_deg\nA,1,2,3,4\n", 1, "input-one-of dip"),
         ("hole,depth_m,azimuth_deg,dip_deg\nA,1,2,3\n,2,2,3\n", 3, "input-empty"),
         ("holle,depth_m\nA,1\n", None, "file-column hole"),
-        ("well,depth_m\nA,1\n", None, "file-column hole"),
+        ("shaft,depth_m\nA,1\n", None, "file-column hole"),
         ("hole,BHID,depth_m\nA,A,1\n", None, "table-same"),
         ("hole,depth_m,at_ft\nA,1,1\n", None, "table-same"),
         ("hole,depth,dip_deg,azimuth_deg\nA,1,1,1\n", None, "table-unit-missing"),

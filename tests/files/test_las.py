@@ -175,7 +175,7 @@ def test_a_header_with_fewer_digits_than_the_data(tmp_path):
         ("DEPT.F ", "ETIM.F ", "file-column md_m"),
         (" 656.0000 -999", " 328.0000 -999", "file-differs"),
         ("GY  .G ", "GX  .G ", "input-repeated"),
-        ("2.0 :", "3.0 :", "file-version"),
+        ("2.0 :", "4.0 :", "file-version"),
         ("~A  DEPT", "~X  DEPT", "file-section"),
         ("~", "-", "file-section"),
         (" VERS. ", " ", "file-version"),
@@ -271,16 +271,17 @@ def test_blocks_of_rows_are_one_table(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("stop", "fits"), [(10_000.015, True), (9_999.985, True), (10_000.02, False), (9_999.98, False)]
+    ("stop", "code"), [(10_000.015, ""), (9_999.985, ""), (10_000.02, "file-differs"), (9_999.98, "file-beyond")]
 )
-def test_how_far_head_and_data_may_differ(tmp_path, stop, fits):
-    """Half of the second decimal, and a millionth of the depth: 16 mm at 10 km."""
+def test_how_far_head_and_data_may_differ(tmp_path, stop, code):
+    """Half of the second decimal, and a millionth of the depth: 16 mm at 10 km; nothing is missing of data beyond."""
     write_las(SurveyFile(md=[0.0, 10_000.0], tvd=[0.0, 9_000.0]), tmp_path / "a.las")
     text = (tmp_path / "a.las").read_text()
     line = next(line for line in text.splitlines() if line.startswith("STOP"))
     (tmp_path / "a.las").write_text(text.replace(line, line.replace("10000.0", f"{stop}")))
-    if fits:
-        assert read_las(tmp_path / "a.las").md[-1] == 10_000.0
+    if code != "file-differs":
+        found = read_las(tmp_path / "a.las")
+        assert (found.md[-1], [one.code for one in found.findings]) == (10_000.0, [code] if code else [])
         return
     with refused("file-differs", error=FileError, name="STOP"):
         read_las(tmp_path / "a.las")

@@ -206,8 +206,8 @@ def test_a_check_at_the_bench(folder: Path) -> None:
         for number, position in enumerate(session.positions):
             seen = drift.check_progress(ledger, load_session(ledger, session.id), Goal())
             assert seen.calibration is None
-            assert seen.waiting.code == "session-check-open"
-            with refused("session-check-open", error=LedgerError):
+            assert seen.waiting.code == "session-positions-open"
+            with refused("session-positions-open", error=LedgerError):
                 drift.finish(ledger, session.id, author="test")
             channels = {kind: values[number] for kind, values in readings.channels.items()}
             taken = Capture(channels, position.dial, units=readings.units)

@@ -118,7 +118,7 @@ def test_what_does_not_belong_is_refused(laboratory: Ledger, bench: SimpleNamesp
     """Another calibration's verification, a failed one unsaid, a second certificate, no laboratory."""
     (one, good), (two, bad) = made(1), made(2, NARROW)
     for calibration, verification, about, said in (
-        (one, bad, LABORATORY, "certificate-other-calibration"),
+        (one, bad, LABORATORY, "session-agreed"),
         (two, bad, LABORATORY, "certificate-failed"),
         (one, good, None, "input-missing"),
         (one, good, replace(LABORATORY, country=""), "input-missing"),

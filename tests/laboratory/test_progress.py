@@ -24,7 +24,7 @@ def test_before_enough_positions_it_says_what_it_waits_for(laboratory: Ledger, b
     session = open_session(laboratory, "IN-7", plans.twelve(), rig="stand 1", author="a")
     seen = session_progress(session, LOW, find_rig(laboratory, "stand 1"))
     assert seen.calibration is None
-    assert seen.waiting.code == "session-empty"
+    assert seen.waiting.code == "session-positions-open"
     session = bench.take(laboratory, session, bench.sensors(realistic_tool(7), 1), [1, 2, 3])
     seen = session_progress(session, LOW, find_rig(laboratory, "stand 1"))
     assert (seen.captured, seen.calibration, seen.reached) == (3, None, False)

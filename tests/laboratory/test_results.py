@@ -85,7 +85,7 @@ def test_a_dial_that_counts_the_other_way_is_no_calibration(
 def test_readings_that_make_no_calibration_leave_the_session_open(laboratory: Ledger) -> None:
     """The reason is said."""
     session = open_session(laboratory, "IN-7", plans.twelve(), rig="stand 1", author="a")
-    with refused("session-empty", error=LedgerError):
+    with refused("session-positions-open", error=LedgerError):
         finish_calibration(laboratory, session.id, author="anna")
     assert load_session(laboratory, session.id).closed == ""
 

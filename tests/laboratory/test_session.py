@@ -86,7 +86,7 @@ def test_two_browsers_do_not_overwrite_each_other(opened: tuple[Ledger, Session]
     """Both believe to take the first attempt."""
     ledger, session = opened
     capture(ledger, session.id, 1, one(session, 1), author="a", attempt=1)
-    with refused("session-position-captured", error=ConflictError):
+    with refused("ledger-conflict", error=ConflictError):
         capture(ledger, session.id, 1, one(session, 1, 9.0), author="b", attempt=1)
     assert load_session(ledger, session.id).valid[0].author == "a"
 
@@ -184,7 +184,7 @@ def test_a_rig_is_recorded_with_its_dials(laboratory: Ledger, bench: SimpleNames
 
 
 def test_dials_that_are_none_are_not_recorded(laboratory: Ledger) -> None:
-    with refused("ledger-content", error=InputError, place="rig.dials.azimuth_counts"):
+    with refused("input-field", error=InputError, name="rig.dials.azimuth_counts"):
         laboratory.append("rig", {"name": "x"}, {"sd_deg": [1, 1, 1], "dials": {"azimuth_counts": "left"}}, author="a")
 
 

@@ -200,10 +200,10 @@ def test_what_was_agreed_is_held_to(laboratory: Ledger, bench: SimpleNamespace, 
     bare = begin_verification(laboratory, calibration, "roll-4", author="anna")
     for session in (made, bare):
         bench.take(laboratory, session, bench.sensors(realistic_tool(7), 9))
-        with refused("session-other-limits", error=LedgerError):
+        with refused("session-agreed", error=LedgerError):
             finish_verification(laboratory, session.id, calibration, author="anna", limits=wide)
     other = bench.finished(laboratory, 2).id
-    with refused("session-other-calibration", error=LedgerError):
+    with refused("session-agreed", error=LedgerError):
         finish_verification(laboratory, made.id, other, author="anna")
     record = finish_verification(laboratory, made.id, calibration, author="anna")
     assert (record.body["verdict"], record.body["limits"]["name"]) == ("pass", "contract")
@@ -222,7 +222,7 @@ def test_limits_survive_being_stated(name: str) -> None:
     [
         ({"azimuth_deg": 1.0}, "input-empty"),
         ({"source": " ", "azimuth_deg": 1.0}, "input-empty"),
-        ({"source": "contract"}, "session-no-limit"),
+        ({"source": "contract"}, "file-limits"),
         ({"source": "contract", "azimuth_deg": -1.0}, "input-value"),
         ({"source": "contract", "azimuth_deg": 1.0, "guard": "half"}, "input-choice"),
         ({"source": "contract", "azimuth_deg": 1.0, "min_inclination_deg_for_azimuth": 91.0}, "input-value"),

@@ -158,7 +158,7 @@ def test_stations_that_do_not_go_together_are_refused(run, name):
     }[name]
     code, values = {
         "temperature": ("input-shape", {"name": "temperature", "shape": "(39,)", "expected": "(40,)"}),
-        "md": ("input-value", {"name": "md", "value": 31.0, "allowed": "= survey.md"}),
+        "md": ("work-rows", {"name": "md_m", "here": run.md[0] + 1.0, "there": run.md[0], "file": "survey.csv"}),
         "others": ("input-shape", {"name": "fixed", "shape": "(3,)", "expected": "(40,)"}),
     }[name]
     with refused(code, error=InputError, **values):

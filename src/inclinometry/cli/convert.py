@@ -10,6 +10,7 @@ from cyclopts import Parameter
 from inclinometry.cli import options, output
 from inclinometry.cli.options import Convention, Flag, Ignore, InputOrNone, Json
 from inclinometry.errors import refused
+from inclinometry.files.profile import current
 from inclinometry.workflow.convert import Conversion
 from inclinometry.workflow.convert import convert as convert_file
 
@@ -29,7 +30,6 @@ def convert(
         Parameter(help="Axes and signs of the source. Default: by its format; native for a table."),
     ] = None,
     azimuth_reference: Annotated[Literal["magnetic", "true", "grid"] | None, Parameter(group=options.INPUT)] = None,
-    sheet: Annotated[str | None, Parameter(group=options.INPUT)] = None,
     depth_unit: Annotated[Literal["m", "ft", "ftUS"] | None, Parameter(group=options.INPUT)] = None,
     map_: Annotated[InputOrNone, Parameter(name="--map")] = None,
     check: Flag = False,
@@ -51,8 +51,6 @@ def convert(
         mark; survex, therion and compass are written as legs.
     azimuth_reference
         North of the azimuths if the source states none.
-    sheet
-        Sheet of a workbook (default: the first); number of a survey in P7; uid of a trajectory in WITSML.
     depth_unit
         Unit of depth if a P7 file states none.
     map_
@@ -71,7 +69,7 @@ def convert(
             to_format=to,
             convention=convention,
             azimuth_reference=azimuth_reference,
-            sheet=sheet,
+            sheet=current().sheet,
             depth_unit=depth_unit,
             channels=map_,
             check=check,

@@ -46,11 +46,12 @@ def run(
     profile: str = "",
     units: str = "",
     null: float = float("nan"),
+    sheet: str = "",
 ) -> int:
     """Run the command that `words` are; its exit status."""
     from rich.console import Console
 
-    words, profile, units = tuple(map(as_typed, words)), as_typed(profile), as_typed(units)
+    words, profile, units, sheet = tuple(map(as_typed, words)), *map(as_typed, (profile, units, sheet))
     if template and words[:1] == ("datasheet",):  # which has a template of another kind
         words = (*words, "--template")
     elif template:
@@ -86,7 +87,7 @@ def run(
             if page is None and words[:1] != ("demo",):
                 raise refused("input-needs", {"name": "--language", "needed": (option,)})
             stack.enter_context(using_language(language))
-        stack.enter_context(_tables(profile, units, null))
+        stack.enter_context(_tables(profile, units, null, sheet))
         status = command(*bound.args, **bound.kwargs)
     if open_ and page is not None:
         import webbrowser
@@ -96,15 +97,15 @@ def run(
 
 
 @contextmanager
-def _tables(profile: str, units: str, null: float) -> Iterator[None]:
+def _tables(profile: str, units: str, null: float, sheet: str) -> Iterator[None]:
     """Tables are read as stated; where none was read, a warning says so."""
-    stated = {"--profile": bool(profile), "--units": bool(units), "--null": not isnan(null)}
+    stated = {"--profile": bool(profile), "--units": bool(units), "--null": not isnan(null), "--sheet": bool(sheet)}
     if not any(stated.values()):
         yield
         return
     from inclinometry.files.profile import reading_with
 
-    with reading_with(profile or None, units or None, None if isnan(null) else null) as used:
+    with reading_with(profile or None, units or None, None if isnan(null) else null, sheet or None) as used:
         yield
     if not used:
         from inclinometry.cli.output import findings

@@ -187,19 +187,6 @@ def table(title: str, header: Sequence[str], rows: Sequence[Sequence[str]], capt
     console.print(found)
 
 
-def _errors() -> Console:
-    """Standard error, which never mixes with data; of now, as tests and callers redirect it."""
-    return Console(stderr=True, highlight=False, markup=False, emoji=False, soft_wrap=True)
-
-
-def warnings(sentences: Sequence[str]) -> None:
-    """Warnings, one a line."""
-    errors = _errors()
-    for sentence in sentences:
-        errors.print("warning: ", style="yellow", end="")
-        errors.print(named(sentence))
-
-
 MOST: Final = 3
 """Findings that one command prints; -v and --json have all, notes too."""
 
@@ -209,7 +196,8 @@ def findings(found: Sequence[Finding], files: Sequence[str] = ()) -> None:
 
     files : that they are about, one each.
     """
-    errors = _errors()
+    # standard error, which never mixes with data; of now, as tests and callers redirect it
+    errors = Console(stderr=True, highlight=False, markup=False, emoji=False, soft_wrap=True)
     verbose = logging.getLogger("inclinometry").isEnabledFor(logging.INFO)
     named_by = zip(found, (f"{file}: " for file in files) if files else [""] * len(found), strict=True)
     shown = [pair for pair in named_by if verbose or pair[0].severity != "note"]

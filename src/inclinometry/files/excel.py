@@ -40,7 +40,7 @@ def sheet_blocks(path: Path, sheet: str | None = None) -> Iterator[Block]:
         book = stack.enter_context(_workbook(path, values=True))
         titles = book.sheetnames
         if not titles or sheet not in (None, *titles):
-            choice = Finding("input-choice", {"name": "sheet", "value": sheet or "-", "allowed": tuple(titles)})
+            choice = Finding("input-choice", {"name": "--sheet", "value": sheet or "-", "allowed": tuple(titles)})
             raise FileError(choice, path=path)
         title = sheet or titles[0]
         header = _header(book[HEADER]) if HEADER in titles and title != HEADER else {}
@@ -60,6 +60,11 @@ def sheet_blocks(path: Path, sheet: str | None = None) -> Iterator[Block]:
             held.append([cell if type(cell) in (int, float, bool) else _text(cell) for cell in row])
         if not held:
             raise FileError(Finding("file-empty", {"what": "rows"}), path=path)
+        numbers = first > 1 or any(type(cell) in (int, float) for row in held for cell in row)
+        if sheet is None and not numbers and len(set(titles) - {HEADER}) > 1:
+            # a cover; which of the others is meant is not known
+            choice = Finding("input-choice", {"name": "--sheet", "value": titles[0], "allowed": tuple(titles[1:])})
+            raise FileError(choice, path=path)
         yield Block(first, held, header)
 
 

@@ -24,8 +24,8 @@ from inclinometry.arrays import Array
 from inclinometry.constants import UNIT_LABELS
 from inclinometry.errors import FileError, InputError, in_file
 from inclinometry.files.frame import Column, Frame
-from inclinometry.files.profile import with_unit
-from inclinometry.files.text import Block, Progress
+from inclinometry.files.profile import current, with_unit
+from inclinometry.files.text import Block, Progress, wide
 from inclinometry.findings import Finding
 from inclinometry.opening import damaged, opened, too_large, whole
 
@@ -91,11 +91,13 @@ def _kind(start: bytes) -> Read | None:
         b"MATLAB": _mat,
     }
     read: Read | None = next((read for magic, read in kinds.items() if start.startswith(magic)), None)
-    text = start.removeprefix(b"\xef\xbb\xbf").lstrip()
+    text = (wide(start) or start).removeprefix(b"\xef\xbb\xbf").lstrip()
     if read is None and text[:1] in (b"{", b"["):
         return _json
-    if read is None and text[:2].upper() == b"~V":
+    if read is None and re.match(rb"(#[^\n]*\s+)*~V", text, re.I):
         return _las
+    if read is None and re.match(rb"&&\s", text):
+        return _wits
     if read is None and text[:1] == b"<" and b"trajectorys" in start:
         return _witsml
     if read is None and text[:5] in (b"IOGP,", b"OGP,0", b"OGP,1"):
@@ -229,7 +231,7 @@ def _zipped(path: Path) -> Pieces:
     if not _of_numpy(path):
         from inclinometry.files.excel import sheet_blocks
 
-        return sheet_blocks(path)
+        return sheet_blocks(path, current().sheet)
     try:
         with np.load(path, allow_pickle=False) as stored:
             arrays = {name: stored[name] for name in stored.files}
@@ -301,19 +303,36 @@ def _las(path: Path) -> Pieces:
 def _witsml(path: Path) -> Pieces:
     from inclinometry.files.witsml import read_witsml
 
-    return _survey(path, read_witsml(path))
+    stated, trajectory = current().constants.get("azimuth_reference"), current().sheet
+    north = None if stated is None else str(stated)
+    return _survey(path, read_witsml(path, trajectory=trajectory, azimuth_reference=north))
+
+
+def _wits(path: Path) -> Pieces:
+    from inclinometry.files.wits0 import read_record_7
+
+    unit = next((unit for unit in current().units if unit in ("m", "ft")), None)
+    stated = current().constants.get("azimuth_reference")
+    return _survey(path, read_record_7(path, unit, None if stated is None else str(stated)))
 
 
 def _p7(path: Path) -> Pieces:
     from inclinometry.files.p7 import read_p7
 
-    surveys = read_p7(path).surveys
-    if len(surveys) != 1:
-        raise FileError(Finding("file-surveys", {"names": tuple(map(str, surveys))}), path=path)
-    return _survey(path, next(iter(surveys.values())))
+    surveys, sheet = {str(number): survey for number, survey in read_p7(path).surveys.items()}, current().sheet
+    if sheet is None and len(surveys) != 1:
+        raise FileError(Finding("file-surveys", {"names": tuple(surveys)}), path=path)
+    if sheet not in (None, *surveys):
+        choice = Finding("input-choice", {"name": "--sheet", "value": sheet or "-", "allowed": tuple(surveys)})
+        raise FileError(choice, path=path)
+    return _survey(path, surveys[sheet or next(iter(surveys))])
 
 
 def _survey(path: Path, file: SurveyFile) -> Iterator[Frame]:
     from inclinometry.files.survey_file import columns_of
 
-    yield Frame(path, columns_of(file), np.arange(2, len(file) + 2), 1)
+    # an item of WITS that nothing names
+    columns = {f"item {name}" if name.isdigit() else name: column for name, column in columns_of(file).items()}
+    if file.azimuth_reference == current().constants.get("azimuth_reference"):
+        columns.pop("azimuth_reference", None)  # it is stated for the whole file
+    yield Frame(path, columns, np.arange(2, len(file) + 2), 1, findings=file.findings)

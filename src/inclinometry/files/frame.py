@@ -30,7 +30,7 @@ class Frame:
     columns : name -> (n,) numbers or texts, in the file's order. bare : names without the unit that the file states
     apart from them. lines : (n,) number of each row in the file, from 1; `word` is what the file counts: line or row.
     header_line : line of the names, where there is one. north : of the azimuths, where the head of the file says it.
-    header : texts of that head. digest : SHA-256.
+    header : texts of that head. digest : SHA-256. findings : of what was left out or put right.
     """
 
     path: Path
@@ -42,6 +42,7 @@ class Frame:
     north: str | None = None
     header: Mapping[str, str] = field(default_factory=dict)
     digest: str = ""
+    findings: tuple[Finding, ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:

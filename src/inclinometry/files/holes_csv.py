@@ -123,7 +123,11 @@ def _by_hole(
     try:
         for name in names:
             for what, own in wanted.items():
-                factor = None if name in ids else factor_of(name, hole_names(what), own, current().units)
+                factor = (
+                    None
+                    if name in (*ids, "azimuth_reference")
+                    else factor_of(name, hole_names(what), own, current().units)
+                )
                 if factor is None:
                     continue
                 if what in found:
@@ -135,6 +139,9 @@ def _by_hole(
         raise in_file(error, path) from None
     numbers = {name for name, _ in found.values()}
     table = opened.read(lambda name: name in numbers, numbers)
+    for north in table.text("azimuth_reference") if "azimuth_reference" in table else ():
+        if north != table.text("azimuth_reference")[0]:
+            raise table.error(Finding("input-north", {"norths": (table.text("azimuth_reference")[0], north)}))
     rows: dict[str, list[int]] = {}
     for row, hole in enumerate(table.text(ids[0])):
         if not hole:

@@ -5,10 +5,11 @@ from __future__ import annotations
 import io
 import json
 import logging
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,11 +18,11 @@ from inclinometry.arrays import Array
 from inclinometry.errors import FileError, InputError, in_file, wrong_kind
 from inclinometry.files import writing
 from inclinometry.files._quantities import meaning, quantities_by_column, same_unit
-from inclinometry.files.frame import Column, Frame
+from inclinometry.files.frame import Column, Frame, unused
 from inclinometry.files.profile import with_unit
 from inclinometry.files.survey_file import SurveyFile, columns_of
 from inclinometry.files.table_formats import row_width
-from inclinometry.files.text import NULLS
+from inclinometry.files.text import NULLS, wide
 from inclinometry.files.writing import write_text
 from inclinometry.findings import Finding
 from inclinometry.opening import damaged, not_text, too_large, whole
@@ -38,21 +39,54 @@ MOST_AGAIN: Final = 100
 Numbered = Iterator[tuple[int, str]]
 
 
-def split_at_data(path: str | Path, text: str) -> tuple[str, Sequence[str], int]:
-    """The head of a LAS file, the lines of its data, and the number of the first of these.
+class Sections(NamedTuple):
+    """A LAS file, cut: its head as LAS 2.0 has it, the lines of its data, the number of their first, what parts cells.
+
+    spans : whether STRT and STOP are the ends of these data; in LAS 3.0 they are those of the log.
+    """
+
+    head: str
+    lines: Sequence[str]
+    first: int
+    mark: str | None = None
+    spans: bool = True
+
+
+def split_at_data(path: str | Path, text: str) -> Sections:
+    """The head of a LAS file and its data; of LAS 3.0 the section ~Inclinometry, or else the log.
 
     Raises
     ------
     FileError
-        No section at all, no ~A section.
+        No section at all, none of data.
     """
     lines = text.splitlines()
-    start = next((i for i, line in enumerate(lines) if line.lstrip()[:2].upper() == "~A"), None)
-    if not any(line.lstrip().startswith("~") for line in lines):
+    titles = {i: line.strip().upper() for i, line in enumerate(lines) if line.lstrip().startswith("~")}
+    if not titles:
         raise FileError(Finding("file-section", {"section": "~Version"}), path=path)
+    # of LAS 3.0: ~INCLINOMETRY_DATA | INCLINOMETRY_DEFINITION
+    tables = {i: title for i, title in titles.items() if "|" in title}
+    start = next((i for i, title in tables.items() if title.startswith("~INCLINOMETRY")), None)
+    spans = start is None
+    if start is None:
+        start = next((i for i, title in titles.items() if title.startswith(("~A", "~LOG_DATA"))), None)
     if start is None:
         raise FileError(Finding("file-section", {"section": "~ASCII"}), path=path, line=len(lines))
-    return "\n".join(lines[:start]) + "\n", lines[start + 1 :], start + 2
+    ends = dict(zip(titles, [*list(titles)[1:], len(lines)], strict=True))
+    if start not in tables:
+        return Sections("\n".join(lines[:start]) + "\n", lines[start + 1 : ends[start]], start + 2)
+    kind = titles[start][1:].partition("|")[0].strip().removesuffix("_DATA")
+    parts = {"~V": "~V", "~W": "~W", f"~{kind}_DEFINITION": "~C", f"~{kind}_PARAMETER": "~P", "~PARAMETER": "~P"}
+    head, mark = list[str](), "SPACE"
+    for i, title in titles.items():
+        part = next((part for begins, part in parts.items() if title.startswith(begins) and i not in tables), None)
+        if part is not None:
+            body = lines[i + 1 : ends[i]]
+            mark = next((line.partition(".")[2].partition(":")[0].strip().upper()
+                         for line in body if line.lstrip().upper().startswith("DLM")), mark)  # fmt: skip
+            head += [part, *body]
+    marks = {"COMMA": ",", "TAB": "\t"}
+    return Sections("\n".join(head) + "\n", lines[start + 1 : ends[start]], start + 2, marks.get(mark), spans)
 
 
 def numbered(lines: Iterable[str], first: int) -> Numbered:
@@ -63,7 +97,13 @@ def numbered(lines: Iterable[str], first: int) -> Numbered:
 
 
 def read_data(
-    path: Path, lines: Numbered, names: Sequence[str], units: Mapping[str, str], null: float, wrap: bool
+    path: Path,
+    lines: Numbered,
+    names: Sequence[str],
+    units: Mapping[str, str],
+    null: float,
+    wrap: bool,
+    mark: str | None = None,
 ) -> tuple[dict[str, Column], NDArray[np.int64]]:
     """Columns by mnemonic, `null` as NaN or empty, and the line each row stands in.
 
@@ -76,7 +116,7 @@ def read_data(
     numbers: list[list[Array]] = [[] for _ in names]
     texts: list[list[str]] = [[] for _ in names]
     places: list[int] = []
-    for block in _blocks(_unwrapped(path, lines, len(names)) if wrap else _rows(path, lines, len(names))):
+    for block in _blocks(_unwrapped(path, lines, len(names)) if wrap else _rows(path, lines, len(names), mark)):
         rows = [row for row, _ in block]
         places += rows
         for index, cells in enumerate(zip(*(cells for _, cells in block), strict=True)):
@@ -100,9 +140,9 @@ def _is_number(name: str, units: Mapping[str, str]) -> bool:
     return what is not None and what.unit is not None
 
 
-def _rows(path: Path, lines: Numbered, width: int) -> Iterator[tuple[int, list[str]]]:
+def _rows(path: Path, lines: Numbered, width: int, mark: str | None) -> Iterator[tuple[int, list[str]]]:
     for place, line in lines:
-        cells = line.split()
+        cells = [cell.strip() for cell in line.split(mark)]
         if len(cells) != width:
             raise FileError(row_width(len(cells), width), path=path, line=place)
         yield place, cells
@@ -159,7 +199,9 @@ _MARK: Final = "Head of the survey, one name and text a line:"
 
 
 def las_frame(where: Path) -> Frame:
-    """The curves of LAS 1.2 or 2.0 as a table: the file's own NULL is unknown, AZIREF the north of the azimuths.
+    """The curves of LAS 1.2, 2.0 or 3.0 as a table: the file's own NULL is unknown, AZIREF the north of the azimuths.
+
+    A log from the bottom up is turned round. A curve of no survey that is there twice is left out.
 
     Raises
     ------
@@ -167,46 +209,72 @@ def las_frame(where: Path) -> Frame:
         A header that is damaged, data that do not reach STRT and STOP (truncated), values that are no numbers.
     """
     text = _text(where)
-    head, lines, first = split_at_data(where, text)
-    las = _header(where, head)
+    parts = split_at_data(where, text)
+    las = _header(where, parts.head)
     names = [str(curve.original_mnemonic).strip() for curve in las.curves]
+    findings, doubled = list[Finding](), dict[str, str]()
     for place, name in enumerate(names, 1):
         if not name:
             raise FileError(Finding("table-unnamed", {"place": place}), path=where)
         if names.index(name) < place - 1:
-            raise FileError(Finding("input-repeated", {"name": "column", "value": name}), path=where)
+            if _is_number(name, {name: str(las.curves[place - 1].unit)}):
+                raise FileError(Finding("input-repeated", {"name": "column", "value": name}), path=where)
+            names[place - 1] = f"{name}:{place}"
+            doubled[names[place - 1]] = name
+    if doubled:
+        findings += unused(dict.fromkeys(doubled.values()))
     wrap = str(_value(las.version, "WRAP") or "NO").strip().upper() == "YES"
     units = {name: str(curve.unit) for name, curve in zip(names, las.curves, strict=True) if curve.unit}
-    columns, rows = read_data(where, numbered(lines, first), names, units, _null(where, las), wrap)
-    # FileError where the data do not span STRT to STOP, as the header says they do
+    lines = numbered(parts.lines, parts.first)
+    columns, rows = read_data(where, lines, names, units, _null(where, las), wrap, parts.mark)
+    columns = {name: column for name, column in columns.items() if name not in doubled}
     depth = columns[names[0]]
-    index_unit = units.get(names[0])
-    if not (isinstance(depth, tuple)):
-        for item in las.well:
-            name, unit = str(item.original_mnemonic).upper(), str(item.unit).strip()
-            if name in ("STRT", "STOP") and unit and index_unit and not same_unit(unit, index_unit):
-                raise FileError(Finding("table-units", {"column": name, "units": (unit, index_unit)}), path=where)
-        for name, found, line in (("STRT", depth[0], None), ("STOP", depth[-1], int(rows[-1]))):
-            value = _value(las.well, name)
-            try:
-                wanted = float(value)
-            except (TypeError, ValueError):
-                raise in_file(wrong_kind(name, str(value), "number"), where) from None
-            # headers are often printed with fewer digits than the data
-            if not abs(wanted - found) <= 0.006 + 1e-6 * abs(found):
-                apart = Finding("file-differs", {"name": name, "stated": wanted, "there": float(found)})
-                raise FileError(apart, path=where, line=line)
+    if parts.spans and not isinstance(depth, tuple):
+        up, beyond = _span(where, las, units.get(names[0]), depth, rows)
+        findings += beyond
+        if up and (np.diff(depth) < 0.0).all():
+            columns = {name: c[::-1] if isinstance(c, tuple) else c[::-1].copy() for name, c in columns.items()}
+            rows = rows[::-1]
     header, north = _head_texts(where, las)
     try:
         bare = {with_unit(name, units.get(name)): name for name in columns}
     except InputError as error:
         raise in_file(error, where) from None
     named = {name: columns[own] for name, own in bare.items()}
-    return Frame(where, named, rows, bare=bare, north=north, header=header)
+    return Frame(where, named, rows, bare=bare, north=north, header=header, findings=tuple(findings))
+
+
+def _span(
+    path: Path, las: Any, index_unit: str | None, depth: Array, rows: NDArray[np.int64]
+) -> tuple[bool, list[Finding]]:
+    """Whether the log goes up by its header, and data beyond STRT or STOP; FileError where they end before."""
+    ends = dict[str, float]()
+    for name in ("STRT", "STOP"):
+        item = next((item for item in las.well if str(item.original_mnemonic).upper() == name), None)
+        unit = "" if item is None else str(item.unit).strip()
+        if unit and index_unit and not same_unit(unit, index_unit):
+            raise FileError(Finding("table-units", {"column": name, "units": (unit, index_unit)}), path=path)
+        value = None if item is None else item.value
+        try:
+            ends[name] = float(value)  # type: ignore[arg-type]
+        except (TypeError, ValueError):
+            raise in_file(wrong_kind(name, str(value), "number"), path) from None
+    up, findings = ends["STRT"] > ends["STOP"], []
+    for name, at in (("STRT", 0), ("STOP", -1)):
+        stated, there = ends[name], float(depth[at])
+        # headers are often printed with fewer digits than the data
+        if abs(stated - there) <= 0.006 + 1e-6 * abs(there):
+            continue
+        values = {"name": name, "stated": stated, "there": there}
+        if ((there > stated) is (name == "STOP")) is up:
+            raise FileError(Finding("file-differs", values), path=path, line=int(rows[at]))
+        findings.append(Finding("file-beyond", values))
+    return up, findings
 
 
 def _text(path: Path) -> str:
     data = whole(path, LARGEST)
+    data = wide(data) or data
     if b"\0" in data[:100_000]:
         raise FileError(not_text("utf-8", "0x00"), path=path)
     try:
@@ -216,9 +284,14 @@ def _text(path: Path) -> str:
 
 
 def _header(path: Path, head: str) -> Any:
-    """The header as lasio reads it; LAS 1.2 and 2.0 only."""
+    """The header as lasio reads it; LAS 1.2, 2.0 and 3.0 only."""
     import lasio
 
+    stated = re.search(r"(?im)^\s*VERS\s*\.\s*([^\s:]+)", head)
+    version = stated[1] if stated else ""
+    if version not in ("1.2", "1.20", "2.0", "2", "2.00", "3.0", "3", "3.00"):
+        known = Finding("file-version", {"format": "LAS", "version": version, "known": ("1.2", "2.0", "3.0")})
+        raise FileError(known, path=path)
     # the library compares each curve with all before it, and those of one name again with all of theirs
     lines = list(numbered(head.splitlines(), 1))
     if len(lines) > MOST_HEAD:
@@ -239,10 +312,6 @@ def _header(path: Path, head: str) -> Any:
         raise
     except Exception as error:  # LASHeaderError, but also key and index errors of what it did not foresee
         raise FileError(damaged("LAS", error), path=path) from None
-    version = str(_value(las.version, "VERS") or "").strip()
-    if version not in ("1.2", "1.20", "2.0", "2", "2.00"):
-        known = Finding("file-version", {"format": "LAS", "version": version, "known": ("1.2", "2.0")})
-        raise FileError(known, path=path)
     if not len(las.curves):
         raise FileError(Finding("file-section", {"section": "~Curve"}), path=path)
     return las
@@ -350,5 +419,4 @@ def _header_text(file: SurveyFile, curves: Mapping[str, Array], null: float) -> 
     las.write(
         stream, version=2.0, wrap=False, STRT=file.md[0], STOP=file.md[-1], STEP=steps[0] if even else 0.0, fmt="%.17g"
     )
-    head, _, _ = split_at_data("", stream.getvalue())
-    return head + "~ASCII\n"
+    return split_at_data("", stream.getvalue()).head + "~ASCII\n"

@@ -56,7 +56,7 @@ class WellStations:
     md : (n,) m, increasing. inclination, azimuth : (n,) rad, from the north `azimuth_reference`. temperature : degC.
     toolface : (n,) rad, NaN where the file is silent; None without a column. lines, digest : as in `Frame`.
     listed : columns of positions in the file. unread : those that have no unit of length, or are no numbers.
-    left_out : lines of the rows without inclination and azimuth, which are no stations.
+    findings : as in `Frame`; rows without inclination and azimuth, which are no stations.
     """
 
     md: Array
@@ -70,7 +70,7 @@ class WellStations:
     digest: str
     listed: tuple[Listed, ...] = ()
     unread: tuple[str, ...] = ()
-    left_out: tuple[int, ...] = ()
+    findings: tuple[Finding, ...] = ()
 
     def __len__(self) -> int:
         return len(self.md)
@@ -105,9 +105,11 @@ def read_well(path: str | Path, *, progress: Progress | None = None) -> WellStat
     table.unknown((*names, *STATION, *PARTS, "toolface_type"))
     table.require(("inclination_deg", "azimuth_deg"))
     empty = np.isnan(table.number("inclination_deg")) & np.isnan(table.number("azimuth_deg"))
-    left_out: tuple[int, ...] = ()
+    findings = list(table.findings)
     if empty.any() and not empty.all():
-        table, left_out = table.rows(~empty), tuple(table.lines[empty].tolist())
+        left = {"count": int(empty.sum()), "line": int(table.lines[empty][0])}
+        findings.append(Finding("work-rows-left-out", left, severity="note"))
+        table = table.rows(~empty)
     name, metres = table.depth()
     values = table.number(name)
     check_increasing(table, name, values)
@@ -147,7 +149,7 @@ def read_well(path: str | Path, *, progress: Progress | None = None) -> WellStat
         table.digest,
         listed,
         unread,
-        left_out,
+        tuple(findings),
     )
 
 

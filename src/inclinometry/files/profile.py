@@ -40,6 +40,8 @@ class Profile:
     separator : " " is any number of blanks; None where the names show it. skip : lines before the names or first row.
     columns : -> name here, with its unit ("accel_x_mg"); "" leaves it out. given : -> unit, where the name has another.
     blank : -> what an empty cell says ("-9999"); null : the same for all. units : of columns without, one a dimension.
+    sheet : of a workbook. deleted : column -> its texts in rows that are left out. second_row : cells of a row that
+    follows another and is left out: of a second set of sensors.
     axes : kind -> axis of the file ("-x") for x, y, z of the tool. constants : columns the file lacks -> their value.
     """
 
@@ -57,6 +59,9 @@ class Profile:
     blank: Mapping[str, str] = field(default_factory=dict)
     roll_sets: Mapping[str, tuple[int, int]] = field(default_factory=dict)
     null: float | None = None
+    sheet: str | None = None
+    deleted: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    second_row: int = 0
 
     @property
     def lays_out(self) -> bool:
@@ -64,12 +69,18 @@ class Profile:
         plain = Profile(
             self.title, columns=self.columns, given=self.given, units=self.units, axes=self.axes, null=self.null
         )
-        return self != replace(plain, roll_sets=self.roll_sets) or "" in self.columns.values()
+        return self != replace(plain, roll_sets=self.roll_sets, sheet=self.sheet) or "" in self.columns.values()
 
     @property
     def states_layout(self) -> bool:
         """Whether it says how the lines are cut; else that is found."""
         return self.separator is not None or bool(self.skip) or not self.header or self.units_row
+
+    def key_of(self, name: str) -> str:
+        """The name of a column in the profile: its own, its number, or one that differs in capitals alone."""
+        bare = name.removeprefix("column ")
+        alike = [key for key in self.columns if key.casefold() == bare.casefold()]
+        return name if name in self.columns else alike[0] if len(alike) == 1 else bare
 
     def reading(self, name: str, numeric: Callable[[str], bool]) -> Reading:
         """What the column `name` is for a reader that takes `numeric` names as numbers.
@@ -79,7 +90,7 @@ class Profile:
         InputError
             A unit that is not known, of something else, or that contradicts the profile; a name that may be two things.
         """
-        key = name if name in self.columns else name.removeprefix("column ")
+        key = self.key_of(name)
         if key in self.columns:
             self.check_unit(name, stated_unit(name), key)
             return self._turned(_converted(self.columns[key], self.given.get(key)))
@@ -220,11 +231,14 @@ def current() -> Profile:
 
 @contextmanager
 def reading_with(
-    profile: Profile | str | Path | None, units: str | None = None, null: float | None = None
+    profile: Profile | str | Path | None,
+    units: str | None = None,
+    null: float | None = None,
+    sheet: str | None = None,
 ) -> Iterator[list[str]]:
     """Tables opened within are read with this profile; yields a list that is empty until one has been.
 
-    A number that is declared `null` stands for an empty cell.
+    A number that is declared `null` stands for an empty cell; `sheet` is that of a workbook, survey or trajectory.
 
     Examples
     --------
@@ -246,6 +260,8 @@ def reading_with(
         found = replace(found, units=(*words, *found.units))
     if null is not None:
         found = replace(found, null=null)
+    if sheet is not None:
+        found = replace(found, sheet=sheet)
     # within another one, that one was of use as well
     outer = _USED.get()
     used: list[str] = [] if outer is None else outer
@@ -302,7 +318,8 @@ def read_profile(name: str | Path) -> Profile:
 _TYPES: Final[Mapping[str, type | tuple[type, ...]]] = {
     "title": str, "separator": str, "skip": int, "header": bool, "units_row": bool, "columns": dict, "units": list,
     "axes": dict, "convention": str, "rate_hz": (int, float), "constants": dict, "roll_sets": dict,
-    "null": (int, float),
+    "null": (int, float), "sheet": str,
+    "deleted": dict, "second_row": int,
 }  # fmt: skip
 
 
@@ -339,6 +356,9 @@ def _profile(content: dict[str, Any]) -> Profile:
         blank=blank,
         roll_sets=_roll_sets(content.get("roll_sets", {})),
         null=None if "null" not in content else float(content["null"]),
+        sheet=content.get("sheet"),
+        deleted={name: tuple(map(str, texts)) for name, texts in content.get("deleted", {}).items()},
+        second_row=content.get("second_row", 0),
     )
 
 

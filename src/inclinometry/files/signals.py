@@ -29,7 +29,7 @@ class Signals(NamedTuple):
     values, sd : kind -> (n, m); `sd` is that of one reading and only there where the file has it.
     units : kind -> label.
     names : kind -> the m column names.
-    findings : channels that are missing.
+    findings : of the table; channels that are missing.
     """
 
     values: dict[str, Array]
@@ -61,7 +61,7 @@ def read_signals(table: Frame, kinds: Sequence[str] = KINDS) -> Signals:
     _orphans(table, found)
     if not signals.values:
         raise table.error(table.lacking("accel_x", "accel_y", "accel_z"))
-    return signals._replace(findings=tuple(notes))
+    return signals._replace(findings=(*table.findings, *notes))
 
 
 def _orphans(table: Frame, found: Sequence[Channel]) -> None:

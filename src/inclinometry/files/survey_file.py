@@ -190,7 +190,7 @@ def survey_of(frame: Frame, *, convention: str = "native", azimuth_reference: st
         times=times,
         extra=extra,
         header=dict(frame.header),
-        findings=tuple(_strengths(parts.get("g"), parts.get("b"))),
+        findings=(*frame.findings, *_strengths(parts.get("g"), parts.get("b"))),
         digest=frame.digest,
     )
 

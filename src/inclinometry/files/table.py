@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from inclinometry.arrays import Array
+from inclinometry.arrays import Array, Mask
 from inclinometry.errors import FileError, InputError
 from inclinometry.files.columns import channel, is_number
 from inclinometry.files.foreign import MOST_COLUMNS, MOST_VALUES, Read, foreign_pieces
@@ -54,7 +54,8 @@ class TableFile:
     def __init__(
         self, path: str | Path, progress: Progress | None = None, *, timed: bool = False, read: Read | None = None
     ) -> None:
-        self.path, self._profile = Path(path), current()
+        profile = current()
+        self.path, self._profile = Path(path), profile
         self._lines = LineReader(self.path, progress)
         found: Any = foreign_pieces(self.path, self._lines.hash, read, progress)
         first = None if found is None else next(found)
@@ -63,21 +64,34 @@ class TableFile:
         self._bare: Mapping[str, str] = {}
         self._north: str | None = None
         self._header: Mapping[str, str] = {}
+        self.findings: tuple[Finding, ...] = ()
         if isinstance(first, Frame):
             written, self.word, self.line = list(first.columns), first.word, first.header_line
             self._bare, self._north, self._header = first.bare, first.north, first.header
+            self.findings = first.findings
             pieces: Iterator[Piece] = ((f.lines, list(f.columns.values())) for f in chain([first], found))
         else:
             self._header = {} if first is None else first.header
             blocks = self._lines.blocks() if found is None else chain([first], found)
             self._text = TextTable(self.path, blocks, self._profile)
             written, self.line = self._text.names, self._text.line
-            pieces = self._text.pieces()
+            pieces, self._north = self._text.pieces(), self._text.north
+            if "" in written and (one := next(pieces, None)) is not None:
+                # a table that does not begin in the first column of its sheet
+                empty = [
+                    k for k, name in enumerate(written) if not name and not any(map(str.strip, texts_of(one[1][k])))
+                ]
+                pieces = (
+                    (rows, [c for k, c in enumerate(cells) if k not in empty]) for rows, cells in chain([one], pieces)
+                )
+                written = [name for k, name in enumerate(written) if k not in empty]
         self._numbers = NumberReader(self.path, self.word)
         self._width, self._count = len(written), 0
         self._extra = [*self._profile.constants, *["time_s"] * bool(self._profile.rate_hz)]
-        keys = [name.removeprefix("column ") for name in written]
+        keys = [profile.key_of(name) for name in written]
         self._blank = {k: self._profile.blank[key] for k, key in enumerate(keys) if key in self._profile.blank}
+        self._deleted = {k: profile.deleted[key] for k, key in enumerate(keys) if key in profile.deleted}
+        self._gone = 0
         self._kept = [k for k, key in enumerate(keys) if self._profile.columns.get(key) != ""]
         names = [*(written[k] for k in self._kept), *self._extra]
         self._clock: Clock | None = None
@@ -130,7 +144,7 @@ class TableFile:
                 )
             except InputError as error:
                 raise row_error(self.path, error.finding, self.line, self.word) from None
-            stated = name in profile.columns or name.startswith("column ") or bool(profile.axes)
+            stated = profile.key_of(name) in profile.columns or bool(profile.axes)
             found.append(reading if stated or reading.name not in self.written else Reading(name))
         return found
 
@@ -196,8 +210,8 @@ class TableFile:
         numeric: list[bool | None] = [None] * self._width
         for k, name in named.items():
             numeric[k] = True if name in numbers else False if texts else None
-        for k in self._timed:
-            numeric[self._kept[k]] = False
+        for k in (*(self._kept[k] for k in self._timed), *self._deleted):
+            numeric[k] = False
         if not any(numeric):
             return
         try:
@@ -225,6 +239,10 @@ class TableFile:
 
     def _completed(self, lines: NDArray[np.int64], cells: list[Cells]) -> tuple[NDArray[np.int64], list[Cells]]:
         """Columns in the order of the names: what is left out and added by the profile, and the time."""
+        for k, texts in self._deleted.items():
+            kept = np.array([cell.strip() not in texts for cell in texts_of(cells[k])], dtype=bool)
+            self._gone += len(kept) - int(kept.sum())
+            lines, cells = _taken(lines, cells, kept)
         for k, none in self._blank.items():
             cells[k] = ["" if cell.strip() == none else cell for cell in texts_of(cells[k])]
         columns = [cells[k] for k in self._kept]
@@ -280,6 +298,8 @@ class TableFile:
                 if cell != north:
                     raise self._error(Finding("input-north", {"norths": (north, str(cell))}), int(lines[row]))
         self.log(f"{len(lines):,} rows", numbers)
+        counts = {"table-deleted": self._gone, "table-second-set": 0 if self._text is None else self._text.second}
+        left = [Finding(code, {"count": count}, severity="note") for code, count in counts.items() if count]
         return Frame(
             self.path,
             MappingProxyType(columns),
@@ -290,6 +310,7 @@ class TableFile:
             self._north,
             self._header,
             self.digest,
+            (*self.findings, *left),
         )
 
     def _take_nulls(self, numbers: dict[str, Array], gaps: Collection[str], lines: NDArray[np.int64]) -> None:
@@ -326,5 +347,14 @@ def _filled(lines: NDArray[np.int64], columns: list[Cells]) -> tuple[NDArray[np.
             empty[rows] = [isinstance(cells[k], str) and not cells[k].strip() for k in rows]
     if not empty.any():
         return lines, columns
-    kept = np.flatnonzero(~empty).tolist()
-    return lines[kept], [c[kept] if isinstance(c, np.ndarray) else [c[k] for k in kept] for c in columns]
+    return _taken(lines, columns, ~empty)
+
+
+def _taken(lines: NDArray[np.int64], columns: list[Cells], kept: Mask) -> tuple[NDArray[np.int64], list[Cells]]:
+    """These rows; a column that is not wanted has none."""
+    if kept.all():
+        return lines, columns
+    rows = np.flatnonzero(kept).tolist()
+    return lines[rows], [
+        c[rows] if isinstance(c, np.ndarray) else [c[k] for k in rows] if len(c) else c for c in columns
+    ]

@@ -26,9 +26,11 @@ NUMBER: Final = re.compile(r"[+-]?(\d+[.,]?\d*|[.,]\d+)([eE][+-]?\d+)?")
 RULE: Final = re.compile(r"[\s+|]*([-=]{2,}[\s+|]*)+")
 """A line drawn below the names."""
 LEGS: Final = re.compile(
-    r"\W*(data normal )?from\W+to\W+(tape|length|distance)\W+(compass|azimuth|bearing)\W+(clino|inclination)\b.*", re.I
+    r"\W*(data normal )?from\W+to\W+(tape|length|distance)\W+(compass|azimuth|bearing)\W+(clino|inclination)\b.*"
+    r"|\*(begin|data|calibrate|units)\b.*|cent(re|er)line\b.*",
+    re.I,
 )
-"""Above the legs of a cave: names, in a comment or not."""
+"""Above the legs of a cave: names, in a comment or not; a command of Survex or Therion."""
 LOOKED: Final = 400
 """Lines by which a layout is found."""
 
@@ -54,9 +56,9 @@ def named_place(lines: list[str]) -> int | None:
 
 def refuse_legs(lines: list[str], path: Path, first: int = 1) -> None:
     """FileError for the shots of a cave from station to station, which are no stations along a hole."""
-    for row, line in enumerate(lines[:LOOKED]):
-        if LEGS.fullmatch(line.strip()):
-            raise FileError(Finding("table-legs"), path=path, line=first + row)
+    rows = [row for row, line in enumerate(lines[:LOOKED]) if LEGS.fullmatch(line.strip())]
+    if rows:
+        raise FileError(Finding("table-legs"), path=path, line=first + rows[-1])
 
 
 def find_layout(lines: list[str]) -> tuple[Profile, str]:
@@ -82,6 +84,9 @@ def find_layout(lines: list[str]) -> tuple[Profile, str]:
         if share > best + 0.05:
             best, width, mark = share, number, candidate
     table = [(k, _roughly(line, mark)) for k, line in filled if len(_roughly(line, mark)) == width]
+    # a title is a row whose other cells a spreadsheet has left empty
+    while len(table) > 1 and sum(map(_filled, table[0][1])) < min(2, width):
+        table.pop(0)
     if not table:
         return PLAIN, "text without a table"
     numbers = [sum(bool(NUMBER.fullmatch(cell.strip())) for cell in cells) for _, cells in table]
@@ -97,6 +102,21 @@ def find_layout(lines: list[str]) -> tuple[Profile, str]:
     words = [f"text, separated by {name}", f"{first} lines before the names" if before else ""]
     words += ["no names of columns" if not header else "", "a line of units" if units else ""]
     return profile, ", ".join(word for word in words if word)
+
+
+_NORTH: Final = re.compile(r"\b(?:north|azimuth)s? reference\W+(grid|true|magnetic)\b", re.I)
+
+
+def _over(above: str, line: str) -> list[str]:
+    """Of each word of a line the words above it, in columns of letters; nothing where one is above none of them."""
+    spans = [match.span() for match in re.finditer(r"\S+", line)]
+    heads = [""] * len(spans)
+    for word in re.finditer(r"\S+", above):
+        over = [k for k, (start, end) in enumerate(spans) if word.start() < end and start < word.end()]
+        if len(over) != 1:
+            return []
+        heads[over[0]] = f"{heads[over[0]]} {word[0]}".strip()
+    return heads
 
 
 def _roughly(line: str, mark: str) -> list[str]:
@@ -156,11 +176,14 @@ class TextTable:
     """The rows of a text, or of a sheet, below one line of names.
 
     names : of all columns, in their order; `line` is where they stand.
-    mark : what separates cells; quick : converts a block of regular lines at once, where it can.
+    mark : what separates cells; quick : converts a block of regular lines at once, where it can. north : of the
+    azimuths, where a line above the names states it; second : rows of a second set of sensors that were left out.
     """
 
     def __init__(self, path: Path, blocks: Iterator[Block], given: Profile) -> None:
         self.path, self.names, self.line, self.mark = path, list[str](), 0, ""
+        self.north: str | None = None
+        self.second = 0
         self.quick: Callable[[str], list[Cells] | None] | None = None
         first = next(blocks, None)
         self._blocks = blocks if first is None else chain([first], blocks)
@@ -186,8 +209,24 @@ class TextTable:
             first.lines[place] = row.lstrip().lstrip("# ") if isinstance(row, str) else [row[0].lstrip("# "), *row[1:]]
         found, _ = find_layout(lines)
         if found.header and found.lays_out:
+            self._find_head(first, lines, found)
             return with_layout(given, found)
         return given if given.lays_out else None
+
+    def _find_head(self, first: Block, lines: list[str], found: Profile) -> None:
+        """The north that lines above the names state; names over two lines as one, where one line has a name twice."""
+        mark = found.separator or ","
+        for line in lines[: found.skip]:
+            if stated := _NORTH.search(line):
+                self.north = stated[1].lower()
+        place = next((k for k, line in enumerate(lines) if k >= found.skip and line.strip()), 0)
+        above = lines[place - 1] if place else ""
+        cells = _roughly(lines[place], mark)
+        if not above.strip() or len(set(cells)) == len(cells) or any(map(NUMBER.fullmatch, _roughly(above, mark))):
+            return
+        heads = _over(above, lines[place]) if mark == " " else [cell.strip() for cell in _roughly(above, mark)]
+        if len(heads) == len(cells) and not set(above) & set(":="):
+            first.lines[place] = [f"{head} {cell.strip()}".strip() for head, cell in zip(heads, cells, strict=True)]
 
     def _find_names(self) -> None:
         """The names, and the blocks from the first row of values on."""
@@ -291,6 +330,9 @@ class TextTable:
             return False
         if text.startswith("#"):
             self._check_comment(row, line)
+            return False
+        if self._laid is not None and len(row) == self._laid.second_row:
+            self.second += 1
             return False
         if len(row) < width or any(map(_filled, row[width:])):
             raise FileError(row_width(len(row), width), path=self.path, line=line)

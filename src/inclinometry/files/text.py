@@ -299,6 +299,13 @@ def _encoding(start: bytes, path: Path) -> str:
     return "cp1252" if _western(start) else "utf-8-sig"
 
 
+def wide(data: bytes) -> bytes | None:
+    """Text of two bytes a letter as UTF-8; None where it is not marked as such."""
+    if not data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return None
+    return data[: len(data) // 2 * 2].decode("utf-16", "replace").encode()
+
+
 def _western(start: bytes) -> bool:
     """Whether it is no UTF-8, and its letters stand between ASCII as those of western languages do.
 

@@ -1,7 +1,7 @@
 """WITS level 0: a stream of numbered items, read and written by a map of items to quantities with units.
 
 The stream itself names neither quantity nor unit, and raw sensors live in spare items that each vendor fills as it
-likes; so nothing is read without a map. `record_7` is that of the survey record of the WITS specification.
+likes. Without a map it is read as `record_7`, the survey record of the WITS specification.
 """
 
 from __future__ import annotations
@@ -150,6 +150,20 @@ def record_7(*, feet: bool = False) -> dict[str, str]:
         "0716": "magnetic_toolface_deg", "0717": "toolface_deg", "0718": f"north_{unit}", "0719": f"east_{unit}",
         "0720": dogleg,
     }  # fmt: skip
+
+
+def read_record_7(path: str | Path, depth_unit: str | None, azimuth_reference: str | None) -> SurveyFile:
+    """A stream without a map: its record 7, depths in metres where no unit is stated, and a finding."""
+    channels = record_7(feet=depth_unit == "ft")
+    try:
+        survey = read_wits0(path, Wits0Map(channels, azimuth_reference=azimuth_reference))
+    except FileError as error:
+        if error.finding.code != "table-north":
+            raise
+        del channels["0715"]
+        survey = read_wits0(path, Wits0Map(channels))
+    unit = () if depth_unit else (Finding("wits-metres"),)
+    return replace(survey, findings=(*survey.findings, *unit))
 
 
 def read_wits0_map(path: str | Path) -> Wits0Map:

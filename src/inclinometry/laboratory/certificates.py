@@ -266,7 +266,8 @@ def _verification(ledger: Ledger, name: str, calibration: Record, nonconforming:
     if found.keys["serial"] != serial:
         raise LedgerError(other_tool("verification", found.keys["serial"], serial))
     if found.keys["calibration"] != calibration.id:
-        raise LedgerError(Finding("certificate-other-calibration"))
+        about = {"what": "calibration", "agreed": str(found.keys["calibration"]), "given": calibration.id}
+        raise LedgerError(Finding("session-agreed", about))
     if not nonconforming:
         only_conforming(recorded(found))
     return found

@@ -15,7 +15,7 @@ from inclinometry.calibration.drift_alarm import Alarm, judged_run
 from inclinometry.calibration.drift_check import DriftCheck, check_with_prior
 from inclinometry.calibration.drift_status import FleetStatus
 from inclinometry.calibration.readings import BenchReadings
-from inclinometry.errors import InclinometryError, out_of_range, refused
+from inclinometry.errors import InclinometryError, InputError, out_of_range, refused
 from inclinometry.files.json_codec import restored
 from inclinometry.files.tool_json import tool_of
 from inclinometry.findings import Finding
@@ -40,7 +40,7 @@ from inclinometry.laboratory.registry import (
     rig_of,
 )
 from inclinometry.laboratory.results import finish_calibration, record_fit
-from inclinometry.laboratory.session import Session, bench_readings, load_session
+from inclinometry.laboratory.session import Session, bench_readings, load_session, positions_open
 from inclinometry.laboratory.valid_certificates import Certificates, every
 from inclinometry.sensors import Tool
 
@@ -90,13 +90,15 @@ def judge_run(history: ToolHistory, reference: Tool, run: RunEvidence, model: Dr
     before = [k for k, (day, name) in enumerate(zip(history.date, history.run, strict=True))
               if day <= run.date and name != run.run]  # fmt: skip
     if not before or history.reference is None:
-        first = str(history.date[0])
-        about = {"run": run.run, "day": str(run.date), "serial": history.serial, "first": first}
-        raise refused("session-run-early", about)
+        raise InputError(_before(history.serial, run.run, run.date))
     doses = (run.hours, run.shock, run.heat)
     state = _predicted(history.until(before[-1] + 1), model, run.date, doses)
     seen = tool_from_relative(reference, run.values, run.covariance)
     return judged_run(state, model, *relative_parameters(seen, history.reference), past)
+
+
+def _before(serial: str, run: str, day: date) -> Finding:
+    return Finding("session-run-before", {"serial": serial, "run": run, "day": str(day)})
 
 
 def _predicted(history: ToolHistory, model: DriftModel, day: date, doses: Sequence[float]) -> DriftState:
@@ -140,8 +142,7 @@ def ledger_history(ledger: Ledger, certificates: Certificates, serial: str) -> L
         raise refused("session-no-history", {"name": serial})
     for run in _runs(ledger, serial):
         if run.date < found[0].date:
-            about = {"serial": serial, "run": run.run, "day": str(run.date)}
-            passed_over.append(Finding("session-run-before", about))
+            passed_over.append(_before(serial, run.run, run.date))
             continue
         after = next((k for k, one in enumerate(found) if one.date > run.date), None)
         if after is not None:  # what the tool did until the run is no part of what it did after
@@ -362,7 +363,7 @@ def check_progress(ledger: Ledger, seen: Session, goal: Goal) -> Progress:
     """How a session of the plan `six` stands: judged when all its positions are taken."""
     captured = len(seen.valid)
     if seen.next is not None:
-        return waiting_for(captured, Finding("session-check-open"))
+        return waiting_for(captured, positions_open(seen))
     try:
         found = _session_check(ledger, seen)[1]
     except InclinometryError as error:
@@ -381,7 +382,7 @@ def finish(ledger: Ledger, session: str, *, author: str, goal: Goal | None = Non
     if seen.plan != CHECK or seen.closed:
         return finish_calibration(ledger, session, author=author, goal=goal)
     if seen.next is not None:
-        raise LedgerError(Finding("session-check-open"))
+        raise LedgerError(positions_open(seen))
     known, found = _session_check(ledger, seen)
     if found.calibration is None:
         raise LedgerError(found.refusal)

@@ -13,7 +13,7 @@ from inclinometry.calibration.conventions import USUAL, Dials
 from inclinometry.calibration.plans import Plan
 from inclinometry.calibration.readings import LARGEST, BenchReadings
 from inclinometry.constants import KINDS
-from inclinometry.errors import not_among, out_of_range, refused, wrong_shape
+from inclinometry.errors import InputError, not_among, out_of_range, refused, wrong_shape
 from inclinometry.files.json_codec import findings_in
 from inclinometry.findings import Finding
 from inclinometry.laboratory.ledger.ledger import ConflictError, Draft, Ledger, LedgerError, Record
@@ -226,6 +226,13 @@ def setting_of(dials: Dials, dial: tuple[float, float, float]) -> tuple[float, f
     return azimuth, inclination, toolface
 
 
+def positions_open(session: Session) -> Finding:
+    """That positions have no valid reading."""
+    open_ = [str(place.number) for place in session.positions if not session.has(place.number)]
+    named = ", ".join(open_[:5]) + (", ..." if len(open_) > 5 else "")
+    return Finding("session-positions-open", {"positions": named})
+
+
 def load_session(ledger: Ledger, session: str) -> Session:
     """The session as it stands: after a power cut exactly what was acknowledged."""
     record = ledger.get("session", session)
@@ -306,7 +313,7 @@ def capture(
     if not 1 <= number <= MOST_POSITIONS or not follows:
         raise out_of_range("position", number, f"1 .. {planned + 1}")
     if attempt is not None and attempt <= before:
-        raise ConflictError(Finding("session-position-captured", {"position": number, "count": before}))
+        raise ConflictError(Finding("ledger-conflict", {"ledger": ledger.shown}))
     if attempt is not None and attempt > before + 1:
         raise out_of_range("attempt", attempt, f"<= {before + 1}")
     keys = {"session": session, "position": number, "attempt": before + 1}
@@ -370,7 +377,7 @@ def bench_readings(session: Session) -> BenchReadings:
     """
     rows = session.valid
     if not rows:
-        raise refused("session-empty")
+        raise InputError(positions_open(session))
     kinds = [kind for kind in KINDS if kind in rows[0].capture.channels]
     shapes = [{kind: len(signals) for kind, signals in row.capture.channels.items()} for row in rows]
     for row, shape in zip(rows, shapes, strict=True):

@@ -21,6 +21,7 @@ from inclinometry.files.json_codec import restored
 from inclinometry.files.verification_json import as_now, judged_positions, stated_limits
 from inclinometry.files.writing import program
 from inclinometry.findings import Finding
+from inclinometry.laboratory.certificate.requirements import other_tool
 from inclinometry.laboratory.ledger.ledger import Draft, Ledger, LedgerError, Record
 from inclinometry.laboratory.registry import RegisteredRig, find_rig, not_registered
 from inclinometry.laboratory.results import calibration_of
@@ -31,6 +32,7 @@ from inclinometry.laboratory.session import (
     close_session_draft,
     load_session,
     open_session,
+    positions_open,
     require_open,
     site_of,
 )
@@ -64,7 +66,7 @@ def limits_from(content: dict[str, Any]) -> Limits:
         raise refused("input-empty", {"name": "limits.source"})
     angles = {name: content.get(f"{name}_deg") for name in ANGLES}
     if all(value is None for value in angles.values()):
-        raise refused("session-no-limit")
+        raise refused("file-limits", {"names": tuple(angles)})
     low = float(np.radians(content.get("min_inclination_deg_for_azimuth") or 0.0))
     limits = {name: None if value is None else float(np.radians(value)) for name, value in angles.items()}
     name, guard = str(content.get("name") or OWN), str(content.get("guard") or "none")
@@ -80,11 +82,12 @@ def applicable_limits(session: Session, calibration: str, limits: Limits | None)
     if not agreed_with:
         return limits
     if agreed_with != calibration:
-        about = {"opened": str(agreed_with), "calibration": calibration}
-        raise LedgerError(Finding("session-other-calibration", about))
+        about = {"what": "calibration", "agreed": str(agreed_with), "given": calibration}
+        raise LedgerError(Finding("session-agreed", about))
     agreed = limits_of(session)
     if limits is not None and (agreed is None or limits_content(limits) != limits_content(agreed)):
-        raise LedgerError(Finding("session-other-limits", {"limits": limits.name}))
+        about = {"what": "limits", "agreed": "" if agreed is None else agreed.name, "given": limits.name}
+        raise LedgerError(Finding("session-agreed", about))
     return agreed
 
 
@@ -127,7 +130,7 @@ def finish_verification(
     if seen.closed:
         raise LedgerError(CLOSED)
     if record.keys["serial"] != seen.serial:
-        raise LedgerError(Finding("session-other-tool", {"serial": record.keys["serial"], "other": seen.serial}))
+        raise LedgerError(other_tool("session", seen.serial, record.keys["serial"]))
     if record.keys["session"] == session:
         raise LedgerError(Finding("session-own-readings"))
     limits = applicable_limits(seen, calibration, limits)
@@ -152,11 +155,8 @@ def finish_verification(
 
 def missing_positions(seen: Session, found: Verification, limits: Limits | None) -> Finding | None:
     """What a verdict lacks; None when it may be recorded: every position read, every limit judged."""
-    open_ = [str(place.number) for place in seen.positions if not seen.has(place.number)]
-    if open_:
-        named = ", ".join(open_[:5]) + (", ..." if len(open_) > 5 else "")
-        counts = {"count": len(open_), "total": len(seen.positions)}
-        return Finding("session-positions-open", {**counts, "positions": named})
+    if any(not seen.has(place.number) for place in seen.positions):
+        return positions_open(seen)
     for column, name in enumerate(ANGLES):
         wanted = limits is not None and getattr(limits, name) is not None
         if wanted and all(row[column] == "not judged" for row in found.decision):

@@ -264,11 +264,11 @@ CORRELATIONS: Final = {
 }
 """What a correlation shows, and what to do about it."""
 
-SPIKES: Final[Mapping[str, Value]] = {
+SPIKES: Final[dict[str, Value]] = {
     "what": "check-sums are spikes",
     "advice": "Read these depths again; else they add to the uncertainty",
 }
-SPIKES_REPEATED: Final[Mapping[str, Value]] = {
+SPIKES_REPEATED: Final[dict[str, Value]] = {
     "what": "check-sums are spikes, as in the base reading",
     "advice": "No action is needed",
 }
@@ -279,7 +279,7 @@ def _unknown(name: Mapping[str, Value], what: str) -> Finding:
 
 
 def _correlation(name: Mapping[str, Value], what: str, correlation: float) -> Finding:
-    values = {**name, "what": what, "advice": CORRELATIONS[what], "correlation": correlation}
+    values: dict[str, Value] = {**name, "what": what, "advice": CORRELATIONS[what], "correlation": correlation}
     return Finding("holes-correlation", values)
 
 

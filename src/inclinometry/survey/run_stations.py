@@ -184,6 +184,8 @@ def check_repeats(run: Run) -> list[Finding]:
     values, md, axes = run.numbers(), run.md, run.g is not None and run.b is not None
     few = axes and len(np.unique(values, axis=0)) < 0.5 * len(values)  # noise-free readings of few attitudes
     same = (values[1:] == values[:-1]).all(axis=1)
+    if not axes:  # a section that is taken to be vertical is listed so at every depth
+        same &= run.inclination[1:] != 0.0
     if same.any() and not same.all() and not few:
         edges = np.flatnonzero(np.diff(np.concatenate([[0], same.astype(int), [0]]))).reshape(-1, 2)
         low, high = max(edges.tolist(), key=lambda one: one[1] - one[0])

@@ -58,17 +58,21 @@ def read_witsml(
     return witsml.read_witsml(path, trajectory=sheet, convention=convention, azimuth_reference=azimuth_reference)
 
 
-def read_wits(path: str | Path, *, channels: str | Path | None = None) -> SurveyFile:
-    """The survey in a WITS level 0 stream, by a map of its items in TOML; else as `files.wits0.read_wits0`."""
-    return wits0.read_wits0(path, _map(path, channels))
+def read_wits(
+    path: str | Path,
+    *,
+    channels: str | Path | None = None,
+    azimuth_reference: str | None = None,
+    depth_unit: str | None = None,
+) -> SurveyFile:
+    """The survey in a WITS level 0 stream, by a map of its items in TOML or as record 7; else as `wits0.read_wits0`."""
+    if channels is None:
+        return wits0.read_record_7(path, depth_unit, azimuth_reference)
+    return wits0.read_wits0(path, wits0.read_wits0_map(channels))
 
 
 def write_wits(file: SurveyFile, path: str | Path, *, channels: str | Path | None = None) -> None:
     """Write a survey as a WITS level 0 stream; errors as `files.wits0.write_wits0`."""
-    wits0.write_wits0(file, path, _map(path, channels))
-
-
-def _map(path: str | Path, channels: str | Path | None) -> wits0.Wits0Map:
     if channels is None:
         raise FileError(Finding("input-missing", {"names": ("--map",)}), path=path)
-    return wits0.read_wits0_map(channels)
+    wits0.write_wits0(file, path, wits0.read_wits0_map(channels))

@@ -150,7 +150,14 @@ def read_position(
     except InputError as error:
         # a mistake in the whole run explains what a formula says of one station
         raise in_file(refused(findings[0].code, findings[0].values) if findings else error, stations.path) from None
-    said = [*warned, *said, *_of_start(stations, tie_on), *_against_listed(stations, site), *declination_doubts(site)]
+    said = [
+        *stations.findings,
+        *warned,
+        *said,
+        *_of_start(stations, tie_on),
+        *_against_listed(stations, site),
+        *declination_doubts(site),
+    ]
     said += [] if findings else _sharp(stations, path)
     said += of_model if uncertainty is not None else [Finding("work-no-model", severity="note")]
     files = {"site": site_path, "tool code": tool_code, "tool": tool, "raw": raw}
@@ -191,13 +198,10 @@ def _stored(
 
 
 def _of_start(stations: WellStations, tie_on: tuple[float, float, float] | None) -> list[Finding]:
-    """Where the path begins where nothing says it, and rows without angles."""
+    """Where the path begins where nothing says it."""
     said = []
     if tie_on is None and stations.md[0] > 0.0:
         said.append(Finding("work-no-tie", {"md_m": float(stations.md[0])}, severity="note"))
-    if stations.left_out:
-        rows = {"count": len(stations.left_out), "line": int(stations.left_out[0])}
-        said.append(Finding("work-rows-left-out", rows, severity="note"))
     return said
 
 

@@ -94,9 +94,9 @@ def test_documents_are_found_by_their_digest(ledger: Ledger) -> None:
         ({"serial": ""}, TOOL, "ledger-text"),
         ({"serial": "a\nb"}, TOOL, "ledger-text"),
         ({"number": "7"}, TOOL, "input-missing"),
-        ({"serial": "x"}, {"name": 3, "triads": {}}, "ledger-content"),
-        ({"serial": "x"}, {"name": "n", "triads": {}, "ledger-content": 1}, "ledger-content"),
-        ({"serial": "x"}, {"name": "n", "triads": {"gyro": {"x": float("nan")}}}, "ledger-content"),
+        ({"serial": "x"}, {"name": 3, "triads": {}}, "input-field"),
+        ({"serial": "x"}, {"name": "n", "triads": {}, "ledger-content": 1}, "input-field"),
+        ({"serial": "x"}, {"name": "n", "triads": {"gyro": {"x": float("nan")}}}, "input-field"),
     ],
 )
 def test_records_that_do_not_fit_are_refused(

@@ -178,13 +178,13 @@ def test_what_is_not_a_file_is_said_so(tmp_path: Path) -> None:
     """Folder, pipe, device, impossible names; a link is followed."""
     os.mkfifo(tmp_path / "pipe")
     for make in (Ledger, create):
-        with refused("ledger-path", error=LedgerError):
+        with refused("ledger-access", error=LedgerError):
             make(tmp_path)
-        with refused("ledger-path", error=LedgerError):
+        with refused("ledger-access", error=LedgerError):
             make(tmp_path / "pipe")
-        with refused("ledger-path", error=LedgerError):
+        with refused("ledger-access", error=LedgerError):
             make("/dev/null")
-        with refused("ledger-path", error=LedgerError):
+        with refused("ledger-access", error=LedgerError):
             make("a\0b")
         with pytest.raises(LedgerError):
             make(tmp_path / ("x" * 300))
@@ -331,7 +331,7 @@ def test_content_that_json_cannot_hold_is_refused(ledger: Ledger, value: object)
     for _ in range(sys.getrecursionlimit() * 2):
         deep = {"d": deep}
     for content in (value, deep):
-        with refused("ledger-content"):
+        with refused("input-field"):
             ledger.append("site", {"name": "s"}, {"u": {"x": content}}, author="a")
     assert ledger.head().seq == 0
 

@@ -213,7 +213,7 @@ def test_of_two_captures_of_one_position_the_second_is_told(laboratory):
     laboratory.rest(first.chosen.dial)
     first.take()
     laboratory.rest(first.chosen.dial)
-    with refused("session-position-captured", error=ConflictError):
+    with refused("ledger-conflict", error=ConflictError):
         second.take()
     assert laboratory.ledger.count("reading", session=session) == 1
 

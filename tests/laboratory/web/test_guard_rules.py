@@ -200,7 +200,10 @@ def test_what_decides_something_comes_once(network, name):
     pairs = [("host", "localhost"), *program().items()]
     pairs += [(name, "0"), (name.upper(), "0")]
     assert network.ask(headers=pairs) == 400
-    assert (network.said["code"], network.said["values"]) == ("web-header-twice", {"name": name.lower()})
+    assert (network.said["code"], network.said["values"]) == (
+        "web-header",
+        {"name": name.lower(), "fault": "sent twice"},
+    )
     assert network.headers["connection"] == "close"
 
 

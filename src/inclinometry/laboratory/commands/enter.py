@@ -113,7 +113,7 @@ def enter(
             with output.busy("calibrating"):
                 tried = try_file(readings, about_rig, where, wishes)
             if (certify or supersedes) and not stated(accept_warnings) and (unsettled := open_warnings(tried, None)):
-                raise refused("session-open-warnings", {"finding": tuple(unsettled)})
+                raise refused("certificate-open-warnings", {"finding": tuple(unsettled)})
             if registry.find_rig(opened, rig) is None:
                 registry.put_rig(opened, about_rig, author=_who())
             if tool is None:

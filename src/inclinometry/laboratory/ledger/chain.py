@@ -66,7 +66,7 @@ def compact(content: Any) -> str:
         text = json.dumps(content, sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
         text.encode("utf-8")
     except (TypeError, ValueError, RecursionError) as error:
-        raise refused("ledger-content", {"place": "JSON", "reason": str(error)}) from None
+        raise refused("input-field", {"name": "JSON", "value": type(content).__name__, "reason": str(error)}) from None
     return text
 
 

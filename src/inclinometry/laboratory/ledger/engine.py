@@ -129,7 +129,7 @@ def _file(text: str, create: bool, read_only: bool) -> Engine:
 
 def no_path(text: str, reason: object) -> LedgerError:
     """The error of a path that no ledger can have; the reason as the system gives it."""
-    return LedgerError(Finding("ledger-path", {"ledger": f"{text!r:.200}", "reason": f"{reason}"}))
+    return LedgerError(Finding("ledger-access", {"ledger": f"{text!r:.200}", "cause": f"{reason}"}))
 
 
 def _sealed(path: Path) -> bool:
@@ -296,7 +296,8 @@ def check(kind: str, keys: Mapping[str, Any], body: Mapping[str, Any], version: 
     error = next(iter(_validator(kind, version).iter_errors(body)), None)
     if error is not None:
         where = "".join(f"[{p}]" if isinstance(p, int) else f".{p}" for p in error.absolute_path)
-        raise refused("ledger-content", {"place": f"{kind}{where}", "reason": error.message[:200]})
+        about = {"name": f"{kind}{where}", "value": f"{error.instance!r:.60}", "reason": error.message[:200]}
+        raise refused("input-field", about)
     return known
 
 

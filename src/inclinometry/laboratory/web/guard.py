@@ -178,7 +178,7 @@ def _read(scope: Scope, headers: dict[str, str]) -> Finding | None:
     for raw_name, raw_value in scope["headers"]:
         name, value = raw_name.decode("latin-1").lower(), raw_value.decode("latin-1")
         if name in headers and name in once:
-            return Finding("web-header-twice", {"name": name})
+            return Finding("web-header", {"name": name, "fault": "sent twice"})
         headers[name] = f"{headers[name]}; {value}" if name in headers and name == "cookie" else value
     return None
 

@@ -143,10 +143,10 @@ def problem_of(scope: MutableMapping[str, Any], headers: dict[str, str]) -> Find
     """What the headers alone say against a body."""
     length, most = headers.get("content-length", "0"), largest(scope["path"])
     if not (length.isascii() and length.isdigit() and len(length) < 20):
-        return Finding("web-length")
+        return Finding("web-header", {"name": "content-length", "fault": "not a number"})
     if "content-length" in headers and "transfer-encoding" in headers:
         # a proxy in front may believe the other one, and then a second request hides in the first
-        return Finding("web-length-twice")
+        return Finding("web-header", {"name": "content-length", "fault": "sent with Transfer-Encoding"})
     if int(length) > most:
         return Finding("web-body-large", {"bytes": int(length), "most": most})
     if headers.get("content-encoding", "identity").strip().lower() != "identity":
@@ -204,9 +204,7 @@ METHODS: Final = ["GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS", "T
 OURS: Final = Finding("web-broken", severity="refused")
 """An error of the program, not of its user."""
 STATUS: Final = {
-    "web-header-twice": 400,
-    "web-length": 400,
-    "web-length-twice": 400,
+    "web-header": 400,
     "web-login-needed": 401,
     "web-login-wrong": 401,
     "web-code": 401,
@@ -245,7 +243,7 @@ def status_of(error: Exception) -> int:
     """By the code of its finding; 409 where another user was first.
 
     >>> full = Finding("ledger-disk-full", {"ledger": "lab", "cause": "disk is full"})
-    >>> status_of(InputError(full)), status_of(InputError(Finding("session-no-limit")))
+    >>> status_of(InputError(full)), status_of(InputError(Finding("session-closed")))
     (507, 422)
     """
     if isinstance(error, ConflictError):
@@ -294,17 +292,18 @@ def of_request(error: Mapping[str, Any]) -> Finding:
     Examples
     --------
     >>> str(of_request({"loc": ("body", "count"), "msg": "Input should be greater than 0", "input": -1}))
-    'body.count is -1: Input should be greater than 0. Correct it.'
+    'body.count (-1) is not accepted: Input should be greater than 0. Correct it.'
     """
     place = _utf8(".".join(str(part) for part in error.get("loc", ()))[:200]) or "body"
     message = _utf8(str(error.get("msg", ""))[:300])
     if error.get("type") == "json_invalid":
-        return Finding("web-json", {"reason": _utf8(str((error.get("ctx") or {}).get("error") or message))})
+        reason = _utf8(str((error.get("ctx") or {}).get("error") or message))
+        return Finding("input-field", {"name": "body", "value": "JSON", "reason": reason})
     if error.get("type") == "missing":
         return Finding("input-missing", {"names": (place,)})
     hidden = "password" in place or place.rpartition(".")[2] in ("code", "known", "secret")
     value = "***" if hidden else _utf8(_short(error.get("input")))
-    return Finding("web-field", {"name": place, "value": value, "reason": message})
+    return Finding("input-field", {"name": place, "value": value, "reason": message})
 
 
 def _utf8(text: str) -> str:

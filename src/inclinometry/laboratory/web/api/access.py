@@ -83,4 +83,4 @@ async def strict_body(request: Request) -> None:
     except InputError:
         raise
     except (ValueError, RecursionError) as error:
-        raise refused("web-json", {"reason": f"{error!s:.200}"}) from None
+        raise refused("input-field", {"name": "body", "value": "JSON", "reason": f"{error!s:.200}"}) from None

@@ -1,0 +1,220 @@
+"""Files as people have them, after public layouts: each is read at once, or refused for what it is."""
+
+from __future__ import annotations
+
+import codecs
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.refusals import refused
+
+from inclinometry.errors import FileError
+from inclinometry.files.holes_csv import read_shots
+from inclinometry.files.position_csv import read_well
+from inclinometry.files.profile import reading_with, with_constants
+from inclinometry.files.table import read_table
+
+LAS = """# LAS format log file from PETREL
+~VERSION INFORMATION
+ VERS.   2.0 : CWLS LOG ASCII STANDARD
+ WRAP.   NO  :
+~WELL INFORMATION
+ STRT.FT    0.0 :
+ STOP.FT 3000.0 :
+ STEP.FT    0.0 :
+ NULL.  -999.25 :
+~CURVE INFORMATION
+ DEPT.F    : Measured depth
+ DEVI.DEG  : Hole deviation
+ HAZI.DEG  : Hole azimuth
+ GR.GAPI   : Gamma
+~A
+    0.0    0.00    0.0   50.0
+ 1000.0   10.00   45.0  -999.25
+ 2000.0 -999.25 -999.25  60.0
+ 3000.0   20.00   46.0   61.0
+"""
+LAS_3 = """~VERSION
+VERS. 3.0 : CWLS LOG ASCII STANDARD - VERSION 3.0
+WRAP. NO : ONE LINE PER DEPTH STEP
+DLM . COMMA : DELIMITING CHARACTER
+~WELL
+STRT.M 0.0 : First depth
+STOP.M 2.0 : Last depth
+STEP.M 1.0 : Step
+NULL. -999.25 : Null value
+~LOG_DEFINITION
+DEPT.M : Depth {F}
+GR.GAPI : Gamma {F}
+~LOG_DATA | LOG_DEFINITION
+0.0,50.0
+1.0,51.0
+~INCLINOMETRY_DEFINITION
+MD.M : Measured depth {F}
+AZIM.DEG : Borehole azimuth {F}
+DEVI.DEG : Borehole deviation {F}
+~INCLINOMETRY_DATA | INCLINOMETRY_DEFINITION
+0.0,45.0,0.0
+304.8,45.0,10.0
+609.6,46.0,20.0
+"""
+LISTING = """                                          Survey Report
+Company:   X                         Local Co-ordinate Reference:   Well A-1
+Well:      A-1                       North Reference:               Grid
+Survey
+  Measured                          Vertical
+   Depth    Inclination   Azimuth    Depth      +N/-S     +E/-W
+  (usft)       (°)          (°)      (usft)     (usft)    (usft)
+     0.00       0.00        0.00       0.00      0.00      0.00
+  1000.00      10.00       45.00     994.93     61.55     61.55
+  2000.00      20.00       46.00    1959.63    242.20    246.43
+"""
+WITS = "&&\n0708 500.0\n0713 1.50\n0714 100.0\n0715 101.2\n!!\n&&\n0708 530.0\n0713 3.50\n0714 99.0\n0715 100.2\n!!\n"
+
+
+@pytest.fixture(autouse=True)
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+def well(text: str | bytes, name: str, north: str | None = "true", **more: str):
+    """Depths in m, angles in degrees, codes of what was found."""
+    Path(name).write_bytes(text if isinstance(text, bytes) else text.encode())
+    with reading_with(None if north is None else with_constants(azimuth_reference=north), **more):
+        found = read_well(name)
+    angles = np.degrees(found.inclination), np.degrees(found.azimuth)
+    return [x.round(6).tolist() for x in (found.md, *angles)], [one.code for one in found.findings]
+
+
+UPWARDS = LAS[: LAS.index("~A")].replace("STRT.FT    0.0", "STRT.FT 3000.0").replace("STOP.FT 3000.0", "STOP.FT 0.0")
+UPWARDS += "\n".join(["~A", *LAS.splitlines()[:-5:-1]]) + "\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "codes"),
+    [
+        (LAS, ["work-rows-left-out"]),
+        (LAS.replace("STOP.FT 3000.0", "STOP.FT 2990.0"), ["file-beyond", "work-rows-left-out"]),
+        (UPWARDS, ["work-rows-left-out"]),
+        (codecs.BOM_UTF16_LE + LAS.encode("utf-16-le"), ["work-rows-left-out"]),
+        (LAS.replace(" GR.GAPI   : Gamma\n", " GR.GAPI : Gamma\n GR.GAPI : again\n").replace("50.0\n", "50.0 1\n")
+         .replace("-999.25\n", "-999.25 1\n").replace("60.0\n", "60.0 1\n").replace("61.0\n", "61.0 1\n"),
+         ["table-unused", "work-rows-left-out"]),
+    ],
+    ids=["comment first", "beyond STOP", "upwards", "UTF-16", "curve twice"],
+)  # fmt: skip
+def test_las(text, codes):
+    stations, found = well(text, "a.las")
+    assert stations == [[0.0, 304.8, 914.4], [0.0, 10.0, 20.0], [0.0, 45.0, 46.0]]
+    assert sorted(found) == sorted(codes) or "work-null" in found
+
+
+def test_las_that_ends_before_stop_is_cut_off():
+    with refused("file-differs", error=FileError, name="STOP"):
+        well(LAS.replace("STOP.FT 3000.0", "STOP.FT 3100.0"), "a.las")
+
+
+def test_las_3():
+    assert well(LAS_3, "a.las")[0] == [[0.0, 304.8, 609.6], [0.0, 10.0, 20.0], [45.0, 45.0, 46.0]]
+
+
+def test_names_over_two_lines_below_a_head_that_states_the_north():
+    Path("a.txt").write_text(LISTING, encoding="utf-8")
+    found = read_well("a.txt")
+    assert (found.azimuth_reference, [one.axis for one in found.listed]) == ("grid", ["tvd", "north", "east"])
+    np.testing.assert_allclose(found.md, np.array([0.0, 1000.0, 2000.0]) * 1200 / 3937)
+    with refused("input-north", error=FileError):
+        well(LISTING, "b.txt", "true")
+
+
+@pytest.mark.parametrize("head", ["Wellpath Report,,\n,,\n", ",,\nWell A,,\n"])
+def test_title_filled_up_with_commas(head):
+    assert well(f"{head}MD[m],Inc[deg],Azi[deg]\n0,0,0\n30,1,10\n60,2,10\n", "a.csv")[0][0] == [0.0, 30.0, 60.0]
+
+
+def test_table_anywhere_in_a_workbook():
+    from openpyxl import Workbook
+
+    rows = [["MD (m)", "Inc (deg)", "Azi (deg)"], [0, 0, 0], [304.8, 10, 45], [609.6, 20, 46]]
+    book = Workbook()
+    sheet = book.active
+    for row in [[], [None, "Definitive survey"], [], *([None, *row] for row in rows)]:
+        sheet.append(row)
+    book.save("offset.xlsx")
+    assert well(Path("offset.xlsx").read_bytes(), "b.xlsx")[0] == [[0.0, 304.8, 609.6], [0.0, 10.0, 20.0], [0, 45, 46]]
+    book = Workbook()
+    book.active.title = "Cover"
+    book.active.append(["Survey report"])
+    second = book.create_sheet("Survey")
+    for row in [["Well A-1"], [], *rows]:
+        second.append(row)
+    book.save("two.xlsx")
+    with refused("input-choice", error=FileError):
+        well(Path("two.xlsx").read_bytes(), "c.xlsx")
+    assert well(Path("two.xlsx").read_bytes(), "c.xlsx", sheet="Survey")[0][0] == [0.0, 304.8, 609.6]
+
+
+def test_record_7_of_wits_needs_no_map():
+    stations, found = well(WITS, "a.wits")
+    assert stations == [[500.0, 530.0], [1.5, 3.5], [101.2, 100.2]]
+    assert found == ["wits-metres"]
+    stations, found = well(WITS, "a.wits", units="ft")
+    assert (stations[0], found) == ([152.4, 161.544], [])
+
+
+def test_witsml_takes_its_north_of_the_option():
+    stations = "".join(
+        f'<trajectoryStation uid="{md}"><md uom="m">{md}</md><incl uom="dega">{md / 100}</incl>'
+        f'<azi uom="dega">{azi}</azi></trajectoryStation>'
+        for md, azi in ((0, 10), (100, 20))
+    )
+    text = (
+        '<trajectorys xmlns="http://www.witsml.org/schemas/1series" version="1.4.1.1">'
+        f'<trajectory uidWell="W" uidWellbore="B" uid="T"><name>a</name>{stations}</trajectory></trajectorys>'
+    )
+    assert well(text, "a.xml", "grid")[0] == [[0.0, 100.0], [0.0, 1.0], [10.0, 20.0]]
+    with refused("table-north", error=FileError):
+        well(text, "a.xml", None)
+
+
+def test_wells_of_one_table():
+    Path("a.csv").write_text("wellId,MD (m),Inc (deg),Azi (deg)\nA,0,0,0\nA,30,1,10\nB,0,0,0\nB,40,2,20\n")
+    assert {hole: len(rows) for hole, rows in read_shots("a.csv").rows.items()} == {"A": 2, "B": 2}
+
+
+def test_holes_with_the_column_that_position_demands():
+    text = "HoleID,Depth (m),Dip (deg),Azimuth (deg),azimuth_reference\nA,0,-60,90,magnetic\nA,30,-60,90,{}\n"
+    Path("a.csv").write_text(text.format("magnetic"))
+    assert list(read_shots("a.csv").rows) == ["A"]
+    Path("a.csv").write_text(text.format("true"))
+    with refused("input-north", error=FileError):
+        read_shots("a.csv")
+
+
+SHOT = "{k}, -645, {k}22, 23102, 10209, -5068, 21364, {group}, 0.00, 0.00, 0.00, 0.3000, {status}\n"
+
+
+def test_deleted_shots_and_second_sensors_are_left_out_and_said():
+    shots = [SHOT.format(k=k, group=-1 if k == 3 else 1, status=int(k in (3, 4))) for k in range(1, 7)]
+    Path("deleted.csv").write_text("# cal1\n" + "".join(shots))
+    Path("two.csv").write_text("# cal1\n" + "".join(shot + "1, 2, 3, 4, 5, 6\n" for shot in shots[:2]))
+    with reading_with("topodroid"):
+        deleted, two = read_table("deleted.csv"), read_table("two.csv")
+    assert (len(deleted), [(one.code, one.values) for one in deleted.findings]) == (
+        4,
+        [("table-deleted", {"count": 2})],
+    )
+    assert (len(two), [(one.code, one.values) for one in two.findings]) == (2, [("table-second-set", {"count": 2})])
+
+
+def test_names_of_a_profile_in_small_letters():
+    Path("a.json").write_text('[{"gx": 1, "gy": 2, "gz": 3, "mx": 4, "my": 5, "mz": 6}]')
+    with reading_with("mag-accel-counts"):
+        assert read_table("a.json").names == ("accel_x", "accel_y", "accel_z", "mag_x", "mag_y", "mag_z")
+
+
+def test_survex_is_named():
+    with refused("table-legs", error=FileError) as stop:
+        well("; upper series\n\n*begin upper\n1\t2\t2.83\t329\t-04\n*end upper\n", "a.svx")
+    assert stop.value.line == 3
