@@ -80,6 +80,8 @@ class Laboratory:
             bench=self.bench,
             say=lambda key, **v: say("en", key, **v),
             sentence=str,
+            number=str,
+            language="en",
             require=lambda _: SimpleNamespace(name=user),
         )
         return Guided(visitor, session)

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from inclinometry import findings
 from inclinometry.calibration.decision import Limits
 from inclinometry.calibration.drift import SIXTY
 from inclinometry.calibration.drift_alarm import Alarm
@@ -30,7 +31,7 @@ from inclinometry.laboratory.ledger.verify import verify
 from inclinometry.laboratory.registry import RegisteredSite, RegisteredTool, put_site, put_tool
 from inclinometry.laboratory.session import capture
 from inclinometry.laboratory.verification import begin_verification, finish_verification
-from inclinometry.laboratory.web.words import LANGUAGES, say, sentence
+from inclinometry.laboratory.web.words import LANGUAGES, say
 
 SCRIPT = "<script>alert(1)</script>"
 NAME = "=cmd|' /C calc'!A0"
@@ -218,9 +219,9 @@ def test_what_the_drift_says_of_tools_in_each_language(tmp_path: Path, start: An
             headers = {"cookie": f"inclinometry_language={language}"}
             home = browser.get("/", headers=headers).text
             assert say(language, "home.alarms") in home
-            assert f"{alarmed.serial}: {sentence(language, str(alarm.finding))}" in home
+            assert f"{alarmed.serial}: {findings.say(alarm.finding, language)}" in home
             page = browser.get(f"/tools/{alarmed.serial}", headers=headers).text
-            assert say(language, "tools.alarm", sentence=sentence(language, str(alarm.finding))) in page
+            assert say(language, "tools.alarm", sentence=findings.say(alarm.finding, language)) in page
             plotted = re.search(r'"type":\s*"category".*?"data":\s*(\[.*?\])', page.replace("&quot;", '"'))
             assert json.loads(plotted[1]) == [day.isoformat() for day in alarmed.date]
             page = browser.get(f"/tools/{sound.history.serial}", headers=headers).text

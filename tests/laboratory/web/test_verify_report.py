@@ -21,7 +21,7 @@ def test_the_table_states_the_u_of_the_bars(monkeypatch: pytest.MonkeyPatch) -> 
     angle = {"error_deg": 0.1, "U_deg": 0.4, "limit_deg": 0.4, "decision": "pass"}
     angles = ("inclination", "azimuth", "toolface")
     row = {"position": 1, **{f"{name}_deg": 15.0 for name in angles}, **dict.fromkeys(angles, angle)}
-    visitor = SimpleNamespace(say=lambda key, **_: key, sentence=str, panel=MagicMock())
+    visitor = SimpleNamespace(say=lambda key, **_: key, sentence=str, number=str, panel=MagicMock())
     report = {"coverage_factor": 4.0, "positions": [row], "reasons": [], "warnings": []}
     held = as_now({"verdict": "pass", "limits": {"name": "certificate"}, "report": report})
     assert (held["verdict"], held["limits"], held["report"]["positions"][0]["azimuth"]["limit_deg"]) == (

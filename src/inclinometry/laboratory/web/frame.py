@@ -18,7 +18,7 @@ from inclinometry.findings import Finding
 from inclinometry.laboratory.ledger.ledger import Ledger
 from inclinometry.laboratory.ledger.users import User
 from inclinometry.laboratory.web.logins import Login, Logins
-from inclinometry.laboratory.web.words import LANGUAGES, preferred, problem, say, sentence
+from inclinometry.laboratory.web.words import LANGUAGES, decimal, preferred, problem, say, sentence
 
 if TYPE_CHECKING:
     from inclinometry.laboratory.instruments.rig import RigDriver
@@ -113,6 +113,10 @@ class Visitor:
     def say(self, key: str, **values: Any) -> str:
         """A text of the catalogue in the visitor's language."""
         return say(self.language, key, **values)
+
+    def number(self, text: str) -> str:
+        """Ready numbers with the decimal sign of the visitor's language."""
+        return decimal(self.language, text)
 
     def sentence(self, text: Finding | str) -> str:
         """What the program found or did, or one of its words, in the visitor's language."""

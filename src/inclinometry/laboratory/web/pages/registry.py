@@ -105,10 +105,10 @@ def _line(visitor: Visitor, kind: str, one: Any) -> tuple[Cell | str, ...]:
             text = ["" if value is None else value.isoformat(), *([visitor.say("standards.overdue")] if late else [])]
             cells.append(Cell(" · ".join(text), style="bad" if late else ""))
         elif column == "sd":
-            cells.append(Cell(" / ".join(f"{significant(float(np.degrees(x)))}°" for x in value)))
+            cells.append(Cell(visitor.number(" / ".join(f"{significant(float(np.degrees(x)))}°" for x in value))))
         elif isinstance(value, float):
             angle = column in ("dip", "latitude")
-            cells.append(Cell(plain(float(np.degrees(value)) if angle else value, 4)))
+            cells.append(Cell(visitor.number(plain(float(np.degrees(value)) if angle else value, 4))))
         else:
             cells.append(Cell(str(value or "")))
     retired = f" · {visitor.say('field.retired')}" if getattr(one, "retired", False) else ""

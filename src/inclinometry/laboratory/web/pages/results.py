@@ -112,7 +112,7 @@ def _headline(visitor: Visitor, record: Record, table: dict[str, Any]) -> None:
             x for x, inside in zip(table.get(f"U_{name}_deg", ()), rows, strict=False) if inside and x is not None
         ]
         if values:
-            parts.append(f"{say(f'bench.{name}')} ±{significant(max(values))}°")
+            parts.append(f"{say(f'bench.{name}')} ±{visitor.number(significant(max(values)))}°")
     if parts:
         k = f"{table['coverage_factor']:g}"
         text = say(
@@ -216,11 +216,16 @@ def _parameters(visitor: Visitor, record: Record, found: Calibration) -> None:
             "unit": visitor.sentence(unit),
         }
         # as many digits as the uncertainty leaves
-        row |= {"value": rounded(value, u), "u": significant(u), "change": "", "ratio": ""}
+        row |= {
+            "value": visitor.number(rounded(value, u)),
+            "u": visitor.number(significant(u)),
+            "change": "",
+            "ratio": "",
+        }
         if name in before and np.isfinite(before[name][0]):
             change, spread = value - before[name][0], float(np.hypot(u, before[name][1]))
-            row["change"] = rounded(change, spread)
-            row["ratio"] = f"{abs(change) / spread:.1f}" if spread > 0.0 else ""
+            row["change"] = visitor.number(rounded(change, spread))
+            row["ratio"] = visitor.number(f"{abs(change) / spread:.1f}") if spread > 0.0 else ""
         rows.append(row)
     keys = ("name", "value", "u", "unit", "change", "ratio")
     columns = [lists.column(key, say(f"results.{key}"), left=key in ("name", "unit")) for key in keys]

@@ -132,10 +132,10 @@ def show_report(visitor: Visitor, verdict: str, limits: Content | None, content:
     shown = []
     for row in content["positions"]:
         line = {"position": str(row["position"])}
-        line |= {key: f"{row[f'{key}_deg']:g}" for key in DIALS}
+        line |= {key: visitor.number(f"{row[f'{key}_deg']:g}") for key in DIALS}
         for name in ANGLES:
             error, u = _cell(row, name, "error_deg"), _cell(row, name, "U_deg")
-            line[f"e_{name}"] = "" if error is None or u is None else f"{error:+.3f} ± {u:.3f}"
+            line[f"e_{name}"] = "" if error is None or u is None else visitor.number(f"{error:+.3f} ± {u:.3f}")
             line[f"d_{name}"] = say(f"decision.{row[name]['decision']}")
         shown.append(line)
     columns = [lists.column("position", say("verify.position"))]

@@ -14,9 +14,11 @@ from typing import Any, Final
 from inclinometry import findings
 from inclinometry.errors import FileError, InclinometryError
 from inclinometry.glossary import terms
-from inclinometry.language import label, using_language
+from inclinometry.language import label, number, using_language
 
 LANGUAGES: Final = {"en": "English", "ru": "Русский", "zh": "中文"}
+NAMES: Final = ("number", "name", "tool", "file", "reason")
+"""Places of names that others have given, also where one looks like a number."""
 
 
 @cache
@@ -39,7 +41,10 @@ def say(language: str, key: str, **values: Any) -> str:
     >>> say("en", "home.title"), say("ru", "home.title")
     ('Bench', 'Рабочее место')
     """
-    return catalogue(language if language in LANGUAGES else "en")[key].format(**values)
+    shown = {
+        name: decimal(language, v) if isinstance(v, str) and name not in NAMES else v for name, v in values.items()
+    }
+    return catalogue(language if language in LANGUAGES else "en")[key].format(**shown)
 
 
 def problem(language: str, error: InclinometryError) -> str:
@@ -53,6 +58,16 @@ def problem(language: str, error: InclinometryError) -> str:
     if error.row is not None:
         return say(language, "problem.row", file=file, row=error.row, problem=said)
     return say(language, "problem.file", file=file, problem=said)
+
+
+def decimal(language: str, text: str) -> str:
+    """Ready numbers with the decimal sign of a language.
+
+    >>> decimal("ru", "0.25 ± 0.01"), decimal("en", "0.25")
+    ('0,25 ± 0,01', '0.25')
+    """
+    with using_language(language if language in LANGUAGES else "en"):
+        return number(text)
 
 
 def sentence(language: str, text: str) -> str:

@@ -22,6 +22,7 @@ from inclinometry.laboratory.session import Position, setting_of
 from inclinometry.laboratory.web.frame import Bench, Visitor
 from inclinometry.laboratory.web.pages.calibrate.guided import Guided, drawing
 from inclinometry.laboratory.web.pages.lists import day
+from inclinometry.language import number, using_language
 from inclinometry.report.words import significant
 
 # The verdict and the live channels: ten times a second, one small message a browser, worked out once for all.
@@ -134,7 +135,7 @@ class Live:
         found = _shared(self._guided.visitor.bench)
         if found is None or found.seen is None:
             return None
-        seen, guided = found.seen, self._guided
+        seen, guided, number = found.seen, self._guided, self._guided.visitor.number
         word, advice = self._words[seen.word]
         state = seen.word
         # when all is captured, and none chosen to be captured again, there is nothing to wait for
@@ -149,12 +150,13 @@ class Live:
             state = "far" if arrived else "turn"
             word, advice = self._words[state]
             advice = f"{far_words(guided.visitor, far)}. {advice}"
-        heat = "" if seen.temperature is None else f"{seen.temperature:.1f} °C"
+        heat = "" if seen.temperature is None else f"{number(f'{seen.temperature:.1f}')} °C"
         colour = {"still": "good", "done": "good", "learning": "warn", "few": "warn", "turn": ""}  # bad for the others
-        said = [state, colour.get(state, "bad"), word, advice, heat, reason, *found.cells]
+        said = [state, colour.get(state, "bad"), word, advice, heat, reason, *map(number, found.cells)]
         angles: list[str] = []
         if off is not None:
-            angles = [*(f"{x:.2f}°" for x in np.degrees(off.shown)), *(f"{x:+.2f}" for x in np.degrees(off.off))]
+            shown = [*(f"{x:.2f}°" for x in np.degrees(off.shown)), *(f"{x:+.2f}" for x in np.degrees(off.off))]
+            angles = list(map(number, shown))
         red = [one.values["dial"] for one in far.dials] if far is not None and arrived else []
         parts = [json.dumps(part, ensure_ascii=False, separators=(",", ":")) for part in (said, angles, red)]
         ui.run_javascript(f"benchLive({parts[0]});benchNow({parts[1]},{parts[2]})")
@@ -224,7 +226,7 @@ class Strip:
                 points = " ".join(f"{a:.0f},{b:.1f}" for a, b in zip(x, column, strict=True))
                 lines += f"<polyline class='channel-{axis % 3}' points='{points}'/>"
             unit = self._guided.visitor.sentence(feed.protocol.units.get(kind, ""))
-            name = f"{say(f'live.{kind}')} ±{significant(half)} {unit}"
+            name = f"{say(f'live.{kind}')} ±{self._guided.visitor.number(significant(half))} {unit}"
             parts.append(
                 f"<div class='strip'><span class='dim small'>{escape(name)}</span>"
                 f"<svg viewBox='0 0 {self.WIDTH} {self.HEIGHT}' preserveAspectRatio='none' role='img' "
@@ -271,8 +273,8 @@ class Events:
 
 def big(angle: float) -> str:
     """An angle for the card, in degrees: the whole number large, what follows it smaller."""
-    whole, _, rest = f"{round(float(np.degrees(angle)), 2) + 0.0:.2f}".partition(".")
-    return f"{whole.replace('-', '−')}<span class='rest'>.{rest}°</span>"
+    text = number(f"{round(float(np.degrees(angle)), 2) + 0.0:.2f}").replace("-", "−")
+    return f"{text[:-3]}<span class='rest'>{text[-3:]}°</span>"
 
 
 class Target:
@@ -310,14 +312,16 @@ class Target:
         self._state.set_text(text)
         self._state.classes(replace=f"state number {colour}")
         self._leave.set_visibility(guided.session.has(chosen.number) and not guided.session.closed)
-        dials, now = zip(DIALS, chosen.dial, strict=True), escape(say("bench.now"))
+        now = escape(say("bench.now"))
+        with using_language(guided.visitor.language):
+            angles = [big(angle) for angle in chosen.dial]
         cells = [
             f"<div class='dial'><span class='dim'>{escape(say(f'bench.{name}'))}</span>"
-            f"<span class='digits number' data-testid='target-{name}'>{big(angle)}</span>"
+            f"<span class='digits number' data-testid='target-{name}'>{angle}</span>"
             f"<span class='now number'><span class='dim small'>{now}</span> "
             f"<span id='now-{name}' data-testid='now-{name}'></span> "
             f"<span class='off' id='off-{name}'></span></span></div>"
-            for name, angle in dials
+            for name, angle in zip(DIALS, angles, strict=True)
         ]
         if "".join(cells) != self._shown:
             self._shown = "".join(cells)
@@ -387,9 +391,9 @@ class PositionList:
         planned = say("home.progress", done=done, all=total)
         self._title.set_text(say("bench.so_far", done=done) if guided.adaptive else planned)
         positions = {p.number: p for p in guided.positions}
-        for number in [n for n in self._buttons if n not in positions]:
-            self._buttons.pop(number).delete()
-            self._states.pop(number)
+        for gone in [n for n in self._buttons if n not in positions]:
+            self._buttons.pop(gone).delete()
+            self._states.pop(gone)
         for position in positions.values():
             self._one(position)
         # positions beyond which the list is scrolled to the chosen one
@@ -404,7 +408,7 @@ class PositionList:
         if number == guided.proposed:
             state = "proposed"
         here = " here" if number == guided.chosen.number else ""
-        angles = " / ".join(f"{np.degrees(x):.1f}°" for x in position.dial)
+        angles = guided.visitor.number(" / ".join(f"{np.degrees(x):.1f}°" for x in position.dial))
         heat = guided.target_temperature(number)
         angles += "" if heat is None else f", {heat:g} °C"
         shown = (f"place {state}{here}", angles)
@@ -500,7 +504,7 @@ class Certifies:
 
     def _line(self, angle: str, value: float, alone: float, noise: float, wanted: float | None) -> None:
         """U of one reading as the certificate will print it; below, from the calibration alone, and what is wanted."""
-        say, name, text = self._guided.visitor.say, f"U_{angle}", _degrees(value)
+        say, name, text = self._guided.visitor.say, f"U_{angle}", self._guided.visitor.number(_degrees(value))
         colour = "" if wanted is None else "good" if value <= wanted else "warn"
         with ui.element("div").classes("uncertainty"):
             ui.label(say(f"bench.{name}")).classes("dim")
@@ -508,7 +512,9 @@ class Certifies:
             if np.isfinite(alone):
                 ui.label(say("bench.alone", value=_degrees(alone))).classes("dim small number")
             if wanted is not None:
-                ui.label(f"{say('bench.wanted')} {_degrees(wanted)}").classes("dim small number")
+                ui.label(f"{say('bench.wanted')} {self._guided.visitor.number(_degrees(wanted))}").classes(
+                    "dim small number"
+                )
             if wanted is not None and noise > wanted:
                 ui.label(say("bench.beyond", value=_degrees(noise))).classes("warn small").props('role="alert"')
 
