@@ -363,7 +363,7 @@ def _left_handed(state: State, axes: Mapping[str, Array | None], wrong: Sequence
     """The refusal of left-handed channels along the tool's axes, with what may have made them so."""
     signs = tuple(_other_sign(state, kind) for kind in wrong if FIELD_ANGLE.get(kind) in stated)
     if _inverted(axes, wrong):
-        causes = ("a rig that is upside down", _CHANNEL, *signs)
+        causes: tuple[Value, ...] = ("a rig that is upside down", _CHANNEL, *signs)
         return Finding("bench-all-reversed", {"kinds": tuple(wrong), "causes": causes}, severity="refused")
     # reversed dials turn all triads; an accelerometer that stands right beside them is not turned
     gravity = axes.get("accelerometer")

@@ -144,8 +144,8 @@ def validate(content: Json, name: str, path: str | Path) -> None:
 
     try:
         error = best_match(_validator(name).iter_errors(content))
-    except RecursionError as error:  # findings may be values of findings
-        raise FileError(Finding("file-format", {"format": "JSON", "reason": str(error)}), path=path) from None
+    except RecursionError as deep:  # findings may be values of findings
+        raise FileError(Finding("file-format", {"format": "JSON", "reason": str(deep)}), path=path) from None
     if error is None:
         return
     where = "$" + "".join(f"[{p}]" if isinstance(p, int) else f".{p}" for p in error.absolute_path)

@@ -24,7 +24,7 @@ from inclinometry.files.survey_file import SurveyFile, columns_of
 from inclinometry.files.table_formats import row_width
 from inclinometry.files.text import NULLS, wide
 from inclinometry.files.writing import write_text
-from inclinometry.findings import Finding
+from inclinometry.findings import Finding, Value
 from inclinometry.opening import damaged, not_text, too_large, whole
 
 # The ~ASCII section of a LAS file: every row checked for its length and its numbers.
@@ -265,7 +265,7 @@ def _span(
         # headers are often printed with fewer digits than the data
         if abs(stated - there) <= 0.006 + 1e-6 * abs(there):
             continue
-        values = {"name": name, "stated": stated, "there": there}
+        values: dict[str, Value] = {"name": name, "stated": stated, "there": there}
         if ((there > stated) is (name == "STOP")) is up:
             raise FileError(Finding("file-differs", values), path=path, line=int(rows[at]))
         findings.append(Finding("file-beyond", values))

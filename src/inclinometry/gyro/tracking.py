@@ -65,7 +65,8 @@ class ScaleState:
             raise wrong_shape("coefficients, covariance", f"{mean.shape}, {spread.shape}", "(p,), (p, p), 1 <= p <= 3")
         one_value(self.reference_temperature, "reference_temperature", *TEMPERATURES, "degC")
         if self.temperature_range is not None and not self.temperature_range[0] <= self.temperature_range[1]:
-            raise out_of_order("temperature_range", *reversed(self.temperature_range), 2)
+            low, high = self.temperature_range
+            raise out_of_order("temperature_range", high, low, 2)
         if np.linalg.eigvalsh(spread).min() < -1e-12 * max(np.trace(spread), 1e-300):
             raise out_of_range("eig(covariance)", float(np.linalg.eigvalsh(spread).min()), ">= 0")
         object.__setattr__(self, "coefficients", frozen(mean))

@@ -359,7 +359,12 @@ class SiteCheck:
             if known is None or self._missed[place] < self._count or scatter[place] > 0.2 * abs(mean[place] - known):
                 continue
             name, unit, scale = (("dip", "deg", 180.0 / np.pi), ("strength of the field", "nT", 1.0))[place]
-            values = {"name": name, "unit": unit, "site": known * scale, "seen": float(mean[place]) * scale}
+            values: dict[str, Value] = {
+                "name": name,
+                "unit": unit,
+                "site": known * scale,
+                "seen": float(mean[place]) * scale,
+            }
             found.append(Finding("motion-site", {**values, "windows": self._count}))
         return tuple(found)
 

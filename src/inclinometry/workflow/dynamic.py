@@ -334,7 +334,7 @@ class _Pipeline:
     def __init__(self, run: RunFile, place: Site, calibration: Calibration | None, options: DynamicOptions) -> None:
         method, gyro = _method(run, place, options), "gyro" in run.names
         if not gyro and (options.gyro_noise, options.gyro_bias_sigma, options.allan) != (None, None, None):
-            stated = {
+            stated: dict[str, Value] = {
                 "name": "--gyro-noise-deg-sqrt-h, --gyro-bias-sd-deg-h, --allan",
                 "needed": ("gyro_x", "gyro_y", "gyro_z"),
             }

@@ -111,10 +111,10 @@ def _three(log: Log, kind: str, path: str | Path) -> np.ndarray:
 def _same_times(log: Log, other: Log, source: str | Path, path: str | Path) -> None:
     """Refuse two files, `source` the first, that were not sampled together."""
     if len(log) != len(other):
-        counts = {"name": "rows", "here": len(other), "there": len(log), "file": Path(source).name}
+        counts: dict[str, Value] = {"name": "rows", "here": len(other), "there": len(log), "file": Path(source).name}
         raise FileError(Finding("work-rows", counts), path=path)
     off = np.abs(log.time - other.time)
     if off.max() > 0.1 * float(np.median(np.diff(log.time))):
         row = int(np.argmax(off))
-        times = {"name": "time", "here": float(other.time[row]), "there": float(log.time[row])}
+        times: dict[str, Value] = {"name": "time", "here": float(other.time[row]), "there": float(log.time[row])}
         raise FileError(Finding("work-rows", {**times, "file": Path(source).name}), path=path, row=row + 1)
