@@ -103,7 +103,7 @@ def test_survey_refuses_garbage_and_writes_nothing(run, well):
     Path("broken.json").write_text("{")
     Path("site.toml").write_text('north_reference = "true"\n')
     for words, raw, tool, *more in (
-        ("bad.csv, line 4: Not a number: md_m = deep.", "bad.csv", "tool.json"),
+        ("bad.csv, line 4: md_m is deep; expected: number.", "bad.csv", "tool.json"),
         ("[input-channels]", "lacking.csv", "tool.json"),
         ("broken.json", "raw.csv", "broken.json"),
         ("declination", "raw.csv", "tool.json", "--site", "site.toml"),
@@ -123,5 +123,5 @@ def test_survey_with_swapped_magnetometer_axes_raises_the_dip_flag(run, well):
 
 def test_an_empty_value_is_shown_as_it_was_typed(run, bench):
     bench()
-    run("calibrate readings.csv -o tool.json --null", "").refused('unable to convert "" into float')
+    run("calibrate readings.csv -o tool.json --null", "").refused('--null is ""; expected: number')
     run("calibrate readings.csv -o tool.json --profile", "").ok()

@@ -247,7 +247,7 @@ def test_interrupt_while_importing(tmp_path):
         ("allan log.csv -o a.json --report x.pdf", "[file-ending]"),
         ("allan log.csv -o a.json --report x.txt", "[file-ending]"),
         ("allan log.csv -o a.json --report x", "[file-ending]"),
-        ("allan log.csv -o a.json --report a.html --language de", 'Choose from: "en", "ru", "zh"'),
+        ("allan log.csv -o a.json --report a.html --language de", "--language: de; allowed: en, ru or zh"),
         ("allan log.csv -o a.json --report a.html --language=", "--language"),
         ("allan log.csv -o a.json --language ru", "[input-needs]"),
         # the page of a fleet is named with --output, and so is what lacks it

@@ -7,9 +7,11 @@ import gc
 import os
 import sys
 import warnings
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from cyclopts import CoercionError
+
     from inclinometry.errors import InclinometryError
 
 
@@ -61,7 +63,7 @@ def main(arguments: list[str] | None = None) -> None:
 
 def _run(arguments: list[str]) -> int:
     """The command's exit status; what a user can repair is said in one line."""
-    from cyclopts import CycloptsError, MissingArgumentError, UnknownOptionError
+    from cyclopts import CoercionError, CycloptsError, MissingArgumentError, UnknownOptionError, UnusedCliTokensError
 
     from inclinometry.cli.general import EMPTY, general
     from inclinometry.errors import InclinometryError
@@ -72,7 +74,8 @@ def _run(arguments: list[str]) -> int:
     except MissingArgumentError as error:
         # of a required option that is not there at all the framework says that it "requires an argument"
         missing_one = error.argument is not None and error.keyword is None and not error.tokens_so_far
-        text = f"{error.argument.name} is needed" if missing_one and error.argument is not None else str(error)
+        lacks = "is needed" if missing_one else "needs a value" if not error.tokens_so_far else ""
+        text = f"{error.argument.name} {lacks}" if lacks and error.argument is not None else str(error)
         _say(f"inclinometry: {_one_line(text)} (see --help)")
         return 2
     except UnknownOptionError as error:
@@ -83,12 +86,21 @@ def _run(arguments: list[str]) -> int:
                 remedy = f"give the file by itself, as {argument.name} (see --help)"
                 _say(f"inclinometry: {option} is no option here: {remedy}")
                 return 2
-        _say(f"inclinometry: {_one_line(str(error))} (see --help)")
+        text, did_you_mean, near = str(error).partition(" Did you mean ")
+        # what the framework takes for near is often another option altogether
+        said = text + did_you_mean + near if _alike(option, near.rstrip("?")) else text
+        _say(f"inclinometry: {_one_line(said)} (see --help)")
+        return 2
+    except UnusedCliTokensError as error:
+        _say(f"inclinometry: not expected here: {_one_line(' '.join(error.unused_tokens or ()))} (see --help)")
         return 2
     except CycloptsError as error:
         # a quantity refuses a value with a finding of its own
         if isinstance(error.__cause__, InclinometryError):
             return _refused(error.__cause__, arguments)
+        unfit = _unfit(error) if isinstance(error, CoercionError) else None
+        if unfit is not None:
+            return _refused(unfit, arguments)
         _say(f"inclinometry: {_one_line(str(error))} (see --help)")
         return 2
     except InclinometryError as error:
@@ -102,6 +114,39 @@ def _run(arguments: list[str]) -> int:
         _say(f"inclinometry: {needed}")
         return 2
     return status if isinstance(status, int) else 0
+
+
+def _unfit(error: CoercionError) -> InclinometryError | None:
+    """What is said of an option's value that is none of its choices, or no number; None of another one."""
+    from typing import Literal, get_args, get_origin
+
+    from inclinometry.cli.general import as_typed
+    from inclinometry.errors import not_among, wrong_kind
+
+    if error.token is None:
+        return None
+    name = error.token.keyword or ("" if error.argument is None else error.argument.name.lstrip("-").upper())
+    value = as_typed(error.token.value) or '""'
+    if "to float" in str(error.__cause__):  # what Python says of a text that is no number
+        return wrong_kind(name, value, "number")
+    if error.target_type is None or error.msg is not None:
+        return None
+    kinds: list[Any] = [error.target_type]
+    for kind in kinds:  # unions of unions
+        kinds += [] if get_origin(kind) is Literal else [part for part in get_args(kind) if part is not type(None)]
+    choices = [choice for kind in kinds if get_origin(kind) is Literal for choice in get_args(kind)]
+    if choices and all(isinstance(choice, str) for choice in choices):
+        return not_among(name, value, choices)
+    numbers = {float: "number", int: "whole number"}
+    expected = [numbers[kind] for kind in kinds if kind in numbers]
+    return wrong_kind(name, value, expected[0]) if name and expected else None
+
+
+def _alike(option: str, near: str) -> bool:
+    """An option that may have been meant: the same but for a slip, or begun alike."""
+    from difflib import SequenceMatcher
+
+    return near.startswith(option) or SequenceMatcher(None, option, near).ratio() > 0.7
 
 
 def _traceback() -> bool:
