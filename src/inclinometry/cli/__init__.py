@@ -117,7 +117,7 @@ def _run(arguments: list[str]) -> int:
 
 
 def _unfit(error: CoercionError) -> InclinometryError | None:
-    """What is said of an option's value that is none of its choices, or no number; None of another one."""
+    """The refusal of a value that is none of the choices of its option, or no number; None of another one."""
     from typing import Literal, get_args, get_origin
 
     from inclinometry.cli.general import as_typed
@@ -127,7 +127,7 @@ def _unfit(error: CoercionError) -> InclinometryError | None:
         return None
     name = error.token.keyword or ("" if error.argument is None else error.argument.name.lstrip("-").upper())
     value = as_typed(error.token.value) or '""'
-    if "to float" in str(error.__cause__):  # what Python says of a text that is no number
+    if "to float" in str(error.__cause__):  # Python's words for a text that is no number
         return wrong_kind(name, value, "number")
     if error.target_type is None or error.msg is not None:
         return None
