@@ -768,10 +768,9 @@ BENCH_FAULTS = (
 )
 
 _SPOKEN = {
-    "bench-dials-otherwise", "bench-dials-grads", "bench-rows-exchanged", "bench-gain-changed", "bench-offsets-drift",
-    "bench-gains-drift", "bench-left-handed", "bench-axes-against", "bench-axes-against-dials", "bench-axes-skewed",
-    "bench-axes-skewed-stand", "bench-fit-poor", "bench-uncertainty-absurd", "bench-angle-contradicted",
-    "bench-direction-contradicted",
+    "bench-dials-otherwise", "bench-mistake", "bench-drift", "bench-left-handed", "bench-axes-against",
+    "bench-axes-against-dials", "bench-axes-skewed", "bench-fit-poor", "bench-uncertainty-absurd",
+    "bench-angle-contradicted", "bench-direction-contradicted",
 }  # fmt: skip
 """Findings that name a mistake: what is said of every run of such positions does not count."""
 

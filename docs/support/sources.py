@@ -334,7 +334,7 @@ def rogatykh_table_one() -> dict[str, str]:
             off = (
                 f"{left}; without U4, U5, U6, as in the text in circulation: {worst:.0f}",
                 f"{left}; без U4, U5, U6, как в имеющемся тексте: {worst:.0f}",
-                f"{left};缺 U4、U5、U6（如流传文本）：{worst:.0f}",
+                f"{left}；缺 U4、U5、U6（如流传文本）：{worst:.0f}",
             )
         rows.append([f"${name}$", text, off])
     head: list[str | Words] = [("coefficient", "коэффициент", "系数"), ("sum", "сумма", "求和式"), _LARGEST]
@@ -353,7 +353,7 @@ def rogatykh_example() -> dict[str, str]:
     rows: list[list[str | Words]] = [
         [str(k + 1), *map(str, dial), f"{u:.2f}"] for k, (dial, u) in enumerate(zip(dials, signals, strict=True))
     ]
-    head: list[str | Words] = [NUMBER, "θ, °", "α, °", "φ, °", ("U, counts", "U, единицы кода", "U,计数")]
+    head: list[str | Words] = [NUMBER, "θ, °", "α, °", "φ, °", ("U, counts", "U, единицы кода", "U（计数）")]
     batch = n[None], a0[None], np.array([u0])
     nine, upright = measured_nine(*batch, np.pi / 2), measured_nine(*batch, 0.0)["C_C"]
     found = {name: float(v[0]) for name, v in lengths(nine, upright).items()}

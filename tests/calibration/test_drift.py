@@ -151,7 +151,7 @@ def test_bad_histories_are_refused():
     other = ToolHistory("B", "Y", [day, day], np.zeros((2, 24)), v)
     with refused("drift-types"):
         fit_drift([one, other])
-    with refused("drift-tools-few"):
+    with refused("input-few"):
         fit_drift([one])
     with refused("input-needs", name="calendar_share"):
         fit_drift([one] * 3, calendar_share=0.5)

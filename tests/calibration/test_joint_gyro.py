@@ -145,7 +145,7 @@ def test_a_rig_that_faces_south(bench, refused):
     # the side of the zero is used near the equator; here the latitude that is found contradicts nothing
     sided = dataclasses.replace(readings, reference={"north": np.radians(160.0)})
     np.testing.assert_allclose(calibrate_joint(sided, diagnose=False).field_directions["gyro"], true, atol=0.01)
-    with refused("bench-latitude-contradicted") as told:
+    with refused("bench-dip-contradicted", angle="latitude") as told:
         calibrate_joint(dataclasses.replace(readings, reference={"latitude": np.radians(40.0)}), diagnose=False)
     assert told[0].values["found_deg"] == pytest.approx(55.0, abs=0.1)
     # a prior on the direction, which takes the latitude of the stand, decides otherwise

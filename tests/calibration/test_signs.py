@@ -97,7 +97,8 @@ def test_where_the_invariant_vanishes_the_side_of_the_zero_decides_or_the_assump
         assert said.values["zero_deg"] == pytest.approx(-30.0, abs=1.0)
         # a zero that is known, and at right angles to the field
         sign, (said,) = decided(kind, (g, way), {**stated, "north": np.radians(60.0)})
-        assert said.code == "bench-zero-sideways"
+        assert said.code == "bench-zero-assumed"
+        assert said.values["remedy"] == "Point the rig's zero to north"
 
 
 def test_nothing_stated_is_named_with_what_was_found_and_what_to_state():
@@ -181,7 +182,7 @@ def test_the_fits_part_of_what_is_allowed_is_that_of_the_angle_between_both_fiel
     # a rig taken to be level, where no accelerometer says so: 5 deg beside the 5 of the fit
     state = State({"gyro": SKEWED}, {"gyro": unit(1.0, 0.0, -1.0)}, np.zeros((1, 3)), np.zeros(4))
     _, (said,) = fix_signs(state, {"latitude": 1.4}, {}, np.radians(5.0) ** 2 * np.eye(2))
-    assert (said.code, said.severity) == ("bench-latitude-contradicted", "refused")
+    assert (said.code, said.values["angle"], said.severity) == ("bench-dip-contradicted", "latitude", "refused")
     assert said.values["u_deg"] == pytest.approx(7.07, abs=0.01)
 
 

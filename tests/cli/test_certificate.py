@@ -113,7 +113,7 @@ WRONG = [
     (("tool.json", "--fonts", "empty"), "empty: The file has no fonts."),
 ]
 WRONG_LAB = [
-    ("nam = 'x'", "[record-key-unknown]"),
+    ("nam = 'x'", "[table-near]"),
     ("address = 'x'", "[input-missing]"),
     ("name = 'x'\ncountry = 'Norway'", "[input-value]"),
     ("name = 'x'\norder = 3", "[input-kind]"),

@@ -212,7 +212,7 @@ def test_looking_without_writing(run):
     assert "304.80" in done.out
     assert "nothing was written" in done.out
     Path("b.csv").write_text("MD,INC,AZI,azimuth_reference\n0,0,0,grid\n1000,10.5,20,grid\n")
-    run("position b.csv --units ft,deg --azimuth-reference true").refused("[table-twice]")
+    run("position b.csv --units ft,deg --azimuth-reference true").refused("[input-repeated]")
 
 
 @pytest.mark.long

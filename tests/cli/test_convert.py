@@ -35,7 +35,7 @@ def test_there_and_back(run):
 def test_doubtful_fields_are_said(run):
     Path("six.csv").write_text("md_m,gx_m_s2,gy_m_s2,gz_m_s2\n0,0,0,1\n")
     done = run("convert six.csv six.parquet").ok()
-    assert "[table-gravity]" in done.err
+    assert "[table-total]" in done.err
 
 
 def test_a_target_that_cannot_be_read_back(run):

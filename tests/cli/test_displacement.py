@@ -99,7 +99,7 @@ def test_a_single_run_is_taken_and_says_what_it_lacks(run):
     write("base.csv", header="depth_m,A0")
     write("later.csv", SHEAR, 2, header="depth_m,A0")
     done = displace(run).ok()
-    assert done.err.count("[holes-unknown]") == 2
+    assert done.err.count("[holes-unknown]") == 3
     assert "not judged" in done.out
     assert "not known" in done.out
     assert "nan" not in done.out
@@ -124,7 +124,7 @@ def test_a_spike_and_a_changed_bias_are_named(run, two):
 @pytest.mark.parametrize(
     ("row", "column", "value", "words"),
     [
-        (5, 0, "2.2", "[run-depth-digit]"),
+        (5, 0, "2.2", "[holes-depth-step]"),
         (7, 2, "", "later.csv, line 8: Column A180 is empty"),
         (7, 1, "30000", "[input-value]"),
     ],

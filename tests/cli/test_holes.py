@@ -143,7 +143,7 @@ def test_each_hole_is_held_against_what_a_run_is(run):
 
 def test_collars_that_are_double_or_alone(run, tables):
     Path("collars.csv").write_text(COLLARS + "H1,1,2,3,\nX9,1,2,3,\n")
-    assert "H1, line 2: Several collars in collars.csv, lines 2, 5." in holes(run).err
+    assert "H1, line 2: collars.csv:2,5: H1 occurs more than once." in holes(run).err
     Path("collars.csv").write_text(COLLARS + "X9,1,2,3,\n")
     (one,) = said(holes(run, "--json").ok(), "holes-collar-alone")
     assert one["values"] == {"count": 1, "names": "X9"}

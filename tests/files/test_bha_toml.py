@@ -70,7 +70,7 @@ def test_what_may_be_stated_is_taken(tmp_path):
         ("id_m = 0.071", "", "input-missing element 2.id_m"),
         ("id_m = 0.071", "id_m = 0.2", "input-value inner diameter of element 2"),
         ('"nonmagnetic"', '"monel"', "input-choice element 2.material"),
-        ("weight_kg = 51", "weigth_kg = 51", "record-key-unknown"),
+        ("weight_kg = 51", "weigth_kg = 51", "table-near"),
         ("blade_od_m = 0.2127", "blade_od_m = 0.25", "input-value hole"),
         ("to_bit_m = 12.0", "", "input-missing stabiliser 1.to_bit_m"),
     ],

@@ -90,7 +90,7 @@ def test_a_depth_with_a_wrong_digit_is_named(tmp_path, way):
     with pytest.raises(FileError) as caught:
         read_casing(casing(tmp_path, columns, np.arange(30)[::way]))
     found = caught.value.finding
-    assert (found.code, found.values) == ("run-depth-digit", {"md_m": 3.8, "course_m": 0.5, "expected_m": 3.5})
+    assert (found.code, found.values) == ("holes-depth-step", {"md_m": 3.8, "step_m": 0.5, "expected_m": 3.5})
     assert caught.value.line == (9 if way > 0 else 24)
 
 

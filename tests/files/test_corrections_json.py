@@ -110,7 +110,7 @@ def both(change):
         (put("covariance", "parameters", 0, "MBY"), "record-names"),
         (put("covariance", "matrix", 0, 0, -1.0), "record-covariance"),
         (both(list.reverse), "record-names"),
-        (both(lambda rows: rows.pop(0)), "record-size"),
+        (both(lambda rows: rows.pop(0)), "input-shape"),
         (put("reference", "b_nT", 5.0), "input-value reference b"),
         (lambda content: content.pop("noise"), "input-missing $.noise"),
         (put("noise", 2, 2, -1.0), "record-covariance"),

@@ -52,7 +52,7 @@ def test_a_run_of_which_no_causes_are_known_is_not_written(tmp_path):
     ("change", "words"),
     [
         (put("version", 2), "file-version"),
-        (lambda c: c["stations"]["azimuth_deg"].pop(), "record-size"),
+        (lambda c: c["stations"]["azimuth_deg"].pop(), "input-shape"),
         (lambda c: c["errors"][1]["by_parameter"]["east"].pop(), "file-format"),
         (put("errors", 1, "cause", "calibration"), "input-repeated $.errors[1].cause"),
         (put("errors", 0, "covariance", [[1.0]]), "input-shape $.errors[0].by_parameter"),

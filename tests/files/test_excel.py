@@ -241,7 +241,7 @@ def test_sheets_that_are_no_tables(tmp_path, book):
     for row in (NAMES, [0, 1, "A"]):
         workbook.active.append(row)
     workbook.save(tmp_path / "chart.xlsx")
-    with refused("table-chart", error=FileError):
+    with refused("input-choice", error=FileError):
         read_excel(tmp_path / "chart.xlsx", sheet="picture")
 
 

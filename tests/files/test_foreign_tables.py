@@ -298,11 +298,11 @@ def test_degrees_minutes_and_seconds(tmp_path):
     well = read_well(saved(path, "\n".join(["MD (m),INC (deg),Azimuth true (deg)", *rows]) + "\n", encoding="utf-8"))
     assert np.degrees(well.inclination) == pytest.approx([0.0, 10.5, 12.5])
     assert np.degrees(well.azimuth) == pytest.approx([0.0, 120.0 + 15.5 / 60.0, -1.51])
-    for cell, remedy in (("10 30 15", (10.504167, "10°30'15\"")), ("-0:30", (-0.5, "-0°30'"))):
-        with refused("table-minutes", error=FileError) as stop:
+    for cell, remedy in (("10 30 15", ("10.504167", "10°30'15\"")), ("-0:30", ("-0.5", "-0°30'"))):
+        with refused("table-decimal", error=FileError) as stop:
             read_well(saved(path, f"MD (m),INC (deg),Azimuth true (deg)\n0,0,0\n30,1,{cell}\n", encoding="utf-8"))
         values = stop.value.finding.values
-        assert (stop.value.line, (round(values["decimal"], 6), values["marked"])) == (3, remedy)
+        assert (stop.value.line, values["readings"]) == (3, remedy)
     # minutes end at 60, and a length has none
     for row in ("30,10°75',20", "30°30',10,20"):
         with refused("input-kind", error=FileError):

@@ -130,7 +130,7 @@ def renamed(old, new):
         (*without("index_deg"), "file-column index_deg"),
         (*without("accel_x", "accel_y"), "file-column accel_x"),
         (*without("gyro_x_deg_h", "gyro_y_deg_h"), "file-column gyro_x"),
-        (*renamed("index_deg", "index_rad"), "table-unit-other"),
+        (*renamed("index_deg", "index_rad"), "table-unit"),
         (*renamed("index_deg", "index"), "table-unit-missing"),
         (*renamed("md_m", "md"), "table-unit-missing"),
         (*renamed("time_s", "time"), "table-unit-missing"),

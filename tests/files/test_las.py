@@ -174,7 +174,7 @@ def test_a_header_with_fewer_digits_than_the_data(tmp_path):
         ("GX  .G ", "GX  .V ", "table-unit"),
         ("DEPT.F ", "ETIM.F ", "file-column md_m"),
         (" 656.0000 -999", " 328.0000 -999", "file-differs"),
-        ("GY  .G ", "GX  .G ", "table-twice"),
+        ("GY  .G ", "GX  .G ", "input-repeated"),
         ("2.0 :", "3.0 :", "file-version"),
         ("~A  DEPT", "~X  DEPT", "file-section"),
         ("~", "-", "file-section"),

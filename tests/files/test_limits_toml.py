@@ -65,8 +65,8 @@ def test_an_unknown_name_lists_the_names(read, name, error, words):
 @pytest.mark.parametrize(
     ("text", "wanted"),
     [
-        (GOOD + "azimuth = 2\n", "record-key-unknown"),
-        (GOOD + "inclnation_deg = 2\n", "record-key-unknown"),
+        (GOOD + "azimuth = 2\n", "table-near"),
+        (GOOD + "inclnation_deg = 2\n", "table-near"),
         (GOOD + "zzz = 2\n", "input-unknown zzz"),
         ("inclination_deg = 0.1\n", "input-missing source"),
         ('source = ""\ninclination_deg = 0.1\n', "input-kind source"),
@@ -149,7 +149,7 @@ def test_limits_of_fields(tmp_path):
     for text, words in (
         ('source = "x"\n', "file-limits"),
         ('source = "x"\nb_nT = 0.3\n', "input-value"),
-        ('source = "x"\nb_nt = 300', "record-key-unknown"),
+        ('source = "x"\nb_nt = 300', "table-near"),
     ):
         with refused(words, error=FileError):
             read_quality_limits(limits_file(tmp_path, text))

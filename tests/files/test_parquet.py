@@ -164,7 +164,7 @@ def test_a_page_that_was_changed_is_found_by_its_checksum(tmp_path, names, read)
 def test_names_twice_and_texts_that_are_damaged(tmp_path):
     path = tmp_path / "a.parquet"
     pq.write_table(pa.Table.from_arrays([pa.array([1.0, 2.0])] * 3, names=["md_m", "tvd_m", "tvd_m"]), path)
-    with refused("table-twice", error=FileError):
+    with refused("input-repeated", error=FileError):
         read_parquet(path)
     pq.write_table(pa.table({"md_m": [1.0, 2.0], "tvd_m": [1.0, 2.0], "crew": ["AAAA", "BBBB"]}), path,
                    compression="none", use_dictionary=False)  # fmt: skip

@@ -97,7 +97,7 @@ def test_units_in_names_are_converted_and_units_that_are_nowhere_are_stated(tmp_
         read_well(saved(tmp_path / "b.csv", "MD,INC,AZI,azimuth_reference\n0,0,0,grid\n100,5,9,grid\n"))
     with reading_with(None, "ft,deg"):
         assert np.allclose(read_well(tmp_path / "b.csv").md, [0.0, 30.48])
-    with refused("table-unit-unknown"), reading_with(None, "furlong"):
+    with refused("input-choice"), reading_with(None, "furlong"):
         pass
 
 
@@ -182,7 +182,7 @@ def test_every_shipped_profile_can_be_read_and_says_what_it_is_for(name):
 @pytest.mark.parametrize(
     ("text", "wanted"),
     [
-        ('seperator = "tab"', "record-key-unknown"),
+        ('seperator = "tab"', "table-near"),
         ('separator = "pipe"', "input-choice"),
         ("skip = -1", "input-value"),
         ("skip = true", "input-kind"),
@@ -190,7 +190,7 @@ def test_every_shipped_profile_can_be_read_and_says_what_it_is_for(name):
         ('[axes]\naccelerometer = ["x", "x", "z"]', "table-profile-entry"),
         ('[columns]\nA = { name = "mag_x_nT", unit = "kg" }', "table-unit-convert"),
         ("[columns]\nA = 3", "table-profile-entry"),
-        ('units = ["parsec"]', "table-unit-unknown"),
+        ('units = ["parsec"]', "input-choice"),
         ("skip = ", "file-format"),
         ("rate_hz = 1e6", "input-value"),
         ("header = 1", "input-kind"),
@@ -333,7 +333,7 @@ def test_a_name_that_may_be_two_things_is_refused(tmp_path):
     for units in ("deg,mg", "mg,deg"):
         with reading_with(None, units), refused("table-ambiguous", error=FileError):
             read_bench(tmp_path / "a.csv")
-    with refused("table-unit-unknown"), reading_with(None, "F"):
+    with refused("input-choice"), reading_with(None, "F"):
         pass
 
 

@@ -62,7 +62,7 @@ def test_standard_deviations_and_columns_of_no_use(read):
         (HEADER, ["a,190,0,,5,20,1,2,3"], "input-value inclination_deg"),
         (HEADER, [*ROWS, "d,0,0,,36000,20,1,2,3"], "input-value rate_deg_s"),
         (HEADER, ["a,90,0,,10,,1,2,3"], "table-empty"),
-        (HEADER.replace("rate_deg_s", "rate_rad_s"), ROWS, "table-unit-other"),
+        (HEADER.replace("rate_deg_s", "rate_rad_s"), ROWS, "table-unit"),
         (HEADER.replace("toolface_deg", "face"), ROWS, "file-column toolface_deg"),
         (HEADER.replace("gyro", "mag"), ROWS, "file-column gyro_x"),
         (HEADER, ["a,90,0,,0.17453,20,1,2,3", "b,90,0,,-0.34907,20,1,2,3"], "table-radians"),

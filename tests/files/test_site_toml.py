@@ -64,8 +64,8 @@ def test_ways_to_write_a_date(tmp_path, date):
 @pytest.mark.parametrize(
     ("text", "code", "values"),
     [
-        ("latitude = 60", "record-key-unknown", {"name": "latitude", "nearest": "latitude_deg"}),
-        ("b_uT = 50", "record-key-unknown", {"name": "b_uT", "nearest": "b_nT"}),
+        ("latitude = 60", "table-near", {"name": "latitude", "right": "latitude_deg"}),
+        ("b_uT = 50", "table-near", {"name": "b_uT", "right": "b_nT"}),
         ("operator = 50000", "input-unknown", {"names": ("operator",)}),
         ("latitude_deg = 91", "input-value", {"name": "latitude_deg", "value": "91", "allowed": "-90 .. 90"}),
         ('north_reference = "up"', "input-choice", {"name": "north_reference", "value": "'up'"}),

@@ -160,7 +160,7 @@ ONE = "100,0,0,9.8,20000,0,45000"
         (SIX, [ONE.replace("9.8", "")], "input-empty"),
         ("md_m,inclination_deg", ["0,1"], "input-missing gx_m_s2"),
         (SIX + ",g_total", [ONE + ",1"], "table-unit-missing"),
-        ("(ft),(g),(g),(g),(nT),(nT),(nT)", [ONE], "table-twice"),
+        ("(ft),(g),(g),(g),(nT),(nT),(nT)", [ONE], "input-repeated"),
         (SIX, ["(m),(m/s2),,,(nT),,"], "input-kind md_m"),
     ],
 )

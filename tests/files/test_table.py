@@ -75,7 +75,7 @@ def test_dialects_read_alike(tmp_path, content):
         (b"", "file-empty", None),
         ("\n\n# only a comment\n", "file-empty", None),
         ("mag_x,mag_y\n", "file-empty", 1),
-        ("mag_x,mag_x\n1,2\n", "table-twice", 1),
+        ("mag_x,mag_x\n1,2\n", "input-repeated", 1),
         ("mag_x,,mag_y\n1,2,3\n", "table-unnamed", 1),
         ("1,2\n3,4\n", "table-names-numbers", 1),
         ("mag_x,mag_y\n1,2\n1,abc\n", "input-kind", 3),

@@ -80,7 +80,7 @@ def test_round_trip_with_raw_sensors(tmp_path, convention):
         ("&&\n070840\n071\n!!\n", 7, "wits-item"),
         ("&&\n070840\n07131.2.3\n!!\n", 7, "input-kind"),
         ("&&\n070840\n0713NaN\n!!\n", 7, "input-kind"),
-        ("&&\n070840\n07131\n07132\n!!\n", 8, "table-twice"),
+        ("&&\n070840\n07131\n07132\n!!\n", 8, "input-repeated"),
         ("&&\n!!\n", 5, "wits-frame"),
         ("!!\n", 5, "wits-frame"),
     ],
@@ -166,7 +166,7 @@ def test_map_from_toml(tmp_path):
     for text, words in (
         ("", "input-kind"), ("channels = 3", "input-kind"), ("[channels]\n0708 = 3", "input-kind"),
         ("[channels]\n0708=", "file-format"),
-        ('[channels]\n0708 = "md"', "table-unit-missing"), ("chanels = 3", "record-key-unknown"),
+        ('[channels]\n0708 = "md"', "table-unit-missing"), ("chanels = 3", "table-near"),
         ('azimuth_reference = "x"\n[channels]\n0708 = "md_m"', "input-choice"),
     ):  # fmt: skip
         path.write_text(text)

@@ -190,7 +190,7 @@ def test_commands_of_a_fleet_that_is_too_small_say_what_is_needed(
     assert call("fleet", "report", "--ledger", ledger) == 2
     assert "[input-one-of]" in " ".join(capsys.readouterr().err.split())
     assert call("fleet", "fit", "--ledger", ledger, "--type", "simulated") == 2
-    assert "[drift-tools-few]" in " ".join(capsys.readouterr().err.split())
+    assert "[input-few]" in " ".join(capsys.readouterr().err.split())
     assert call("simulate", "fleet", "-o", str(folder)) == 2
     assert "[fleet-there]" in " ".join(capsys.readouterr().err.split())
 

@@ -20,7 +20,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence, Set
 from dataclasses import astuple, dataclass, replace
 from itertools import combinations, permutations, product
-from typing import Literal, NamedTuple, TypeAlias, get_args
+from typing import Final, Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -144,6 +144,8 @@ WAYS = sorted(
     key=lambda way: way.changes,
 )
 """All sixteen of an upright rig, fewest changes first."""
+
+_CHANNEL: Final = "a channel reversed or two exchanged"
 
 
 def _class(way: Dials) -> tuple[bool, bool]:
@@ -330,7 +332,7 @@ def check_axes(
     ]
     if any(axes[kind] is not None for kind in wrong):
         return [_left_handed(state, axes, wrong, stated)]
-    either = (Finding("bench-cause-channel"), Finding("bench-cause-dials", {"way": _MIRROR.way}))
+    either = (_CHANNEL, Finding("bench-cause-dials", {"way": _MIRROR.way}))
     found = [Finding("bench-left-handed", {"kinds": (kind,), "causes": either}) for kind in wrong]
     force = axes.get("accelerometer")
     if assumed and not left_handed and force is not None and force.sum() == -3.0:
@@ -350,19 +352,18 @@ def check_axes(
     ways += [_CROSSED] * bool("dip" in missing or (missing and not handed))
     # a mirror image of four skewed channels is as good a tool, whatever is stated of the stand
     values: dict[str, Value] = {"kinds": tuple(axes), "ways": tuple(way.way for way in ways)}
-    if ways and missing and handed:
+    values["missing"] = ("how the dials count",)
+    if missing and handed:
         names = {"north": "azimuth of the rig's zero"}
         values["missing"] = tuple(names.get(name, name) for name in dict.fromkeys(missing))
-        return [Finding("bench-axes-skewed-stand", values)]
     return [Finding("bench-axes-skewed", values)] if ways else []
 
 
 def _left_handed(state: State, axes: Mapping[str, Array | None], wrong: Sequence[str], stated: Set[str]) -> Finding:
     """The refusal of left-handed channels along the tool's axes, with what may have made them so."""
     signs = tuple(_other_sign(state, kind) for kind in wrong if FIELD_ANGLE.get(kind) in stated)
-    channel = Finding("bench-cause-channel")
     if _inverted(axes, wrong):
-        causes = (Finding("bench-cause-inverted"), channel, *signs)
+        causes = ("a rig that is upside down", _CHANNEL, *signs)
         return Finding("bench-all-reversed", {"kinds": tuple(wrong), "causes": causes}, severity="refused")
     # reversed dials turn all triads; an accelerometer that stands right beside them is not turned
     gravity = axes.get("accelerometer")
@@ -371,7 +372,7 @@ def _left_handed(state: State, axes: Mapping[str, Array | None], wrong: Sequence
     )
     dials = [Finding("bench-cause-dials", {"way": _mirror(axes).way})] if every else []
     return Finding(
-        "bench-left-handed", {"kinds": tuple(wrong), "causes": (*dials, channel, *signs)}, severity="refused"
+        "bench-left-handed", {"kinds": tuple(wrong), "causes": (*dials, _CHANNEL, *signs)}, severity="refused"
     )
 
 

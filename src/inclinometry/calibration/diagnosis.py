@@ -80,7 +80,8 @@ def outlier_findings(readings: BenchReadings, outliers: Sequence[Outlier], *, le
         code = "bench-station-off"
         if outlier.dial is not None:
             field = "azimuth" in outlier.dial and "magnetometer" in readings.channels
-            code = "bench-dial-or-field" if field else "bench-dial-misread"
+            code = "bench-dial-misread"
+            values["causes"] = ("the dial seems misread", *(("the field was disturbed",) if field else ()))
             values |= {"dial": tuple(outlier.dial.split(" or ")), "off_deg": float(np.degrees(outlier.error))}
         elif outlier.channel is not None:
             code = "bench-channel-jumped"

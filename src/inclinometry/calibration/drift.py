@@ -270,7 +270,8 @@ def _usable(histories: Sequence[ToolHistory]) -> tuple[str, list[ToolHistory]]:
     used = [h.calibrations for h in histories if len(h.calibrations) > 1]
     least_tools = 3
     if len(used) < least_tools:
-        raise refused("drift-tools-few", {"tools": len(used), "least": least_tools})
+        tools = "tools with two calibrations or more"
+        raise refused("input-few", {"name": tools, "count": len(used), "least": least_tools})
     return kinds[0], used
 
 

@@ -157,8 +157,9 @@ def _invariant_sign(
                 "allowed_deg": contradicts * float(np.degrees(spread)),
                 "u_deg": float(np.degrees(u)),
             }
-            code = "bench-dip-contradicted" if kind == "magnetometer" else "bench-latitude-contradicted"
-            return sign, [Finding(code, values, severity="refused")]
+            cause = "iron near the stand" if kind == "magnetometer" else "the g-sensitivity"
+            values |= {"kind": kind, "angle": FIELD_ANGLE[kind], "cause": cause}
+            return sign, [Finding("bench-dip-contradicted", values, severity="refused")]
         if decided:
             if final and sign * clear < 0.0 and north is not None:
                 values = {
@@ -204,7 +205,8 @@ def _assumed(
     if stated is None:
         return sign, [Finding("bench-sign-assumed", values | {"found_deg": float(np.degrees(sign * found))})]
     values |= {"stated_deg": float(np.degrees(stated)), "zero_deg": _turn(zero, sign), "north": _NORTH[kind]}
-    return sign, [Finding("bench-zero-assumed" if north is None else "bench-zero-sideways", values)]
+    remedy = "Give the azimuth of the rig's zero" if north is None else "Point the rig's zero to north"
+    return sign, [Finding("bench-zero-assumed", {**values, "remedy": remedy})]
 
 
 Range = tuple[float, float]

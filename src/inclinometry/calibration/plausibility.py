@@ -44,11 +44,11 @@ class _Step(NamedTuple):
 
 
 class _Whole(NamedTuple):
-    """A run without a mistake: signals, settings (azimuth, inclination, toolface), the mistake and its code."""
+    """A run without a mistake: signals, settings (azimuth, inclination, toolface), the mistake and its remedy."""
 
     signals: Mapping[str, Array]
     settings: tuple[Array, Array, Array]
-    code: str = ""
+    remedy: str = ""
     mistake: Finding | None = None
     exchanged: tuple[int, ...] = ()  #: rows
     volume: float = 0.0  #: logarithm of the factor by which the signals were multiplied, summed over readings
@@ -105,7 +105,7 @@ def check_whole(readings: BenchReadings) -> list[Finding]:
             "left_percent": 100.0 * shares[kind],
             "log_ratio": ratio,
         }
-        return [Finding(one.code, values, severity=refused_if(times > 4.0))]
+        return [Finding("bench-mistake", {**values, "remedy": one.remedy}, severity=refused_if(times > 4.0))]
     return [drift[0]._replace(severity="refused")] if far else drift
 
 
@@ -155,7 +155,7 @@ def _freedom(values: Array, stations: int) -> int:
 
 def odd_station(name: str) -> Finding:
     """A station that does not fit the others."""
-    return Finding("bench-station-odd", {"station": name})
+    return Finding("bench-stations-odd", {"stations": (name,)})
 
 
 def misfit(stations: Sequence[str], rows: Sequence[int] = ()) -> Finding:
@@ -376,7 +376,7 @@ def _units(signals: Mapping[str, Array], settings: tuple[Array, Array, Array]) -
     for some in ((0,), (1,), (2,), (0, 1, 2)):
         turned = [0.9 * dial if place in some else dial for place, dial in enumerate(settings)]
         grads = Finding("bench-in-grads", {"dials": tuple(DIALS[place] for place in some)})
-        yield _Whole(signals, (turned[0], turned[1], turned[2]), "bench-dials-grads", grads)
+        yield _Whole(signals, (turned[0], turned[1], turned[2]), "Convert the dials to degrees", grads)
 
 
 def _exchanges(
@@ -389,14 +389,14 @@ def _exchanges(
         order[[first, second]] = second, first
         names: dict[str, Value] = {"first": stations[first], "second": stations[second]}
         rows = {kind: values[order] for kind, values in signals.items()}
-        yield _Whole(rows, settings, "bench-rows-exchanged", Finding("bench-rows", names), (first, second))
+        yield _Whole(rows, settings, "Put the rows in order", Finding("bench-rows", names), (first, second))
         for place, name in enumerate(DIALS):
             if settings[place][first] == settings[place][second]:
                 continue
             turned = [values[order] if at == place else values for at, values in enumerate(settings)]
             changed = (turned[0], turned[1], turned[2])
             mistake = Finding("bench-settings", names | {"dial": name})
-            yield _Whole(signals, changed, "bench-rows-exchanged", mistake, (first, second))
+            yield _Whole(signals, changed, "Put the rows in order", mistake, (first, second))
 
 
 def _gains(
@@ -439,7 +439,8 @@ def _remove_gain_step(signals: Mapping[str, Array], settings: tuple[Array, Array
     if count < values.shape[1] or count == 1:
         mistake = Finding("bench-gain-channel", found | {"axis": "xyz"[at] if at < 3 else str(at + 1)})
     volume = (len(values) - step.start) * count * float(np.log(step.gain))
-    return _Whole({**signals, step.kind: even}, settings, "bench-gain-changed", mistake, volume=volume, step=step)
+    remedy = "Look for a change of range or wiring, and take the run again"
+    return _Whole({**signals, step.kind: even}, settings, remedy, mistake, volume=volume, step=step)
 
 
 def _drift(
@@ -457,7 +458,10 @@ def _drift(
         ratio, largest, what = max(_trends(kind, values, settings, own[kind]))
         if ratio > 12.0 and largest > _DRIFT[what] and not _clipped(kind, values, settings, what):
             said: dict[str, Value] = {"kind": kind, "size_percent": 100.0 * largest, "log_ratio": float(ratio)}
-            found.append(Finding("bench-offsets-drift" if what == "offsets" else "bench-gains-drift", said))
+            offsets = what == "offsets"
+            said["what"] = "Offsets" if offsets else "Gains"
+            said["cause"] = "iron and currents near by" if offsets else "its supply"
+            found.append(Finding("bench-drift", said))
             best = max(best, ratio)
             far |= bool(ratio > _CERTAIN and largest > 0.1)  # a tenth of the field
     return best, found, far
@@ -537,9 +541,10 @@ def _remove_trend(kind: str, what: str, values: Array, matrix: Array) -> tuple[A
 def own_readings(readings: BenchReadings, calibration: Calibration) -> list[Finding]:
     """Whether readings for a verification are those of the calibration, by their digest or by value; refused."""
     if readings.digest and readings.digest in calibration.inputs.values():
-        return [Finding("bench-readings-own", severity="refused")]
+        return [Finding("bench-readings-own", {"how": "unchanged"}, severity="refused")]
     if taken_before(readings, calibration):
-        return [Finding("bench-readings-changed", severity="refused")]
+        how = "in another order, or hardly changed by a factor, an offset or fewer digits"
+        return [Finding("bench-readings-own", {"how": how}, severity="refused")]
     copies = _copies(readings, calibration)
     if not copies:
         return []

@@ -362,6 +362,5 @@ def undetermined_causes(
     most = np.degrees(np.max([size for _, size in open_to], axis=0))
     most = np.array([most[0].max(), *most[1:, 1:].max(axis=1)])  # the azimuth of a hole that is inclined
     values: dict[str, Value] = {"causes": tuple(name for name, _ in open_to), "inclination_deg": float(most[0])}
-    if len(full) == 1:
-        return [Finding("bench-open-inclination", values, severity="note")]
-    return [Finding("bench-open", values | {"azimuth_deg": float(most[1])}, severity="note")]
+    azimuth = () if len(full) == 1 else (float(most[1]),)
+    return [Finding("bench-open", values | {"azimuth_deg": azimuth}, severity="note")]

@@ -230,8 +230,8 @@ def _layout(azimuth: ArrayLike, inclination: ArrayLike, toolface: ArrayLike) -> 
     up, flat = same(i, 0.0), same(i, np.pi / 2.0)
     other = np.flatnonzero(~(up | flat))
     if len(other):
-        facts: dict[str, Value] = {"row": int(other[0]) + 1, "inclination_deg": float(np.degrees(i[other[0]]))}
-        raise _not_of("twelve", Finding("plan-inclination-other", facts))
+        facts: dict[str, Value] = {"row": int(other[0]) + 1, "value_deg": float(np.degrees(i[other[0]]))}
+        raise _not_of("twelve", Finding("plan-row", {**facts, "angle": "inclination", "needed_deg": (0.0, 90.0)}))
     upright, rows = np.flatnonzero(up), np.flatnonzero(flat)
     if (why := unequal_steps((a + t)[upright])) is not None:
         raise _not_of("twelve", Finding("plan-part", {"part": "upright rolls", "why": why}))
@@ -397,8 +397,8 @@ def _turns(
     elsewhere = np.flatnonzero(~same(a, wanted))
     if len(elsewhere):
         row = int(elsewhere[0])
-        at = {"azimuth_deg": float(np.degrees(a[row])), "others_deg": float(np.degrees(wanted))}
-        raise _not_of("rotations", Finding("plan-azimuth-other", {"row": row + 1, **at}))
+        at: dict[str, Value] = {"row": row + 1, "angle": "azimuth", "value_deg": float(np.degrees(a[row]))}
+        raise _not_of("rotations", Finding("plan-row", {**at, "needed_deg": (float(np.degrees(wanted)),)}))
     turns = groups(i)
     if len(turns) != 2:
         raise _not_of("rotations", Finding("plan-inclinations", {"count": len(turns)}))

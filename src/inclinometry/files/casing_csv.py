@@ -124,15 +124,13 @@ def _order(table: Frame, depth: Array) -> Index:
     usual = float(np.median(np.abs(steps)))
     if (bad := np.flatnonzero(np.abs(np.abs(steps) - usual) > 0.02 * usual)).size:
         row = int(bad[0]) + 1
-        values = {"md_m": float(depth[row]), "last_m": float(depth[row - 1])}
-        values |= {"step_m": float(abs(steps[row - 1])), "usual_m": usual}
-        one = Finding("holes-depth-step", values, (row,), "refused")
+        step, expected = usual, float(depth[row - 1] + way * usual)
         # as a run's depths: a wrong digit, or all shifted from one on
         if (off := broken_habit(depth if way > 0.0 else depth[::-1])) is not None:
             row = off.k if way > 0.0 else len(depth) - 1 - off.k
-            digit: dict[str, Value] = {"md_m": float(depth[row]), "course_m": off.usual, "expected_m": off.expected}
-            one = Finding("run-depth-digit", digit, (row,), "refused")
-        raise table.error(one, row)
+            step, expected = off.usual, off.expected
+        values = {"md_m": float(depth[row]), "step_m": step, "expected_m": expected}
+        raise table.error(Finding("holes-depth-step", values, (row,)), row)
     return np.argsort(depth)
 
 

@@ -97,7 +97,7 @@ def advice(name: str, known: Iterable[str]) -> Finding | None:
     """What is wrong with a name that is nearly a known one; None when it is simply another column.
 
     >>> str(advice("inclination_rad", ["inclination_deg"])), advice("operator", ["azimuth_deg"])
-    ('Unit not accepted: inclination_rad. Convert it, and write inclination_deg.', None)
+    ('Column inclination_rad: unit rad is not accepted. Allowed: inclination_deg.', None)
     """
     names = list(known)
     bases = {_SUFFIX.sub("", k).lower(): k for k in reversed(names) if _SUFFIX.search(k)}
@@ -105,8 +105,10 @@ def advice(name: str, known: Iterable[str]) -> Finding | None:
     if lowered in bases:
         return Finding("table-unit-missing", {"name": name, "right": (bases[lowered],)})
     if (base := _SUFFIX.sub("", lowered)) != lowered and base in bases and name not in names:
-        near = lowered == bases[base].lower()
-        return Finding("table-near" if near else "table-unit-other", {"name": name, "right": bases[base]})
+        if lowered == bases[base].lower():
+            return _nearly(name, bases[base])
+        unit = lowered.removeprefix(base).lstrip("_")
+        return Finding("table-unit", {"column": name, "unit": unit, "allowed": (bases[base],)})
     return _nearly(name, closest(name, names, 0.9))
 
 

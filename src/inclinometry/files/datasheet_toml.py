@@ -205,8 +205,9 @@ def _spread(axes: Array, name: str) -> Array:
     one, other = sorted(int(place) for place in np.unravel_index(lines.argmax(), lines.shape))
     apart = float(np.degrees(np.arctan2(np.linalg.norm(np.cross(axes[one], axes[other])), lines[one, other])))
     if len(axes) > 3 or apart > 10.0:
-        raise refused("record-axes-plane", {"name": name, "sensors": len(axes)})
-    raise refused("record-axes-line", {"name": name, "first": one + 1, "second": other + 1, "apart_deg": apart})
+        every = tuple(range(1, len(axes) + 1))
+        raise refused("record-axes", {"name": name, "sensors": every, "shape": "plane"})
+    raise refused("record-axes", {"name": name, "sensors": (one + 1, other + 1), "shape": "line"})
 
 
 def _rows(settings: toml_keys.Settings, key: str, count: int, width: int) -> Array:

@@ -12,7 +12,7 @@ from inclinometry.arrays import Array, frozen
 from inclinometry.errors import FileError, InputError, in_file, refused, wrong_shape
 from inclinometry.files import json_codec
 from inclinometry.files.writing import degrees
-from inclinometry.findings import Finding, Value
+from inclinometry.findings import Finding
 from inclinometry.uncertainty import AngleErrors, covariance_matrix
 
 
@@ -82,8 +82,7 @@ def read_errors(path: str | Path) -> RunErrors:
     size = len(stations["md_m"])
     for name, values in stations.items():
         if len(values) != size:
-            facts: dict[str, Value] = {"place": f"$.stations.{name}", "count": len(values), "expected": size}
-            raise FileError(Finding("record-size", facts), path=path)
+            raise in_file(wrong_shape(f"$.stations.{name}", f"({len(values)},)", f"({size},)"), path)
     for k, one in enumerate(content["errors"]):
         where = f"$.errors[{k}]"
         try:

@@ -12,7 +12,7 @@ from itertools import zip_longest
 from pathlib import Path
 from typing import Any, Final
 
-from inclinometry.errors import FileError, InputError, refused, system_reason
+from inclinometry.errors import FileError, InputError, in_file, not_among, refused, system_reason
 from inclinometry.files.survey_file import SurveyFile, columns_of
 from inclinometry.files.text import OLD_EXCEL, Block
 from inclinometry.files.writing import replacing
@@ -126,7 +126,7 @@ def _check(path: Path) -> None:
 def _rows(sheet: Any, path: Path) -> Iterator[tuple[int, tuple[Any, ...]]]:
     """Rows that hold something, numbered from 1 as Excel does."""
     if not hasattr(sheet, "iter_rows") or not hasattr(sheet, "reset_dimensions"):
-        raise FileError(Finding("table-chart"), path=path)
+        raise in_file(not_among("--sheet", sheet.title, [one.title for one in sheet.parent.worksheets]), path)
     sheet.reset_dimensions()  # the size a writer stated may be wrong
     for index, row in enumerate(sheet.iter_rows(values_only=True), 1):
         if index > ROWS:

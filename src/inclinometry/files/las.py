@@ -174,7 +174,7 @@ def las_frame(where: Path) -> Frame:
         if not name:
             raise FileError(Finding("table-unnamed", {"place": place}), path=where)
         if names.index(name) < place - 1:
-            raise FileError(Finding("table-twice", {"column": name}), path=where)
+            raise FileError(Finding("input-repeated", {"name": "column", "value": name}), path=where)
     wrap = str(_value(las.version, "WRAP") or "NO").strip().upper() == "YES"
     units = {name: str(curve.unit) for name, curve in zip(names, las.curves, strict=True) if curve.unit}
     columns, rows = read_data(where, numbered(lines, first), names, units, _null(where, las), wrap)

@@ -38,7 +38,7 @@ def parquet_pieces(path: Path, progress: Progress | None = None) -> Iterator[Fra
         fields = list(stored.schema_arrow)
         twice = next((f.name for place, f in enumerate(fields) if f.name in [g.name for g in fields[:place]]), None)
         if twice is not None:
-            raise FileError(Finding("table-twice", {"column": twice}), path=path)
+            raise FileError(Finding("input-repeated", {"name": "column", "value": twice}), path=path)
         bare = {with_unit(field.name, _unit(field)): field.name for field in fields}
         header = _header(stored.schema_arrow.metadata or {})
         total, done = stored.metadata.num_rows, 0

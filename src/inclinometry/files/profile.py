@@ -18,6 +18,9 @@ from inclinometry.files.columns import KIND_PREFIX, PREFIXES, TEXT, UNIT_LABELS,
 from inclinometry.files.toml_keys import Settings, parsed
 from inclinometry.opening import LARGEST_SETTINGS, damaged, not_text, whole
 
+USUAL_UNITS: Final = ("m", "ft", "deg", "rad", "g", "mg", "nT", "uT", "gauss", "degC")
+"""Units that a profile or --units usually states."""
+
 SEPARATORS: Final = {"comma": ",", "semicolon": ";", "tab": "\t", "space": " "}
 
 
@@ -239,7 +242,7 @@ def reading_with(
         words = tuple(word.strip() for word in units.split(",") if word.strip())
         for word in words:
             if dimension_of(word) is None:
-                raise refused("table-unit-unknown", {"unit": word})
+                raise not_among("--units", word, USUAL_UNITS)
         found = replace(found, units=(*words, *found.units))
     if null is not None:
         found = replace(found, null=null)
@@ -320,7 +323,7 @@ def _profile(content: dict[str, Any]) -> Profile:
     units = tuple(map(str, content.get("units", [])))
     for unit in units:
         if dimension_of(unit) is None:
-            raise refused("table-unit-unknown", {"unit": unit})
+            raise not_among("units", unit, USUAL_UNITS)
     return Profile(
         title=content.get("title", ""),
         separator=None if separator is None else SEPARATORS[separator],

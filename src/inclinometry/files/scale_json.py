@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from inclinometry.arrays import Array, frozen
-from inclinometry.errors import FileError, InputError, in_file
+from inclinometry.errors import FileError, InputError, in_file, wrong_shape
 from inclinometry.files import json_codec
-from inclinometry.findings import Finding, Value
+from inclinometry.findings import Finding
 from inclinometry.gyro.tracking import ScaleState
 
 
@@ -79,8 +79,7 @@ def read_scale(path: str | Path) -> ScaleRecord:
     size = len(stations["md_m"])
     for name, values in stations.items():
         if len(values) != size:
-            facts: dict[str, Value] = {"place": f"$.stations.{name}", "count": len(values), "expected": size}
-            raise FileError(Finding("record-size", facts), path=path)
+            raise in_file(wrong_shape(f"$.stations.{name}", f"({len(values)},)", f"({size},)"), path)
     span = belief["temperature_range_degC"]
     try:
         mean, spread = np.array(belief["coefficients"]), np.array(belief["covariance"])

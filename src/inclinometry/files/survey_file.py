@@ -20,7 +20,7 @@ from inclinometry.files import writing
 from inclinometry.files._quantities import EXTRA, Meaning, Quantity, from_si, meaning, quantities
 from inclinometry.files.columns import closest
 from inclinometry.files.frame import Column, Frame
-from inclinometry.findings import Finding
+from inclinometry.findings import Finding, Value
 from inclinometry.tabular import Column as TableColumn
 from inclinometry.tabular import Tabular
 
@@ -346,10 +346,14 @@ def _turned(values: Array, matrix: Array) -> Array:
 
 def _strengths(g: Array | None, b: Array | None) -> Iterator[Finding]:
     """Fields of a strength the Earth has nowhere: the unit may be wrong, or the channels not calibrated."""
-    if not 9.0 <= (gravity := _median(g)) <= 10.6 and not np.isnan(gravity):
-        yield Finding("table-gravity", {"gravity_m_s2": gravity})
-    if not 15e3 <= (strength := _median(b)) <= 90e3 and not np.isnan(strength):
-        yield Finding("table-field", {"field_nT": strength})
+    for vectors, quantity, si, low, high in (
+        (g, "gravity", "m/s2", 9.0, 10.6),
+        (b, "magnetic field", "nT", 15e3, 90e3),
+    ):
+        median = _median(vectors)
+        if not low <= median <= high and not np.isnan(median):
+            usual: dict[str, Value] = {"quantity": quantity, "si": si, "low": low, "high": high}
+            yield Finding("table-total", usual | {"median": median})
 
 
 def _median(vectors: Array | None) -> float:

@@ -115,7 +115,7 @@ class TableFile:
             if not name:
                 raise self._error(Finding("table-unnamed", {"place": place}), self.line)
             if names.index(name) < place - 1:
-                raise self._error(Finding("table-twice", {"column": name}), self.line)
+                raise self._error(Finding("input-repeated", {"name": "column", "value": name}), self.line)
         if names and all(name.lstrip("+-").replace(".", "", 1).isdigit() for name in names):
             raise self._error(Finding("table-names-numbers", {"names": tuple(names[:3])}), self.line)
 

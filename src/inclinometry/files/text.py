@@ -168,7 +168,7 @@ class NumberReader:
             whole, minutes, seconds = parts.groups()
             value = _in_degrees(whole[: whole[0] in "+-"], whole.lstrip("+-"), minutes, seconds)
             marked = f"{whole}°{minutes}'" + (f'{seconds}"' if seconds else "")
-            found = Finding("table-minutes", {"column": name, "value": shown, "decimal": value, "marked": marked})
+            found = Finding("table-decimal", {"column": name, "value": shown, "readings": (f"{value:.8g}", marked)})
         elif "," in text and not set(text) - set("+-0123456789.,"):
             found = Finding("table-thousands", {"column": name, "value": shown})
         return self._error(found, line)

@@ -25,7 +25,7 @@ class Settings:
                 near = closest(key, known)
                 name = f"{self.name(key):.80}"
                 raise FileError(
-                    Finding("record-key-unknown", {"name": name, "nearest": near})
+                    Finding("table-near", {"name": name, "right": near})
                     if near
                     else Finding("input-unknown", {"names": (name,), "known": tuple(known)}),
                     path=path,

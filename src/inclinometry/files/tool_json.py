@@ -11,7 +11,7 @@ import numpy as np
 from inclinometry.arrays import Array, frozen
 from inclinometry.calibration.result import Calibration, Residuals, Rig
 from inclinometry.constants import FIELD_UNITS, SHORT_INCLINATIONS
-from inclinometry.errors import FileError, InputError, in_file, not_among, out_of_range
+from inclinometry.errors import FileError, InputError, in_file, not_among, out_of_range, wrong_shape
 from inclinometry.files import json_codec
 from inclinometry.files.json_codec import Json, findings_in, shown
 from inclinometry.findings import Finding, Value, only_notes, without_notes
@@ -55,8 +55,7 @@ def _check_size(value: Any, where: str, path: str | Path) -> None:
 
 def _check_count(values: list[Any], count: int, place: str, path: str | Path) -> None:
     if len(values) != count:
-        facts: dict[str, Value] = {"place": place, "count": len(values), "expected": count}
-        raise FileError(Finding("record-size", facts), path=path)
+        raise in_file(wrong_shape(place, f"({len(values)},)", f"({count},)"), path)
 
 
 def _check_rows(rows: list[list[float]], where: str, path: str | Path, width: int | None = None) -> None:

@@ -89,7 +89,7 @@ def take_item(frame: WitsFrame, line: int, text: str) -> Finding | None:
     if item is None:
         return Finding("wits-item", {"text": text[:40]})
     if item[1] in frame.items:
-        return Finding("table-twice", {"column": item[1]})
+        return Finding("input-repeated", {"name": "column", "value": item[1]})
     largest = 10_000  # items of one frame; 25 records of 99 items are defined
     if len(frame.items) >= largest:
         return too_large("items of a frame", len(frame.items) + 1, largest)

@@ -42,6 +42,10 @@ NORTHS: Final = {"magnetic north": "magnetic", "true north": "true", "grid north
 
 
 @lru_cache(maxsize=1)
+def _twice(name: str) -> Finding:
+    return Finding("input-repeated", {"name": "element", "value": name})
+
+
 def _data() -> Mapping[str, Any]:
     return tomllib.loads(files("inclinometry.files").joinpath("witsml_1411.toml").read_text(encoding="utf-8"))
 
@@ -266,7 +270,7 @@ def read_witsml(
         if name == "trajectoryStation" or len(child):
             continue
         if name in header:
-            raise FileError(Finding("table-twice", {"column": name}), path=where, line=child.sourceline)
+            raise FileError(_twice(name), path=where, line=child.sourceline)
         header[name] = f"{text_of(child)} {child.get('uom', '')}".strip()
         if name == "aziRef":
             known = (*NORTHS, "unknown")
@@ -304,7 +308,7 @@ def _station(path: Path, element: Any) -> _Station:
     kept = {*_station_texts(), "dTimStn"}
     for name, child in children(element):
         if name in station.texts or name in station.values:
-            raise FileError(Finding("table-twice", {"column": name}), path=path, line=child.sourceline)
+            raise FileError(_twice(name), path=path, line=child.sourceline)
         if name in GROUPS:
             _quantities_of(path, station, name, children(child))
         elif name in kept:
@@ -324,7 +328,7 @@ def _quantities_of(path: Path, station: _Station, group: str, found: Any) -> Non
         if name not in known:
             station.unread.add(name)
         elif name in station.values:
-            raise FileError(Finding("table-twice", {"column": name}), path=path, line=child.sourceline)
+            raise FileError(_twice(name), path=path, line=child.sourceline)
         else:
             station.values[name] = quantity_of(path, name, child, known[name][1])
 

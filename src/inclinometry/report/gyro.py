@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from inclinometry.arrays import Array, Index, Mask, finite
 from inclinometry.constants import ANGLES, COVERAGE_FACTOR, DEG_PER_HOUR
 from inclinometry.earth.site import Site
-from inclinometry.errors import out_of_range, refused, wrong_shape
+from inclinometry.errors import refused, wrong_shape
 from inclinometry.findings import Finding, only_notes, without_notes
 from inclinometry.gyro.result import FLAGS, North
 from inclinometry.gyro.tracking import SPAN, ScaleTrack
@@ -433,8 +433,9 @@ def _in_order(
         if size != len(depth):
             raise wrong_shape(name, (size,), f"({len(depth)},)")
     order = np.argsort(depth, kind="stable")
-    if (odd := depth[order][depth[order] != survey.md]).size:
-        raise out_of_range("md", float(odd[0]), "= survey.md")
+    if (odd := np.flatnonzero(depth[order] != survey.md)).size:
+        depths = {"here": float(depth[order][odd[0]]), "there": float(survey.md[odd[0]])}
+        raise refused("work-rows", {"name": "md_m", **depths, "file": "survey.csv"})
     turned = {name: _taken(other, order) for name, other in others.items()}
     return _taken(north, order), None if heat is None else heat[order], turned
 

@@ -122,7 +122,8 @@ def _collar(name: str, known: Mapping[str, list[Collar]], path: Path) -> Collar:
         near = (other,) if other else ()
         raise InputError(Finding("holes-collar-missing", {"file": path.name, "near": near}, severity="refused"))
     if len(known[name]) > 1:
-        raise refused("input-repeated", {"name": path.name, "value": name})
+        lines = ",".join(str(one.line) for one in known[name])
+        raise refused("input-repeated", {"name": f"{path.name}:{lines}", "value": name})
     return known[name][0]
 
 

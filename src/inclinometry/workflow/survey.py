@@ -108,12 +108,13 @@ def survey_file(
     fields even where the survey does not need it.
     """
     if calibration is None or correct is not None or bha is not None:
+        other = "a survey without --calibration" if calibration is None else "--correct, --bha"
         if second is not None:
-            raise refused("option-raw-only", {"name": f"--azimuth-from {second}"})
+            raise refused("input-not-with", {"name": f"--azimuth-from {second}", "other": other})
         if hole != "down":
-            raise refused("option-raw-only", {"name": "--hole"})
+            raise refused("input-not-with", {"name": "--hole", "other": other})
         if gravity_sd is not None:
-            raise refused("option-raw-only", {"name": "--gravity-sd-percent"})
+            raise refused("input-not-with", {"name": "--gravity-sd-percent", "other": other})
         run = read_six_axis(
             raw, site, calibration, age, form=form, convention=convention, ignored=ignored, progress=progress
         )

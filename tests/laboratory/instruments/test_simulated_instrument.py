@@ -179,7 +179,7 @@ def test_a_tool_that_does_not_fit_the_protocol_is_refused():
         SimulatedInstrument(tool=realistic_tool(1, sensors={**TRIADS, "accelerometer": 4}))
     with refused("capture-protocol-channels"):
         SimulatedInstrument(tool=realistic_tool(1, sensors={"accelerometer": 3, "gyro": 3}))
-    with refused("capture-protocol-unit"):
+    with refused("capture-protocol-channels", what="unit"):
         SimulatedInstrument(tool=realistic_tool(1, bits=None))
 
 

@@ -761,8 +761,9 @@ def verification_section(record: Content, say: Words) -> Content | None:
         limit = [plain(judged[0][name]["limit_deg"], 6)] if agreed else []
         cells = [_signed(worst["error_deg"], worst["U_deg"]), significant(worst["U_deg"])]
         rows.append([say(name), str(len(judged)), str(good), *cells, *limit])
-    head = [*map(say, ("angle", "judged", "accepted" if agreed else "inside_u")), f"{say('largest_error')}, °", "U, °"]
-    head += [f"{say('limit')}, °"] * agreed
+    head = [*map(say, ("angle", "judged", "accepted" if agreed else "inside_u"))]
+    degrees = (say("largest_error"), "U", *[say("limit")] * agreed)
+    head += [label("{name}, {unit}", name=name, unit="°") for name in degrees]
     tables = [table(say("conformity" if agreed else "agreement"), head, rows)]
     figures = []
     for name, letter in LETTERS.items():

@@ -522,7 +522,9 @@ class Decoder:
         self._on_event(InstrumentEvent(self._now(), kind, finding))
 
     def _part(self, line: bytes) -> None:
-        self.event("partial", Finding("capture-line-part", {"line": shown(line)}, severity="note"))
+        self.event(
+            "partial", Finding("capture-line", {"line": shown(line), "fault": "a part of a line"}, severity="note")
+        )
 
     def _within(self, name: str, values: Array, low: float, high: float, unit: str) -> bool:
         """Whether all values are allowed; the first that is not is reported."""

@@ -473,16 +473,11 @@ def fits(tool: Tool, protocol: Protocol) -> None:
         triad = tool.triads.get(kind)
         count = 0 if triad is None else triad.count
         if triad is None or count != len(channel.fields):
-            about: dict[str, Value] = {
-                "protocol": protocol.name,
-                "kind": kind,
-                "count": count,
-                "expected": len(channel.fields),
-            }
-            raise refused("capture-protocol-channels", about)
+            about: dict[str, Value] = {"what": "channels", "expected": len(channel.fields), "found": count}
+            raise refused("capture-protocol-channels", {"protocol": protocol.name, "kind": kind, **about})
         if triad.unit != channel.unit:
-            named = {"protocol": protocol.name, "kind": kind, "unit": triad.unit, "expected": channel.unit}
-            raise refused("capture-protocol-unit", named)
+            about = {"what": "unit", "expected": channel.unit, "found": triad.unit}
+            raise refused("capture-protocol-channels", {"protocol": protocol.name, "kind": kind, **about})
 
 
 def speaks(protocol: Protocol, sample: Sample) -> None:

@@ -96,7 +96,7 @@ def tool_page(request: Request, serial: str) -> None:
                     ui.label(visitor.say("tools.no_interval")).classes("dim")
                 else:
                     late = due <= datetime.now(UTC).date()
-                    when = ui.label(f"{visitor.say('tools.due')}: {due:%Y-%m-%d}")
+                    when = ui.label(f"{visitor.say('tools.due')}{visitor.sentence(': ')}{due:%Y-%m-%d}")
                     when.classes("number " + ("bad" if late else "good"))
                 _drift(visitor, tool)
             if visitor.user.may("capture"):
