@@ -63,9 +63,9 @@ def test_nothing_found_and_little_told():
 
 @pytest.mark.long
 def test_warnings_are_shown():
-    page = page_of(run(shift=(900.0, 0.0, 0.0)), findings=[example("survey-dip-sign")])
-    assert "[survey-dip-sign]" in page.text
-    assert "times its prior" in page.text
+    page = page_of(run(shift=(900.0, 0.0, 0.0)), findings=[example("survey-sign")])
+    assert "[survey-sign]" in page.text
+    assert "[survey-prior]" in page.text
     assert "Read the warnings" in page.text
 
 
