@@ -57,6 +57,7 @@ def test_position(run):
     for option in (("--ignore", "run-climbs"), ("--ignore", "columns"), ("--trust-file", "columns")):
         done = run("position", "survey.csv", *option, "--json").ok()
         assert codes(done) == [("run-climbs", "ignored")]
+        assert ("[option-renamed]" in done.err) == ("--trust-file" in option)
     run("position survey.csv --ignore colums").refused("[input-ignore-unknown]")
 
 

@@ -7,10 +7,18 @@ import gc
 import os
 import sys
 import warnings
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
+    from cyclopts import UnknownOptionError
+
     from inclinometry.errors import InclinometryError
+
+_RENAMED: Final = {
+    "--left-handed": "--left-handed-channels", "--nameplate": "--data-sheet", "--mag-axes": "--magnetometer-axes",
+    "--other-stand": "--new-stand", "--spike": "--outlier",
+}  # fmt: skip
+"""Old name of an option -> its name now; the old ones are refused. Of --trust-file a warning is given."""
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -22,12 +30,13 @@ def main(arguments: list[str] | None = None) -> None:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     # what is imported stays: to look for garbage after every 700 objects takes a tenth of the start
     gc.set_threshold(50_000)
+    given = sys.argv[1:] if arguments is None else arguments
     try:
         with warnings.catch_warnings():
             if not _traceback():
                 # what a user must know is said in words; a line of source is useless at the bench
                 warnings.simplefilter("ignore")
-            status = _run(sys.argv[1:] if arguments is None else arguments)
+            status = _run(given)
     except KeyboardInterrupt:
         _say("interrupted; nothing half-written")
         status = 130
@@ -43,15 +52,12 @@ def main(arguments: list[str] | None = None) -> None:
         # what the system says of a path that a user gave, wherever it is looked at first
         of_names = ["ENAMETOOLONG", "ENOTDIR", "EISDIR", "ELOOP", "EACCES", "EPERM", "EROFS", "ENXIO", "ENODEV"]
         if isinstance(error, MemoryError):
-            _say(f"inclinometry: this does not fit into memory ({what}); use less data at a time")
-            status = 2
+            status = _misused("option-memory", given, {"reason": what})
         elif isinstance(error, OSError) and errno.errorcode.get(error.errno or 0) in of_names and error.filename:
-            _say(f"inclinometry: {error.filename}: cannot be used ({error.strerror}); check the name and its rights")
-            status = 2
+            status = _misused("option-path", given, {"path": f"{error.filename}", "reason": f"{error.strerror}"})
         # by name: numpy may not have been imported, or be what failed to import
         elif isinstance(error, OverflowError) or "LinAlgError" in [kind.__name__ for kind in type(error).__mro__]:
-            _say(f"inclinometry: this input defeats the arithmetic ({what}); look for values of absurd size in it")
-            status = 2
+            status = _misused("input-overflow", given, {"name": what})
         else:
             name = type(error).__name__
             _say(f"inclinometry: internal error: {name}: {what} (set INCLINOMETRY_TRACEBACK=1 to see where)")
@@ -72,25 +78,16 @@ def _run(arguments: list[str]) -> int:
     except MissingArgumentError as error:
         # of a required option that is not there at all the framework says that it "requires an argument"
         missing_one = error.argument is not None and error.keyword is None and not error.tokens_so_far
-        text = f"{error.argument.name} is needed" if missing_one and error.argument is not None else str(error)
-        _say(f"inclinometry: {_one_line(text)} (see --help)")
-        return 2
+        if missing_one and error.argument is not None:
+            return _misused("option-needed", arguments, {"name": error.argument.name})
+        return _misused("option-usage", arguments, {"reason": _one_line(str(error))})
     except UnknownOptionError as error:
-        option = (error.token.keyword or error.token.value).partition("=")[0]
-        # other commands name by an option what this one takes as its argument: the tool by --calibration, above all
-        for argument in error.argument_collection:
-            if option in (f"--{argument.name.lower()}", "--calibration" if argument.name == "TOOL" else ""):
-                remedy = f"give the file by itself, as {argument.name} (see --help)"
-                _say(f"inclinometry: {option} is no option here: {remedy}")
-                return 2
-        _say(f"inclinometry: {_one_line(str(error))} (see --help)")
-        return 2
+        return _unknown(error, arguments)
     except CycloptsError as error:
         # a quantity refuses a value with a finding of its own
         if isinstance(error.__cause__, InclinometryError):
             return _refused(error.__cause__, arguments)
-        _say(f"inclinometry: {_one_line(str(error))} (see --help)")
-        return 2
+        return _misused("option-usage", arguments, {"reason": _one_line(str(error))})
     except InclinometryError as error:
         return _refused(error, arguments)
     except ImportError as error:
@@ -99,13 +96,36 @@ def _run(arguments: list[str]) -> int:
         needed = missing(error)
         if needed is None:
             raise
-        _say(f"inclinometry: {needed}")
-        return 2
+        return _misused("option-extra", arguments, {"package": needed[0], "extra": needed[1]})
+    if any(word.partition("=")[0] == "--trust-file" for word in arguments):
+        from inclinometry.cli.output import findings
+        from inclinometry.findings import Finding
+
+        findings([Finding("option-renamed", {"name": "--trust-file", "now": "--ignore"})])
     return status if isinstance(status, int) else 0
 
 
 def _traceback() -> bool:
     return os.environ.get("INCLINOMETRY_TRACEBACK") == "1"
+
+
+def _unknown(error: UnknownOptionError, arguments: list[str]) -> int:
+    """An option that the command does not have, and what it has instead."""
+    option = (error.token.keyword or error.token.value).partition("=")[0]
+    # other commands name by an option what this one takes as its argument: the tool by --calibration, above all
+    for argument in error.argument_collection:
+        if option in (f"--{argument.name.lower()}", "--calibration" if argument.name == "TOOL" else ""):
+            return _misused("option-argument", arguments, {"name": option, "argument": argument.name})
+        if _RENAMED.get(option) in argument.names:
+            return _misused("option-renamed", arguments, {"name": option, "now": _RENAMED[option]})
+    return _misused("option-usage", arguments, {"reason": _one_line(str(error))})
+
+
+def _misused(code: str, arguments: list[str], values: dict[str, str]) -> int:
+    """Say why a command cannot be run as it was given."""
+    from inclinometry.errors import refused
+
+    return _refused(refused(code, values), arguments)
 
 
 def _refused(error: InclinometryError, arguments: list[str]) -> int:
