@@ -4,6 +4,7 @@ from contextlib import contextmanager
 
 import numpy as np
 import pytest
+from tests.refusals import fits
 
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.errors import InputError
@@ -45,15 +46,15 @@ def sensor_noise():
 
 @pytest.fixture(scope="session")
 def refused():
-    """(code, error) -> a block in which that finding is refused; the list it gives has the finding afterwards."""
+    """(code, error, values) -> a block in which that finding is refused; the list it gives has it afterwards."""
 
     @contextmanager
-    def block(code, error=InputError):
+    def block(code, error=InputError, **values):
         said = []
         with pytest.raises(error) as caught:
             yield said
         assert caught.value.finding is not None, caught.value
-        assert caught.value.finding.code == code
+        assert fits(caught.value.finding, [code], values)
         said.append(caught.value.finding)
 
     return block

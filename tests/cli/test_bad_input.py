@@ -103,7 +103,7 @@ def test_survey_refuses_garbage_and_writes_nothing(run, well):
     Path("broken.json").write_text("{")
     Path("site.toml").write_text('north_reference = "true"\n')
     for words, raw, tool, *more in (
-        ("bad.csv, line 4: Not a number: md_m = deep.", "bad.csv", "tool.json"),
+        ("bad.csv, line 4: md_m is deep; expected: number.", "bad.csv", "tool.json"),
         ("[input-channels]", "lacking.csv", "tool.json"),
         ("broken.json", "raw.csv", "broken.json"),
         ("declination", "raw.csv", "tool.json", "--site", "site.toml"),

@@ -102,7 +102,7 @@ def test_units_that_would_fit_a_triad(run):
     Path("imu.csv").write_text("Ax,Ay,Az,Mx,My,Mz\n" + "\n".join(rows) + "\n")
     done = run("check", "imu.csv")
     assert "as in g (gravity" in done.out
-    assert "as in uT (field of 48000 nT)" in done.out
+    assert "as in uT (|b| 48000 nT)" in done.out
     assert ": accepted\n" not in done.out  # no unit is guessed
 
 

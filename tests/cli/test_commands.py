@@ -60,7 +60,7 @@ def test_calibrate_finds_the_truth(run, bench, plan, method):
     tool, truth = json.loads(Path("tool.json").read_text()), json.loads(Path("truth.json").read_text())
     wanted = {
         "schema", "version", "tool", "created", "method", "inputs", "convention", "triads", "covariance",
-        "field_directions", "rig", "residuals", "temperature_range_degC", "warnings",
+        "field_directions", "rig", "residuals", "temperature_range_degC", "findings",
     }  # fmt: skip
     assert wanted <= set(tool)
     names = tool["covariance"]["parameters"]

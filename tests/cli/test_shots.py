@@ -97,7 +97,7 @@ def test_bad_shots_are_refused_by_file_and_line(run):
     Path("shots.csv").write_text("\n".join([lines[0], "", *lines[1:]]).replace(lines[2], lines[2][:-3] + "e9") + "\n")
     done = run(*ROTATION)
     assert done.status == 2
-    assert done.err.count("shots.csv, line 4: Value not allowed: bz_nT = ") == 1
+    assert done.err.count("shots.csv, line 4: bz_nT is ") == 1
     assert "/" not in done.err.split("shots.csv")[0]
     Path("shots.csv").write_text("md,gx_m_s2\n1,2\n")
     assert run(*ROTATION).status == 2

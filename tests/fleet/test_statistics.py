@@ -93,11 +93,11 @@ def test_void_and_superseded_certificates_are_no_part_of_a_history(folder: Path)
         assert left.date == whole.date[1:]
         for one in Certificates(ledger).of(other):
             certificates.void(ledger, one.number, "wrong stand", author="test")
-        with refused("session-no-history", error=InputError, serial=other):
+        with refused("session-no-history", error=InputError, name=other):
             drift.ledger_history(ledger, Certificates(ledger), other)
         _, passed_over = drift.ledger_histories(ledger)
         assert len(passed_over) == 1
-        assert passed_over[0].values["serial"] == other
+        assert passed_over[0].values["name"] == other
         put_tool(ledger, RegisteredTool(serial, "another"), author="test")
         assert set(drift.ledger_histories(ledger)[0]) == {"simulated", "another"}
         put_tool(ledger, RegisteredTool(serial, "simulated", retired=True), author="test")
@@ -229,8 +229,9 @@ def test_a_check_at_the_bench(folder: Path) -> None:
         details = {**details, "tools": {**details["tools"], serial: about}}
         keys = {"subject_kind": "drift", "subject": "simulated", "action": "fitted"}
         ledger.append("event", keys, {"details": details}, author="test")
-        with refused("session-off-history", error=InputError, serial=serial, alarm="magnetometer x offset"):
+        with refused("session-off-history", error=InputError, serial=serial) as caught:
             plan_for("six", ledger, serial, rig)
+        assert caught.value.finding.values["alarm"].values == {"text": about["alarm"]}
 
 
 SITE = "g = 9.80665\nb_nT = 50000.0\ndip_deg = 70.0\nsigma_b_nT = 60\nsigma_dip_deg = 0.1\n"

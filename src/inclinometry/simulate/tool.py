@@ -308,7 +308,7 @@ def _draw_extreme_tools(
 
 
 def _workshop(streams: Streams, kind: str, draws: int, count: int, strength: float) -> tuple[Array, Array, Array]:
-    """As `_wild`, for tools built with ordinary care; the offsets do not depend on the field."""
+    """As `_draw_extreme_tools`, for tools built with ordinary care; the offsets do not depend on the field."""
     nominal = nominal_axes(count)
     random = streams[f"{kind}.axes"]
     aside = np.cross(nominal, random.standard_normal((draws, count, 3)))
