@@ -18,7 +18,7 @@ _RENAMED: Final = {
     "--left-handed": "--left-handed-channels", "--nameplate": "--data-sheet", "--mag-axes": "--magnetometer-axes",
     "--other-stand": "--new-stand", "--spike": "--outlier",
 }  # fmt: skip
-"""Old name of an option -> its name now; the old ones are refused. Of --trust-file a warning is given."""
+"""Old name of an option, which is refused -> its name now."""
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -97,11 +97,13 @@ def _run(arguments: list[str]) -> int:
         if needed is None:
             raise
         return _misused("option-extra", arguments, {"package": needed[0], "extra": needed[1]})
-    if any(word.partition("=")[0] == "--trust-file" for word in arguments):
+    from inclinometry.cli.options import OLD_IGNORE
+
+    if any(word.partition("=")[0] == OLD_IGNORE for word in arguments):
         from inclinometry.cli.output import findings
         from inclinometry.findings import Finding
 
-        findings([Finding("option-renamed", {"name": "--trust-file", "now": "--ignore"})])
+        findings([Finding("option-renamed", {"name": OLD_IGNORE, "now": "--ignore"})])
     return status if isinstance(status, int) else 0
 
 

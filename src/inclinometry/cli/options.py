@@ -127,17 +127,21 @@ def _checks(type_: Any, tokens: Sequence[Token]) -> tuple[str, ...]:
     return tuple(name.strip() for token in tokens for name in token.value.split(",") if name.strip())
 
 
+OLD_IGNORE: Final = "--trust-file"
+"""Old name of --ignore, still read in this version."""
 Ignore: TypeAlias = Annotated[
     tuple[str, ...],
     Parameter(
-        name=["--ignore", "--trust-file"],
+        name=["--ignore", OLD_IGNORE],
         group=INPUT,
         negative="",
         converter=_checks,
         n_tokens=1,
         show_default=False,
         help="Ignore these findings of the run, by code or group, with commas; the output records them. Groups: "
-        "units, columns, axes, depths, repeats, order, station, direction, totals, place. Old name: --trust-file.",
+        "units, columns, axes, depths, repeats, order, station, direction, totals, place. Old name: "
+        + OLD_IGNORE
+        + ".",
     ),
 ]
 AgeDays: TypeAlias = Annotated[
