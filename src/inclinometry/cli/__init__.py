@@ -7,10 +7,10 @@ import gc
 import os
 import sys
 import warnings
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
-    from cyclopts import UnknownOptionError
+    from cyclopts import CoercionError, CycloptsError, UnknownOptionError
 
     from inclinometry.errors import InclinometryError
 
@@ -67,27 +67,16 @@ def main(arguments: list[str] | None = None) -> None:
 
 def _run(arguments: list[str]) -> int:
     """The command's exit status; what a user can repair is said in one line."""
-    from cyclopts import CycloptsError, MissingArgumentError, UnknownOptionError
+    from cyclopts import CycloptsError
 
-    from inclinometry.cli.general import EMPTY, general
+    from inclinometry.cli.general import EMPTY, OLD_IGNORE, general
     from inclinometry.errors import InclinometryError
 
     try:
         words = [word or EMPTY for word in arguments]
         status = general(words, exit_on_error=False, print_error=False, result_action="return_value")
-    except MissingArgumentError as error:
-        # of a required option that is not there at all the framework says that it "requires an argument"
-        missing_one = error.argument is not None and error.keyword is None and not error.tokens_so_far
-        if missing_one and error.argument is not None:
-            return _misused("option-needed", arguments, {"name": error.argument.name})
-        return _misused("option-usage", arguments, {"reason": _one_line(str(error))})
-    except UnknownOptionError as error:
-        return _unknown(error, arguments)
     except CycloptsError as error:
-        # a quantity refuses a value with a finding of its own
-        if isinstance(error.__cause__, InclinometryError):
-            return _refused(error.__cause__, arguments)
-        return _misused("option-usage", arguments, {"reason": _one_line(str(error))})
+        return _unparsed(error, arguments)
     except InclinometryError as error:
         return _refused(error, arguments)
     except ImportError as error:
@@ -97,8 +86,6 @@ def _run(arguments: list[str]) -> int:
         if needed is None:
             raise
         return _misused("option-extra", arguments, {"package": needed[0], "extra": needed[1]})
-    from inclinometry.cli.options import OLD_IGNORE
-
     if any(word.partition("=")[0] == OLD_IGNORE for word in arguments):
         from inclinometry.cli.output import findings
         from inclinometry.findings import Finding
@@ -107,20 +94,75 @@ def _run(arguments: list[str]) -> int:
     return status if isinstance(status, int) else 0
 
 
+def _unparsed(error: CycloptsError, arguments: list[str]) -> int:
+    """Say what is wrong with a command as it was typed."""
+    from cyclopts import CoercionError, MissingArgumentError, UnknownOptionError, UnusedCliTokensError
+
+    from inclinometry.errors import InclinometryError
+
+    # a quantity refuses a value with a finding of its own
+    cause: object = _unfit(error) if isinstance(error, CoercionError) else None
+    cause = error.__cause__ if isinstance(error.__cause__, InclinometryError) else cause
+    if isinstance(cause, InclinometryError):
+        return _refused(cause, arguments)
+    if isinstance(error, UnknownOptionError):
+        return _unknown(error, arguments)
+    if isinstance(error, UnusedCliTokensError):
+        return _misused("option-unexpected", arguments, {"words": _one_line(" ".join(error.unused_tokens or ()))})
+    if isinstance(error, MissingArgumentError) and error.argument is not None and not error.tokens_so_far:
+        # of a required option that is not there at all the framework says that it "requires an argument"
+        code = "option-needed" if error.keyword is None else "option-no-value"
+        return _misused(code, arguments, {"name": error.argument.name})
+    return _misused("option-usage", arguments, {"reason": _one_line(str(error))})
+
+
+def _unfit(error: CoercionError) -> InclinometryError | None:
+    """The refusal of a value that is none of the choices of its option, or no number; None of another one."""
+    from typing import Literal, get_args, get_origin
+
+    from inclinometry.cli.general import as_typed
+    from inclinometry.errors import not_among, wrong_kind
+
+    if error.token is None:
+        return None
+    name = error.token.keyword or ("" if error.argument is None else error.argument.name.lstrip("-").upper())
+    value = as_typed(error.token.value) or '""'
+    if "to float" in str(error.__cause__):  # Python's words for a text that is no number
+        return wrong_kind(name, value, "number")
+    if error.target_type is None or error.msg is not None:
+        return None
+    kinds: list[Any] = [error.target_type]
+    for kind in kinds:  # unions of unions
+        kinds += [] if get_origin(kind) is Literal else [part for part in get_args(kind) if part is not type(None)]
+    choices = [choice for kind in kinds if get_origin(kind) is Literal for choice in get_args(kind)]
+    if choices and all(isinstance(choice, str) for choice in choices):
+        return not_among(name, value, choices)
+    numbers = {float: "number", int: "whole number"}
+    expected = [numbers[kind] for kind in kinds if kind in numbers]
+    return wrong_kind(name, value, expected[0]) if name and expected else None
+
+
 def _traceback() -> bool:
     return os.environ.get("INCLINOMETRY_TRACEBACK") == "1"
 
 
 def _unknown(error: UnknownOptionError, arguments: list[str]) -> int:
     """An option that the command does not have, and what it has instead."""
-    option = (error.token.keyword or error.token.value).partition("=")[0]
+    from difflib import get_close_matches
+
+    option = _one_line((error.token.keyword or error.token.value).partition("=")[0])
     # other commands name by an option what this one takes as its argument: the tool by --calibration, above all
     for argument in error.argument_collection:
         if option in (f"--{argument.name.lower()}", "--calibration" if argument.name == "TOOL" else ""):
             return _misused("option-argument", arguments, {"name": option, "argument": argument.name})
         if _RENAMED.get(option) in argument.names:
             return _misused("option-renamed", arguments, {"name": option, "now": _RENAMED[option]})
-    return _misused("option-usage", arguments, {"reason": _one_line(str(error))})
+    names = [name for argument in error.argument_collection for name in argument.names]
+    # the same but for a slip, or begun alike
+    near = [name for name in names if name.startswith(option)] or get_close_matches(option, names, 1, 0.7)
+    if near:
+        return _misused("option-near", arguments, {"name": option, "near": near[0]})
+    return _misused("option-unknown", arguments, {"name": option})
 
 
 def _misused(code: str, arguments: list[str], values: dict[str, str]) -> int:

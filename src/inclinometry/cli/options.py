@@ -14,6 +14,7 @@ from typing import Annotated, Any, Final, Literal, TypeAlias, get_args
 
 from cyclopts import Group, Parameter, Token, convert
 
+from inclinometry.cli.general import OLD_IGNORE
 from inclinometry.errors import out_of_range, wrong_kind
 
 INPUT = Group("Input", sort_key=1)
@@ -127,8 +128,6 @@ def _checks(type_: Any, tokens: Sequence[Token]) -> tuple[str, ...]:
     return tuple(name.strip() for token in tokens for name in token.value.split(",") if name.strip())
 
 
-OLD_IGNORE: Final = "--trust-file"
-"""Old name of --ignore, still read in this version."""
 Ignore: TypeAlias = Annotated[
     tuple[str, ...],
     Parameter(

@@ -108,7 +108,7 @@ def check_outputs(outputs: Mapping[str, Path | None], inputs: Mapping[str, Path 
             if target.is_dir():
                 raise FileError(Finding("file-not-file", {"what": "folder"}), path=path)
             if not target.parent.is_dir():
-                raise FileError(Finding("file-absent"), path=target.parent)
+                raise FileError(Finding("file-folder-absent", {"folder": str(target.parent)}), path=path)
             stream = target.exists() and not target.is_file()
         except (OSError, ValueError, RuntimeError) as error:
             if isinstance(error, FileError):
