@@ -117,7 +117,7 @@ def test_a_misread_station_is_named_where_the_dials_are_as_good_as_stated():
 
 def test_a_magnetometer_that_stays_behind_is_named():
     found, truth = calibrated(SCENES["magnetic hysteresis, 100 nT"])
-    assert "the magnetometer stays behind where its field rises and falls (hysteresis)" in causes(found)
+    assert "the magnetometer has hysteresis: it lags where its field rises and falls" in causes(found)
     off, u = errors(found.tool, truth)
     plain, _ = errors(calibrated(SCENES["magnetic hysteresis, 100 nT"], diagnose=False)[0].tool, truth)
     assert np.mean(off[..., 1] ** 2) < 0.5 * np.mean(plain[..., 1] ** 2)
@@ -229,14 +229,16 @@ def test_blocks_are_what_their_causes_do_to_the_readings(fitted):
         }
         if kind == "accelerometer":
             products = seen[:, [0, 1, 2]] * seen[:, [1, 2, 0]]
-            wanted["the accelerometer multiplies its axes"] = [1e-3 * products[:, [k]] + 0 * share for k in range(3)]
+            wanted["the accelerometer reads products of its axes"] = [
+                1e-3 * products[:, [k]] + 0 * share for k in range(3)
+            ]
         else:
             down = turns @ state.directions["accelerometer"]
             # 30 nT a g of 50,000
-            wanted["the magnetometer feels gravity"] = [6e-4 * down[:, [k]] + 0 * share for k in range(3)]
+            wanted["the magnetometer is sensitive to gravity"] = [6e-4 * down[:, [k]] + 0 * share for k in range(3)]
             step = np.diff(share, axis=0, prepend=share[:1])
             way = np.where(np.abs(step) > 0.02, np.sign(step), 0.0)
-            stays = known[f"the {kind} stays behind where its field rises and falls (hysteresis)"].columns
+            stays = known[f"the {kind} has hysteresis: it lags where its field rises and falls"].columns
             # 100 nT of 50,000; a sign for each step that nobody can tell
             untold = int(np.sum(way == 0.0))
             assert stays.shape[2] == 3 + untold
@@ -261,7 +263,7 @@ def test_blocks_are_what_their_causes_do_to_the_readings(fitted):
                 use = known[name].at_use(fields) * full[:, None]
                 np.testing.assert_allclose(use, np.stack([full * cause for cause in causes], axis=-1), atol=1e-15)
         # a walk of unit steps that ends at nothing: products of its values, less what eight components leave
-        walk = known[f"the offset of the {kind} wanders from station to station"].columns[:, start]
+        walk = known[f"the offset of the {kind} changes at random from station to station"].columns[:, start]
         walk = walk.reshape(size, 3, -1)[:, 0] / full[0]
         left = np.arange(size)[::-1]
         both = np.minimum.outer(left, left)
@@ -422,7 +424,7 @@ def test_a_response_that_no_position_shows_is_left_open_by_name():
     signals = seen + 3e-5 * g.standard_normal(seen.shape)
     found = calibrate_joint(BenchReadings({"accelerometer": signals}, *settings.T))
     (note,) = (one for one in found.findings if one.code == "bench-open")
-    named = {"the accelerometer multiplies its axes", "the response of the accelerometer has a cubic part"}
+    named = {"the accelerometer reads products of its axes", "the response of the accelerometer has a cubic part"}
     assert named <= set(note.values["causes"])
 
 

@@ -123,5 +123,5 @@ def test_survey_with_swapped_magnetometer_axes_raises_the_dip_flag(run, well):
 
 def test_an_empty_value_is_shown_as_it_was_typed(run, bench):
     bench()
-    run("calibrate readings.csv -o tool.json --null", "").refused('unable to convert "" into float')
+    run("calibrate readings.csv -o tool.json --null", "").refused('--null is ""; expected: number')
     run("calibrate readings.csv -o tool.json --profile", "").ok()

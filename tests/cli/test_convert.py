@@ -78,7 +78,7 @@ def test_a_survey_goes_through_every_format_to_its_position(run, target):
         (("a.csv", "b.las", "--azimuth-reference", "grid"), "[input-north]"),
         (("a.csv", "b.las", "--azimuth-reference", "left"), "left"),
         (("a.csv", "b.las", "--from", "xlsx"), "[file-format]"),
-        (("a.csv", "none/b.las"), "[file-absent]"),
+        (("a.csv", "none/b.las"), "[file-folder-absent]"),
         (("none.csv", "b.las"), "[file-absent]"),
     ],
 )

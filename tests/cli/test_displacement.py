@@ -142,7 +142,7 @@ def test_a_file_that_cannot_be_taken_is_named_with_its_line(run, two, row, colum
 
 def test_readings_that_do_not_belong_together(run, two):
     displace(run, unit=None).refused("--unit digi-25000", "[readings-unit-unstated]")
-    assert '"deg"' in run("displacement base.csv later.csv --unit degrees").err
+    assert "allowed: " in run("displacement base.csv later.csv --unit degrees").err
     same = run("displacement base.csv base.csv --unit sin")
     assert same.status == 2
     write("later.csv", SHEAR, 2, depth=DEPTH + 0.25)

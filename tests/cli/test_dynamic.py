@@ -140,12 +140,12 @@ def test_a_site_with_another_dip_is_named_where_angles_are_left(simulated, run):
 
 
 REFUSED = {
-    ("--method", "guess"): '"guess"',
+    ("--method", "guess"): "--method: guess",
     ("--window-s", "0.01"): "[input-value]",
     ("-o", "run.parquet"): "is the same file as the run",
     ("-o", "site.toml"): "is the same file as --site",
     ("-o", "a.txt"): "[file-ending]",
-    ("-o", "none/a.csv"): "[file-absent]",
+    ("-o", "none/a.csv"): "[file-folder-absent]",
     ("--report", "a.csv"): "is the same file as --output",
     ("--calibration", "site.toml"): "site.toml",
     ("--site", "none.toml"): "[file-absent]",
@@ -176,7 +176,7 @@ def test_a_bad_line_is_named_and_nothing_written(simulated, run):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (("--scenario", "moon"), 'Invalid value "moon" for --scenario. Choose from: "smooth"'),
+        (("--scenario", "moon"), "--scenario: moon; allowed: smooth"),
         (("--duration-s", 0), "duration_s is 0; allowed: > 0"),
         (("--inclination-deg", 200), "--inclination-deg is 200; allowed: 0 .. 180"),
         (("--truth", "run.parquet"), "is the same file as --output"),

@@ -368,7 +368,7 @@ def test_positions_that_cannot_be_read_are_said_not_to_be_compared(run):
 
 
 def test_null_needs_a_number(run):
-    assert 'unable to convert "none" into float' in run("position a.csv --null none").err
+    assert "--null is none; expected: number" in run("position a.csv --null none").err
 
 
 @pytest.mark.long

@@ -439,7 +439,7 @@ def _remove_gain_step(signals: Mapping[str, Array], settings: tuple[Array, Array
     if count < values.shape[1] or count == 1:
         mistake = Finding("bench-gain-channel", found | {"axis": "xyz"[at] if at < 3 else str(at + 1)})
     volume = (len(values) - step.start) * count * float(np.log(step.gain))
-    remedy = "Look for a change of range or wiring, and take the run again"
+    remedy = "Check for a change of range or wiring, and repeat the run"
     return _Whole({**signals, step.kind: even}, settings, remedy, mistake, volume=volume, step=step)
 
 

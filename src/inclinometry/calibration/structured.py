@@ -150,7 +150,10 @@ def blocks(fitted: Fitted, free_noise: Set[str]) -> Iterator[Block]:
             yield Block(name, own.reshape(size, count, -1), (1.0, 3.0, 10.0), stays=False)
         yield Block(f"the {kind} drifts during the run", each(_BENT * drift), _DRIFT, change="drift")
         yield Block(
-            f"the offset of the {kind} wanders from station to station", each(walk), (3e-5, 3e-4, 3e-3), change="wander"
+            f"the offset of the {kind} changes at random from station to station",
+            each(walk),
+            (3e-5, 3e-4, 3e-3),
+            change="wander",
         )
         for name, response in _responses(kind, state.coefficients[kind][0, :, :3], {*state.directions}):
             yield Block(name, each(response(fields_seen)), kind=kind, at_use=response)
@@ -159,7 +162,7 @@ def blocks(fitted: Fitted, free_noise: Set[str]) -> Iterator[Block]:
             # of usual size 200 nT of 50,000
             held[:, at] = 4e-3 * tensor @ rotation_z(model.settings[:, 2] + state.errors[:, 2])
             yield Block(MAGNETISED, held)
-            name = f"the {kind} stays behind where its field rises and falls (hysteresis)"
+            name = f"the {kind} has hysteresis: it lags where its field rises and falls"
             way = _field_trend_sign(share)
             still = np.flatnonzero((way == 0.0).any(axis=1))
             unknown = np.zeros((size, len(at), len(still)))
@@ -184,7 +187,7 @@ def _dial_blocks(fitted: Fitted) -> Iterator[Block]:
     for dial in stated:
         if (columns := _by_value(fitted, dial)) is not None:
             sd = float(model.rig_sd[dial]) or _GRADUATION
-            name = f"the {DIALS[dial]} dial errs alike each time it shows the same value"
+            name = f"the {DIALS[dial]} dial has the same error each time it shows the same value"
             yield Block(name, sd * columns, (1.0, 3.0), stays=False)
 
 
@@ -214,11 +217,11 @@ def _responses(kind: str, tensor: Array, kinds: Set[str]) -> Iterator[tuple[str,
     )
     if kind == "accelerometer":
         yield (
-            "the accelerometer multiplies its axes",
+            "the accelerometer reads products of its axes",
             lambda seen: for_each(_BENT * seen[kind] * np.roll(seen[kind], -1, axis=-1)),
         )
     if kind in _BY_GRAVITY and "accelerometer" in kinds:
-        yield f"the {kind} feels gravity", lambda seen: for_each(_BY_GRAVITY[kind] * seen["accelerometer"])
+        yield f"the {kind} is sensitive to gravity", lambda seen: for_each(_BY_GRAVITY[kind] * seen["accelerometer"])
 
 
 def _by_value(fitted: Fitted, dial: int) -> Array | None:

@@ -7,10 +7,18 @@ import gc
 import os
 import sys
 import warnings
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
+    from cyclopts import CoercionError, CycloptsError, UnknownOptionError
+
     from inclinometry.errors import InclinometryError
+
+_RENAMED: Final = {
+    "--left-handed": "--left-handed-channels", "--nameplate": "--data-sheet", "--mag-axes": "--magnetometer-axes",
+    "--other-stand": "--new-stand", "--spike": "--outlier",
+}  # fmt: skip
+"""Old name of an option, which is refused -> its name now."""
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -22,12 +30,13 @@ def main(arguments: list[str] | None = None) -> None:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     # what is imported stays: to look for garbage after every 700 objects takes a tenth of the start
     gc.set_threshold(50_000)
+    given = sys.argv[1:] if arguments is None else arguments
     try:
         with warnings.catch_warnings():
             if not _traceback():
                 # what a user must know is said in words; a line of source is useless at the bench
                 warnings.simplefilter("ignore")
-            status = _run(sys.argv[1:] if arguments is None else arguments)
+            status = _run(given)
     except KeyboardInterrupt:
         _say("interrupted; nothing half-written")
         status = 130
@@ -43,15 +52,12 @@ def main(arguments: list[str] | None = None) -> None:
         # what the system says of a path that a user gave, wherever it is looked at first
         of_names = ["ENAMETOOLONG", "ENOTDIR", "EISDIR", "ELOOP", "EACCES", "EPERM", "EROFS", "ENXIO", "ENODEV"]
         if isinstance(error, MemoryError):
-            _say(f"inclinometry: this does not fit into memory ({what}); use less data at a time")
-            status = 2
+            status = _misused("option-memory", given, {"reason": what})
         elif isinstance(error, OSError) and errno.errorcode.get(error.errno or 0) in of_names and error.filename:
-            _say(f"inclinometry: {error.filename}: cannot be used ({error.strerror}); check the name and its rights")
-            status = 2
+            status = _misused("option-path", given, {"path": f"{error.filename}", "reason": f"{error.strerror}"})
         # by name: numpy may not have been imported, or be what failed to import
         elif isinstance(error, OverflowError) or "LinAlgError" in [kind.__name__ for kind in type(error).__mro__]:
-            _say(f"inclinometry: this input defeats the arithmetic ({what}); look for values of absurd size in it")
-            status = 2
+            status = _misused("input-overflow", given, {"name": what})
         else:
             name = type(error).__name__
             _say(f"inclinometry: internal error: {name}: {what} (set INCLINOMETRY_TRACEBACK=1 to see where)")
@@ -61,36 +67,16 @@ def main(arguments: list[str] | None = None) -> None:
 
 def _run(arguments: list[str]) -> int:
     """The command's exit status; what a user can repair is said in one line."""
-    from cyclopts import CycloptsError, MissingArgumentError, UnknownOptionError
+    from cyclopts import CycloptsError
 
-    from inclinometry.cli.general import EMPTY, general
+    from inclinometry.cli.general import EMPTY, OLD_IGNORE, general
     from inclinometry.errors import InclinometryError
 
     try:
         words = [word or EMPTY for word in arguments]
         status = general(words, exit_on_error=False, print_error=False, result_action="return_value")
-    except MissingArgumentError as error:
-        # of a required option that is not there at all the framework says that it "requires an argument"
-        missing_one = error.argument is not None and error.keyword is None and not error.tokens_so_far
-        text = f"{error.argument.name} is needed" if missing_one and error.argument is not None else str(error)
-        _say(f"inclinometry: {_one_line(text)} (see --help)")
-        return 2
-    except UnknownOptionError as error:
-        option = (error.token.keyword or error.token.value).partition("=")[0]
-        # other commands name by an option what this one takes as its argument: the tool by --calibration, above all
-        for argument in error.argument_collection:
-            if option in (f"--{argument.name.lower()}", "--calibration" if argument.name == "TOOL" else ""):
-                remedy = f"give the file by itself, as {argument.name} (see --help)"
-                _say(f"inclinometry: {option} is no option here: {remedy}")
-                return 2
-        _say(f"inclinometry: {_one_line(str(error))} (see --help)")
-        return 2
     except CycloptsError as error:
-        # a quantity refuses a value with a finding of its own
-        if isinstance(error.__cause__, InclinometryError):
-            return _refused(error.__cause__, arguments)
-        _say(f"inclinometry: {_one_line(str(error))} (see --help)")
-        return 2
+        return _unparsed(error, arguments)
     except InclinometryError as error:
         return _refused(error, arguments)
     except ImportError as error:
@@ -99,13 +85,91 @@ def _run(arguments: list[str]) -> int:
         needed = missing(error)
         if needed is None:
             raise
-        _say(f"inclinometry: {needed}")
-        return 2
+        return _misused("option-extra", arguments, {"package": needed[0], "extra": needed[1]})
+    if any(word.partition("=")[0] == OLD_IGNORE for word in arguments):
+        from inclinometry.cli.output import findings
+        from inclinometry.findings import Finding
+
+        findings([Finding("option-renamed", {"name": OLD_IGNORE, "now": "--ignore"})])
     return status if isinstance(status, int) else 0
+
+
+def _unparsed(error: CycloptsError, arguments: list[str]) -> int:
+    """Say what is wrong with a command as it was typed."""
+    from cyclopts import CoercionError, MissingArgumentError, UnknownOptionError, UnusedCliTokensError
+
+    from inclinometry.errors import InclinometryError
+
+    # a quantity refuses a value with a finding of its own
+    cause: object = _unfit(error) if isinstance(error, CoercionError) else None
+    cause = error.__cause__ if isinstance(error.__cause__, InclinometryError) else cause
+    if isinstance(cause, InclinometryError):
+        return _refused(cause, arguments)
+    if isinstance(error, UnknownOptionError):
+        return _unknown(error, arguments)
+    if isinstance(error, UnusedCliTokensError):
+        return _misused("option-unexpected", arguments, {"words": _one_line(" ".join(error.unused_tokens or ()))})
+    if isinstance(error, MissingArgumentError) and error.argument is not None and not error.tokens_so_far:
+        # of a required option that is not there at all the framework says that it "requires an argument"
+        code = "option-needed" if error.keyword is None else "option-no-value"
+        return _misused(code, arguments, {"name": error.argument.name})
+    return _misused("option-usage", arguments, {"reason": _one_line(str(error))})
+
+
+def _unfit(error: CoercionError) -> InclinometryError | None:
+    """The refusal of a value that is none of the choices of its option, or no number; None of another one."""
+    from typing import Literal, get_args, get_origin
+
+    from inclinometry.cli.general import as_typed
+    from inclinometry.errors import not_among, wrong_kind
+
+    if error.token is None:
+        return None
+    name = error.token.keyword or ("" if error.argument is None else error.argument.name.lstrip("-").upper())
+    value = as_typed(error.token.value) or '""'
+    if "to float" in str(error.__cause__):  # Python's words for a text that is no number
+        return wrong_kind(name, value, "number")
+    if error.target_type is None or error.msg is not None:
+        return None
+    kinds: list[Any] = [error.target_type]
+    for kind in kinds:  # unions of unions
+        kinds += [] if get_origin(kind) is Literal else [part for part in get_args(kind) if part is not type(None)]
+    choices = [choice for kind in kinds if get_origin(kind) is Literal for choice in get_args(kind)]
+    if choices and all(isinstance(choice, str) for choice in choices):
+        return not_among(name, value, choices)
+    numbers = {float: "number", int: "whole number"}
+    expected = [numbers[kind] for kind in kinds if kind in numbers]
+    return wrong_kind(name, value, expected[0]) if name and expected else None
 
 
 def _traceback() -> bool:
     return os.environ.get("INCLINOMETRY_TRACEBACK") == "1"
+
+
+def _unknown(error: UnknownOptionError, arguments: list[str]) -> int:
+    """An option that the command does not have, and what it has instead."""
+    from difflib import get_close_matches
+
+    option = _one_line((error.token.keyword or error.token.value).partition("=")[0])
+    # other commands name by an option what this one takes as its argument: the tool by --calibration, above all
+    for argument in error.argument_collection:
+        if option in (f"--{argument.name.lower()}", "--calibration" if argument.name == "TOOL" else ""):
+            return _misused("option-argument", arguments, {"name": option, "argument": argument.name})
+        if _RENAMED.get(option) in argument.names:
+            return _misused("option-renamed", arguments, {"name": option, "now": _RENAMED[option]})
+    names = [name for argument in error.argument_collection for name in argument.names]
+    # the same but for a slip, or begun alike
+    near = [name for name in names if name.startswith(option)] or get_close_matches(option, names, 1, 0.7)
+    if near:
+        return _misused("option-near", arguments, {"name": option, "near": near[0]})
+    return _misused("option-unknown", arguments, {"name": option})
+
+
+def _misused(code: str, arguments: list[str], values: dict[str, str]) -> int:
+    """Say why a command cannot be run as it was given."""
+    from inclinometry.errors import refused
+
+    return _refused(refused(code, values), arguments)
 
 
 def _refused(error: InclinometryError, arguments: list[str]) -> int:

@@ -206,6 +206,10 @@ def _json(path: Path) -> Pieces:
         except ValueError:
             raise FileError(_other_shape(name, f"({len(value)}, ..)", f"({len(value)}, n)"), path=path) from None
         found[name] = array
+    # a record of this program, such as a calibration
+    own = str(content.get("schema", "")).startswith("inclinometry/")
+    if own and not any(v.dtype.kind in "if" for v in found.values()):
+        raise FileError(Finding("table-json"), path=path)
     # instruments fill their sets up with NaN: rows that hold nothing anywhere
     numbers = [
         v.astype(float).reshape(len(v), -1) for v in found.values() if v.dtype.kind in "if" and v.ndim and len(v)

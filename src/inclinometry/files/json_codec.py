@@ -75,8 +75,11 @@ _USUAL: Final = {
 """Usual errors of JSON, as words of the catalogue."""
 
 
-def load(path: str | Path) -> Json:
-    """The object in a JSON file; FileError for anything else, doubled keys and NaN included."""
+def load(path: str | Path, *kinds: str) -> Json:
+    """The object in a JSON file; FileError for anything else, doubled keys and NaN included.
+
+    kinds : schemas of the records one of which is wanted; a file that is no JSON at all is refused as of another kind.
+    """
     try:
         # in memory a record takes up to twenty times as much
         text = whole(path, 20_000_000).decode("utf-8-sig")
@@ -86,6 +89,8 @@ def load(path: str | Path) -> Json:
     try:
         content = parse(text)
     except json.JSONDecodeError as error:
+        if kinds and text.strip() and text.lstrip()[0] not in "{[":
+            raise FileError(_other_kind("text", "", kinds), path=path) from None
         at = Finding("file-at-column", {"reason": _USUAL.get(error.msg, error.msg), "column": error.colno})
         found = Finding("file-format", {"format": "JSON", "reason": at})
         raise FileError(found, path=path, line=error.lineno) from None
@@ -194,9 +199,7 @@ def of_kind(content: Json, where: str | Path, *kinds: str, version: int = 1) -> 
     values: dict[str, Value]
     if kind not in kinds:
         what = _KINDS.get(str(kind), ("JSON of an unknown schema", ""))[0]
-        wanted, commands = zip(*(_KINDS[one] for one in kinds), strict=True)
-        values = {"what": what, "schema": shown(kind), "wanted": wanted, "commands": commands}
-        raise FileError(Finding("record-kind", values), path=where)
+        raise FileError(_other_kind(what, shown(kind), kinds), path=where)
     if isinstance(found, int) and found > version:
         known = tuple(str(one) for one in range(1, version + 1))
         values = {"format": f"{kind.rpartition('/')[2]}.json", "version": str(found), "known": known}
@@ -206,9 +209,14 @@ def of_kind(content: Json, where: str | Path, *kinds: str, version: int = 1) -> 
     return content
 
 
+def _other_kind(what: str, schema: str, kinds: tuple[str, ...]) -> Finding:
+    wanted, commands = zip(*(_KINDS[one] for one in kinds), strict=True)
+    return Finding("record-kind", {"what": what, "schema": schema, "wanted": wanted, "commands": commands})
+
+
 def stored(path: str | Path, kind: str, version: int = 1) -> Json:
     """The content of a stored record of a kind, e.g. "allan"; errors as `load` and `of_kind`."""
-    return of_kind(load(path), path, f"inclinometry/{kind}", version=version)
+    return of_kind(load(path, f"inclinometry/{kind}"), path, f"inclinometry/{kind}", version=version)
 
 
 def store(content: Mapping[str, Any], path: str | Path, kind: str, version: int = 1) -> None:

@@ -248,7 +248,7 @@ def read_calibration(path: str | Path) -> Calibration:
         Not JSON, another kind of file, a newer version, or content the schema refuses: with the JSON path, the value
         found and what is expected there.
     """
-    return calibration_from(json_codec.load(path), path)
+    return calibration_from(json_codec.load(path, "inclinometry/tool"), path)
 
 
 def calibration_from(content: dict[str, Any], where: str | Path) -> Calibration:
@@ -315,7 +315,7 @@ def read_extras(path: str | Path) -> dict[str, Any]:
 
 
 def _load(path: str | Path, kinds: tuple[str, ...]) -> dict[str, Any]:
-    return _checked(json_codec.load(path), kinds, path)
+    return _checked(json_codec.load(path, *kinds), kinds, path)
 
 
 def _checked(content: dict[str, Any], kinds: tuple[str, ...], path: str | Path) -> dict[str, Any]:

@@ -70,7 +70,8 @@ def add(
         raise
     except InputError:
         if store.folder is not None and not store.folder.parent.is_dir():
-            raise FileError(Finding("file-absent"), path=store.folder.parent) from None
+            lacking = Finding("file-folder-absent", {"folder": str(store.folder.parent)})
+            raise FileError(lacking, path=store.folder) from None
         known = {}
     paths = [
         one for path in files for one in (sorted(p for p in path.iterdir() if p.is_file()) if path.is_dir() else [path])

@@ -95,7 +95,7 @@ def simulate(
         if path.exists():
             raise FileError(Finding("fleet-there"), path=path)
     if not place.parent.is_dir() and ledger is not None:
-        raise FileError(Finding("file-absent"), path=place.parent)
+        raise FileError(Finding("file-folder-absent", {"folder": str(place.parent)}), path=place)
     # made beside, and put in place when all of it is there
     draft = output_.with_name(f".{output_.name}.part")
     shutil.rmtree(draft, ignore_errors=True)

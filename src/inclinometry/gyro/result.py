@@ -106,11 +106,11 @@ FLAGS = {
     "channel": "a channel failed here: it kept one value, changed its size, or was ten times as noisy; no azimuth",
     "temperature": "outside the temperatures of the calibration; the parameters are extrapolated",
     "complex": "no real scale factor solves the closed form: noise near its double root",
-    "double-root": "the two scale factors of the closed form cannot be told apart (K is zero within noise)",
+    "double-root": "the two scale factors of the closed form cannot be distinguished (K is zero within noise)",
     "history": "both scale factors of the closed form are possible; earlier ones, if any, are near neither",
-    "horizontal": "inclination near 90: a tool without z cannot tell how near, and the closed form loses the quadrant",
+    "horizontal": "inclination near 90: a tool without z does not show how near, the closed form loses the quadrant",
     "up-hole": "inclination above 90: outside the closed form",
-    "parallel": "the tool is parallel to the Earth's axis: its cross-axis gyros see nothing",
+    "parallel": "the tool is parallel to the Earth's axis: its cross-axis gyros measure no Earth rate",
 }
 """What a flag means."""
 

@@ -269,7 +269,7 @@ def choose_attitude(samples: Samples, settings: ChooserSettings | None = None, s
     >>> g, b = fields(np.full(4000, 1.0), 0.5, 9.0 * time, 1.1)
     >>> rows = choose_attitude(Samples(time, 0.005, accel=9.81 * g, mag=50_000.0 * b))
     >>> print(rows.findings[0], [round(float(x), 6) for x in rows.angles.inclination])
-    Windows of 10 s: 2 (rotating: magnetic 2). Flags say why a window is refused. [0.5, 0.5]
+    Windows of 10 s: 2 (rotating: magnetic 2). The flags of a window give the reason why it is refused. [0.5, 0.5]
     """
     check_record(samples, Samples, "choose_attitude")
     chooser = AttitudeChooser(settings, site)

@@ -208,7 +208,7 @@ def _moved(
         together = float(kept[1:] @ kept[:-1]) / max(float(kept @ kept), ROUNDING**2)
         # standard deviations of a correlation of neighbours, one over the root of n, beyond which it is no chance
         if together > 4.0 / np.sqrt(n) and errors.step_sd is None:
-            drifts = "check-sums of neighbouring depths go together, as of a bias that drifts"
+            drifts = "check-sums of neighbouring depths are correlated, as with a drifting bias"
             found.append(_correlation(name, drifts, together))
         for where, texts in ((spikes, SPIKES), (repeated, SPIKES_REPEATED)):
             rows = tuple(np.flatnonzero(where).tolist())
@@ -258,7 +258,7 @@ CORRELATIONS: Final = {
     "the tilt has the opposite sign of the base reading": (
         "If runs 0 and 180 of one reading are exchanged, correct its columns"
     ),
-    "check-sums of neighbouring depths go together, as of a bias that drifts": (
+    "check-sums of neighbouring depths are correlated, as with a drifting bias": (
         "Let the probe warm up; the random part of the uncertainty is too small"
     ),
 }

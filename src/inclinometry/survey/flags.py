@@ -127,7 +127,7 @@ FLAGS = {
     "latitude": "the latitude that gravity and the Earth rate give differs from the site's by more than its tolerance",
     "overruled": "a finding of the whole run was ignored (--ignore); the findings of the run say which",
     "no-azimuth": "no second field to take the azimuth from",
-    "g-in-plane": "gravity lies in the plane of the two accelerometers, which tell nothing of the component across "
+    "g-in-plane": "gravity lies in the plane of the two accelerometers, which do not measure the component across "
     "it: the inclination may be wrong by more than is stated",
 }
 """What a flag means and what to do about it."""
