@@ -100,7 +100,7 @@ def prepare(folder):
 
 
 def refusal(package, extra):
-    return f'inclinometry: this needs {package}: pip install "inclinometry[{extra}]"\n'
+    return f'inclinometry: This needs {package}. Run pip install "inclinometry[{extra}]". [option-extra]\n'
 
 
 def blocked(lines, folder):

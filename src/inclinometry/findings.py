@@ -194,7 +194,7 @@ def _shown(name: str, value: Value, spec: str, language: str, own: str) -> str:
     if isinstance(value, str):
         if spec == "name":
             known = translations(language, "word") | translations(language, "label")
-            return known.get(value, _short(value))
+            return known.get(value) or known.get(value.replace("^", ""), _short(value))
         if spec == "unit":
             return _word(f" {value}", language, own)
         return _word(value, language, own) if spec == "word" else value if spec == "whole" else _short(value)

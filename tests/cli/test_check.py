@@ -188,6 +188,8 @@ def test_a_code_is_explained(run):
     assert set(entry["example"]) == {"course_m", "md_m", "expected_m"}
     done = run("explain run-channel --json")  # a part of other sentences
     assert done.json["means"] is None
+    assert run("explain", "[RUN-depth-digit]").out == run("explain", "run-depth-digit").out
+    assert "Values" not in run("explain", "fit-rolls-alone").out  # has none
     run("explain", "../run-depths").refused("[input-code-unknown]")
 
 

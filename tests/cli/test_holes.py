@@ -120,6 +120,7 @@ def test_a_faulty_hole_is_named_and_refused_or_left_out(run, tables, old, new, l
     assert "left out" in done.err
     assert len(done.json["holes"]) == 2
     assert list(done.json["faulty"]) == [hole]
+    assert done.json["faulty"][hole]["code"] == "holes-left-out"
     (one,) = said(done, "holes-left-out")
     fault = one["values"]["fault"]
     assert code in (fault if isinstance(fault, str) else fault["code"])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import json
 from pathlib import Path
 
 import numpy as np
@@ -57,6 +58,7 @@ def test_position(run):
     for option in (("--ignore", "run-climbs"), ("--ignore", "columns"), ("--trust-file", "columns")):
         done = run("position", "survey.csv", *option, "--json").ok()
         assert codes(done) == [("run-climbs", "ignored")]
+        assert ("[option-renamed]" in done.err) == ("--trust-file" in option)
     run("position survey.csv --ignore colums").refused("[input-ignore-unknown]")
 
 
@@ -69,7 +71,8 @@ def test_survey_quality_and_msa(run):
     with Path("s.csv").open() as stream:
         assert all("overruled" in row["flags"] for row in csv.DictReader(stream))
     assert run("msa run.csv -o c.json --site site.toml --ignore axes").status == 0
-    assert "ignored run-axis-along: " in Path("c.json").read_text()
+    kept = {one["code"]: one["severity"] for one in json.loads(Path("c.json").read_text())["findings"]}
+    assert kept["run-axis-along"] == "ignored"
     axes()
     done = run("quality run.csv --site site.toml --json").ok()
     assert {one["severity"] for one in done.json["findings"]} == {"note"}
@@ -239,8 +242,8 @@ def test_verify_says_its_reservation_in_words_and_in_json(run):
     done = run("verify v.csv --calibration tool.json --limits wide.toml -o verify.json").ok()
     assert "PASS, WITH RESERVATIONS against" in done.out
     assert "PASS against" not in done.out
-    assert "Wide limit, azimuth: 40 deg" in done.err
-    assert "Wide limit, azimuth: 40 deg" in Path("verify.json").read_text()
+    assert "40 deg (azimuth)" in done.err
+    assert "verify-wide" in Path("verify.json").read_text()
     done = run("verify v.csv --calibration tool.json --limits wide.toml --json")
     assert "verify-detects-little" in [one["code"] for one in done.json["reservations"]]
 

@@ -114,12 +114,28 @@ def test_tables_and_warnings_do_not_read_markup(capsys):
     assert captured.err.startswith("warning: [/e]")
 
 
+def test_a_table_is_as_wide_as_a_terminal(capsys):
+    cells = ["7" * 20] * 3
+    output.table(
+        "t",
+        ["md m", "positions.csv (orthogonal)", "turns.csv (rotations)", "in its u", "flags"],
+        [[*cells, "+1.0", ""]],
+    )
+    lines = capsys.readouterr().out.splitlines()
+    assert max(map(len, lines)) <= output.COLUMNS
+    # names are broken between words, an empty column is left out
+    assert [part in "\n".join(lines) for part in ("positions.csv (", "flags")] == [False, False]
+
+
 @pytest.mark.parametrize(
     ("command", "parts"),
     [
-        ("plan optimal --empty-inclination-range-deg", ("Unknown option",)),
-        ("certificate --calibration tool.json", ("--calibration is no option here", "as TOOL")),
-        ("survey --raw=raw.csv", ("--raw is no option here", "as RAW")),
+        ("plan optimal --empty-inclination-range-deg", ("Unknown option", "[option-near]")),
+        ("plan --empty-inclination-range-deg", ("[option-",)),
+        ("calibrate", ("READINGS", "[option-needed]")),
+        ("simulate gyro --spike 3:2:5", ("--outlier", "[option-renamed]")),
+        ("certificate --calibration tool.json", ("--calibration", "as TOOL", "[option-argument]")),
+        ("survey --raw=raw.csv", ("--raw", "as RAW", "[option-argument]")),
         ("plan optimal --inclination-range-deg 20 10", ("--inclination-range-deg", "[input-value]")),
         ("plan optimal --inclination-range-deg 20 20", ("[input-value]",)),
         ("plan optimal --inclination-range-deg 0 200", ("[input-value]",)),
@@ -194,9 +210,9 @@ def broken(error):
     [
         (ZeroDivisionError("odd"), 3, "internal error: ZeroDivisionError: odd (set INCLINOMETRY_TRACEBACK=1"),
         (KeyError("gone"), 3, "internal error: KeyError"),
-        (np.linalg.LinAlgError("singular"), 2, "defeats the arithmetic (singular)"),
-        (OverflowError("too large"), 2, "defeats the arithmetic"),
-        (MemoryError(), 2, "fit into memory"),
+        (np.linalg.LinAlgError("singular"), 2, "singular. Check the input for extreme values. [input-overflow"),
+        (OverflowError("too large"), 2, "[input-overflow"),
+        (MemoryError(), 2, "[option-memory]"),
         (KeyboardInterrupt(), 130, "interrupted; nothing half-written"),
     ],
 )

@@ -17,7 +17,7 @@ import inclinometry
 from inclinometry.calibration.comparison import compare_calibrations
 from inclinometry.calibration.drift_alarm import CAUSES
 from inclinometry.calibration.drift_status import fleet_status
-from inclinometry.findings import translations
+from inclinometry.findings import Finding, say, translations
 from inclinometry.language import label, number, using_language
 from inclinometry.report.allan import allan_report
 from inclinometry.report.calibration import calibration_report
@@ -31,7 +31,7 @@ from inclinometry.report.page import Entry, index_page, linked_back
 from inclinometry.report.position import position_report
 from inclinometry.report.survey import survey_report
 from inclinometry.report.verification import verification_report
-from inclinometry.report.words import parameter_name
+from inclinometry.report.words import parameter_name, run_facts
 from inclinometry.simulate.fleet import FleetScene, shock_and_heat, simulate_fleet
 from inclinometry.survey.displacement import CasingErrors, check_sums, displacement
 from inclinometry.survey.multistation import multistation
@@ -44,7 +44,7 @@ from .conftest import calibrated
 from .pages import check
 from .test_allan_report import record
 from .test_dynamic import make
-from .test_gyro import Run
+from .test_gyro import CHECKS, Run
 from .test_position import well
 from .test_survey_report import SITE, survey
 from .test_verification_report import found as verification
@@ -105,7 +105,7 @@ REPORTS = {
     "displacement": _casing,
     "dynamic": lambda: dynamic_report(make()),
     "fleet": _fleet,
-    "gyro": lambda: Run().report(checks=()),
+    "gyro": lambda: Run().report(checks=[replace(one, name="latitude") for one in CHECKS]),
     "scale": lambda: scale_report(Run().track, tool="A7"),
     "msa": _msa,
     "position": _position,
@@ -168,6 +168,18 @@ def test_numbers_have_the_sign_of_the_language():
         assert label("{name}: rms {rms}°{lost}", name="joint", rms="0.25", lost="") == "совместный: СКЗ 0,25°"
         assert (number("-0.12 ± 0.05"), label("Bench & sons")) == ("-0,12 ± 0,05", "Bench & sons")
         assert label("Written by inclinometry {version}.", version="0.1.0") == "Written by inclinometry 0.1.0."
+
+
+def test_units_are_of_the_language():
+    noise = {"kind": "accelerometer", "sd": (5e-4, 6e-4), "unit": "m/s^2", "stations": 20, "freedom": 80.0}
+    assert "0,0005 и 0,0006 м/с²," in say(Finding("gyro-noise-estimated", noise), "ru")
+    turns = Finding("survey-index-turns", {"turns": "counterclockwise"})
+    assert [say(turns, one).count("clockwise") for one in ("en", "ru", "zh")] == [1, 0, 0]
+    readings, found = calibrated({"accelerometer": 3, "magnetometer": 3})
+    with using_language("ru"):
+        facts = dict(run_facts(found, replace(readings, reference={"g": 9.81})))
+        assert "9,81000 м/с²" in facts.values()
+        assert label("counts per m/s^2") == "ед. АЦП на м/с²"
 
 
 def test_parameters_have_names():

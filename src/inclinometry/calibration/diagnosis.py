@@ -78,11 +78,11 @@ def outlier_findings(readings: BenchReadings, outliers: Sequence[Outlier], *, le
         station = readings.station[outlier.row]
         values: dict[str, Value] = {"station": station, "fate": fate}
         code = "bench-station-off"
-        if outlier.dial is not None:
-            field = "azimuth" in outlier.dial and "magnetometer" in readings.channels
+        if outlier.dials:
+            field = "azimuth" in outlier.dials and "magnetometer" in readings.channels
             code = "bench-dial-misread"
             values["causes"] = ("the dial seems misread", *(("the field was disturbed",) if field else ()))
-            values |= {"dial": tuple(outlier.dial.split(" or ")), "off_deg": float(np.degrees(outlier.error))}
+            values |= {"dial": outlier.dials, "off_deg": float(np.degrees(outlier.error))}
         elif outlier.channel is not None:
             code = "bench-channel-jumped"
             values |= dict(zip(("kind", "sensor"), channels[outlier.channel], strict=True))

@@ -29,8 +29,7 @@ class Outlier:
 
     row: int  #: index of the station in the readings
     probability: float  #: chance of so large a misfit in a clean run
-    #: the dial whose misreading explains it ("azimuth or toolface" where either does), else None
-    dial: str | None = None
+    dials: tuple[str, ...] = ()  #: whose misreading explains it; two where either does
     error: float = 0.0  #: by how much that dial was off (true minus dialled), rad
     channel: int | None = None  #: column of the channel that is off when one channel explains it, else None
 
@@ -227,7 +226,7 @@ def _explain(fitted: Fitted, full: Model, row: int, probability: float) -> Outli
     if scans[dial][0] < enough:
         # upright, azimuth and toolface turn the tool about the same axis: nothing tells which of them was misread
         alike = [i for i in range(3) if scans[i][0] < scans[dial][0] + 10.0]
-        return Outlier(row, probability, " or ".join(DIALS[i] for i in alike), scans[dial][1])
+        return Outlier(row, probability, tuple(DIALS[i] for i in alike), scans[dial][1])
     for channel in range(len(residual)):
         others = np.delete(np.arange(len(residual)), channel)
         rest = residual[others]

@@ -7,12 +7,18 @@ import gc
 import os
 import sys
 import warnings
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
-    from cyclopts import CoercionError
+    from cyclopts import CoercionError, CycloptsError, UnknownOptionError
 
     from inclinometry.errors import InclinometryError
+
+_RENAMED: Final = {
+    "--left-handed": "--left-handed-channels", "--nameplate": "--data-sheet", "--mag-axes": "--magnetometer-axes",
+    "--other-stand": "--new-stand", "--spike": "--outlier",
+}  # fmt: skip
+"""Old name of an option, which is refused -> its name now."""
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -24,12 +30,13 @@ def main(arguments: list[str] | None = None) -> None:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     # what is imported stays: to look for garbage after every 700 objects takes a tenth of the start
     gc.set_threshold(50_000)
+    given = sys.argv[1:] if arguments is None else arguments
     try:
         with warnings.catch_warnings():
             if not _traceback():
                 # what a user must know is said in words; a line of source is useless at the bench
                 warnings.simplefilter("ignore")
-            status = _run(sys.argv[1:] if arguments is None else arguments)
+            status = _run(given)
     except KeyboardInterrupt:
         _say("interrupted; nothing half-written")
         status = 130
@@ -45,15 +52,12 @@ def main(arguments: list[str] | None = None) -> None:
         # what the system says of a path that a user gave, wherever it is looked at first
         of_names = ["ENAMETOOLONG", "ENOTDIR", "EISDIR", "ELOOP", "EACCES", "EPERM", "EROFS", "ENXIO", "ENODEV"]
         if isinstance(error, MemoryError):
-            _say(f"inclinometry: this does not fit into memory ({what}); use less data at a time")
-            status = 2
+            status = _misused("option-memory", given, {"reason": what})
         elif isinstance(error, OSError) and errno.errorcode.get(error.errno or 0) in of_names and error.filename:
-            _say(f"inclinometry: {error.filename}: cannot be used ({error.strerror}); check the name and its rights")
-            status = 2
+            status = _misused("option-path", given, {"path": f"{error.filename}", "reason": f"{error.strerror}"})
         # by name: numpy may not have been imported, or be what failed to import
         elif isinstance(error, OverflowError) or "LinAlgError" in [kind.__name__ for kind in type(error).__mro__]:
-            _say(f"inclinometry: this input defeats the arithmetic ({what}); look for values of absurd size in it")
-            status = 2
+            status = _misused("input-overflow", given, {"name": what})
         else:
             name = type(error).__name__
             _say(f"inclinometry: internal error: {name}: {what} (set INCLINOMETRY_TRACEBACK=1 to see where)")
@@ -63,46 +67,16 @@ def main(arguments: list[str] | None = None) -> None:
 
 def _run(arguments: list[str]) -> int:
     """The command's exit status; what a user can repair is said in one line."""
-    from cyclopts import CoercionError, CycloptsError, MissingArgumentError, UnknownOptionError, UnusedCliTokensError
+    from cyclopts import CycloptsError
 
-    from inclinometry.cli.general import EMPTY, general
+    from inclinometry.cli.general import EMPTY, OLD_IGNORE, general
     from inclinometry.errors import InclinometryError
 
     try:
         words = [word or EMPTY for word in arguments]
         status = general(words, exit_on_error=False, print_error=False, result_action="return_value")
-    except MissingArgumentError as error:
-        # of a required option that is not there at all the framework says that it "requires an argument"
-        missing_one = error.argument is not None and error.keyword is None and not error.tokens_so_far
-        lacks = "is needed" if missing_one else "needs a value" if not error.tokens_so_far else ""
-        text = f"{error.argument.name} {lacks}" if lacks and error.argument is not None else str(error)
-        _say(f"inclinometry: {_one_line(text)} (see --help)")
-        return 2
-    except UnknownOptionError as error:
-        option = (error.token.keyword or error.token.value).partition("=")[0]
-        # other commands name by an option what this one takes as its argument: the tool by --calibration, above all
-        for argument in error.argument_collection:
-            if option in (f"--{argument.name.lower()}", "--calibration" if argument.name == "TOOL" else ""):
-                remedy = f"give the file by itself, as {argument.name} (see --help)"
-                _say(f"inclinometry: {option} is no option here: {remedy}")
-                return 2
-        text, did_you_mean, near = str(error).partition(" Did you mean ")
-        # what the framework takes for near is often another option altogether
-        said = text + did_you_mean + near if _alike(option, near.rstrip("?")) else text
-        _say(f"inclinometry: {_one_line(said)} (see --help)")
-        return 2
-    except UnusedCliTokensError as error:
-        _say(f"inclinometry: not expected here: {_one_line(' '.join(error.unused_tokens or ()))} (see --help)")
-        return 2
     except CycloptsError as error:
-        # a quantity refuses a value with a finding of its own
-        if isinstance(error.__cause__, InclinometryError):
-            return _refused(error.__cause__, arguments)
-        unfit = _unfit(error) if isinstance(error, CoercionError) else None
-        if unfit is not None:
-            return _refused(unfit, arguments)
-        _say(f"inclinometry: {_one_line(str(error))} (see --help)")
-        return 2
+        return _unparsed(error, arguments)
     except InclinometryError as error:
         return _refused(error, arguments)
     except ImportError as error:
@@ -111,9 +85,35 @@ def _run(arguments: list[str]) -> int:
         needed = missing(error)
         if needed is None:
             raise
-        _say(f"inclinometry: {needed}")
-        return 2
+        return _misused("option-extra", arguments, {"package": needed[0], "extra": needed[1]})
+    if any(word.partition("=")[0] == OLD_IGNORE for word in arguments):
+        from inclinometry.cli.output import findings
+        from inclinometry.findings import Finding
+
+        findings([Finding("option-renamed", {"name": OLD_IGNORE, "now": "--ignore"})])
     return status if isinstance(status, int) else 0
+
+
+def _unparsed(error: CycloptsError, arguments: list[str]) -> int:
+    """Say what is wrong with a command as it was typed."""
+    from cyclopts import CoercionError, MissingArgumentError, UnknownOptionError, UnusedCliTokensError
+
+    from inclinometry.errors import InclinometryError
+
+    # a quantity refuses a value with a finding of its own
+    cause: object = _unfit(error) if isinstance(error, CoercionError) else None
+    cause = error.__cause__ if isinstance(error.__cause__, InclinometryError) else cause
+    if isinstance(cause, InclinometryError):
+        return _refused(cause, arguments)
+    if isinstance(error, UnknownOptionError):
+        return _unknown(error, arguments)
+    if isinstance(error, UnusedCliTokensError):
+        return _misused("option-unexpected", arguments, {"words": _one_line(" ".join(error.unused_tokens or ()))})
+    if isinstance(error, MissingArgumentError) and error.argument is not None and not error.tokens_so_far:
+        # of a required option that is not there at all the framework says that it "requires an argument"
+        code = "option-needed" if error.keyword is None else "option-no-value"
+        return _misused(code, arguments, {"name": error.argument.name})
+    return _misused("option-usage", arguments, {"reason": _one_line(str(error))})
 
 
 def _unfit(error: CoercionError) -> InclinometryError | None:
@@ -142,15 +142,34 @@ def _unfit(error: CoercionError) -> InclinometryError | None:
     return wrong_kind(name, value, expected[0]) if name and expected else None
 
 
-def _alike(option: str, near: str) -> bool:
-    """An option that may have been meant: the same but for a slip, or begun alike."""
-    from difflib import SequenceMatcher
-
-    return near.startswith(option) or SequenceMatcher(None, option, near).ratio() > 0.7
-
-
 def _traceback() -> bool:
     return os.environ.get("INCLINOMETRY_TRACEBACK") == "1"
+
+
+def _unknown(error: UnknownOptionError, arguments: list[str]) -> int:
+    """An option that the command does not have, and what it has instead."""
+    from difflib import get_close_matches
+
+    option = _one_line((error.token.keyword or error.token.value).partition("=")[0])
+    # other commands name by an option what this one takes as its argument: the tool by --calibration, above all
+    for argument in error.argument_collection:
+        if option in (f"--{argument.name.lower()}", "--calibration" if argument.name == "TOOL" else ""):
+            return _misused("option-argument", arguments, {"name": option, "argument": argument.name})
+        if _RENAMED.get(option) in argument.names:
+            return _misused("option-renamed", arguments, {"name": option, "now": _RENAMED[option]})
+    names = [name for argument in error.argument_collection for name in argument.names]
+    # the same but for a slip, or begun alike
+    near = [name for name in names if name.startswith(option)] or get_close_matches(option, names, 1, 0.7)
+    if near:
+        return _misused("option-near", arguments, {"name": option, "near": near[0]})
+    return _misused("option-unknown", arguments, {"name": option})
+
+
+def _misused(code: str, arguments: list[str], values: dict[str, str]) -> int:
+    """Say why a command cannot be run as it was given."""
+    from inclinometry.errors import refused
+
+    return _refused(refused(code, values), arguments)
 
 
 def _refused(error: InclinometryError, arguments: list[str]) -> int:

@@ -505,7 +505,8 @@ def show_comparison(found: Comparison, title: str = "") -> None:
         _by_method("true error of azimuth, rms, deg, at inclination", methods, found.inclination, wrong)
     for attempt in found.attempts:
         if attempt.calibration is None:
-            output.print_line(f"{attempt.method}: not applicable. {attempt.reason}".rstrip())
+            why = "" if not isinstance(attempt.reason, Finding) else f"{attempt.reason} [{attempt.reason.code}]"
+            output.print_line(f"{attempt.method}: not applicable. {why}".rstrip())
     for attempt in found.attempts:
         if attempt.calibration is not None and attempt.method == "joint":
             output.findings(attempt.calibration.findings)

@@ -16,6 +16,7 @@ def explain(code: str, /, *, json: Json = False) -> None:
     code
         Code in brackets behind a finding; `inclinometry list findings` prints all.
     """
+    code = code.strip("[]").lower()
     if code not in codes():
         raise InputError(Finding("input-code-unknown", {"name": code}, severity="refused"))
     rule, shown = codes()[code], example(code).plain()
@@ -26,4 +27,6 @@ def explain(code: str, /, *, json: Json = False) -> None:
     output.print_line(f"{code}: {shown['sentence']}")
     if rule.means:
         ignore = f"Accept a file with --ignore {code} or its group {rule.group}" if rule.group else "Cannot be ignored"
-        output.print_line(f"\n{rule.means}\nFound: {rule.found}\n{ignore}.\nValues: {', '.join(rule.example)}.")
+        output.print_line(f"\n{rule.means}\nFound: {rule.found}\n{ignore}.")
+    if rule.example:
+        output.print_line(f"Values: {', '.join(rule.example)}.")

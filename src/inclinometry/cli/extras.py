@@ -26,13 +26,13 @@ EXTRAS: Final = {
 """Name at an import -> name of the package, and the extra that brings it."""
 
 
-def missing(error: BaseException | None) -> str | None:
-    """What to install when an optional package is the cause of an error; None for any other error."""
+def missing(error: BaseException | None) -> tuple[str, str] | None:
+    """The optional package that is the cause of an error, and its extra; None for any other error."""
     while error is not None:
         if isinstance(error, ModuleNotFoundError):
             found = EXTRAS.get((error.name or "").partition(".")[0])
             if found is not None:
-                return f'this needs {found[0]}: pip install "inclinometry[{found[1]}]"'
+                return found
         # the table of commands imports on demand and wraps what an import raises
         error = error.__cause__
     return None

@@ -11,7 +11,7 @@ from contextlib import ExitStack, contextmanager
 from math import isnan
 from pathlib import Path
 from time import perf_counter
-from typing import Annotated, Any, Literal, TypeAlias
+from typing import Annotated, Any, Final, Literal, TypeAlias
 
 from cyclopts import App, Parameter
 
@@ -30,6 +30,8 @@ def as_typed(text: str) -> str:
     return text.replace(_HYPHEN, "-").replace(EMPTY, "")
 
 
+OLD_IGNORE: Final = "--trust-file"
+"""Old name of --ignore, still read in this version."""
 Flag: TypeAlias = Annotated[bool, Parameter(negative="")]
 
 general = App(help_flags=(), version_flags=(), end_of_options_delimiter="", suppress_keyboard_interrupt=False)

@@ -59,7 +59,7 @@ def holes(
     output.findings(found.findings)
     rows = _summary(found)
     if json:
-        faults = {name: str(one) for name, one in found.faults.items()}
+        faults = {name: one.plain() for name, one in found.faults.items()}
         content = {"holes": rows, "faulty": faults, "findings": [one.plain() for one in found.findings]}
         output.print_json({**content, "inputs": found.inputs, "output": output_})
         return 1 if found.faults else 0

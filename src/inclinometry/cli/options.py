@@ -14,6 +14,7 @@ from typing import Annotated, Any, Final, Literal, TypeAlias, get_args
 
 from cyclopts import Group, Parameter, Token, convert
 
+from inclinometry.cli.general import OLD_IGNORE
 from inclinometry.errors import out_of_range, wrong_kind
 
 INPUT = Group("Input", sort_key=1)
@@ -130,14 +131,16 @@ def _checks(type_: Any, tokens: Sequence[Token]) -> tuple[str, ...]:
 Ignore: TypeAlias = Annotated[
     tuple[str, ...],
     Parameter(
-        name=["--ignore", "--trust-file"],
+        name=["--ignore", OLD_IGNORE],
         group=INPUT,
         negative="",
         converter=_checks,
         n_tokens=1,
         show_default=False,
         help="Ignore these findings of the run, by code or group, with commas; the output records them. Groups: "
-        "units, columns, axes, depths, repeats, order, station, direction, totals, place. Old name: --trust-file.",
+        "units, columns, axes, depths, repeats, order, station, direction, totals, place. Old name: "
+        + OLD_IGNORE
+        + ".",
     ),
 ]
 AgeDays: TypeAlias = Annotated[

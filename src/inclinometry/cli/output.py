@@ -176,15 +176,30 @@ COLUMNS: Final = 80
 
 
 def table(title: str, header: Sequence[str], rows: Sequence[Sequence[str]], caption: str | None = None) -> None:
-    """A table whose first column is text and whose others are numbers; one wider than a terminal loses its spaces."""
+    """A table whose first column is text and whose others are numbers.
+
+    One wider than a terminal loses its spaces, then its empty columns, and breaks the names of the others.
+    """
+    found = _table(title, header, rows, caption)
+    if console.measure(found).maximum > COLUMNS:
+        found.padding = 0, 0
+    if console.measure(found).maximum > COLUMNS:
+        used = [place for place in range(len(header)) if not rows or any(row[place].strip() for row in rows)]
+        wide = [max((len(row[place]) for row in rows), default=0) for place in used]
+        wide = [max(width, 1, *map(len, header[place].split())) for width, place in zip(wide, used, strict=True)]
+        names = [fill(header[place], width) for width, place in zip(wide, used, strict=True)]
+        found = _table(title, names, [[row[place] for place in used] for row in rows], caption)
+        found.padding = 0, 0
+    console.print(found)
+
+
+def _table(title: str, header: Sequence[str], rows: Sequence[Sequence[str]], caption: str | None) -> Table:
     found = Table(title=title, caption=caption, title_justify="left", caption_justify="left", show_edge=False)
     for place, name in enumerate(header):
         found.add_column(name, justify="left" if place == 0 else "right", no_wrap=True)
     for row in rows:
         found.add_row(*row)
-    if console.measure(found).maximum > COLUMNS:
-        found.padding = 0, 0
-    console.print(found)
+    return found
 
 
 MOST: Final = 3

@@ -84,7 +84,7 @@ def two_report(found: TwoCalibrations) -> str:
             if np.isfinite(found.difference[:, column]).any()
         ],
         facts=[
-            (f"{name}{label(': ')}{what}", digest)
+            (f"{name}{label(': ')}{label(what)}", digest)
             for name, c in zip(found.names, found.calibrations, strict=True)
             for what, digest in c.inputs.items()
         ],

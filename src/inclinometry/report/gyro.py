@@ -16,7 +16,7 @@ from inclinometry.errors import refused, wrong_shape
 from inclinometry.findings import Finding, only_notes, without_notes
 from inclinometry.gyro.result import FLAGS, North
 from inclinometry.gyro.tracking import SPAN, ScaleTrack
-from inclinometry.language import label, said
+from inclinometry.language import label, number, said
 from inclinometry.report.calibration import MANY
 from inclinometry.report.figure import BAD, DASHES, INK, MARKERS, SERIES, legend_above, new_figure, panel, styled
 from inclinometry.report.page import CONVENTIONS, Picture, Section, Table, TableRow, limit_rows, picture, report
@@ -542,11 +542,11 @@ def _check_table(checks: Sequence[Check]) -> Table:
 def _measure(value: float, unit: str) -> str:
     if not np.isfinite(value):
         return "none"
+    if unit == "stations":
+        return label("{plain} stations", plain=plain(value, 0))
     units = {"rad": ("°", float(np.degrees(1.0))), "rad/s": (" deg/h", 1.0 / DEG_PER_HOUR), "sigma": (" σ", 1.0)}
     name, per = units.get(unit, ("", 1.0))
-    return (
-        label("{plain} stations", plain=plain(value, 0)) if unit == "stations" else f"{significant(value * per)}{name}"
-    )
+    return f"{number(significant(value * per))}{label(name)}"
 
 
 def _stations(survey: Survey, north: North, heat: Array | None) -> Table:

@@ -257,7 +257,7 @@ def run_facts(calibration: Calibration, readings: BenchReadings | None) -> list[
             )
         )
     if readings is not None:
-        shown = {"g": lambda v: f"{v:.5f} m/s²", "b": lambda v: label("{v:.0f} nT", v=v)}
+        shown = {"g": lambda v: label("{g} m/s²", g=f"{v:.5f}"), "b": lambda v: label("{v:.0f} nT", v=v)}
         shown |= dict.fromkeys(("dip", "latitude", "north"), lambda v: f"{np.degrees(v):.2f}°")
         stated = [(n, shown[n](v) if n in shown else f"{v:g}") for n, v in readings.reference.items()]
         facts += [(label("Stated at the stand: {name}", name=name), text) for name, text in stated]

@@ -101,6 +101,7 @@ def check_json(check: Check) -> dict[str, object]:
         "stations": [row + 1 for row in check.stations],
         "reason": str(check.reason),
         "code": check.reason.code,
+        "values": check.reason.plain()["values"],
     }
 
 

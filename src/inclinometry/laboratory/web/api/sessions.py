@@ -202,11 +202,9 @@ def how_it_stands(ledger: TheLedger, _: Reader, session: RecordId) -> dict[str, 
         "waiting_for": None if now.waiting is None else answer(now.waiting),
         "U_azimuth_deg": _finite(now.u_azimuth),
         "U_inclination_deg": _finite(now.u_inclination),
-        "outliers": {str(number): str(what) for number, what in now.outliers.items()},
+        "outliers": {str(number): answer(what) for number, what in now.outliers.items()},
         "reached": now.reached,
-        "warnings": []
-        if now.calibration is None
-        else [current().without_path(str(one)) for one in without_notes(now.calibration.findings)],
+        "warnings": [] if now.calibration is None else [answer(one) for one in without_notes(now.calibration.findings)],
         "next_deg": None if at is None else _degrees(at),
     }
 
