@@ -125,3 +125,27 @@ def test_an_empty_value_is_shown_as_it_was_typed(run, bench):
     bench()
     run("calibrate readings.csv -o tool.json --null", "").refused('--null is ""; expected: number')
     run("calibrate readings.csv -o tool.json --profile", "").ok()
+
+
+def test_files_of_another_kind_are_refused_as_such(run, bench, well):
+    Path("page.csv").write_text("<!DOCTYPE html>\n<html><body>a, b</body></html>\n")
+    run("check page.csv").refused("HTML is not read", "[file-kind]")
+    run("calibrate tool.json -o other.json").refused("[table-json]")
+    run("survey raw.csv --calibration raw.csv -o bad.csv").refused("another kind: text", "[record-kind]")
+    assert not [name for name in ("other.json", "bad.csv") if Path(name).exists()]
+
+
+@pytest.mark.parametrize(
+    ("command", "said"),
+    [
+        ("calibrate a.csv -o b.json --method jonit", "--method: jonit; allowed: joint, "),
+        ("field --latitude-deg abc --longitude-deg 4", "--latitude-deg is abc; expected: number"),
+        ("calibrate a.csv -o b.json --dip 70", "Did you mean --dip-deg?"),
+        ("calibrate a.csv -o b.json --ignore all", "Unknown option: --ignore. (see --help)"),
+        ("calibrate a.csv -o b.json --dip-deg", "--dip-deg needs a value"),
+        ("ledger verify lab.sqlite", "not expected here: lab.sqlite"),
+        ("plan twelve -o none/a.csv", "[file-folder-absent]"),
+    ],
+)
+def test_what_is_wrong_with_a_command_is_said_plainly(run, command, said):
+    run(command).refused(said)

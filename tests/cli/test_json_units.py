@@ -19,7 +19,7 @@ WITHOUT = {
     "stations", "flagged", "rows", "count", "line", "windows", "intervals", "dof", "degrees_of_freedom", "exit",
     "refused", "shots", "judged", "iterations", "position", "sensor", "run", "seed", "version", "coverage_factor",
     "confidence", "probability", "p", "standardised", "leverage", "ratio", "times", "quality", "low", "high",
-    "total", "least", "row", "mean", "factor", "k", "inside",
+    "total", "least", "row", "mean", "factor", "k", "inside", "beyond",
     "cov_nn", "cov_ee", "cov_vv", "cov_ne", "cov_nv", "cov_ev",
 }  # fmt: skip
 

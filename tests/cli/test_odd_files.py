@@ -28,13 +28,13 @@ def site(run):
 ])  # fmt: skip
 def test_a_name_that_is_too_long(run, site, command):
     Path("a.csv").write_text("accel_x\n1\n")
-    run(*command).refused("ame too long")
+    run(*command).refused("name is too long")
     assert not Path("i.sqlite").exists()
 
 
 def test_a_name_below_a_file_and_a_link_to_itself(run, site):
     Path("loop").symlink_to("loop")
-    for word, said in (("site.toml/x", "Not a directory"), ("loop", "symbolic links")):
+    for word, said in (("site.toml/x", "this is not a folder"), ("loop", "symbolic links")):
         for command in (("calibrate", word), ("check", word), ("coefficients", word, "-o", "o.h")):
             run(*command).refused(said)
 

@@ -195,7 +195,7 @@ def test_a_calibration_ages(certified):
         return next(one["sigma_major_axis_m"] for one in done.json["sources"] if one["source"] == "stability")
 
     old = certified("survey.csv", "--stability", "s.toml", "--age-days", 4 * 365.25)
-    assert "own fleet" in [one["values"].get("source") for one in old.json["findings"]]
+    assert ["own fleet"] in [one["values"].get("source") for one in old.json["findings"]]
     assert size(old) == pytest.approx(2.0 * size(assumed), rel=1e-4)
     # by the dates of the record and of the site
     record = json.loads(Path("tool.json").read_text())

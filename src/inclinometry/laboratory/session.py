@@ -203,7 +203,7 @@ def dial_angles(dials: Dials, setting: tuple[Array, Array, Array]) -> tuple[Arra
     """What dials say at azimuth, inclination, toolface of the conventions, rad: a reversed one from 0 to a full turn.
 
     >>> dials = Dials("horizontal", azimuth_counts="counterclockwise")
-    >>> [float(x) for x in np.degrees(on_dials(dials, tuple(np.radians([90.0, 30.0, 0.0])))).round(9)]
+    >>> [float(x) for x in np.degrees(dial_angles(dials, tuple(np.radians([90.0, 30.0, 0.0])))).round(9)]
     [270.0, 60.0, 0.0]
     """
     azimuth, inclination, toolface = dials.dial_readings(*setting)

@@ -78,18 +78,15 @@ def clipping_faults(window: Samples, ranges: Mapping[str, float]) -> tuple[list[
         reach = ranges.get(triad)
         for axis, column in zip("xyz", values.T, strict=True):
             channel, at = f"{triad}_{axis}", clipped_samples(column, reach)
-            count = int(at.sum())
-            if count:
-                said: dict[str, Value] = {"channel": channel, "share_percent": 100.0 * count / len(window)}
-                found.append(Fault("motion-clipped", said, "clipped", channel, False))
+            if at.any():
+                found.append(Fault("motion-clipped", {"channel": channel}, "clipped", channel, False))
                 marked |= at
             elif reach is not None:
                 # least distance of a range from the mean, in standard deviations: of a low-passed channel more was cut
                 # off before the filter than is left in it, 12 g under 5 g rms (0.4 deg) still looks like 4
                 margin, least = (reach - abs(float(column.mean()))) / max(float(column.std()), 1e-12), 4.5
                 if margin < least:
-                    said = {"channel": channel, "margin": max(margin, 0.0)}
-                    found.append(Fault("motion-clipped", said, "clipped", channel, True))
+                    found.append(Fault("motion-clipped", {"channel": channel}, "clipped", channel, True))
     return found, marked
 
 

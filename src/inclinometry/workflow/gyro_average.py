@@ -422,7 +422,10 @@ class _Sensors:
         if fault.code == "noise":
             return Finding("gyro-fault-noise", said | {"times": fault.factor, "effect": effect}, rows)
         if axial or (gyro and fault.jump(np.flatnonzero(~along).tolist())):
+            # which part of the run is right is not known, and the factor is that of a coarse grid
             effect = "it is not used" if axial else "azimuth does not depend on it"
+            start = run.labels[fault.first if fault.first > 0 else fault.last + 1]
+            return Finding("gyro-fault-jump", {"channels": names, "station": start, "effect": effect}, rows)
         times: tuple[float, ...] = (fault.factor,)
         if fault.rival is not None:
             other = self._channels(fault.rival[0])

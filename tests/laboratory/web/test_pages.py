@@ -168,7 +168,7 @@ def test_verdict_before_and_after_it_is_recorded(open_bench: SimpleNamespace) ->
     # five of eight positions: no verdict, none to record
     assert say("en", "verdict.incomplete") in text
     assert say("en", "verify.record") not in text
-    assert "3 of 8 positions" in text
+    assert "No valid reading at positions 6, 7, 8." in text
     assert "customer-7" in text
     assert say("en", "verify.closed") in browser.get(f"/verify/{open_bench.done}/finish").text
     text = browser.get(f"/verifications/{open_bench.verification}").text
