@@ -33,6 +33,7 @@ from inclinometry.report.survey import survey_report
 from inclinometry.report.verification import verification_report
 from inclinometry.report.words import parameter_name, run_facts
 from inclinometry.simulate.fleet import FleetScene, shock_and_heat, simulate_fleet
+from inclinometry.stability import ASSUMED
 from inclinometry.survey.displacement import CasingErrors, check_sums, displacement
 from inclinometry.survey.multistation import multistation
 from inclinometry.survey.multistation_priors import published_priors
@@ -175,6 +176,8 @@ def test_units_are_of_the_language():
     assert "0,0005 и 0,0006 м/с²," in say(Finding("gyro-noise-estimated", noise), "ru")
     turns = Finding("survey-index-turns", {"turns": "counterclockwise"})
     assert [say(turns, one).count("clockwise") for one in ("en", "ru", "zh")] == [1, 0, 0]
+    age = say(Finding("work-age", {"days": 365.0, "source": (ASSUMED.source,)}), "ru")
+    assert "половина членов AB" in age
     readings, found = calibrated({"accelerometer": 3, "magnetometer": 3})
     with using_language("ru"):
         facts = dict(run_facts(found, replace(readings, reference={"g": 9.81})))
