@@ -314,8 +314,8 @@ def reference_in(units: Mapping[str, float], site: Site | None, calibration_dip:
     return Reference(strength, None if calibration_dip is None else (calibration_dip, np.radians(3.0)), latitude)
 
 
-ORDINARY: Final = ("vertical", "no-azimuth")
-"""Flags that are no news of a vertical hole, or of readings without a second field."""
+ORDINARY: Final = ("vertical", "no-azimuth", "down-assumed")
+"""Flags that are no news of a vertical hole, of readings without a second field, or of a hole that goes down."""
 
 
 def flagged(name: str, rows: Sequence[int], total: int, meanings: Mapping[str, str] = FLAGS) -> Finding:
