@@ -49,7 +49,7 @@ online = track_scale(rates, spread, run.inclination, run.latitude, run.temperatu
 
 figure, axes = plt.subplots(figsize=(7, 3.6))
 heat = np.linspace(run.temperature.min(), run.temperature.max(), 100)
-shown = (("before the run", before, "0.9"), ("after the run", online.belief, "0.75"))
+shown = (("before the run", before, "0.9"), ("after the run", online.state, "0.75"))
 for name, belief, colour in shown:
     scale, sd = belief.predict(heat)
     axes.fill_between(heat, 100.0 * (scale - 2 * sd - 1.0), 100.0 * (scale + 2 * sd - 1.0), color=colour, label=name)
@@ -59,5 +59,5 @@ axes.errorbar(
 axes.plot(run.temperature, 100.0 * (run.scale - 1.0), "x", label="true")
 axes.set(xlabel="temperature, deg C", ylabel="scale factor less 1, %", title="bands: two standard uncertainties")
 axes.legend(ncols=2)
-print(f"the run taught nothing at {int((~online.learnt).sum())} of {len(rates)} stations")
+print(f"the run taught nothing at {int((~online.observable).sum())} of {len(rates)} stations")
 plt.show()

@@ -55,7 +55,7 @@ def test_sentences_of_files_are_findings_as_they_were_written() -> None:
     assert correction.findings == (restored("toolfaces leave a gap"),)
     assert correction.information.shape == (5, 5)
     assert correction.parameters["MBX"].prior == 70.0
-    assert len(read_scale(OLDER / "scale.json").learnt) == 5
+    assert len(read_scale(OLDER / "scale.json").observable) == 5
     assert findings_in(read_allan(OLDER / "allan.json")) == (restored("one"),)
     json_codec.stored(OLDER / "planned.json", "planned-verification", 3)
 

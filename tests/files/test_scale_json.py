@@ -39,13 +39,17 @@ def test_to_the_bit_there_and_back(tmp_path, belief, size):
     written = record(belief, size)
     write_scale(written, tmp_path / "s.json")
     found = read_scale(tmp_path / "s.json")
-    assert (found.tool, found.learnt, dict(found.inputs)) == (written.tool, written.learnt, dict(written.inputs))
+    assert (found.tool, found.observable, dict(found.inputs)) == (
+        written.tool,
+        written.observable,
+        dict(written.inputs),
+    )
     for name in COLUMNS:
         np.testing.assert_array_equal(getattr(found, name), getattr(written, name))
     for name in ("coefficients", "covariance"):
-        np.testing.assert_array_equal(getattr(found.belief, name), getattr(written.belief, name))
+        np.testing.assert_array_equal(getattr(found.state, name), getattr(written.state, name))
     for name in ("reference_temperature", "temperature_range"):
-        assert getattr(found.belief, name) == getattr(written.belief, name)
+        assert getattr(found.state, name) == getattr(written.state, name)
     first = (tmp_path / "s.json").read_bytes()
     write_scale(found, tmp_path / "t.json")
     assert (tmp_path / "t.json").read_bytes() == first
@@ -101,6 +105,6 @@ def test_what_had_wandered_in_a_file_of_version_1_is_part_of_the_scale_factor(tm
         content["stations"]["learnt"] = content["stations"].pop("observable")
 
     changed(path, older)
-    found = read_scale(path).belief
-    np.testing.assert_allclose(found.coefficients - written.belief.coefficients, [2e-4, 0.0, 0.0], atol=1e-15)
-    np.testing.assert_allclose(found.covariance - written.belief.covariance, np.diag([3e-8, 0.0, 0.0]), atol=1e-20)
+    found = read_scale(path).state
+    np.testing.assert_allclose(found.coefficients - written.state.coefficients, [2e-4, 0.0, 0.0], atol=1e-15)
+    np.testing.assert_allclose(found.covariance - written.state.covariance, np.diag([3e-8, 0.0, 0.0]), atol=1e-20)

@@ -57,7 +57,7 @@ def test_what_is_known_afterwards_is_the_linear_regression_of_all_stations(follo
     mean = np.linalg.solve(
         information, np.linalg.solve(belief.covariance, belief.coefficients) + powers.T @ (value / noise)
     )
-    known = follow(*run.input, belief).belief
+    known = follow(*run.input, belief).state
     sd = np.sqrt(np.diagonal(np.linalg.inv(information)))
     # a walk that the run does not rule out makes what is known of slope and bend up to twice as wide
     own = np.sqrt(np.diagonal(known.covariance))
@@ -168,7 +168,7 @@ def test_nothing_is_learnt_where_k_is_zero(follow: Any) -> None:
     track = follow(rates, np.tile(1e-6 * np.eye(2), (size, 1, 1)), inclination, LATITUDE, heat, belief)
     # the rates bound the scale only where they fit no azimuth at all: 0.01 here; sigma / |K| would be 0.001
     assert track.scale_sd.min() > 0.003
-    assert (np.abs(track.belief.coefficients - belief.coefficients) < np.sqrt(np.diagonal(belief.covariance))).all()
+    assert (np.abs(track.state.coefficients - belief.coefficients) < np.sqrt(np.diagonal(belief.covariance))).all()
 
 
 @BOTH
@@ -192,7 +192,7 @@ def test_the_next_run_starts_with_what_this_one_taught(follow: Any) -> None:
     fresh, taught = [], []
     for seed in range(20):
         first = Run(seed, 40, belief, 2e-4)
-        known = follow(*first.input, belief).belief
+        known = follow(*first.input, belief).state
         second = Run(seed, 40, belief, 1e-3)  # same draw of the coefficients
         for out, start in ((fresh, belief), (taught, known)):
             track = follow(*second.input, start)
@@ -269,7 +269,7 @@ def test_the_stream_is_the_run_to_the_last_bit() -> None:
     steps = [tracker.add(*station) for station in given]
     np.testing.assert_array_equal([step.scale for step in steps], track.scale)
     np.testing.assert_array_equal([step.scale_sd for step in steps], track.scale_sd)
-    np.testing.assert_array_equal(tracker.belief.covariance, track.belief.covariance)
+    np.testing.assert_array_equal(tracker.state.covariance, track.state.covariance)
     found = azimuths(run.input[:4], track)
     np.testing.assert_allclose([step.azimuth for step in steps], found.found.azimuth, rtol=1e-13)
     np.testing.assert_allclose([step.azimuth_sd for step in steps], found.azimuth_sd, rtol=1e-12)
@@ -296,7 +296,7 @@ def test_what_is_known_afterwards_holds_at_the_temperatures_of_the_run() -> None
     belief, z = quadratic_belief(sd=0.003), []
     for seed in range(6):
         run = Run(seed, 30, belief, 2e-4)
-        known = smooth_scale(*run.input, belief).belief
+        known = smooth_scale(*run.input, belief).state
         scale, sd = known.predict(run.temperature[[0, 15, 29]])
         z.extend((scale - run.scale[[0, 15, 29]]) / np.hypot(sd, OWN))
     # 18 deviates, some shared: three standard uncertainties of their rms

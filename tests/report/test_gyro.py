@@ -189,7 +189,7 @@ def test_scale_report_marks_stations_nothing_was_learnt_from(run):
     unseen = Finding("gyro-scale-unseen", {"count": 4, "total": 40}, severity="note")
     deaf = replace(
         run.track,
-        learnt=np.arange(len(run.track)) > 3,
+        observable=np.arange(len(run.track)) > 3,
         findings=(unseen,),
     )
     words = check(scale_report(deaf)).text

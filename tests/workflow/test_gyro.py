@@ -289,7 +289,7 @@ def test_readings_do_not_teach_themselves(simulated):
 @pytest.mark.long
 def test_a_record_needs_temperatures(simulated):
     data, _ = simulated()
-    assert len(north_run(data, HERE).record().learnt) == 20
+    assert len(north_run(data, HERE).record().observable) == 20
     for run in (
         north_run(replace(data, temperature=None), HERE),
         north_run(data, HERE, options=GyroOptions(method="patent")),
@@ -301,7 +301,7 @@ def test_a_record_needs_temperatures(simulated):
 def test_temperatures_beyond_the_history_are_flagged(simulated):
     data, _ = simulated()
     record = north_run(data, HERE).record()
-    narrow = replace(record, inputs={}, belief=replace(record.belief, temperature_range=(60.0, 100.0)))
+    narrow = replace(record, inputs={}, state=replace(record.state, temperature_range=(60.0, 100.0)))
     found = north_run(data, HERE, options=GyroOptions(history=narrow))
     heat = found.temperature
     flagged = np.array(["temperature" in row for row in found.north.flags])

@@ -38,7 +38,7 @@ def check_fit(done: Fit) -> list[Finding]:
     """
     begun = done.start
     if refused := unexplained(None, done.judged):
-        settled(unexplained(begun.readings, done.judged) if done.looked_for else refused)
+        settled(unexplained(begun.readings, done.judged) if done.candidates else refused)
     # a prior on a level field says where the rig's zero points
     pointed = {"north", "dip", "latitude"} if begun.priors.keys() - {"accelerometer"} else set()
     stated = begun.readings.reference.keys() | pointed
@@ -65,7 +65,7 @@ def diagnose(found: Calibration, done: Fit, expected: ExpectedUncertainty) -> tu
     said += _loose_stand(found, done)
     # what leaves much of the field has said so
     said += [] if noisy else absurd_uncertainty(found.tool, expected)
-    said += [] if outliers else lack_of_fit(done.fitted, found.residuals, done.looked_for)
+    said += [] if outliers else lack_of_fit(done.fitted, found.residuals, done.candidates)
     return list(settled(said)), outliers
 
 

@@ -138,7 +138,7 @@ class Fit:
     kept: Index
     outliers: list[Outlier]
     shown: list[Block]  #: causes of errors with structure that the readings show
-    looked_for: list[Evidence]  #: the other causes; empty where nothing was looked for
+    candidates: list[Evidence]  #: the other causes; empty where nothing was looked for
     signs: list[Finding]  #: what is said of the signs of the fields
 
     @property
@@ -160,7 +160,7 @@ def fit_run(begun: Start, *, robust: bool, look: bool) -> Fit:
     noise, rig = begun.free_noise, begun.free_rig
     plain = fitted = _fitted(begun, look)
     kept, outliers = np.arange(len(begun.readings)), list[Outlier]()
-    shown, looked_for = list[Block](), None
+    shown, candidates = list[Block](), None
     if look and not structure_first(fitted, noise):
         outliers, plain = find_outliers(begun.model, fitted, noise, rig)
         if robust and outliers:
@@ -171,17 +171,17 @@ def fit_run(begun: Start, *, robust: bool, look: bool) -> Fit:
         with suppress(ConvergenceError):
             fitted = fit_with_variances(*with_repeating(fitted), noise, rig)
     if look and not apart:
-        fitted, shown, looked_for = fit_structured(fitted, noise, rig)
+        fitted, shown, candidates = fit_structured(fitted, noise, rig)
     judged = plain if apart else fitted
     # what is stated of the stand is compared with the fit, not against its start
     signed, signs = begun.signed(judged.state, judged.tangents)
     if any(not np.array_equal(a, judged.state.directions[kind]) for kind, a in signed.directions.items()):
         turned = begun.signed(fitted.state)[0]
-        judged, looked_for = fit(judged.model, signed), None
+        judged, candidates = fit(judged.model, signed), None
         fitted = fit(fitted.model, turned) if apart else judged
-    if looked_for is None:
-        looked_for = cause_probabilities(fitted, noise, {block.name for block in shown}) if look else []
-    return Fit(begun, fitted, judged, plain, kept, outliers, shown, looked_for, signs)
+    if candidates is None:
+        candidates = cause_probabilities(fitted, noise, {block.name for block in shown}) if look else []
+    return Fit(begun, fitted, judged, plain, kept, outliers, shown, candidates, signs)
 
 
 def _fitted(begun: Start, look: bool) -> Fitted:
@@ -201,7 +201,7 @@ def _fitted(begun: Start, look: bool) -> Fitted:
 
 def result(done: Fit, name: str) -> Calibration:
     """The record of a fit; where causes were looked for, what they do not determine is in its covariance."""
-    left = covariance_of_undetermined(done.looked_for, done.fitted.covariance)
+    left = covariance_of_undetermined(done.candidates, done.fitted.covariance)
     fitted = with_averaged_covariance(done.fitted, done.start.free_noise, done.start.free_rig)
     fitted = replace(fitted, covariance=fitted.covariance + left)
     size, whole = fitted.model.parameters, np.diagonal(fitted.covariance)
@@ -210,12 +210,12 @@ def result(done: Fit, name: str) -> Calibration:
     found = joint_calibration(
         done.start.readings, done.used, fitted, name, done.start.reference_temperature, freedom=freedom
     )
-    if not done.looked_for:
+    if not done.candidates:
         return found
     causes, response = parameter_causes(done.fitted, done.used)
     causes[UNDETECTED] = left[:size, :size]
     found = replace(found, causes=causes, response=response, bent=response_nonlinearity(done.fitted))
-    notes = undetermined_causes(found.tool, found.field_directions, done.looked_for, left[:size, :size])
+    notes = undetermined_causes(found.tool, found.field_directions, done.candidates, left[:size, :size])
     return replace(found, findings=(*found.findings, *notes))
 
 

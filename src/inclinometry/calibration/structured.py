@@ -301,12 +301,12 @@ def response_nonlinearity(fitted: Fitted) -> dict[str, Array]:
     return found
 
 
-def covariance_of_undetermined(looked_for: Sequence[Evidence], covariance: Array) -> Array:
+def covariance_of_undetermined(candidates: Sequence[Evidence], covariance: Array) -> Array:
     """What blocks that were not fitted may still add to a covariance (p, p), each by how probable it is."""
     from scipy.special import ndtri
 
     total = np.zeros_like(covariance)
-    for one in looked_for:
+    for one in candidates:
         if one.block.stays:
             # 0.2: that a block of the usual size is there, before the readings are seen
             odds = 0.2 * np.exp(min(one.ratio, 50.0))
@@ -319,11 +319,11 @@ def covariance_of_undetermined(looked_for: Sequence[Evidence], covariance: Array
 
 
 def undetermined_causes(
-    tool: Tool, directions: Mapping[str, Array], looked_for: Sequence[Evidence], held: Array
+    tool: Tool, directions: Mapping[str, Array], candidates: Sequence[Evidence], included: Array
 ) -> list[Finding]:
     """Which causes the readings do not exclude that would move the angles by more than the calibration's uncertainty.
 
-    `held` is the part of the tool's covariance that is theirs: what is open is said, however much of it is held.
+    `included` is the part of the tool's covariance that is theirs; what is open is named, included or not.
     What a cause does to the signals of a tool in use counts with what it has done to the parameters: of a response that
     looks like a scale at these positions, the difference.
     """
@@ -357,8 +357,8 @@ def undetermined_causes(
             what = what + direct.reshape(*direct.shape[:-2], -1)
         return angle_change_rms(what, one.spread)
 
-    u = angle_change_rms(by_parameter, tool.covariance - held)
-    possible = [(one.block.name, effect(one)) for one in looked_for if one.block.stays and one.ratio > _OPEN]
+    u = angle_change_rms(by_parameter, tool.covariance - included)
+    possible = [(one.block.name, effect(one)) for one in candidates if one.block.stays and one.ratio > _OPEN]
     open_to = [(name, size) for name, size in possible if (size > u).any()]
     if not open_to:
         return []

@@ -195,7 +195,7 @@ def scale(
         write_scale(record, output_)
     output.findings(found.survey.findings)
     if json:
-        known = record.belief
+        known = record.state
         output.print_json(
             {
                 "stations": len(found),
@@ -204,7 +204,7 @@ def scale(
                 "u_coefficients": np.sqrt(np.diag(known.covariance)),
                 "reference_temperature_degC": known.reference_temperature,
                 "temperature_range_degC": known.temperature_range,
-                "observable": sum(record.learnt),
+                "observable": sum(record.observable),
                 "output": output_,
             }
         )
@@ -260,7 +260,7 @@ def show_scale(found: GyroRun) -> None:
     """The curve learnt, on the terminal."""
     if found.track is None:
         return
-    known = found.track.belief
+    known = found.track.state
     names = ("scale at {:.4g} degC", "slope per 100 degC", "bend per (100 degC)2")
     rows = [
         [name.format(known.reference_temperature), rounded(value, sd)]

@@ -20,19 +20,19 @@ from inclinometry.gyro.tracking import ScaleState
 class ScaleRecord:
     """The scale factor of one run; arrays of n stations, in the order measured.
 
-    belief : what is known after the run. learnt : False where a station's rates do not determine its scale.
+    state : what is known after the run. observable : False where a station's rates do not determine its scale.
     tool : name of the calibrated tool, "" without one. inputs : name -> digest.
     """
 
     tool: str
-    belief: ScaleState
+    state: ScaleState
     md: Array
     temperature: Array
     expected: Array
     expected_sd: Array
     scale: Array
     scale_sd: Array
-    learnt: tuple[bool, ...]
+    observable: tuple[bool, ...]
     inputs: Mapping[str, str]
 
 
@@ -44,21 +44,21 @@ _COLUMNS = {
 
 def write_scale(record: ScaleRecord, path: str | Path) -> None:
     """Write scale.json; the same record gives the same bytes."""
-    belief = record.belief
-    span = belief.temperature_range
+    state = record.state
+    span = state.temperature_range
     content = {
         "tool": record.tool,
         "inputs": dict(record.inputs),
         "state": {
-            "coefficients": belief.coefficients,
-            "covariance": belief.covariance,
+            "coefficients": state.coefficients,
+            "covariance": state.covariance,
             "per_degC": 100.0,
-            "reference_temperature_degC": belief.reference_temperature,
+            "reference_temperature_degC": state.reference_temperature,
             "temperature_range_degC": None if span is None else list(span),
         },
         "stations": {
             **{name: getattr(record, own) for own, name in _COLUMNS.items()},
-            "observable": list(record.learnt),
+            "observable": list(record.observable),
         },
     }
     json_codec.store(content, path, "scale", 3)
@@ -96,4 +96,4 @@ def read_scale(path: str | Path) -> ScaleRecord:
         raise FileError(Finding("file-format", {"format": f"$.{state}", "reason": str(error)}), path=path) from None
     columns = {own: frozen(stations[name]) for own, name in _COLUMNS.items()}
     learnt, inputs = tuple(stations[observable]), content["inputs"]
-    return ScaleRecord(tool=content["tool"], belief=known, learnt=learnt, inputs=inputs, **columns)
+    return ScaleRecord(tool=content["tool"], state=known, observable=learnt, inputs=inputs, **columns)

@@ -55,7 +55,7 @@ class ScaleState:
     coefficients: Array  #: (p,) of c0, c1 ...; p = 1, 2 or 3
     covariance: Array  #: (p, p)
     reference_temperature: float = 20.0  #: degC
-    # degC in which the belief was formed, None for one that was stated
+    # degC in which the state was formed, None for one that was stated
     temperature_range: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
@@ -111,8 +111,8 @@ class ScaleTrack(Tabular):
     # scale, scale_sd: (n,) with its own rates
     scale: Array
     scale_sd: Array
-    learnt: Mask  #: (n,) False where a station's rates say nothing of its scale
-    belief: ScaleState  #: what is known after the run, for the next one
+    observable: Mask  #: (n,) False where a station's rates say nothing of its scale
+    state: ScaleState  #: what is known after the run, for the next one
     thermometer: bool = True  #: whether the temperatures were measured
     contradicted: bool = False  #: whether the readings contradict what was known before the run
     findings: tuple[Finding, ...] = ()
@@ -131,7 +131,7 @@ class ScaleTrack(Tabular):
             "u_expected": self.expected_sd,
             "scale": self.scale,
             "u_scale": self.scale_sd,
-            "learnt": np.asarray(self.learnt),
+            "observable": np.asarray(self.observable),
         }
 
     def plot(self, ax: Any = None) -> Any:
@@ -149,7 +149,7 @@ class ScaleStep(NamedTuple):
     expected_sd: float
     scale: float
     scale_sd: float
-    learnt: bool
+    observable: bool
     azimuth: float
     azimuth_sd: float
 
@@ -159,7 +159,7 @@ class ScaleTracker:
 
     Parameters
     ----------
-    belief : ScaleState
+    state : ScaleState
         What is known before the first station.
     latitude : float
         rad, north positive.
@@ -181,8 +181,8 @@ class ScaleTracker:
     (1.001, 1.001, 0)
     """
 
-    def __init__(self, belief: ScaleState, latitude: float, *, thermometer: bool = True) -> None:
-        self.prior = _possible(belief)
+    def __init__(self, state: ScaleState, latitude: float, *, thermometer: bool = True) -> None:
+        self.prior = _possible(state)
         self.latitude = one_value(latitude, "latitude", -np.pi / 2, np.pi / 2, "rad")
         self.thermometer = thermometer
         self.steps: list[ScaleStep] = []
@@ -256,15 +256,15 @@ class ScaleTracker:
         return self._run(self._stations).laid(np.array(self._seen))
 
     @property
-    def belief(self) -> ScaleState:
+    def state(self) -> ScaleState:
         """What is known after the stations so far."""
-        return self.laid().belief if self._stations else self.prior
+        return self.laid().state if self._stations else self.prior
 
     @property
     def findings(self) -> tuple[Finding, ...]:
         """What there is to say of the stations so far."""
-        learnt = np.array([step.learnt for step in self.steps], dtype=bool)
-        return _findings(self.laid(), learnt) if self._stations else ()
+        observable = np.array([step.observable for step in self.steps], dtype=bool)
+        return _findings(self.laid(), observable) if self._stations else ()
 
 
 PLAIN = Members.every((0.0,), np.zeros((1, 0)), np.ones(1))
@@ -283,7 +283,7 @@ class _Laid(NamedTuple):
     first: Array
     plain_first: Array
     plain: Smoothed
-    belief: ScaleState
+    state: ScaleState
     contradicts: Finding | None
 
 
@@ -292,15 +292,15 @@ class _Run(NamedTuple):
 
     rates: Rates
     heat: Array
-    belief: ScaleState
+    state: ScaleState
     start: float  #: temperature of the first station
     moves: bool  #: whether temperature says anything
 
     @classmethod
-    def of(cls, rates: Rates, heat: Array, belief: ScaleState) -> _Run:
+    def of(cls, rates: Rates, heat: Array, state: ScaleState) -> _Run:
         """All stations of a run."""
-        start = belief.reference_temperature if np.isnan(heat[0]) else float(heat[0])
-        return cls(rates, heat, belief, start, _moves(belief, float(heat.min()), float(heat.max())))
+        start = state.reference_temperature if np.isnan(heat[0]) else float(heat[0])
+        return cls(rates, heat, state, start, _moves(state, float(heat.min()), float(heat.max())))
 
     def basis(self) -> Array:
         """Powers (n, c) of temperature, less those of the first station; c = 0 where temperature says nothing."""
@@ -309,7 +309,7 @@ class _Run(NamedTuple):
 
     def _powers(self) -> Array:
         heat = np.where(np.isnan(self.heat), self.start, self.heat)
-        return np.asarray(self.belief.basis(heat)[:, 1:] - self.belief.basis(self.start)[1:])
+        return np.asarray(self.state.basis(heat)[:, 1:] - self.state.basis(self.start)[1:])
 
     def laid(self, seen: Array, used: int | None = None) -> _Laid:
         """The grid and the bank, from the first `used` stations; the grid holds them all.
@@ -318,9 +318,9 @@ class _Run(NamedTuple):
         """
         size = len(self.heat) if used is None else used
         # scale at the first station, and the curve from there on
-        here = np.eye(self.belief.coefficients.size)
-        here[0] = self.belief.basis(self.start)
-        mean, spread = here @ self.belief.coefficients, here @ self.belief.covariance @ here.T
+        here = np.eye(self.state.coefficients.size)
+        here[0] = self.state.basis(self.start)
+        mean, spread = here @ self.state.coefficients, here @ self.state.covariance @ here.T
         plain_first = np.tile([mean[0], np.sqrt(spread[0, 0])], (len(PLAIN.step), 1))
         nothing = np.zeros((len(self.heat), 0))
         low, high = _likely(WHOLE, smoothed(PLAIN, WHOLE, plain_first, seen, nothing).expected * seen)
@@ -333,12 +333,12 @@ class _Run(NamedTuple):
         plain = smoothed(PLAIN, grid, plain_first, likelihood[:size], nothing[:size])
         end = _regression(mean, spread, self._powers()[:size], *_sites(grid, plain.expected, likelihood[:size]))
         back = np.linalg.inv(here)
-        span = self.belief.temperature_range
+        span = self.state.temperature_range
         if size and not np.isnan(self.heat[0]):
             ends = (*(span or ()), float(self.heat[:size].min()), float(self.heat[:size].max()))
             span = min(ends), max(ends)
         cov = back @ end[1] @ back.T
-        belief = ScaleState(back @ end[0], 0.5 * (cov + cov.T), self.belief.reference_temperature, span)
+        state = ScaleState(back @ end[0], 0.5 * (cov + cov.T), self.state.reference_temperature, span)
         members, first = PLAIN, plain_first
         if self.moves:
             members, first = self._bank(mean, spread, end, grid, likelihood[:size])
@@ -350,7 +350,7 @@ class _Run(NamedTuple):
         if size and abs(off) > 4.0 * np.sqrt(spread[0, 0] + plain.variance[0]):
             stated = {"stated": float(mean[0]), "sd_percent": 100.0 * float(np.sqrt(spread[0, 0]))}
             contradicts = Finding("gyro-scale-contradicted", {**stated, "fitted": float(plain.mean[0])})
-        return _Laid(grid, likelihood, members, first, plain_first, plain, belief, contradicts)
+        return _Laid(grid, likelihood, members, first, plain_first, plain, state, contradicts)
 
     def _bank(
         self, mean: Array, spread: Array, end: tuple[Array, Array], grid: Grid, likelihood: Array
@@ -386,10 +386,10 @@ class _Run(NamedTuple):
         return members, first(members)
 
 
-def _moves(belief: ScaleState, low: float, high: float) -> bool:
+def _moves(state: ScaleState, low: float, high: float) -> bool:
     """Whether temperatures say anything of the scale; NaN: there are none."""
     # within 1 degC what they say of the scale is below the smallest step that is tried
-    return belief.coefficients.size > 1 and high - low > 1.0
+    return state.coefficients.size > 1 and high - low > 1.0
 
 
 def _likely(grid: Grid, density: Array) -> tuple[float, float]:
@@ -440,15 +440,15 @@ def _step(rates: Rates, law: ScaleLaw, heat: float) -> ScaleStep:
     """A station's own estimate with what was known of its scale."""
     found, (expected, spread) = solve_law(rates, law), law.moments()
     scale, sd = float(found.scale[0]), float(found.scale_sd[0])
-    learnt = bool(sd < LEAST_GAIN * spread[0])
+    observable = bool(sd < LEAST_GAIN * spread[0])
     return ScaleStep(
-        float(heat), float(expected[0]), float(spread[0]), scale, sd, learnt,
+        float(heat), float(expected[0]), float(spread[0]), scale, sd, observable,
         float(found.found.azimuth[0]), float(found.azimuth_sd[0]),
     )  # fmt: skip
 
 
 LEAST_GAIN = 0.999
-"""Share of what was not known of a station's scale that its rates must leave at most, for something to be learnt."""
+"""Share of what was not known of a station's scale that its rates may leave at most where it is observable."""
 
 
 def _checked(
@@ -457,14 +457,14 @@ def _checked(
     inclination: ArrayLike,
     latitude: float,
     temperature: ArrayLike | None,
-    belief: ScaleState,
+    state: ScaleState,
 ) -> _Run:
     high = vectors(rates, "rates", LARGEST)
     cov = covariances(covariance, "covariance", np.isfinite(high[:, 2]), positive=True)
     slant = per_station(inclination, len(high), "inclination", 0.0, np.pi, "rad")
     north = one_value(latitude, "latitude", -np.pi / 2, np.pi / 2, "rad")
     heat = np.full(len(high), np.nan) if temperature is None else _temperatures(temperature, len(high))
-    return _Run.of(Rates(high, cov, slant, north), heat, _possible(belief))
+    return _Run.of(Rates(high, cov, slant, north), heat, _possible(state))
 
 
 def track_scale(
@@ -473,11 +473,11 @@ def track_scale(
     inclination: ArrayLike,
     latitude: float,
     temperature: ArrayLike | None,
-    belief: ScaleState,
+    state: ScaleState,
 ) -> ScaleTrack:
     """Learn the scale factor by a `ScaleTracker`: each station uses those before it; temperature in degC."""
-    run = _checked(rates, covariance, inclination, latitude, temperature, belief)
-    tracker = ScaleTracker(belief, latitude, thermometer=temperature is not None)
+    run = _checked(rates, covariance, inclination, latitude, temperature, state)
+    tracker = ScaleTracker(state, latitude, thermometer=temperature is not None)
     for n in range(len(run.heat)):
         tracker.add(
             run.rates.high[n],
@@ -486,11 +486,11 @@ def track_scale(
             None if temperature is None else run.heat[n],
         )
     expected, sd, scale, scale_sd = np.array([step[1:5] for step in tracker.steps]).T
-    learnt = np.array([step.learnt for step in tracker.steps], dtype=bool)
+    observable = np.array([step.observable for step in tracker.steps], dtype=bool)
     laid = tracker.laid()
     return ScaleTrack(
-        run.heat, tracker.law, expected, sd, scale, scale_sd, learnt, laid.belief, tracker.thermometer,
-        laid.contradicts is not None, _findings(laid, learnt),
+        run.heat, tracker.law, expected, sd, scale, scale_sd, observable, laid.state, tracker.thermometer,
+        laid.contradicts is not None, _findings(laid, observable),
     )  # fmt: skip
 
 
@@ -500,13 +500,13 @@ def smooth_scale(
     inclination: ArrayLike,
     latitude: float,
     temperature: ArrayLike | None,
-    belief: ScaleState,
+    state: ScaleState,
 ) -> ScaleTrack:
     """Learn the scale factor from the whole run: each station uses all others, those after it too.
 
     Parameters as `track_scale`; forward filter and backward smoother of `inclinometry.gyro.point_mass`.
     """
-    run = _checked(rates, covariance, inclination, latitude, temperature, belief)
+    run = _checked(rates, covariance, inclination, latitude, temperature, state)
     if len(run.heat) > MOST:
         raise InputError(too_large("stations", len(run.heat), MOST))
     laid = run.laid(run.rates.likelihood(WHOLE))
@@ -515,17 +515,17 @@ def smooth_scale(
         whole = smoothed(laid.members, laid.grid, laid.first, laid.likelihood, run.basis())
     law = ScaleLaw(tuple((laid.grid, row) for row in whole.expected))
     found, (expected, sd) = solve_law(run.rates, law), law.moments()
-    learnt = found.scale_sd < LEAST_GAIN * sd
+    observable = found.scale_sd < LEAST_GAIN * sd
     return ScaleTrack(
-        run.heat, law, expected, sd, found.scale, found.scale_sd, learnt, laid.belief, temperature is not None,
-        laid.contradicts is not None, _findings(laid, learnt), whole.factor(),
+        run.heat, law, expected, sd, found.scale, found.scale_sd, observable, laid.state, temperature is not None,
+        laid.contradicts is not None, _findings(laid, observable), whole.factor(),
     )  # fmt: skip
 
 
-def _possible(belief: ScaleState) -> ScaleState:
-    """A belief whose scale factor is on the grid."""
-    one_value(belief.coefficients[0], "scale", LOWEST, HIGHEST)
-    return belief
+def _possible(state: ScaleState) -> ScaleState:
+    """A state whose scale factor is on the grid."""
+    one_value(state.coefficients[0], "scale", LOWEST, HIGHEST)
+    return state
 
 
 def _temperatures(temperature: ArrayLike, size: int) -> Array:
@@ -536,7 +536,7 @@ def _temperatures(temperature: ArrayLike, size: int) -> Array:
     return heat
 
 
-def _findings(laid: _Laid, learnt: Mask) -> tuple[Finding, ...]:
-    left = int(np.sum(~learnt))
-    unseen = Finding("gyro-scale-unseen", {"count": left, "total": len(learnt)}, severity="note")
+def _findings(laid: _Laid, observable: Mask) -> tuple[Finding, ...]:
+    left = int(np.sum(~observable))
+    unseen = Finding("gyro-scale-unseen", {"count": left, "total": len(observable)}, severity="note")
     return (*([laid.contradicts] if laid.contradicts else []), *([unseen] if left else []))

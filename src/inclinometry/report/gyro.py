@@ -63,7 +63,7 @@ def scale_place(track: ScaleTrack) -> Array:
 def scale_figure(axes: Axes, track: ScaleTrack) -> None:
     """Each station's scale with bars of expanded uncertainty, and the curve that was learnt with its band."""
     _scale_panel(axes, track)
-    used, size = track.learnt, 4.5 if len(track) <= 80 else 2.5
+    used, size = track.observable, 4.5 if len(track) <= 80 else 2.5
     for rows, colour, marker, width, name in (
         (used, SERIES[1], "o", size, "station"),
         (~used, BAD, "X", 6.5, "nothing learnt"),
@@ -223,10 +223,10 @@ def scale_report(
     depth = None if md is None else finite(md, "md", (None,))
     if depth is not None and len(depth) != len(track):
         raise wrong_shape("md", depth.shape, f"({len(track)},)")
-    left = int((~track.learnt).sum())
+    left = int((~track.observable).sum())
     findings = (*track.findings, *findings)
     warned = without_notes(findings)
-    belief = track.belief
+    belief = track.state
     sd = np.sqrt(np.maximum(np.diagonal(belief.covariance), 0.0))
     at = label("scale factor at {at_degC:g} °C", at_degC=belief.reference_temperature)
     names = [at, label("slope, per {SPAN:g} °C", SPAN=SPAN), label("bend, per ({SPAN:g} °C)²", SPAN=SPAN)]
@@ -308,7 +308,7 @@ def _forecast(track: ScaleTrack) -> Table:
     """The belief at a few temperatures, as the next run would start from it."""
     low, high = float(track.temperature.min()), float(track.temperature.max())
     heat = np.linspace(low, high, 5) if high > low else np.array([low])
-    scale, sd = track.belief.predict(heat)
+    scale, sd = track.state.predict(heat)
     body = [
         TableRow([f"{t:.1f}", rounded(float(value), float(u)), significant(COVERAGE_FACTOR * float(u))])
         for t, value, u in zip(heat, scale, sd, strict=True)
@@ -327,7 +327,7 @@ def _scale_stations(track: ScaleTrack, depth: Array | None) -> Table:
         cells = [name, f"{track.temperature[n]:.1f}"]
         for value, u in ((track.expected[n], track.expected_sd[n]), (track.scale[n], track.scale_sd[n])):
             cells += [rounded(float(value), float(u)), significant(COVERAGE_FACTOR * float(u))]
-        used = bool(track.learnt[n])
+        used = bool(track.observable[n])
         body.append(TableRow([*cells, "yes" if used else "no"], "" if used else "warn"))
     place = "station" if depth is None else "md, m"
     head = [place, "T, °C", "without its own rates", "U", "with them", "U", "learnt from"]
@@ -590,6 +590,6 @@ def _facts(
         facts.append(("Temperature", label("{min:.1f} to {max:.1f} °C", min=heat.min(), max=heat.max())))
     if track is not None:
         facts.append(
-            ("Scale learnt from", label("{sum} of {count} stations", sum=int(track.learnt.sum()), count=len(track)))
+            ("Scale learnt from", label("{sum} of {count} stations", sum=int(track.observable.sum()), count=len(track)))
         )
     return facts

@@ -110,8 +110,8 @@ class GyroRun(Tabular):
             raise refused("input-missing", {"names": ("temperature_degC",)})
         track = self.track
         return ScaleRecord(
-            self.tool, track.belief, self.md, track.temperature, track.expected, track.expected_sd, track.scale,
-            track.scale_sd, tuple(bool(v) for v in track.learnt), dict(self.inputs),
+            self.tool, track.state, self.md, track.temperature, track.expected, track.expected_sd, track.scale,
+            track.scale_sd, tuple(bool(v) for v in track.observable), dict(self.inputs),
         )  # fmt: skip
 
     def to_dict(self) -> dict[str, Column]:
@@ -288,7 +288,7 @@ def _expected(stations: Stations, averages: Averages, heat: Array | None, option
         raise refused("input-needs", {"name": "--history", "needed": ("temperature_degC",)})
     # the calibration errs in other directions of the tool in each run
     if options.history is not None:
-        stated = options.history.belief
+        stated = options.history.state
         extra = np.zeros_like(stated.covariance)
         extra[0, 0] = own**2
         stated = replace(stated, covariance=stated.covariance + extra)
@@ -317,7 +317,7 @@ def _flags(
 ) -> list[tuple[str, ...]]:
     """Flags of the index average and of the temperature."""
     spans = [None if calibration is None else calibration.tool.temperature_range]
-    spans.append(None if history is None else history.belief.temperature_range)
+    spans.append(None if history is None else history.state.temperature_range)
     rows = []
     for n in range(len(averages.rate)):
         names = {*averages.gravity.flags[n], *averages.rate.flags[n]}

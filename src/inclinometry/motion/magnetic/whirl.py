@@ -29,22 +29,22 @@ def whirl_acceleration(lateral: Complex, angle: Array) -> float:
     taper = np.hanning(even.size)
     power = np.abs(np.fft.fft(even * taper)) ** 2 / (even.size * float(taper @ taper))
     half = (even.size - 1) // 2
-    hands = np.stack([power[1 : half + 1], power[: -half - 1 : -1]])
+    rotation_signs = np.stack([power[1 : half + 1], power[: -half - 1 : -1]])
     # below half an order lies what the fit has left of gravity
     # bins that are independent of each other: two thirds under the taper; where the speed changes, the low orders of a
     # band of vibration come from the fastest stretch alone
     speed = np.gradient(way)
     free = 2.0 / 3.0 * float(speed.mean() / speed.max()) ** 2
-    hands = hands[:, max(1, int(0.5 * turned / (2.0 * np.pi))) :]
-    total = np.concatenate([np.zeros((2, 1)), np.cumsum(hands, axis=1)], axis=1)
+    rotation_signs = rotation_signs[:, max(1, int(0.5 * turned / (2.0 * np.pi))) :]
+    total = np.concatenate([np.zeros((2, 1)), np.cumsum(rotation_signs, axis=1)], axis=1)
     largest = 0.0
     # bins taken together: an axis that rolls circles at one order, one that slips at many
     for width in (1, 2, 4, 8, 16, 32):
         size = max(24, 2 * width)  # of the other hand
-        if size > hands.shape[1]:
+        if size > rotation_signs.shape[1]:
             break
         own = total[:, width:] - total[:, :-width]
-        first = np.clip(np.arange(own.shape[1]) + (width - size) // 2, 0, hands.shape[1] - size)
+        first = np.clip(np.arange(own.shape[1]) + (width - size) // 2, 0, rotation_signs.shape[1] - size)
         other = (total[:, first + size] - total[:, first])[::-1] * (width / size)
         # ratio of mean powers that chance exceeds once in 10^7: F of two degrees a bin
         chance = fdtri(max(2.0, 2.0 * free * width), max(2.0, 2.0 * free * size), 1.0 - 1e-7)
