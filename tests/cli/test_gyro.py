@@ -243,7 +243,7 @@ RATES, FORCES = ("gyro_x_deg_h", "gyro_y_deg_h"), ("accel_x_m_s2", "accel_y_m_s2
         (lambda: edit(accel_x_m_s2=lambda r: r[FORCES[1]], accel_y_m_s2=lambda r: r[FORCES[0]]), ["index-reversed"]),
         (lambda: edit(index_deg=lambda r: repr((360.0 - float(r["index_deg"])) % 360.0)), ["counterclockwise"]),
         (lambda: edit(index_deg=lambda r: repr(float(np.radians(float(r["index_deg"]))))), ["degrees"]),
-        (lambda: keep(lambda n: n % 4 != 3), ["Station 1: 3 readings", "four"]),
+        (lambda: keep(lambda n: n % 4 != 3), ["Station 1: index positions 0 deg, 90 deg and 180 deg", "four"]),
         (lambda: keep(lambda n: n != 6), ["Station 2", "0 deg, 90 deg and 270 deg"]),
         (lambda: save([rows_of("raw.csv")[n] for n in (0, 2, 1, 3)], "raw.csv"), ["gyro-positions-other"]),
         (lambda: Path("site.toml").write_text("latitude_deg = -45.0\n"), ["latitude of the wrong sign"]),

@@ -111,7 +111,7 @@ def test_stored_correction_gives_the_same_survey(run):
     done = run(*MSA, "--report", "page.html", "--json").ok()
     assert done.json["parameters"]["MBZ"]["u"] < 200.0
     stored = json.loads(Path("corrections.json").read_text())
-    assert (stored["schema"], stored["version"]) == ("inclinometry/corrections", 1)
+    assert (stored["schema"], stored["version"]) == ("inclinometry/corrections", 2)
     assert stored["inputs"]["raw"].startswith("sha256:")
     assert run(*SURVEY, "--correct", "msa").status == 0
     direct = rows_of("survey.csv")
@@ -168,7 +168,7 @@ def test_a_calibrated_tool_by_its_certificate(run, well):
     stored = Path("corrections.json").read_text().replace('"tool": "sha256:', '"tool": "sha256:0')
     Path("other.json").write_text(stored)
     Path("survey.csv").unlink()
-    refused(run(*SURVEY, *tool, "--correct", "other.json"), "another calibration", written=("survey.csv",))
+    refused(run(*SURVEY, *tool, "--correct", "other.json"), "[work-other-tool]", written=("survey.csv",))
     given()
     refused(run(*SURVEY, *tool, "--correct", "msa"), "raw channels", written=("survey.csv",))
 
