@@ -200,7 +200,8 @@ main(sys.argv[1:])
         [sys.executable, "-c", small, *arguments], cwd=scene.folder, capture_output=True, text=True, check=False
     )
     assert found.returncode == 1, found.stderr
-    assert found.stderr.count("[file-unwritable]") == 6
+    assert found.stderr.count("[file-unwritable]") == 3
+    assert "3 more: -v shows all" in found.stderr
     assert "Traceback" not in found.stderr
     assert not [
         n for n in Store(scene.fleet).names("angles") if n.endswith((".part", ".parquet")) and "_delta" not in n

@@ -171,7 +171,7 @@ def test_an_adaptive_plan_goes_on_to_the_wanted_uncertainty_and_stops(laboratory
     rig = find_rig(laboratory.ledger, "stand")
     plan, settings = plan_for("adaptive", laboratory.ledger, "IN-7", rig)
     # the noise of one reading alone gives 0.33 deg
-    page = laboratory.page(laboratory.open(plan, **settings, wanted={"u_azimuth_deg": 0.36}))
+    page = laboratory.page(laboratory.open(plan, **settings, target_u_deg={"u_azimuth_deg": 0.36}))
     page.judge()
     told = []
     while page.open_positions and page.session.attempts.__len__() < 25:
