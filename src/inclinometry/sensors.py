@@ -402,7 +402,7 @@ class Tool(Tabular):
     temperature_range : (float, float), optional
         degC over which the parameters were determined.
     stability : (p, p) array_like, optional
-        Covariance of what the parameters have moved by since they were determined (`inclinometry.stability.aged`); zero
+        Covariance of what the parameters have moved by since they were determined (`stability.add_stability`); zero
         on the day of the calibration.
     """
 
