@@ -141,7 +141,7 @@ def test_files_of_another_kind_are_refused_as_such(run, bench, well):
         ("calibrate a.csv -o b.json --method jonit", "--method: jonit; allowed: joint, "),
         ("field --latitude-deg abc --longitude-deg 4", "--latitude-deg is abc; expected: number"),
         ("calibrate a.csv -o b.json --dip 70", "Did you mean --dip-deg?"),
-        ("calibrate a.csv -o b.json --ignore all", "Unknown option: --ignore. --help has all options. [option-unknown]"),
+        ("calibrate a.csv -o b.json --ignore all", "Unknown option: --ignore. --help has all options."),
         ("calibrate a.csv -o b.json --dip-deg", "--dip-deg needs a value"),
         ("ledger verify lab.sqlite", "Not expected here: lab.sqlite."),
         ("plan twelve -o none/a.csv", "[file-folder-absent]"),

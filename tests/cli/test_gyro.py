@@ -120,7 +120,11 @@ def test_json_is_json_and_warnings_stay_out_of_it(run, simulated):
     for command in (NORTH, SCALE):
         done = run(*command, "-o", "out.csv", "--json")
         assert done.json["stations"] == 15
-        assert "warning: " in done.err
+        assert "warning: " not in done.err  # of a right run
+    simulated("--outlier", "3:2:5")
+    done = run(*NORTH, "-o", "out.csv", "--json")
+    assert done.json["stations"] == 15
+    assert "warning: " in done.err
     done = run("simulate gyro -o b.csv --stations 3 --json")
     assert done.json["readings"] == 12
 
