@@ -304,20 +304,23 @@ def _las(path: Path) -> Pieces:
     return iter([las_frame(path)])
 
 
+def _north() -> str | None:
+    """Of the azimuths, where it is stated for the whole file."""
+    stated = current().constants.get("azimuth_reference")
+    return None if stated is None else str(stated)
+
+
 def _witsml(path: Path) -> Pieces:
     from inclinometry.files.witsml import read_witsml
 
-    stated, trajectory = current().constants.get("azimuth_reference"), current().sheet
-    north = None if stated is None else str(stated)
-    return _survey(path, read_witsml(path, trajectory=trajectory, azimuth_reference=north))
+    return _survey(path, read_witsml(path, trajectory=current().sheet, azimuth_reference=_north()))
 
 
 def _wits(path: Path) -> Pieces:
     from inclinometry.files.wits0 import read_record_7
 
     unit = next((unit for unit in current().units if unit in ("m", "ft")), None)
-    stated = current().constants.get("azimuth_reference")
-    return _survey(path, read_record_7(path, unit, None if stated is None else str(stated)))
+    return _survey(path, read_record_7(path, unit, _north()))
 
 
 def _p7(path: Path) -> Pieces:
@@ -337,6 +340,6 @@ def _survey(path: Path, file: SurveyFile) -> Iterator[Frame]:
 
     # an item of WITS that nothing names
     columns = {f"item {name}" if name.isdigit() else name: column for name, column in columns_of(file).items()}
-    if file.azimuth_reference == current().constants.get("azimuth_reference"):
+    if file.azimuth_reference == _north():
         columns.pop("azimuth_reference", None)  # it is stated for the whole file
     yield Frame(path, columns, np.arange(2, len(file) + 2), 1, findings=file.findings)
