@@ -24,7 +24,7 @@ from inclinometry.calibration.joint import calibrate_joint
 from inclinometry.calibration.plausibility import check_whole, taken_before
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.errors import InclinometryError, settled
-from inclinometry.files.bench_csv import saturation_notes
+from inclinometry.files.bench_csv import saturation
 from inclinometry.findings import Finding
 from inclinometry.simulate.bench import Rig, simulate_bench
 from inclinometry.simulate.tool import realistic_tool
@@ -783,7 +783,7 @@ def bench_faults(runs: int) -> list[dict[str, object]]:
         for k in range(runs):
             run = _bench_fault(words, 50_000 + k)
             mag = run.channels["magnetometer"]
-            rail = saturation_notes("magnetometer", mag, "xyz", run.dials, np.arange(len(run)))  # as the file's reader
+            rail = saturation("magnetometer", mag, "xyz", run.dials, np.arange(len(run)))  # as the file's reader
             try:
                 said += bool(_SPOKEN & {one.code for one in calibrate_joint(run).findings}) or bool(rail)
             except InclinometryError:
@@ -795,7 +795,7 @@ def bench_faults(runs: int) -> list[dict[str, object]]:
 def _said(run: BenchReadings) -> list[str]:
     """What is said of a run before its fit, as it is and in whole counts."""
     counts = [values for raw in run.channels.values() for values in (raw, np.round(raw))]
-    rails = [saturation_notes("magnetometer", values, "xyz", run.dials, np.arange(len(run))) for values in counts]
+    rails = [saturation("magnetometer", values, "xyz", run.dials, np.arange(len(run))) for values in counts]
     return [*map(str, settled(check_whole(run))), *(note for notes in rails for note in notes)]
 
 
