@@ -277,6 +277,8 @@ class ToolCode:
     surface_attitude : the attitude at the wellhead is as uncertain as a station's (ISCWSA from Revision 5), which
         doubles the weight of the first station below it.
     continuous_above : inclination, rad, above which a continuous gyro runs and accumulates.
+    east_west_exclusion : angle, rad, between hole and magnetic east-west below which no azimuth is covered.
+    findings : what was assumed when it was read.
     """
 
     name: str
@@ -289,6 +291,8 @@ class ToolCode:
     vertical: float = np.radians(1e-4)
     surface_attitude: bool = False
     continuous_above: float | None = None
+    east_west_exclusion: float = 0.0
+    findings: tuple[Finding, ...] = ()
 
     def __repr__(self) -> str:
         return f"ToolCode: {self.name}, {len(self.terms)} terms; {self.description}"
