@@ -158,7 +158,7 @@ def _judged_whole(found: Survey, *, calibrated: bool = True) -> Survey:
 
 
 def _without_frozen(found: Survey) -> Survey:
-    """The survey without the angles that a channel of one value spoils, and their uncertainties."""
+    """The survey without the angles that rest on a channel of one value, and their uncertainties."""
     failed = [one for one in found.findings if one.code == "sensor-frozen" and one.severity != "ignored"]
     names = ("inclination", "azimuth", "toolface", "magnetic_toolface")
     gone = np.zeros((len(found), len(names)), dtype=np.bool_)
