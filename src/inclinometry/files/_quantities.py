@@ -127,6 +127,14 @@ def _texts() -> Mapping[str, str]:
     return {name: key for key, names in _data()["text"].items() for name in names}
 
 
+@lru_cache(maxsize=1)
+def words_beyond_ascii() -> frozenset[str]:
+    """Names and units that show the encoding of a text: two letters of Chinese, three of Russian at least."""
+    names = {*_names(), *_texts(), *(word for known in _data()["hole"].values() for word in known)}
+    units = (word for dimension in _data()["units"] for word in _units(dimension))
+    return frozenset(word for word in (*names, *units) if word.isalpha() and len(word.encode()) > len(word) + 2)
+
+
 def _squashed(name: str) -> str:
     return _BETWEEN.sub("", name).lower()
 

@@ -36,10 +36,11 @@ def read_table(
 ) -> Frame:
     """Read a table of any format, a CSV file with one line of column names above all.
 
-    Comma, semicolon or tab; UTF-8, UTF-16 with its mark or Windows-1252; decimal point, or comma where it cannot be
-    mistaken; blank lines, quoted cells and lines that begin with `#` are understood; what could be read in two ways is
-    an error. `numeric` says which names hold numbers, `gaps` which of them may be empty (NaN); with `timed`, date and
-    time become `time_s`, seconds since the first row. `read` reads a file whose beginning need not tell what it is.
+    Comma, semicolon or tab; UTF-8, UTF-16 with its mark, or the encoding in which the letters make words; decimal
+    point, or comma where it cannot be mistaken; blank lines, quoted cells and lines that begin with `#` are understood;
+    what could be read in two ways is an error. `numeric` says which names hold numbers, `gaps` which of them may be
+    empty (NaN); with `timed`, date and time become `time_s`, seconds since the first row. `read` reads a file whose
+    beginning need not tell what it is.
     """
     return TableFile(path, progress, timed=timed, read=read).read(numeric, gaps)
 
@@ -56,7 +57,7 @@ class TableFile:
     ) -> None:
         profile = current()
         self.path, self._profile = Path(path), profile
-        self._lines = LineReader(self.path, progress)
+        self._lines = LineReader(self.path, progress, profile.encoding)
         found: Any = foreign_pieces(self.path, self._lines.hash, read, progress)
         first = None if found is None else next(found)
         self._text: TextTable | None = None
@@ -76,6 +77,7 @@ class TableFile:
             self._text = TextTable(self.path, blocks, self._profile)
             written, self.line = self._text.names, self._text.line
             pieces, self._north = self._text.pieces(), self._text.north
+            self.findings = self._lines.findings
             if "" in written and (one := next(pieces, None)) is not None:
                 # a table that does not begin in the first column of its sheet
                 empty = [
