@@ -115,7 +115,7 @@ def scatter(values: Array, md: Array, weight: Array | float = 1.0) -> float:
 
 
 def last_digit(values: Array) -> float:
-    """The step in which values were written: 1, 0.1, .. 1e-5."""
+    """Last digit of values: 1, 0.1, .. 1e-5."""
     return next(
         (float(s) for s in 10.0 ** -np.arange(5) if (np.abs(values / s - np.round(values / s)) < 1e-5).all()), 1e-5
     )

@@ -95,7 +95,7 @@ def check_depths(md: Array) -> list[Finding]:
 
 
 def _courses_in_feet(course: Array) -> int:
-    """The course from which on courses are as many feet as those before are metres; 0 for none."""
+    """The first of the courses that are as many feet as those before are metres; 0 without any."""
     low, high = np.percentile(course, [20.0, 80.0])
     short, long = (np.flatnonzero(np.abs(course / level - 1.0) < 0.05) for level in (low, high))
     if abs(high / low * FOOT - 1.0) > 0.012 or min(len(short), len(long)) < 3:
@@ -105,7 +105,7 @@ def _courses_in_feet(course: Array) -> int:
 
 
 def check_vertical_depths(run: Run) -> list[Finding]:
-    """Depths whose courses are uneven, and even along the hole of which they would be the true vertical depths."""
+    """Courses are uneven as measured depths and even along the hole as true vertical ones."""
     down, course = np.cos(run.inclination), np.diff(run.md)
     down = 0.5 * (down[1:] + down[:-1])
     if len(course) < 10 or (down < 0.02).any() or (course <= 0.0).any():
@@ -366,7 +366,7 @@ PARTS: Final[Mapping[str, Callable[[Array, Array], tuple[Array, Array]]]] = {
 
 
 def _parts(run: Run, t: Array, smooth: Smoothness) -> list[Finding]:
-    """Jumps behind which the run goes on smoothly in another convention: a wrong quadrant, the other sign of a dip."""
+    """Jumps where the run continues smoothly in another convention: a wrong quadrant, the other sign of a dip."""
     dogleg, course = angle_between(t[1:], t[:-1]), np.diff(run.md)
     # what a whipstock or a turn does in a course stays below this
     allowed = np.maximum(np.radians(12.0), np.radians(0.5) * course) + 6.0 * max(float(np.median(dogleg)), FINEST)
