@@ -504,7 +504,7 @@ def test_numbers_too_large_to_use(tmp_path):
             reader(saved(tmp_path / "a.csv", f"{name},accel_x,accel_y,accel_z\n1,1,1,1\n2,1,1,1e16\n"))
     with refused("input-value", name="accelerometer[0, 1]"):
         BenchReadings({"accelerometer": [[1.0, 1e16]]})
-    with refused("input-value", name="accelerometer sd"):
+    with refused("input-value", name="accelerometer.sd"):
         BenchReadings({"accelerometer": [[1.0, 2.0]]}, sd={"accelerometer": [[1.0, 1e16]]})
 
 

@@ -108,13 +108,15 @@ def survey_file(
     fields even where the survey does not need it.
     """
     if calibration is None or correct is not None or bha is not None:
-        other = "a survey without --calibration" if calibration is None else "--correct, --bha"
-        if second is not None:
-            raise refused("input-not-with", {"name": f"--azimuth-from {second}", "other": other})
-        if hole != "down":
-            raise refused("input-not-with", {"name": "--hole", "other": other})
-        if gravity_sd is not None:
-            raise refused("input-not-with", {"name": "--gravity-sd-percent", "other": other})
+        given = {
+            "--azimuth-from": second is not None,
+            "--hole": hole != "down",
+            "--gravity-sd-percent": gravity_sd is not None,
+        }
+        for name in (one for one, known in given.items() if known):
+            if calibration is None:
+                raise refused("input-needs", {"name": name, "needed": ("--calibration",)})
+            raise refused("input-not-with", {"name": name, "other": "--correct, --bha"})
         run = read_six_axis(
             raw, site, calibration, age, form=form, convention=convention, ignored=ignored, progress=progress
         )
