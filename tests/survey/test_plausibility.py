@@ -216,7 +216,7 @@ def test_a_wrong_quadrant():
     md, inclination, azimuth = hole()
     wrong = np.where((azimuth > 90.0) & (azimuth < 270.0), (azimuth + 180.0) % 360.0, azimuth)
     tilted = md > 600.0
-    found = one(table(md[tilted], inclination[tilted], wrong[tilted]), "run-azimuth-part", mistake="half a turn")
+    found = one(table(md[tilted], inclination[tilted], wrong[tilted]), "run-part", mistake="half a turn")
     assert len(found.rows) == int((azimuth[tilted] > 90.0).sum())
 
 

@@ -203,6 +203,7 @@ class Run(NamedTuple):
     sources : with rows for all stations of the well.
     surface_attitude : whether the attitude at the first station of the well is as uncertain as at the second, which
         then takes all of the first course; None: as the tool code has it.
+    number : of the run, where another lies between two stretches of it; None: each is a run of its own.
     """
 
     first: int
@@ -210,6 +211,7 @@ class Run(NamedTuple):
     code: ToolCode | None = None
     sources: Sequence[MatrixSource] = ()
     surface_attitude: bool | None = None
+    number: int | None = None
 
 
 class _Part(NamedTuple):
@@ -424,7 +426,8 @@ def propagate_runs(survey: WellSurvey, runs: Sequence[Run]) -> PositionUncertain
         mask[run.first : run.last + 1] = 1.0
         for one in _run_sources(survey, run, None if len(runs) == 1 else mask):
             shared = len(runs) == 1 or one.propagation in ("well", "global")
-            pieces.setdefault(one.name if shared else f"run {number}: {one.name}", []).append(one)
+            own = f"run {run.number or number}: {one.name}"
+            pieces.setdefault(one.name if shared else own, []).append(one)
     sources = {name: _joined(name, parts) for name, parts in pieces.items()}
     if not sources:
         raise refused("input-one-of", {"names": ("tool_code", "sources")})

@@ -24,8 +24,8 @@ from inclinometry.findings import Finding, Value, refused_if
 from inclinometry.orientation import angles, dip_angle
 from inclinometry.rotations import wrap_positive
 from inclinometry.survey.path import directions
-from inclinometry.survey.run import JUMP, Channels, Run, Smoothness, scatter, smoothness
-from inclinometry.survey.run_stations import check_depths, check_repeats, check_stations
+from inclinometry.survey.run import JUMP, Channels, Run, Smoothness, last_digit, scatter, smoothness
+from inclinometry.survey.run_stations import check_depths, check_repeats, check_stations, check_vertical_depths
 
 
 def check_run(run: Run) -> list[Finding]:
@@ -38,7 +38,7 @@ def check_run(run: Run) -> list[Finding]:
     if len(rows) < 3:
         return []
     kept = run if len(rows) == len(run.md) else run.rows(rows)
-    found = [*check_depths(kept.md), *check_repeats(kept)]
+    found = [*check_depths(kept.md), *check_vertical_depths(kept), *check_repeats(kept), *_constant(kept)]
     depths_right = not any(one.group == "depths" and one.severity == "refused" for one in found)
     clipped = _clipped(kept)
     ends = [(one.values["sensor"], one.values["axis"]) for one in clipped]
@@ -145,12 +145,6 @@ def _scatters(md: Array, i: Array, a: Array) -> tuple[float, float, float]:
     return scatter(i, md), scatter(turned, md, np.sin(np.radians(i))), scatter(turned, md)
 
 
-def _last_digit(values: Array) -> float:
-    return next(
-        (float(s) for s in 10.0 ** -np.arange(5) if (np.abs(values / s - np.round(values / s)) < 1e-5).all()), 1e-5
-    )
-
-
 def _radians(run: Run) -> list[Finding]:
     """Angles that are degrees by name, and radians by how finely they repeat and where they end; level holes in grads.
 
@@ -162,7 +156,7 @@ def _radians(run: Run) -> list[Finding]:
         return []
     i, a, per = np.degrees(run.inclination), np.degrees(wrap_positive(run.azimuth)), 180.0 / np.pi
     given, best = _scatters(md, i, a), None
-    hidden = given[0] < 0.5 * _last_digit(i), given[2] < 0.5 * _last_digit(a)  # what is rounding tells nothing
+    hidden = given[0] < 0.5 * last_digit(i), given[2] < 0.5 * last_digit(a)  # what is rounding tells nothing
     for of_i, of_a in ((True, True), (True, False), (False, True)):
         ratio = 0.0
         if (of_i and (i.max() > np.pi + 1e-3 or np.ptp(i) < 1e-3 or hidden[0])) or (
@@ -212,6 +206,41 @@ def _level_in_grads(i: Array) -> list[Finding]:
     return [Finding("run-level-grads", {"count": len(level), "inclination_deg": middle, "log_ratio": ratio})]
 
 
+def _constant(run: Run) -> list[Finding]:
+    """An angle that keeps one value, all along or over a part, beside one that scatters as readings do.
+
+    Neighbours are equal with the chance p = digit / (sqrt(4 pi) scatter), at most 0.8: no hole is straighter.
+    """
+    if run.g is not None or np.median(np.diff(run.md)) > 60.0:  # plans are listed so, whose bends look like scatter
+        return []
+    angles_ = {"inclination": np.degrees(run.inclination), "azimuth": np.degrees(wrap_positive(run.azimuth))}
+    for (name, own), other in zip(angles_.items(), reversed(angles_.values()), strict=True):
+        across = np.maximum(np.sin(run.inclination), 0.1)
+        rows = np.flatnonzero((across > 0.1) | (name == "inclination"))
+        edges = np.flatnonzero(np.concatenate([[True], np.diff(own[rows]) != 0.0, [True]]))
+        if len(rows) < 8 or (length := int(np.diff(edges).max())) < 8:
+            continue
+        first = int(edges[np.diff(edges).argmax()])
+        kept = rows[first : first + length]
+        seen, digit = scatter(other[kept], run.md[kept]), last_digit(other[kept])
+        if not max(0.02, digit) < seen < (0.6 if name == "azimuth" else 2.0):
+            continue
+        seen = seen / across[kept].mean() if name == "azimuth" else seen * across[kept].mean()
+        others = np.delete(rows, range(first, first + length))
+        rest = own[others]
+        if len(rest) and scatter(rest, run.md[others]) < 0.02:
+            continue  # a part of a column that nowhere scatters
+        alike = (np.diff(rest) == 0.0).mean() if len(rest) else 0.0
+        digit = last_digit(rest) if len(rest) else digit
+        chance = max(min(digit / (np.sqrt(4.0 * np.pi) * seen), 0.8), alike)
+        ratio = -(length - 1.0) * float(np.log(chance)) - float(np.log(len(rows)))
+        if ratio > np.log(1e5):
+            values: dict[str, Value] = {"angle": name, "value_deg": float(own[kept[0]]), "count": length}
+            ends = {"md_m": float(run.md[kept[0]]), "last_m": float(run.md[kept[-1]]), "log_ratio": ratio}
+            return [Finding("run-constant", values | ends, tuple(kept.tolist()))]
+    return []
+
+
 _CLIMBS: Final = {
     False: ("inclination may be counted from the other end", "If it is, replace it by 180 minus the reading"),
     True: (
@@ -233,6 +262,13 @@ def _beginning(run: Run) -> list[Finding]:
     down = np.cos(np.radians(i))
     climbed = -float(np.sum(0.5 * (down[1:] + down[:-1]) * course))
     mean = float(np.sum(0.5 * (i[1:] + i[:-1]) * course) / length)
+    if at_top and first < 12.0 and i.max() > 110.0 and last > 75.0 and np.diff(i).max() < 25.0:
+        values: dict[str, Value] = {
+            "first_deg": first,
+            "most_deg": float(i.max()),
+            "fits_deg": float(np.degrees(np.arctan(i.max() / 100))),
+        }
+        return [Finding("run-slope", values)]
     if climbed >= 300.0 and mean >= 100.0:
         # log length of wells 2000 m within 0.7, of up-holes 150 m within 0.8; 19 wells of 20 begin vertical
         wells, ups = (
@@ -243,7 +279,7 @@ def _beginning(run: Run) -> list[Finding]:
         ratio = float(wells - ups + np.log(begins))
         if ratio >= np.log(3.0):
             refused = upright and at_top and ratio > np.log(5.0)
-            values: dict[str, Value] = {"climb_m": climbed, "mean_deg": mean, "log_ratio": ratio}
+            values = {"climb_m": climbed, "mean_deg": mean, "log_ratio": ratio}
             values |= dict(zip(("cause", "advice"), _CLIMBS[axes], strict=True))
             return [Finding("run-climbs", values, severity=refused_if(refused))]
     if at_top and abs(first - 90.0) < 4.0 and last < 55.0 and np.mean(np.diff(i) <= 0.5) > 0.8:
