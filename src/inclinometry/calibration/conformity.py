@@ -24,7 +24,7 @@ from inclinometry.calibration.plans import Plan
 from inclinometry.calibration.plausibility import own_readings, repeated_noise
 from inclinometry.calibration.power import Effects, Power, power, times
 from inclinometry.calibration.readings import BenchReadings
-from inclinometry.calibration.result import Calibration
+from inclinometry.calibration.result import Calibration, same_tool
 from inclinometry.calibration.stand_orientation import (
     BaseFit,
     described,
@@ -215,7 +215,11 @@ def verify(
     """
     check_record(readings, BenchReadings, "verify")
     check_record(calibration, Calibration, "verify")
+    same_tool(readings.serial, calibration.tool)
     settled(own_readings(readings, calibration))
+    # all within a degree of one setting
+    if len(readings) > 1 and not agreed and np.ptp(np.stack(readings.dials, axis=1), axis=0).max() < np.radians(1.0):
+        raise refused("verify-one-position", {"count": len(readings)})
     found = _verified(readings, calibration, limits, stand, second, agreed=agreed)
     return replace(found, findings=(*found.findings, *(repeated_noise(readings, calibration) if stand is None else ())))
 

@@ -65,7 +65,8 @@ def diagnose(found: Calibration, done: Fit, expected: ExpectedUncertainty) -> tu
     said += _loose_stand(found, done)
     # what leaves much of the field has said so
     said += [] if noisy else absurd_uncertainty(found.tool, expected)
-    said += [] if outliers else lack_of_fit(done.fitted, found.residuals, done.candidates)
+    # a cause that was found is the cause
+    said += [] if outliers else lack_of_fit(done.fitted, found.residuals, () if shown else done.candidates)
     return list(settled(said)), outliers
 
 

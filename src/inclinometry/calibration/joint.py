@@ -13,6 +13,7 @@ from inclinometry.calibration.diagnosis import diagnose as diagnosed
 from inclinometry.calibration.expected import expected_uncertainty
 from inclinometry.calibration.initial_values import enough
 from inclinometry.calibration.joint_fit import begin, fit_run, result, with_assumed_stand
+from inclinometry.calibration.plausibility import without_effects
 from inclinometry.calibration.readings import BenchReadings
 from inclinometry.calibration.result import Calibration
 from inclinometry.calibration.uncertainty_budget import calibration_shares
@@ -118,7 +119,7 @@ def calibrate_joint(
     expected = expected_uncertainty(found)
     more, outliers = diagnosed(found, done, expected)
     shares = calibration_shares(found, expected)
-    return replace(found, findings=(*said, *more, *found.findings), outliers=outliers, shares=shares)
+    return replace(found, findings=without_effects((*said, *more, *found.findings)), outliers=outliers, shares=shares)
 
 
 def fit_once(readings: BenchReadings, noise_sd: Mapping[str, ArrayLike], rig_sd: ArrayLike, **more: Any) -> Calibration:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import combinations, islice, permutations
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,7 @@ from inclinometry.calibration.result import Calibration
 from inclinometry.calibration.twelve import DOWN
 from inclinometry.calibration.variance import Fitted
 from inclinometry.constants import DIALS
+from inclinometry.digits import coarse_steps, longest_stretch
 from inclinometry.errors import InputError
 from inclinometry.findings import Finding, Value, refused_if
 from inclinometry.rotations import dcm
@@ -57,11 +58,95 @@ class _Whole(NamedTuple):
 
 def check_readings(readings: BenchReadings, *, left_handed: bool = False) -> list[Finding]:
     """Dials in another unit or that count in another way, and mistakes of the file; what is certain is refused."""
-    if radians := _radians(readings):
-        return radians
+    if certain := frozen_channels(readings) or _radians(readings):
+        return certain
     # of two ways to put the dials right the columns come first: they explain more
     found = [*_exchanged_columns(readings), *check_dials(readings, left_handed=left_handed)]
+    found += coarse_steps(
+        readings.channels, {k: float(np.sqrt(3.0) * v.std(axis=0).mean()) for k, v in readings.channels.items()}
+    )
     return found if any(one.severity == "refused" for one in found) else [*found, *check_whole(readings)]
+
+
+_OF_STEPS: Final = (
+    "bench-cause-shown", "bench-channel-noisy", "bench-fit-poor", "bench-residuals-large", "bench-residuals-alike",
+    "bench-dial-misread", "bench-channel-jumped", "bench-drift", "readings-saturated", "readings-saturated-maybe",
+)  # fmt: skip
+"""Findings that coarse steps explain."""
+
+
+def without_effects(found: Iterable[Finding]) -> tuple[Finding, ...]:
+    """Findings without those that coarse steps, where they are among them, explain."""
+    found = tuple(found)
+    steps = any(one.code == "sensor-steps" for one in found)
+    return tuple(one for one in found if not (steps and one.severity == "warning" and one.code in _OF_STEPS))
+
+
+def frozen_channels(readings: BenchReadings) -> list[Finding]:
+    """Channels that keep one value at neighbouring stations at which the others of their triad say that it changed.
+
+    By a fit of the channel to the field that the others see, at the other stations; refused.
+    """
+    found: list[Finding] = []
+    matrix = dcm(*readings.dials)
+    for kind, values in readings.channels.items():
+        for axis, column in enumerate(values.T if values.shape[1] > 1 else ()):
+            first, stop = longest_stretch(column)
+            inside = np.zeros(len(column), dtype=np.bool_)
+            inside[first:stop] = True
+            if stop - first < 4 or (~inside).sum() < 8:
+                continue
+            direction = linear_start(kind, matrix, np.ones((len(column), 1)), np.delete(values, axis, axis=1))[0]
+            seen = np.column_stack([matrix @ direction, np.ones(len(column))])
+            model = np.linalg.lstsq(seen[~inside], column[~inside], rcond=1e-9)[0]
+            expected, rest = seen[inside] @ model, column[~inside]
+            left = float(np.sqrt(np.sum((rest - seen[~inside] @ model) ** 2) / max(len(rest) - 4, 1)))
+            beyond = (column[first] >= rest.max() and (expected > column[first]).all()) or (
+                column[first] <= rest.min() and (expected < column[first]).all()
+            )
+            if beyond or np.ptp(expected) < max(10.0 * left, 0.02 * float(np.linalg.norm(model[:3]))):
+                continue
+            values_: dict[str, Value] = {"sensor": kind, "axis": "xyz"[axis] if axis < 3 else str(axis + 1)}
+            values_ |= {"reading": float(column[first]), "count": stop - first}
+            values_ |= {"first": readings.station[first], "last": readings.station[stop - 1]}
+            found.append(Finding("sensor-frozen", values_, tuple(range(first, stop)), "refused"))
+    return found
+
+
+def _changed(
+    signals: Mapping[str, Array],
+    settings: tuple[Array, Array, Array],
+    own: Mapping[str, float],
+    stations: Sequence[str],
+) -> tuple[float, float, Finding | None]:
+    """Two parts of a run that are fitted apart far better: from a station on, or every second one; with its ratios."""
+    size = len(stations)
+    best: tuple[float, float, Finding | None] = 0.0, 1.0, None
+    parts = [("All stations", start, np.arange(size) >= start) for start in range(6, size - 5)]
+    parts += [("Every second station", 1, np.arange(size) % 2 == 1)] if size >= 12 else []
+    for words, start, late in parts if size <= 60 else ():
+        ratio, times, kinds = 0.0, 1.0, []
+        for kind, values in signals.items():
+            spent = 4 * values.shape[1] + 2
+            freedom = values.size - 2 * spent
+            if freedom <= 0:
+                continue
+            left = sum(
+                _left(kind, values[part], (settings[0][part], settings[1][part], settings[2][part]))
+                for part in (late, ~late)
+            )
+            exact = values.size * 1e-6**2
+            share = (own[kind] + exact) / (freedom + spent) / ((left + exact) / freedom)
+            gained = 0.5 * (freedom * float(np.log(share)) - spent * float(np.log(values.size)))
+            if gained > 0.0:
+                ratio, times = ratio + gained, max(times, float(np.sqrt(share)))
+                kinds.append(kind)
+        if ratio > best[0]:
+            said: dict[str, Value] = {"part": words, "station": stations[start], "kinds": tuple(kinds)}
+            said |= {"times": times, "log_ratio": ratio}
+            found = Finding("bench-set-up-changed", said, tuple(np.flatnonzero(late).tolist()), refused_if(times > 4.0))
+            best = ratio, times, found
+    return best
 
 
 def check_whole(readings: BenchReadings) -> list[Finding]:
@@ -87,6 +172,10 @@ def check_whole(readings: BenchReadings) -> list[Finding]:
             best += _ranked(signals, own, _gains(signals, settings, stations))
             best = sorted((_refine_gain_step(signals, own, settings, *one) for one in best), key=lambda one: -one[0])
     likelihood, drift, far = _drift(signals, settings, own)
+    mixed = shares[kind] > 0.01
+    ratio, times, changed = _changed(signals, settings, own, readings.station) if mixed else (0.0, 1.0, None)
+    if changed and times > 2.0 and ratio > max(_CERTAIN, likelihood, best[0][0] if best else 0.0):
+        return [changed]
     if (
         best
         and best[0][0] > max(_CERTAIN, likelihood)

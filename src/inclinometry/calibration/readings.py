@@ -58,6 +58,8 @@ class BenchReadings(Tabular):
     counted : sequence of str
         How the dials themselves count, where azimuth, inclination and toolface were converted from them: the fields of
         `inclinometry.calibration.conventions.Dials`, which sets it.
+    serial : str
+        Serial number of the tool, where the readings state it.
 
     Raises
     ------
@@ -81,6 +83,7 @@ class BenchReadings(Tabular):
     digest: str = ""
     step: Mapping[str, ArrayLike] = field(default_factory=dict)
     counted: Sequence[str] = ()
+    serial: str = ""
 
     def __post_init__(self) -> None:
         if not self.channels or set(self.channels) - set(KINDS):

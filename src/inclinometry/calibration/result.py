@@ -209,5 +209,12 @@ def same_units(units: Mapping[str, str], tool: Tool) -> None:
             raise refused("fit-units", {"kind": kind, "unit": have, "other": triad.unit})
 
 
+def same_tool(serial: str, tool: Tool) -> None:
+    """Refuse readings whose serial number is not the tool's, where both have one; signs and case do not count."""
+    own, other = ("".join(filter(str.isalnum, one)).casefold() for one in (serial, tool.name))
+    if own and other not in ("", "unnamed", own):
+        raise refused("work-other-tool", {"name": "calibration", "its": tool.name, "own": serial})
+
+
 UNSTATED = "counts"
 """The unit of signals whose column names state none."""

@@ -218,6 +218,8 @@ def calibrate(
             )
         else:
             data = readings_at(readings, _site(site), progress, dials.dials())
+            if tool == "unnamed" and data.serial:
+                wishes = replace(wishes, name=data.serial)
             method = method or usual_method(data)
             with output.busy(f"calibrating, method {method}"):
                 found = calibrate_readings(data, method, wishes)

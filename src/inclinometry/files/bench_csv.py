@@ -16,10 +16,17 @@ from inclinometry.calibration.readings import BenchReadings, converter_steps
 from inclinometry.constants import DIALS
 from inclinometry.errors import FileError, InputError, in_file
 from inclinometry.files import writing
-from inclinometry.files.columns import ANGLES, BENCH, PLAN, REFERENCES, numbers_among
+from inclinometry.files.columns import ANGLES, BENCH, PLAN, REFERENCES, SERIALS, numbers_among
 from inclinometry.files.frame import Frame
 from inclinometry.files.profile import current
-from inclinometry.files.signals import Signals, need_settings, read_settings, read_signals, read_temperature
+from inclinometry.files.signals import (
+    Signals,
+    need_settings,
+    read_serial,
+    read_settings,
+    read_signals,
+    read_temperature,
+)
 from inclinometry.files.survey_csv import differs
 from inclinometry.files.table import read_table
 from inclinometry.files.text import Progress
@@ -463,7 +470,7 @@ def read_bench(path: str | Path, *, progress: Progress | None = None) -> BenchRe
            [3., 1.]])
     """
     table = read_table(path, progress, numeric=numbers_among(BENCH))
-    unused = table.unknown(BENCH)
+    unused = table.unknown((*BENCH, *SERIALS))
     signals, settings = read_signals(table), read_settings(table)
     warned = [*signals.findings, *unused]
     temperature, count = read_temperature(table), _count(table)
@@ -537,6 +544,7 @@ def _merged(
         _reference(table),
         (*repeats.findings, *warned),
         table.digest,
+        serial=read_serial(table),
     )
 
 

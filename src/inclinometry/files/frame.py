@@ -95,6 +95,11 @@ class Frame:
             columns[name] = tuple(compress(cells, kept)) if text else frozen(np.asarray(cells)[kept])
         return replace(self, columns=MappingProxyType(columns), lines=self.lines[kept])
 
+    def reversed(self) -> Frame:
+        """The same table from its last row to its first."""
+        columns = {n: v[::-1] if isinstance(v, tuple) else frozen(v[::-1]) for n, v in self.columns.items()}
+        return replace(self, columns=MappingProxyType(columns), lines=self.lines[::-1])
+
     def require(self, names: Iterable[str]) -> None:
         """FileError for the first of `names` that is missing, with the likely remedy."""
         for name in names:

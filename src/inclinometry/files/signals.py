@@ -13,11 +13,12 @@ from inclinometry.constants import KINDS
 from inclinometry.files.columns import (
     ANGLES,
     KIND_PREFIX,
+    SERIALS,
     Channel,
     channel,
 )
 from inclinometry.files.frame import Frame
-from inclinometry.findings import Finding
+from inclinometry.findings import Finding, Value
 from inclinometry.rotations import wrap_positive
 
 COLDEST, HOTTEST = -100.0, 400.0
@@ -104,6 +105,17 @@ def _deviations(table: Frame, names: Sequence[str]) -> Array:
         name, value = f"{names[column]}_sd", float(sd[row, column])
         raise table.error(Finding("input-value", {"name": name, "value": value, "allowed": ">= 0"}), row)
     return sd
+
+
+def read_serial(table: Frame) -> str:
+    """Serial number of the tool, of the column that has one; FileError where rows are of several tools."""
+    name = next((name for name in SERIALS if name in table), None)
+    cells = table.text(name) if name else ()
+    other = next((row for row, cell in enumerate(cells) if cell != cells[0]), None)
+    if other is not None:
+        facts: dict[str, Value] = {"name": str(name), "value": cells[other], "other": cells[0]}
+        raise table.error(Finding("readings-constant-differs", facts | {"line": int(table.lines[0])}), other)
+    return cells[0].strip() if cells else ""
 
 
 def read_temperature(table: Frame) -> Array | None:

@@ -13,9 +13,9 @@ from numpy.typing import ArrayLike, NDArray
 from inclinometry.arrays import Array, frozen
 from inclinometry.errors import out_of_order, refused, wrong_shape
 from inclinometry.files import writing
-from inclinometry.files.columns import RAW_SURVEY, SURVEY, SURVEY_QUANTITIES, numbers_among
+from inclinometry.files.columns import RAW_SURVEY, SERIALS, SURVEY, SURVEY_QUANTITIES, numbers_among
 from inclinometry.files.frame import Frame
-from inclinometry.files.signals import read_signals, read_temperature
+from inclinometry.files.signals import read_serial, read_signals, read_temperature
 from inclinometry.files.table import TableFile, read_table
 from inclinometry.files.text import Progress
 from inclinometry.findings import Finding, Value
@@ -28,7 +28,7 @@ class RawSurvey(Tabular):
 
     md : (n,) m, strictly increasing. channels : kind -> (n, m) in `units`. temperature : (n,) degC, or None.
     extra : other columns of the file, as text. findings : of the reader.
-    lines : (n,) line of the file of each station. digest : SHA-256 of the file.
+    lines : (n,) line of the file of each station. digest : SHA-256 of the file. serial : of the tool, "" unknown.
     """
 
     md: Array
@@ -39,6 +39,7 @@ class RawSurvey(Tabular):
     findings: tuple[Finding, ...]
     lines: NDArray[np.int64]
     digest: str
+    serial: str = ""
 
     def __len__(self) -> int:
         return len(self.md)
@@ -77,7 +78,10 @@ def read_raw_survey(path: str | Path | TableFile, *, progress: Progress | None =
     """
     opened = path if isinstance(path, TableFile) else TableFile(path, progress)
     table = opened.read(numbers_among(RAW_SURVEY))
-    table.unknown(RAW_SURVEY)
+    table.unknown((*RAW_SURVEY, *SERIALS))
+    upwards = tuple[Finding, ...]()
+    if len(table) > 1 and (np.diff(table.number(table.depth()[0])) < 0.0).all():
+        table, upwards = table.reversed(), (Finding("survey-bottom-up", severity="note"),)
     name, md = table.depth()
     check_increasing(table, name, table.number(name))
     signals = read_signals(table)
@@ -88,9 +92,10 @@ def read_raw_survey(path: str | Path | TableFile, *, progress: Progress | None =
         temperature,
         MappingProxyType(signals.units),
         MappingProxyType({name: cells for name, cells in table.columns.items() if isinstance(cells, tuple)}),
-        signals.findings,
+        (*signals.findings, *upwards),
         table.lines,
         table.digest,
+        read_serial(table),
     )
 
 

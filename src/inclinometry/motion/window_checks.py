@@ -11,6 +11,7 @@ import numpy as np
 
 from inclinometry.arrays import Array, Mask, within
 from inclinometry.constants import STANDARD_GRAVITY
+from inclinometry.digits import longest_stretch
 from inclinometry.earth.site import Site
 from inclinometry.errors import out_of_range
 from inclinometry.findings import Finding, Value
@@ -103,11 +104,7 @@ def stuck_faults(window: Samples) -> list[Fault]:
         if values is None or len(values) < LEAST_RUN:
             continue
         for place, axis in enumerate("xyz"):
-            # the longest stretch of one value: first and last + 1 sample
-            edges = np.flatnonzero(np.diff(values[:, place]) != 0.0) + 1
-            starts, stops = np.append(0, edges), np.append(edges, len(values))
-            best = int(np.argmax(stops - starts))
-            run = int(starts[best]), int(stops[best])
+            run = longest_stretch(values[:, place])
             if run[1] - run[0] < max(LEAST_RUN, 0.1 * len(values)):
                 continue
             if place < 2:

@@ -20,6 +20,7 @@ import numpy as np
 
 from inclinometry.arrays import Array, Index, Mask
 from inclinometry.constants import STANDARD_GRAVITY, VECTORS
+from inclinometry.digits import coarse_steps, longest_stretch
 from inclinometry.findings import Finding, Value, refused_if
 from inclinometry.orientation import angles, dip_angle
 from inclinometry.rotations import wrap_positive
@@ -40,6 +41,7 @@ def check_run(run: Run) -> list[Finding]:
     kept = run if len(rows) == len(run.md) else run.rows(rows)
     found = [*check_depths(kept.md), *check_vertical_depths(kept), *check_repeats(kept), *_constant(kept)]
     depths_right = not any(one.group == "depths" and one.severity == "refused" for one in found)
+    found += _steps(kept)
     clipped = _clipped(kept)
     ends = [(one.values["sensor"], one.values["axis"]) for one in clipped]
     if frozen := [one for one in frozen_channels(kept) if (one.values["sensor"], one.values["axis"]) not in ends]:
@@ -494,6 +496,14 @@ def _gain_step(run: Run) -> list[Finding]:
     return []
 
 
+def _steps(run: Run) -> list[Finding]:
+    """Channels in coarse steps of their fields."""
+    triads = {kind: v for kind, v in zip(VECTORS, (run.g, run.b), strict=True) if v is not None}
+    readings = {kind: run.channels.get(kind, v) for kind, v in triads.items()}
+    sizes = {k: float(np.linalg.norm(v, axis=1).mean() / max(v.std(), 1e-300)) for k, v in triads.items()}
+    return coarse_steps(readings, {kind: size * float(readings[kind].std()) for kind, size in sizes.items()})
+
+
 def frozen_channels(run: Run) -> list[Finding]:
     """Channels that keep one value to the last digit while the others of their triad move, beyond what digits explain.
 
@@ -506,24 +516,21 @@ def frozen_channels(run: Run) -> list[Finding]:
     for kind, fields in triads.items():
         same = equal[kind] & ~equal[kind].all(axis=1)[:, None]
         for axis, column in enumerate(readings[kind].T):
-            edges = np.flatnonzero(np.diff(np.r_[False, equal[kind][:, axis], False])).reshape(-1, 2)
-            first, last = max(edges.tolist(), key=lambda one: one[1] - one[0], default=(0, 0))
+            first, stop = longest_stretch(column)
             inside = np.zeros(len(column), bool)
-            inside[first : last + 1] = True
+            inside[first:stop] = True
             others = np.delete(same, axis, axis=1).sum() + same[~inside[1:], axis].sum()
             share = (others + 0.5) / (2.0 * len(same) + (~inside[1:]).sum() + 1.0)
-            count = int(same[first:last, axis].sum())
+            count = int(same[first : stop - 1, axis].sum())
             if count < 3 or len(column) * share**count > 1e-4:
                 continue
-            if _contradicted(run, kind, inside) or (
-                _noise_shows(fields, column, axis, inside)
-                and not any((v[first:last, k].mean() > 0.5) for name, v in equal.items() for k in range(v.shape[1])
-                            if (name, k) != (kind, axis))
-            ):  # fmt: skip
+            still = [pairs[first : stop - 1].mean(axis=0) > 0.5 for pairs in equal.values()]
+            alone = int(np.concatenate(still).sum()) == 1
+            if _contradicted(run, kind, inside) or (alone and _noise_shows(fields, column, axis, inside)):
                 name = "xyz"[axis] if readings[kind].shape[1] == 3 else str(axis + 1)
                 facts: dict[str, Value] = {"sensor": kind, "axis": name, "reading": float(column[first])}
-                facts |= {"count": last - first + 1, "first": str(first + 1), "last": str(last + 1)}
-                found.append(Finding("sensor-frozen", facts, tuple(range(first, last + 1))))
+                facts |= {"count": stop - first, "first": str(first + 1), "last": str(stop)}
+                found.append(Finding("sensor-frozen", facts, tuple(range(first, stop))))
     return found
 
 

@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from inclinometry.arrays import Array, Mask
-from inclinometry.calibration.result import Calibration, same_units
+from inclinometry.calibration.result import Calibration, same_tool, same_units
 from inclinometry.constants import STANDARD_GRAVITY, VECTORS
 from inclinometry.digest import digest_file
 from inclinometry.earth.site import Site, convert_azimuth
@@ -112,6 +112,7 @@ def tool_stations(
         return replace(stations, history=(REBUILT, *stations.history[1:])), found
     raw = read_raw_survey(table)
     same_units(raw.units, record.tool)
+    same_tool(raw.serial, record.tool)
     stations = stations_from_tool(
         raw.md, raw.channels, record.tool, temperature=raw.temperature, g=site.gravity, b=site.b
     )
@@ -145,6 +146,7 @@ def check_raw(raw: RawSurvey, record: Calibration | None, site: Site) -> list[Fi
     """
     if record is not None:
         same_units(raw.units, record.tool)
+        same_tool(raw.serial, record.tool)
         if all(kind in raw.channels and kind in record.tool.triads for kind in VECTORS) and all(
             record.tool.triads[kind].full for kind in VECTORS
         ):

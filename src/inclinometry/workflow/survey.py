@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from inclinometry.calibration.result import Calibration, same_units
+from inclinometry.calibration.result import Calibration, same_tool, same_units
 from inclinometry.constants import VECTORS
 from inclinometry.digest import digest_file
 from inclinometry.earth.site import Site
@@ -69,6 +69,7 @@ def survey_raw(
     check_record(raw, RawSurvey, "survey_raw")
     check_record(calibration, Calibration, "survey_raw")
     same_units(raw.units, calibration.tool)
+    same_tool(raw.serial, calibration.tool)
     found = reduce_survey(
         raw.md,
         raw.channels,
@@ -178,7 +179,7 @@ def _most_off(found: Survey, judged: Sequence[str]) -> Survey:
     """The survey with one finding, the first, where most stations are out of tolerance."""
     off = [one for one in found.findings if one.code == "survey-flagged" and one.values["flag"] in judged]
     off = [one for one in off if 2 * len(one.rows) > len(found) >= 4]
-    if not off:
+    if not off or any(one.code == "sensor-steps" for one in found.findings):
         return found
     causes = tuple(dict.fromkeys(_OFF[str(one.values["flag"])][1] for one in off))
     rows = tuple(sorted({row for one in off for row in one.rows}))
