@@ -430,3 +430,41 @@ def test_agreed_limits_that_find_only_a_much_worse_tool_reserve_the_pass():
         assert (seen.power.factor > 10.0) is reserved
         assert ("verify-detects-little" in coded(seen.reservations)) is reserved
         assert seen.judgement == ("pass, with reservations" if reserved else "pass")
+
+
+def changed(change):
+    """A run whose channels were changed: kind -> (K, 3), in place."""
+    one = run()
+    channels = {kind: values.copy() for kind, values in one.channels.items()}
+    change(channels)
+    return replace(one, channels=channels)
+
+
+@pytest.mark.parametrize(
+    ("change", "codes"),
+    [
+        (lambda c: c["magnetometer"].__setitem__((slice(12, None), 1), c["magnetometer"][12, 1]), {"sensor-frozen"}),
+        (lambda c: c.update({k: np.round(v / 50.0) * 50.0 for k, v in c.items()}), {"sensor-steps"}),
+        (lambda c: c.update({k: np.round(v / 2.0) * 2.0 for k, v in c.items()}), set()),
+        (lambda c: c["magnetometer"][12:].__imul__([1.08, 0.95, 1.03]), {"bench-set-up-changed"}),
+        (lambda c: c["magnetometer"][1::2].__iadd__([150.0, -90.0, 60.0]), {"bench-set-up-changed"}),
+    ],
+)
+def test_channels_that_fail_and_mixed_runs_are_named(change, codes):
+    assert {one.code for one in check_readings(changed(change))} == codes
+
+
+def test_one_position_is_no_verification():
+    found = calibrate_joint(run())
+    again = run(2).take([3] * 5)
+    noise = np.random.default_rng(1)
+    noisy = {kind: values + noise.normal(0.0, 0.5, values.shape) for kind, values in again.channels.items()}
+    with coded("verify-one-position"):
+        verify(replace(again, channels=noisy, digest=""), found)
+
+
+def test_serial_numbers_are_compared():
+    found = calibrate_joint(run(), name="IN-7")
+    verify(replace(run(2), serial="in 7"), found)
+    with coded("work-other-tool"):
+        verify(replace(run(2), serial="IN-8"), found)

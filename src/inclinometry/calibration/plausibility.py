@@ -123,7 +123,7 @@ def _changed(
     size = len(stations)
     best: tuple[float, float, Finding | None] = 0.0, 1.0, None
     parts = [("All stations", start, np.arange(size) >= start) for start in range(6, size - 5)]
-    parts += [("Every second station", 1, np.arange(size) % 2 == 1)] if size >= 12 else []
+    parts += [("Alternate stations", 1, np.arange(size) % 2 == 1)] if size >= 12 else []
     for words, start, late in parts if size <= 60 else ():
         ratio, times, kinds = 0.0, 1.0, []
         for kind, values in signals.items():
@@ -174,7 +174,12 @@ def check_whole(readings: BenchReadings) -> list[Finding]:
     likelihood, drift, far = _drift(signals, settings, own)
     mixed = shares[kind] > 0.01
     ratio, times, changed = _changed(signals, settings, own, readings.station) if mixed else (0.0, 1.0, None)
-    if changed and times > 2.0 and ratio > max(_CERTAIN, likelihood, best[0][0] if best else 0.0):
+    if (
+        changed
+        and times > 2.0
+        and ratio > max(_CERTAIN, likelihood, best[0][0] if best else 0.0)
+        and not _few_odd(readings, signals, own, times)
+    ):
         return [changed]
     if (
         best
@@ -237,6 +242,21 @@ def odd_stations(readings: BenchReadings) -> list[int]:
     return list(rows)
 
 
+def _few_odd(readings: BenchReadings, signals: Mapping[str, Array], own: Mapping[str, float], times: float) -> bool:
+    """Whether a run without one station, or the odd ones, fits nearly as many times better: those alone are wrong."""
+    for rows in [*((row,) for row in range(len(readings))), tuple(odd_stations(readings))]:
+        azimuth, inclination, toolface = (np.delete(dial, rows) for dial in readings.dials)
+        kept = {kind: np.delete(values, rows, axis=0) for kind, values in signals.items()}
+        left = max(
+            _left(kind, values, (azimuth, inclination, toolface)) / values.size / (own[kind] / signals[kind].size)
+            for kind, values in kept.items()
+            if own[kind] == max(own.values())
+        )
+        if left < 2.0 / times**2:
+            return True
+    return False
+
+
 def _freedom(values: Array, stations: int) -> int:
     """Degrees of freedom that the linear fit of a triad leaves."""
     return max((stations - 4) * int(values.shape[1]) - 2, 1)
@@ -263,7 +283,11 @@ def unexplained(readings: BenchReadings | None, fitted: Fitted) -> list[Finding]
     found = check_noise(fitted.model, fitted.state, fitted.marginal_residual(), fitted.degrees_of_freedom)
     if readings is None:
         return [one for one in found if one.severity == "refused"]
-    rows = odd_stations(readings) if found else []
+    # dials with a standard deviation of 0.5 deg leave a hundredth of the field
+    share = max(
+        np.sqrt(_left(kind, values, readings.dials) / values.size) for kind, values in _in_fields(readings).items()
+    )
+    rows = odd_stations(readings) if found or share > 0.01 else []
     names = [readings.station[row] for row in rows]
     if names and any(one.severity == "refused" for one in found):
         return [misfit(names, rows)]
