@@ -252,7 +252,7 @@ def _span(
     """Whether the log goes up by its header, and data beyond STRT or STOP; FileError where they end before."""
     ends = dict[str, float]()
     for name in ("STRT", "STOP"):
-        item = next((item for item in las.well if str(item.original_mnemonic).upper() == name), None)
+        item = _item(las.well, name)
         unit = "" if item is None else str(item.unit).strip()
         if unit and index_unit and not same_unit(unit, index_unit):
             raise FileError(Finding("table-units", {"column": name, "units": (unit, index_unit)}), path=path)
@@ -320,9 +320,14 @@ def _quiet(name: str) -> Iterator[None]:
         logger.setLevel(before)
 
 
+def _item(section: Any, name: str) -> Any:
+    """An item of a section, or None."""
+    return next((item for item in section if str(item.original_mnemonic).upper() == name), None)
+
+
 def _value(section: Any, name: str) -> Any:
-    """Value of an item of a section, or None."""
-    return next((item.value for item in section if str(item.original_mnemonic).upper() == name), None)
+    """Its value, or None."""
+    return getattr(_item(section, name), "value", None)
 
 
 def _null(path: Path, las: Any) -> float:
