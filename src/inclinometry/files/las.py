@@ -61,7 +61,7 @@ def split_at_data(path: str | Path, text: str, sheet: str | None = None) -> Sect
     Raises
     ------
     FileError
-        No section at all, none of data, several of which none is the usual one.
+        No section at all, none of data, several and none of them the usual one.
     """
     lines = text.splitlines()
     titles = {i: line.strip().upper() for i, line in enumerate(lines) if line.lstrip().startswith("~")}
@@ -261,7 +261,7 @@ def las_frame(where: Path) -> Frame:
 
 
 def _span(path: Path, las: Any, index_unit: str | None, depth: Array, rows: NDArray[np.int64]) -> list[Finding]:
-    """Data beyond STRT or STOP, which may be exchanged; FileError where they end before."""
+    """Data beyond STRT or STOP, whose order may be wrong; FileError where they end before."""
     ends = dict[str, float]()
     for name in ("STRT", "STOP"):
         item = _item(las.well, name)
