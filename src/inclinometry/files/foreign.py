@@ -94,7 +94,7 @@ def _kind(start: bytes) -> Read | None:
     text = (wide(start) or start).removeprefix(b"\xef\xbb\xbf").lstrip()
     if read is None and text[:1] in (b"{", b"["):
         return _json
-    if read is None and re.match(rb"(#[^\n]*\s+)*~V", text, re.I):
+    if read is None and re.match(rb"(#[^\n]*\s+)*~[VWC]", text, re.I):
         return _las
     if read is None and re.match(rb"&&\s", text):
         return _wits
@@ -324,15 +324,9 @@ def _wits(path: Path) -> Pieces:
 
 
 def _p7(path: Path) -> Pieces:
-    from inclinometry.files.p7 import read_p7
+    from inclinometry.files.p7 import read_p7_survey
 
-    surveys, sheet = {str(number): survey for number, survey in read_p7(path).surveys.items()}, current().sheet
-    if sheet is None and len(surveys) != 1:
-        raise FileError(Finding("file-surveys", {"names": tuple(surveys)}), path=path)
-    if sheet not in (None, *surveys):
-        choice = Finding("input-choice", {"name": "--sheet", "value": sheet or "-", "allowed": tuple(surveys)})
-        raise FileError(choice, path=path)
-    return _survey(path, surveys[sheet or next(iter(surveys))])
+    return _survey(path, read_p7_survey(path, azimuth_reference=_north(), sheet=current().sheet))
 
 
 def _survey(path: Path, file: SurveyFile) -> Iterator[Frame]:

@@ -46,7 +46,12 @@ def check_run(run: Run, sharpest: float = SHARPEST) -> list[Finding]:
         return check_stations(kept, sharpest) if len(rows) == 2 else []
     found = [*check_depths(kept.md), *check_vertical_depths(kept), *check_repeats(kept), *_constant(kept)]
     depths_right = not any(one.group == "depths" and one.severity == "refused" for one in found)
-    if clipped := _clipped(kept):
+    clipped = _clipped(kept)
+    ends = [(one.values["sensor"], one.values["axis"]) for one in clipped]
+    if frozen := [one for one in frozen_channels(kept) if (one.values["sensor"], one.values["axis"]) not in ends]:
+        rest = np.setdiff1d(np.arange(len(kept.md)), [row for one in frozen for row in one.rows])
+        found = [*frozen, *(_placed(one, rest) for one in check_run(kept.rows(rest)))]
+    elif clipped:
         # what is wrong with the columns shows without the stations that are clipped
         rest = np.setdiff1d(np.arange(len(kept.md)), [row for one in clipped for row in one.rows])
         others = [one for one in check_run(kept.rows(rest)) if one.group in ("axes", "columns", "units")]
@@ -466,7 +471,7 @@ def _units(sizes: Mapping[str, Array]) -> list[Finding]:
 
 def _gain_step(run: Run) -> list[Finding]:
     """A sensor, or a triad, whose gain changes midway, by least squares of the field's length after each station."""
-    for kind, values, least in zip(VECTORS, (run.g, run.b), (0.02, 0.1), strict=True):
+    for kind, values, least in zip(VECTORS, (run.g, run.b), (0.02, 0.02), strict=True):
         if values is None or len(values) < 8:
             continue
         squares = values**2
@@ -486,13 +491,72 @@ def _gain_step(run: Run) -> list[Finding]:
                 left = float(np.std(fixed / np.median(fixed)))
                 if best is None or left < best[0]:
                     best = left, axis, row, 1.0 / np.sqrt(gain), _spread(fixed / np.median(fixed))
-        if best is not None and best[4] < 0.2 * before:
+        # offsets, of sensors or of the assembly, make totals step where the hole bends
+        offsets = np.linalg.lstsq(np.column_stack([values, np.ones(len(values))]), length, rcond=None)[0][:-1]
+        even = np.sqrt(np.maximum(length - values @ offsets, 0.0))
+        if best is not None and best[4] < 0.2 * min(before, _spread(even / max(float(np.median(even)), 1e-300))):
             _, axis, row, factor, undone = best
             facts: dict[str, Value] = {"sensor": kind, "axis": axis, "gain": float(factor), "station": row + 1}
             facts |= {"md_m": float(run.md[row]), "scatter_percent": 100.0 * before, "left_percent": 100.0 * undone}
             severity = refused_if(abs(np.log(factor)) > 0.2)
             return [Finding("run-gain-step", facts, tuple(range(row, len(run.md))), severity)]
     return []
+
+
+def frozen_channels(run: Run) -> list[Finding]:
+    """Channels that keep one value to the last digit while the others of their triad move, beyond what digits explain.
+
+    The totals contradict the value, or, where the field hardly depends on it, noise is wider than its last digit.
+    """
+    found: list[Finding] = []
+    triads = {kind: v for kind, v in zip(VECTORS, (run.g, run.b), strict=True) if v is not None}
+    readings = {kind: run.channels.get(kind, v) for kind, v in triads.items()}
+    equal = {kind: v[1:] == v[:-1] for kind, v in readings.items()}
+    for kind, fields in triads.items():
+        same = equal[kind] & ~equal[kind].all(axis=1)[:, None]
+        for axis, column in enumerate(readings[kind].T):
+            edges = np.flatnonzero(np.diff(np.r_[False, equal[kind][:, axis], False])).reshape(-1, 2)
+            first, last = max(edges.tolist(), key=lambda one: one[1] - one[0], default=(0, 0))
+            inside = np.zeros(len(column), bool)
+            inside[first : last + 1] = True
+            others = np.delete(same, axis, axis=1).sum() + same[~inside[1:], axis].sum()
+            share = (others + 0.5) / (2.0 * len(same) + (~inside[1:]).sum() + 1.0)
+            count = int(same[first:last, axis].sum())
+            if count < 3 or len(column) * share**count > 1e-4:
+                continue
+            if _contradicted(run, kind, inside) or (
+                _noise_shows(fields, column, axis, inside)
+                and not any((v[first:last, k].mean() > 0.5) for name, v in equal.items() for k in range(v.shape[1])
+                            if (name, k) != (kind, axis))
+            ):  # fmt: skip
+                name = "xyz"[axis] if readings[kind].shape[1] == 3 else str(axis + 1)
+                facts: dict[str, Value] = {"sensor": kind, "axis": name, "reading": float(column[first])}
+                facts |= {"count": last - first + 1, "first": str(first + 1), "last": str(last + 1)}
+                found.append(Finding("sensor-frozen", facts, tuple(range(first, last + 1))))
+    return found
+
+
+def _contradicted(run: Run, kind: str, inside: Mask) -> bool:
+    """Whether totals of a triad at some stations are far from those of the others."""
+    off = np.zeros(len(inside))
+    for name in ("g",) if kind == VECTORS[0] else ("b", "dip"):
+        values = run.totals[name]
+        usual = values[~inside] if (~inside).sum() >= 4 else values
+        off = np.maximum(off, np.abs(values - np.median(usual)) / max(_robust(usual), LEAST_SCATTER[name]))
+    return int((off[inside] > 5.0).sum()) >= 2
+
+
+def _noise_shows(fields: Array, column: Array, axis: int, inside: Mask) -> bool:
+    """Whether noise is wider than the last digit of a channel, which sees the field's direction in first order."""
+    strength = np.linalg.norm(fields, axis=1)
+    steps = np.diff(np.unique(column))
+    gain = float(np.ptp(fields[:, axis]) / max(float(np.ptp(column)), 1e-300))
+    digit = gain * float(steps.min(initial=np.inf)) / float(np.median(strength))
+    noise = 0.6 * float(np.median(np.abs(np.diff(strength, 2)))) / float(np.median(strength))
+    # gravity along a hole, of accelerometers of little noise, hardly changes with the hole's direction
+    along = float(np.median(np.abs(fields[inside, axis]) / strength[inside]))
+    still = along > 0.9 and abs(float(np.median(strength)) / STANDARD_GRAVITY - 1.0) < 0.2
+    return digit < 1e-4 and noise > 2.0 * digit and not still
 
 
 def _clipped(run: Run) -> list[Finding]:
