@@ -213,5 +213,5 @@ def test_an_interruption_leaves_nothing(tmp_path):
     _, err = child.communicate(timeout=120)
     # a shell says 130 for both: Python ends by the signal itself where it came inside a generated piece of code
     assert child.returncode in (130, -signal.SIGINT)
-    assert "interrupted; nothing half-written" in err
+    assert "[option-interrupted]" in err
     assert not list(tmp_path.iterdir())

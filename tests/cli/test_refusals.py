@@ -208,12 +208,16 @@ def broken(error):
 @pytest.mark.parametrize(
     ("error", "status", "part"),
     [
-        (ZeroDivisionError("odd"), 3, "internal error: ZeroDivisionError: odd (set INCLINOMETRY_TRACEBACK=1"),
-        (KeyError("gone"), 3, "internal error: KeyError"),
+        (
+            ZeroDivisionError("odd"),
+            3,
+            "ZeroDivisionError: odd. Set INCLINOMETRY_TRACEBACK=1 and report what is shown. [option-internal]",
+        ),
+        (KeyError("gone"), 3, "KeyError: 'gone'"),
         (np.linalg.LinAlgError("singular"), 2, "singular. Check the input for extreme values. [input-overflow"),
         (OverflowError("too large"), 2, "[input-overflow"),
         (MemoryError(), 2, "[option-memory]"),
-        (KeyboardInterrupt(), 130, "interrupted; nothing half-written"),
+        (KeyboardInterrupt(), 130, "[option-interrupted]"),
     ],
 )
 def test_errors_nobody_foresaw(run, monkeypatch, error, status, part):
@@ -247,14 +251,15 @@ def test_interrupt_while_importing(tmp_path):
         "import sys\n"
         "class Interrupting:\n"
         "    def find_spec(self, name, path=None, target=None):\n"
-        "        if name == 'cyclopts': raise KeyboardInterrupt\n"
+        "        if name == 'cyclopts' and sys.meta_path.pop(0): raise KeyboardInterrupt\n"
         "from inclinometry.cli import main\n"
         "sys.meta_path.insert(0, Interrupting())\n"
         "main(['--help'])\n"
     )
     done = subprocess.run([sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 130
-    assert done.stderr == "interrupted; nothing half-written\n"
+    assert done.stderr.endswith("[option-interrupted]\n")
+    assert len(done.stderr.splitlines()) == 1
 
 
 @pytest.mark.parametrize(

@@ -26,7 +26,11 @@ def casing(folder, columns, rows=None):
 
 
 @pytest.mark.parametrize(
-    ("unit", "size"), [("digi_25000", 25000.0), ("digi-20000", 20000.0), ("sin", 1.0), ("mm", 500.0)]
+    ("unit", "size"),
+    [
+        *(("digi_25000", 25000.0), ("digi-20000", 20000.0), ("digi 50000", 50000.0), ("sin", 1.0)),
+        *(("mm", 500.0), ("m", 0.5), ("metres", 0.5), ("ft", 0.5 / FOOT), ("inch", 0.5 / 0.0254)),
+    ],
 )
 def test_every_unit_is_the_same_casing(tmp_path, unit, size):
     """12 depths half a metre apart, the lowest first; 1 mm over one step is 1/500."""
@@ -46,6 +50,13 @@ def test_degrees_feet_and_a_single_run(tmp_path):
     (one,) = found.findings
     assert (one.code, one.values["reading"]) == ("holes-unknown", "casing.csv")
     assert one.values["advice"] == "Read a second run, turned by half a turn"
+
+
+def test_readings_in_metres_that_are_taken_for_millimetres_are_too_straight_for_a_casing(tmp_path):
+    columns = {"depth_m": DEPTH, "A+": 0.5 * TILT, "A-": -0.5 * TILT}
+    found = read_casing(casing(tmp_path, columns), "mm")
+    assert [(one.code, one.values["unit"]) for one in found.findings] == [("readings-unit-small", "mm")]
+    assert read_casing(casing(tmp_path, columns), "m").findings == ()
 
 
 def spoilt(values, place, value):
@@ -68,6 +79,7 @@ A = {"depth_m": DEPTH, "a0_sin": TILT, "a180_sin": -TILT}
         (A | {"b0_mm": TILT, "b180_mm": -TILT}, 1, "table-units"),
         ({"depth_m": DEPTH, "a0": TILT}, 1, "readings-unit-unstated"),
         ({"depth_m": DEPTH, "a0_furlong": TILT}, 1, "readings-unit-unstated"),
+        ({"depth_m": DEPTH, "a0_digi-0": TILT}, 1, "readings-unit-unstated"),
         (A | {"a0_sin": spoilt(TILT, 6, 1.5)}, 8, "input-value"),
         ({"depth_m": DEPTH, "a0_deg": spoilt(TILT, 6, 91.0)}, 8, "input-value"),
         (A | {"a180_sin": TILT}, 1, "holes-correlation"),

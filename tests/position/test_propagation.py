@@ -156,7 +156,7 @@ def test_directions_stand_in_for_angles_at_vertical_stations():
     pair = term("N", weights=weights, singular="100", **options), term("E", weights=other, singular="010", **options)
     expected = propagate(survey, code_of(*pair)).covariance
     np.testing.assert_allclose(propagate(survey, sources=[source]).covariance, expected, rtol=1e-10, atol=1e-14)
-    with refused("input-finite", name="by_angles of 'tilt'[0, 2, 0]"):
+    with refused("input-finite", name="tilt.by_angles[0, 2, 0]"):
         MatrixSource("tilt", angles, np.eye(2))
 
 
@@ -278,7 +278,7 @@ def test_errors_name_what_is_missing(columns):
     source = MatrixSource("SAG", np.ones((len(MD), 3, 1)), np.eye(1))
     with refused("input-repeated", name="sources"):
         propagate(well(), code_of(SAG), [source])
-    with refused("input-shape", name="by_angles of short"):
+    with refused("input-shape", name="short.by_angles"):
         propagate(well(), sources=[MatrixSource("short", np.ones((2, 3, 1)), np.eye(1))])
     flat = term("FLAT", 1.0, "deg", "systematic", ("0", "0", "1 / Sin(Inc)"))
     with refused("position-weight"):
@@ -319,3 +319,18 @@ def test_surveys_that_cannot_be_used(change, message):
     well_survey(**good)
     with refused(message):
         well_survey(**{**good, **change})
+
+
+def test_between_stations_errors_are_linear_in_depth(iscwsa):
+    found = propagate(iscwsa["3"], load_tool_code("iscwsa-mwd-rev5.1"))
+    md = found.survey.md
+    np.testing.assert_allclose(found.between(md), found.covariance, rtol=1e-12, atol=1e-12)
+    at = md[40] + 0.25 * (md[41] - md[40])
+    wanted = np.zeros((3, 3))
+    for one in found.sources.values():
+        if one.propagation == "random":
+            wanted += 0.75 * one.covariance[40] + 0.25 * one.covariance[41]
+        else:
+            mean = 0.75 * one.vectors[:, 40] + 0.25 * one.vectors[:, 41]
+            wanted += mean.T @ mean
+    np.testing.assert_allclose(found.between(np.array([at]))[0], wanted, rtol=1e-10, atol=1e-12)

@@ -38,8 +38,7 @@ def main(arguments: list[str] | None = None) -> None:
                 warnings.simplefilter("ignore")
             status = _run(given)
     except KeyboardInterrupt:
-        _say("interrupted; nothing half-written")
-        status = 130
+        status = _misused("option-interrupted", given, {}, 130)
     except BrokenPipeError:
         # the reader of a pipe has gone: not an error of ours, and nothing more can be said on that stream
         sys.stderr.close()
@@ -59,9 +58,7 @@ def main(arguments: list[str] | None = None) -> None:
         elif isinstance(error, OverflowError) or "LinAlgError" in [kind.__name__ for kind in type(error).__mro__]:
             status = _misused("input-overflow", given, {"name": what})
         else:
-            name = type(error).__name__
-            _say(f"inclinometry: internal error: {name}: {what} (set INCLINOMETRY_TRACEBACK=1 to see where)")
-            status = 3
+            status = _misused("option-internal", given, {"kind": type(error).__name__, "reason": what}, 3)
     sys.exit(status)
 
 
@@ -165,35 +162,29 @@ def _unknown(error: UnknownOptionError, arguments: list[str]) -> int:
     return _misused("option-unknown", arguments, {"name": option})
 
 
-def _misused(code: str, arguments: list[str], values: dict[str, str]) -> int:
-    """Say why a command cannot be run as it was given."""
+def _misused(code: str, arguments: list[str], values: dict[str, str], status: int = 2) -> int:
+    """Say why a command cannot be run as it was given, or has ended."""
     from inclinometry.errors import refused
 
-    return _refused(refused(code, values), arguments)
+    return _refused(refused(code, values), arguments, status)
 
 
-def _refused(error: InclinometryError, arguments: list[str]) -> int:
+def _refused(error: InclinometryError, arguments: list[str], status: int = 2) -> int:
     """Say a refusal with its code, and how to accept the file in spite of it; with --json as data too."""
+    from inclinometry.cli.output import print_json, wrapped
     from inclinometry.errors import FileError
 
     found = error.finding
-    if found is not None and "--json" in arguments:
-        from inclinometry.cli.output import print_json
-
+    if "--json" in arguments:
         where = {"file": error.path, "line": error.line, "row": error.row} if isinstance(error, FileError) else {}
         print_json({"findings": [found.plain() | where]})
-    accepts = "" if found is None or not found.group else f"; --ignore {found.code} accepts the file"
-    _say(f"inclinometry: {_one_line(str(error))}" + ("" if found is None else f" [{found.code}{accepts}]"))
-    return 2
+    accepts = f"; --ignore {found.code} accepts the file" if found.group else ""
+    line = f"inclinometry: {_one_line(str(error))} [{found.code}{accepts}]"
+    print(wrapped(line, sys.stderr), file=sys.stderr)  # noqa: T201
+    return status
 
 
 def _one_line(text: str) -> str:
     from inclinometry.cli.general import as_typed
 
     return as_typed(" ".join(text.split()))
-
-
-def _say(message: str) -> None:
-    from inclinometry.cli.output import wrapped
-
-    print(wrapped(message, sys.stderr), file=sys.stderr)  # noqa: T201

@@ -19,9 +19,7 @@ def displacement(
     later: Path,
     /,
     *more: Path,
-    unit: Annotated[
-        Literal["digi-25000", "digi-20000", "sin", "deg", "mm"] | None, Parameter(group=options.INPUT)
-    ] = None,
+    unit: Annotated[str | None, Parameter(group=options.INPUT)] = None,
     fixed: Annotated[Literal["bottom", "top"], Parameter(name="--from")] = "bottom",
     spike_limit: Annotated[float, options.quantity("", 0.0, 1e9, above=True)] = SPIKE_LIMIT,
     step_sd: Annotated[float | None, options.quantity("mm", 0.0, 100.0)] = None,
@@ -45,8 +43,8 @@ def displacement(
     more
         Further readings, each compared with the base reading.
     unit
-        Unit of columns whose names state none: 25000 or 20000 times the sine of the tilt, its sine, degrees, mm per
-        step.
+        Unit of columns whose names state none: digi-25000 or digi-N, that is N times the sine of the tilt; sin, deg;
+        m, mm, ft or in per step.
     fixed
         End of the casing that is fixed.
     spike_limit

@@ -1,4 +1,4 @@
-"""Readings of an inclinometer casing: depth, A0, A180, B0, B180 in digi units, sines, degrees or mm a step."""
+"""Readings of an inclinometer casing: depth, A0, A180, B0, B180 in digi units, sines, degrees or lengths a step."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from inclinometry.arrays import Array, Index, frozen
 from inclinometry.errors import InputError, in_file
-from inclinometry.files._quantities import factor_of, hole_names
+from inclinometry.files._quantities import dimension_of, factor_of, hole_names, same_unit, unit_factor
 from inclinometry.files.frame import Frame
 from inclinometry.files.holes_csv import same
 from inclinometry.files.profile import current
@@ -21,8 +21,11 @@ from inclinometry.findings import Finding, Value
 from inclinometry.survey.displacement import CasingReading, Displacement, check_reading
 from inclinometry.survey.run_stations import broken_habit
 
-UNITS: Final = ("digi-25000", "digi-20000", "sin", "deg", "mm")
-"""What a probe reads: 25000 or 20000 times the sine of the tilt, the sine, degrees, mm over one step."""
+UNITS: Final = ("digi-25000", "digi-N", "sin", "deg", "m", "mm", "ft", "in")
+"""What a probe reads: 25000 or N times the sine of the tilt, the sine, degrees, a length over one step."""
+_CONSTANT: Final = re.compile(r"digi\W?([1-9]\d{2,6})", re.ASCII)
+_LEAST_DEG: Final = 0.03
+"""Tilt that some step of every casing exceeds: drilling and grouting leave tenths of a degree."""
 _FACE = re.compile(r"(?:face[ _]?)?([ab])[ _]?(0|180|\+|-)(?:(?:[ _]+|\s*[(\[])([\w -]+?)[)\]]?)?", re.IGNORECASE)
 
 
@@ -48,9 +51,24 @@ def face(name: str) -> Face | None:
     found = _FACE.fullmatch(name.strip())
     if found is None:
         return None
-    unit = (found[3] or "").strip().lower()
-    unit = next((known for known in UNITS if re.sub(r"\W|_", "", unit) == known.replace("-", "")), unit)
-    return found[1].lower(), int(found[2] in ("180", "-")), unit
+    return found[1].lower(), int(found[2] in ("180", "-")), _unit(found[3] or "")
+
+
+def _unit(written: str) -> str:
+    """A unit as it is written here; another as it is."""
+    unit = written.strip().lower().replace("_", "-")
+    constant = _CONSTANT.fullmatch(unit)
+    return f"digi-{constant[1]}" if constant else next((one for one in UNITS if same_unit(unit, one)), unit)
+
+
+def _level(unit: str, step: float) -> float:
+    """What a probe reads of a casing that lies, sine 1; NaN of a unit that is not known."""
+    if constant := _CONSTANT.fullmatch(unit):
+        return float(constant[1])
+    known = {"sin": 1.0, "deg": 90.0}
+    if unit in known or dimension_of(unit) != "length":
+        return known.get(unit, np.nan)
+    return step / unit_factor(unit, "m")[0]
 
 
 def read_casing(path: str | Path, unit: str | None = None) -> CasingFile:
@@ -91,6 +109,11 @@ def read_casing(path: str | Path, unit: str | None = None) -> CasingFile:
         said = tuple(check_reading(reading))
     except InputError as error:
         raise in_file(error, path, table.header_line) from None
+    most = max(float(np.degrees(np.arcsin(np.abs(reading.deviation(axis)).max() / step))) for axis in faces)
+    if 0.0 < most < _LEAST_DEG:
+        of = next(unit for _, _, unit in columns.values()) or _unit(unit or "")
+        tilts: dict[str, Value] = {"most_deg": most, "least_deg": _LEAST_DEG}
+        said += (Finding("readings-unit-small", {"reading": reading.name, "unit": of, **tilts}),)
     return CasingFile(reading, tuple(table.lines[order].tolist()), said, table)
 
 
@@ -135,13 +158,14 @@ def _order(table: Frame, depth: Array) -> Index:
 
 
 def _sines(table: Frame, name: str, written: str, stated: str | None, step: float) -> Array:
+    stated = _unit(stated or "")
     if written and stated and written != stated:
         raise table.error(Finding("table-units", {"column": name, "units": (written, stated)}))
     unit = written or stated
-    if unit not in UNITS:
-        raise table.error(Finding("readings-unit-unstated", {"column": name, "unit": unit or "", "allowed": UNITS}))
+    level = _level(unit, step)
+    if np.isnan(level):
+        raise table.error(Finding("readings-unit-unstated", {"column": name, "unit": unit, "allowed": UNITS}))
     values = table.number(name)
-    level = {"digi-25000": 25000.0, "digi-20000": 20000.0, "sin": 1.0, "mm": 1000.0 * step, "deg": 90.0}[unit]
     if (bad := np.flatnonzero(np.abs(values) > level)).size:
         row = int(bad[0])
         facts: dict[str, Value] = {"value": float(values[row]), "allowed": f"-{level:g} .. {level:g} ({unit})"}
