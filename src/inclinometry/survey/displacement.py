@@ -198,7 +198,7 @@ def _moved(
     taken: tuple[Array, Array],
     found: list[Finding],
 ) -> AxisDisplacement:
-    """What moved in one axis but for what is taken away; what may be wrong is added to `found`."""
+    """What moved in one axis, corrected; what may be wrong is added to `found`."""
     name: dict[str, Value] = {"reading": now.name, "axis": axis.upper()}
     down = fixed == "top"
     deviation = now.deviation(axis)
