@@ -196,7 +196,6 @@ Progress = Callable[[int], None]
 
 OLD_EXCEL: Final = b"\xd0\xcf\x11\xe0"
 """Begins a workbook older than 2007, and one with a password."""
-_MAGIC = {b"%PDF": "PDF", OLD_EXCEL: "Excel 97 (.xls)", b"<!DOCTYPE html": "HTML", b"<html": "HTML"}
 
 
 class Block(NamedTuple):
@@ -291,9 +290,6 @@ def _encoding(start: bytes, path: Path) -> str:
         raise FileError(not_text("utf-8", "UTF-32"), path=path)
     if start.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return "utf-16"
-    for magic, what in _MAGIC.items():
-        if start.lower().startswith(magic.lower()):
-            raise FileError(Finding("file-kind", {"format": what, "wanted": (".xlsx", ".csv")}), path=path)
     if set(start) - _ASCII and set(start) - _ASCII <= set("°²µ".encode("latin-1")):
         return "latin-1"  # signs of units alone, by a program that knows no UTF-8
     return "cp1252" if _western(start) else "utf-8-sig"
