@@ -128,3 +128,42 @@ def test_a_terminal_shows_three(capsys):
     lines = capsys.readouterr().err.splitlines()
     assert [line.partition(":")[0] for line in lines] == ["warning"] * 3 + ["2 more"]
     assert lines[0].endswith("[run-depth-digit]")
+
+
+PROSE = re.compile(r"(?!--)(?!.*YYYY).*[a-z}] [a-z]{2}")
+"""A text that would stay English in other languages; options, units and names in code are said as they are."""
+NAMES = {"finite": 1, "within": 1, "increasing": 1, "vectors": 1, "out_of_range": 0, "not_among": 0, "wrong_shape": 0}
+NAMES |= {"wrong_kind": 0, "out_of_order": 0}
+"""Functions that refuse -> which of their arguments is the name of what is refused."""
+
+
+def told(node, constants):
+    """Texts that an expression may be, of values "{}"."""
+    if isinstance(node, ast.JoinedStr):
+        return {"".join(part.value if isinstance(part, ast.Constant) else "{}" for part in node.values)}
+    if isinstance(node, ast.IfExp):
+        return told(node.body, constants) | told(node.orelse, constants)
+    if isinstance(node, ast.Tuple):
+        return {text for part in node.elts for text in told(part, constants)}
+    node = constants.get(node.id) if isinstance(node, ast.Name) else node
+    return {node.value} if isinstance(node, ast.Constant) and isinstance(node.value, str) else set()
+
+
+def test_values_of_the_source_are_translated_or_names():
+    """A text of our own is a word, {field:word}, or a name as code, columns and options have it."""
+    said = {code: {n for one in rule(code).sentences for n, spec in fields(one) if not spec.endswith(("word", "name"))}
+            for code in CODES}  # fmt: skip
+    wrong = set()
+    for path in SOURCES.rglob("*.py"):
+        nodes = list(ast.walk(ast.parse(path.read_text("utf-8"))))
+        constants = {
+            n.target.id: n.value for n in nodes if isinstance(n, ast.AnnAssign) and isinstance(n.target, ast.Name)
+        }
+        for call in (node for node in nodes if isinstance(node, ast.Call) and node.args):
+            first, name = call.args[0], getattr(call.func, "id", "")
+            values = [one for one in call.args[NAMES.get(name, 9) :][:1] if name in NAMES]
+            if isinstance(first, ast.Constant) and isinstance(call.args[-1], ast.Dict):
+                pairs = zip(call.args[-1].keys, call.args[-1].values, strict=True)
+                values += [one for key, one in pairs if getattr(key, "value", "") in said.get(first.value, ())]
+            wrong |= {text for value in values for text in told(value, constants) if PROSE.match(text)}
+    assert wrong == set()

@@ -174,10 +174,10 @@ def relative_parameters(tool: Tool, reference: Tool) -> tuple[Array, Array]:
     for kind in VECTORS:
         one, other = _triad(tool, kind), _triad(reference, kind)
         if one.unit != other.unit:
-            raise not_among(f"{tool.name} {kind} unit", one.unit, (other.unit,))
+            raise not_among(f"{tool.name}.{kind}.unit", one.unit, (other.unit,))
         if one.degree and one.reference_temperature != other.reference_temperature:
             raise out_of_range(
-                f"{tool.name} {kind} reference_temperature",
+                f"{tool.name}.{kind}.reference_temperature",
                 one.reference_temperature,
                 f"{other.reference_temperature:g} degC",
             )
@@ -290,7 +290,7 @@ def tool_history(
     """
     ordered = sorted(records, key=lambda record: (record.date, record.run))
     if not ordered:
-        raise refused("input-empty", {"name": f"history of {serial}"})
+        raise refused("input-empty", {"name": f"{serial}.history"})
     about = ordered[0].tool if reference is None else reference
     values, covariances = [], []
     for record in ordered:

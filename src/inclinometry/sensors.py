@@ -71,20 +71,20 @@ class Triad(Tabular):
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
             raise not_among("kind", str(self.kind), KINDS)
-        tensor = finite(self.tensor, f"{self.kind} tensor", (None, 3))
-        offset = finite(self.offset, f"{self.kind} offset", (None,))
+        tensor = finite(self.tensor, f"{self.kind}.tensor", (None, 3))
+        offset = finite(self.offset, f"{self.kind}.offset", (None,))
         tensor = tensor[None] if tensor.ndim == 2 else tensor
         offset = offset[None] if offset.ndim == 1 else offset
         if tensor.ndim != 3 or tensor.shape[:2] != offset.shape:
             raise wrong_shape(
-                f"{self.kind} tensor, offset", f"{np.shape(self.tensor)}, {np.shape(self.offset)}", "(m, 3), (m,)"
+                f"{self.kind}.tensor, offset", f"{np.shape(self.tensor)}, {np.shape(self.offset)}", "(m, 3), (m,)"
             )
         if tensor.shape[1] < 1:
-            raise wrong_shape(f"{self.kind} tensor", tensor.shape, "(m, 3), m >= 1")
+            raise wrong_shape(f"{self.kind}.tensor", tensor.shape, "(m, 3), m >= 1")
         if np.linalg.matrix_rank(tensor[0]) < min(tensor.shape[1], 2):
             raise refused("sensor-axes-blind", {"kind": self.kind})
         if self.field_strength is not None and not self.field_strength > 0.0:
-            raise out_of_range(f"{self.kind} field_strength", float(self.field_strength), "> 0")
+            raise out_of_range(f"{self.kind}.field_strength", float(self.field_strength), "> 0")
         if self.g_sensitivity is not None:
             count = tensor.shape[1]
             if self.kind != "gyro":
@@ -138,7 +138,7 @@ class Triad(Tabular):
         Its length is 1 where the field is as strong as at the calibration. With two sensors (or coplanar axes) the
         result is the projection of the field on the plane they see, with one sensor that on its axis.
         """
-        u = finite(signals, f"{self.kind} signals", (self.count,))
+        u = finite(signals, f"{self.kind}.signals", (self.count,))
         if self.degree == 0:
             return np.asarray((u - self.offset[0]) @ self._inverse.T)
         u = u - self.basis(temperature) @ self.offset
@@ -183,7 +183,7 @@ class Triad(Tabular):
         array([0.5  , 0.   , 0.866])
         """
         if self.rank != 2:
-            raise out_of_range(f"{self.kind} rank", self.rank, "2")
+            raise out_of_range(f"{self.kind}.rank", self.rank, "2")
         part = self.field(signals, temperature)
         across = np.linalg.svd(self._tensor_at(temperature))[2][..., 2, :]
         across = across * np.where(np.sum(across * finite(side, "side", (3,)), axis=-1) < 0.0, -1.0, 1.0)[..., None]
@@ -288,7 +288,7 @@ class Triad(Tabular):
         >>> gyro.without_gravity([10.0, 0.0, 0.5], [0.0, 0.0, 1.0])
         array([10.,  0.,  0.])
         """
-        u = finite(signals, f"{self.kind} signals", (self.count,))
+        u = finite(signals, f"{self.kind}.signals", (self.count,))
         if self.g_sensitivity is None:
             return u
         return np.asarray(u - finite(gravity_direction, "gravity_direction", (3,)) @ self.g_sensitivity.T)
@@ -429,7 +429,7 @@ class Tool(Tabular):
                 raise wrong_shape(part, covariance.shape, f"({size}, {size})")
             object.__setattr__(self, part, frozen(covariance))
         noise = {
-            kind: frozen(np.broadcast_to(finite(self.noise.get(kind, 0.0), f"{kind} noise"), (triad.count,)))
+            kind: frozen(np.broadcast_to(finite(self.noise.get(kind, 0.0), f"{kind}.noise"), (triad.count,)))
             for kind, triad in ordered.items()
         }
         object.__setattr__(self, "noise", MappingProxyType(noise))

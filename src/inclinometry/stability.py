@@ -53,7 +53,7 @@ def add_stability(tool: Tool, years: float, stability: Stability = ASSUMED) -> T
     A random walk, `inclinometry.calibration.drift`, equation (1): variance grows with time. The sensors now see the
     field b = (I + E) a + o of the field a; from U = N b + U0 follow dN = N E and dU0 = N o.
     """
-    since = float(within(years, "time since the calibration", 0.0, 50.0, "years"))
+    since = float(within(years, "years", 0.0, 50.0, "years"))
     found = np.zeros_like(tool.covariance)
     for kind, field in _FIELDS.items():
         if kind not in tool.triads:

@@ -112,7 +112,7 @@ def _probability(value: float) -> float:
 def _freedom(value: ArrayLike) -> Array:
     nu = np.asarray(value, dtype=np.float64)
     if not (nu > 0.0).all():
-        raise out_of_range("degrees of freedom", float(nu[~(nu > 0.0)].flat[0]), "> 0")
+        raise out_of_range("nu", float(nu[~(nu > 0.0)].flat[0]), "> 0")
     return nu
 
 

@@ -70,7 +70,7 @@ def test_reading_covariance_against_finite_differences():
 def test_shapes_that_do_not_go_together_are_refused():
     with refused("input-shape", name="signals"):
         sensitivity(linear, np.zeros((2, 3, 2)))
-    with refused("input-shape", name="covariance of the readings"):
+    with refused("input-shape", name="readings.covariance"):
         covariance([linear], [np.ones((3, 2))], np.zeros((3, 3, 3)))
     with refused("input-shape", name="solvers"):
         covariance([linear], [np.ones((3, 1)), np.ones((3, 1))], np.zeros((3, 2, 2)))

@@ -212,7 +212,7 @@ def test_status_of_a_fleet_says_it_all():
     np.testing.assert_allclose(newest.now, azimuth_sd(newest.states[-1].covariance))
     table = status.to_dict()
     assert len({len(column) for column in table.values()}) == 1
-    with refused("input-repeated", name="serial number"):
+    with refused("input-repeated", name="serial"):
         fleet_status([*made.histories, made.histories[0]])
 
 

@@ -425,8 +425,8 @@ class TestWhatIsMissing:
     @pytest.mark.parametrize(
         ("more", "code"),
         [
-            ({"degree": 1}, "input-needs temperature degree"),
-            ({"degree": 4}, "input-value temperature degree"),
+            ({"degree": 1}, "input-needs temperature_degree"),
+            ({"degree": 4}, "input-value temperature_degree"),
             ({"g_sensitive": True}, "input-needs g-sensitivity"),
             ({"gravity": np.full((32, 3), 9.8)}, "input-value gravity[0, 0]"),
             ({"gravity": np.full((32, 3), 1.2)}, "input-value gravity[0, 0]"),

@@ -118,11 +118,11 @@ def test_readings_of_one_channel_that_agree_were_rounded_alike():
 @pytest.mark.parametrize(
     ("more", "code"),
     [
-        ({"sd": {"gyro": 2e15}}, "input-value gyro sd"),
-        ({"sd": {"gyro": [[0.1, 0.1]]}}, "input-shape gyro sd"),
-        ({"sd": {"gyro": [0.1, -0.1]}}, "input-value gyro sd"),
-        ({"step": {"gyro": -1.0}}, "input-value step of the gyro"),
-        ({"step": {"gyro": [1.0, 1.0, 1.0]}}, "input-shape step of the gyro"),
+        ({"sd": {"gyro": 2e15}}, "input-value gyro.sd"),
+        ({"sd": {"gyro": [[0.1, 0.1]]}}, "input-shape gyro.sd"),
+        ({"sd": {"gyro": [0.1, -0.1]}}, "input-value gyro.sd"),
+        ({"step": {"gyro": -1.0}}, "input-value step.gyro"),
+        ({"step": {"gyro": [1.0, 1.0, 1.0]}}, "input-shape step.gyro"),
         ({"roll_set": ["a"]}, "input-shape roll_set"),
         ({"count": np.full(7, 0.5)}, "input-value count"),
         ({"azimuth": np.zeros(7)}, "input-missing inclination"),

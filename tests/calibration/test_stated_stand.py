@@ -196,7 +196,7 @@ class TestRounding:
         stated = BenchReadings({"accelerometer": skewed}, *settings, step={"accelerometer": 2.5})
         assert stated.take([0, 1]).step["accelerometer"].tolist() == [2.5, 2.5, 2.5]
         assert stated.rounding("accelerometer").min() >= 2.5 / np.sqrt(12.0)
-        with refused("input-shape", name="step of the accelerometer"):
+        with refused("input-shape", name="step.accelerometer"):
             steps(skewed, step={"accelerometer": [1.0, 2.0]})
 
     def test_a_channel_in_another_unit_leaves_the_others_their_grid(self):

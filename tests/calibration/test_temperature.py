@@ -108,9 +108,9 @@ def test_the_degree_may_be_given_and_is_limited_by_the_soaks(bench):
     assert calibrate_joint(readings, temperature_degree=1, diagnose=False).tool.triads["magnetometer"].degree == 1
     with refused("fit-few", error=IdentifiabilityError):
         calibrate_joint(readings, temperature_degree=2)
-    with refused("input-value", name="temperature degree"):
+    with refused("input-value", name="temperature_degree"):
         calibrate_joint(readings, temperature_degree=-1)
-    with refused("input-needs", name="temperature degree"):
+    with refused("input-needs", name="temperature_degree"):
         calibrate_joint(dataclasses.replace(readings, temperature=None), temperature_degree=1)
 
 

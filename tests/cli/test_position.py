@@ -387,3 +387,26 @@ def test_a_million_stations_take_a_gigabyte_and_a_half(tmp_path):
         done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=True)
         peaks.append(int(done.stdout.split()[-1]))
     assert (peaks[1] - peaks[0]) * 1024 / 100_000 < 1300.0
+
+
+def test_several_runs_with_a_tool_code_each(extended):
+    lines = Path("survey.csv").read_text().splitlines()
+    for name, rows in {"upper": lines[1:101], "lower": lines[101:]}.items():
+        Path(f"{name}.csv").write_text("\n".join([HEAD, *rows]))
+    codes = ("--tool-code", "iscwsa-mwd-rev5.1-ifr1", "--tool-code", "lower=iscwsa-mwd-rev4")
+    done = extended(
+        "position", "upper.csv", "lower.csv", *codes, "--site", "site.toml", "--json", "--report", "p.html"
+    ).ok()
+    assert [(one["file"], one["stations"], one["tool_code"]) for one in done.json["runs"]] == [
+        ("upper.csv", 100, "iscwsa-mwd-rev5.1-ifr1"), ("lower.csv", 168, "iscwsa-mwd-rev4"),
+    ]  # fmt: skip
+    assert {"run 1: survey", "run 2: survey", "site"} <= set(done.json["inputs"])
+    assert "runs, from top to bottom" in extended("position", "upper.csv", "lower.csv", "--site", "site.toml").out
+    for arguments, code in (
+        (("--tool-code", "middle=iscwsa-mwd-rev4"), "input-choice"),
+        (("--tool-code", "2=iscwsa-mwd-rev4", "--tool-code", "lower=iscwsa-mwd-rev4"), "input-repeated"),
+        (("--tool-code", "2=iscwsa-mwd-rev4"), "input-needs"),
+        (("--tool-parameter", "speed=fast"), "input-kind"),
+        (("--tie-from", "p.csv", "--tie-on", "1", "2", "3"), "input-not-with"),
+    ):
+        extended("position", "upper.csv", "lower.csv", "--site", "site.toml", *arguments).refused(code)

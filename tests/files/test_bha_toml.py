@@ -68,7 +68,7 @@ def test_what_may_be_stated_is_taken(tmp_path):
         ("hole_diameter_m = 0.2159", "hole_diameter_m = 8.5", "input-value hole_diameter_m"),
         ("od_m = 0.171", "od_m = 6.75", "input-value element 2.od_m"),
         ("id_m = 0.071", "", "input-missing element 2.id_m"),
-        ("id_m = 0.071", "id_m = 0.2", "input-value inner diameter of element 2"),
+        ("id_m = 0.071", "id_m = 0.2", "input-value element 2.inner"),
         ('"nonmagnetic"', '"monel"', "input-choice element 2.material"),
         ("weight_kg = 51", "weigth_kg = 51", "table-near"),
         ("blade_od_m = 0.2127", "blade_od_m = 0.25", "input-value hole"),

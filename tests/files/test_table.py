@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import gzip
+import json
 from contextlib import suppress
 
 import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from tests.refusals import refused
+from tests.refusals import coded, refused
 
 from inclinometry.digest import digest_file
 from inclinometry.errors import FileError
 from inclinometry.files.bench_csv import read_bench, read_plan
+from inclinometry.files.columns import numbers_among
 from inclinometry.files.log_csv import read_log
 from inclinometry.files.profile import reading_with
 from inclinometry.files.survey_csv import read_raw_survey, read_survey_csv
@@ -21,6 +23,7 @@ from inclinometry.files.table import read_table
 
 from .surveys import saved
 
+LAS_HEAD = "~V\nVERS. 2.0 :\nWRAP. NO :\n~W\nSTRT.m 30 :\nSTOP.m 60 :\nNULL. -999.25 :\n~C\n"
 PLAIN = "station,azimuth_deg,mag_x\nA,1.5,-2\nB,2.25,3e2\n"
 
 
@@ -99,7 +102,7 @@ def test_dialects_read_alike(tmp_path, content):
         (gzip.compress(b"mag_x\n1\n" * 9, mtime=0)[:-12], "file-format", None),
         (b"PK\x03\x04rest", "file-format", None),
         (b"mag_x\n1\n\xff\n", "input-kind", 3),
-        (b"mag_x\n1\n\xff\xf1\xe2\n", "file-text", 3),
+        (b"mag_x\n1\n\xff\xf1\x81\n", "file-text", 3),
         ("mag_x\n1\n".encode("utf-16-le"), "file-text", None),
         (b"\xff\xfe\x00\x00m\x00\x00\x00", "file-text", None),
         (b"\xff\xfem\x00a", "file-text", 1),
@@ -282,15 +285,45 @@ def test_thousands_before_a_point_are_no_guess(tmp_path):
 @pytest.mark.parametrize("name", ["Prüfung", "Größe", "Température", "±5 °C"])
 def test_western_letters_of_a_program_that_knows_no_utf_8(tmp_path, name):
     (tmp_path / "a.csv").write_bytes(f"mag_x,{name}\n1,2\n".encode("cp1252"))
-    assert read_table(tmp_path / "a.csv").names == ("mag_x", name)
+    table = read_table(tmp_path / "a.csv")
+    assert (table.names, coded(table.findings)) == (("mag_x", name), ["file-encoding"])
 
 
-@pytest.mark.parametrize(("encoding", "name"), [("cp1251", "Глубина"), ("gbk", "井深度"), ("utf-8", "тест")])
-def test_other_alphabets_are_not_guessed(tmp_path, encoding, name):
-    # the last: UTF-8 with one damaged byte
+HEADINGS = {
+    "cp1251 cp866 koi8-r": ("Глубина (м)", "Зенитный угол (град)", "Азимут (град)"),
+    "gb18030 gbk": ("井深(米)", "井斜角(度)", "方位角(度)"),
+}
+
+
+@pytest.mark.parametrize("ending", ["csv", "las", "json"])
+@pytest.mark.parametrize(("encoding", "names"), [(one, n) for e, n in HEADINGS.items() for one in e.split()])
+def test_headings_of_an_old_program_make_words_in_one_encoding(tmp_path, encoding, names, ending):
+    table = ",".join(names) + "\n30,1.5,120\n60,2.5,121\n"
+    if ending == "las":
+        curves = "".join(f"{name.rstrip(')').replace('(', '.')} :\n" for name in names)
+        table = LAS_HEAD + curves + "~A\n" + table.partition("\n")[2].replace(",", " ")
+    elif ending == "json":
+        table = json.dumps(dict(zip(names, [[30, 60], [1.5, 2.5], [120, 121]], strict=True)), ensure_ascii=False)
+    (tmp_path / f"a.{ending}").write_bytes(table.encode(encoding))
+    found = read_table(tmp_path / f"a.{ending}", numeric=numbers_among(("md_m", "inclination_deg", "azimuth_deg")))
+    assert found.number("azimuth_deg").tolist() == [120.0, 121.0]
+    assert [(one.code, one.severity) for one in found.findings] == [("file-encoding", "note")]
+
+
+@pytest.mark.parametrize(
+    ("name", "encoding"),
+    [("тест", "utf-8"), ("Глубина", "utf-8"), ("温度计", "utf-8"), ("шум", "cp1251"), ("Ð×Þ", "cp1252")],
+)
+def test_an_encoding_that_is_not_sure_is_stated(tmp_path, name, encoding):
+    # UTF-8 with one damaged byte stays UTF-8
     damaged = b"\xe9" if encoding == "utf-8" else b""
     (tmp_path / "a.csv").write_bytes(f"mag_x,{name}\n1,2\n".encode(encoding) + damaged)
     assert wrong(tmp_path, (tmp_path / "a.csv").read_bytes())[0] == "file-text"
+    if not damaged:
+        (tmp_path / "p.toml").write_text(f'encoding = "{encoding}"\n')
+        with reading_with(tmp_path / "p.toml"):
+            table = read_table(tmp_path / "a.csv")
+        assert (table.names, table.findings) == (("mag_x", name), ())
 
 
 @pytest.mark.parametrize("count", [20, 21])

@@ -93,7 +93,7 @@ def test_what_is_not_a_triad(kind, tensor, offset, strength, words):
 
 
 def test_signals_of_another_number_of_sensors():
-    with refused("input-shape", name="gyro signals"):
+    with refused("input-shape", name="gyro.signals"):
         Triad("gyro", np.eye(3), np.zeros(3)).field([1.0, 2.0])
 
 

@@ -216,7 +216,7 @@ def test_bad_values() -> None:
     for probability in (0.0, 1.0, 95.0, float("nan")):
         with refused("input-value", name="probability"):
             coverage_factor(probability)
-    with refused("input-value", name="degrees of freedom"):
+    with refused("input-value", name="nu"):
         coverage_factor(0.95, 0.0)
     with refused("input-finite", name="degrees_of_freedom"):
         chi_square_limit(0.95, np.inf)

@@ -91,3 +91,9 @@ def reference():
 def sites():
     """Sites of the three wells."""
     return SITES
+
+
+@pytest.fixture(scope="session")
+def reference_folder():
+    """Tool codes of others."""
+    return REFERENCE / "toolcodes"

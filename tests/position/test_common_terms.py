@@ -8,7 +8,7 @@ import pytest
 from inclinometry.earth.site import Site
 from inclinometry.files.tool_code_json import load_tool_code
 from inclinometry.position.propagation import PositionUncertainty, propagate, relative_covariance
-from inclinometry.position.tool_code import ToolCode, term
+from inclinometry.position.tool_code import ToolCode
 from inclinometry.position.well import well_survey
 
 SITE = Site(latitude=np.radians(60.0), b=50_000.0, dip=np.radians(70.0), declination=0.0)
@@ -16,16 +16,11 @@ SITE = Site(latitude=np.radians(60.0), b=50_000.0, dip=np.radians(70.0), declina
 
 def code(name: str) -> ToolCode:
     """MWD with the magnitudes the diagnostics print: by the standard geomagnetic model, or with a local survey."""
-    mwd = load_tool_code("iscwsa-mwd-rev5.1")
-    sizes = {"DEC-OH": 0.2, "DBH-U": 2350.33, "DBH-OS": 3359.1, "DBH-OH": 2839.77}
-    terms = [replace(one, magnitude=sizes.get(one.name, one.magnitude)) for one in mwd.terms]
-    if name == "ifr1":
-        sizes = {"DEC-U": 0.11, "DBH-U": 1271.12}
-        kept = [one for one in terms if one.name[3:] not in ("-OS", "-OH")]
-        terms = [replace(one, magnitude=sizes.get(one.name, one.magnitude)) for one in kept]
-        terms.append(term("DEC-CI", 0.09, "deg", "global", ("0", "0", "1")))
-        terms.append(term("DBH-CI", 712.32, "deg.nT", "global", ("0", "0", "1 / (BField * Cos(Dip))")))
-    return replace(mwd, terms=tuple(terms))
+    shipped = load_tool_code("iscwsa-mwd-rev5.1" + ("-ifr1" if name == "ifr1" else ""))
+    sizes = {"DEC-OH": 0.2, "DBH-OS": 3359.1, "DBH-OH": 2839.77, "DBH-CI": 712.32}
+    sizes["DBH-U"] = 1271.12 if name == "ifr1" else 2350.33
+    terms = [replace(one, magnitude=sizes.get(one.name, one.magnitude)) for one in shipped.terms]
+    return replace(shipped, terms=tuple(terms))
 
 
 @pytest.fixture(scope="module")

@@ -107,9 +107,9 @@ def test_a_tool_code_is_complete():
         ToolCode(name="gyro", terms=(speed,), source="x")
     with refused("input-needs", name="GD"):
         ToolCode(name="gyro", terms=(speed,), source="x", parameters={"gxyrunningspeed": 1.0})
-    with refused("input-repeated", name="terms of two"):
+    with refused("input-repeated", name="two.terms"):
         ToolCode(name="two", terms=(sag, sag), source="x")
-    with refused("input-empty", name="terms of none"):
+    with refused("input-empty", name="none.terms"):
         ToolCode(name="none", terms=(), source="x")
     with refused("input-unknown", names=("speed",)):
         ToolCode(name="more", terms=(sag,), source="x", parameters={"speed": 1.0})

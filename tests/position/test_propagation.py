@@ -156,7 +156,7 @@ def test_directions_stand_in_for_angles_at_vertical_stations():
     pair = term("N", weights=weights, singular="100", **options), term("E", weights=other, singular="010", **options)
     expected = propagate(survey, code_of(*pair)).covariance
     np.testing.assert_allclose(propagate(survey, sources=[source]).covariance, expected, rtol=1e-10, atol=1e-14)
-    with refused("input-finite", name="by_angles of 'tilt'[0, 2, 0]"):
+    with refused("input-finite", name="tilt.by_angles[0, 2, 0]"):
         MatrixSource("tilt", angles, np.eye(2))
 
 
@@ -278,7 +278,7 @@ def test_errors_name_what_is_missing(columns):
     source = MatrixSource("SAG", np.ones((len(MD), 3, 1)), np.eye(1))
     with refused("input-repeated", name="sources"):
         propagate(well(), code_of(SAG), [source])
-    with refused("input-shape", name="by_angles of short"):
+    with refused("input-shape", name="short.by_angles"):
         propagate(well(), sources=[MatrixSource("short", np.ones((2, 3, 1)), np.eye(1))])
     flat = term("FLAT", 1.0, "deg", "systematic", ("0", "0", "1 / Sin(Inc)"))
     with refused("position-weight"):

@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from tests.refusals import refused
+from tests.refusals import coded, refused
 
 from inclinometry.errors import FileError
 from inclinometry.files.tool_code_json import load_tool_code, tool_code_names, write_tool_code
@@ -46,7 +46,8 @@ def write(folder, what):
 
 def test_every_shipped_tool_code_names_its_source_and_revision():
     names = tool_code_names()
-    assert set(names) == {"iscwsa-mwd-rev4", "iscwsa-mwd-rev5.1", *(f"spe90408-model-{k}" for k in range(1, 7))}
+    magnetic = ("rev4", "rev5.1", *(f"rev5.1-{model}" for model in ("lrgm", "hrgm", "ifr1", "ifr2")))
+    assert set(names) == {*(f"iscwsa-mwd-{k}" for k in magnetic), *(f"spe90408-model-{k}" for k in range(1, 7))}
     for name in names:
         code = load_tool_code(name)
         assert code.name == name
@@ -82,6 +83,10 @@ def test_a_users_file(tmp_path):
         (lambda c: c["parameters"].update(speed=3), "input-unknown"),
         (lambda c: c["terms"].clear(), "input-value"),
         (lambda c: c["terms"].append(c["terms"][0]), "input-repeated"),
+        (lambda c: c.update(based_on="iscwsa-mwd-rev5.1"), "input-missing"),
+        (lambda c: [c.pop("terms"), c.update(based_on="mwd", magnitudes={})], "input-choice"),
+        (lambda c: [c.pop("terms"), c.update(based_on="iscwsa-mwd-rev4", magnitudes={"A": 1})], "input-choice"),
+        (lambda c: [c.pop("terms"), c.update(based_on="iscwsa-mwd-rev4", magnitudes={"ABZ": -1})], "input-value"),
     ],
 )
 def test_errors_name_the_place_in_the_file(tmp_path, change, code):
@@ -141,3 +146,35 @@ def test_what_files_of_the_owsg_leave_unsaid(tmp_path):
     what["terms"][0]["depth_factor"] = 2
     with refused("input-value", error=FileError, name="$.terms[0].depth_factor"):
         load_tool_code(write(tmp_path, what))
+
+
+def test_the_magnitudes_of_other_reference_fields():
+    """Section of the operators' table: DEC-U, DEC-CI or CH, DECR, DBH-U, DBH-CI or CH, DBHR."""
+    table = {"": (0.16, None, 0.1, 2350, None, 3000), "-lrgm": (0.29, None, 0.1, 4108, None, 3000),
+             "-hrgm": (0.16, 0.13, 0.1, 2359, 1789, 3000), "-ifr1": (0.11, 0.09, 0.1, 1271, 712, 3000),
+             "-ifr2": (0.11, 0.09, 0.05, 963, 712, 750)}  # fmt: skip
+    for name, row in table.items():
+        sizes = {one.name: one.magnitude for one in load_tool_code(f"iscwsa-mwd-rev5.1{name}").terms}
+        found = []
+        for kind in ("DEC", "DBH"):
+            found += [sizes[f"{kind}-U"], sizes.get(f"{kind}-CI", sizes.get(f"{kind}-CH")), sizes[f"{kind}R"]]
+        assert found == list(row)
+
+
+def test_parameters_that_files_lack(tmp_path):
+    what = content()
+    what["terms"][0]["inclination_formula"] = "NoiseReductionFactor * Sin(Inc)"
+    code = load_tool_code(write(tmp_path, what))
+    assert code.parameters["noisereductionfactor"] == 1.0
+    assert coded(code.findings) == ["work-assumed"]
+    given = load_tool_code(tmp_path / "mine.json", {"noise_reduction_factor": 0.5, "east_west_exclusion_deg": 15.0})
+    assert (given.parameters["noisereductionfactor"], given.findings) == (0.5, ())
+    assert np.degrees(given.east_west_exclusion) == pytest.approx(15.0)
+    what["terms"][0]["azimuth_formula"] = "Z_Gyro_Drift + (MD - MDPrev) / GZRunningSpeed"
+    write(tmp_path, what)
+    with refused("input-needs", needed=("--tool-parameter noise_reduction_factor",)):  # it does not only stand still
+        load_tool_code(tmp_path / "mine.json")
+    film = {"noise_reduction_factor": 1.0, "gz_running_speed": 3600.0, "xy_static_gyro_end_inc": -1.0}
+    assert load_tool_code(tmp_path / "mine.json", film).parameters["gzrunningspeed"] == 1.0
+    with refused("input-unknown"):
+        load_tool_code(tmp_path / "mine.json", film | {"speed": 1.0})

@@ -61,7 +61,7 @@ def test_impossible_wells_are_refused():
         WellProfile(spacing=0.0)
     with refused("input-shape", name="md, inclination, azimuth, toolface"):
         simulate_survey(tool, path.md, path.inclination, path.azimuth, [0.0], dip=DIP, seed=1)
-    with refused("input-value", name="accelerometer field"):
+    with refused("input-value", name="accelerometer.field"):
         simulate_survey(tool, *path, g=-1.0, dip=DIP, seed=1)
     unknown = Tool("unknown", {"accelerometer": Triad("accelerometer", np.eye(3), np.zeros(3))})
     with refused("simulate-strength"):

@@ -114,7 +114,7 @@ def test_wrong_input_is_named():
         stations_from_tool(true.md, true.signals, alone)
     with refused("input-triads"):
         stations_from_tool(true.md, {"magnetometer": true.signals["magnetometer"]}, tool)
-    with refused("input-shape", name="accelerometer channels"):
+    with refused("input-shape", name="accelerometer.channels"):
         stations_from_tool(true.md[:-1], true.signals, tool)
     with refused("input-order", name="md"):
         stations_from_tool(true.md[::-1], true.signals, tool)

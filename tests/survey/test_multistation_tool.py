@@ -103,7 +103,7 @@ def test_a_calibration_beats_the_published_priors():
     own = multistation(run, REFERENCE, calibration=calibrated)
     general = multistation(run, REFERENCE)
     assert azimuth_u(own.corrected).mean() < azimuth_u(general.corrected).mean()
-    assert own.priors == "calibration of tool 17"
+    assert own.priors == "17"
     assert priors_from_tool(calibrated).covariance[-1, -1] == pytest.approx(2000.0**2)
 
 

@@ -305,7 +305,7 @@ def test_assemblies_without_sense(change, code):
 
 
 def test_element_without_sense():
-    with refused("input-value", name="inner diameter of collar"):
+    with refused("input-value", name="collar.inner"):
         Element(length=1.0, outer=0.1, inner=0.2, weight=50.0, name="collar")
     with refused("input-value", name="curvature"):
         sag_angles(simple(), 1.0, 1.0)

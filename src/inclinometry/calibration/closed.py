@@ -73,7 +73,7 @@ def covariance(solvers: Sequence[Solver], signals: Sequence[Array], readings: Ar
     """
     sizes = [np.shape(values)[1] for values in signals]
     total, stations = sum(sizes), len(signals[0])
-    spread = finite(readings, "covariance of the readings", (stations, total, total))
+    spread = finite(readings, "readings.covariance", (stations, total, total))
     if len(solvers) != len(signals):
         raise wrong_shape("solvers", (len(solvers),), f"({len(signals)},)")
     joint = np.zeros((4 * total, stations, total))

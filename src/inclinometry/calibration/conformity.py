@@ -558,7 +558,7 @@ def _verify_single(
     if limits is not None:
         raise refused("verify-limits-angles", {"limits": limits.name, "kinds": tuple(_single(readings, calibration))})
     if stand is not None:
-        raise refused("input-not-with", {"name": "stand", "other": "a single sensor"})
+        raise refused("input-not-with", {"name": "stand", "other": "sensor"})
     kinds, tool = _single(readings, calibration), calibration.tool
     misread = settled(check_misread(readings, calibration, _stand_fields(readings, calibration, kinds, None)))
     where = _expected(readings, calibration, kinds, None)

@@ -46,7 +46,7 @@ class Limits(Tabular):
     def __post_init__(self) -> None:
         for name in ANGLES:
             if getattr(self, name) is not None:
-                within(getattr(self, name), f"limit of {name}", 1e-9, np.pi, "rad")
+                within(getattr(self, name), f"{name}.limit", 1e-9, np.pi, "rad")
         within(self.min_inclination_for_azimuth, "min_inclination_for_azimuth", 0.0, np.pi / 2, "rad")
         if self.guard not in GUARDS:
             raise not_among("guard", self.guard, GUARDS)

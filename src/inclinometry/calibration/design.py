@@ -111,7 +111,7 @@ def information(rig_sd: float | Array, noise: Mapping[str, float], dip: float, t
         triads[kind] = Triad(kind, given.tensor[0], given.offset[0], given.unit)
         strength = float(np.linalg.norm(given.tensor[0], axis=1).max())
         full.append(np.full(given.count, strength))
-        spread.append(np.full(given.count, float(within(noise[kind], f"{kind} noise", 1e-12, 1.0, "of full field"))))
+        spread.append(np.full(given.count, float(within(noise[kind], f"{kind}.noise", 1e-12, 1.0, ""))))
     rig = np.broadcast_to(within(rig_sd, "rig_sd", 0.0, np.radians(30.0), "rad"), (3,))
     # 89.9 deg: nearer the magnetic pole no azimuth is left to aim at
     limit = np.radians(89.9)

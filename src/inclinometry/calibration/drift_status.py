@@ -135,7 +135,7 @@ def fleet_status(
     asked = Requirement() if requirement is None else requirement
     twice = {h.serial for k, h in enumerate(histories) if h.serial in [other.serial for other in histories[:k]]}
     if twice:
-        raise refused("input-repeated", {"name": "serial number", "value": sorted(twice)[0]})
+        raise refused("input-repeated", {"name": "serial", "value": sorted(twice)[0]})
     model, past = fit_without_jumps(histories, false_alarms=false_alarms, progress=progress, dip=asked.dip, **options)
     today = max(h.date[-1] for h in histories) if day is None else day
     states = drift_states(histories, model)

@@ -288,9 +288,9 @@ def stand_within(
 
 
 def _limits(pair: Range, name: str) -> Range:
-    low, high = within(finite(pair, f"{name} limits", (2,)), f"{name} limits", -TAU, TAU, "rad")
+    low, high = within(finite(pair, f"{name}.limits", (2,)), f"{name}.limits", -TAU, TAU, "rad")
     if low > high:
-        raise out_of_range(f"{name} limits", float(low), f"<= {high:g}")
+        raise out_of_range(f"{name}.limits", float(low), f"<= {high:g}")
     return float(low), float(high)
 
 

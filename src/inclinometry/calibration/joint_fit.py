@@ -236,12 +236,12 @@ def _field_prior(
         raise not_among("field_prior", sorted(unknown)[0], KINDS)
     priors = {}
     for kind, (direction, sd) in (given or {}).items():
-        spread = max(float(within(sd, f"sd of the field_prior of the {kind}", 0.0, np.pi, "rad")), LEAST_SD)
+        spread = max(float(within(sd, f"field_prior_sd.{kind}", 0.0, np.pi, "rad")), LEAST_SD)
         if kind in readings.channels:
-            stated = finite(direction, f"field_prior of the {kind}", (3,))
+            stated = finite(direction, f"field_prior.{kind}", (3,))
             length = float(np.linalg.norm(stated))
             if length == 0.0:
-                raise out_of_range(f"length of the field_prior of the {kind}", length, "> 0")
+                raise out_of_range(f"|field_prior.{kind}|", length, "> 0")
             priors[kind] = (stated / length, np.eye(3) / spread**2)
     return priors
 
@@ -255,7 +255,7 @@ def _stand_angles(readings: BenchReadings, given: Mapping[str, float] | None) ->
             raise not_among("reference_sd", name, ("dip", "north"))
         if name not in readings.reference:
             raise refused("input-needs", {"name": f"reference_sd {name}", "needed": (name,)})
-        sd = float(within(value, f"reference_sd of the {name}", 0.0, np.pi, "rad"))
+        sd = float(within(value, f"reference_sd.{name}", 0.0, np.pi, "rad"))
         if "magnetometer" in readings.channels and not (name == "north" and sd >= vague_north):
             angles.append(StandAngle(name, readings.reference[name], max(sd, LEAST_SD)))
     return angles

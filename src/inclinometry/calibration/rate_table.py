@@ -399,9 +399,9 @@ def _checked(
     g = None if gravity is None else within(finite(gravity, "gravity", (size, 3)), "gravity", -1.1, 1.1, "g")
     heat = None if temperature is None else finite(temperature, "temperature", (size,))
     if not 0 <= degree <= HIGHEST_DEGREE:
-        raise out_of_range("temperature degree", degree, f"0 .. {HIGHEST_DEGREE}")
+        raise out_of_range("temperature_degree", degree, f"0 .. {HIGHEST_DEGREE}")
     if degree and heat is None:
-        raise refused("input-needs", {"name": "temperature degree", "needed": ("temperature",)})
+        raise refused("input-needs", {"name": "temperature_degree", "needed": ("temperature",)})
     if g_sensitive and g is None:
         raise refused("input-needs", {"name": "g-sensitivity", "needed": ("gravity",)})
     if sd is None:

@@ -223,19 +223,19 @@ def _step(kind: str, values: Array, given: ArrayLike | None) -> Array:
     """The step (m,) of each channel's converter as given, or as the readings show it."""
     if given is None:
         return converter_steps(values)
-    step = within(given, f"step of the {kind}", 0.0, LARGEST)
+    step = within(given, f"step.{kind}", 0.0, LARGEST)
     if step.shape not in ((), values.shape[1:]):
-        raise wrong_shape(f"step of the {kind}", step.shape, str(values.shape[1:]))
+        raise wrong_shape(f"step.{kind}", step.shape, str(values.shape[1:]))
     return np.broadcast_to(step, values.shape[1:])
 
 
 def _spread(value: ArrayLike, kind: str, shape: tuple[int, ...]) -> Array:
     """Standard deviations (K, m), none of them negative."""
-    sd = finite(value, f"{kind} sd")
+    sd = finite(value, f"{kind}.sd")
     if sd.max(initial=0.0) > LARGEST:
-        raise out_of_range(f"{kind} sd", float(sd.max()), f"0 .. {LARGEST:g}")
+        raise out_of_range(f"{kind}.sd", float(sd.max()), f"0 .. {LARGEST:g}")
     if sd.shape not in ((), shape[1:], shape):
-        raise wrong_shape(f"{kind} sd", sd.shape, str(shape))
+        raise wrong_shape(f"{kind}.sd", sd.shape, str(shape))
     if (sd < 0.0).any():
-        raise out_of_range(f"{kind} sd", float(sd.min()), ">= 0")
+        raise out_of_range(f"{kind}.sd", float(sd.min()), ">= 0")
     return np.broadcast_to(sd, shape)

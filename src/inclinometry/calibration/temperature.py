@@ -34,10 +34,10 @@ def choose_powers(readings: BenchReadings, model: Model, start: State, degree: i
     """
     temperature = readings.temperature
     if degree is not None and not 0 <= degree <= HIGHEST_DEGREE:
-        raise out_of_range("temperature degree", degree, f"0 .. {HIGHEST_DEGREE}")
+        raise out_of_range("temperature_degree", degree, f"0 .. {HIGHEST_DEGREE}")
     if temperature is None:
         if degree:
-            raise refused("input-needs", {"name": "temperature degree", "needed": ("temperature_degC",)})
+            raise refused("input-needs", {"name": "temperature_degree", "needed": ("temperature_degC",)})
         return np.ones((len(readings), 1)), 20.0
     reference = float(np.round(temperature.mean(), 3))
     most = min(HIGHEST_DEGREE, soaks(temperature) - 1)

@@ -524,11 +524,11 @@ def noise_guess(
         start += count
         least = least_noise(values)
         if given is not None and kind in given:
-            sd = finite(given[kind], f"{kind} noise sd")  # type: ignore[arg-type]
+            sd = finite(given[kind], f"noise_sd.{kind}")  # type: ignore[arg-type]
             if sd.shape not in ((), (count,), (size, count)):
-                raise wrong_shape(f"{kind} noise sd", sd.shape, f"({count},)")
+                raise wrong_shape(f"noise_sd.{kind}", sd.shape, f"({count},)")
             if (sd <= 0.0).any():
-                raise out_of_range(f"{kind} noise sd", float(sd.min()), "> 0")
+                raise out_of_range(f"noise_sd.{kind}", float(sd.min()), "> 0")
             columns.append(np.broadcast_to(sd, (size, count)))
         elif kind in readings.sd and (readings.sd[kind] > 0.0).any():
             # a mean of identical readings is still only known to the converter's step

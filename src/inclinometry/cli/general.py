@@ -150,7 +150,7 @@ def _streams(given: Mapping[str, Any], stack: ExitStack) -> Iterator[tuple[str, 
                     raise FileError(Finding("file-unwritable", {"reason": "no /dev/stdout"}), path=one)
                 found.append(Path("/dev/stdout"))
             elif one == Path(_HYPHEN) and copy is not None:
-                raise refused("input-repeated", {"name": "standard input", "value": "-"})
+                raise refused("input-repeated", {"name": "stdin", "value": "-"})
             elif one == Path(_HYPHEN):
                 copy = Path(stack.enter_context(tempfile.TemporaryDirectory()), "stdin.txt")
                 with copy.open("wb") as out:

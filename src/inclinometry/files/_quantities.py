@@ -127,6 +127,14 @@ def _texts() -> Mapping[str, str]:
     return {name: key for key, names in _data()["text"].items() for name in names}
 
 
+@lru_cache(maxsize=1)
+def words_beyond_ascii() -> frozenset[str]:
+    """Names and units that show the encoding of a text: two letters of Chinese, three of Russian at least."""
+    names = {*_names(), *_texts(), *(word for known in _data()["hole"].values() for word in known)}
+    units = (word for dimension in _data()["units"] for word in _units(dimension))
+    return frozenset(word for word in (*names, *units) if word.isalpha() and len(word.encode()) > len(word) + 2)
+
+
 def _squashed(name: str) -> str:
     return _BETWEEN.sub("", name).lower()
 
@@ -137,7 +145,8 @@ def _wrapping() -> re.Pattern[str]:
 
 
 def _unwrapped(name: str) -> str:
-    """The name without what a program writes around it, as Shimmer its device and CAL."""
+    """The name without what a program writes around it, as Shimmer its device and CAL; `Dip°` is `Dip °`."""
+    name = re.sub(r"(?<=[^\W\d])(?=[°º]$)", " ", name)
     return _wrapping().sub(lambda found: found[1], name, count=1)
 
 
@@ -177,13 +186,13 @@ def meaning(name: str, stated: str | None = None, beside: Collection[str] = ()) 
             raise refused("table-near", {"name": name, "right": near})
         return None
     candidates, written = split
-    if written is not None and written.endswith("sd") and channel(name) is not None:
-        return None  # the standard deviation of a channel
-    written = _one_unit(name, written, stated)
-    if written is None and _contract(name, beside):
-        written = _contract(name, beside)
-    # the one candidate whose dimension has the unit
     known = quantities()
+    met = any(_unit(written or stated or "", known[key].dimension) for key, _ in candidates)
+    unsure = not met and _squashed(name).startswith(tuple(_data()["unsure"]["names"]))
+    if unsure or (written and written.endswith("sd") and channel(name) is not None):
+        return None  # of another trade; the standard deviation of a channel
+    written = _one_unit(name, written, stated) or _contract(name, beside)
+    # the one candidate whose dimension has the unit
     if written is None:
         raise refused("table-unit-missing", {"name": name, "right": tuple(known[key].column for key, _ in candidates)})
     fits = [(key, north, _unit(written, known[key].dimension)) for key, north in candidates]
@@ -260,7 +269,7 @@ def to_si(unit: str) -> tuple[str, float]:
 def hole_names(what: str) -> tuple[str, ...]:
     """Squashed names of a column of drill holes: "hole", "depth", "dip" .. of shots, "x" .. "end" of collars, "casing".
 
-    >>> hole_names("dip")
+    >>> hole_names("dip")[:3]
     ('dip', 'dipangle', 'plunge')
     """
     return tuple(_data()["hole"][what])

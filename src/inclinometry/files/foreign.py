@@ -26,7 +26,7 @@ from inclinometry.errors import FileError, InputError, in_file
 from inclinometry.files.frame import Column, Frame
 from inclinometry.files.not_read import not_read
 from inclinometry.files.profile import current, with_unit
-from inclinometry.files.text import Block, Progress, wide
+from inclinometry.files.text import Block, Progress, whole_text, wide
 from inclinometry.findings import Finding
 from inclinometry.opening import damaged, opened, too_large, whole
 
@@ -186,7 +186,7 @@ def _of_axis(name: str, axis: str) -> str:
 def _json(path: Path) -> Pieces:
     """An object of arrays, or an array of objects; null is an empty cell."""
     # in memory JSON takes twenty times as much
-    text = whole(path, 50_000_000)
+    text, guess = whole_text(whole(path, 50_000_000), path, current().encoding)
     try:
         content = json.loads(text)
     except (ValueError, RecursionError) as error:
@@ -219,10 +219,10 @@ def _json(path: Path) -> Pieces:
     if len({len(v) for v in numbers}) == 1:
         there = ~np.isnan(np.concatenate(numbers, axis=1)).all(axis=1)
         found = {name: v[there] if v.ndim and len(v) == len(there) else v for name, v in found.items()}
-    return _arrays(path, found)
+    return (replace(frame, findings=guess) for frame in _arrays(path, found))
 
 
-def _json_line(line: bytes, path: Path, number: int) -> dict[str, Any]:
+def _json_line(line: str, path: Path, number: int) -> dict[str, Any]:
     try:
         row = json.loads(line)
     except (ValueError, RecursionError) as error:
@@ -320,15 +320,9 @@ def _wits(path: Path) -> Pieces:
 
 
 def _p7(path: Path) -> Pieces:
-    from inclinometry.files.p7 import read_p7
+    from inclinometry.files.p7 import read_p7_survey
 
-    surveys, sheet = {str(number): survey for number, survey in read_p7(path).surveys.items()}, current().sheet
-    if sheet is None and len(surveys) != 1:
-        raise FileError(Finding("file-surveys", {"names": tuple(surveys)}), path=path)
-    if sheet not in (None, *surveys):
-        choice = Finding("input-choice", {"name": "--sheet", "value": sheet or "-", "allowed": tuple(surveys)})
-        raise FileError(choice, path=path)
-    return _survey(path, surveys[sheet or next(iter(surveys))])
+    return _survey(path, read_p7_survey(path, azimuth_reference=_north(), sheet=current().sheet))
 
 
 def _survey(path: Path, file: SurveyFile) -> Iterator[Frame]:

@@ -19,13 +19,13 @@ from inclinometry.errors import FileError, InputError, in_file, wrong_kind
 from inclinometry.files import writing
 from inclinometry.files._quantities import meaning, quantities_by_column, same_unit
 from inclinometry.files.frame import Column, Frame, unused
-from inclinometry.files.profile import with_unit
+from inclinometry.files.profile import current, with_unit
 from inclinometry.files.survey_file import SurveyFile, columns_of
 from inclinometry.files.table_formats import row_width
-from inclinometry.files.text import NULLS, wide
+from inclinometry.files.text import NULLS, whole_text
 from inclinometry.files.writing import write_text
 from inclinometry.findings import Finding, Value
-from inclinometry.opening import damaged, not_text, too_large, whole
+from inclinometry.opening import damaged, too_large, whole
 
 # The ~ASCII section of a LAS file: every row checked for its length and its numbers.
 
@@ -208,11 +208,13 @@ def las_frame(where: Path) -> Frame:
     FileError
         A header that is damaged, data that do not reach STRT and STOP (truncated), values that are no numbers.
     """
-    text = _text(where)
+    data = whole(where, LARGEST)
+    # what matters is ASCII: letters of an encoding that no one knows do not hinder
+    text, guess = whole_text(data, where, current().encoding, "latin-1")
     parts = split_at_data(where, text)
     las = _header(where, parts.head)
     names = [str(curve.original_mnemonic).strip() for curve in las.curves]
-    findings, doubled = list[Finding](), dict[str, str]()
+    findings, doubled = list(guess), dict[str, str]()
     for place, name in enumerate(names, 1):
         if not name:
             raise FileError(Finding("table-unnamed", {"place": place}), path=where)
@@ -250,7 +252,7 @@ def _span(
     """Whether the log goes up by its header, and data beyond STRT or STOP; FileError where they end before."""
     ends = dict[str, float]()
     for name in ("STRT", "STOP"):
-        item = next((item for item in las.well if str(item.original_mnemonic).upper() == name), None)
+        item = _item(las.well, name)
         unit = "" if item is None else str(item.unit).strip()
         if unit and index_unit and not same_unit(unit, index_unit):
             raise FileError(Finding("table-units", {"column": name, "units": (unit, index_unit)}), path=path)
@@ -270,17 +272,6 @@ def _span(
             raise FileError(Finding("file-differs", values), path=path, line=int(rows[at]))
         findings.append(Finding("file-beyond", values))
     return up, findings
-
-
-def _text(path: Path) -> str:
-    data = whole(path, LARGEST)
-    data = wide(data) or data
-    if b"\0" in data[:100_000]:
-        raise FileError(not_text("utf-8", "0x00"), path=path)
-    try:
-        return data.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        return data.decode("latin-1")  # older writers; what matters is ASCII
 
 
 def _header(path: Path, head: str) -> Any:
@@ -329,9 +320,14 @@ def _quiet(name: str) -> Iterator[None]:
         logger.setLevel(before)
 
 
+def _item(section: Any, name: str) -> Any:
+    """An item of a section, or None."""
+    return next((item for item in section if str(item.original_mnemonic).upper() == name), None)
+
+
 def _value(section: Any, name: str) -> Any:
-    """Value of an item of a section, or None."""
-    return next((item.value for item in section if str(item.original_mnemonic).upper() == name), None)
+    """Its value, or None."""
+    return getattr(_item(section, name), "value", None)
 
 
 def _null(path: Path, las: Any) -> float:

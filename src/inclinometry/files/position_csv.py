@@ -226,6 +226,23 @@ def _angle(table: Frame, name: str, low: float, high: float) -> Array:
     return frozen(np.radians(values))
 
 
+def read_tie(path: str | Path, depth: float, north: str) -> tuple[tuple[float, float, float], Array]:
+    """Position (north, east, tvd), m, and covariance (3, 3), m^2, of the station of a position.csv at a depth, m."""
+    table = read_table(path, numeric=lambda name: name in POSITION[:-1], gaps=POSITION[:-1])
+    table.require(POSITION[: 5 + len(COVARIANCES)] + POSITION[-1:])
+    row = int(np.argmin(np.abs(table.number("md_m") - depth)))
+    if abs(table.number("md_m")[row] - depth) > 0.005:
+        raise table.error(Finding("readings-tie-depth", {"md_m": depth, "near_m": float(table.number("md_m")[row])}))
+    if table.text("north_reference")[row] != north:
+        raise table.error(Finding("input-north", {"norths": (table.text("north_reference")[row], north)}), row)
+    values = [float(table.number(name)[row]) for name in ("north_m", "east_m", "tvd_m", *COVARIANCES)]
+    covariance = np.empty((3, 3))
+    for name, value in zip(COVARIANCES, values[3:], strict=True):
+        i, j = ("nev".index(axis) for axis in name.removeprefix("cov_"))
+        covariance[i, j] = covariance[j, i] = value
+    return (values[0], values[1], values[2]), np.nan_to_num(covariance)
+
+
 def position_columns(path: WellPath, uncertainty: PositionUncertainty | None, north: str) -> Mapping[str, Array | str]:
     """Columns of the position file, degrees and metres, from true or grid `north`; NaN without uncertainty."""
     found: dict[str, Array | str] = {

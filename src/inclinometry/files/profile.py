@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import tomllib
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -14,12 +15,15 @@ from typing import Any, Final, NamedTuple
 from inclinometry.conventions import named
 from inclinometry.errors import FileError, InputError, in_file, not_among, out_of_range, refused, wrong_kind
 from inclinometry.files._quantities import dimension_of, meaning, quantities, same_unit, seconds_of, unit_factor
-from inclinometry.files.columns import KIND_PREFIX, PREFIXES, TEXT, UNIT_LABELS, channel, is_number
+from inclinometry.files.columns import KIND_PREFIX, PREFIXES, TEXT, UNIT_LABELS, channel, is_number, spelled
 from inclinometry.files.toml_keys import Settings, parsed
 from inclinometry.opening import LARGEST_SETTINGS, damaged, not_text, whole
 
 USUAL_UNITS: Final = ("m", "ft", "deg", "rad", "g", "mg", "nT", "uT", "gauss", "degC")
 """Units that a profile or --units usually states."""
+
+ENCODINGS: Final = ("utf-8", "cp1251", "cp866", "koi8-r", "gb18030", "cp1252")
+"""Encodings that a profile usually states."""
 
 SEPARATORS: Final = {"comma": ",", "semicolon": ";", "tab": "\t", "space": " "}
 
@@ -40,8 +44,8 @@ class Profile:
     separator : " " is any number of blanks; None where the names show it. skip : lines before the names or first row.
     columns : -> name here, with its unit ("accel_x_mg"); "" leaves it out. given : -> unit, where the name has another.
     blank : -> what an empty cell says ("-9999"); null : the same for all. units : of columns without, one a dimension.
-    sheet : of a workbook. deleted : column -> its texts in rows that are left out. second_row : cells of a row that
-    follows another and is left out: of a second set of sensors.
+    sheet : of a workbook. encoding : of a text. deleted : column -> its texts in rows that are left out. second_row :
+    cells of a row that follows another and is left out: of a second set of sensors.
     axes : kind -> axis of the file ("-x") for x, y, z of the tool. constants : columns the file lacks -> their value.
     """
 
@@ -62,6 +66,7 @@ class Profile:
     sheet: str | None = None
     deleted: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     second_row: int = 0
+    encoding: str | None = None
 
     @property
     def lays_out(self) -> bool:
@@ -69,7 +74,10 @@ class Profile:
         plain = Profile(
             self.title, columns=self.columns, given=self.given, units=self.units, axes=self.axes, null=self.null
         )
-        return self != replace(plain, roll_sets=self.roll_sets, sheet=self.sheet) or "" in self.columns.values()
+        return (
+            self != replace(plain, roll_sets=self.roll_sets, sheet=self.sheet, encoding=self.encoding)
+            or "" in self.columns.values()
+        )
 
     @property
     def states_layout(self) -> bool:
@@ -94,8 +102,9 @@ class Profile:
         if key in self.columns:
             self.check_unit(name, stated_unit(name), key)
             return self._turned(_converted(self.columns[key], self.given.get(key)))
-        if numeric(name) or name in TEXT:
-            return self._turned(Reading(name))
+        plain = name if numeric(name) else spelled(name)
+        if numeric(plain) or plain in TEXT:
+            return self._turned(Reading(plain))
         if numeric("time_s") and (factor := seconds_of(name, self.units)) is not None:
             return Reading("time_s", factor)
         found = {r for stated in (None, *self.units) if (r := self._known(name, stated, numeric)) is not None}
@@ -319,7 +328,7 @@ _TYPES: Final[Mapping[str, type | tuple[type, ...]]] = {
     "title": str, "separator": str, "skip": int, "header": bool, "units_row": bool, "columns": dict, "units": list,
     "axes": dict, "convention": str, "rate_hz": (int, float), "constants": dict, "roll_sets": dict,
     "null": (int, float), "sheet": str,
-    "deleted": dict, "second_row": int,
+    "deleted": dict, "second_row": int, "encoding": str,
 }  # fmt: skip
 
 
@@ -336,6 +345,10 @@ def _profile(content: dict[str, Any]) -> Profile:
     rate = content.get("rate_hz")
     if rate is not None and not 0.0 < rate < 1e6:
         raise out_of_range("rate_hz", rate, "> 0, < 1e6")
+    try:
+        codecs.lookup(content.get("encoding", "utf-8"))
+    except LookupError:
+        raise not_among("encoding", content["encoding"], ENCODINGS) from None
     columns, given, blank = _columns(content.get("columns", {}))
     units = tuple(map(str, content.get("units", [])))
     for unit in units:
@@ -359,6 +372,7 @@ def _profile(content: dict[str, Any]) -> Profile:
         sheet=content.get("sheet"),
         deleted={name: tuple(map(str, texts)) for name, texts in content.get("deleted", {}).items()},
         second_row=content.get("second_row", 0),
+        encoding=content.get("encoding"),
     )
 
 

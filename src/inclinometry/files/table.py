@@ -36,10 +36,11 @@ def read_table(
 ) -> Frame:
     """Read a table of any format, a CSV file with one line of column names above all.
 
-    Comma, semicolon or tab; UTF-8, UTF-16 with its mark or Windows-1252; decimal point, or comma where it cannot be
-    mistaken; blank lines, quoted cells and lines that begin with `#` are understood; what could be read in two ways is
-    an error. `numeric` says which names hold numbers, `gaps` which of them may be empty (NaN); with `timed`, date and
-    time become `time_s`, seconds since the first row. `read` reads a file whose beginning need not tell what it is.
+    Comma, semicolon or tab; UTF-8, UTF-16 with its mark, or the encoding in which the letters make words; decimal
+    point, or comma where it cannot be mistaken; blank lines, quoted cells and lines that begin with `#` are understood;
+    what could be read in two ways is an error. `numeric` says which names hold numbers, `gaps` which of them may be
+    empty (NaN); with `timed`, date and time become `time_s`, seconds since the first row. `read` reads a file whose
+    beginning need not tell what it is.
     """
     return TableFile(path, progress, timed=timed, read=read).read(numeric, gaps)
 
@@ -56,7 +57,7 @@ class TableFile:
     ) -> None:
         profile = current()
         self.path, self._profile = Path(path), profile
-        self._lines = LineReader(self.path, progress)
+        self._lines = LineReader(self.path, progress, profile.encoding)
         found: Any = foreign_pieces(self.path, self._lines.hash, read, progress)
         first = None if found is None else next(found)
         self._text: TextTable | None = None
@@ -65,6 +66,7 @@ class TableFile:
         self._north: str | None = None
         self._header: Mapping[str, str] = {}
         self.findings: tuple[Finding, ...] = ()
+        empty = set[int]()
         if isinstance(first, Frame):
             written, self.word, self.line = list(first.columns), first.word, first.header_line
             self._bare, self._north, self._header = first.bare, first.north, first.header
@@ -76,15 +78,12 @@ class TableFile:
             self._text = TextTable(self.path, blocks, self._profile)
             written, self.line = self._text.names, self._text.line
             pieces, self._north = self._text.pieces(), self._text.north
+            self.findings = self._lines.findings
             if "" in written and (one := next(pieces, None)) is not None:
                 # a table that does not begin in the first column of its sheet
-                empty = [
-                    k for k, name in enumerate(written) if not name and not any(map(str.strip, texts_of(one[1][k])))
-                ]
-                pieces = (
-                    (rows, [c for k, c in enumerate(cells) if k not in empty]) for rows, cells in chain([one], pieces)
-                )
-                written = [name for k, name in enumerate(written) if k not in empty]
+                unnamed = (k for k, name in enumerate(written) if not name)
+                empty = {k for k in unnamed if not any(map(str.strip, texts_of(one[1][k])))}
+                pieces = chain([one], pieces)
         self._numbers = NumberReader(self.path, self.word)
         self._width, self._count = len(written), 0
         self._extra = [*self._profile.constants, *["time_s"] * bool(self._profile.rate_hz)]
@@ -92,7 +91,7 @@ class TableFile:
         self._blank = {k: self._profile.blank[key] for k, key in enumerate(keys) if key in self._profile.blank}
         self._deleted = {k: profile.deleted[key] for k, key in enumerate(keys) if key in profile.deleted}
         self._gone = 0
-        self._kept = [k for k, key in enumerate(keys) if self._profile.columns.get(key) != ""]
+        self._kept = [k for k, key in enumerate(keys) if k not in empty and profile.columns.get(key) != ""]
         names = [*(written[k] for k in self._kept), *self._extra]
         self._clock: Clock | None = None
         if timed and any(part_of_time(name) for name in names):

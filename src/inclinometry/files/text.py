@@ -17,7 +17,9 @@ from numpy.typing import NDArray
 
 from inclinometry.arrays import Array
 from inclinometry.errors import FileError, system_reason
+from inclinometry.files._quantities import words_beyond_ascii
 from inclinometry.files.frame import row_error
+from inclinometry.files.not_read import not_read
 from inclinometry.findings import Finding
 from inclinometry.opening import damaged, not_text, opened, too_large
 
@@ -211,11 +213,13 @@ class Block(NamedTuple):
 
 @dataclass
 class LineReader:
-    """Reads a text file once; `digest` is complete behind its `blocks`."""
+    """Reads a text file once; `digest` is complete behind its `blocks`. An `encoding` that is not stated is found."""
 
     path: Path
     progress: Progress | None = None
+    encoding: str | None = None
     hash: hashlib._Hash = field(default_factory=hashlib.sha256)
+    findings: tuple[Finding, ...] = ()
 
     @property
     def digest(self) -> str:
@@ -241,12 +245,16 @@ class LineReader:
         decoder: codecs.IncrementalDecoder | None = None
         held, done, lines = "", 0, 1
         for chunk in self._chunks():
-            decoder = decoder or codecs.getincrementaldecoder(_encoding(chunk, self.path))("strict")
+            if decoder is None:
+                _refuse_kind(chunk, self.path)
+                encoding = self.encoding or encoding_of(chunk)
+                self.findings = _guess(encoding, self.encoding)
+                decoder = codecs.getincrementaldecoder(encoding)("strict")
             done += len(chunk)
             try:
                 text = held + decoder.decode(chunk, final=not chunk)
             except UnicodeDecodeError as error:
-                raise _not_text(error, chunk, lines, self.path) from None
+                raise _not_text(error, lines, self.path) from None
             if "\0" in text:
                 raise FileError(not_text("utf-8", "0x00"), path=self.path)
             held = "\r" if chunk and text.endswith("\r") else ""
@@ -284,15 +292,14 @@ class LineReader:
         yield b""
 
 
-def _encoding(start: bytes, path: Path) -> str:
-    """UTF-8 unless a byte-order mark says otherwise."""
+def _refuse_kind(start: bytes, path: Path) -> None:
+    """FileError for what is plainly no text in an encoding that is read."""
+    if (found := not_read(path, start)) is not None:
+        raise FileError(found, path=path)
     if start.startswith((codecs.BOM_UTF32_LE, codecs.BOM_UTF32_BE)):
         raise FileError(not_text("utf-8", "UTF-32"), path=path)
-    if start.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        return "utf-16"
-    if set(start) - _ASCII and set(start) - _ASCII <= set("°²µ".encode("latin-1")):
-        return "latin-1"  # signs of units alone, by a program that knows no UTF-8
-    return "cp1252" if _western(start) else "utf-8-sig"
+    if b"\0" in start and not start.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        raise FileError(not_text("utf-8", "0x00"), path=path)
 
 
 def wide(data: bytes) -> bytes | None:
@@ -302,22 +309,82 @@ def wide(data: bytes) -> bytes | None:
     return data[: len(data) // 2 * 2].decode("utf-16", "replace").encode()
 
 
-def _western(start: bytes) -> bool:
-    """Whether it is no UTF-8, and its letters stand between ASCII as those of western languages do.
+# Which encoding a text is in: its mark, UTF-8, else the one in which its letters make words.
 
-    Other alphabets make runs of such bytes, in one of several encodings: they are refused, not guessed.
+OTHER_ENCODINGS: Final = ("cp1251", "cp866", "koi8-r", "gb18030")
+_FREQUENT: Final = "оеаинтсрвлкмдпуяыьгзбчйхжшюцщэфъё"
+"""Letters of Russian, the most frequent first."""
+_SIGNS: Final = frozenset("°²³µ№±«»–—·…‘’“”×″′℃（）：，、。；％／－＋")
+
+
+def encoding_of(start: bytes) -> str:
+    """Encoding of a text, by its beginning; UTF-8 where none is sure, so that its decoder says what is wrong.
+
+    A sure one makes known names, or letters by far the most usual: right for 13,791 of 13,830 sets of four names out
+    of the catalogues, wrong for none.
     """
+    if start.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return "utf-16"
+    high = start.translate(None, bytes(range(128)))
+    if high and set(high) <= set("°²µ".encode("latin-1")):
+        return "latin-1"  # signs of units alone, by a program that knows no UTF-8
+    damaged = len(re.sub(rb"[\xc2-\xdf][\x80-\xbf]|[\xe0-\xef][\x80-\xbf]{2}", b"", high)) < 0.2 * len(high)
+    if not high or damaged or _decoded(start, "utf-8") is not None:
+        return "utf-8-sig"
+    found = []
+    for name in OTHER_ENCODINGS:
+        if (text := _decoded(start, name)) is not None:
+            words = set(re.split(r"[\W_\d]+", text.lower()))
+            found.append((-len(words & words_beyond_ascii()), _strangeness(text), name))
+    found.sort()
+    known = bool(found) and found[0][0] < 0
+    if not known and not re.search(rb"[\x80-\xff]{3}|[\xc2-\xf4][\x80-\xbf]|[\x80-\x9f]", start):
+        return "cp1252"  # single letters between those of ASCII
+    usual = (
+        len(high) >= 8 and bool(found) and found[0][1] <= 15.0 and all(one[1] - found[0][1] > 3.0 for one in found[1:])
+    )
+    return found[0][2] if known or usual else "utf-8-sig"
+
+
+def whole_text(data: bytes, path: Path, stated: str | None, rest: str = "") -> tuple[str, tuple[Finding, ...]]:
+    """The text of a whole file and a note where its encoding is a guess; `rest` decodes what fits none."""
+    _refuse_kind(data, path)
+    encoding = stated or encoding_of(data)
     try:
-        codecs.getincrementaldecoder("utf-8")("strict").decode(start)
+        return data.decode(encoding), _guess(encoding, stated)
+    except UnicodeDecodeError as error:
+        if not rest:
+            raise _not_text(error, 1, path) from None
+    return data.decode(rest), (Finding("file-encoding", {"encoding": rest}),)
+
+
+def _guess(encoding: str, stated: str | None) -> tuple[Finding, ...]:
+    found = Finding("file-encoding", {"encoding": encoding}, severity="note")
+    return (found,) if stated is None and encoding in (*OTHER_ENCODINGS, "cp1252") else ()
+
+
+def _decoded(start: bytes, encoding: str) -> str | None:
+    try:
+        return codecs.getincrementaldecoder(encoding)("strict").decode(start)
     except UnicodeDecodeError:
-        return b"\0" not in start and not re.search(rb"[\x80-\xff]{3}|[\xc2-\xf4][\x80-\xbf]|[\x80-\x9f]", start)
-    return False
+        return None
 
 
-_ASCII: Final = frozenset(range(128))
+def _strangeness(text: str) -> float:
+    """Mean rank of the letters beyond ASCII among those of Russian, or of Chinese, where rare ones count 30."""
+    ranks = []
+    for run in re.findall(r"[^\x00-\x7f]+", text):
+        for before, letter in zip(" " + run, run, strict=False):
+            if (place := _FREQUENT.find(letter.lower())) >= 0:
+                ranks.append(place + 20 * (before.islower() and letter.isupper()))
+            elif letter not in _SIGNS:
+                two = letter.encode("gb18030", "replace")
+                common = "\u4e00" <= letter <= "\u9fff" and two[0] in range(0xB0, 0xD8) and two[1] > 0xA0
+                ranks.append(8 if common else 30 if "\u4e00" <= letter <= "\u9fff" else 60)
+    return sum(ranks) / len(ranks) if ranks else 99.0
 
 
-def _not_text(error: UnicodeDecodeError, chunk: bytes, line: int, path: Path) -> FileError:
+def _not_text(error: UnicodeDecodeError, line: int, path: Path) -> FileError:
     """The error's position refers to the decoder's buffer, which may begin with bytes kept from the chunk before."""
     piece = bytes(error.object)
     line += piece[: error.start].count(b"\n")

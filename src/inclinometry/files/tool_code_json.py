@@ -6,14 +6,17 @@ import re
 from collections.abc import Mapping
 from importlib.resources import as_file, files
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Final
 
 import numpy as np
 
 from inclinometry.constants import FOOT
-from inclinometry.errors import InputError, in_file, not_among, out_of_range
+from inclinometry.errors import InputError, in_file, not_among, out_of_range, refused
 from inclinometry.files import json_codec
-from inclinometry.position.tool_code import Term, ToolCode, term
+from inclinometry.files.ipm import read_ipm
+from inclinometry.findings import Finding
+from inclinometry.position.tool_code import STATES, Term, ToolCode, term
 from inclinometry.tabular import check_record
 
 _SINGULAR: Final = ("north_singularity", "east_singularity", "vertical_singularity")
@@ -44,18 +47,22 @@ def tool_code_names() -> tuple[str, ...]:
     return tuple(sorted(entry.name.removesuffix(".json") for entry in folder.iterdir() if entry.name.endswith(".json")))
 
 
-def load_tool_code(name_or_path: str | Path) -> ToolCode:
-    """A tool code by its name, or from a JSON file.
+def load_tool_code(name_or_path: str | Path, parameters: Mapping[str, float] = MappingProxyType({})) -> ToolCode:
+    """A tool code by its name, or from a JSON or IPM file.
 
     The file has `metadata` (`short_name`, `source`, `revision`), `parameters` and `terms`; the keys of a term are those
     of the ISCWSA's error models in JSON: `name`, `value`, `units`, `propagation_mode` ("Random", "Systematic", "Well",
     "Global"), `depth_formula`, `inclination_formula`, `azimuth_formula`, `north_singularity` and so on. Files of the
     OWSG are read as they are: XCLA and XCLH act over the whole course before a station, XCLA at vertical stations as in
-    the ISCWSA's workbooks, and a `framework` of Rev 5 or later makes the attitude at the wellhead uncertain.
+    the ISCWSA's workbooks, and a `framework` of Rev 5 or later makes the attitude at the wellhead uncertain. In place
+    of terms a file may have `based_on`, a shipped name, and `magnitudes` of the terms that differ.
 
     Parameters
     ----------
     name_or_path : str or Path
+        IPM: see `inclinometry.files.ipm.read_ipm`.
+    parameters : mapping, optional
+        Parameters that replace those of the file, in its units.
 
     Returns
     -------
@@ -76,7 +83,7 @@ def load_tool_code(name_or_path: str | Path) -> ToolCode:
     """
     if str(name_or_path) in tool_code_names():
         with as_file(files("inclinometry.position").joinpath("tool_codes", f"{name_or_path}.json")) as shipped:
-            return _read(shipped)
+            return _read(shipped, parameters)
     path = Path(name_or_path)
     try:
         missing = not path.suffix and len(path.parts) <= 1 and not path.exists()
@@ -84,15 +91,34 @@ def load_tool_code(name_or_path: str | Path) -> ToolCode:
         missing = True
     if missing:
         raise not_among("--tool-code", str(name_or_path), tool_code_names())
-    return _read(path)
+    if path.suffix.lower() != ".ipm":
+        return _read(path, parameters)
+    if parameters:
+        raise refused("input-not-with", {"name": "--tool-parameter", "other": path.name})
+    return read_ipm(path)
 
 
-def _read(path: Path) -> ToolCode:
+def _read(path: Path, given: Mapping[str, float]) -> ToolCode:
     content = _without_extensions(json_codec.load(path))
+    if isinstance(content.get("parameters", {}), dict):
+        content["parameters"] = {**content.get("parameters", {}), **given}
     json_codec.validate(content, "tool-code-1", path)
-    metadata, parameters = content["metadata"], content.get("parameters", {})
+    if "based_on" in content:
+        content = _based(content, path)
+    metadata, parameters = content["metadata"], content["parameters"]
     terms = tuple(_term(cells, f"$.terms[{row}]", path) for row, cells in enumerate(content["terms"]))
     continuous = parameters.get("xy_static_gyro_end_inc")
+    used = {name for one in terms for formula in one.formulas for name in formula.names}
+    findings: tuple[Finding, ...] = ()
+    if "noisereductionfactor" in used and "noise_reduction_factor" not in parameters and not used & set(STATES):
+        parameters = {**parameters, "noise_reduction_factor": 1.0}
+        assumed = {"name": "noise_reduction_factor", "value": 1.0, "unit": "", "why": "stationary gyro"}
+        findings = (Finding("work-assumed", assumed | {"needed": ("--tool-parameter",)}, severity="note"),)
+    for key, (name, _) in _PARAMETERS.items():
+        if name in used and not any(_PARAMETERS.get(other, ("",))[0] == name for other in parameters):
+            raise in_file(
+                refused("input-needs", {"name": metadata["short_name"], "needed": (f"--tool-parameter {key}",)}), path
+            )
     try:
         return ToolCode(
             name=metadata["short_name"],
@@ -108,9 +134,26 @@ def _read(path: Path) -> ToolCode:
             vertical=float(np.radians(parameters.get("vertical_inclination_deg", 1e-4))),
             surface_attitude=parameters.get("surface_attitude_uncertain", _revised(metadata.get("framework", ""))),
             continuous_above=None if continuous is None else float(continuous),
+            east_west_exclusion=float(np.radians(parameters.get("east_west_exclusion_deg", 0.0))),
+            findings=findings,
         )
     except InputError as error:
         raise in_file(error, path) from None
+
+
+def _based(content: dict[str, Any], path: Path) -> dict[str, Any]:
+    """A file of changed magnitudes with the terms of the shipped code: null leaves a term out, a pair renames one."""
+    if content["based_on"] not in tool_code_names():
+        raise in_file(not_among("$.based_on", content["based_on"], tool_code_names()), path)
+    base = json_codec.load(files("inclinometry.position").joinpath("tool_codes", f"{content['based_on']}.json"))
+    terms = {cells["name"]: cells for cells in base["terms"]}
+    for name, value in content["magnitudes"].items():
+        like, size = value if isinstance(value, list) else (name, value)
+        if like not in terms:
+            raise in_file(not_among(f"$.magnitudes.{name}", like, terms), path)
+        terms[name] = {**terms[like], "name": name, "value": size}
+    kept = [cells for cells in terms.values() if cells["value"] is not None]
+    return {**content, "terms": kept, "parameters": {**base["parameters"], **content["parameters"]}}
 
 
 def _without_extensions(content: dict[str, Any]) -> dict[str, Any]:
@@ -190,6 +233,8 @@ def write_tool_code(code: ToolCode, path: str | Path, evidence: Mapping[str, obj
     }
     parameters["vertical_inclination_deg"] = float(np.degrees(code.vertical))
     parameters["surface_attitude_uncertain"] = code.surface_attitude
+    if code.east_west_exclusion:
+        parameters["east_west_exclusion_deg"] = float(np.degrees(code.east_west_exclusion))
     if code.continuous_above is not None:
         parameters["xy_static_gyro_end_inc"] = code.continuous_above
     metadata: dict[str, object] = {"short_name": code.name, "long_name": code.description, "source": code.source}

@@ -60,7 +60,7 @@ def tilt(gravity: ArrayLike, g: float | None = None) -> Tilt:
     field = vectors(gravity, "gravity", 1e9)
     unseen = np.isnan(field[:, 2])
     if unseen.any() and g is None:
-        raise refused("input-needs", {"name": "gravity without z", "needed": ("g",)})
+        raise refused("input-needs", {"name": "gravity", "needed": ("g",)})
     level = np.hypot(field[:, 0], field[:, 1])
     total = np.where(unseen, 0.0 if g is None else g, np.hypot(level, field[:, 2]))
     ratio = np.divide(level, total, out=np.full(len(level), np.inf), where=total > 0.0)
@@ -115,7 +115,7 @@ def settle_vertical(inclination: Array, azimuth: Array, toolface: Array) -> tupl
 def high_side(rate: ArrayLike, toolface: ArrayLike) -> tuple[Array, Array]:
     """Cross-axis rates turned to high side and right: A = wx cos T - wy sin T, B = wx sin T + wy cos T."""
     rate, toolface = np.asarray(rate, dtype=np.float64), finite(toolface, "toolface")
-    x, y = finite(rate[..., 0], "rate x"), finite(rate[..., 1], "rate y")
+    x, y = finite(rate[..., 0], "rate[:, 0]"), finite(rate[..., 1], "rate[:, 1]")
     c, s = np.cos(toolface), np.sin(toolface)
     return np.asarray(x * c - y * s), np.asarray(x * s + y * c)
 

@@ -59,8 +59,8 @@ class ScaleState:
     temperature_range: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
-        mean = finite(self.coefficients, "scale coefficients", (None,))
-        spread = finite(self.covariance, "covariance of the scale coefficients")
+        mean = finite(self.coefficients, "coefficients", (None,))
+        spread = finite(self.covariance, "covariance")
         if mean.ndim != 1 or not 1 <= mean.size <= 3 or spread.shape != (mean.size, mean.size):
             raise wrong_shape("coefficients, covariance", f"{mean.shape}, {spread.shape}", "(p,), (p, p), 1 <= p <= 3")
         one_value(self.reference_temperature, "reference_temperature", *TEMPERATURES, "degC")

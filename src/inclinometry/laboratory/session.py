@@ -437,11 +437,11 @@ def _capture_body(taken: Capture) -> dict[str, Any]:
             given = getattr(taken, name).get(kind)
             if given is not None and np.shape(given) != np.shape(signals):
                 raise wrong_shape(f"{name}.{kind}", np.shape(given), str(np.shape(signals)))
-        within(taken.sd.get(kind, 0.0), f"sd of the {kind}", 0.0, LARGEST)
+        within(taken.sd.get(kind, 0.0), f"sd.{kind}", 0.0, LARGEST)
     if taken.count < 1:
         raise out_of_range("count", taken.count, ">= 1")
     vectors: dict[str, Any] = {
-        name: {kind: finite(v, f"{name} of the {kind}", (None,)) for kind, v in getattr(taken, name).items()}
+        name: {kind: finite(v, f"{kind}.{name}", (None,)) for kind, v in getattr(taken, name).items()}
         for name in ("channels", "sd", "drift")
     }
     body = to_record_body(replace(taken, **vectors), 0)

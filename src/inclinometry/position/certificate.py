@@ -149,7 +149,7 @@ def with_terms(code: ToolCode, names: Sequence[str], magnitudes: Mapping[str, fl
     sigmas = dict(magnitudes or {})
     for name in (*names, *sigmas):
         if name not in own:
-            raise not_among(f"term of {code.name}", name, own)
+            raise not_among(f"{code.name}.term", name, own)
         if is_sensor_term(name):
             raise refused("input-not-with", {"name": name, "other": "calibration"})
     lost = tuple(name for name in sigmas if name not in names)
@@ -161,9 +161,9 @@ def with_terms(code: ToolCode, names: Sequence[str], magnitudes: Mapping[str, fl
     ]
     return replace(
         code,
-        name=f"{code.name}, in part",
+        name=f"{code.name}: {', '.join(names)}",
         terms=tuple(terms),
-        description=f"{', '.join(names)} of {code.name}; errors of the sensors come from the tool itself",
+        description="",
     )
 
 

@@ -40,22 +40,22 @@ class MatrixSource:
 
     def __post_init__(self) -> None:
         if self.propagation not in PROPAGATIONS:
-            raise not_among(f"propagation of {self.name}", self.propagation, PROPAGATIONS)
+            raise not_among(f"{self.name}.propagation", self.propagation, PROPAGATIONS)
         derivatives = np.asarray(self.by_angles, dtype=np.float64)
-        covariance = finite(self.covariance, f"covariance of {self.name!r}", (None, None))
+        covariance = finite(self.covariance, f"{self.name}.covariance", (None, None))
         size = derivatives.shape[2:] * 2
         if derivatives.ndim != 3 or derivatives.shape[1] != 3:
-            raise wrong_shape(f"by_angles of {self.name}", derivatives.shape, "(n, 3, p)")
+            raise wrong_shape(f"{self.name}.by_angles", derivatives.shape, "(n, 3, p)")
         if covariance.shape != size:
-            raise wrong_shape(f"covariance of {self.name}", covariance.shape, str(size))
+            raise wrong_shape(f"{self.name}.covariance", covariance.shape, str(size))
         direction = None if self.by_direction is None else np.asarray(self.by_direction, dtype=np.float64)
         if direction is not None and direction.shape != derivatives.shape:
-            raise wrong_shape(f"by_direction of {self.name}", direction.shape, str(derivatives.shape))
+            raise wrong_shape(f"{self.name}.by_direction", direction.shape, str(derivatives.shape))
         replaced = self._replaced(direction, len(derivatives))
         # where the direction stands in for them the derivatives of the angles may be infinite
         angles = np.array(derivatives)
         angles[replaced, 1:] = 0.0
-        finite(angles, f"by_angles of {self.name!r}")
+        finite(angles, f"{self.name}.by_angles")
         object.__setattr__(self, "by_angles", frozen(angles))
         object.__setattr__(self, "covariance", frozen(covariance))
         object.__setattr__(self, "by_direction", None if direction is None else frozen(direction))
@@ -75,7 +75,7 @@ class MatrixSource:
             Other stations than the survey's, a covariance that is none.
         """
         if len(self.by_angles) != len(survey):
-            raise wrong_shape(f"by_angles of {self.name}", self.by_angles.shape, f"({len(survey)}, 3, p)")
+            raise wrong_shape(f"{self.name}.by_angles", self.by_angles.shape, f"({len(survey)}, 3, p)")
         # f (p, r) with F F^T = covariance, for what of it is not zero
         covariance = self.covariance
         sigma = np.sqrt(np.clip(np.diagonal(covariance), 0.0, None))
@@ -203,6 +203,7 @@ class Run(NamedTuple):
     sources : with rows for all stations of the well.
     surface_attitude : whether the attitude at the first station of the well is as uncertain as at the second, which
         then takes all of the first course; None: as the tool code has it.
+    number : of the run, where another lies between two stretches of it; None: each is a run of its own.
     """
 
     first: int
@@ -210,6 +211,7 @@ class Run(NamedTuple):
     code: ToolCode | None = None
     sources: Sequence[MatrixSource] = ()
     surface_attitude: bool | None = None
+    number: int | None = None
 
 
 class _Part(NamedTuple):
@@ -413,18 +415,19 @@ def propagate_runs(survey: WellSurvey, runs: Sequence[Run]) -> PositionUncertain
     for number, run in enumerate(runs, 1):
         if run.first != expected or run.last < run.first or run.last >= len(survey):
             raise out_of_range(
-                f"stations of run {number}", f"{run.first + 1} .. {run.last + 1}", f"{expected + 1} .. {len(survey)}"
+                f"runs[{number}].stations", f"{run.first + 1} .. {run.last + 1}", f"{expected + 1} .. {len(survey)}"
             )
         expected = run.last + 1
     if expected != len(survey):
-        raise out_of_range("last station of the runs", expected, str(len(survey)))
+        raise out_of_range("runs", expected, str(len(survey)))
     pieces: dict[str, list[SourceUncertainty]] = {}
     for number, run in enumerate(runs, 1):
         mask = np.zeros(len(survey))
         mask[run.first : run.last + 1] = 1.0
         for one in _run_sources(survey, run, None if len(runs) == 1 else mask):
             shared = len(runs) == 1 or one.propagation in ("well", "global")
-            pieces.setdefault(one.name if shared else f"run {number}: {one.name}", []).append(one)
+            own = f"run {run.number or number}: {one.name}"
+            pieces.setdefault(one.name if shared else own, []).append(one)
     sources = {name: _joined(name, parts) for name, parts in pieces.items()}
     if not sources:
         raise refused("input-one-of", {"names": ("tool_code", "sources")})

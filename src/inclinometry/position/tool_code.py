@@ -87,7 +87,7 @@ def parse(text: str | float, variables: frozenset[str] | None = None) -> Formula
     longest = 2000  # characters; a longer one is not a weighting function
     source = str(text)
     if len(source) > longest:
-        raise out_of_range("length of the formula", len(source), f"<= {longest}")
+        raise out_of_range("len(formula)", len(source), f"<= {longest}")
     try:
         tree = ast.parse(source.strip().replace("^", "**"), mode="eval").body
     except (SyntaxError, ValueError, RecursionError, MemoryError):
@@ -215,18 +215,18 @@ class Term:
 
     def __post_init__(self) -> None:
         if self.unit not in UNITS:
-            raise not_among(f"unit of {self.name}", self.unit, UNITS)
+            raise not_among(f"{self.name}.unit", self.unit, UNITS)
         if self.propagation not in PROPAGATIONS:
-            raise not_among(f"propagation of {self.name}", self.propagation, PROPAGATIONS)
-        if float(finite(self.magnitude, f"magnitude of {self.name}")) < 0.0:
-            raise out_of_range(f"magnitude of {self.name}", self.magnitude, ">= 0")
+            raise not_among(f"{self.name}.propagation", self.propagation, PROPAGATIONS)
+        if float(finite(self.magnitude, f"{self.name}.magnitude")) < 0.0:
+            raise out_of_range(f"{self.name}.magnitude", self.magnitude, ">= 0")
         if all(formula.is_zero for formula in self.formulas) and not self.course:
-            raise refused("input-empty", {"name": f"formulas of {self.name}"})
+            raise refused("input-empty", {"name": f"{self.name}.formulas"})
         if not self.inclinations[0] <= self.inclinations[1]:
             low, high = np.degrees(self.inclinations).tolist()
-            raise out_of_range(f"inclinations of {self.name}", low, f"<= {high:g}")
+            raise out_of_range(f"{self.name}.inclinations", low, f"<= {high:g}")
         if self.hold and self.start:
-            raise refused("input-not-with", {"name": f"hold of {self.name}", "other": "start"})
+            raise refused("input-not-with", {"name": f"{self.name}.hold", "other": "start"})
 
     @property
     def sigma(self) -> float:
@@ -277,6 +277,8 @@ class ToolCode:
     surface_attitude : the attitude at the wellhead is as uncertain as a station's (ISCWSA from Revision 5), which
         doubles the weight of the first station below it.
     continuous_above : inclination, rad, above which a continuous gyro runs and accumulates.
+    east_west_exclusion : angle, rad, between hole and magnetic east-west below which no azimuth is covered.
+    findings : what was assumed when it was read.
     """
 
     name: str
@@ -289,6 +291,8 @@ class ToolCode:
     vertical: float = np.radians(1e-4)
     surface_attitude: bool = False
     continuous_above: float | None = None
+    east_west_exclusion: float = 0.0
+    findings: tuple[Finding, ...] = ()
 
     def __repr__(self) -> str:
         return f"ToolCode: {self.name}, {len(self.terms)} terms; {self.description}"
@@ -297,9 +301,9 @@ class ToolCode:
         names = [one.name for one in self.terms]
         twice = next((name for i, name in enumerate(names) if name in names[:i]), None)
         if twice is not None:
-            raise refused("input-repeated", {"name": f"terms of {self.name}", "value": twice})
+            raise refused("input-repeated", {"name": f"{self.name}.terms", "value": twice})
         if not self.terms:
-            raise refused("input-empty", {"name": f"terms of {self.name}"})
+            raise refused("input-empty", {"name": f"{self.name}.terms"})
         if unknown := sorted(set(self.parameters) - PARAMETERS):
             raise refused("input-unknown", {"names": tuple(unknown), "known": tuple(sorted(PARAMETERS))})
         for one in self.terms:

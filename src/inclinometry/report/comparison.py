@@ -132,10 +132,10 @@ def comparison_figure(rows: Sequence[MethodCurve], *, title: str = "") -> Figure
         handles: list[object] = []
         levels: list[Array] = []
         for n, row in enumerate(rows):
-            x = np.degrees(finite(row.inclination, f"inclination of {row.name}", (None,)))
-            y = np.degrees(finite(row[column], f"error of {row.name}", (None,)))
+            x = np.degrees(finite(row.inclination, f"{row.name}.inclination", (None,)))
+            y = np.degrees(finite(row[column], f"{row.name}.error", (None,)))
             if x.shape != y.shape:
-                raise wrong_shape(f"error of {row.name}", y.shape, str(x.shape))
+                raise wrong_shape(f"{row.name}.error", y.shape, str(x.shape))
             levels.append(y[y > 0.0])
             every, width = (n % 3, 3) if len(x) > 12 else None, 2.4 if n == 0 else 1.6
             handles += axes.plot(x, y, markevery=every, linewidth=width, label=row.name, **look(n))

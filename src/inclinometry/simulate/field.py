@@ -45,7 +45,7 @@ class HandHeld:
             )
         if min(self.pointing_sd, self.roll_sd) < 0.0:
             raise out_of_range("pointing_sd, roll_sd", f"{self.pointing_sd:g}, {self.roll_sd:g}", ">= 0")
-        finite([self.pointing_sd, self.roll_sd, self.dip, self.latitude], "angles of a field calibration")
+        finite([self.pointing_sd, self.roll_sd, self.dip, self.latitude], "pointing_sd, roll_sd, dip, latitude")
 
     @property
     def roll_set(self) -> tuple[str, ...]:

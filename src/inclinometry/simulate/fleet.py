@@ -130,7 +130,7 @@ def simulate_fleet(
 ) -> FleetSimulation:
     """Histories of a fleet; the first calibrations lie within a year about `first`."""
     n, most, p = scene.tools, scene.calibrations, 24
-    certificate = finite(scene.covariance, "covariance of a certificate", (p, p))
+    certificate = finite(scene.covariance, "covariance", (p, p))
     for tool, number in scene.jumps:
         if not (0 <= tool < n and 1 <= number < most):
             raise out_of_range("jumps", f"{tool}, {number}", f"0 .. {n - 1}, 1 .. {most - 1}")

@@ -113,8 +113,8 @@ def simulate_gyro_run(
     if any(v.ndim != 1 or v.shape != path[0].shape for v in path):
         raise wrong_shape(", ".join(given), ", ".join(str(v.shape) for v in path), "(n,)")
     index = finite(positions, "positions", (None,))
-    within([dwell, g], "dwell and g", 1e-9, np.inf)
-    within([settle, travel], "settle and travel", 0.0, np.inf)
+    within([dwell, g], "dwell, g", 1e-9, np.inf)
+    within([settle, travel], "settle, travel", 0.0, np.inf)
     size = len(path[0])
     true_scale = np.broadcast_to(within(scale, "scale", 1e-3, 1e3), (size,))
     use, streams = GyroSensors() if sensors is None else sensors, Streams(seed, "gyro")

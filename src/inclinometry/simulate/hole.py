@@ -150,7 +150,7 @@ def field_ratio(tool: Tool, kind: str, local: float | None) -> float:
     if strength is None:
         raise refused("simulate-strength", {"kind": kind})
     if not local > 0.0:
-        raise out_of_range(f"{kind} field", float(local), "> 0")
+        raise out_of_range(f"{kind}.field", float(local), "> 0")
     return local / strength
 
 

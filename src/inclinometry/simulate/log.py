@@ -66,7 +66,7 @@ def simulate_log(
     moves = np.broadcast_to(within(move, "move", 1e-3, 1e6, "s"), (count - 1,))
     starts = np.concatenate([[0.0], np.cumsum(rests[:-1] + moves)])
     still = np.stack([starts, starts + rests], axis=-1)
-    within(rate, "rate", 1e-3, 1e6, "per second")
+    within(rate, "rate", 1e-3, 1e6, "Hz")
     time = np.arange(int(np.floor(still[-1, 1] * rate + 1e-9)) + 1) / rate
     # where each sample is on its way
     leg = np.searchsorted(still[:, 0], time, side="right") - 1
@@ -86,7 +86,7 @@ def simulate_log(
     jolt = shake * bell[:, None] * streams["shake"].standard_normal(turning.shape)
     north = {kind: field_direction(kind, dip, latitude, 0.0) for kind in tool.triads}
     fields = {kind: orientation @ north[kind] + _motion(tool, kind, turning, jolt) for kind in tool.triads}
-    slope = {kind: time[:, None] * finite(value, f"{kind} drift") for kind, value in (drift or {}).items()}
+    slope = {kind: time[:, None] * finite(value, f"{kind}.drift") for kind, value in (drift or {}).items()}
     sensed = sense(tool, fields, streams, noise=noise, bits=bits, drift=slope)
     return LogSimulation(time=time, still=still, pose=pose, orientation=orientation, rate=turning, **vars(sensed))
 

@@ -108,7 +108,7 @@ def sense(
         clean = triad.signals(field, np.broadcast_to(degrees, field.shape[:-1]))
         if drift is not None and kind in drift:
             clean = clean + drift[kind]
-        spread = finite((tool.noise if noise is None else noise).get(kind, 0.0), f"{kind} noise")
+        spread = finite((tool.noise if noise is None else noise).get(kind, 0.0), f"{kind}.noise")
         step = None if bits is None else signal_step(kind, triad.unit, bits)
         straight[kind] = clean
         if characteristic is not None and kind in characteristic:
@@ -133,7 +133,7 @@ def sense_batch(
     signals, clean = {}, {}
     for kind, field in fields.items():
         clean[kind] = field @ tools.tensor[kind].swapaxes(-1, -2) + tools.offset[kind][:, None, :]
-        spread = finite((tools.noise if noise is None else noise).get(kind, 0.0), f"{kind} noise")
+        spread = finite((tools.noise if noise is None else noise).get(kind, 0.0), f"{kind}.noise")
         step = None if bits is None else signal_step(kind, tools.units[kind], bits)
         signals[kind], _, _ = read_sensors(clean[kind], spread, step, bits, 1, streams[f"{kind}.noise"])
     return signals, clean

@@ -155,14 +155,14 @@ def compare_runs(in_run: SurveyRun, out_run: SurveyRun, limits: RepeatLimits) ->
 
 def _checked(run: SurveyRun, name: str) -> None:
     """InputError where a run cannot be compared."""
-    md = finite(run.md, f"md of the {name}", (None,))
-    increasing(md, f"md of the {name}")
-    within(run.inclination, f"inclination of the {name}", 0.0, np.pi, "rad")
+    md = finite(run.md, f"{name}.md", (None,))
+    increasing(md, f"{name}.md")
+    within(run.inclination, f"{name}.inclination", 0.0, np.pi, "rad")
     for values, what in ((run.inclination, "inclination"), (run.azimuth, "azimuth")):
         if np.shape(values) != md.shape:
-            raise wrong_shape(f"{what} of the {name}", np.shape(values), str(md.shape))
+            raise wrong_shape(f"{name}.{what}", np.shape(values), str(md.shape))
         if np.isinf(values).any():
-            raise refused("input-finite", {"name": f"{what} of the {name}"})
+            raise refused("input-finite", {"name": f"{name}.{what}"})
 
 
 def _interpolated(md: Array, run: SurveyRun, interval: float) -> tuple[Array, Array, Mask, Mask]:

@@ -161,7 +161,7 @@ def priors_from_tool(tool: Tool, *, axial_sigma: float | None = None) -> Priors:
         offset=np.concatenate([*(part[1] for part in parts), np.eye(6)[3:]]),
         covariance=covariance,
         noise=noise,
-        source=f"calibration of tool {tool.name}",
+        source=tool.name,
         axial=interference[2],
         sized=(
             (interference[:2], STATED),
@@ -218,9 +218,9 @@ class FieldReference:
     dip_random: float = 0.0
 
     def __post_init__(self) -> None:
-        within(self.g, "reference g", 9.5, 10.1, "m/s^2")
-        within(self.b, "reference b", 5e3, 2e5, "nT")
-        within(self.dip, "reference dip", -np.pi / 2, np.pi / 2, "rad")
+        within(self.g, "g", 9.5, 10.1, "m/s^2")
+        within(self.b, "b", 5e3, 2e5, "nT")
+        within(self.dip, "dip", -np.pi / 2, np.pi / 2, "rad")
         for name, most in (("g", 1.0), ("b", 1e5), ("dip", np.pi)):
             within(getattr(self, f"{name}_sigma"), f"{name}_sigma", 0.0, most)
             within(getattr(self, f"{name}_random"), f"{name}_random", 0.0, most)

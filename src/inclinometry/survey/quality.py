@@ -352,8 +352,8 @@ class FieldLimits:
         if all(value is None for value in values):
             raise refused("input-one-of", {"names": ("g", "b", "dip")})
         for name, value, most in zip(("g", "b", "dip"), values, (10.0, 1e5, np.pi), strict=True):
-            if value is not None and not 0.0 < float(finite(value, f"limit of {name}")) <= most:
-                raise out_of_range(f"limit of {name}", float(value), f"> 0, <= {most:g}")
+            if value is not None and not 0.0 < float(finite(value, f"{name}.limit")) <= most:
+                raise out_of_range(f"{name}.limit", float(value), f"> 0, <= {most:g}")
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -429,7 +429,7 @@ def tool_fields(
     for kind, triad in tool.triads.items():
         if kind not in channels:
             continue
-        signals = finite(channels[kind], f"{kind} channels", (size, None))
+        signals = finite(channels[kind], f"{kind}.channels", (size, None))
         if signals.shape[1] != triad.count:
             values = {"kind": kind, "channels": signals.shape[1], "calibrated": triad.count}
             raise refused("input-channels", values)

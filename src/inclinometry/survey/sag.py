@@ -205,12 +205,12 @@ class Element:
 
     def __post_init__(self) -> None:
         label = self.name or "element"
-        within(self.length, f"length of {label}", 1e-3, 100.0, "m")
-        within(self.outer, f"outer diameter of {label}", 1e-2, 1.5, "m")
-        within(self.inner, f"inner diameter of {label}", 0.0, self.outer * 0.999, "m")
-        within(self.weight, f"weight of {label}", 0.1, 2e4, "kg/m")
-        within(self.young, f"Young's modulus of {label}", 1e9, 1e12, "Pa")
-        within(self.density, f"density of {label}", 1e3, 2e4, "kg/m^3")
+        within(self.length, f"{label}.length", 1e-3, 100.0, "m")
+        within(self.outer, f"{label}.outer", 1e-2, 1.5, "m")
+        within(self.inner, f"{label}.inner", 0.0, self.outer * 0.999, "m")
+        within(self.weight, f"{label}.weight", 0.1, 2e4, "kg/m")
+        within(self.young, f"{label}.young", 1e9, 1e12, "Pa")
+        within(self.density, f"{label}.density", 1e3, 2e4, "kg/m^3")
 
     @property
     def stiffness(self) -> float:
@@ -252,19 +252,19 @@ class Bha:
         if not self.elements:
             raise refused("input-empty", {"name": "elements"})
         length = sum(one.length for one in self.elements)
-        within(self.sensor, "sensor", 0.0, length, "m from the bit")
+        within(self.sensor, "sensor", 0.0, length, "m")
         within(self.mud_density, "mud_density", 0.0, 3e3, "kg/m^3")
         within(self.hole_sigma, "hole_sigma", 0.0, 0.1, "m")
         within(self.over_gauge, "over_gauge", 0.0, 0.5, "m")
         for name in ("stiffness_sigma", "weight_sigma"):
             within(getattr(self, name), name, 0.0, 0.5)
         for blade in self.stabilisers:
-            within(blade.position, "stabiliser", 0.0, length, "m from the bit")
+            within(blade.position, "stabiliser", 0.0, length, "m")
         widest = max([*(e.outer for e in self.elements), *(b.outer for b in self.stabilisers)])
         if not widest <= float(finite(self.hole, "hole")) <= 2.0:
             raise out_of_range("hole", float(self.hole), f"{widest:g} .. 2")
         if self.elements[0].outer < bit * self.hole:
-            raise out_of_range("outer diameter of the bit", self.elements[0].outer, f">= {bit * self.hole:g}")
+            raise out_of_range("elements[0].outer", self.elements[0].outer, f">= {bit * self.hole:g}")
         # nodes at joints, stabilisers and sensor and every 0.4 m between; the last element goes on as far as need be
         ends = np.cumsum([0.0, *(one.length for one in self.elements)])
         # 25 m above the last stabiliser any string has found the low side

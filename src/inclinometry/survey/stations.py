@@ -58,7 +58,7 @@ class Stations(Tabular):
         for name, source in self.sources.items():
             wide = source.by_field.shape
             if len(wide) != 3 or wide[:2] != (size, 6) or source.covariance.shape != (wide[2], wide[2]):
-                raise wrong_shape(f"source {name}", wide, f"({size}, 6, {len(source.covariance)})")
+                raise wrong_shape(f"sources.{name}", wide, f"({size}, 6, {len(source.covariance)})")
         for name, value in (("md", md), ("g", g), ("b", b), ("noise", noise)):
             object.__setattr__(self, name, frozen(value))
         object.__setattr__(self, "sources", MappingProxyType(dict(self.sources)))

@@ -221,7 +221,7 @@ def rig_driver(driver: Mapping[str, Any], name: str = "rig") -> ManualRig | Scpi
             raise wrong_kind(f"driver.commands.{key}", str(word)[:60], expected)
     if isinstance(port, bool) or not isinstance(port, int):
         raise wrong_kind("driver.port", str(port)[:60], "whole number")
-    timeout = float(finite(driver.get("timeout_s", 3.0), "timeout_s of the rig", ()))
+    timeout = float(finite(driver.get("timeout_s", 3.0), "driver.timeout_s", ()))
     return ScpiRig(str(driver.get("host", "127.0.0.1")), port, RigCommands(**words), timeout=timeout, name=name)
 
 
