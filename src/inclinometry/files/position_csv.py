@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -243,9 +243,22 @@ def read_tie(path: str | Path, depth: float, north: str) -> tuple[tuple[float, f
     return (values[0], values[1], values[2]), np.nan_to_num(covariance)
 
 
-def position_columns(path: WellPath, uncertainty: PositionUncertainty | None, north: str) -> Mapping[str, Array | str]:
-    """Columns of the position file, degrees and metres, from true or grid `north`; NaN without uncertainty."""
-    found: dict[str, Array | str] = {
+def position_columns(
+    path: WellPath,
+    uncertainty: PositionUncertainty | None,
+    north: str,
+    *,
+    section: float | None = None,
+    stations: Array | None = None,
+    feet: bool = False,
+) -> dict[str, Array | str | list[str]]:
+    """Columns of the position file, degrees and metres, from true or grid `north`; NaN without uncertainty.
+
+    section : azimuth of the vertical section, rad, a column more; from north 0, east 0.
+    stations : measured depths of the stations of a path that has points between them, a column more.
+    feet : lengths in ft, dogleg in deg/100 ft.
+    """
+    found: dict[str, Array | str | list[str]] = {
         "md_m": path.md,
         "tvd_m": path.tvd,
         "north_m": path.north,
@@ -255,7 +268,7 @@ def position_columns(path: WellPath, uncertainty: PositionUncertainty | None, no
     unknown = np.full(len(path), np.nan)
     found |= dict.fromkeys(POSITION[5:-1], unknown)
     if uncertainty is not None:
-        covariance = uncertainty.covariance
+        covariance = uncertainty.covariance if stations is None else uncertainty.between(path.md)
         ellipse = horizontal_ellipse(covariance)
         sigmas = hole_sigmas(covariance, path.inclination, path.azimuth)
         found |= _covariance_columns(covariance)
@@ -263,7 +276,22 @@ def position_columns(path: WellPath, uncertainty: PositionUncertainty | None, no
         found["major_azimuth_deg"] = writing.degrees(ellipse.direction)
         found |= dict(zip(POSITION[-4:-1], sigmas.T, strict=True))
     found["north_reference"] = north
-    return {name: found[name] for name in POSITION}
+    if section is not None:
+        found["section_m"] = path.north * np.cos(section) + path.east * np.sin(section)
+    if stations is not None:
+        found["point"] = np.where(np.isin(path.md, stations), "station", "between").tolist()
+    return _in_feet(found) if feet else found
+
+
+def _in_feet(columns: Mapping[str, Array | str | list[str]]) -> dict[str, Array | str | list[str]]:
+    """The same columns in ft, ft2 and deg/100 ft."""
+    found: dict[str, Array | str | list[str]] = {}
+    for name, one in columns.items():
+        own, factor = (f"{name[:-2]}_ft", 1.0 / FOOT) if name.endswith("_m") else (name, 1.0)
+        own, factor = (f"{name}_ft2", FOOT**-2) if name in COVARIANCES else (own, factor)
+        own, factor = ("dls_deg_100ft", 100.0 * FOOT / 30.0) if name == "dls_deg_30m" else (own, factor)
+        found[own] = one * factor if isinstance(one, np.ndarray) else one
+    return found
 
 
 def _covariance_columns(covariance: Array) -> dict[str, Array]:
@@ -277,12 +305,13 @@ def write_position_csv(
     uncertainty: PositionUncertainty | None,
     north: str,
     comments: Sequence[str] = (),
+    **more: Any,
 ) -> None:
     """Write positions of the stations; parameters as in `position_columns`.
 
     Columns: `POSITION`. Without an uncertainty its cells are empty. Comments stand above the names, after `#`.
     """
-    columns = position_columns(path, uncertainty, north)
+    columns = position_columns(path, uncertainty, north, **more)
     cells = {name: [values] * len(path) if isinstance(values, str) else values for name, values in columns.items()}
     writing.write_columns(cells, target, comments)
 

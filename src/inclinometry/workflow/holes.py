@@ -95,10 +95,11 @@ def positions_every(path: HolePath, step: float) -> HolePath:
     grid = np.arange(1, int(path.md[-1] / step) + 1) * step
     # a grid point that is a station, but for rounding, is that station
     near = np.abs(grid[:, None] - path.md[np.searchsorted(path.md, grid)[:, None].clip(1, len(path) - 1) + [-1, 0]])
-    grid = grid[(near.min(axis=1) > 1e-6) & (grid < path.md[-1])]
+    grid = grid[(near.min(axis=1) > 1e-6) & (grid > path.md[0]) & (grid < path.md[-1])]
     md = np.sort(np.concatenate([path.md, grid]))
     points = interpolate(path, md)
-    return minimum_curvature(md, points.inclination, points.azimuth)
+    start = (path.north[0], path.east[0], path.tvd[0])
+    return minimum_curvature(md, points.inclination, points.azimuth, start=start)
 
 
 def _inclinations(shots: Shots, dip_down: str | None) -> Array:
