@@ -1,4 +1,4 @@
-"""Formats that are not read, by what their files begin with; the table is data in not_read.toml."""
+"""Formats that are not read, known by the beginning of a file; the table is data in not_read.toml."""
 
 from __future__ import annotations
 
