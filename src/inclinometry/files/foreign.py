@@ -96,7 +96,7 @@ def _kind(start: bytes) -> Read | None:
     text = (wide(start) or start).removeprefix(b"\xef\xbb\xbf").lstrip()
     if read is None and re.match(rb"\{|\[\s*([\[{\d\"-]|\])", text):
         return _json
-    if read is None and re.match(rb"(#[^\n]*\s+)*~V", text, re.I):
+    if read is None and re.match(rb"(#[^\n]*\s+)*~[VWC]", text, re.I):
         return _las
     if read is None and re.match(rb"&&\s", text):
         return _wits
